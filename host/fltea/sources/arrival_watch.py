@@ -1,4 +1,4 @@
-"""Whether live samples without times come as the rate says that the user gives."""
+"""A check of live samples without times: do they come at the rate that the user gives?"""
 
 from itertools import pairwise
 
@@ -8,7 +8,7 @@ from fltea.records.events import Trouble
 
 
 class ArrivalWatch:
-    """Whether samples that are numbered by their order also come as their rate says.
+    """Checks whether samples that are numbered by their order come at the stated rate.
 
     A buffer makes samples late, and then they come all at once: of a while, the earliest counts. What stays
     late was lost, or the sender paused.
@@ -19,11 +19,11 @@ class ArrivalWatch:
 
     def __init__(self, url: str, rate_hz: float) -> None:
         self._url, self._rate_hz = url, rate_hz
-        self._told_rate = False
+        self._reported_rate = False
         self.begin()
 
     def begin(self) -> None:
-        """A new run of the sender."""
+        """Begin again, for a new run of the sender."""
         self._origin: tuple[float, float] | None = None
         self._whiles: list[tuple[float, float]] = []
         self._doubt: tuple[float, float] | None = None
@@ -31,7 +31,7 @@ class ArrivalWatch:
         self._pauses_s: list[float] = []
 
     def add(self, device_us: int, host_ns: int) -> Trouble | None:
-        """Take the last sample of what arrived together; what there is to tell."""
+        """Take the last sample of those that arrived together; return a warning if one is due."""
         host_s, device_s = host_ns * 1e-9, device_us * 1e-6
         if self._origin is None:
             self._origin = (host_s, device_s)
@@ -73,12 +73,12 @@ class ArrivalWatch:
 
     def _rate(self, now_ns: int) -> Trouble | None:
         span_s = self._whiles[-1][1] - self._whiles[0][1]
-        if self._told_rate or len(self._whiles) < 2 * self.NEEDED or span_s < self.RATE_S:
+        if self._reported_rate or len(self._whiles) < 2 * self.NEEDED or span_s < self.RATE_S:
             return None
         slope = self._slope()
         if abs(slope) <= self.RATE_TOLERANCE:
             return None
-        self._told_rate = True
+        self._reported_rate = True
         text = (
             f"{self._url}: samples come at {self._rate_hz * (1 - slope):.4g} Hz, and --rate says "
             f"{self._rate_hz:g}: all that is in seconds or Hz is off by as much. Give the true rate, "

@@ -1,4 +1,4 @@
-"""Events of a source without a wire as what a wire would have brought: there is one kind of recording."""
+"""Turns events of a source without a wire into what a wire would have brought, to be recorded alike."""
 
 import hashlib
 import struct
@@ -51,7 +51,7 @@ class AsWire:
         self._host_ns = self._device_us = 0
 
     def encode(self, event: Event) -> list[TransportEvent]:
-        """What stands for one event.
+        """Return the transport events that stand for one event.
 
         Raises:
             UsageError: the protocol cannot state it: samples that are no counts, a rate finer than 0.001 Hz.
@@ -78,7 +78,7 @@ class AsWire:
         return found
 
     def _lost(self, event: Event) -> list[TransportEvent]:
-        """What stands for the loss of the device; why it was lost comes just behind it."""
+        """Return what stands for the loss of the device; the event just behind a loss says why."""
         if self._down is None:
             return []
         host_ns, self._down, self._open = self._down.host_ns, None, False
@@ -141,7 +141,7 @@ def _hello(hello: Hello) -> wire.Hello:
 
 
 def _device_id(text: str | None) -> bytes:
-    """Sixteen bytes that are a device's own: its id where that is one, else a digest of it."""
+    """Return sixteen bytes that are a device's own: its id if it is as long, else a digest of it."""
     if text is None:
         return bytes(16)
     try:
@@ -178,5 +178,5 @@ def _status(status: DeviceStatus) -> wire.Status:
 
 
 def _number(enum: type[wire.SamplingMode | wire.ResetCause], name: str) -> int:
-    """Value of a name in lower case; the enum's highest possible for one that it does not have."""
+    """Return the value of a name in lower case, or 255 for a name that the enum does not have."""
     return next((int(member) for member in enum if member.name.lower() == name), 255)

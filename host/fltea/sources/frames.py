@@ -1,4 +1,4 @@
-"""One device of many behind a broker: its frames come as messages, which somebody else receives."""
+"""One device of many behind a broker, whose frames come as messages that somebody else receives."""
 
 from collections.abc import Callable, Iterator
 
@@ -14,7 +14,7 @@ HINTS = Hints(
 
 
 class FramesSource:
-    """Frames of one device as events. Whoever receives its messages feeds them to `take`.
+    """Turns the frames of one device into events. Whoever receives its messages feeds them to `take`.
 
     url: names it in texts. overflow_bytes: gives what was thrown away before it came here. tap: is given all
     that comes, before anything interprets it.
@@ -30,19 +30,19 @@ class FramesSource:
 
     @property
     def unix_offset_ns(self) -> int:
-        """Nanoseconds from the monotonic clock to Unix time, as of the last message."""
+        """The difference from the monotonic clock to Unix time in ns, as of the last message."""
         return self._wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
-        """Nothing: messages are received for many devices together."""
+        """Yield nothing, since messages are received for many devices together."""
         return iter(())
 
     def open(self, now_ns: int, unix_offset_ns: int) -> Iterator[Event]:
-        """Yield what the device's first word leads to."""
+        """Yield the events of the first message of a device."""
         return self.take(Opened(now_ns, unix_offset_ns))
 
     def take(self, item: Opened | Chunk | None) -> Iterator[Event]:
-        """Yield what a message leads to; None says that none came for a while."""
+        """Yield the events of a message; None says that none came for a while."""
         if item is not None and self.tap is not None:
             self.tap(item)
         now_ns = host_ns() if item is None else item.host_ns
@@ -58,4 +58,4 @@ class FramesSource:
         return self._wire.link_stats(self._overflow_bytes())
 
     def close(self) -> None:
-        """Nothing is open here."""
+        """Do nothing, since nothing is open here."""

@@ -1,4 +1,4 @@
-"""A recording in MCAP files as events: the bytes from the wire walk the way that they walked live.
+"""Replays a recording in MCAP files: the bytes from the wire walk the way that they walked live.
 
 Files are read as a stream, a chunk at a time, so neither their size nor their number costs memory.
 """
@@ -54,13 +54,13 @@ class Part(NamedTuple):
 
 
 class Torn(NamedTuple):
-    """A file ends without its index. text: for a person."""
+    """The end of a file without its index. text: for a person."""
 
     text: str
 
 
 def find_parts(paths: Sequence[Path]) -> list[Part]:
-    """The files of one session, in order; see `find_sessions`.
+    """Return the files of one session, in order; see `find_sessions`.
 
     Raises:
         UsageError: nothing there, not a recording, or several sessions, which are listed.
@@ -73,7 +73,7 @@ def find_parts(paths: Sequence[Path]) -> list[Part]:
 
 
 def find_sessions(paths: Sequence[Path]) -> list[list[Part]]:
-    """The files of each session, in order.
+    """Return the files of each session, in order.
 
     paths: files; a folder stands for all in it, and the name of a session (`due_20270801T120000Z_1f0c2b3a`,
     without the number) for all its files. Of a file and its recovered copy the copy is taken.
@@ -125,14 +125,14 @@ def _session_line(parts: list[Part]) -> str:
 
 
 def session_name(parts: Sequence[Part]) -> Path:
-    """What names all files of a session: that of the first without its number."""
+    """Return the name of a session: that of its first file without the number."""
     path = parts[0].path
     match = PART_OF_NAME.fullmatch(path.name)
     return path.with_name(match[1]) if match else path
 
 
 def read_info(path: Path) -> PartInfo:
-    """What a file says of itself.
+    """Return what a file says of itself.
 
     Raises:
         UsageError: it cannot be read, or is no recording of fltea.
@@ -156,7 +156,7 @@ class Batch(NamedTuple):
 
 
 def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch | Damage | Torn]:
-    """All messages of a file; at its end a `Torn` if it was not finished.
+    """Yield all messages of a file; at its end a `Torn` if it was not finished.
 
     Raises:
         UsageError: the file cannot be read any more, or would take more memory than the limits allow.
@@ -183,7 +183,7 @@ def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch 
 
 
 def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry | Damage | Torn]:
-    """The same, message by message."""
+    """Yield the same, message by message."""
     for item in read_batches(part, limits):
         if not isinstance(item, Batch):
             yield item
@@ -193,7 +193,7 @@ def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry 
 
 
 class McapRecording:
-    """The events of a recording, once.
+    """Gives the events of a recording, once.
 
     name: what HELLO gives as the source. `breaks` counts the places where something was not recorded, `torn`
     the files that were not finished; `unix_offset_ns` is that of the last event.
@@ -218,7 +218,7 @@ class McapRecording:
         return self._wire.link_stats()
 
     def events(self) -> Iterator[Event]:
-        """Yield what the device said; the troubles of then end nothing now."""
+        """Yield what the device sent; troubles of the past are not fatal now."""
         number = self.parts[0].info.part
         for part in self.parts:
             if part.info.part != number:
@@ -239,7 +239,7 @@ class McapRecording:
         self._missing, self._hello, self._next_sequence, self._opened = why, hello, None, False
 
     def _on_batch(self, batch: Batch, info: PartInfo) -> Iterator[Event]:
-        """Yield what messages lead to; chunks that came in one second without a break are taken at once."""
+        """Yield the events of messages; chunks that came in one second without a break are taken at once."""
         of_wire = [channel for channel, topic in batch.topics.items() if topic == WIRE]
         of_link = [channel for channel, topic in batch.topics.items() if topic == LINK]
         messages = batch.messages.of_channels([*of_wire, *of_link])
@@ -263,7 +263,7 @@ class McapRecording:
                 yield from self._on_entry(entry, info)
 
     def _may_group(self, group: Messages, first_ns: int, last_ns: int) -> bool:
-        """Whether nothing but bytes matters in these chunks: no break before them, nothing to be watched."""
+        """Return whether only their bytes matter: no break before these chunks, no silence to watch for."""
         return (
             self._missing is None
             and self._opened
@@ -327,7 +327,7 @@ class McapRecording:
         yield from self._feed(item)
 
     def _feed(self, item: TransportEvent) -> Iterator[Event]:
-        """What a transport event leads to, after the ticks that a silent line gave live."""
+        """Yield the events of a transport event, after the ticks that a silent line gave live."""
         if self._now_ns is not None:
             ticks = min(MAX_TICKS, (item.host_ns - self._now_ns - 1) // TICK_NS)
             for k in range(1, ticks + 1):

@@ -1,4 +1,4 @@
-"""Numbers and device times of live samples that come without numbers: by their times, or by their order.
+"""Numbers live samples that come without numbers, and gives them device times: by their times or their order.
 
 The rules are those of `fltea.recording.sample_times`. Until the times tell a rate, samples wait.
 """
@@ -47,7 +47,7 @@ class Arrived(NamedTuple):
 
 
 class Numbered(NamedTuple):
-    """Successive samples. begins: they do not follow on those before them, a new run of the sender begins."""
+    """Successive samples. begins: a new run of the sender begins with them."""
 
     begins: bool
     sequence: Ints
@@ -57,7 +57,7 @@ class Numbered(NamedTuple):
 
 
 class ByOrder:
-    """Without times the order of the samples numbers them, at a rate that is given."""
+    """Numbers samples without times by their order, at a given rate."""
 
     uneven = ""
 
@@ -69,7 +69,7 @@ class ByOrder:
         self._last_ns = 0
 
     def begin(self) -> None:
-        """What comes next does not follow on what came before."""
+        """Begin a new run with the next samples."""
         self._base = None
 
     def add(self, rows: Arrived, host_ns: int) -> Iterator[Numbered]:
@@ -84,12 +84,12 @@ class ByOrder:
         yield Numbered(begins, sequence, device_us, rows.values, np.full(len(sequence), host_ns))
 
     def finish(self) -> Iterator[Numbered]:
-        """Nothing is kept back."""
+        """Yield nothing, since no sample is kept back."""
         yield from ()
 
 
 class _Waiting(NamedTuple):
-    """Rows whose rate is not known yet; marks: those that begin a new run."""
+    """Rows that wait for their rate to be known; marks: those that begin a new run."""
 
     elapsed: Floats
     marks: Marks
@@ -98,7 +98,7 @@ class _Waiting(NamedTuple):
 
 
 class ByTime:
-    """A column of times numbers the samples: where it runs ahead of the rate, samples are missing.
+    """Numbers samples by a column of times: where it runs ahead of the rate, samples are missing.
 
     where, column: for messages. rate_hz: None until it is found, unless the user gives it. duplicates:
     samples left out, for the time before them is the same. unrated: samples left out, for their times tell no
@@ -118,7 +118,7 @@ class ByTime:
         self._begins = True
 
     def begin(self) -> None:
-        """The sender was lost; its times say whether it went on meanwhile."""
+        """Take note that the sender was lost; its times tell whether it went on meanwhile."""
         if self._by_order is not None:
             self._by_order.begin()
 

@@ -1,4 +1,4 @@
-"""Waiting for a sample's time, for sources that make their own pace."""
+"""Waits for a sample's time, for sources that make their own pace."""
 
 import time
 from collections.abc import Callable

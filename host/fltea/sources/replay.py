@@ -1,4 +1,4 @@
-"""A recording as a source: as fast as it can, or at its own pace; in its order, or shuffled."""
+"""Replays a recording as fast as it can or at its own pace, in its order or shuffled."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -44,7 +44,7 @@ TABLES = "csv", "npy", "parquet"
 
 
 class ReplaySource:
-    """Events of one recording. Its times are the recording's, so a second run gives the same output.
+    """Gives the events of one recording with its times, so a second run gives the same output.
 
     path: a file, or of MCAP files also a folder or the name of a session (`sources.mcap.find_parts`). CSV and
     NDJSON may come through a pipe; it is read to its end here.
@@ -132,7 +132,7 @@ class ReplaySource:
 
     @property
     def unix_offset_ns(self) -> int:
-        """Nanoseconds from the recorder's monotonic clock to Unix time; 0 where it was not recorded."""
+        """The difference from the recorder's monotonic clock to Unix time in ns; 0 if it was not recorded."""
         return self._offset_ns if self._mcap is None else self._mcap.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
@@ -162,7 +162,7 @@ TOGETHER_NS = 5_000_000
 
 
 def _paced(event: Event) -> Iterator[Event]:
-    """An event at its time: of samples those that came together, or nearly so."""
+    """Yield an event as one, and a block of samples as parts that came together, or nearly so."""
     if not isinstance(event, RawBlock):
         yield event
         return
@@ -174,7 +174,7 @@ def _paced(event: Event) -> Iterator[Event]:
 def open_mcap(
     paths: Sequence[Path], name: str, limits: Limits = DEFAULT_LIMITS
 ) -> Callable[[], "McapRecording"]:
-    """What opens a recording in MCAP files, each time from its beginning.
+    """Return a function that opens a recording in MCAP files, each time from its beginning.
 
     Raises:
         UsageError: the library is not installed, `sources.mcap.find_parts` finds no one session, or these are
@@ -189,7 +189,7 @@ def open_mcap(
 
 
 def find_mcap_sessions(paths: Sequence[Path]) -> "list[list[Part]]":
-    """See `recording_mcap.find_sessions`; also a UsageError where the library is not installed."""
+    """Return what `sources.mcap.find_sessions` does, with a UsageError if the library is not installed."""
     found: list[list[Part]] = _mcap_library().find_sessions(paths)
     return found
 
@@ -203,7 +203,7 @@ def _parquet_library() -> ModuleType:
 
 
 def _count_samples(recording: "McapRecording", limit: int) -> int:
-    """Samples of a recording that may be long: counted no further than to the limit."""
+    """Count the samples of a recording that may be long, no further than to the limit."""
     count = 0
     for event in recording.events():
         if isinstance(event, RawBlock):
@@ -255,7 +255,7 @@ def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterat
 
 
 def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
-    """The samples in another order, which takes all of them at once."""
+    """Yield the samples in another order, which takes all of them at once."""
     whole = recording.whole()
     order = np.random.default_rng(seed).permutation(len(whole.gyro))
     accel, accel_ms2 = (None if one is None else one[order] for one in (whole.accel, whole.accel_ms2))
@@ -263,7 +263,7 @@ def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
 
 
 def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
-    """Our own output as events; numbers and times are unwrapped already, epochs begin where it says."""
+    """Yield the events of our own output; numbers and times are unwrapped already, epochs are stated."""
     if cut is not None:
         yield Trouble("cut_recording", cut, records[0].host_ns, fatal=False)
     hello: Hello | None = None
@@ -292,5 +292,5 @@ def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
 
 
 def _alike(a: Sample, b: Sample) -> bool:
-    """Whether two samples hold the same things."""
+    """Return whether two samples hold the same things."""
     return (a.accel_ms2 is None, a.temperature_c is None) == (b.accel_ms2 is None, b.temperature_c is None)

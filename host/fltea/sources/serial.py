@@ -1,4 +1,4 @@
-"""A device on a serial URL, as events."""
+"""Reads a device on a serial URL."""
 
 from collections.abc import Callable, Iterator
 
@@ -11,7 +11,7 @@ from fltea.wire.transport import Port, Reader
 
 
 class SerialSource:
-    """Frames from a serial port as events; every failure is a `Trouble`, and reading goes on.
+    """Turns frames from a serial port into events; every failure is a `Trouble`, and reading goes on.
 
     It reads by itself (`events`), or somebody reads `port` and feeds it (`take`).
 
@@ -32,11 +32,11 @@ class SerialSource:
 
     @property
     def unix_offset_ns(self) -> int:
-        """Nanoseconds from the monotonic clock to Unix time, as of the last event."""
+        """The difference from the monotonic clock to Unix time in ns, as of the last event."""
         return self._wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
-        """Yield what the device says until `close`; a thread of its own reads the port."""
+        """Yield the events of the device until `close`; a thread of its own reads the port."""
         self._reader = Reader(self.port)
         self._reader.start()
         self._wire.resume(clock.host_ns())
@@ -44,7 +44,7 @@ class SerialSource:
             yield from self.take(item)
 
     def take(self, item: TransportEvent | None) -> Iterator[Event]:
-        """Yield what something that came from the port leads to; None says that nothing came for a while."""
+        """Yield the events of what came from the port; None says that nothing came for a while."""
         if item is not None and self.tap is not None:
             self.tap(item)
         yield from self._wire.feed(item, clock.host_ns())

@@ -1,4 +1,4 @@
-"""Noise of known order without any wire: `synthetic:?alpha=0.3&f=-1.5`, for trials and tests."""
+"""Simulates noise of known order, for trials and tests: `synthetic:?alpha=0.3&f=-1.5`."""
 
 import math
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ AT_ONCE = 256
 
 
 class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a made-up gyroscope gives; the defaults look like an MPU-9250 at ±2000 deg/s.
+    """The settings of a simulated gyroscope; the defaults look like an MPU-9250 at ±2000 deg/s.
 
     alpha, f (s^-α), Q ((deg/s)² s^-2α), R ((deg/s)²): the model of `fltea.noise.simulation`.
     lsb_per_dps: 0 leaves the samples unquantised. n: number of samples, 0 for no end.
@@ -42,7 +42,7 @@ class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class NoiseGenerator:
-    """Samples of all axes, each from a generator of its own; counts where quantised, else deg/s."""
+    """Simulates all axes, each by a generator of its own; in counts if quantised, else in deg/s."""
 
     def __init__(self, settings: NoiseSettings) -> None:
         self.settings = s = settings
@@ -66,7 +66,7 @@ class NoiseGenerator:
 
 
 def parse_noise(query: str) -> NoiseSettings:
-    """Settings from the text behind `synthetic:`.
+    """Return settings from the text behind `synthetic:`.
 
     Raises:
         UsageError: names the key that is unknown, has no number, or an impossible one.
@@ -93,7 +93,7 @@ def parse_noise(query: str) -> NoiseSettings:
 
 
 class SyntheticSource:
-    """Made-up samples as events, at their own pace or as fast as they come."""
+    """Gives simulated samples as events, at their own pace or as fast as they come."""
 
     live = False
 
@@ -106,7 +106,7 @@ class SyntheticSource:
 
     @property
     def unix_offset_ns(self) -> int:
-        """Nanoseconds to Unix time; 0 when not at its own pace, so that runs can be compared."""
+        """The difference to Unix time in ns; 0 unless at its own pace, so that runs can be compared."""
         return self._offset_ns
 
     def events(self) -> Iterator[Event]:
@@ -138,7 +138,7 @@ class SyntheticSource:
             k += len(rows)
 
     def link_stats(self) -> LinkStats:
-        """Nothing can get lost on no wire."""
+        """Return zeros, as nothing can get lost without a wire."""
         return LinkStats()
 
     def close(self) -> None:

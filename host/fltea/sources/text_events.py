@@ -1,4 +1,4 @@
-"""Live text as events: which samples it holds, how they are numbered, and what the user has to know."""
+"""Turns live text into events: samples, their numbers, and warnings for the user."""
 
 import os
 from collections import Counter
@@ -39,7 +39,7 @@ FEW_LINES = 20
 
 
 class TextEvents:
-    """Turns what comes as text into events. url: for messages. how: what the user says of columns and times.
+    """Turns live text into events. url: for messages. how: what the user says of columns and times.
 
     Raises:
         UsageError: the settings are wrong.
@@ -56,16 +56,16 @@ class TextEvents:
         self._watch: ArrivalWatch | None = None
         self._left_out: Counter[str] = Counter()
         self._newest = ""
-        self._told = OnceAMinute()
+        self._reported = OnceAMinute()
         self._boot = int.from_bytes(os.urandom(4), "big")
         self._samples = self._bytes = self._connections = 0
         self._heard_ns: int | None = None
-        self._hello_due = self._begins = self._told_uneven = False
+        self._hello_due = self._begins = self._reported_uneven = False
         self._has_accel = True
-        self._lines_told = 0
+        self._lines_reported = 0
 
     def open(self, now_ns: int, *, within_line: bool) -> None:
-        """The line is open. within_line: its first bytes may be the end of a line."""
+        """Take note that the line is open. within_line: its first bytes may be the end of a line."""
         self._connections += 1
         self._hello_due = True
         self._heard_ns = now_ns
@@ -74,13 +74,13 @@ class TextEvents:
             self._numbers.begin()
 
     def lost(self, failed: Failed) -> Iterator[Event]:
-        """The line was lost, or cannot be opened."""
+        """Yield the events of a line that was lost, or cannot be opened."""
         self._heard_ns = None
         yield LinkDown(failed.host_ns)
-        yield from self._tell(failed.kind, failed.message, failed.host_ns, fatal=self._fatal)
+        yield from self._report(failed.kind, failed.message, failed.host_ns, fatal=self._fatal)
 
     def feed(self, data: bytes, now_ns: int) -> Iterator[Event]:
-        """Yield what bytes lead to.
+        """Yield the events of bytes.
 
         Raises:
             UsageError: the columns are named, but which are meant, or in which units, is not clear.
@@ -88,17 +88,17 @@ class TextEvents:
         self._bytes += len(data)
         self._heard_ns = now_ns
         yield from self._take(self.reader.feed(data), now_ns)
-        yield from self._tell_lines(now_ns)
+        yield from self._report_lines(now_ns)
 
     def tick(self, now_ns: int) -> Iterator[Event]:
-        """Nothing came for a while."""
+        """Yield the events of a while in which nothing came."""
         yield Tick(now_ns)
         if self._heard_ns is not None and now_ns - self._heard_ns >= PATIENCE_NS:
             text = f"{self.url}: nothing came for {PATIENCE_NS // 10**9} s; does the sender run?"
-            yield from self._tell("silent", text, now_ns, fatal=self._fatal)
+            yield from self._report("silent", text, now_ns, fatal=self._fatal)
 
     def finish(self, now_ns: int) -> Iterator[Event]:
-        """The sender has ended.
+        """Yield the last events, as the sender has ended.
 
         Raises:
             UsageError: nothing that it sent was a sample.
@@ -108,7 +108,7 @@ class TextEvents:
             yield from self._blocks(self._numbers, self._numbers.finish(), now_ns)
         if not self._samples:
             raise UsageError(f"{self.url}: the input has ended, and no sample was in it. {self._why_none()}")
-        yield from self._tell_lines(now_ns)
+        yield from self._report_lines(now_ns)
         if self.reader.cut is not None:
             yield Trouble(*self.reader.cut, now_ns, fatal=False)
 
@@ -151,7 +151,7 @@ class TextEvents:
             yield from self._blocks(self._numbers, self._numbers.add(arrived, now_ns), now_ns)
 
     def _set_up(self, chosen: Chosen, now_ns: int) -> Iterator[Event]:
-        """The columns are known: so it is known what numbers the samples."""
+        """Choose what numbers the samples, now that the columns are known."""
         if chosen.time is None:
             assert self._how.rate_hz is not None  # `choose` refuses columns without both
             self._numbers = ByOrder(self._how.rate_hz)
@@ -162,7 +162,7 @@ class TextEvents:
             yield Trouble(note.kind, note.text, now_ns, fatal=False)
 
     def _judge_accel(self, samples: Samples, now_ns: int) -> Iterator[Event]:
-        """An accelerometer that is not there for each sample is left out from then on."""
+        """Leave the accelerometer out from the first sample without it on."""
         assert samples.accel is not None
         if not self._has_accel or is_of_sensor(samples.accel).all():
             return
@@ -187,9 +187,9 @@ class TextEvents:
                 yield found
         if numbers.unrated and numbers.rate_hz is None and isinstance(numbers, ByTime):
             text = f"{numbers.why_no_rate} {numbers.unrated} samples are left out so far."
-            yield from self._tell("no_rate", text, now_ns, fatal=self._fatal)
-        elif numbers.uneven and not self._told_uneven:
-            self._told_uneven = True
+            yield from self._report("no_rate", text, now_ns, fatal=self._fatal)
+        elif numbers.uneven and not self._reported_uneven:
+            self._reported_uneven = True
             yield Trouble("row_times", numbers.uneven, now_ns, fatal=False)
 
     def _of_piece(self, piece: Numbered) -> Iterator[RawBlock]:
@@ -218,19 +218,19 @@ class TextEvents:
             gyro_lsb_per_dps=self.reader.chosen.lsb,
         )
 
-    def _tell_lines(self, now_ns: int) -> Iterator[Trouble]:
-        """Tell of lines without a sample: those before the columns are known only where none follow."""
+    def _report_lines(self, now_ns: int) -> Iterator[Trouble]:
+        """Report lines without a sample; those before the columns are known only if no sample follows."""
         early = self.reader.counts["before_header"]
         total = self.reader.left_out + self._left_out.total()
-        if total > self._lines_told and self._told.is_due("lines", now_ns):
-            self._lines_told = total
+        if total > self._lines_reported and self._reported.is_due("lines", now_ns):
+            self._lines_reported = total
             newest = self.reader.newest
             what = self._newest if newest is None else f"line {newest.line}: {newest.why}"
             text = f"{self.url}: {total} lines hold no sample and are left out; the newest is {what}"
             yield Trouble("bad_lines", text, now_ns, fatal=False)
         if self.reader.chosen is None and early >= FEW_LINES:
             text = f"{self.url}: lines come, and none is a sample yet. {self._why_none()}"
-            yield from self._tell("no_columns", text, now_ns, fatal=self._fatal)
+            yield from self._report("no_columns", text, now_ns, fatal=self._fatal)
 
     def _why_none(self) -> str:
         if not self._bytes:
@@ -241,6 +241,6 @@ class TextEvents:
             return f"The newest {self._newest}."
         return str(self.reader.refusal())
 
-    def _tell(self, kind: str, text: str, now_ns: int, *, fatal: bool) -> Iterator[Trouble]:
-        if self._told.is_due(kind, now_ns):
+    def _report(self, kind: str, text: str, now_ns: int, *, fatal: bool) -> Iterator[Trouble]:
+        if self._reported.is_due(kind, now_ns):
             yield Trouble(kind, text, now_ns, fatal)

@@ -1,4 +1,4 @@
-"""Samples as lines of text, live: `stdin:`, `stdin:FIFO` and `serial-text:PORT?baud=115200`.
+"""Reads samples as lines of text, live: `stdin:`, `stdin:FIFO` and `serial-text:PORT?baud=115200`.
 
 CSV with or without a header, or objects of JSON, read as `fltea.recording.text_rows` reads files. What has
 arrived goes on at once, as one block.
@@ -27,7 +27,7 @@ READ_BYTES = 1 << 16
 
 
 class PipeText:
-    """Lines from standard input, or from a FIFO or the like: `stdin:`, `stdin:/tmp/fifo`.
+    """Reads lines from standard input, or from a FIFO or the like: `stdin:`, `stdin:/tmp/fifo`.
 
     The end of the input ends the source.
 
@@ -57,7 +57,7 @@ class PipeText:
 
     @property
     def unix_offset_ns(self) -> int:
-        """Nanoseconds from the monotonic clock to Unix time, as of now."""
+        """The difference from the monotonic clock to Unix time in ns, as of now."""
         return clock.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
@@ -100,7 +100,7 @@ class PipeText:
 
 
 class SerialText:
-    """Lines from a serial port; one that is lost is opened again.
+    """Reads lines from a serial port, and opens one that is lost again.
 
     Raises:
         UsageError: wrong settings, or no serial port.
@@ -116,7 +116,7 @@ class SerialText:
 
     @property
     def unix_offset_ns(self) -> int:
-        """Nanoseconds from the monotonic clock to Unix time, as of the last event."""
+        """The difference from the monotonic clock to Unix time in ns, as of the last event."""
         return self._unix_offset_ns
 
     def events(self) -> Iterator[Event]:
@@ -128,7 +128,7 @@ class SerialText:
             yield from self.take(item)
 
     def take(self, item: TransportEvent | None) -> Iterator[Event]:
-        """Yield what something that came from the port leads to; None says that nothing came for a while."""
+        """Yield the events of what came from the port; None says that nothing came for a while."""
         match item:
             case None:
                 yield from self._events.tick(clock.host_ns())
@@ -149,7 +149,7 @@ class SerialText:
 
 
 def parse_serial(rest: str) -> tuple[str, int]:
-    """Port and speed, from what stands behind `serial-text:`.
+    """Return port and speed from the text behind `serial-text:`.
 
     Raises:
         UsageError: an unknown key, or a speed that is no number.

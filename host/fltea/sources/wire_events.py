@@ -1,4 +1,4 @@
-"""What came over a wire, as events: framing and messages put together, and watched over.
+"""Turns what came over a wire into events, and watches over the line.
 
 It does not know where the bytes come from: a port (`fltea.sources.serial`) or a recording of one.
 """
@@ -47,7 +47,7 @@ STALL_S = 2.0
 
 
 class Chunks(NamedTuple):
-    """What came in which read, (chunks,): where it ends in the bytes, and when it came."""
+    """The reads that bytes came in, (chunks,): where each ends in the bytes, and when it came."""
 
     end: Ints
     host_ns: Ints
@@ -55,12 +55,12 @@ class Chunks(NamedTuple):
 
     @classmethod
     def one(cls, data: bytes, host_ns: int, unix_offset_ns: int) -> "Chunks":
-        """A single one."""
+        """Return a single one."""
         return cls(np.array([len(data)]), np.array([host_ns]), np.array([unix_offset_ns]))
 
 
 class Hints(NamedTuple):
-    """What a person looks at where a device says nothing, or nothing that can be read."""
+    """Advice for a device that says nothing, or nothing that can be read."""
 
     silent: str
     unreadable: str
@@ -73,7 +73,7 @@ OF_A_PORT = Hints(
 
 
 class WireEvents:
-    """Transport events in, events out; every failure is a `Trouble`.
+    """Turns transport events into events; every failure is a `Trouble`.
 
     url: what the texts call the port. hints: what to do about bytes without frames, and about none.
     `unix_offset_ns` is that of the last transport event.
@@ -94,15 +94,15 @@ class WireEvents:
         self._opened_ns = self._byte_ns = 0
         self._unread_since_ns: int | None = None
         self._unread_bytes = 0
-        self._told: tuple[str, int] | None = None
+        self._reported: tuple[str, int] | None = None
         self._sensor: tuple[int, int] | None = None
-        self._told_sensors = {NO_SENSOR}
-        self._told_faults = OnceAMinute()
+        self._reported_sensors = {NO_SENSOR}
+        self._reported_faults = OnceAMinute()
         self._connections = 0
         self._refused_frames = 0
 
     def feed(self, item: TransportEvent | None, now_ns: int) -> Iterator[Event]:
-        """Yield what one transport event leads to; None says that nothing came for a while.
+        """Yield the events of one transport event; None says that nothing came for a while.
 
         now_ns: the monotonic clock as of now; in a recording, that of the event.
         """
@@ -116,13 +116,13 @@ class WireEvents:
         yield from self._watch(item.host_ns if item else now_ns)
 
     def is_settled(self, until_ns: int) -> bool:
-        """Whether the line is open and a device known: then nothing needs watching for the next second."""
+        """Return whether the line is open and a device known: then no silence is due in the next second."""
         unread_since_ns = until_ns if self._unread_since_ns is None else self._unread_since_ns
         known = self._connected and self._heard_hello and not self._refused
         return known and until_ns - unread_since_ns < LIMIT_NS - 10**9
 
     def feed_chunks(self, data: bytes, chunks: Chunks) -> Iterator[Event]:
-        """The same as feeding chunks one by one, for those of one second while the line `is_settled`."""
+        """Yield the same as for chunks one by one, for those of one second while the line `is_settled`."""
         self._heard(int(chunks.host_ns[0]), len(data))
         self._byte_ns = int(chunks.host_ns[-1])
         yield from self._on_bytes(data, chunks)
@@ -135,7 +135,7 @@ class WireEvents:
         self._unread_since_ns = None
 
     def resume(self, now_ns: int) -> None:
-        """Say when the program came back for the next event: only what is longer was a stall of its own."""
+        """Take note of when the program came back, to tell a stall of its own from a silence."""
         self._before_ns = now_ns
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
@@ -161,7 +161,7 @@ class WireEvents:
             case Failed(kind, message, host_ns, _):
                 self._connected = False
                 yield LinkDown(host_ns)
-                yield from self._tell(Trouble(kind, message, host_ns))
+                yield from self._report(Trouble(kind, message, host_ns))
             case Chunk(data, host_ns, _):
                 self._heard(host_ns, len(data))
                 yield from self._on_bytes(data, Chunks.one(data, host_ns, self.unix_offset_ns))
@@ -173,7 +173,7 @@ class WireEvents:
         self._unread_bytes += size_bytes
 
     def _on_bytes(self, data: bytes, chunks: Chunks) -> Iterator[Event]:
-        """Yield what bytes lead to.
+        """Yield the events of bytes.
 
         What is handed on is counted behind it, up to its last byte: so the counts do not depend on how the
         bytes were read.
@@ -194,7 +194,7 @@ class WireEvents:
             self._bytes = before + item.end
 
     def _on_samples(self, columns: SampleColumns, chunks: Chunks, before: int) -> Iterator[Event]:
-        """Hand samples on; those that do not follow on the one before may begin an epoch, with a date."""
+        """Yield blocks of samples; one that does not follow on those before it may begin an epoch."""
         n = len(columns.sequence)
         if self._refused:
             self._refused_frames += n
@@ -226,7 +226,7 @@ class WireEvents:
             self._refused_frames += 1
             yield LinkDown(host_ns)
             text = f"{self.url}: {frame.message}. Flash the firmware that belongs to this program."
-            yield from self._tell(Trouble("version", text, host_ns))
+            yield from self._report(Trouble("version", text, host_ns))
             return
         if self._refused and not isinstance(frame.message, wire.Hello):
             self._refused_frames += 1
@@ -235,9 +235,9 @@ class WireEvents:
             case wire.Hello() as hello if problem := hello_problem(hello):
                 self._refused = True
                 yield LinkDown(host_ns)
-                yield from self._tell(Trouble("bad_hello", f"{self.url}: {problem}", host_ns))
+                yield from self._report(Trouble("bad_hello", f"{self.url}: {problem}", host_ns))
             case wire.Hello() as hello:
-                self._refused, self._heard_hello, self._told = False, True, None
+                self._refused, self._heard_hello, self._reported = False, True, None
                 yield hello_event(hello, self._source, host_ns)
                 yield from self._on_sensor(hello, host_ns)
             case wire.Status() as s:
@@ -251,19 +251,19 @@ class WireEvents:
             case wire.Spectrum() as spectrum:
                 yield bins_event(spectrum, host_ns)
             case wire.Fault(code, detail):
-                if self._told_faults.is_due(code, host_ns):
+                if self._reported_faults.is_due(code, host_ns):
                     text = f"the device reports {name_of(wire.FaultCode, code)}: {fault_text(code, detail)}"
                     yield Trouble("device_fault", f"{self.url}: {text}", host_ns, fatal=False)
 
     def _on_sensor(self, hello: wire.Hello, host_ns: int) -> Iterator[Trouble]:
-        """Tell once what is peculiar about a chip; after another start of the sensor its faults are news."""
+        """Report once what is peculiar about a chip; after a new start of the sensor its faults are news."""
         sensor, who = (hello.boot_id, hello.sensor_starts), hello.who_am_i
         if sensor != self._sensor:
             self._sensor = sensor
-            self._told_faults.forget()
-        if who in self._told_sensors:
+            self._reported_faults.forget()
+        if who in self._reported_sensors:
             return
-        self._told_sensors.add(who)
+        self._reported_sensors.add(who)
         if who in RELATIVES:
             text = f"the sensor is no MPU-9250 but {sensor_name(who)}, {RELATIVES[who]}"
             yield Trouble("sensor_relative", f"{self.url}: {text}", host_ns, fatal=False)
@@ -280,28 +280,28 @@ class WireEvents:
         waits_for_hello = self._unread_since_ns is None and not (self._heard_hello or self._refused)
         if now_ns - self._byte_ns >= LIMIT_NS:
             text = f"{self.url} is open but has said nothing for {SILENCE_S:g} s. {self._hints.silent}"
-            yield from self._tell(Trouble("silent", text, now_ns))
+            yield from self._report(Trouble("silent", text, now_ns))
         elif self._unread_since_ns is not None and now_ns - self._unread_since_ns >= LIMIT_NS:
             text = (
                 f"{self.url}: {self._unread_bytes} bytes in {SILENCE_S:g} s, and no valid frame among them. "
                 f"{self._hints.unreadable}"
             )
-            yield from self._tell(Trouble("no_valid_frame", text, now_ns))
+            yield from self._report(Trouble("no_valid_frame", text, now_ns))
         elif waits_for_hello and now_ns - self._opened_ns >= LIMIT_NS:
             text = f"{self.url}: valid frames, but no HELLO in {SILENCE_S:g} s; samples cannot be scaled."
-            yield from self._tell(Trouble("no_hello", text, now_ns))
+            yield from self._report(Trouble("no_hello", text, now_ns))
 
-    def _tell(self, trouble: Trouble) -> Iterator[Trouble]:
-        """Pass a trouble on unless it is the one told last."""
-        told = self._told
-        news = told is None or told[0] != trouble.kind or trouble.host_ns - told[1] > REPEAT_NS
+    def _report(self, trouble: Trouble) -> Iterator[Trouble]:
+        """Pass a trouble on unless it is the one that was reported last."""
+        last = self._reported
+        news = last is None or last[0] != trouble.kind or trouble.host_ns - last[1] > REPEAT_NS
         if news:
-            self._told = (trouble.kind, trouble.host_ns)
+            self._reported = (trouble.kind, trouble.host_ns)
             yield trouble
 
 
 def hello_problem(hello: wire.Hello) -> str | None:
-    """Why samples after this HELLO could not be used; None if they can."""
+    """Return why samples after this HELLO could not be used; None if they can."""
     if not hello.sample_rate or not hello.gyro_lsb:
         return (
             f"its HELLO states a rate of {hello.sample_rate} mHz and {hello.gyro_lsb} tenths of an LSB per "
@@ -311,7 +311,7 @@ def hello_problem(hello: wire.Hello) -> str | None:
 
 
 def _at(chunks: Chunks, ends: Ints) -> "np.ndarray[tuple[int], np.dtype[np.intp]]":
-    """In which chunk each of the ends stands; live there is one."""
+    """Return in which chunk each of the ends stands; live there is one."""
     if len(chunks.end) == 1:
         return np.zeros(len(ends), dtype=np.intp)
     return np.searchsorted(chunks.end, ends)

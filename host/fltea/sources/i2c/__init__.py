@@ -1,1 +1,1 @@
-"""A sensor on an I²C bus of this machine: bus, driver, and its FIFO read on time."""
+"""Reads a sensor on an I²C bus of this machine: the bus, the driver, and the FIFO that is read on time."""

@@ -1,4 +1,4 @@
-"""A Linux I²C bus: opened for one address, and why that failed."""
+"""Opens a Linux I²C bus for one address, and says why that failed."""
 
 import errno
 import fcntl
@@ -24,10 +24,10 @@ of the sensor would run over; the longest transfer here takes 23 ms at 100 kHz."
 
 
 class Bus(Protocol):
-    """What the driver needs of `smbus2.SMBus`."""
+    """The part of `smbus2.SMBus` that the driver needs."""
 
     def i2c_rdwr(self, *messages: Any) -> None:
-        """Run `smbus2.i2c_msg` messages as one transaction; OSError if it failed."""
+        """Run `smbus2.i2c_msg` messages as one transaction, with an OSError if it fails."""
 
     def close(self) -> None:
         """Release the bus."""
@@ -51,7 +51,7 @@ def open_bus(path: str, address: int) -> Bus:
 
 
 def take(fd: int, address: int) -> None:
-    """Keep a second fltea from the same sensor: each would get only a part of what its FIFO gives.
+    """Keep a second fltea from the same sensor, as each would get only a part of what its FIFO gives.
 
     The lock is on one byte of the bus's file, so that other addresses on it stay free, and goes with `fd`.
 
@@ -63,7 +63,7 @@ def take(fd: int, address: int) -> None:
 
 
 def explain_open_failure(path: str, address: int, error: OSError) -> tuple[str, str]:
-    """Kind and text of the failure to open a bus: what happened, why, what to do."""
+    """Return kind and text of the failure to open a bus: what happened, why, what to do."""
     match error.errno:
         case errno.EAGAIN:
             return "port_busy", (
@@ -84,7 +84,7 @@ def explain_open_failure(path: str, address: int, error: OSError) -> tuple[str, 
 
 
 def detect_command(path: str) -> str:
-    """The command that shows which addresses answer on a bus."""
+    """Return the command that shows which addresses answer on a bus."""
     number = re.search(r"(\d+)$", path)
     return f"i2cdetect -y {number[1] if number else 'NUMBER'}"
 

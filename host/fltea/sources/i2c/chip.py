@@ -1,4 +1,4 @@
-"""What the driver has to know of a kind of sensor: its registers, settings and FIFO, as plain values.
+"""The registers, settings and FIFO of a kind of sensor, as plain values for the driver.
 
 A register is its number, and for a chip with banks 256 times the bank more.
 """
@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 
 class Setting(NamedTuple):
-    """What a register is set to. Bits without a meaning may read as anything on a clone."""
+    """The value that a register is set to. Bits without a meaning may read as anything on a clone."""
 
     register: int
     value: int
     meaning: int
 
     def kept(self, value: int) -> bool:
-        """Whether a register that reads so is as it was set."""
+        """Return whether a register that reads as `value` has kept its setting."""
         return not (value ^ self.value) & self.meaning
 
 

@@ -1,4 +1,4 @@
-"""A sensor with a FIFO on a Linux I²C bus: who it is, set-up, and whole samples out of its FIFO.
+"""The driver of a sensor on a Linux I²C bus: identifies it, sets it up, reads whole samples of its FIFO.
 
 The sensor's own clock gives the rate, and its FIFO holds the samples. A transaction writes an address and
 then reads once: the controller of the Raspberry Pi 1 to 4 refuses any in which something follows a read.
@@ -48,7 +48,7 @@ Counts = tuple[tuple[int, ...], int, tuple[int, ...]]
 
 
 def chip_of(who_am_i: int) -> Chip:
-    """What the chip with this WHO_AM_I is like."""
+    """Return the registers and settings of the chip with this WHO_AM_I."""
     return ICM20948 if who_am_i == sensors.ICM20948 else mpu9250(who_am_i)
 
 
@@ -62,7 +62,7 @@ class SensorFault(Exception):
 
 
 class TransferFailed(Exception):
-    """A transfer failed as often as it is tried."""
+    """A transfer failed each time that it was tried."""
 
     def __init__(self, error: OSError) -> None:
         super().__init__(error)
@@ -72,7 +72,7 @@ class TransferFailed(Exception):
 
 
 class Level(NamedTuple):
-    """What the FIFO held at some moment between `before_ns` and `after_ns`."""
+    """The bytes that the FIFO held at some moment between `before_ns` and `after_ns`."""
 
     bytes: int
     overflowed: bool
@@ -81,7 +81,7 @@ class Level(NamedTuple):
 
 
 class Driver:
-    """One sensor; `bus` has to be set before it is used.
+    """Sets up and reads one sensor; `bus` has to be set before it is used.
 
     family: one of `CHIPS` if it is known, else "". now_ns: the host's clock. `i2c_errors` counts transfers
     that failed, or gave a wrong answer and then the right one. `retried`: whether one had to be repeated
@@ -101,7 +101,7 @@ class Driver:
         self._temperature = 0
 
     def identify(self) -> int:
-        """Ask who is there.
+        """Return the WHO_AM_I of the sensor.
 
         Raises:
             SensorFault: a chip that is not known: it might have other registers or scales.
@@ -135,7 +135,7 @@ class Driver:
             self._confirm(setting.register, 1, [setting])
 
     def check_settings(self) -> None:
-        """See that what gives a sample its rate, scale and shape is as it was set.
+        """Check that the settings that give a sample its rate, scale and shape are kept.
 
         A chip that lost its supply for a moment answers as if nothing had happened. What it read out before
         this can be believed only after it.
@@ -156,7 +156,7 @@ class Driver:
         self._overflowed = False
 
     def level(self) -> Level:
-        """How full the FIFO is, and whether it ran over since it was restarted."""
+        """Return how full the FIFO is, and whether it ran over since it was restarted."""
         chip = self.chip
         self._select(chip.fifo_count)
         before_ns = self._now_ns()
@@ -170,7 +170,7 @@ class Driver:
         return Level(count, self._overflowed or too_full, before_ns, after_ns)
 
     def read_samples(self, n: int) -> list[tuple[int, ...]]:
-        """Take the oldest n samples out of the FIFO, at most `BURST_BYTES` in all: their counts in its order.
+        """Take the oldest n samples out of the FIFO, at most `BURST_BYTES` in all; return their counts.
 
         Raises:
             TransferFailed: with `acknowledged`, some of the bytes may be gone.
@@ -180,7 +180,7 @@ class Driver:
         return list(sample.iter_unpack(self._read(self.chip.fifo_data, n * sample.size, NOT_ACKNOWLEDGED)))
 
     def counts(self, row: tuple[int, ...]) -> Counts:
-        """Take a sample apart; its temperature is that of the last `level` where the FIFO has none."""
+        """Take a sample apart; the temperature is that of the last `level` if the FIFO has none."""
         return row[:3], self._temperature if self.chip.temperature is not None else row[3], row[-3:]
 
     def _ask(self, family: str) -> int:
@@ -197,7 +197,7 @@ class Driver:
         return self._transfer_read(icm20948.WHO_AM_I, 1, PASSING)[0]
 
     def _confirm(self, first: int, n: int, settings: list[Setting]) -> None:
-        """Read n registers; a wrong one may be a bit that flipped on the wires: ask once more."""
+        """Read n registers, and read a wrong one again, since a bit may have flipped on the wires."""
         for last_time in (False, True):
             values = self._read(first, n)
             wrong = [s for s in settings if not s.kept(values[s.register - first])]
@@ -209,7 +209,7 @@ class Driver:
         raise SensorFault(FaultCode.READBACK_MISMATCH, detail)
 
     def _select(self, register: int) -> None:
-        """Select the bank of a register, on a chip that has any."""
+        """Select the bank of a register on a chip that has banks."""
         bank = register >> 8
         if self.chip.bank_select is None or bank == self._bank:
             return

@@ -1,4 +1,4 @@
-"""A sensor's clock, known from how full its FIFO was when (pure).
+"""Finds a sensor's clock from the fill levels of its FIFO and their times (pure).
 
 It numbers the samples. Where some were lost, no counter tells how many: the time between those before and
 those after does.
@@ -23,7 +23,7 @@ SLACK = 0.5
 
 
 class Resumed(NamedTuple):
-    """How many samples were lost before those that now wait; the true number is within ±`doubt`."""
+    """The number of samples lost before those that now wait; the true number is within ±`doubt`."""
 
     missing: int
     doubt: int
@@ -44,14 +44,14 @@ class FifoClock:
         self.begin(rate_hz, clock_error)
 
     def begin(self, rate_hz: float, clock_error: float) -> None:
-        """A sensor was set up: its clock begins, and may be another one's. The numbers go on."""
+        """Begin a clock for a sensor that was set up, which may be another one. The numbers go on."""
         self._nominal_ns = NS_PER_S / rate_hz
         self._block_samples = round(rate_hz)
         self._first_error = clock_error
         self.forget()
 
     def forget(self) -> None:
-        """Nothing that was measured holds any longer. The numbers go on."""
+        """Forget all that was measured. The numbers go on."""
         self._blocks: deque[tuple[int, int]] = deque(maxlen=BLOCKS_KEPT)
         self._earliest: tuple[int, int] | None = None
         self._block_end = 0
@@ -59,7 +59,7 @@ class FifoClock:
         self._reference: tuple[int, float] | None = None
 
     def out_of_step(self, waiting: int, before_ns: int, after_ns: int) -> bool:
-        """Whether so many samples cannot be waiting: they were counted between these two moments."""
+        """Return whether so many samples cannot be waiting; they were counted between these two moments."""
         if self._reference is None or self._last_ns is None:
             return False
         least = (before_ns - self._last_ns) / self._period_ns - 1 - self._error(before_ns)
@@ -86,7 +86,7 @@ class FifoClock:
         return Resumed(step - 1, doubt)
 
     def take(self, n: int, waiting: int, seen_ns: int, *, timely: bool) -> list[tuple[int, int]]:
-        """Number and arrival of the n oldest of `waiting` samples, whose count was known at `seen_ns`.
+        """Return number and arrival of the n oldest of `waiting` samples, whose count was known at `seen_ns`.
 
         The newest arrived by then. The others had waited for a known time, of which no more is taken off than
         the fastest clock would give: no sample arrives before it was taken.
@@ -139,13 +139,13 @@ class FifoClock:
         return known_ns + (number - known) * self._period_ns
 
     def _clock_error(self) -> float:
-        """Bound of the relative error of the period."""
+        """Return a bound of the relative error of the period."""
         if len(self._blocks) < 2:
             return self._first_error
         span_ns = self._blocks[-1][1] - self._blocks[0][1]
         return min(self._first_error, DRIFT + SPREAD_NS / span_ns)
 
     def _error(self, at_ns: int) -> float:
-        """Bound of the error of a prediction [samples]."""
+        """Return a bound of the error of a prediction [samples]."""
         known_ns = self._reference[1] if self._reference is not None else at_ns
         return (PHASE_NS + abs(at_ns - known_ns) * self._clock_error()) / self._period_ns

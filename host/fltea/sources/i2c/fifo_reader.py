@@ -1,4 +1,4 @@
-"""A running sensor's samples, read out of its FIFO and numbered; those not to be believed are counted."""
+"""Reads a running sensor's samples out of its FIFO and numbers them; doubtful ones are only counted."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -23,7 +23,7 @@ Row = tuple[int, ...]
 
 
 class Loss(NamedTuple):
-    """Samples that went with the FIFO's contents; their true number is within ±`doubt`."""
+    """Samples that were lost with the FIFO's contents; their true number is within ±`doubt`."""
 
     cause: str
     missing: int
@@ -31,7 +31,7 @@ class Loss(NamedTuple):
 
 
 def _not_of_empty_fifo(row: Row) -> bool:
-    """An empty FIFO repeats its last byte [4.37]; six channels never agree so well."""
+    """Return whether a row is a sample: an empty FIFO repeats its last byte [4.37], which no sensor does."""
     return len(set(row)) > 1 or row[0] & 0xFF != row[0] >> 8 & 0xFF
 
 
@@ -39,7 +39,7 @@ class FifoReader:
     """Reads one sensor that `driver` has set up.
 
     now_ns: the host's clock. Counters: `samples` delivered, `overruns` (sampling instants that passed without
-    one), `restarts` of the FIFO by cause. `losses` are those that have not been told yet.
+    one), `restarts` of the FIFO by cause. `losses` are those to be reported.
     """
 
     def __init__(self, driver: Driver, now_ns: Callable[[], int]) -> None:
@@ -61,11 +61,11 @@ class FifoReader:
 
     @property
     def hurry(self) -> bool:
-        """Whether to poll at once: when an emptied FIFO gets its first sample tells how many were lost."""
+        """Whether to poll at once: when the first sample comes after a restart tells how many were lost."""
         return self._restart_due or self._empty_ns is not None
 
     def begin(self) -> None:
-        """The sensor was set up, and its FIFO begins to fill."""
+        """Begin with a sensor that was set up, and whose FIFO begins to fill."""
         chip = self._driver.chip
         last = max(0, self._clock.next - 1)
         self._origin = (last, self._device_us(last))  # another chip may have another rate; time goes on
@@ -112,7 +112,7 @@ class FifoReader:
         return samples
 
     def _level(self) -> tuple[Level, str | None]:
-        """How full the FIFO is, and why it cannot be read as it is: None if it can."""
+        """Return how full the FIFO is, and why it cannot be read as it is, or None if it can."""
         level = self._driver.level()
         doubt = self._doubt(level)
         if doubt is None or level.overflowed:
@@ -134,14 +134,14 @@ class FifoReader:
         return None
 
     def _whole_samples(self, level: Level, doubt: str | None) -> int:
-        """How many samples can be believed: what a full FIFO took before may be whole."""
+        """Return how many samples can be trusted: those that a full FIFO took before may be whole."""
         chip = self._driver.chip
         if doubt is None or (doubt == "overflow" and chip.keeps_oldest):
             return min(level.bytes, chip.fifo_bytes) // chip.sample.size
         return 0
 
     def _take_out(self, n: int) -> tuple[list[Row], str | None]:
-        """Read n samples: those that came, and why others may be gone if it is not sure that they stay."""
+        """Read n samples; return those that came, and why others may be lost, or None."""
         rows: list[Row] = []
         burst = BURST_BYTES // self._driver.chip.sample.size
         try:
@@ -160,7 +160,7 @@ class FifoReader:
             self.losses.append(Loss(self._cause, missing, doubt))
 
     def _watch_overflow(self, level: Level, read: int) -> None:
-        """If the program was held up since `level`, the FIFO may have run over behind what was read."""
+        """Ask for a restart if the FIFO ran over while the program was held up since `level`."""
         chip = self._driver.chip
         room = chip.fifo_bytes // chip.sample.size - read
         room_ns = room / chip.rate_hz * 1e9 * (1 - max(0.1, 2 * chip.clock_error))
@@ -184,7 +184,7 @@ class FifoReader:
         return RawSample(sequence, device_us, self._latest_ns, gyro, accel, temperature, int(flags))
 
     def _device_us(self, number: int) -> float:
-        """Nominal time of a sample: its number in periods."""
+        """Return the nominal time of a sample: its number in periods."""
         first, first_us = self._origin
         return first_us + (number - first) * self._period_us
 

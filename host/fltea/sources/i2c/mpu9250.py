@@ -1,4 +1,4 @@
-"""The MPU-9250 and its relatives, set up like the Due's firmware does it (firmware/core/mpu9250.h)."""
+"""Settings of the MPU-9250 and its relatives, as in the firmware of the Due (firmware/core/mpu9250.h)."""
 
 from struct import Struct
 
@@ -11,7 +11,7 @@ SAMPLE = Struct(">7h")
 
 
 def mpu9250(who_am_i: int) -> Chip:
-    """The chip with this WHO_AM_I; a clone is taken for an MPU-9250.
+    """Return the chip with this WHO_AM_I; a clone is taken for an MPU-9250.
 
     FIFO: PS-MPU-9250A-01, 4.17; PS-MPU-6000A-00, 7.17. Clock: three times the ±1 % of PS-MPU-9250A-01, 4.15.
     Without FIFO_MODE the overflow of an MPU-6050 tears a sample.

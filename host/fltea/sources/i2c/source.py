@@ -1,4 +1,4 @@
-"""An MPU-9250 or ICM-20948 on a Linux I²C bus, as events: `i2c:///dev/i2c-1?addr=0x68`.
+"""Reads an MPU-9250 or ICM-20948 on a Linux I²C bus: `i2c:///dev/i2c-1?addr=0x68`.
 
 The sensor's FIFO holds a third of a second, so that this program may be held up for as long without a loss.
 It is read every 20 to 30 ms, at random: at a multiple of the sensor's own period each reading would come
@@ -57,20 +57,20 @@ STATUS_NS = 1_000_000_000
 
 
 class HostClock(Protocol):
-    """The host's time, and waiting in it."""
+    """The host's clock, and waiting by it."""
 
     def host_ns(self) -> int:
-        """Monotonic time."""
+        """Return monotonic time."""
 
     def unix_offset_ns(self) -> int:
-        """What to add to it to get Unix time, as of now."""
+        """Return what has to be added to it to get Unix time, as of now."""
 
     def sleep(self, seconds: float) -> None:
-        """Wait."""
+        """Wait for so long."""
 
 
 class SystemClock:
-    """This machine's."""
+    """The clock of this machine."""
 
     host_ns = staticmethod(clock.host_ns)
     unix_offset_ns = staticmethod(clock.unix_offset_ns)
@@ -82,7 +82,7 @@ class _Closed(Exception):
 
 
 class Place(NamedTuple):
-    """Path of the bus, address of the sensor, and its family if the user said it."""
+    """The path of the bus, the address of the sensor, and its family if the user gives it."""
 
     path: str
     address: int
@@ -90,7 +90,7 @@ class Place(NamedTuple):
 
 
 def parse_url(rest: str) -> Place:
-    """Where the sensor is, from what stands behind `i2c:`.
+    """Return where the sensor is, by the part of the URL behind `i2c:`.
 
     Raises:
         UsageError: names what is wrong.
@@ -119,7 +119,7 @@ def parse_url(rest: str) -> Place:
 
 
 def device_id(path: str, address: int) -> str:
-    """32 hex digits that stay the same for this machine, bus and address."""
+    """Return 32 hex digits that stay the same for this machine, bus and address."""
     try:
         machine = Path("/etc/machine-id").read_text(encoding="ascii").strip()
     except OSError:
@@ -128,7 +128,7 @@ def device_id(path: str, address: int) -> str:
 
 
 class I2cSource:
-    """Samples of one sensor; every failure is a `Trouble`, and reading goes on.
+    """Reads the samples of one sensor; every failure is a `Trouble`, and reading goes on.
 
     rest: what stands behind `i2c:`. open_bus, host: other than this machine's, for tests.
     """
@@ -153,14 +153,14 @@ class I2cSource:
         self._device_id = device_id(self.path, self.address)
         self._closed = self._unanswered = False
         self._openings = self._starts = 0
-        self._who_am_i = self._told_relative = NO_SENSOR
-        self._told = OnceAMinute()
+        self._who_am_i = self._reported_relative = NO_SENSOR
+        self._reported = OnceAMinute()
         self._tick_ns = self._status_ns = 0
         self._unix_offset_ns = self._host.unix_offset_ns()
 
     @property
     def unix_offset_ns(self) -> int:
-        """Nanoseconds from the monotonic clock to Unix time, as of the last event."""
+        """The difference from the monotonic clock to Unix time in ns, as of the last event."""
         return self._unix_offset_ns
 
     def events(self) -> Iterator[Event]:
@@ -199,7 +199,7 @@ class I2cSource:
             bus = self._open_bus(self.path, self.address)
         except OSError as error:
             kind, text = explain_open_failure(self.path, self.address, error)
-            yield from self._tell(kind, kind, text)
+            yield from self._report(kind, kind, text)
             return
         self._driver.bus = bus
         self._openings += 1
@@ -209,23 +209,23 @@ class I2cSource:
                     yield from self._read()
         except OSError as error:
             yield LinkDown(self._host.host_ns())
-            yield from self._tell("unplugged", "unplugged", bus_lost_text(self.path, error))
+            yield from self._report("unplugged", "unplugged", bus_lost_text(self.path, error))
         finally:
             bus.close()
 
     def _set_up(self) -> Generator[Event, None, bool]:
-        """Find the sensor and set it up; returns whether it runs."""
+        """Find the sensor and set it up; return whether it runs."""
         driver = self._driver
         try:
             self._who_am_i = driver.identify()
         except SensorFault as fault:
-            yield from self._tell_fault(fault.code, fault.detail, fatal=True)
+            yield from self._report_fault(fault.code, fault.detail, fatal=True)
             yield from self._wait(SET_UP_S)
             return False
         except TransferFailed as failed:
             code = FaultCode.BUS_HELD if failed.acknowledged else FaultCode.SENSOR_MISSING
             if self._unanswered:  # the sensor may get its supply with this machine, and be up later
-                yield from self._tell_fault(code, self.address, fatal=True)
+                yield from self._report_fault(code, self.address, fatal=True)
             self._unanswered = True
             yield from self._wait(PROBE_S)
             return False
@@ -237,9 +237,9 @@ class I2cSource:
             yield from self._wait(SETTLE_S)
             driver.restart_fifo()
         except SensorFault as fault:
-            yield from self._tell_fault(fault.code, fault.detail)
+            yield from self._report_fault(fault.code, fault.detail)
         except TransferFailed:
-            yield from self._tell_fault(FaultCode.SENSOR_LOST, TRIES)
+            yield from self._report_fault(FaultCode.SENSOR_LOST, TRIES)
         else:
             return True
         yield from self._wait(SET_UP_S)
@@ -248,10 +248,10 @@ class I2cSource:
     def _read(self) -> Iterator[Event]:
         """Read the sensor until it has to be set up again."""
         self._starts += 1
-        self._told.forget()
+        self._reported.forget()
         self._reader.begin()
         yield self._hello()
-        yield from self._tell_relative()
+        yield from self._report_relative()
         failing = 0
         while True:
             hurry = self._reader.hurry and not failing
@@ -260,18 +260,18 @@ class I2cSource:
                 samples = self._reader.poll()
                 failing = 0
             except SensorFault as fault:
-                yield from self._tell_fault(fault.code, fault.detail)
+                yield from self._report_fault(fault.code, fault.detail)
                 return
             except TransferFailed:
                 failing += 1
                 if failing == LOST_POLLS:
-                    yield from self._tell_fault(FaultCode.SENSOR_LOST, TRIES * failing)
+                    yield from self._report_fault(FaultCode.SENSOR_LOST, TRIES * failing)
                     return
             else:
                 if samples:
                     self._tick_ns = samples[-1].host_ns + TICK_NS
                     yield block_of(samples)
-            yield from self._tell_losses()
+            yield from self._report_losses()
 
     def _hello(self) -> Hello:
         return Hello(
@@ -302,33 +302,33 @@ class I2cSource:
             reset_cause="software",
         )
 
-    def _tell_relative(self) -> Iterator[Trouble]:
+    def _report_relative(self) -> Iterator[Trouble]:
         who = self._who_am_i
-        if who in RELATIVES and who != self._told_relative:
-            self._told_relative = who
+        if who in RELATIVES and who != self._reported_relative:
+            self._reported_relative = who
             text = f"{self.url}: the sensor is no MPU-9250 but {sensor_name(who)}, {RELATIVES[who]}"
             yield Trouble("sensor_relative", text, self._host.host_ns(), fatal=False)
 
-    def _tell_losses(self) -> Iterator[Trouble]:
+    def _report_losses(self) -> Iterator[Trouble]:
         for cause, missing, doubt in self._reader.losses:
             kind, text = loss_text(cause, missing, doubt)
             topic = f"{cause} ±" if doubt else cause
-            yield from self._tell(kind, topic, f"{self.url}: {text}", fatal=False)
+            yield from self._report(kind, topic, f"{self.url}: {text}", fatal=False)
         self._reader.losses.clear()
 
-    def _tell_fault(self, code: FaultCode, detail: int, *, fatal: bool = False) -> Iterator[Trouble]:
+    def _report_fault(self, code: FaultCode, detail: int, *, fatal: bool = False) -> Iterator[Trouble]:
         name = code.name.lower()
         text = f"{self.url}: {name}: {fault_text(code, detail, self.path, self.address)}"
-        yield from self._tell("device_fault", name, text, fatal=fatal)
+        yield from self._report("device_fault", name, text, fatal=fatal)
 
-    def _tell(self, kind: str, topic: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
-        """Pass a trouble on unless its topic was told within a minute, and since the sensor was set up."""
+    def _report(self, kind: str, topic: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
+        """Pass a trouble on unless its topic was reported within a minute and since the sensor was set up."""
         now_ns = self._host.host_ns()
-        if self._told.is_due(topic, now_ns):
+        if self._reported.is_due(topic, now_ns):
             yield Trouble(kind, text, now_ns, fatal)
 
     def _wait(self, seconds: float) -> Iterator[Event]:
-        """Wait, in slices since `close` may come from anywhere; without samples let statistics go out."""
+        """Wait, in slices since `close` may come from any thread; meanwhile let statistics go out."""
         end_ns = self._host.host_ns() + round(seconds * 1e9)
         while True:
             if self._closed:

@@ -1,4 +1,4 @@
-"""What went wrong on a Linux I²C bus, for the person who has to mend it: what, why, what to do."""
+"""Texts about failures on a Linux I²C bus for the person who mends it: what, why, what to do."""
 
 from fltea.sources.i2c.bus import detect_command
 from fltea.wire import faults
@@ -11,7 +11,7 @@ _WIRES = (
 
 
 def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
-    """A fault of the sensor; detail as in protocol/README.md."""
+    """Return the text of a fault of the sensor; detail is as in protocol/README.md."""
     match code:
         case FaultCode.SENSOR_MISSING:
             return (
@@ -36,7 +36,7 @@ def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
 
 
 def bus_lost_text(path: str, error: OSError) -> str:
-    """The bus itself failed."""
+    """Return the text for a bus that itself failed."""
     return (
         f"the I²C bus {path} was lost ({error}): its adapter was unplugged, its driver was unloaded, or it "
         "cannot do plain I²C transfers. It is opened again."
@@ -44,7 +44,7 @@ def bus_lost_text(path: str, error: OSError) -> str:
 
 
 def loss_text(cause: str, missing: int, doubt: int) -> tuple[str, str]:
-    """Kind and text of samples lost in the sensor's FIFO. doubt: by how many the number may be wrong."""
+    """Return kind and text for samples lost in the sensor's FIFO. doubt: the number is within ± it."""
     lost = f"{missing} samples are lost"
     if doubt:
         lost = f"{missing} ± {doubt} samples are lost"

@@ -1,1 +1,1 @@
-"""Gyroscopes and IMUs with a driver of the Linux kernel (IIO, industrial input and output)."""
+"""Reads gyroscopes and IMUs by their drivers of the Linux kernel (IIO, industrial input and output)."""

@@ -1,4 +1,4 @@
-"""A device's triggered buffer: set up, opened, and left as it was found."""
+"""Sets up and opens a device's triggered buffer, and leaves it as it was found."""
 
 import contextlib
 import errno
@@ -32,7 +32,7 @@ class Unusable(Exception):
 
 
 class Wishes(NamedTuple):
-    """What the user asks for; None leaves it as it is."""
+    """The settings that the user asks for; None leaves one as it is."""
 
     rate_hz: float | None = None
     trigger: str | None = None
@@ -150,7 +150,7 @@ class Buffer:
                 self._set(f"{device.buffer}/watermark", str(max(1, round(rate_hz * LATENCY_S))))
 
     def _set(self, name: str, value: str, *, undo: bool = True, after: str | None = None) -> None:
-        """Write a setting that is another one; after: what it shall be when all is over, if not as before."""
+        """Write a setting if it differs; after: the value to leave in the end, if not the one before."""
         if after is None and self._device.text(name) == value:
             return
         self._write(self._device.folder / name, value, undo=undo, after=after)
@@ -166,7 +166,7 @@ class Buffer:
 
 
 def rate_path(root: Path, device: Attributes) -> Path | None:
-    """The file that holds the rate of samples: the device's, or its trigger's."""
+    """Return the file that holds the rate of samples, which is the device's or its trigger's."""
     name = device.rate_file()
     if name is not None:
         return device.folder / name
@@ -178,7 +178,7 @@ def rate_path(root: Path, device: Attributes) -> Path | None:
 
 
 def rate_of(root: Path, device: Attributes) -> float | None:
-    """Samples a second, as the driver says it; None if it does not."""
+    """Return samples per second by the driver; None if it does not state them."""
     path = rate_path(root, device)
     rate_hz = None if path is None else Attributes(path.parent, path).number(path.name)
     return rate_hz if rate_hz is not None and rate_hz > 0 else None

@@ -1,4 +1,4 @@
-"""What the counts of an IIO channel mean: scale, offset and mount matrix (pure)."""
+"""Converts the counts of IIO channels by scale, offset and mount matrix (pure)."""
 
 import math
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 class Conversion(NamedTuple):
-    """From the counts of a sensor's axes, (n, axes), to what records hold.
+    """Converts the counts of a sensor's axes, (n, axes), to what records hold.
 
     Whole counts stay counts, and `lsb` is how many of them a unit has, as long as the mount matrix only swaps
     and turns axes; otherwise `lsb` is None and the values are in the unit.
@@ -22,7 +22,7 @@ class Conversion(NamedTuple):
     offset: NDArray[np.float64]
 
     def __call__(self, counts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Counts or values, (n, axes)."""
+        """Return counts or values, (n, axes)."""
         values: NDArray[np.float64] = (counts + self.offset) @ self.matrix.T
         return values
 
@@ -30,7 +30,7 @@ class Conversion(NamedTuple):
 def conversion(
     scales: Sequence[float], offsets: Sequence[float], mount: NDArray[np.float64] | None
 ) -> Conversion:
-    """For axes with these scales in units a count.
+    """Return the conversion for axes with these scales, in units per count.
 
     mount: (3, 3), turns the sensor's axes into those of the machine that it sits in; not for fewer axes.
 
@@ -53,7 +53,7 @@ def conversion(
 
 
 def parse_mount(text: str) -> NDArray[np.float64] | None:
-    """A mount matrix such as `1, 0, 0; 0, 1, 0; 0, 0, 1`; None where there is none.
+    """Return a mount matrix from a text such as `1, 0, 0; 0, 1, 0; 0, 0, 1`; None if it is empty.
 
     Raises:
         ValueError: it is no such matrix.

@@ -1,4 +1,4 @@
-"""Scans of a triggered buffer: where each channel stands in them, and their numbers (pure).
+"""Decodes the scans of a triggered buffer: the place of each channel, and its numbers (pure).
 
 The kernel's rules are those of Documentation/driver-api/iio/buffers.rst and of the sysfs ABI
 (Documentation/ABI/testing/sysfs-bus-iio, `scan_elements`).
@@ -36,12 +36,12 @@ class Element(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Bytes that it takes in a scan."""
+        """The bytes that it takes in a scan."""
         return self.storage_bits // 8 * self.repeat
 
 
 def parse_element(name: str, index: str, text: str) -> Element:
-    """A channel, from the content of its files `…_index` and `…_type`, such as `le:s16/16>>0`.
+    """Return a channel from the content of its files `…_index` and `…_type`, such as `le:s16/16>>0`.
 
     Raises:
         ValueError: they are not what the kernel's documentation says.
@@ -58,7 +58,7 @@ def parse_element(name: str, index: str, text: str) -> Element:
 
 
 class ScanLayout:
-    """Where the channels of a scan stand. size: bytes of a scan.
+    """The places of the channels in a scan. size: bytes of a scan.
 
     Each channel is aligned to its own size, and the scan to the largest of them.
     """
@@ -74,7 +74,7 @@ class ScanLayout:
         self.size = -(-end // largest) * largest
 
     def decode(self, data: bytes | memoryview) -> dict[str, Ints]:
-        """The first number of each channel of whole scans, each (scans,).
+        """Return the first number of each channel of whole scans, each (scans,).
 
         Raises:
             ValueError: the bytes are no whole number of scans.

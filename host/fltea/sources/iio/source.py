@@ -1,4 +1,4 @@
-"""A gyroscope or IMU that the Linux kernel has a driver for, as events: `iio:NAME_OR_PATH`.
+"""Reads a gyroscope or IMU that the Linux kernel has a driver for: `iio:NAME_OR_PATH`.
 
 Samples come from the triggered buffer with the driver's time stamps, which number them: where these run
 ahead of the rate, samples were lost, and are counted as missing. The rate is found from them too.
@@ -35,14 +35,14 @@ RATE_TOLERANCE = 0.05
 
 
 class Place(NamedTuple):
-    """What the URL says: the device, and what is to be set."""
+    """The parts of the URL: the device, and the settings that are asked for."""
 
     device: str
     wishes: Wishes
 
 
 def parse_url(rest: str) -> Place:
-    """What stands behind `iio:`.
+    """Return the parts of the URL behind `iio:`.
 
     Raises:
         UsageError: no device, an unknown key, or no rate.
@@ -68,7 +68,7 @@ def parse_url(rest: str) -> Place:
 
 
 class IioSource:
-    """Samples of one device; every failure is a `Trouble`, and the device is tried again.
+    """Reads the samples of one device; after every failure, a `Trouble`, the device is tried again.
 
     rest: what stands behind `iio:`.
 
@@ -85,13 +85,13 @@ class IioSource:
         self._boot = int.from_bytes(os.urandom(4), "big")
         self._closed_read, self._closed_write = os.pipe()
         self._closed = False
-        self._told = OnceAMinute()
+        self._reported = OnceAMinute()
         self._bytes = self._samples = self._openings = self._duplicates = self._unrated = 0
         self._unix_offset_ns = clock.unix_offset_ns()
 
     @property
     def unix_offset_ns(self) -> int:
-        """Nanoseconds from the monotonic clock to Unix time, as of the last event."""
+        """The difference from the monotonic clock to Unix time in ns, as of the last event."""
         return self._unix_offset_ns
 
     def events(self) -> Iterator[Event]:
@@ -104,10 +104,10 @@ class IioSource:
                     self._unix_offset_ns = clock.unix_offset_ns()
                     yield event
             except Unusable as unusable:
-                yield from self._tell(unusable.kind, str(unusable))
+                yield from self._report(unusable.kind, str(unusable))
             except OSError as error:
                 yield LinkDown(clock.host_ns())
-                yield from self._tell(
+                yield from self._report(
                     "unplugged",
                     f"the device was lost ({error.strerror}): it was unplugged, its driver was unloaded, or "
                     "somebody switched its buffer off. It is opened again.",
@@ -187,7 +187,7 @@ class IioSource:
                 yield Tick(now_ns)
                 if now_ns - heard_ns >= PATIENCE_NS:
                     text = f"no sample came for {PATIENCE_NS // 10**9} s; {reader.why_silent()}."
-                    yield from self._tell("silent", text)
+                    yield from self._report("silent", text)
                 continue
             heard_ns = now_ns
             self._bytes += len(data)
@@ -208,7 +208,7 @@ class IioSource:
             self._duplicates = duplicates + reader.numbers.duplicates
             self._unrated = unrated + reader.numbers.unrated
             if reader.numbers.unrated and reader.numbers.rate_hz is None:
-                yield from self._tell(
+                yield from self._report(
                     "no_rate", "the time stamps of its samples tell no rate of a gyroscope."
                 )
 
@@ -216,11 +216,11 @@ class IioSource:
         said, found = reader.said_hz, reader.numbers.rate_hz
         if said is not None and found is not None and abs(found / said - 1) > RATE_TOLERANCE:
             text = f"samples come at {found:.4g} Hz, and the driver says {said:g}; what is measured is used."
-            yield from self._tell("rate_differs", text, fatal=False)
+            yield from self._report("rate_differs", text, fatal=False)
 
-    def _tell(self, kind: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
+    def _report(self, kind: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
         now_ns = clock.host_ns()
-        if self._told.is_due((kind, text), now_ns):
+        if self._reported.is_due((kind, text), now_ns):
             yield Trouble(kind, f"{self.url}: {text}", now_ns, fatal)
 
     def _pause(self, seconds: float) -> Iterator[Event]:
@@ -231,7 +231,7 @@ class IioSource:
 
 
 class _Reader:
-    """What scans of one opening of a device become."""
+    """Turns the scans of one opening of a device into blocks of samples."""
 
     def __init__(
         self,
@@ -273,7 +273,7 @@ class _Reader:
         return self.numbers.add(Arrived(values, time, ordinal), now_ns)
 
     def block(self, piece: Numbered) -> RawBlock:
-        """Numbered samples with what their counts mean."""
+        """Return numbered samples as a block, with their counts converted."""
         axes = len(self._channels[GYRO])
         return RawBlock(
             piece.sequence % SEQUENCE_WRAP,
@@ -284,7 +284,7 @@ class _Reader:
         )
 
     def hello(self, source: str, boot_id: int, now_ns: int) -> Hello:
-        """Who speaks."""
+        """Return the HELLO of the device."""
         assert self.numbers.rate_hz is not None
         accel = self._convert.get(ACCEL)
         return Hello(
@@ -299,7 +299,7 @@ class _Reader:
         )
 
     def why_silent(self) -> str:
-        """What to look at where no samples come."""
+        """Return what to look at if no samples come."""
         trigger = self._device.text("trigger/current_trigger")
         if trigger:
             return (

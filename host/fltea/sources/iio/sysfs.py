@@ -18,20 +18,20 @@ AXES = ("x", "y", "z")
 
 
 class Attributes:
-    """The files of a device. folder: its folder; node: its character device."""
+    """Reads the files of a device. folder: its folder; node: its character device."""
 
     def __init__(self, folder: Path, node: Path) -> None:
         self.folder, self.node = folder, node
 
     def text(self, name: str) -> str:
-        """Content of a file without the white space round it; "" if it cannot be read."""
+        """Return the content of a file without the white space round it; "" if it cannot be read."""
         try:
             return (self.folder / name).read_bytes()[:4096].decode("utf-8", "replace").strip("\0 \t\r\n")
         except OSError:
             return ""
 
     def number(self, *names: str) -> float | None:
-        """The number in the first of these files that has one."""
+        """Return the number in the first of these files that has one."""
         for name in names:
             try:
                 value = float(self.text(name))
@@ -42,41 +42,41 @@ class Attributes:
         return None
 
     def has(self, name: str) -> bool:
-        """Whether there is such a file."""
+        """Return whether there is such a file."""
         return (self.folder / name).exists()
 
     @property
     def id(self) -> str:
-        """Such as `iio:device0`."""
+        """The id of the device, such as `iio:device0`."""
         return self.folder.name
 
     @property
     def name(self) -> str:
-        """What the driver calls the chip."""
+        """The name that the driver gives to the chip."""
         return self.text("name") or self.id
 
     @property
     def buffer(self) -> str:
-        """Folder of the buffer's settings."""
+        """The folder of the buffer's settings."""
         return "buffer" if self.has("buffer") else "buffer0"
 
     @property
     def elements(self) -> str:
-        """Folder of the channels that the buffer may hold."""
+        """The folder of the channels that the buffer may hold."""
         return "scan_elements" if self.has("scan_elements") else "buffer0"
 
     def channels(self, kind: str) -> list[str]:
-        """Channels of a sensor that the buffer may hold: `anglvel_x` and so on, or `anglvel` of one axis."""
+        """Return a sensor's channels that the buffer may hold: `anglvel_x` …, or `anglvel` of one axis."""
         names = [*(f"{kind}_{axis}" for axis in AXES), kind]
         return [name for name in names if self.has(f"{self.elements}/in_{name}_en")]
 
     def of_channel(self, channel: str, what: str) -> float | None:
-        """A number that a channel has by itself or shares with its kind: scale, offset."""
+        """Return a number that a channel has by itself or shares with its kind: scale, offset."""
         kind = channel.partition("_")[0]
         return self.number(f"in_{channel}_{what}", f"in_{kind}_{what}")
 
     def rate_file(self) -> str | None:
-        """The file that holds the rate of samples, or None: then its trigger may have one."""
+        """Return the file that holds the rate of samples, or None: then its trigger may have one."""
         names = (f"in_{GYRO}_sampling_frequency", f"in_{GYRO}_x_sampling_frequency", "sampling_frequency")
         return next((name for name in names if self.has(name)), None)
 
@@ -87,14 +87,14 @@ class Attributes:
 
 
 class Trigger(NamedTuple):
-    """What tells a device when to take a sample. folder: in /sys."""
+    """A trigger, which tells a device when to take a sample. folder: in /sys."""
 
     name: str
     folder: Path
 
 
 def devices(root: Path) -> list[Attributes]:
-    """The IIO devices of a machine, by their numbers."""
+    """Return the IIO devices of a machine, by their numbers."""
     folders = (root / DEVICES).glob("iio:device*")
     return [
         Attributes(folder, root / "dev" / folder.name)
@@ -103,13 +103,13 @@ def devices(root: Path) -> list[Attributes]:
 
 
 def triggers(root: Path) -> list[Trigger]:
-    """The triggers of a machine."""
+    """Return the triggers of a machine."""
     folders = sorted((root / DEVICES).glob("trigger*"))
     return [Trigger(Attributes(folder, folder).text("name"), folder) for folder in folders]
 
 
 def find(root: Path, what: str) -> list[Attributes]:
-    """Devices that a user means by a name, a label, `iio:device0`, or a path in /dev or /sys."""
+    """Return the devices that a user means by a name, a label, `iio:device0`, or a path in /dev or /sys."""
     last = os.path.basename(what.rstrip("/")).removeprefix("iio:")
     return [
         one
@@ -119,6 +119,6 @@ def find(root: Path, what: str) -> list[Attributes]:
 
 
 def root_of(what: str) -> Path:
-    """The folder that stands for /: a path within the /sys of another tree says it."""
+    """Return the folder that stands for /, which a path within the /sys of another tree states."""
     before, found, _ = what.partition(f"/{DEVICES}/")
     return Path(before or "/") if found else Path("/")
