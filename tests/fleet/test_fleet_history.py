@@ -1,5 +1,6 @@
 """The history: what is kept, how it is pruned, and that nothing breaks it."""
 
+import contextlib
 import math
 import os
 import signal
@@ -7,6 +8,7 @@ import sqlite3
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +23,30 @@ from fltea.fleet.history import COLUMNS, TABLES, History
 from fltea.fleet.history_table import write
 from fltea.fleet.roll import Axis
 from fltea.records.errors import UsageError
-from host_support import fltea
+from host_support import fltea_here
 from support import PATIENCE_S
 
 
 def opened(path: Path | None, every_s: float) -> History:
     return History(Sqlite(path, TABLES), every_s)
+
+
+@pytest.fixture
+def history(tmp_path: Path) -> Iterator[History]:
+    """A file that keeps every fit."""
+    made = opened(tmp_path / "h.db", 0.0)
+    yield made
+    made.close()
+
+
+def add(history: History, *unix_s: float, device: str = "a") -> None:
+    """Let a device have a fit at each of these times."""
+    for second in unix_s:
+        history.add(second, device, {"gyro_x": axis()})
+
+
+def times_of(history: History, device: str) -> list[float]:
+    return [row["unix_s"] for row in rows_of(history, device)]
 
 
 def write_out(history: History, before_unix_s: float = -math.inf) -> int:
@@ -64,17 +84,18 @@ def test_fits_are_kept_now_and_then_and_at_each_change(tmp_path: Path) -> None:
     assert [row["unix_s"] for row in rows_of(history, "a", most=2)] == [1130.0, 1190.0]
     assert rows_of(history, "b") == []
     assert write_out(history, 1125.0) == 4  # three fits and the alert
-    assert [row["unix_s"] for row in rows_of(history, "a")] == [1130.0, 1190.0]
+    assert times_of(history, "a") == [1130.0, 1190.0]
     assert history.alerts().result() == []
     history.add(500.0, "a", {"gyro_x": axis("drift")})  # the clock was set back
     write_out(history)
-    assert [row["unix_s"] for row in rows_of(history, "a")] == [500.0, 1130.0, 1190.0]
+    assert times_of(history, "a") == [500.0, 1130.0, 1190.0]
     history.close()
 
 
 CHILD = """
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from fltea.fleet.databases import Sqlite
 from fltea.fleet.history import TABLES, History
@@ -105,48 +126,43 @@ def test_kill_9_leaves_whole_transactions(tmp_path: Path) -> None:
     history.close()
 
 
-def test_rows_wait_for_room_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_wait_for_room_on_a_full_disk(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
     """As many as there is memory for; the rest is counted."""
     monkeypatch.setattr(histories, "MOST_WAITING", 300)
-    history = opened(tmp_path / "h.db", 0.0)
     pages = database(history).connection.execute("PRAGMA page_count").fetchone()[0]
     database(history).connection.execute(f"PRAGMA max_page_count = {pages}")
-    for number in range(500):
-        history.add(float(number), "a", {"gyro_x": axis()})
+    add(history, *range(500))
     write_out(history)
     assert (history.lost, history.waiting, history.trouble_kind) == (200, 300, "disk_full")
     assert "is the disk full?" in history.trouble
     database(history).connection.execute("PRAGMA max_page_count = 100000")
     write_out(history)
     assert (history.trouble, history.trouble_kind, history.waiting) == ("", "", 0)
-    assert [row["unix_s"] for row in rows_of(history, "a")] == list(range(300))
-    history.close()
+    assert times_of(history, "a") == list(range(300))
 
 
-def test_rows_that_find_their_place_taken_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_that_find_their_place_taken_are_counted(
+    history: History, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """While they were on their way to a database that went away, others came."""
     monkeypatch.setattr(histories, "MOST_WAITING", 3)
-    history = opened(None, 0.0)
 
     def away(commands: object) -> None:
-        for second in (3.0, 4.0):
-            history.add(second, "b", {"gyro_x": axis()})
+        add(history, 3.0, 4.0, device="b")
         raise sqlite3.OperationalError
 
     monkeypatch.setattr(history._database, "write", away)
-    for second in (0.0, 1.0, 2.0):
-        history.add(second, "a", {"gyro_x": axis()})
+    add(history, 0.0, 1.0, 2.0)
     history.work(-math.inf)
     history.settle()
     assert (history.lost, history.waiting) == (2, 3)
     monkeypatch.undo()
-    history.close()
 
 
 def test_what_a_closed_history_could_not_write_is_lost(tmp_path: Path) -> None:
     history = opened(tmp_path / "h.db", 0.0)
     database(history).connection.execute("PRAGMA query_only = 1")
-    history.add(1.0, "a", {"gyro_x": axis()})
+    add(history, 1.0)
     history.close()
     assert (history.lost, history.trouble_kind) == (1, "history_lost")
 
@@ -161,7 +177,7 @@ def test_a_device_that_alternates_or_renames_its_axes_fills_nothing(tmp_path: Pa
     assert len(rows_of(history, "a")) == 20  # one a minute
     assert (len(rows_of(history, "b")), history.lost) == (6, 94)
     history.forget(["b"])
-    history.add(5000.0, "b", {"gyro_x": axis()})
+    add(history, 5000.0, device="b")
     write_out(history)
     assert len(rows_of(history, "b")) == 7
     history.close()
@@ -170,36 +186,29 @@ def test_a_device_that_alternates_or_renames_its_axes_fills_nothing(tmp_path: Pa
 def test_in_memory_the_newest_rows_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(databases, "MEMORY_ROWS", 50)
     history = opened(None, 0.0)
-    for number in range(120):
-        history.add(float(number), "a", {"gyro_x": axis()})
+    add(history, *range(120))
     write_out(history)
-    assert [row["unix_s"] for row in rows_of(history, "a")] == list(range(70, 120))
+    assert times_of(history, "a") == list(range(70, 120))
     history.close()
 
 
 def test_files_that_are_no_history(tmp_path: Path) -> None:
     (tmp_path / "text").write_text("x" * 5000)
-    with pytest.raises(UsageError, match="cannot be used as a history"):
-        opened(tmp_path / "text", 1.0)
-    other = sqlite3.connect(tmp_path / "other")
-    other.execute("PRAGMA user_version = 9")
-    other.close()
-    with pytest.raises(UsageError, match="another version"):
-        opened(tmp_path / "other", 1.0)
-    foreign = sqlite3.connect(tmp_path / "foreign")
-    foreign.execute("CREATE TABLE bookmarks (url TEXT)")
-    foreign.close()
-    before = (tmp_path / "foreign").read_bytes()
-    with pytest.raises(UsageError, match="another program"):
-        opened(tmp_path / "foreign", 1.0)
-    assert (tmp_path / "foreign").read_bytes() == before
-    marked = sqlite3.connect(tmp_path / "marked")
-    marked.execute("PRAGMA application_id = 252006674")  # a Fossil checkout
-    marked.close()
-    with pytest.raises(UsageError, match="another program"):
-        opened(tmp_path / "marked", 1.0)
-    with pytest.raises(UsageError, match="cannot be used"):
-        opened(tmp_path / "no/folder", 1.0)
+    for name, command, words in (
+        ("no/folder", "", "cannot be used"),
+        ("text", "", "cannot be used as a history"),
+        ("newer", "PRAGMA user_version = 9", "another version"),
+        ("foreign", "CREATE TABLE bookmarks (url TEXT)", "another program"),
+        ("marked", "PRAGMA application_id = 252006674", "another program"),  # a Fossil checkout
+    ):
+        path = tmp_path / name
+        if command:
+            with contextlib.closing(sqlite3.connect(path)) as other:
+                other.execute(command)
+        before = path.read_bytes() if path.exists() else None
+        with pytest.raises(UsageError, match=words):
+            opened(path, 1.0)
+        assert before == (path.read_bytes() if path.exists() else None)
 
 
 def test_export(tmp_path: Path) -> None:
@@ -207,13 +216,13 @@ def test_export(tmp_path: Path) -> None:
     for number in range(10):
         history.add(float(number), "ä|b", {"gyro_x": axis(value=number)})
     history.close()
-    done = fltea("fleet", "--history", tmp_path / "h.db", "--export", tmp_path / "out.parquet")
+    done = fltea_here("fleet", "--history", tmp_path / "h.db", "--export", tmp_path / "out.parquet")
     assert (done.returncode, done.stderr) == (0, f"{tmp_path}/out.parquet: 10 rows\n")
     found = pq.read_table(tmp_path / "out.parquet").to_pydict()
     assert (found["N"], found["K"][0], found["device_id"][0]) == (list(range(10)), None, "ä|b")
     assert write(Sqlite(tmp_path / "h.db", TABLES), tmp_path / "again.parquet") == 10
     assert not [name for name in os.listdir(tmp_path) if name.endswith(".part")]
-    done = fltea("fleet", "--export", tmp_path / "x.parquet")
+    done = fltea_here("fleet", "--export", tmp_path / "x.parquet")
     assert (done.returncode, "which history?" in done.stderr) == (2, True)
 
 
@@ -290,21 +299,21 @@ def test_postgres_keeps_the_same_and_may_go_and_come_back(
         assert history.alerts().result()[0]["text"] == "it's text"
         assert write_out(history, 1006.0) == 7
         server.stop()
-        history.add(2000.0, "a", {"gyro_x": axis()})
+        add(history, 2000.0)
         write_out(history)
         assert (history.lost, history.waiting, history.trouble_kind) == (0, 1, "history_lost")
         assert rows_of(history, "a") == []
         server.start()
         monkeypatch.setattr(databases, "AGAIN_S", 0.0)
         database._again_s = 0.0
-        history.add(3000.0, "a", {"gyro_x": axis()})
+        add(history, 3000.0)
         history.add(3000.0, "nul\0", {"gyro_x": axis()})
         write_out(history)
         assert (history.trouble, history.waiting, history.lost) == ("", 0, 1)
         assert len(rows_of(history, "a")) == 6
         server.signal(signal.SIGSTOP)
         monkeypatch.setattr(histories, "STUCK_S", 0.0)
-        history.add(4000.0, "a", {"gyro_x": axis()})
+        add(history, 4000.0)
         history.work()
         history.work()
         history.settle()
@@ -321,31 +330,28 @@ def test_postgres_keeps_the_same_and_may_go_and_come_back(
         Postgres(server.url, TABLES)
 
 
-def test_a_row_that_no_database_takes_is_lost_alone(tmp_path: Path) -> None:
-    history = opened(tmp_path / "h.db", 0.0)
-    history.add(1000.0, "a", {"gyro_x": axis()})
+def test_a_row_that_no_database_takes_is_lost_alone(history: History) -> None:
+    add(history, 1000.0)
     history.add(1001.0, "a", {"gyro_x": Axis("white", "text", "deg/s", 10**30, {}, 0.0)})
-    history.add(1002.0, "a", {"gyro_x": axis()})
+    add(history, 1002.0)
     write_out(history)
-    assert [row["unix_s"] for row in rows_of(history, "a")] == [1000.0, 1002.0]
+    assert times_of(history, "a") == [1000.0, 1002.0]
     assert (history.lost, history.trouble) == (1, "")
-    history.close()
 
 
-def test_a_database_that_hangs_holds_up_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_database_that_hangs_holds_up_nobody(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
     """The work goes on in its own thread; what is asked meanwhile waits there."""
-    history, go = opened(tmp_path / "h.db", 0.0), threading.Event()
+    go = threading.Event()
     write = database(history).write
     monkeypatch.setattr(database(history), "write", lambda commands: (go.wait(PATIENCE_S), write(commands)))
-    history.add(1.0, "a", {"gyro_x": axis()})
+    add(history, 1.0)
     history.work()
     history.work()
     asked = history.of_device("a")
-    history.add(2.0, "a", {"gyro_x": axis()})
+    add(history, 2.0)
     assert not asked.done()
     go.set()
     assert len(asked.result(PATIENCE_S)) == 2
-    history.close()
 
 
 @pytest.mark.parametrize(
@@ -353,7 +359,7 @@ def test_a_database_that_hangs_holds_up_nobody(tmp_path: Path, monkeypatch: pyte
 )
 def test_an_export_that_cannot_be_written_is_a_message(tmp_path: Path, out: str, words: str) -> None:
     opened(tmp_path / "h.db", 60.0).close()
-    done = fltea("fleet", "--history", tmp_path / "h.db", "--export", tmp_path / out)
+    done = fltea_here("fleet", "--history", tmp_path / "h.db", "--export", tmp_path / out)
     assert done.returncode != 0
     assert words in done.stderr
     assert "Traceback" not in done.stderr

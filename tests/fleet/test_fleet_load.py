@@ -3,8 +3,9 @@
 import msgspec
 import numpy as np
 import pytest
+from fltea.fleet.alerts import LOOKS, Alerts
 from fltea.fleet.roll import Roll
-from fltea.fleet.summary import counts, look
+from fltea.fleet.summary import Look, counts, look, rows, table
 from fltea.records.fit import AxisFit
 
 from tools import fleet_fits, fleet_load
@@ -31,17 +32,46 @@ def test_a_scaled_fit_is_the_fit_of_scaled_samples(kind: str) -> None:
     )
 
 
-@pytest.mark.parametrize(("sensors", "bad"), [(100, 3), (200, 3), (300, 6), (150, 0)])
-def test_the_bad_ones_are_exactly_those_that_stand_out(sensors: int, bad: int) -> None:
+def fleet(sensors: int, bad: int) -> tuple[Roll, list[fleet_load.Bad]]:
+    """The load generator's fleet, without a broker."""
     roll, ones = Roll(), fleet_load.bad_ones(sensors, bad)
     for place in range(sensors):
         one = fleet_load.sensor(place, ones)
         for kind, payload in (("hello", one.hello), ("status", one.status), ("fit", b"1000".join(one.fit))):
             roll.take(f"fltea/{one.device_id}/{kind}", payload, 0.0)
-    found = {(int(odd.device_id, 16), odd.axis) for odd in look(roll, 1.0).odd}
+    return roll, ones
+
+
+@pytest.mark.parametrize(("sensors", "bad"), [(100, 3), (200, 3), (300, 6), (150, 0)])
+def test_the_bad_ones_are_exactly_those_that_stand_out(sensors: int, bad: int) -> None:
+    roll, ones = fleet(sensors, bad)
+    seen = look(roll, 1.0)
+    found = {(int(odd.device_id, 16), odd.axis) for odd in seen.odd}
     assert found == {(one.place, one.axis) for one in ones}
     assert len(counts(roll, 1.0)["axes"]) >= 9  # verdicts
     assert not roll.bad
+    assert look(roll, 1000.0).odd == []  # they are silent
+    if (sensors, bad) == (200, 3):
+        assert {one.quantity for one in seen.odd} >= {"N", "density", "B", "K"}
+        total, first = table(rows(roll, seen, 1.0), "K", "down", "odd", 0, 50)
+        assert (total, first[0]["device"]) == (3, f"{57:032x}")
+        _, fourth = table(rows(roll, seen, 1.0), "device", "up", "", 3, 1)
+        assert [row["device"] for row in fourth] == [f"{1:032x}"]
+
+
+def test_an_alert_needs_three_looks_and_ends_after_three() -> None:
+    roll, _ = fleet(60, 1)
+    alerts, seen, nothing = Alerts(), look(roll, 1.0), Look([], {})
+    told = [alerts.update(roll, seen, 1.0, float(number)) for number in range(LOOKS)]
+    assert [len(one) for one in told] == [0, 0, 2]  # N and its density
+    assert {alert.state for alert in told[-1]} == {"raised"}
+    assert len(alerts.raised()) == 2
+    told = [alerts.update(roll, nothing, 1.0, float(number)) for number in range(LOOKS)]
+    assert [len(one) for one in told] == [0, 0, 2]
+    assert alerts.raised() == []
+    alerts.update(roll, seen, 1.0, 9.0)
+    alerts.update(roll, nothing, 1.0, 9.0)
+    assert not [alerts.update(roll, seen, 1.0, 9.0) for _ in range(LOOKS - 1)][-1]  # it did not last
 
 
 def test_a_fleet_of_any_size_shares_a_few_fits() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import threading
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -66,13 +67,16 @@ class Stage:
 
 
 @pytest.fixture
-def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
-    return Stage(monkeypatch)
+def stage(monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
+    """Where the broker is there, once."""
+    made = Stage(monkeypatch)
+    made.broker.come()
+    made.fleet.turn()
+    yield made
+    made.fleet.close()
 
 
 def test_an_outage_of_the_broker_makes_nobody_silent(stage: Stage) -> None:
-    stage.broker.come()
-    stage.fleet.turn()
     for payload, kind in ((HELLO, "hello"), (ONLINE, "status")):
         stage.fleet.take(f"fltea/a/{kind}", payload)
     stage.wait(30)
@@ -84,12 +88,10 @@ def test_an_outage_of_the_broker_makes_nobody_silent(stage: Stage) -> None:
     assert stage.kinds() == [("list", 0), ("list", 0)]
     stage.wait(60)
     assert stage.kinds()[2:] == [("list", 1), ("raised", "silent")]
-    stage.fleet.close()
 
 
 def test_what_the_broker_took_meanwhile_is_asked_for(stage: Stage) -> None:
     """It retains the newest fit, of which nobody else would tell until the next."""
-    stage.broker.come()
     for payload, kind in ((HELLO, "hello"), (ONLINE, "status"), (FIT, "fit")):
         stage.fleet.take(f"fltea/a/{kind}", payload)
     stage.wait(100)
@@ -99,12 +101,9 @@ def test_what_the_broker_took_meanwhile_is_asked_for(stage: Stage) -> None:
     stage.broker.come()
     stage.wait(100)
     assert stage.broker.asked == ["a", "a"]
-    stage.fleet.close()
 
 
 def test_alerts_wait_for_the_broker_and_none_ends_that_never_began(stage: Stage) -> None:
-    stage.broker.come()
-    stage.fleet.turn()
     stage.fleet.take("fltea/a/hello", HELLO)
     stage.fleet.take("fltea/a/status", OFFLINE)
     stage.broker.is_up.clear()
@@ -115,11 +114,9 @@ def test_alerts_wait_for_the_broker_and_none_ends_that_never_began(stage: Stage)
     stage.broker.come()
     stage.wait(1)
     assert stage.kinds()[1:] == [("list", 0), ("raised", "offline"), ("cleared", "offline")]
-    stage.fleet.close()
 
 
 def test_what_made_up_names_leave_behind_is_bounded(stage: Stage) -> None:
-    stage.broker.come()
     stage.fleet.roll.most = 50
     for number in range(500):
         stage.fleet.take(f"fltea/{number}/status", ONLINE)
@@ -127,11 +124,9 @@ def test_what_made_up_names_leave_behind_is_bounded(stage: Stage) -> None:
     assert len(stage.fleet.roll.candidates) <= 50
     assert len(stage.fleet._asked) <= 51
     assert stage.fleet.summary()["sensors"] == 0
-    stage.fleet.close()
 
 
 def test_a_history_that_cannot_be_written_is_told_once_and_its_end_too(stage: Stage) -> None:
-    stage.broker.come()
     database: Any = stage.fleet.history._database
     database.connection.execute("PRAGMA query_only = 1")
     stage.fleet.take("fltea/a/hello", HELLO)
@@ -146,10 +141,10 @@ def test_a_history_that_cannot_be_written_is_told_once_and_its_end_too(stage: St
     assert [line.partition(":")[0] for line in stage.said] == ["history_lost", "history_back"]
     assert "Rows that wait: 0; lost: 0." in stage.said[0]
     assert stage.fleet.history.alerts().result()[0]["kind"] == "offline"
-    stage.fleet.close()
 
 
-def test_the_end_says_how_many_rows_it_lost(stage: Stage) -> None:
+def test_the_end_says_how_many_rows_it_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = Stage(monkeypatch)
     stage.fleet.history.lost = 2
     database: Any = stage.fleet.history._database
     database.connection.execute("PRAGMA query_only = 1")
@@ -164,4 +159,3 @@ def test_the_summary_says_how_long_a_look_takes(stage: Stage, monkeypatch: pytes
         clock.setattr(program.time, "perf_counter", lambda: next(times_s))
         stage.fleet.look_now()
     assert stage.fleet.summary()["look_ms"] == 250.0
-    stage.fleet.close()

@@ -9,13 +9,11 @@ from fltea.fleet.alerts import LOOKS, Alerts
 from fltea.fleet.clock import Clock
 from fltea.fleet.messages import KINDS
 from fltea.fleet.roll import Roll
-from fltea.fleet.summary import Look, counts, look, rows, table
+from fltea.fleet.summary import Look, counts, rows, table
 from fltea.records.fit import AxisFit, FitAllan, Interval
 from fltea.records.records import Fit
 from hypothesis import given
 from hypothesis import strategies as st
-
-from tools import fleet_load
 
 HELLO = b'{"class":"hello","rate_hz":100.0,"sensor":"MPU-9250","boot_id":7}'
 NOBODY = Look([], {})
@@ -199,46 +197,6 @@ def test_states() -> None:
     assert roll.forget(99.0, 100.0) == []
     assert roll.forget(101.0, 100.0) == ["a"]
     assert roll.take("fltea/a/status", b"", 2.0) is None  # a retained one that was deleted
-
-
-def fleet(sensors: int = 200, bad: int = 3) -> tuple[Roll, list[fleet_load.Bad]]:
-    """The load generator's fleet, without a broker."""
-    roll, ones = Roll(), fleet_load.bad_ones(sensors, bad)
-    for place in range(sensors):
-        one = fleet_load.sensor(place, ones)
-        roll.take(f"fltea/{one.device_id}/hello", one.hello, 0.0)
-        roll.take(f"fltea/{one.device_id}/status", one.status, 0.0)
-        roll.take(f"fltea/{one.device_id}/fit", b"360000".join(one.fit), 0.0)
-    return roll, ones
-
-
-def test_the_bad_ones_stand_out_and_nobody_else() -> None:
-    roll, bad = fleet()
-    seen = look(roll, 1.0)
-    found = {(int(one.device_id, 16), one.axis) for one in seen.odd}
-    assert found == {(one.place, one.axis) for one in bad}
-    assert {one.quantity for one in seen.odd} >= {"N", "density", "B", "K"}
-    assert look(roll, 1000.0).odd == []  # they are silent
-    total, first = table(rows(roll, seen, 1.0), "K", "down", "odd", 0, 50)
-    assert (total, first[0]["device"]) == (3, f"{57:032x}")
-    assert [row["device"] for row in table(rows(roll, seen, 1.0), "device", "up", "", 3, 1)[1]] == [
-        f"{1:032x}"
-    ]
-
-
-def test_an_alert_needs_three_looks_and_ends_after_three() -> None:
-    roll, _ = fleet(60, 1)
-    alerts, seen = Alerts(), look(roll, 1.0)
-    told = [alerts.update(roll, seen, 1.0, float(number)) for number in range(LOOKS)]
-    assert [len(one) for one in told] == [0, 0, 2]  # N and its density
-    assert {alert.state for alert in told[-1]} == {"raised"}
-    assert len(alerts.raised()) == 2
-    told = [alerts.update(roll, NOBODY, 1.0, float(number)) for number in range(LOOKS)]
-    assert [len(one) for one in told] == [0, 0, 2]
-    assert alerts.raised() == []
-    alerts.update(roll, seen, 1.0, 9.0)
-    alerts.update(roll, NOBODY, 1.0, 9.0)
-    assert not [alerts.update(roll, seen, 1.0, 9.0) for _ in range(LOOKS - 1)][-1]  # it did not last
 
 
 def test_silence_and_a_loss_are_alerts_and_an_orderly_end_is_none() -> None:

@@ -307,11 +307,6 @@ def test_when_one_leaves_another_is_let_in(monkeypatch: pytest.MonkeyPatch) -> N
         wait_until(lambda: get(port)[0] == 200, "room")
 
 
-def test_visitors_are_at_least_one() -> None:
-    with pytest.raises(ValueError, match="visitors"):
-        DashboardConfig(address=5006, visitors=0)
-
-
 def test_the_page_knows_only_what_records_say() -> None:
     """Neither estimator nor walk: nothing native that a thread which outlives the program could hold.
 
