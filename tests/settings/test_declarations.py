@@ -21,7 +21,6 @@ from fltea.cli.app import app
 from fltea.records.errors import UsageError
 from fltea.service import daemon
 from fltea.settings.config import SETTINGS, TABLES, Config
-from fltea.settings.duration import in_seconds
 from fltea.settings.setting import Declared, Table
 from msgspec import inspect as types
 from support import ROOT
@@ -37,16 +36,12 @@ def by_path(one: Declared) -> str:
     return one.path
 
 
-def kinds_of(one: Declared) -> tuple[types.Type, ...]:
-    return one.kind.types if isinstance(one.kind, types.UnionType) else (one.kind,)
-
-
 def another(one: Declared) -> Any:
     """A value that a setting takes, and that is not its default."""
     if one.setting.example is not None:
         return one.setting.example
     found: list[Any] = []
-    for kind in kinds_of(one):
+    for kind in one.kinds:
         match kind:
             case types.LiteralType():
                 found += kind.values
@@ -66,13 +61,13 @@ def another(one: Declared) -> Any:
 def wrong(one: Declared) -> list[Any]:
     """Values of a right type that a setting does not take."""
     found: list[Any] = ["neither one nor the other"] * any(
-        isinstance(x, types.LiteralType) for x in kinds_of(one)
+        isinstance(x, types.LiteralType) for x in one.kinds
     )
     if one.setting.text:
         found.append("")
     if one.setting.time:
         found += ["fast", "30", "30 seconds", "-1 s", "1e3 s", "s", "nan s", "9999999999 h"]
-    for kind in kinds_of(one):
+    for kind in one.kinds:
         ends = [one.setting.least - 1, one.setting.above, one.setting.most * 2]
         if isinstance(kind, types.IntType):
             found += [int(x) for x in ends if abs(x) < 1e300]
@@ -228,13 +223,3 @@ def test_the_boards_header_has_the_same_defaults() -> None:
     assert not numbers
     assert f"#define FLTEA_VARIANT {SETTINGS['estimator.variant'].default}\n" in header
     assert f"kGuard = EstimatorGuard::{SETTINGS['estimator.guard'].default};" in header
-
-
-def test_times_are_the_same_wherever_they_are_taken() -> None:
-    assert [in_seconds(x) for x in ("500ms", "30 s", ".5 min", "1h", "2 d")] == [
-        0.5,
-        30.0,
-        30.0,
-        3600.0,
-        172800.0,
-    ]

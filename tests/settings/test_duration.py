@@ -1,7 +1,7 @@
 """Lengths in samples or as a time: the same at every rate, and a mistake is named."""
 
 import pytest
-from fltea.settings.duration import in_samples
+from fltea.settings.duration import in_samples, in_seconds
 from fltea.settings.estimator import EstimatorConfig
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,10 +11,19 @@ RATES_HZ = st.floats(10.0, 8000.0)
 
 @pytest.mark.parametrize(
     ("text", "samples"),
-    [("30 s", 3000), ("30s", 3000), ("500ms", 50), (".5 min", 3000), ("1 h", 360_000), ("0 s", 0)],
+    [
+        ("30 s", 3000),
+        ("30s", 3000),
+        ("500ms", 50),
+        (".5 min", 3000),
+        ("1 h", 360_000),
+        ("0 s", 0),
+        ("2 d", 17_280_000),
+    ],
 )
 def test_times_at_100_hz(text: str, samples: int) -> None:
     assert in_samples(text, 100.0, 1) == samples
+    assert in_seconds(text) == samples / 100
 
 
 @given(seconds=st.integers(1, 1000), rate_hz=RATES_HZ)

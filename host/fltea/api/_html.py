@@ -3,8 +3,7 @@
 from html import escape
 
 from fltea.api._svg import Curve, log_log
-from fltea.api._tables import FittedAxis
-from fltea.records.fit import Interval
+from fltea.records.fit import FittedAxis, Interval
 
 UNDEFINED = "undefined"
 SMALLEST = 1e-16

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from fltea.records.fit import FitAllan, FitSpectrum, Interval
+from fltea.records.fit import FittedAxis
 from fltea.records.whole_file import whole_file
 from fltea.settings.extras import load
 
@@ -13,54 +13,6 @@ if TYPE_CHECKING:
 
 
 PARAMETERS = ("alpha", "f", "F", "s2", "R")
-
-
-class FittedAxis(Protocol):
-    """What is shown of an axis: `Identified` and the live `AxisFit` both have it."""
-
-    @property
-    def verdict(self) -> str:
-        """What the noise is, in a word or two."""
-
-    @property
-    def text(self) -> str:
-        """What the noise is, in sentences."""
-
-    @property
-    def unit(self) -> str:
-        """The unit of the samples."""
-
-    @property
-    def null_p(self) -> float | None:
-        """The p-value of the null test."""
-
-    @property
-    def alpha(self) -> Interval:
-        """The order α."""
-
-    @property
-    def f(self) -> Interval:
-        """The parameter f."""
-
-    @property
-    def F(self) -> Interval:
-        """The weight of the last state."""
-
-    @property
-    def s2(self) -> Interval:
-        """The variance of the innovations."""
-
-    @property
-    def R(self) -> Interval:
-        """The variance of the white noise."""
-
-    @property
-    def allan(self) -> FitAllan | None:
-        """The curve of the Allan deviation."""
-
-    @property
-    def spectrum(self) -> FitSpectrum | None:
-        """The curve of the spectrum."""
 
 
 T_co = TypeVar("T_co", bound=FittedAxis, covariant=True)

@@ -73,11 +73,40 @@ class FitLowPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     poles: float
 
 
-class AxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Curves(msgspec.Struct, frozen=True, kw_only=True):
+    """The curves of an axis; None where the record is too short for them, or they are not asked for."""
+
+    allan: FitAllan | None = None
+    spectrum: FitSpectrum | None = None
+
+
+class FittedAxis(Curves, frozen=True):
+    """What the noise of one axis is, and what it was fitted with."""
+
+    verdict: VerdictKind
+    """What the noise is, in a word or two."""
+    text: str
+    """The verdict in sentences: what the noise is, how sure that is, what to do."""
+    unit: str
+    """The unit of the samples; s2 and R are in its square."""
+    null_p: float | None = None
+    """The p-value of the test whether the noise is white."""
+    alpha: Interval = Interval()
+    """The order α."""
+    f: Interval = Interval()
+    """The parameter f, in s^-α."""
+    F: Interval = Interval()
+    """F = h^α f + α, which the data say most about."""
+    s2: Interval = Interval()
+    """Variance of the state's innovations, h^2α Q."""
+    R: Interval = Interval()
+    """Variance of the white noise."""
+
+
+class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     """The fit of one axis to all its samples so far.
 
-    verdict: what the noise is; text: the same in sentences. null_p: of the null test at the time. F = g + α,
-    g = h^α f; s2, R: variances in the square of `unit`. rate_left_out: bands in Hz of lines and
+    null_p: at the time. rate_left_out: bands in Hz of lines and
     resonances, which are not fitted. left_out: samples that are not used, and bridged ones, by cause.
     breaks: how often the stretch of samples was broken, by cause: gaps, knocks (of 128 samples), steps of
     the offset, lasting changes of the noise's power.
@@ -85,19 +114,8 @@ class AxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     allan, spectrum: null between times (at most every 10 s).
     """
 
-    verdict: VerdictKind
-    text: str
-    unit: str
-    null_p: float | None = None
-    alpha: Interval = Interval()
-    f: Interval = Interval()
-    F: Interval = Interval()
-    s2: Interval = Interval()
-    R: Interval = Interval()
     rate_left_out: list[tuple[float, float]] = []
     left_out: dict[str, int] = {}
     breaks: dict[str, int] = {}
     low_pass: FitLowPass | None = None
     until_s: Until | None = None
-    allan: FitAllan | None = None
-    spectrum: FitSpectrum | None = None
