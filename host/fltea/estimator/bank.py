@@ -1,4 +1,4 @@
-"""All estimated axes of one sensor: start-up window, filters, supervisor and whiteness of the innovations.
+"""A bank estimates all axes of one sensor, from the start-up window to the whiteness of the innovations.
 
 One native call takes a whole block of samples (host/native/axis_bank.hpp). However samples are cut into
 blocks, the columns are the same to the bit.
@@ -122,28 +122,28 @@ class Bank:
 
     @property
     def restarts(self) -> dict[str, int]:
-        """How often each axis had to begin again."""
+        """Tell how often each axis had to begin again."""
         return self._by_axis(self._native.restarts, 0)
 
     @property
     def interventions(self) -> dict[str, dict[str, int]]:
-        """How often the guard stepped in since the last start of each axis, by cause; zeros left out."""
+        """Count by cause how often the guard stepped in since the last start of each axis; zeros are left out."""
         none: dict[str, int] = {}
         return self._by_axis(self._counts, none)
 
     @property
     def lag1(self) -> dict[str, float | None]:
-        """Correlation of neighbouring innovations of each axis; None before there are enough."""
+        """Give the correlation of neighbouring innovations of each axis; None before there are enough."""
         return self._of_innovations(lambda lag1, nis, ljung_box, samples: _finite(lag1))
 
     @property
     def nis(self) -> dict[str, float | None]:
-        """Mean normalised innovation squared of each axis; None before there are enough."""
+        """Give the mean normalised innovation squared of each axis; None before there are enough."""
         return self._of_innovations(lambda lag1, nis, ljung_box, samples: _finite(nis))
 
     @property
     def describes_noise(self) -> dict[str, bool | None]:
-        """Whether the last innovations of each axis are white enough; None before there are enough."""
+        """Tell whether the last innovations of each axis are white enough; None before there are enough."""
         return self._of_innovations(
             lambda lag1, nis, ljung_box, samples: (
                 describes(samples, ljung_box) if math.isfinite(ljung_box) else None
@@ -175,7 +175,7 @@ class Bank:
         return LaneSettings(self._config, self._h, R, {"state.Q": Q})
 
     def _by_axis(self, values: Callable[[], Sequence[_T]], otherwise: _T) -> dict[str, _T]:
-        """The values by axis; `otherwise` for constant axes, and for all before the baseline is known."""
+        """Return the values by axis; `otherwise` for constant axes, and for all before the baseline is known."""
         if self.baseline is None:
             return dict.fromkeys(self.axes, otherwise)
         constant = self.baseline.constant_axes

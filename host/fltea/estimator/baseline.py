@@ -1,4 +1,4 @@
-"""The baseline: what must be known of the data before the first estimate.
+"""The baseline is what must be known of the data before the first estimate: offset and variance.
 
 The algorithm assumes noise of zero mean and of known measurement variance R, and it is not forgiving. An
 offset of 1 deg/s on white noise of variance 0.0235 (deg/s)² makes the printed algorithm diverge, as does an
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 class Baseline(NamedTuple):
-    """What the start-up window found, one entry an axis."""
+    """Holds what the start-up window found, with one entry for each axis."""
 
     bias_dps: tuple[float, ...]
     """to be subtracted from each sample"""
@@ -32,7 +32,7 @@ class Baseline(NamedTuple):
 
 
 class Moments(NamedTuple):
-    """What the samples of a start-up window were like, of one axis."""
+    """Describes the samples of one axis in a start-up window."""
 
     mean: float
     variance: float
@@ -41,7 +41,7 @@ class Moments(NamedTuple):
 
 
 class BaselineRule:
-    """What of bias and R an estimator's settings give, and what the start-up window has to give.
+    """Knows which of bias and R the settings give, and takes the others from the start-up window.
 
     `resolution` is the size of one count in the axes' unit, if known: its quantisation variance,
     resolution²/12, is the least that R "auto" gives. `needed` is how many samples the window has, 0 if
@@ -61,7 +61,7 @@ class BaselineRule:
         self.needed = config.startup_needed
 
     def baseline_of(self, window: Sequence[Moments]) -> Baseline:
-        """The baseline after a window with these moments; an empty one where none is needed."""
+        """Return the baseline after a window with these moments; it is empty where no window is needed."""
         bias = self._given_bias
         if bias is None:
             bias = tuple(axis.mean for axis in window)
@@ -73,7 +73,7 @@ class BaselineRule:
         return Baseline(bias, R, tuple(axis for axis, same in zip(self.axes, still, strict=True) if same))
 
     def _given(self, name: str, value: str | float | list[float]) -> tuple[float, ...] | None:
-        """The value of each axis; None if the window shall give them."""
+        """Return the value of each axis; None if the window has to give them."""
         if isinstance(value, str):
             return None
         values = tuple(value) if isinstance(value, list | tuple) else (value,) * len(self.axes)
@@ -83,7 +83,7 @@ class BaselineRule:
 
 
 def baseline_of(y: ArrayLike, axis: str, config: EstimatorConfig, resolution: float | None) -> Baseline:
-    """Bias and R of one axis from its first samples, y (n,), or from the settings.
+    """Return bias and R of one axis from its first samples, y (n,), or from the settings.
 
     Raises:
         ValueError: settings as for `BaselineRule`, or fewer samples than the window needs.
@@ -96,21 +96,14 @@ def baseline_of(y: ArrayLike, axis: str, config: EstimatorConfig, resolution: fl
     return rule.baseline_of([Moments(*axis) for axis in found])
 
 
-def lane_moments(window: Array, resolution: float | None) -> tuple[Array, Array]:
-    """Means and variances of start-up windows, (n, lanes): as `Moments`, (lanes,) each."""
-    found = _native.moments(np.ascontiguousarray(window), resolution or 0.0)
-    mean, variance = (np.array([lane[i] for lane in found]) for i in range(2))
-    return mean, variance
-
-
 def lane_baselines(window: Array, config: EstimatorConfig, resolution: float | None) -> tuple[Array, Array]:
-    """Bias and R of lanes that all have the settings of one axis, (lanes,) each.
+    """Return bias and R, (lanes,) each, of lanes that all have the settings of one axis.
 
     window: their start-up windows, (n, lanes). R may be 0 where a lane never changed.
     """
     bias, R = np.zeros(window.shape[1]), np.zeros(window.shape[1])
     if len(window):
-        bias, R = lane_moments(window, resolution)
+        bias, R, _ = np.array(_native.moments(np.ascontiguousarray(window), resolution or 0.0)).T
     if config.bias != "startup":
         bias = np.full_like(bias, 0.0 if isinstance(config.bias, str) else np.ravel(config.bias)[0])
     if config.R != "auto":

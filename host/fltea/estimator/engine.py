@@ -1,4 +1,4 @@
-"""Native engine: FLTEA for one state in many lanes at once (Macias & Sierociuk 2023, section 5).
+"""The native engine runs FLTEA for one state in many lanes at once (Macias & Sierociuk 2023, section 5).
 
 A lane is one system of its own (an axis, a sensor, a shuffled copy, another set of settings):
 
@@ -60,7 +60,7 @@ LARGEST_INPUT = _native.LARGEST_INPUT
 
 
 class Estimates(NamedTuple):
-    """After every sample; arrays of shape (lanes,) from `step` and (n, lanes) from `run`."""
+    """Holds what is known after every sample; arrays are (lanes,) from `step` and (n, lanes) from `run`."""
 
     alpha: Array
     alpha_var: Array
@@ -81,7 +81,7 @@ class Estimates(NamedTuple):
 
 
 def instruction_sets() -> list[str]:
-    """Names of the instruction sets that this processor can run, best first."""
+    """Return the names of the instruction sets that this processor can run, the best first."""
     return _native.instruction_sets()
 
 
@@ -112,7 +112,7 @@ def interventions_of(native: _native.Engine | _native.Lanes | _native.Bank, lane
 
 
 class Engine:
-    """Any number of lanes of the estimator, all of one variant, guard and memory.
+    """Runs any number of lanes of the estimator, all of one variant, guard and memory.
 
     `instruction_set` is one of `instruction_sets()`, by default the first. Results of different sets differ
     by rounding. Raises ValueError for settings that no filter can work with. Calls from several threads wait
@@ -148,7 +148,7 @@ class Engine:
         return Estimates._make((*out, self.interventions()))
 
     def interventions(self) -> NDArray[np.int32]:
-        """How often the guard stepped in, (lanes, len(CAUSES)), since the start of each lane."""
+        """Return how often the guard stepped in, (lanes, len(CAUSES)), since the start of each lane."""
         return interventions_of(self._native, self.lanes)
 
     def retune(self, settings: LaneSettings) -> None:
@@ -172,7 +172,7 @@ class Engine:
 
     @property
     def storage_bytes(self) -> int:
-        """Bytes of working memory of all lanes, idle ones of the last pack included."""
+        """Return the bytes of working memory of all lanes, idle ones of the last pack included."""
         return self._native.storage_bytes
 
     def save(self) -> bytes:

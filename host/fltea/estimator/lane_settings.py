@@ -1,4 +1,4 @@
-"""What the native engine is made with: the settings of an estimator, and the numbers that differ by lane."""
+"""Lane settings are what the native engine is made with: an estimator's settings, and numbers by lane."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ _DECLARED["h"] = Declared(
 
 @dataclass(frozen=True, eq=False)
 class LaneSettings:
-    """All of an engine; a number of a lane may also be an array with one entry for each lane.
+    """Holds all settings of an engine; a number may also be an array with one entry for each lane.
 
     config: the filters' settings, the window in samples. h: sampling period in s. R: measurement variance.
     numbers: by the path of a setting in the table `estimator`, such as "state.Q", in place of that of
@@ -48,7 +48,7 @@ class LaneSettings:
 
     @property
     def kind(self) -> dict[str, object]:
-        """What the memory and the filters are made for, and what cannot change."""
+        """Return what the memory and the filters are made for, which cannot change."""
         c = self.config
         return {
             "window": c.window_samples,
@@ -59,7 +59,7 @@ class LaneSettings:
         }
 
     def table(self, lanes: int) -> Array:
-        """The numbers of each lane in the order of the native engine, (lanes, 16).
+        """Return the numbers of each lane in the order of the native engine, (lanes, 16).
 
         These are h, of KFx x0, P0, Q and R, of KFo alpha0, P0, Q0, R and delta, of KFw the same from f0 on,
         and gate; with variant "joint" the joint filter's are in the places of KFo's and KFw's.
@@ -88,7 +88,7 @@ class LaneSettings:
         return np.ascontiguousarray(np.column_stack(columns))
 
     def native(self, instruction_set: str, table: Array) -> NativeArguments:
-        """What every native class that runs the engine is made with; `table` is that of its lanes."""
+        """Return the arguments of every native class that runs the engine; `table` is that of its lanes."""
         c = self.config
         return (
             instruction_set,
@@ -101,7 +101,7 @@ class LaneSettings:
         )
 
     def _lanes(self, path: str, lanes: int) -> Array:
-        """The number of a setting for each lane."""
+        """Return the number of a setting for each lane."""
         value = self.numbers.get(path)
         if value is None:
             found: object = self if path in ("h", "R") else self.config

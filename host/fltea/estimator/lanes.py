@@ -1,4 +1,4 @@
-"""Lanes under the supervisor: the one runner of daemon, identify and evaluate.
+"""Lanes under the supervisor are what daemon, identify and evaluate all run.
 
 Engine, supervisor and restarts are one native call for a whole block (host/native/lanes.hpp). The rules of
 the supervisor are in firmware/core/engine/supervisor.hpp, for the board too.
@@ -27,7 +27,7 @@ Reason = Literal["runaway", "bound"]
 
 
 class Lost(NamedTuple):
-    """A lane has become invalid with a row, and why."""
+    """Tells with which row a lane has become invalid, and why."""
 
     row: int
     lane: int
@@ -35,7 +35,7 @@ class Lost(NamedTuple):
 
 
 class LaneBlock(NamedTuple):
-    """Estimates after every sample; columns (n, lanes), NaN where the lane is not valid."""
+    """Holds estimates after every sample; columns are (n, lanes), and NaN where a lane is not valid."""
 
     alpha: Array
     alpha_std: Array
@@ -54,7 +54,7 @@ class LaneBlock(NamedTuple):
 
 
 class Lanes:
-    """Any number of lanes of the estimator, all of one variant, guard and memory.
+    """Runs any number of lanes of the estimator, all of one variant, guard and memory.
 
     A lane that the supervisor gives up begins again with the next sample. Raises ValueError for settings
     that no filter can work with. Calls from several threads wait for each other.
@@ -80,9 +80,9 @@ class Lanes:
 
     @property
     def restarts(self) -> NDArray[np.int64]:
-        """How often each lane had to begin again, (lanes,)."""
+        """Tell how often each lane had to begin again, (lanes,)."""
         return np.array(self._native.restarts(), dtype=np.int64)
 
     def interventions(self) -> NDArray[np.int32]:
-        """How often the guard stepped in, (lanes, len(CAUSES)), since the last start of each lane."""
+        """Return how often the guard stepped in, (lanes, len(CAUSES)), since the last start of each lane."""
         return interventions_of(self._native, self.lanes)

@@ -1,4 +1,4 @@
-"""What is saved of an engine and of a bank.
+"""A snapshot is what is saved of an engine, or of a bank with its baseline.
 
 Bytes of a saved engine: magic, version, header (JSON), settings, state, CRC-32 of all that.
 
@@ -37,7 +37,7 @@ MOST_RESTARTS = 1 << 52
 
 
 class Saved(NamedTuple):
-    """A snapshot, taken apart."""
+    """Holds the parts of an engine's snapshot."""
 
     lanes: int
     instruction_set: str
@@ -88,16 +88,16 @@ def unpack(data: bytes) -> Saved:
 
 
 def _hash(settings: LaneSettings, table: Array) -> str:
-    """Equal for settings that make equal engines."""
+    """Return a text that is equal for settings that make equal engines."""
     kind = json.dumps(settings.kind, sort_keys=True).encode()
     return hashlib.sha256(kind + table.astype("<f8").tobytes()).hexdigest()
 
 
 class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A baseline and what stands behind it, saved.
+    """Holds a saved baseline, and the filters that go on from it.
 
     R, Q: variances in use. tuned: axes whose variances are of a fit. engine: the filters with their memory.
-    supervisors: what they have seen.
+    supervisors: what the supervisors have seen.
     """
 
     axes: tuple[str, ...]
@@ -110,7 +110,7 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tuned: tuple[str, ...] = ()
 
     def check(self, axes: tuple[str, ...]) -> None:
-        """Raise ValueError, with what is wrong, unless the plain part of it is sound and of these axes."""
+        """Raise ValueError, with what is wrong, unless its plain numbers are sound and of these axes."""
         if self.axes != axes:
             raise ValueError(f"it is of the axes {', '.join(self.axes)}")
         for name, values in (("bias_dps", self.bias_dps), ("R", self.R), ("Q", self.Q)):

@@ -26,7 +26,7 @@ from fltea.records.errors import FlteaError
 from fltea.settings.extras import how_to_install
 
 WINDOW = 3000
-WINDOWS: tuple[int | None, ...] = (1_000, 10_000, 100_000, 1_000_000, None)
+WINDOWS = {str(n): n for n in (1_000, 10_000, 100_000, 1_000_000)} | {"unlimited": 0}
 LANES = tuple(2**i for i in range(11))
 
 # Axis-steps of one measurement: about a tenth of a second for the fast, enough to be repeatable for the slow.
@@ -41,6 +41,14 @@ TARGETS = {
     "engine_compressed_lanes": 12e6,
 }
 """What to reach: ratios of speed, one of cost (window_1e6_over_1e3, at most), axis-steps a second."""
+
+TARGET_NAMES = {
+    "compressed_over_direct": "speed, compressed : direct",
+    "compressed_over_filterpy": "speed, compressed : filterpy",
+    "window_1e6_over_1e3": "cost, L = 1,000,000 : L = 1,000",
+    "engine_compressed": "axis-steps/s, one lane",
+    "engine_compressed_lanes": "axis-steps/s, many lanes",
+}
 
 Work = Callable[[], int]
 """Does some axis-steps and returns how many."""
@@ -67,14 +75,12 @@ def measure(repetitions: int = 5, scale: float = 1.0) -> dict[str, Any]:
         str(n): _engine(n, WINDOW, "compressed", max(1, round(LANE_STEPS * scale) // n), scale) for n in LANES
     }
     speed["engine_compressed_lanes"] = _in_turns(lanes, repetitions)
-    windows = {
-        "unlimited" if w is None else str(w): _engine(1, w, "compressed", single, scale) for w in WINDOWS
-    }
+    windows = {name: _engine(1, w, "compressed", single, scale) for name, w in WINDOWS.items()}
     per_step = {name: 1e9 / rate for name, rate in _in_turns(windows, repetitions).items()}
     return {
         "axis_steps_per_s": speed,
         "ns_per_step_by_window": per_step,
-        "bytes_per_lane": _bytes_per_lane(),
+        "bytes_per_lane": {name: _bytes_per_lane(w) for name, w in WINDOWS.items()},
         "ratios": _ratios(speed, per_step),
         "paper_samples_per_s": SAMPLES_PER_SECOND,
         "window": WINDOW,
@@ -116,20 +122,11 @@ def text(result: dict[str, Any]) -> str:
         shown = key if key == "unlimited" else f"{int(key):,}"
         lines.append(f"| {shown} | {ns:.0f} | {result['bytes_per_lane'][key]:,.0f} |")
     lines += ["", "| | measured | to reach |", "|---|---|---|"]
-    for key, name in _RATIO_NAMES.items():
+    for key, name in TARGET_NAMES.items():
         bound = "at most" if key == "window_1e6_over_1e3" else "at least"
         measured = "–" if ratios[key] is None else f"{ratios[key]:,.4g}"
         lines.append(f"| {name} | {measured} | {bound} {TARGETS[key]:,g} |")
     return "\n".join(lines)
-
-
-_RATIO_NAMES = {
-    "compressed_over_direct": "speed, compressed : direct",
-    "compressed_over_filterpy": "speed, compressed : filterpy",
-    "window_1e6_over_1e3": "cost, L = 1,000,000 : L = 1,000",
-    "engine_compressed": "axis-steps/s, one lane",
-    "engine_compressed_lanes": "axis-steps/s, many lanes",
-}
 
 
 def _ratios(speed: dict[str, Any], per_step: dict[str, float]) -> dict[str, float | None]:
@@ -163,10 +160,10 @@ def _noise(shape: tuple[int, ...]) -> NDArray[np.float64]:
 
 
 def _engine(
-    lanes: int, window: int | None, memory: Literal["direct", "compressed"], steps: int, scale: float
+    lanes: int, window: int, memory: Literal["direct", "compressed"], steps: int, scale: float
 ) -> Work:
     """The engine with the paper's gyroscope settings, its memory full (to the part `scale` of it)."""
-    engine = Engine(lanes, lane_settings(GYROSCOPE_FILTERS, window or 0, Options(memory=memory)))
+    engine = Engine(lanes, lane_settings(GYROSCOPE_FILTERS, window, Options(memory=memory)))
     y = _noise((max(1, steps), lanes))
     fill = round((window or WINDOW) * min(scale, 1.0))
     for begin in range(0, fill, len(y)):
@@ -218,12 +215,6 @@ def _filterpy(steps: int) -> Work | None:
     return work
 
 
-def _bytes_per_lane() -> dict[str, float]:
-    """Bytes of an engine of 8 lanes (one pack of the widest instruction set), a lane, by window."""
-    return {
-        "unlimited" if w is None else str(w): Engine(
-            8, lane_settings(GYROSCOPE_FILTERS, w or 0, Options(memory="compressed"))
-        ).storage_bytes
-        / 8
-        for w in WINDOWS
-    }
+def _bytes_per_lane(window: int) -> float:
+    """Bytes of an engine of 8 lanes (one pack of the widest instruction set), a lane."""
+    return Engine(8, lane_settings(GYROSCOPE_FILTERS, window, Options(memory="compressed"))).storage_bytes / 8

@@ -11,6 +11,11 @@ from fltea.records.errors import UsageError
 
 TABLES = ("1", "2", "3", "4", "5", "6.2")
 FIGURES = (*(str(n) for n in range(2, 11)), "6.2", *(str(n) for n in range(12, 21)))
+NO_SUCH_FIGURE = "figures 2 to 10 and 12 to 20 can be drawn; 6.2 stands for section 6.2."
+NO_FIGURE = {
+    "1": "is the block diagram of the algorithm; there is nothing to compute.",
+    "11": "is a photograph of the set-up; there is nothing to compute.",
+}
 DEFAULT_OUT = Path("fltea-reproduce")
 
 
@@ -41,22 +46,12 @@ def select(tables: Sequence[str], figures: Sequence[str]) -> tuple[tuple[str, ..
     Raises:
         UsageError: a number that the paper does not have, or that cannot be computed.
     """
-    for table in tables:
-        if table not in TABLES:
-            raise UsageError(
-                f"--table {table}: the paper has tables 1 to 5; 6.2 stands for the example of section 6.2."
-            )
-    for figure in figures:
-        if figure == "1":
-            raise UsageError(
-                "--figure 1: is the block diagram of the algorithm; there is nothing to compute."
-            )
-        if figure == "11":
-            raise UsageError("--figure 11: is a photograph of the set-up; there is nothing to compute.")
-        if figure not in FIGURES:
-            raise UsageError(
-                f"--figure {figure}: figures 2 to 10 and 12 to 20 can be drawn; 6.2 stands for section 6.2."
-            )
+    for table in set(tables) - set(TABLES):
+        raise UsageError(
+            f"--table {table}: the paper has tables 1 to 5; 6.2 stands for the example of section 6.2."
+        )
+    for figure in set(figures) - set(FIGURES):
+        raise UsageError(f"--figure {figure}: {NO_FIGURE.get(figure, NO_SUCH_FIGURE)}")
     if not tables and not figures:
         return TABLES, FIGURES, True
     return tuple(t for t in TABLES if t in tables), tuple(f for f in FIGURES if f in figures), False

@@ -146,21 +146,20 @@ def document(rows: Sequence[dict[str, Any]]) -> str:
     cases: dict[str, dict[str, dict[str, Any]]] = {}
     for row in rows:
         cases.setdefault(row["case"], {})[row["guard"]] = row
+    head = ["", "| case | off | faithful | consistent |", "|---|---|---|---|"]
+    driven_lines, resting_lines = (
+        [_line(case, by) for case, by in cases.items() if key in by["off"]] for key in ("state", "alpha")
+    )
     lines = [
         "Diverged runs: medians of the squared errors state / parameter / order (in brackets: over the seeds "
         "on which the printed algorithm converged).",
-        "",
-        "| case | off | faithful | consistent |",
-        "|---|---|---|---|",
-    ]
-    lines += [_line(case, by) for case, by in cases.items() if "state" in by["off"]]
-    lines += [
+        *head,
+        *driven_lines,
         "",
         "At rest, diverged runs: median of the last α / f.",
-        "",
-        "| case | off | faithful | consistent |",
+        *head,
+        *resting_lines,
     ]
-    lines += ["|---|---|---|---|", *(_line(case, by) for case, by in cases.items() if "alpha" in by["off"])]
     return "\n".join(lines) + "\n"
 
 
