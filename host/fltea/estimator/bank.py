@@ -127,7 +127,7 @@ class Bank:
 
     @property
     def interventions(self) -> dict[str, dict[str, int]]:
-        """Count by cause how often the guard stepped in since the last start of each axis; zeros are left out."""
+        """Count by cause, without zeros, how often the guard stepped in since the last start of each axis."""
         none: dict[str, int] = {}
         return self._by_axis(self._counts, none)
 
@@ -175,7 +175,7 @@ class Bank:
         return LaneSettings(self._config, self._h, R, {"state.Q": Q})
 
     def _by_axis(self, values: Callable[[], Sequence[_T]], otherwise: _T) -> dict[str, _T]:
-        """Return the values by axis; `otherwise` for constant axes, and for all before the baseline is known."""
+        """Return values by axis; `otherwise` for constant axes, and for all before the baseline is known."""
         if self.baseline is None:
             return dict.fromkeys(self.axes, otherwise)
         constant = self.baseline.constant_axes
