@@ -166,20 +166,12 @@ def _clean(content: Content) -> Content:
     Raises:
         Bad: names in a fit do not look like ours.
     """
-    match content:
-        case Status(status, source, device, reason):
-            return Status(_short(status), _short(source), _short(device), reason and _short(reason))
-        case Hello():
-            return msgspec.structs.replace(
-                content,
-                sensor=content.sensor and _short(content.sensor),
-                firmware_version=content.firmware_version and _short(content.firmware_version),
-            )
-        case Error(kind, message):
-            return Error(_short(kind), _line(message, LONGEST_TEXT))
-        case Fit():
-            return _clean_fit(content)
-    return content
+    if isinstance(content, Fit):
+        return _clean_fit(content)
+    fields = {name: getattr(content, name) for name in content.__struct_fields__}
+    texts = {name: text for name, text in fields.items() if isinstance(text, str)}
+    most = dict.fromkeys(texts, LONGEST_WORD) | {"message": LONGEST_TEXT}
+    return msgspec.structs.replace(content, **{name: _line(text, most[name]) for name, text in texts.items()})
 
 
 def _clean_fit(fit: Fit) -> Fit:
@@ -197,10 +189,6 @@ def _clean_fit(fit: Fit) -> Fit:
         for name, axis in fit.axes.items()
     }
     return msgspec.structs.replace(fit, axes=axes)
-
-
-def _short(text: str) -> str:
-    return _line(text, LONGEST_WORD)
 
 
 def _line(text: str, most: int) -> str:

@@ -2,6 +2,7 @@
 
 import errno
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 
@@ -11,19 +12,7 @@ from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.events import Chunk, Failed, LinkDown, Opened, TransportEvent
 from fltea.records.ports import Item, Report, Sink
-from fltea.records.records import (
-    AnyRecord,
-    DeviceEstimates,
-    DeviceFits,
-    Epoch,
-    Error,
-    Estimate,
-    Fit,
-    Gap,
-    Hello,
-    Sample,
-    Stats,
-)
+from fltea.records.records import AnyRecord, Estimate, Hello, Sample
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer
 from fltea.sources.wire_events import WireEvents
@@ -36,18 +25,8 @@ RETRY_NS = 5 * 10**9
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
-KINDS: dict[str, type[AnyRecord]] = {
-    "hello": Hello,
-    "epoch": Epoch,
-    "gap": Gap,
-    "sample": Sample,
-    "estimate": Estimate,
-    "device_estimate": DeviceEstimates,
-    "device_fit": DeviceFits,
-    "fit": Fit,
-    "stats": Stats,
-    "error": Error,
-}
+KINDS: dict[str, type[AnyRecord]] = {str(kind.__struct_config__.tag): kind for kind in get_args(AnyRecord)}
+"""Records by the names of their classes."""
 
 
 class RecordSink(Sink):
@@ -74,10 +53,9 @@ class RecordSink(Sink):
         self.trouble: str | None = None
         self.lost = 0
         self._settings, self._report = settings, report
-        self._topics = {KINDS[name]: name for name in settings.channels}
-        self._session = Session(
-            settings.folder, device, {str(name): KINDS[name] for name in settings.channels}
-        )
+        kinds = {str(name): KINDS[name] for name in settings.channels}
+        self._topics = {kind: name for name, kind in kinds.items()}
+        self._session = Session(settings.folder, device, kinds)
         self._part: OpenPart | None = None
         self._finished_bytes = 0
         self._offset_ns: int | None = None
@@ -137,19 +115,19 @@ class RecordSink(Sink):
         if self._part is None:
             self._begin()
         publish_ns = item.host_ns + item.unix_offset_ns
-        data = item.data if isinstance(item, Chunk) else b""
-        if self._part is None:
-            self._lose(len(data), chunks=int(isinstance(item, Chunk)))
-        elif isinstance(item, Chunk):
-            log_ns = item.host_ns + self._offset_ns
-            self._part.add(Entry(WIRE, log_ns, publish_ns, self._sequence, data))
+        if isinstance(item, Chunk):
+            if self._part is None:
+                self._lose(len(item.data), chunks=1)
+            else:
+                self._part.add(Entry(WIRE, self._log_ns, publish_ns, self._sequence, item.data))
+            self._sequence = (self._sequence + 1) % WIRE_WRAP
+        elif self._part is None:
+            self._lose()
         elif isinstance(item, Failed):
             failed = LinkMessage("failed", kind=item.kind, message=item.message)
             self._part.add_link(failed, self._log_ns, publish_ns)
         else:
             self._part.add_link(LinkMessage("opened"), self._log_ns, publish_ns)
-        if isinstance(item, Chunk):
-            self._sequence = (self._sequence + 1) % WIRE_WRAP
         for event in self._wire.feed(item, item.host_ns):
             if isinstance(event, Hello):
                 self._on_hello(event)

@@ -251,8 +251,7 @@ class DeviceView:
         return " *" if stats is not None and stats.describes_noise is False else ""
 
     def _rows_below(self, estimate: Estimate) -> Table:
-        rows = Table.grid(padding=(0, 2))
-        rows.add_row("", "α, last seconds", "f, last seconds")
+        rows = _grid("", "α, last seconds", "f, last seconds")
         for name in estimate.axes:
             rows.add_row(name, *map(str, self._trends[name]))
         return rows
@@ -282,12 +281,17 @@ class DeviceView:
         )
 
 
+def _grid(*titles: RenderableType) -> Table:
+    rows = Table.grid(padding=(0, 2))
+    rows.add_row(*titles)
+    return rows
+
+
 def _fit_rows(record: Fit, *, wide: bool) -> Table:
     """What the noise of each axis is: in words, with its order where it has one, and how long yet."""
-    rows = Table.grid(padding=(0, 2))
     targets = [axis.until_s.target for axis in record.axes.values() if axis.until_s]
     until = f"α ± {targets[0]:g} in" if targets else ""
-    rows.add_row("", "noise", "α, 95 %", *([Text("f [s^-α], 95 %")] if wide else []), until)
+    rows = _grid("", "noise", "α, 95 %", *([Text("f [s^-α], 95 %")] if wide else []), until)
     for name, axis in record.axes.items():
         found = answer(axis)
         alpha, f = (
@@ -306,8 +310,7 @@ def _until(fit: AxisFit) -> str:
 
 def _device_rows(record: DeviceEstimates) -> Table:
     """The device's own α and f, and how far they are from the host's after the same sample."""
-    rows = Table.grid(padding=(0, 2))
-    rows.add_row("", "device's α", "minus the host's", "device's f", "minus the host's")
+    rows = _grid("", "device's α", "minus the host's", "device's f", "minus the host's")
     for name, axis in record.axes.items():
         if not axis.valid:
             rows.add_row(name, "not valid")
@@ -319,8 +322,7 @@ def _device_rows(record: DeviceEstimates) -> Table:
 
 def _device_fit_rows(fits: Mapping[str, DeviceAxisFit]) -> Table:
     """The device's own fit, and how far its α is from that of the fit here."""
-    rows = Table.grid(padding=(0, 2))
-    rows.add_row("", "device's fit", "α, 95 %", "minus the host's", "in half-widths")
+    rows = _grid("", "device's fit", "α, 95 %", "minus the host's", "in half-widths")
     for name, fit in fits.items():
         p = fit.alpha
         known = p.value is not None and p.low is not None and p.high is not None

@@ -75,21 +75,17 @@ class MqttSink(Sink):
         elif self._hello is None and not self._turned_away:
             self._keep_early(item)
         elif isinstance(item, Estimate | DeviceEstimates):
-            kind = "estimate" if isinstance(item, Estimate) else "device_estimate"
-            if self._is_due(kind, item.seq, self._settings.estimate_every):
-                self._stream(kind, item, self._settings.stream_qos)
-        elif isinstance(item, DeviceFits):
-            self._stream("device_fit", item, 1)
-        elif isinstance(item, Stats):
-            self._stream("stats", item, 1)
+            if self._is_due(_kind(item), item.seq, self._settings.estimate_every):
+                self._stream(item, self._settings.stream_qos)
+        elif isinstance(item, DeviceFits | Stats):
+            self._stream(item, 1)
         elif self._turned_away:
             self._delivery.lost += 1
         elif isinstance(item, Fit):  # a state: who comes later, or after an outage, gets the newest one
             self._fit = self._encode(item)
             self._publish_state("fit", self._fit)
         else:
-            topic = self._topic(type(item).__name__.lower())
-            self._delivery.keep(Message(topic, self._encode(item), again=True))
+            self._delivery.keep(Message(self._topic(_kind(item)), self._encode(item), again=True))
             self._delivery.send_waiting()
 
     def _on_block(self, block: Block) -> None:
@@ -104,9 +100,9 @@ class MqttSink(Sink):
             seq, chosen = int(block.seq[row]), slice(row, row + 1)
             every = self._settings.sample_every
             if every and self._is_due("sample", seq, every):
-                self._stream("sample", next(block.samples(chosen)), qos)
+                self._stream(next(block.samples(chosen)), qos)
             if block.estimates and self._is_due("estimate", seq, self._settings.estimate_every):
-                self._stream("estimate", next(block.estimate_records(chosen)), qos)
+                self._stream(next(block.estimate_records(chosen)), qos)
 
     def _is_due(self, kind: str, seq: int, every: int) -> bool:
         """Whether it is the first in `every` samples; a device, or `output.every`, may leave none at it."""
@@ -220,15 +216,21 @@ class MqttSink(Sink):
     def _publish_state(self, kind: str, payload: bytes) -> None:
         self._delivery.state(Message(self._topic(kind), payload, retain=True))
 
-    def _stream(self, kind: str, record: AnyRecord, qos: int) -> None:
+    def _stream(self, record: AnyRecord, qos: int) -> None:
         if self._turned_away:
             self._delivery.lost += 1
             return
-        message = Message(self._topic(kind), self._encode(record), again=kind != "stats", qos=qos)
-        self._delivery.stream(message)
+        again = not isinstance(record, Stats)
+        topic = self._topic(_kind(record))
+        self._delivery.stream(Message(topic, self._encode(record), again=again, qos=qos))
 
     def _topic(self, kind: str) -> str:
         return f"{self._settings.prefix}/{self._level}/{kind}"
+
+
+def _kind(record: Record) -> str:
+    """The last level of a record's topic: the name of its class."""
+    return str(record.__struct_config__.tag)
 
 
 def device_level(hello: Hello, device: str) -> str:
