@@ -32,6 +32,9 @@ MODES = {
     "live": Mode(
         "only what the live fit costs: accumulators, fits, an hour's replay", ("tools.bench.bench_live",)
     ),
+    "memory": Mode(
+        "only the compressed memory: modes, accuracy, time of a step", ("tools.bench.bench_memory",)
+    ),
     "cluster": Mode(
         "only `fltea identify --out` with one and two workers of Dask", ("tools.bench.bench_cluster",)
     ),
@@ -41,6 +44,7 @@ MODES = {
         ("devices", "seconds"),
     ),
     "fleet": Mode("only `fltea fleet` under load: half a minute", ("tools.bench.bench_fleet",), ("devices",)),
+    "soak": Mode("only days of a stream, in minutes", ("tools.bench.soak",), ("hours", "seed")),
 }
 
 
@@ -60,6 +64,8 @@ def main() -> None:
         "--devices", type=int, help="sensors of --ingest (default 200) and --fleet (default 500)"
     )
     parser.add_argument("--seconds", type=int, help="of --ingest (default 15)")
+    parser.add_argument("--hours", type=float, help="of --soak (default 24)")
+    parser.add_argument("--seed", type=int, help="of --soak (default 1)")
     given = vars(parser.parse_args())
     chosen = [mode for name, mode in MODES.items() if given[name]]
     chosen = chosen or [USUAL, *([DAEMON] if given["daemon"] else [])]

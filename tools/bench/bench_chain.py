@@ -22,6 +22,9 @@ from fltea.estimator.lane_settings import LaneSettings
 from fltea.settings.estimator import EstimatorConfig
 
 from tools.bench import bench_daemon, day_files
+from tools.bench.feeder import RATE_HZ
+from tools.bench.measured import in_turns
+from tools.validation.tables import Table, number
 
 ROUNDS = 3
 AT_ONCE = 8192
@@ -34,7 +37,6 @@ GOALS = {
     "24 h, identify": ("wall_s", 60.0),
 }
 MOST_RSS_MB = 300.0
-MOST_LATE_MS = 500.0
 LIVE_GOALS = {"p99_ms, 1 device": 2.0, "p99_ms, 10 devices": 5.0, "cpu_percent, 1 device": 3.0}
 DEVICES_GOAL = 300
 
@@ -57,9 +59,9 @@ def measure(*, long: bool = False) -> dict[str, Any]:
     found["live"] = [bench_daemon.run_once(devices, 8.0) for devices in (1, 10)]
     if long:
         found["many"] = _most_devices()
-    engine_ms = found["hour"]["engine alone"]["cpu_s"] / (3600 * day_files.RATE_HZ) * 1e3
+    engine_ms = found["hour"]["engine alone"]["cpu_s"] / (3600 * RATE_HZ) * 1e3
     for run in found["live"] + found.get("many", []):
-        run["chain_over_engine"] = run["cpu_percent"] / (run["devices"] * engine_ms * day_files.RATE_HZ * 0.1)
+        run["chain_over_engine"] = run["cpu_percent"] / (run["devices"] * engine_ms * RATE_HZ * 0.1)
     return found | {"not_reached": not_reached(found)}
 
 
@@ -87,12 +89,12 @@ def not_reached(found: dict[str, Any]) -> list[str]:
 
 def is_carried(run: dict[str, Any]) -> bool:
     """Whether nothing was lost, and nothing late."""
-    lost = ("lost", "overflow_bytes", "dropped", "port_full", "missing", "errors")
-    return not any(run[key] for key in lost) and run["max_ms"] <= MOST_LATE_MS
+    lost = any(run[key] for key in (*bench_daemon.LOST, "missing", "errors"))
+    return not lost and bool(run["max_ms"] <= bench_daemon.LATE_MS)
 
 
 def _hour(folder: Path) -> dict[str, Any]:
-    gyro = day_files.counts(3600 * day_files.RATE_HZ)
+    gyro = day_files.counts(3600 * RATE_HZ)
     npz, csv, mcap = folder / "rest.npz", folder / "rest.csv", folder / "mcap"
     day_files.write_npz(npz, gyro)
     day_files.write_csv(csv, gyro)
@@ -111,12 +113,12 @@ def _hour(folder: Path) -> dict[str, Any]:
         ),
         "the program's start alone": lambda: run_fltea(["run", "--help"]),
     }
-    return _in_turns(rows, ROUNDS)
+    return _figures(rows, ROUNDS)
 
 
 def _day(folder: Path) -> dict[str, Any]:
     """Each once: they take minutes."""
-    gyro = day_files.counts(24 * 3600 * day_files.RATE_HZ)
+    gyro = day_files.counts(24 * 3600 * RATE_HZ)
     npz, mcap = folder / "day.npz", folder / "day_mcap"
     day_files.write_npz(npz, gyro)
     day_files.write_mcap(mcap, gyro)
@@ -133,7 +135,7 @@ def _day(folder: Path) -> dict[str, Any]:
         "peer: mcap's reader over 24 h": lambda: _python(_MCAP_PEER.format(str(mcap))),
         "24 h, identify": lambda: run_fltea(["identify", npz, "--json"]),
     }
-    return _in_turns(rows, 1)
+    return _figures(rows, 1)
 
 
 def _most_devices() -> list[dict[str, Any]]:
@@ -172,7 +174,7 @@ def _replay(path: Path, output: str = "none") -> list[Any]:
 def _engine(gyro: Any) -> Cost:
     """The engine on the same samples, in blocks."""
     y = np.asarray(gyro[200:], dtype=np.float64) / day_files.LSB_PER_DPS
-    engine = Engine(3, LaneSettings(EstimatorConfig(), 1 / day_files.RATE_HZ, y[:1000].var(axis=0)))
+    engine = Engine(3, LaneSettings(EstimatorConfig(), 1 / RATE_HZ, y[:1000].var(axis=0)))
     begin_s, begin_cpu_s = time.monotonic(), time.process_time()
     for begin in range(0, len(y), AT_ONCE):
         engine.run(y[begin : begin + AT_ONCE])
@@ -188,52 +190,30 @@ def _python(code: str) -> Cost:
     return _run([sys.executable, "-c", code], None)
 
 
+_MEASURE = """
+import json, os, subprocess, sys, time
+begin_s = time.monotonic()
+program = subprocess.Popen(sys.argv[1:])
+_, status, usage = os.wait4(program.pid, 0)
+cost = time.monotonic() - begin_s, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+print(json.dumps(cost), file=sys.stderr)
+sys.exit(os.waitstatus_to_exitcode(status))
+"""
+"""A process of its own, and a small one: a program has the peak of whoever has started it."""
+
+
 def _run(command: list[str], out: Path | None) -> Cost:
-    """Of a program with all its processes."""
+    """Of a program with all the processes for which it waits."""
     with open(out or os.devnull, "wb") as stream:
-        begin_s = time.monotonic()
-        program = subprocess.Popen(command, stdout=stream, stderr=subprocess.PIPE, start_new_session=True)
-        seen: dict[int, tuple[float, float]] = {}
-        while program.poll() is None:
-            for process, now in _session(program.pid).items():
-                before = seen.get(process, (0.0, 0.0))
-                seen[process] = max(before[0], now[0]), max(before[1], now[1])
-            time.sleep(0.05)
-        wall_s = time.monotonic() - begin_s
-        assert program.stderr is not None
-        if program.returncode:
-            raise RuntimeError(f"{command}: {program.stderr.read().decode()[-500:]}")
-        program.stderr.close()
-    cpu_s = sum(cpu for cpu, _ in seen.values())
-    return Cost(wall_s, cpu_s, max((rss for _, rss in seen.values()), default=0.0))
+        measure = [sys.executable, "-c", _MEASURE, *command]
+        done = subprocess.run(measure, stdout=stream, stderr=subprocess.PIPE, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{command}: {done.stderr[-500:]}")
+    return Cost(*json.loads(done.stderr.splitlines()[-1]))
 
 
-def _session(leader: int) -> dict[int, tuple[float, float]]:
-    """Processor time and peak memory of the processes of a session."""
-    found = {}
-    for folder in Path("/proc").iterdir():
-        if not folder.name.isdigit():
-            continue
-        try:
-            fields = (folder / "stat").read_text().rpartition(")")[2].split()
-            if int(fields[3]) != leader:
-                continue
-            status = (folder / "status").read_text()
-        except (OSError, IndexError):
-            continue  # it has just ended
-        peak = next((line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")), "0")
-        found[int(folder.name)] = ((int(fields[11]) + int(fields[12])) / bench_daemon.TICKS, int(peak) / 1024)
-    return found
-
-
-def _in_turns(rows: dict[str, Callable[[], Cost]], rounds: int) -> dict[str, Any]:
-    runs: dict[str, list[Cost]] = {name: [] for name in rows}
-    for _ in range(rounds):
-        for name, run in rows.items():
-            try:
-                runs[name].append(run())
-            except RuntimeError as error:
-                print(f"{name}: {error}", file=sys.stderr)
+def _figures(rows: dict[str, Callable[[], Cost]], rounds: int) -> dict[str, Any]:
+    runs = in_turns(rows, rounds)
     engine_s = statistics.median(run.cpu_s for run in runs["engine alone"])
     return {
         name: {
@@ -246,50 +226,33 @@ def _in_turns(rows: dict[str, Callable[[], Cost]], rounds: int) -> dict[str, Any
             "peer": name.startswith("peer"),
         }
         for name, found in runs.items()
-        if found
     }
 
 
 def text(found: dict[str, Any]) -> str:
     """The figures as tables, goals beside them."""
-    lines = []
+    tables = []
     for title in ("hour", "day"):
-        if title not in found:
-            continue
-        rounds = f"medians of {ROUNDS} rounds, in turns" if title == "hour" else "one round"
-        lines += [f"One {title} at 100 Hz, three axes; {rounds}", ""]
-        lines += [
-            "| | wall s (from, to) | processor s | times the engine | peak MB | goal |",
-            "|---|---|---|---|---|---|",
+        cells = [
+            (
+                name,
+                f"{f['wall_s']:.2f} ({f['wall_s_min']:.2f}, {f['wall_s_max']:.2f})",
+                f"{f['cpu_s']:.2f}",
+                f"{f['chain_over_engine']:.1f}",
+                number(f["rss_mb"] or None, ".0f"),
+                f"≤ {GOALS[name][1]:g} s" if name in GOALS else "",
+            )
+            for name, f in found.get(title, {}).items()
         ]
-        for name, f in found[title].items():
-            goal = f"≤ {GOALS[name][1]:g} s" if name in GOALS else ""
-            rss = f"{f['rss_mb']:.0f}" if f["rss_mb"] else "–"
-            wall = f"{f['wall_s']:.2f} ({f['wall_s_min']:.2f}, {f['wall_s_max']:.2f})"
-            cost = f"{f['cpu_s']:.2f} | {f['chain_over_engine']:.1f}"
-            lines.append(f"| {name} | {wall} | {cost} | {rss} | {goal} |")
-        lines.append("")
-    lines += [
-        "Live devices at 100 Hz on pseudo-terminals, NDJSON; from a frame's last byte to its line",
-        "",
-        "| devices | p50 ms | p99 ms | max ms | core % | times the engine | MB | lost, dropped | errors |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for run in [*found["live"], *found.get("many", [])]:
-        lost = run["lost"] + run["port_full"] + run["missing"], run["dropped"] + run["overflow_bytes"]
-        lines.append(
-            f"| {run['devices']} | {run['p50_ms']:.2f} | {run['p99_ms']:.2f} | {run['max_ms']:.1f} | "
-            f"{run['cpu_percent']:.1f} | {run['chain_over_engine']:.1f} | {run['rss_mb']:.0f} | "
-            f"{lost[0]}, {lost[1]} | {run['errors']} |"
-        )
-    lines += ["", "Goals: p99 ≤ 2 ms with 1 device and ≤ 5 ms with 10; ≤ 3 % of a core; 300 devices."]
+        rounds = f"medians of {ROUNDS} rounds, in turns" if title == "hour" else "one round"
+        headings = ("", "wall s (from, to)", "processor s", "times the engine", "peak MB", "goal")
+        if cells:
+            tables.append(Table(f"One {title} at 100 Hz, three axes; {rounds}", headings, cells))
+    tables.append(bench_daemon.table([*found["live"], *found.get("many", [])]))
+    lines = [one.markdown() for one in tables]
+    lines.append("Goals: p99 ≤ 2 ms with 1 device and ≤ 5 ms with 10; ≤ 3 % of a core; 300 devices.")
     if "many" not in found:
         lines.append("Not measured here: 24 hours, and how many devices one process carries (--long).")
     missed = found["not_reached"]
     lines += ["Not reached: " + "; ".join(missed) + "." if missed else "All goals measured here are reached."]
     return "\n".join(lines)
-
-
-if __name__ == "__main__":
-    figures = measure(long="--long" in sys.argv)
-    print(json.dumps(figures) if "--json" in sys.argv else text(figures))

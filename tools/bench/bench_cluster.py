@@ -23,7 +23,8 @@ from fltea.identification.dask_workers import DaskWorkers
 from fltea.identification.run import Settings
 from fltea.settings.how import How
 
-from tools.bench.day_files import RATE_HZ, counts, write_mcap
+from tools.bench.day_files import counts, write_mcap
+from tools.bench.feeder import RATE_HZ
 
 MINUTES, FILES = 10, 6
 TINY = 400

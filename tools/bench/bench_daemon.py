@@ -2,40 +2,24 @@
 
 import contextlib
 import json
-import os
 import statistics
 import subprocess
-import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[2]
-TICKS = os.sysconf("SC_CLK_TCK")
+from tools.bench.measured import Watch, started
+from tools.validation.tables import Table
+
 LATE_MS = 500.0
 SETTLE_S = 8.0
 """Until memory, start-up windows and imports have settled."""
-
-
-class Usage(NamedTuple):
-    """Processor time and memory of a process as of now."""
-
-    cpu_s: float
-    rss_mb: float
-    threads: int
-
-    @staticmethod
-    def of(pid: int) -> "Usage":
-        """Read it from /proc."""
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        status = Path(f"/proc/{pid}/status").read_text()
-        rss_kb = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS"))
-        return Usage((int(fields[11]) + int(fields[12])) / TICKS, rss_kb / 1024, int(fields[17]))
+LOST = ("lost", "overflow_bytes", "dropped", "port_full")
 
 
 class Reader(threading.Thread):
@@ -68,41 +52,25 @@ class Reader(threading.Thread):
             yield int(record["device"].removeprefix("d")), record["seq"], now_ns
 
 
-def run_once(devices: int, seconds: float, extra: Sequence[str] = (), client: Any = None) -> dict[str, Any]:
+def run_once(devices: int, seconds: float) -> dict[str, Any]:
     """Run the daemon on so many devices for a while, and measure it from outside."""
     with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
-        folder = Path(name)
-        feeder = subprocess.Popen(
-            [sys.executable, "-m", "tools.bench.feeder", folder, str(devices), str(SETTLE_S + seconds)],
-            cwd=ROOT,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        stack.callback(feeder.wait)
-        stack.callback(feeder.kill)
-        assert feeder.stdin is not None and feeder.stdout is not None  # noqa: PT018
+        folder, pipe = Path(name), subprocess.PIPE
+        feeding = folder, devices, SETTLE_S + seconds
+        feeder = started(stack, "tools.bench.feeder", *feeding, stdin=pipe, stdout=pipe, text=True)
         feeder.stdout.readline()
         urls = [part for k in range(devices) for part in ("-s", f"serial:{folder / f'd{k}'}")]
-        daemon = subprocess.Popen(
-            [sys.executable, "-m", "fltea", "run", *urls, "--format", "ndjson", *extra],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            bufsize=1 << 20,
-        )
-        stack.callback(daemon.wait)
-        stack.callback(daemon.kill)
+        quiet = {"stderr": subprocess.DEVNULL, "bufsize": 1 << 20}
+        daemon = started(stack, "fltea", "run", *urls, "--format", "ndjson", stdout=pipe, **quiet)
         reader = Reader(daemon.stdout)
         reader.start()
         time.sleep(2.0 + devices / 150)  # a device that is silent for 5 s is reported
         feeder.stdin.write("go\n")
         feeder.stdin.flush()
         time.sleep(SETTLE_S)
-        if client is not None:
-            stack.enter_context(client())
-        begin, begin_s, begin_ns = Usage.of(daemon.pid), time.monotonic(), time.monotonic_ns()
+        watch = Watch({"daemon": daemon.pid})
         time.sleep(max(1.0, seconds - 1.0))
-        end, end_s = Usage.of(daemon.pid), time.monotonic()
+        share = watch.end()["daemon"]
         while not (folder / "times.npy").exists():
             time.sleep(0.1)
         time.sleep(0.5)
@@ -110,31 +78,29 @@ def run_once(devices: int, seconds: float, extra: Sequence[str] = (), client: An
         daemon.wait(30)
         reader.join(30)
         written_ns = np.load(folder / "times.npy")
-        latency_ms = np.array(
-            [
-                (now_ns - written_ns[k, seq]) * 1e-6
-                for k, seq, now_ns in reader.arrivals()
-                if written_ns[k, seq] > begin_ns
-            ]
-        )
-        stats = reader.stats.values()
-        return {
-            "devices": devices,
-            "cpu_percent": 100 * (end.cpu_s - begin.cpu_s) / (end_s - begin_s),
-            "rss_mb": end.rss_mb,
-            "threads": end.threads,
-            "estimates": len(latency_ms),
-            "p50_ms": float(np.percentile(latency_ms, 50)),
-            "p99_ms": float(np.percentile(latency_ms, 99)),
-            "max_ms": float(latency_ms.max()),
-            "late": int((latency_ms > LATE_MS).sum()),
-            "missing": int((written_ns > begin_ns).sum()) - len(latency_ms),
-            "lost": sum(s["samples"]["lost"] for s in stats),
-            "overflow_bytes": sum(s["link"]["overflow_bytes"] for s in stats),
-            "dropped": sum(o["dropped"] for s in stats for o in s["outputs"].values()),
-            "port_full": int((written_ns == 0).sum()),
-            "errors": len(reader.errors),
-        }
+    latency_ms = np.array(
+        [
+            (now_ns - written_ns[k, seq]) * 1e-6
+            for k, seq, now_ns in reader.arrivals()
+            if written_ns[k, seq] > watch.begin_ns
+        ]
+    )
+    stats = reader.stats.values()
+    return {
+        "devices": devices,
+        **share._asdict(),
+        "estimates": len(latency_ms),
+        "p50_ms": float(np.percentile(latency_ms, 50)),
+        "p99_ms": float(np.percentile(latency_ms, 99)),
+        "max_ms": float(latency_ms.max()),
+        "late": int((latency_ms > LATE_MS).sum()),
+        "missing": int((written_ns > watch.begin_ns).sum()) - len(latency_ms),
+        "lost": sum(s["samples"]["lost"] for s in stats),
+        "overflow_bytes": sum(s["link"]["overflow_bytes"] for s in stats),
+        "dropped": sum(o["dropped"] for s in stats for o in s["outputs"].values()),
+        "port_full": int((written_ns == 0).sum()),
+        "errors": len(reader.errors),
+    }
 
 
 def measure(seconds: float = 20.0, repetitions: int = 3) -> dict[str, Any]:
@@ -143,7 +109,7 @@ def measure(seconds: float = 20.0, repetitions: int = 3) -> dict[str, Any]:
     many = []
     for devices in (10, 25, 50, 100, 200, 300):
         many.append(run_once(devices, seconds))
-        if any(many[-1][key] for key in ("lost", "overflow_bytes", "dropped", "port_full")):
+        if any(many[-1][key] for key in LOST):
             break
     keys = ("p50_ms", "p99_ms", "max_ms", "cpu_percent", "rss_mb")
     return {
@@ -155,20 +121,25 @@ def measure(seconds: float = 20.0, repetitions: int = 3) -> dict[str, Any]:
 
 def text(figures: dict[str, Any]) -> str:
     """The figures as a table."""
-    lines = ["devices   latency ms: p50     p99      max   CPU %  memory MB  estimates  lost  dropped"]
-    for run in (*figures["one_runs"], *figures["many"]):
-        lines.append(
-            f"{run['devices']:7d} {run['p50_ms']:15.2f} {run['p99_ms']:7.2f} {run['max_ms']:8.2f} "
-            f"{run['cpu_percent']:7.1f} {run['rss_mb']:10.1f} {run['estimates']:10d} "
-            f"{run['lost'] + run['port_full']:5d} {run['dropped'] + run['overflow_bytes']:8d}"
+    return table([*figures["one_runs"], *figures["many"]]).markdown()
+
+
+def table(runs: list[dict[str, Any]]) -> Table:
+    """Some runs; times the engine: where it is known what the engine alone takes."""
+    cells = [
+        (
+            f"{run['devices']}",
+            *(f"{run[key]:.2f}" for key in ("p50_ms", "p99_ms")),
+            f"{run['max_ms']:.1f}",
+            f"{run['cpu_percent']:.1f}",
+            *([f"{run['chain_over_engine']:.1f}"] if "chain_over_engine" in run else []),
+            f"{run['rss_mb']:.0f}",
+            f"{run['lost'] + run['port_full'] + run['missing']}, {run['dropped'] + run['overflow_bytes']}",
+            f"{run['errors']}",
         )
-    return "\n".join(lines)
-
-
-if __name__ == "__main__":
-    arguments = sys.argv[1:]
-    if arguments and arguments[0] == "once":
-        print(json.dumps(run_once(int(arguments[1]), float(arguments[2]), arguments[3:]), indent=1))
-    else:
-        found = measure()
-        print(json.dumps(found) if "--json" in arguments else text(found))
+        for run in runs
+    ]
+    engine = ["times the engine"] if runs and "chain_over_engine" in runs[0] else []
+    headings = ["devices", "p50 ms", "p99 ms", "max ms", "core %", *engine, "MB", "lost, dropped", "errors"]
+    title = "Live devices at 100 Hz on pseudo-terminals, NDJSON; from a frame's last byte to its line"
+    return Table(title, headings, cells)

@@ -1,94 +1,89 @@
-"""Speed of the native decoder, as blocks and frame by frame, and of PyPI's bare COBS on the same bytes."""
+"""Speed of the decoders: native, Python, and PyPI's bare COBS on the same bytes, side by side in one run."""
 
 import statistics
-import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from cobs import cobs
-from fltea.wire import layout as wire
 from fltea.wire.block_reader import BlockReader, FrameReader, SampleColumns
-from fltea.wire.messages import encode
+
+from tools.bench.feeder import sample
+from tools.bench.measured import cpu_seconds, in_turns
 
 FRAMES = 20_000
 CHUNK = 4096
 LARGE_CHUNK = 65536
 REPETITIONS = 9
+WORDS = {
+    "native": f"COBS, CRC, version, fields as columns; {CHUNK:,} bytes a call",
+    "native_large": f"the same; {LARGE_CHUNK:,} bytes a call",
+    "python": f"the same, one object a frame; {CHUNK:,} bytes a call",
+    "cobs": "COBS alone",
+}
+
+
+def native(chunks: list[bytes]) -> int:
+    """Count the samples by the native reader."""
+    reader = BlockReader()
+    blocks = (block for chunk in chunks for block in reader.feed(chunk))
+    return sum(len(block.sequence) for block in blocks if isinstance(block, SampleColumns))
+
+
+def python(chunks: list[bytes]) -> int:
+    """Count the frames by the reader in Python."""
+    reader = FrameReader()
+    return sum(len(reader.feed(chunk)) for chunk in chunks)
+
+
+def bare(stream: bytes) -> int:
+    """Count the blocks that COBS alone decodes."""
+    return len([cobs.decode(block) for block in stream.split(b"\0") if block])
 
 
 def measure() -> dict[str, Any]:
     """Frames per second of all, in turns, and microseconds of a call that brings one frame.
 
-    Processor time, which a busy machine changes least. Figures are medians of the rounds; a ratio is the
-    median of the ratios within a round.
+    Figures are medians of the rounds; a ratio is the median of the ratios within a round.
     """
-    frames = [
-        encode(wire.Sample(k % 7, -k % 5, k % 3, 0, 0, 16384, 1335, 0), k % 65536, k * 10_000)
-        for k in range(FRAMES)
-    ]
+    frames = [sample(k, (k % 7, -k % 5, k % 3), k * 10_000) for k in range(FRAMES)]
     stream = b"".join(frames)
-
-    def native(chunks: list[bytes]) -> int:
-        reader = BlockReader()
-        blocks = (block for chunk in chunks for block in reader.feed(chunk))
-        return sum(len(block.sequence) for block in blocks if isinstance(block, SampleColumns))
-
-    def single(chunks: list[bytes]) -> int:
-        reader = FrameReader()
-        return sum(len(reader.feed(chunk)) for chunk in chunks)
-
-    def bare() -> int:
-        return len([cobs.decode(block) for block in stream.split(b"\0") if block])
-
     small, large = _chunks(stream, CHUNK), _chunks(stream, LARGE_CHUNK)
-    contenders: dict[str, Callable[[], int]] = {
-        "native": lambda: native(small),
-        "native_large": lambda: native(large),
-        "frames": lambda: single(small),
-        "cobs": bare,
-        "native_single": lambda: native(frames),
-        "frames_single": lambda: single(frames),
+    works: dict[str, Callable[[], int]] = {
+        "native": partial(native, small),
+        "native_large": partial(native, large),
+        "python": partial(python, small),
+        "cobs": partial(bare, stream),
+        "native_single": partial(native, frames),
+        "python_single": partial(python, frames),
     }
-    rounds = [{name: _rate(run) for name, run in contenders.items()} for _ in range(REPETITIONS)]
-
-    def median_ratio(name: str, other: str) -> float:
-        return statistics.median(rates[name] / rates[other] for rates in rounds)
-
+    rates = in_turns({name: partial(_rate, work) for name, work in works.items()}, REPETITIONS)
     figures: dict[str, Any] = {"frames": FRAMES, "repetitions": REPETITIONS}
-    for name in ("native", "native_large", "frames", "cobs"):
-        rates = [rates[name] for rates in rounds]
-        figures[f"{name}_frames_per_s"] = statistics.median(rates)
-        figures[f"{name}_frames_per_s_min"] = min(rates)
-        figures[f"{name}_frames_per_s_max"] = max(rates)
-    for name in ("native", "frames"):
-        figures[f"{name}_us_per_call"] = statistics.median(1e6 / rates[f"{name}_single"] for rates in rounds)
-    return figures | {
-        "native_over_frames": median_ratio("native", "frames"),
-        "native_over_cobs": median_ratio("native", "cobs"),
-    }
+    for name in WORDS:
+        figures[f"{name}_frames_per_s"] = statistics.median(rates[name])
+        figures[f"{name}_frames_per_s_min"] = min(rates[name])
+        figures[f"{name}_frames_per_s_max"] = max(rates[name])
+    for name in ("native", "python"):
+        figures[f"{name}_us_per_call"] = 1e6 / statistics.median(rates[f"{name}_single"])
+    for other in ("python", "cobs"):
+        ratios = (a / b for a, b in zip(rates["native"], rates[other], strict=True))
+        figures[f"native_over_{other}"] = statistics.median(ratios)
+    return figures
 
 
 def text(figures: dict[str, Any]) -> str:
     """Return the figures as lines for people."""
-
-    def line(label: str, name: str, what: str) -> str:
+    lines = [f"decoding {FRAMES:,} SAMPLE frames, processor time, medians of {REPETITIONS} rounds"]
+    for name, words in WORDS.items():
         median, low, high = (figures[f"{name}_frames_per_s{end}"] for end in ("", "_min", "_max"))
-        return f"{label:<18}{median:>12,.0f} frames/s ({low:,.0f} to {high:,.0f}): {what}"
-
-    return "\n".join(
-        [
-            f"decoding {figures['frames']:,} SAMPLE frames, processor time, "
-            f"medians of {figures['repetitions']} rounds",
-            line("native", "native", f"COBS, CRC, version, fields as columns; {CHUNK:,} bytes a call"),
-            line("native", "native_large", f"the same; {LARGE_CHUNK:,} bytes a call"),
-            line("frames", "frames", f"the same, one object a frame; {CHUNK:,} bytes a call"),
-            line("bare cobs", "cobs", "COBS alone"),
-            f"as columns {figures['native_over_frames']:.1f} times as fast as frame by frame, and "
-            f"{figures['native_over_cobs']:.1f} times as fast as bare cobs",
-            f"a call that brings one frame: as columns {figures['native_us_per_call']:.2f} us, "
-            f"as a frame {figures['frames_us_per_call']:.2f} us",
-        ]
-    )
+        lines.append(f"{name:<18}{median:>12,.0f} frames/s ({low:,.0f} to {high:,.0f}): {words}")
+    lines += [
+        f"native is {figures['native_over_python']:.1f} times as fast as Python and "
+        f"{figures['native_over_cobs']:.1f} times as fast as bare cobs",
+        f"a call that brings one frame: native {figures['native_us_per_call']:.2f} us, "
+        f"Python {figures['python_us_per_call']:.2f} us",
+    ]
+    return "\n".join(lines)
 
 
 def _chunks(stream: bytes, size: int) -> list[bytes]:
@@ -96,9 +91,8 @@ def _chunks(stream: bytes, size: int) -> list[bytes]:
 
 
 def _rate(decode: Callable[[], int]) -> float:
-    start = time.process_time()
-    decoded = decode()
-    seconds = time.process_time() - start
-    if decoded != FRAMES:
-        raise RuntimeError(f"{decoded} frames decoded, {FRAMES} sent: the figure is void")
+    found: list[int] = []
+    seconds = cpu_seconds(lambda: found.append(decode()))
+    if found != [FRAMES]:
+        raise RuntimeError(f"{found} frames decoded, {FRAMES} sent: the figure is void")
     return FRAMES / seconds

@@ -8,15 +8,14 @@ import json
 import os
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
 import urllib.request
 from pathlib import Path
 from typing import Any
 
-from tools.bench.bench_daemon import Usage
-from tools.bench.bench_ingest import ROOT, broker
+from tools.bench.bench_ingest import broker
+from tools.bench.measured import Watch, rounded, started
 from tools.faults.program import wait_until
 
 SENSORS, EVERY_S, ROUNDS = 500, 2.5, 6
@@ -24,66 +23,46 @@ SENSORS, EVERY_S, ROUNDS = 500, 2.5, 6
 
 def measure(devices: int = SENSORS, rounds: int = ROUNDS) -> dict[str, Any]:
     """One run: so many sensors with a fit, statistics and now and then a status every 2.5 s."""
-    with (
-        tempfile.TemporaryDirectory() as name,
-        broker(Path(name)) as mosquitto,
-        contextlib.ExitStack() as stack,
-    ):
+    with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
+        folder = Path(name)
+        mosquitto = broker(folder, stack)
+        log = folder / "fleet.log"
         address = mosquitto.url.removeprefix("mqtt://")
-        log = Path(name) / "fleet.log"
-        command = [sys.executable, "-m", "fltea", "fleet", "--mqtt", address, "--listen", "0"]
+        options = ("--mqtt", address, "--listen", "0", "--history", folder / "fleet.db")
         with log.open("wb") as output:
-            fleet = subprocess.Popen(
-                [*command, "--history", str(Path(name) / "fleet.db")], stdout=output, stderr=output
-            )
-        stack.callback(fleet.wait)
-        stack.callback(fleet.kill)
+            fleet = started(stack, "fltea", "fleet", *options, stdout=output, stderr=output)
         wait_until(lambda: "the fleet is at" in log.read_text(), "the fleet")
         page = log.read_text().rpartition("the fleet is at ")[2].split()[0]
-        wait_until(lambda: _summary(page)["connected"], "the connection")
-        load = [sys.executable, "-m", "tools.fleet_load", "--port", address.rpartition(":")[2]]
-        load += ["--sensors", str(devices), "--every", str(EVERY_S), "--rounds", str(rounds)]
+        wait_until(lambda: _asked(f"{page}api/summary")["connected"], "the connection")
         load_before = os.getloadavg()[0]
-        pids = {"fleet": fleet.pid, "broker": mosquitto.process.pid}
-        sender = subprocess.Popen(
-            load, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-        )
-        stack.callback(sender.wait)
-        stack.callback(sender.kill)
-        wait_until(lambda: _summary(page)["fits"] > 0, "the first fit")
-        first, first_s = {who: Usage.of(pid) for who, pid in pids.items()}, time.monotonic()
-        looks = []
+        load = ("--port", mosquitto.port, "--sensors", devices, "--every", EVERY_S, "--rounds", rounds)
+        quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
+        sender = started(stack, "tools.fleet_load", *load, **quiet)
+        wait_until(lambda: _asked(f"{page}api/summary")["fits"] > 0, "the first fit")
+        watch, looks = Watch({"fleet": fleet.pid, "broker": mosquitto.process.pid}), []
         while sender.poll() is None:
             begin_s = time.monotonic()
-            _ask(f"{page}api/table?count=50")
+            _asked(f"{page}api/table?count=50")
             looks.append(time.monotonic() - begin_s)
             time.sleep(1.0)
-        last, last_s = {who: Usage.of(pid) for who, pid in pids.items()}, time.monotonic()
-        assert sender.stdout is not None
+        shares = watch.end()
         sent = json.loads(sender.stdout.read())
         time.sleep(1.0)
-        found = _summary(page)
-        return {
-            **sent,
-            "taken": found["fits"],
-            "lost": sent["fits"] - found["fits"],
-            "messages_per_s": round(sent["published"] / sent["seconds"], 1),
-            "table_s": round(statistics.median(looks), 4),
-            "cpu_percent": {
-                who: round(100 * (last[who].cpu_s - first[who].cpu_s) / (last_s - first_s), 1) for who in pids
-            },
-            "rss_mb": {who: round(usage.rss_mb, 1) for who, usage in last.items()},
-            "load_before": round(load_before, 2),
-        }
+        taken = _asked(f"{page}api/summary")["fits"]
+    return {
+        **sent,
+        "taken": taken,
+        "lost": sent["fits"] - taken,
+        "messages_per_s": round(sent["published"] / sent["seconds"], 1),
+        "table_s": round(statistics.median(looks), 4),
+        **rounded(shares),
+        "load_before": round(load_before, 2),
+    }
 
 
-def _ask(url: str) -> Any:
+def _asked(url: str) -> dict[str, Any]:
     with urllib.request.urlopen(url, timeout=30) as answer:
-        return json.load(answer)
-
-
-def _summary(page: str) -> dict[str, Any]:
-    found: dict[str, Any] = _ask(f"{page}api/summary")
+        found: dict[str, Any] = json.load(answer)
     return found
 
 

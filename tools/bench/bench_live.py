@@ -2,8 +2,8 @@
 
 import statistics
 import tempfile
-import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,10 @@ from fltea.spectrum.octaves import Octaves
 from numpy.typing import NDArray
 
 from tools.bench import bench_chain, day_files
+from tools.bench.feeder import RATE_HZ
+from tools.bench.measured import cpu_seconds, in_turns
 from tools.validation.evaluate.cases import Case, H, samples
+from tools.validation.tables import Table
 
 Array = NDArray[np.float64]
 
@@ -52,31 +55,25 @@ def not_reached(found: dict[str, Any]) -> list[str]:
 
 
 def text(found: dict[str, Any]) -> str:
-    """The figures as lines for people."""
-    lines = [f"The live fit: processor time, medians of {found['rounds']} rounds in turns", ""]
-    lines += ["| accumulators, three axes | ns a sample and axis | times the filters |", "|---|---|---|"]
-    for name, f in found["accumulators"].items():
-        lines.append(f"| {name} | {f['ns']:.0f} | {f['over_filters']:.2f} |")
-    lines += [
-        "",
-        f"| a fit after {SAMPLES:,} samples | ms an axis | of a core, once a second |",
-        "|---|---|---|",
+    """The figures as tables for people."""
+    sums = [(name, f"{f['ns']:.0f}", f"{f['over_filters']:.2f}") for name, f in found["accumulators"].items()]
+    of_fits = [(name, f"{f['ms']:.2f}", f"{f['ms'] / 10:.2f} %") for name, f in found["fit"].items()]
+    tables = [
+        Table(
+            f"Processor time, medians of {ROUNDS} rounds in turns",
+            ("accumulators, three axes", "ns a sample and axis", "times the filters"),
+            sums,
+        ),
+        Table(f"A fit after {SAMPLES:,} samples", ("", "ms an axis", "of a core, once a second"), of_fits),
+        Table(
+            "Replay of one hour, three axes",
+            ("", "wall s", "processor s", "times that without"),
+            [(name, *(f"{one:.2f}" for one in f.values())) for name, f in found["replay"].items()],
+        ),
     ]
-    for name, f in found["fit"].items():
-        lines.append(f"| {name} | {f['ms']:.2f} | {f['ms'] / 10:.2f} % |")
-    lines += [
-        "",
-        "| replay of one hour, three axes | wall s | processor s | times that without |",
-        "|---|---|---|---|",
-    ]
-    for name, f in found["replay"].items():
-        lines.append(f"| {name} | {f['wall_s']:.2f} | {f['cpu_s']:.2f} | {f['over_without']:.2f} |")
     missed = found["not_reached"]
-    lines += [
-        "",
-        "Not reached: " + "; ".join(missed) + "." if missed else "All goals measured here are reached.",
-    ]
-    return "\n".join(lines)
+    last = "Not reached: " + "; ".join(missed) + "." if missed else "All goals measured here are reached."
+    return "\n".join([*(one.markdown() for one in tables), last])
 
 
 def _accumulators(y: Array) -> dict[str, Any]:
@@ -96,7 +93,8 @@ def _accumulators(y: Array) -> dict[str, Any]:
             for block in blocks:
                 lanes.run(block)
 
-        pairs = [(_seconds(octaves), _seconds(filters)) for _ in range(ROUNDS)]
+        works = {"octaves": partial(cpu_seconds, octaves), "filters": partial(cpu_seconds, filters)}
+        pairs = list(zip(*in_turns(works, ROUNDS).values(), strict=True))
         found[name] = {
             "ns": statistics.median(1e9 * one / y.size for one, _ in pairs),
             "over_filters": statistics.median(one / other for one, other in pairs),
@@ -117,11 +115,8 @@ def _fits(y: Array) -> dict[str, Any]:
         ):
             if len(more):
                 live.add(more)
-
-            def fit(live: LiveAxes = live, curves: bool = curves) -> None:
-                live.fit(curves=curves)
-
-            times.setdefault(name, []).append(_seconds(fit) / len(AXES))
+            seconds = cpu_seconds(partial(live.fit, curves=curves))
+            times.setdefault(name, []).append(seconds / len(AXES))
     return {name: {"ms": 1e3 * statistics.median(each)} for name, each in times.items()}
 
 
@@ -129,24 +124,20 @@ def _replay() -> dict[str, Any]:
     """The whole program, once with fits and once without, in turns."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rest.npz"
-        day_files.write_npz(path, day_files.counts(3600 * day_files.RATE_HZ))
+        day_files.write_npz(path, day_files.counts(3600 * RATE_HZ))
         command = ["run", "-s", f"replay:{path}", "--once", "--format", "none"]
         rows: dict[str, Callable[[], bench_chain.Cost]] = {
             "with fits": lambda: bench_chain.run_fltea(command),
             "without": lambda: bench_chain.run_fltea([*command, "--set", "live.on=false"]),
         }
-        rounds = [{name: run() for name, run in rows.items()} for _ in range(REPLAYS)]
+        runs = in_turns(rows, REPLAYS)
     return {
         name: {
-            "wall_s": statistics.median(one[name].wall_s for one in rounds),
-            "cpu_s": statistics.median(one[name].cpu_s for one in rounds),
-            "over_without": statistics.median(one[name].cpu_s / one["without"].cpu_s for one in rounds),
+            "wall_s": statistics.median(run.wall_s for run in found),
+            "cpu_s": statistics.median(run.cpu_s for run in found),
+            "over_without": statistics.median(
+                run.cpu_s / other.cpu_s for run, other in zip(found, runs["without"], strict=True)
+            ),
         }
-        for name in rows
+        for name, found in runs.items()
     }
-
-
-def _seconds(work: Callable[[], None]) -> float:
-    begin = time.process_time()
-    work()
-    return time.process_time() - begin

@@ -1,12 +1,10 @@
 """The compressed memory: modes, accuracy and time of a step, by digits, window and width.
 
-`python -m tools.bench.bench_memory [--json]`. A step is what the estimator asks of its memory: state sums of
+A step is what the estimator asks of its memory: state sums of
 three orders, both sums of a fourth, one push, each waiting for the one before. Errors are relative, the
 worst over ages up to ten million samples and over orders in the range.
 """
 
-import argparse
-import json
 import statistics
 import sys
 from pathlib import Path
@@ -17,6 +15,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/rig"))
 from memory_probe import DIRECT, SETS, Memory
+
+from tools.validation.tables import NONE, Table, number
 
 DIGITS = (3, 4, 5, 6, 7, 8, 9, 10, 11)
 WINDOWS = (1000, 3000, 10_000, 100_000, 1_000_000, 0)
@@ -53,7 +53,7 @@ def nanoseconds(memory: Memory, window: int) -> float:
 
 
 def measure() -> dict[str, list[dict[str, Any]]]:
-    """Everything as one object for JSON."""
+    """Everything."""
     by_digits = []
     for digits in DIGITS:
         memory = Memory(digits)
@@ -94,35 +94,29 @@ def measure() -> dict[str, list[dict[str, Any]]]:
     return {"by_digits": by_digits, "by_window": by_window, "direct": direct}
 
 
-def main() -> None:
-    """Print the tables, as text or with --json as one object."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    as_json = parser.parse_args().json
-    result = measure()
-    if as_json:
-        print(json.dumps(result))
-        return
-    print("digits  modes at L = 3000   worst relative error of c_j (of its square), by order       ns/step")
-    print(" " * 28 + "".join(f"{f'{low} .. {high}':>18}" for low, high in RANGES))
-    for row in result["by_digits"]:
-        errors = "".join(f"{f'{s:.0e} ({v:.0e})':>18}" for s, v in row["weight_error"].values())
-        print(
-            f"{row['digits']:>6}  {row['state_modes']} + {row['variance_modes']:<15}{errors}"
-            f"{row['ns_per_step']:>10.0f}"
+def text(found: dict[str, list[dict[str, Any]]]) -> str:
+    """The figures as tables."""
+    by_digits = [
+        (
+            f"{row['digits']}",
+            f"{row['state_modes']} + {row['variance_modes']}",
+            *(f"{of_c:.0e} ({of_square:.0e})" for of_c, of_square in row["weight_error"].values()),
+            f"{row['ns_per_step']:.0f}",
         )
-    for title, rows in (("compressed, 6 digits", result["by_window"]), ("direct", result["direct"])):
-        print(f"\n{title}")
-        for row in rows:
-            extra = (
-                f"{row['modes'][0]} + {row['modes'][1]} modes, {row['bytes']:,} B" if "modes" in row else ""
+        for row in found["by_digits"]
+    ]
+    headings = ("digits", "modes at L = 3000", *(f"{low} .. {high}" for low, high in RANGES), "ns a step")
+    tables = [Table("Worst relative error of c_j (of its square), by order", headings, by_digits)]
+    for title, rows in (("Compressed, 6 digits", found["by_window"]), ("Direct", found["direct"])):
+        cells = [
+            (
+                *(f"{row[name]}" for name in ("instruction_set", "lanes", "window")),
+                *(f"{row['ns_per_step'] / lanes:.1f}" for lanes in (1, row["lanes"])),
+                " + ".join(map(str, row.get("modes", ()))) or NONE,
+                number(row.get("bytes"), ",d"),
             )
-            ns = row["ns_per_step"]
-            print(
-                f"  {row['instruction_set']:<9} {row['lanes']} lane(s)  L = {row['window']!s:<10}"
-                f"{ns:>8.0f} ns a step, {ns / row['lanes']:>7.1f} ns a lane  {extra}"
-            )
-
-
-if __name__ == "__main__":
-    main()
+            for row in rows
+        ]
+        headings = ("instructions", "lanes", "L", "ns a step", "ns a lane", "modes", "bytes")
+        tables.append(Table(title, headings, cells))
+    return "\n".join(one.markdown() for one in tables)

@@ -1,7 +1,6 @@
 """What the live spectrum and the Allan deviation cost alone: sums a sample, curves, fits of models."""
 
 import statistics
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -17,6 +16,8 @@ from fltea.spectrum.periodogram import Binned, binned
 from fltea.spectrum.profile import fractional_fit
 from fltea.spectrum.whittle import fit
 
+from tools.bench.measured import cpu_seconds, in_turns
+
 H = 0.01
 REPETITIONS = 9
 LANES, ROWS, SINGLE_ROWS = 3, 200_000, 20_000
@@ -28,16 +29,17 @@ CASES = ((0.3, -1.5, 3.0), (0.6, -3.0, 3.0), (0.8, -1.0, 0.3), (0.8, -10.0, 3.0)
 
 
 def measure() -> dict[str, Any]:
-    """Bytes of memory, and of each work the processor time: the median and the largest of the rounds.
-
-    The works of a round follow one another, so that a busy machine is busy for all.
-    """
+    """Bytes of memory, and of each work the processor time: the median and the largest of the rounds."""
     works = [*_octaves(), *_allan(), *_fits()]
-    rounds = [[_seconds(run) for _, _, _, run in works] for _ in range(REPETITIONS)]
+    times = in_turns({name: partial(cpu_seconds, run) for name, _, _, run in works}, REPETITIONS)
     timed = [
-        {"work": name, "unit": unit, "median": statistics.median(times), "largest": max(times)}
-        for (name, unit, scale, _), *seconds in zip(works, *rounds, strict=True)
-        if (times := [one * scale for one in seconds])
+        {
+            "work": name,
+            "unit": unit,
+            "median": scale * statistics.median(times[name]),
+            "largest": scale * max(times[name]),
+        }
+        for name, unit, scale, _ in works
     ]
     sums = AllanSums()
     sums.add(np.random.default_rng(1).standard_normal(SAMPLES))
@@ -123,9 +125,3 @@ def _axis(alpha: float, f: float, ratio: float, seed: int) -> Binned:
     shape = ratio * spectra.fractional(lam, alpha, H**alpha * f) + 1
     power = shape * np.random.default_rng(seed).gamma(counts) / counts
     return Binned(lam, counts, power[np.newaxis])
-
-
-def _seconds(run: Callable[[], object]) -> float:
-    begin = time.process_time()
-    run()
-    return time.process_time() - begin

@@ -6,20 +6,17 @@ same samples: white noise of 3 LSB on three axes, 100 Hz, with some slow wanderi
 
 import csv
 import sys
-from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 from fltea.records.events import Chunk, Opened
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.record import RecordSink
-from fltea.wire import layout as wire
-from fltea.wire.messages import encode
 from numpy.typing import NDArray
 
-from tools.bench.feeder import hello
+from tools.bench.feeder import RATE_HZ, frames
 
-RATE_HZ = 100
 LSB_PER_DPS = 16.4
 BEGIN_NS = 10**9
 UNIX_NS = 1_900_000_000 * 10**9
@@ -55,24 +52,12 @@ def write_csv(path: Path, gyro: NDArray[np.int16]) -> None:
             writer.writerows(np.column_stack([time_s, (part / LSB_PER_DPS).round(6)]).tolist())
 
 
-def reads(gyro: NDArray[np.int16]) -> Iterator[bytes]:
-    """What each read of the port gives: a frame, and once a second HELLO and STATUS before it."""
-    status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER, 0, 0)
-    for begin in range(0, len(gyro), AT_ONCE):
-        for i, (x, y, z) in enumerate(gyro[begin : begin + AT_ONCE].tolist(), begin):
-            now_us = i * (1_000_000 // RATE_HZ) % 2**32
-            data = encode(wire.Sample(x, y, z, 0, 0, 16384, 1335, 0), i % 65536, now_us)
-            if i % RATE_HZ == 0:
-                second = i // RATE_HZ % 65536
-                data = encode(hello(0), second, now_us) + encode(status, second, now_us) + data
-            yield data
-
-
 def write_mcap(folder: Path, gyro: NDArray[np.int16]) -> Path:
     """By the recorder itself; the folder."""
     sink = RecordSink(RecordConfig(folder=str(folder)), "bench", lambda kind, text: print(kind, text))
     sink.write(Opened(BEGIN_NS, UNIX_NS))
-    for i, data in enumerate(reads(gyro)):
+    parts = (gyro[begin : begin + AT_ONCE].tolist() for begin in range(0, len(gyro), AT_ONCE))
+    for i, data in enumerate(frames(0, chain.from_iterable(parts))):
         sink.write(Chunk(data, BEGIN_NS + i * (10**9 // RATE_HZ) + 900_000, UNIX_NS))
         if i % 50 == 0:
             sink.flush()

@@ -6,13 +6,14 @@ of each sample's frame was written, in FOLDER/times.npy: (devices, samples) in n
 """
 
 import os
-import random
 import sys
 import time
 import tty
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from fltea.records.events import TIME_WRAP_US
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 
@@ -22,25 +23,27 @@ RATE_HZ = 100
 PERIOD_NS = 10**9 // RATE_HZ
 
 
-def hello(k: int) -> wire.Hello:
-    """Who device k is."""
-    return HELLO._replace(boot_id=k + 1, device_id=k.to_bytes(16, "big"), firmware_version="bench")
+def greeting(k: int, second: int, now_us: int, boot_id: int | None = None) -> bytes:
+    """Return what device k says of itself once a second: HELLO and STATUS."""
+    hello = HELLO._replace(
+        boot_id=boot_id or k + 1, device_id=k.to_bytes(16, "big"), firmware_version="bench"
+    )
+    status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER, 0, 0)
+    return b"".join(encode(one, second % 65536, now_us % TIME_WRAP_US) for one in (hello, status))
 
 
-def frames(k: int, n: int) -> list[bytes]:
-    """What device k sends at each of n instants: white noise of 3 LSB; HELLO and STATUS once a second."""
-    rng = random.Random(k)
-    found = []
-    for i in range(n):
-        x, y, z = (round(rng.gauss(0, 3)) for _ in range(3))
+def sample(i: int, gyro: Sequence[int], now_us: int) -> bytes:
+    """Return the frame of sample i of a device at rest."""
+    x, y, z = gyro
+    return encode(wire.Sample(x, y, z, 0, 0, 16384, 1335, 0), i % 65536, now_us % TIME_WRAP_US)
+
+
+def frames(k: int, counts: Iterable[Sequence[int]]) -> Iterator[bytes]:
+    """Yield what device k sends at each instant, of counts of three axes."""
+    for i, gyro in enumerate(counts):
         now_us = i * PERIOD_NS // 1000
-        data = encode(wire.Sample(x, y, z, 0, 0, 16384, 1335, 0), i % 65536, now_us % 2**32)
-        if i % RATE_HZ == 0:
-            second = i // RATE_HZ
-            status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER, 0, 0)
-            data = encode(hello(k), second, now_us) + encode(status, second, now_us) + data
-        found.append(data)
-    return found
+        said = greeting(k, i // RATE_HZ, now_us) if i % RATE_HZ == 0 else b""
+        yield said + sample(i, gyro, now_us)
 
 
 def main() -> None:
@@ -55,7 +58,8 @@ def main() -> None:
         (folder / f"d{k}").symlink_to(os.ttyname(slave))
         masters.append(master)
         keep.append(slave)  # open, so that a port that nobody listens to yet is no error
-    data = [frames(k, samples) for k in range(n)]
+    noise = (np.random.default_rng(k).normal(0, 3, (samples, 3)).round().astype(int) for k in range(n))
+    data = [list(frames(k, counts.tolist())) for k, counts in enumerate(noise)]
     times = np.zeros((n, samples), dtype=np.int64)
     print("ready", flush=True)
     sys.stdin.readline()

@@ -1,23 +1,22 @@
 """Days of a device's stream in minutes: does memory stay flat, and is every loss counted?
 
-`python -m tools.bench.soak [--hours 24] [--seed 1] [--json]`. A device sends samples, HELLO and STATUS in
+`make bench ARGS='--soak [--hours 24] [--seed 1]'`. A device sends samples, HELLO and STATUS in
 virtual time; on the way frames are lost, bits flip, the line falls silent for a while, and now and then the
 board is reset. The bytes go through what `fltea run` does with those of a port, into NDJSON. What is
 known of both ends is compared: for each boot, delivered + lost = sent between the first sample that is used
 and the last.
 """
 
-import argparse
 import gc
 import io
-import json
 import os
 import random
+import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
+import psutil
 from fltea.records.block import Block
 from fltea.records.events import Chunk, Event, Opened
 from fltea.records.records import Epoch, Gap, LinkStats, Stats
@@ -26,10 +25,8 @@ from fltea.settings.config import load_config
 from fltea.sinks.ndjson import NdjsonSink
 from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
-from fltea.wire import layout as wire
-from fltea.wire.messages import encode
 
-from tools.bench.feeder import hello
+from tools.bench.feeder import greeting, sample
 
 PERIOD_US = 10_000
 HOUR = 360_000
@@ -56,14 +53,8 @@ def stream(samples: int, seed: int, sent: Sent) -> Iterator[tuple[bytes, int]]:
             boot, k = boot + 1, 0
         sent.boots[boot] = k + 1
         now_us = round(k * PERIOD_US * (1 + 40e-6))
-        data = b""
-        if k % 100 == 0:
-            second = (k // 100) % 65536
-            data += encode(hello(1)._replace(boot_id=boot), second, now_us % 2**32)
-            status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER, 0, 0)
-            data += encode(status, second, now_us % 2**32)
-        x, y, z = (round(rng.gauss(0, 3)) for _ in range(3))
-        data += encode(wire.Sample(x, y, z, 0, 0, 16384, 1335, 0), k % 65536, now_us % 2**32)
+        data = greeting(1, k // 100, now_us, boot) if k % 100 == 0 else b""
+        data += sample(k, [round(rng.gauss(0, 3)) for _ in range(3)], now_us)
         k += 1
         if silent:
             silent -= 1
@@ -130,11 +121,10 @@ class Seen:
 def rss_mb() -> float:
     """Memory of this process as of now [MB]."""
     gc.collect()
-    status = Path("/proc/self/status").read_text()
-    return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS")) / 1024
+    return float(psutil.Process().memory_info().rss / 2**20)
 
 
-def run(hours: float, seed: int, progress: bool) -> dict[str, Any]:
+def measure(hours: float = 24.0, seed: int = 1) -> dict[str, Any]:
     """Stream so many hours; figures, memory by the hour among them."""
     sent, seen, source = Sent(), Seen(), Virtual()
     pipeline = Pipeline(source, load_config(None, {"source": "serial:soak"}))
@@ -148,8 +138,7 @@ def run(hours: float, seed: int, progress: bool) -> dict[str, Any]:
         if host_ns >= next_ns:
             memory.append(rss_mb())
             next_ns += hour_ns
-            if progress:
-                print(f"hour {len(memory) - 1}: {memory[-1]:.1f} MB", flush=True)
+            print(f"hour {len(memory) - 1}: {memory[-1]:.1f} MB", file=sys.stderr, flush=True)
         for event in source.wire.feed(Chunk(data, host_ns), host_ns):
             records = list(pipeline.feed(event))
             for record in records:
@@ -190,18 +179,6 @@ def uncounted(seen: Seen) -> int:
     return missing
 
 
-def main() -> None:
-    """Run and print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--hours", type=float, default=24.0)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
-    figures = run(arguments.hours, arguments.seed, progress=not arguments.json)
-    print(json.dumps(figures) if arguments.json else "\n".join(f"{k:28} {v}" for k, v in figures.items()))
-
-
-if __name__ == "__main__":
-    main()
+def text(figures: dict[str, Any]) -> str:
+    """The figures as lines for people."""
+    return "\n".join(f"{name:28} {value}" for name, value in figures.items())

@@ -65,8 +65,8 @@ def run(tasks: Sequence[Task], workers: Workers, file: Path, *, resume: bool = F
     done = _known(file) if resume else {}
     waiting = sorted((one for one in tasks if one.key not in done), key=lambda one: one.samples)
     pending: dict[Future[list[Row]], Task] = {}
-    with file.open("ab" if resume else "wb") as lines, progress_bar(len(tasks)) as advance:
-        advance("", len(tasks) - len(waiting))
+    with file.open("ab" if resume else "wb") as lines, progress_bar(len(tasks)) as show:
+        show("", advance=len(tasks) - len(waiting))
         while waiting or pending:
             try:
                 # None waits for a free process: large records would only wait in memory.
@@ -78,7 +78,7 @@ def run(tasks: Sequence[Task], workers: Workers, file: Path, *, resume: bool = F
                     done[task.key] = future.result()
                     lines.write(_line(task.key, done[task.key]))
                     lines.flush()
-                    advance(task.name, 1)
+                    show(task.name, advance=1)
             except BrokenExecutor as error:
                 raise FlteaError(
                     "a process that worked on it was killed; did memory run out? Try --jobs 1."
