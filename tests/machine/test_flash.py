@@ -5,20 +5,18 @@ import pty
 import re
 import struct
 import subprocess
-import sys
 import termios
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from fltea.cli import app
 from fltea.machine import flash
 from fltea.records.errors import FlteaError, UsageError
 from fltea.wire import layout as wire
 from fltea.wire import transport
 from fltea.wire.messages import encode
-from host_support import PATIENCE_S, ROOT, WIRE_HELLO
+from host_support import ROOT, WIRE_HELLO, fltea, fltea_here
 from speaking_port import SpeakingPort, speaking
 
 HELLO = WIRE_HELLO._replace(firmware_version="0.1.0 due 12ab34cd", who_am_i=0, sensor_starts=0)
@@ -38,18 +36,13 @@ def board() -> Iterator[SpeakingPort]:
 class Tools:
     """A folder that is the whole PATH of the command."""
 
-    def __init__(
-        self, folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-    ) -> None:
-        self.folder, self._monkeypatch, self._capfd = folder, monkeypatch, capfd
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.folder = folder
         (folder / "bin").mkdir()
-        for name, value in self._environment().items():
-            monkeypatch.setenv(name, value)
-        monkeypatch.setattr(flash, "HOLD_S", 1e-3)
+        monkeypatch.setenv("PATH", str(folder / "bin"))
+        monkeypatch.setenv("HOME", str(folder))
+        monkeypatch.setattr(flash, "HOLD_S", 1e-3)  # of `run`, which is in this process
         monkeypatch.setattr(flash, "SETTLE_S", 1e-3)
-
-    def _environment(self) -> dict[str, str]:
-        return {"PATH": str(self.folder / "bin"), "HOME": str(self.folder), "COLUMNS": "200"}
 
     def add(self, name: str, *, code: int = 0, version: str = "1.6.1-arduino", folder: str = "bin") -> Path:
         script = self.folder / folder / name
@@ -69,31 +62,12 @@ class Tools:
         return path.read_text().splitlines() if path.exists() else []
 
     def run(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        """The command in this process, with less waiting."""
-        self._monkeypatch.setattr(sys, "argv", ["fltea", "flash", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            app.main()
-        said = self._capfd.readouterr()
-        code = ended.value.code
-        return subprocess.CompletedProcess(
-            arguments, code if isinstance(code, int) else 0, said.out, said.err
-        )
-
-    def run_alone(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        """The same as a program."""
-        return subprocess.run(
-            [sys.executable, "-m", "fltea", "flash", *arguments],
-            capture_output=True,
-            encoding="utf-8",
-            env=self._environment(),
-            timeout=PATIENCE_S,
-            stdin=subprocess.DEVNULL,
-        )
+        return fltea_here("flash", *arguments)
 
 
 @pytest.fixture
-def tools(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Tools:
-    return Tools(tmp_path, monkeypatch, capfd)
+def tools(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Tools:
+    return Tools(tmp_path, monkeypatch)
 
 
 @pytest.fixture
@@ -106,7 +80,7 @@ def image(tmp_path: Path) -> Path:
 
 def test_bossac_after_a_touch_at_1200_baud(tools: Tools, board: SpeakingPort, image: Path) -> None:
     tools.add("bossac")
-    done = tools.run_alone("--port", board.port, "--image", image, "--yes")
+    done = fltea("flash", "--port", board.port, "--image", image, "--yes")
     assert (done.returncode, done.stderr) == (0, "")
     assert "runs '0.1.0 due 12ab34cd'" in done.stdout
     name = board.port.removeprefix("/dev/")
@@ -158,7 +132,7 @@ def test_arduino_cli_comes_first_then_platformio_then_bossac(tools: Tools, board
 def test_a_dry_run_does_nothing(tools: Tools, board: SpeakingPort, image: Path) -> None:
     tools.add("bossac")
     before = board.speed()
-    done = tools.run_alone("--port", board.port, "--image", image, "--dry-run")
+    done = fltea("flash", "--port", board.port, "--image", image, "--dry-run")
     assert done.returncode == 0
     touch, erase, calm, erase_again, write = (line.split("#")[0].strip() for line in done.stdout.splitlines())
     assert (touch, erase) == (f"stty -F {board.port} 1200", "sleep 1")

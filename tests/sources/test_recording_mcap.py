@@ -14,7 +14,6 @@ from fltea.records.events import Chunk, Opened, RawBlock, RawSample, Tick, Troub
 from fltea.records.records import DeviceStatus, Epoch, Error, Estimate, Gap, Hello, Sample
 from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
-from fltea.settings.how import How
 from fltea.sinks import record as record_module
 from fltea.sources.as_wire import AsWire
 from fltea.sources.mcap import McapRecording, find_parts, read_entries
@@ -243,24 +242,6 @@ def test_a_file_of_a_power_cut_ends_in_zeros(tmp_path: Path) -> None:
 
 
 # --- settings of a replay ---
-
-
-def test_flags_of_other_kinds_are_refused(tmp_path: Path) -> None:
-    record(tmp_path, transport(samples=100))
-    with pytest.raises(UsageError, match=r"--shuffle works on \.npz and CSV"):
-        ReplaySource(tmp_path, shuffle=1)
-    with pytest.raises(UsageError, match=r"--rate and --time-column are for text"):
-        ReplaySource(tmp_path, how=How(rate_hz=100.0))
-
-
-@pytest.mark.parametrize(("startup", "good"), [(97, True), (98, False)])
-def test_recording_has_to_outlast_the_start_up_window(startup: int, good: bool, tmp_path: Path) -> None:
-    record(tmp_path, transport(samples=100))
-    if good:
-        ReplaySource(tmp_path, startup=startup)
-        return
-    with pytest.raises(UsageError, match=rf"98 rows, but the start-up window .* {startup} "):
-        ReplaySource(tmp_path, startup=startup)
 
 
 def test_troubles_of_then_do_not_end_a_replay(tmp_path: Path) -> None:

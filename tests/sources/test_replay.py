@@ -17,13 +17,21 @@ from fltea.settings.config import load_config
 from fltea.settings.how import How
 from fltea.sinks.ndjson import NdjsonSink
 from fltea.sources import pacing
+from fltea.sources.as_wire import AsWire
 from fltea.sources.replay import ReplaySource
+from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
 from fltea.stream.place import Place
-from host_support import QUICK, fltea, hello, strict_records
+from host_support import QUICK, fltea_here, hello, strict_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap_support import record
 
+NDJSON = b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mode":"timer"}\n' + b"".join(
+    b'{"class":"sample","seq":%d,"device_us":%d,"host_ns":%d,"epoch":1,"gyro_dps":[0.5]}\n'
+    % (k, k * 10_000, k * 10_000_000)
+    for k in range(300)
+)
 COUNTS = np.random.default_rng(5).integers(-200, 200, (300, 3)).astype(np.int16)
 
 
@@ -187,34 +195,40 @@ def test_shuffle_is_the_seeds_and_says_so(tmp_path: Path) -> None:
 
 # --- what is refused ---
 
+OF_TEXT = r"--rate and --time-column are for text and tables"
 
-@pytest.mark.parametrize(("startup", "good"), [(299, True), (300, False), (301, False)])
-def test_recording_has_to_outlast_the_start_up_window(startup: int, good: bool, tmp_path: Path) -> None:
-    path = npz_file(tmp_path)
-    if good:
-        ReplaySource(path, startup=startup)
+
+@pytest.mark.parametrize("kind", ["npz", "ndjson", "mcap"])
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"how": How(columns=["a"])}, OF_TEXT),
+        ({"how": How(units="dps")}, OF_TEXT),
+        ({"how": How(rate_hz=1.0)}, OF_TEXT),
+        ({"how": How(topic="/imu")}, "--topic is for bags of ROS"),
+        ({"shuffle": 1}, r"--shuffle works on \.npz and CSV"),
+        ({"startup": 300}, r"300 rows, but the start-up window .* 300 "),
+        ({"startup": 301}, r"300 rows, but the start-up window .* 301 "),
+    ],
+    ids=str,
+)
+def test_what_does_not_fit_a_kind_is_refused(
+    kind: str, options: dict[str, Any], text: str, tmp_path: Path
+) -> None:
+    path = tmp_path / f"rest.{kind}"
+    if kind == "npz":
+        npz_file(tmp_path)
+    elif kind == "ndjson":
+        path.write_bytes(NDJSON)
+    else:
+        source, encoder = SyntheticSource("?n=300", realtime=False), AsWire(lambda: 0)
+        record(path := tmp_path, [item for event in source.events() for item in encoder.encode(event)])
+    ReplaySource(path, startup=299)
+    if kind == "npz" and "shuffle" in options:
+        ReplaySource(path, **options)
         return
-    with pytest.raises(UsageError, match=rf"rest.npz: 300 rows, but the start-up window .* {startup} "):
-        ReplaySource(path, startup=startup)
-
-
-@pytest.mark.parametrize("kind", ["npz", "ndjson"])
-@pytest.mark.parametrize("flag", [{"columns": ["a"]}, {"units": "dps"}, {"rate_hz": 1.0}])
-def test_flags_of_csv_do_not_fit_other_kinds(kind: str, flag: dict[str, Any], tmp_path: Path) -> None:
-    path = npz_file(tmp_path) if kind == "npz" else ndjson_file(tmp_path)
-    with pytest.raises(UsageError, match=r"--rate and --time-column are for text and tables"):
-        ReplaySource(path, how=How(**flag))
-
-
-def test_a_topic_fits_bags_only(tmp_path: Path) -> None:
-    for path in (npz_file(tmp_path), ndjson_file(tmp_path)):
-        with pytest.raises(UsageError, match="--topic is for bags of ROS"):
-            ReplaySource(path, how=How(topic="/imu"))
-
-
-def test_shuffle_does_not_fit_ndjson(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"--shuffle works on \.npz and CSV"):
-        ReplaySource(ndjson_file(tmp_path), shuffle=1)
+    with pytest.raises(UsageError, match=text):
+        ReplaySource(path, **options)
 
 
 def test_missing_file_folder_and_unknown_ending(tmp_path: Path) -> None:
@@ -246,20 +260,13 @@ def test_endings_of_csv(name: str, tmp_path: Path) -> None:
 # --- our own output ---
 
 
-def ndjson_file(tmp_path: Path) -> Path:
-    path = tmp_path / "own.ndjson"
-    result = fltea("run", "-s", "synthetic:?n=300", "--pace", "fast", "--once", "--samples", *QUICK)
-    path.write_text(result.stdout)
-    return path
-
-
 @pytest.mark.parametrize("lsb", ["16.4", "0", "131"])
 def test_own_output_replays_to_the_same_bits(lsb: str, tmp_path: Path) -> None:
     path = tmp_path / "first.ndjson"
     url = f"synthetic:?n=400&lsb_per_dps={lsb}&offset_dps=-3.3"
-    first = fltea("run", "-s", url, "--pace", "fast", "--once", "--samples", *QUICK)
+    first = fltea_here("run", "-s", url, "--pace", "fast", "--once", "--samples", *QUICK)
     path.write_text(first.stdout)
-    second = fltea("run", "-s", f"replay:{path}", "--once", "--samples", *QUICK)
+    second = fltea_here("run", "-s", f"replay:{path}", "--once", "--samples", *QUICK)
     assert (first.returncode, second.returncode) == (0, 0)
     for kind in (Sample, Estimate):
         before, after = (

@@ -8,7 +8,7 @@ from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from fltea.wire.inspection import HEX_BYTES_SHOWN, describe, inspect, summary
 from fltea.wire.messages import REASONS, Frame
-from host_support import fltea
+from host_support import fltea, fltea_here
 from own_estimator import f32
 from protocol_support import records
 
@@ -181,20 +181,20 @@ def test_command_prints_lines_and_their_sum(tmp_path: Path) -> None:
 
 
 def test_command_stops_after_the_limit(tmp_path: Path) -> None:
-    result = fltea("inspect", capture(tmp_path, "rubbish between frames"), "--limit", "2")
+    result = fltea_here("inspect", capture(tmp_path, "rubbish between frames"), "--limit", "2")
     assert len(result.stdout.splitlines()) == 3
     assert result.returncode == 0
 
 
 def test_command_fails_without_one_good_frame(tmp_path: Path) -> None:
-    result = fltea("inspect", capture(tmp_path, "nothing but idle 0x00"))
+    result = fltea_here("inspect", capture(tmp_path, "nothing but idle 0x00"))
     assert result.returncode == 1
     assert "not one valid frame" in result.stderr
 
 
 def test_command_names_what_it_cannot_read(tmp_path: Path) -> None:
     for path, reason in ((tmp_path / "none.bin", "no such file or port"), (tmp_path, "is a directory")):
-        result = fltea("inspect", path)
+        result = fltea_here("inspect", path)
         assert (result.returncode, result.stdout) == (2, "")
         assert result.stderr.startswith(f"fltea: error: {path}: ")
         assert reason in result.stderr

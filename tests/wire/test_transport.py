@@ -152,18 +152,6 @@ def test_another_program_that_takes_bytes_does_not_end_the_connection(monkeypatc
     assert found.data == b"ours"
 
 
-def test_a_socket_and_its_loss(readers) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        events = readers(f"socket://127.0.0.1:{server.getsockname()[1]}").events(0.05)
-        client, _ = server.accept()
-        next_of(Opened, events)  # pyserial throws away what comes before
-        client.sendall(b"hello" * 100)
-        assert received(500, events) == b"hello" * 100
-        client.close()
-        lost = failure(events)
-    assert lost.kind == "unplugged"
-
-
 def test_a_port_that_is_not_there(readers) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
