@@ -131,19 +131,6 @@ def test_lanes_are_the_engine_where_nothing_is_lost(instruction_set: str) -> Non
     assert found.lost == []
 
 
-def test_a_lane_that_begins_again_is_a_new_lane_and_the_others_do_not_notice() -> None:
-    y = white(3000, 2, 5)
-    y[:, 1] += 1.0
-    settings = tuning(2, **PRINTED)
-    found = Lanes(2, settings).run(y)
-    row = next(one.row for one in found.lost if one.lane == 1)
-    assert not found.valid[row, 1]
-    again = Lanes(2, settings).run(y[row + 1 : row + 60])
-    np.testing.assert_array_equal(again.alpha[:, 1], found.alpha[row + 1 : row + 60, 1])
-    alone = Lanes(1, tuning(1, **PRINTED)).run(y[:, :1])
-    np.testing.assert_array_equal(alone.x[:, 0], found.x[:, 0])
-
-
 def test_a_wrong_r_is_called_not_valid_while_it_lasts() -> None:
     """R is a hundredth of the noise's variance at first: the guard holds the state all the time."""
     random = np.random.default_rng(3)
@@ -178,13 +165,6 @@ def test_what_cannot_be_run_is_refused_and_changes_nothing() -> None:
     assert runner.run(y[:0]).alpha.shape == (0, 2)
     first, second = runner.run(y), other.run(y)
     np.testing.assert_array_equal(first.alpha, second.alpha)
-
-
-def test_any_number_of_lanes_gives_the_same_estimates() -> None:
-    y = white(200, 9)
-    whole = Lanes(9, tuning(9)).run(y)
-    for i in range(9):
-        np.testing.assert_array_equal(Lanes(1, tuning(1)).run(y[:, [i]]).f[:, 0], whole.f[:, i])
 
 
 def test_threads_wait_for_each_other() -> None:

@@ -1,8 +1,10 @@
 """Experiments of the paper: their data, their errors, what counts as diverged, and the rows made of them."""
 
 import json
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from fltea.lab.reproduce import gyroscope, paper, paper_tables, timing
 from fltea.lab.reproduce.figures import median_seed
 from fltea.lab.reproduce.gyroscope import RecordingFile
 from fltea.lab.reproduce.runs import Options, Outcome, estimate, has_diverged, outcomes
-from fltea.lab.reproduce.scenarios import Data, SawTooth, Scenario, example, unknown_input
+from fltea.lab.reproduce.scenarios import SawTooth, Scenario, example, unknown_input
 from fltea.lab.reproduce.simulate import fractional_states, noises
 from fltea.noise.weights import weights
 from fltea.records.errors import UsageError
@@ -157,36 +159,37 @@ def test_a_recording_gives_its_first_samples_without_their_mean(tmp_path: Path) 
     assert len(outcomes(axes["y"], range(5), Options(), quiet)[1500].order) == 1
 
 
-def test_csv_recordings_are_read_too(tmp_path: Path) -> None:
-    path = tmp_path / "rest.csv"
-    values = np.random.default_rng(3).normal(1.0, 0.1, 3000)
-    rows = [f"{k / 100},{value}" for k, value in enumerate(values)]
-    path.write_text("time_s,gyro_x_dps\n" + "\n".join(rows) + "\n")
-    scenario = gyroscope.recorded(RecordingFile(path))["x"]
-    assert scenario.make([0]).y[:, 0] == pytest.approx(values - values.mean())
-    assert scenario.filters.h == pytest.approx(0.01)
+RATES = np.random.default_rng(3).normal(1.0, 0.1, 3010)
+HELLO = {"class": "hello", "source": "x", "host_ns": 0, "rate_hz": 50.0, "sampling_mode": "recording"}
 
 
-def test_csv_columns_units_and_rate_can_be_named(tmp_path: Path) -> None:
-    path = tmp_path / "rest.csv"
-    values = np.random.default_rng(3).normal(1.0, 0.1, 3000)
-    path.write_text("t,gx\n" + "\n".join(f"{k},{value}" for k, value in enumerate(values)) + "\n")
-    scenario = gyroscope.recorded(RecordingFile(path, ["gx"], "mdps", 50.0))["x"]
-    assert scenario.make([0]).y[:, 0] == pytest.approx((values - values.mean()) / 1000)
-    assert scenario.filters.h == 0.02
+def sample(k: int, rate: float) -> dict[str, object]:
+    times = {"seq": k, "epoch": 0, "device_us": k * 20_000, "host_ns": k * 20_000_000}
+    return {"class": "sample", **times, "gyro_dps": [rate]}
 
 
-def test_fltea_s_own_output_is_read_too(tmp_path: Path) -> None:
-    path = tmp_path / "rest.ndjson"
-    values = np.random.default_rng(4).normal(-0.5, 0.1, (3010, 2))
-    lines = [{"class": "hello", "source": "x", "host_ns": 0, "rate_hz": 100.0, "sampling_mode": "recording"}]
-    for k, row in enumerate(values):
-        times = {"seq": k, "epoch": 0, "device_us": k * 10_000, "host_ns": k * 10_000_000}
-        lines.append({"class": "sample", **times, "gyro_dps": row.tolist()})
-    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
-    scenario = gyroscope.recorded(RecordingFile(path))["y"]
-    assert scenario.make([0]).y[:, 0] == pytest.approx(values[:3000, 1] - values[:3000, 1].mean())
-    assert scenario.filters.h == 0.01
+@pytest.mark.parametrize(
+    ("name", "lines", "said", "unit_dps"),
+    [
+        ("a.csv", ["time_s,gyro_x_dps", *(f"{k / 50},{rate}" for k, rate in enumerate(RATES))], (), 1),
+        (
+            "b.csv",
+            ["t,gx", *(f"{k},{rate}" for k, rate in enumerate(RATES))],
+            (["gx"], "mdps", 50.0),
+            1e-3,
+        ),
+        # fltea's own output
+        ("c.ndjson", map(json.dumps, [HELLO, *(sample(k, rate) for k, rate in enumerate(RATES))]), (), 1),
+    ],
+)
+def test_text_is_read_too(
+    name: str, lines: Iterable[str], said: tuple[Any, ...], unit_dps: float, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_text("".join(f"{line}\n" for line in lines))
+    scenario = gyroscope.recorded(RecordingFile(tmp_path / name, *said))["x"]
+    expected = RATES[:3000] - RATES[:3000].mean()
+    assert scenario.make([0]).y[:, 0] == pytest.approx(expected * unit_dps)
+    assert scenario.filters.h == pytest.approx(0.02)
 
 
 def test_recordings_that_will_not_do_are_refused(tmp_path: Path) -> None:
@@ -313,10 +316,3 @@ def test_every_printed_number_stands_beside_ours() -> None:
     text = paper_tables.markdown("2", rows)
     assert "| 2,000 | 0 | 1 | 0.217 | 1 | 39.82 | 1 | 62.91 |" in text
     assert "saw-tooth ±1" in text
-
-
-def test_data_are_arrays_side_by_side() -> None:
-    data: Data = short(3, 20).make([0, 1])
-    assert data.u is not None
-    assert data.y.shape == data.u.shape == (20, 2)
-    assert not np.array_equal(data.u[:, 0], data.u[:, 1])

@@ -1,6 +1,6 @@
 """Devices shared among workers: leases, snapshots, and going on where another stopped."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import pytest
@@ -99,6 +99,11 @@ class Worker:
         self.ingest.inbox.put(device, second_of(0, second), partition, mark, arrived_ns)
         self.turn()
 
+    def hear(self, seconds: Iterable[int], ahead: int = 1) -> None:
+        """Device "a" says these seconds; the mark of each message is so far ahead of its second."""
+        for second in seconds:
+            self.say("a", second, second + ahead)
+
     def turn(self) -> None:
         self.ingest.take_all(0)
 
@@ -129,21 +134,18 @@ class Worker:
 
 def unbroken(seconds: int) -> dict[int, tuple[Any, ...]]:
     worker = Worker()
-    for second in range(seconds):
-        worker.say("a", second, second + 1)
+    worker.hear(range(seconds))
     return worker.end().estimates()
 
 
 def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() -> None:
     """Messages 7 to 9 never came to the stream, such as while the server was away."""
     first, second = Worker(), Worker()
-    for k in range(6):
-        first.say("a", k, k + 1)
+    first.hear(range(6))
     kept = first.keep()
     first.end()
     second.ingest.inbox.post(Served(0, {"a": kept}, 6))
-    for k in range(9, 12):
-        second.say("a", k, k - 2)
+    second.hear(range(9, 12), -2)
     second.ingest._on_partition(Left(0))
     items = second.end().sink.items
     assert [one.reason for one in items if isinstance(one, Epoch)] == ["resumed"]
@@ -154,15 +156,12 @@ def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() 
 
 def test_another_worker_goes_on_with_the_very_same_estimates() -> None:
     first, second = Worker(), Worker()
-    for k in range(6):
-        first.say("a", k, k + 1)
+    first.hear(range(6))
     kept = first.keep()
     assert kept.mark == 6
-    for k in range(6, 8):
-        first.say("a", k, k + 1)
+    first.hear(range(6, 8))
     second.ingest.inbox.post(Served(0, {"a": kept}, 8))
-    for k in range(4, 12):  # those up to the snapshot are known
-        second.say("a", k, k + 1)
+    second.hear(range(4, 12))  # those up to the snapshot are known
     told = [e for e in second.end().sink.items if isinstance(e, Epoch)]
     assert [one.reason for one in told] == ["resumed"]
     whole, left, right = unbroken(12), first.end().estimates(), second.estimates()
@@ -177,14 +176,12 @@ def test_another_worker_goes_on_with_the_very_same_estimates() -> None:
 
 def test_a_device_whose_window_fills_begins_again_with_its_first_message() -> None:
     first, second = Worker(**{"estimator.startup": 400}), Worker(**{"estimator.startup": 400})
-    for k in range(3):
-        first.say("a", k, k + 11)
+    first.hear(range(3), 11)
     kept = unpack(first.receiver.kept["a"])
     assert kept is not None
     assert (kept.mark, kept.state) == (11, None), "the message that let it in is still to be walked"
     second.ingest.inbox.post(Served(0, {"a": kept}, 13))
-    for k in range(1, 8):
-        second.say("a", k, k + 11)
+    second.hear(range(1, 8), 11)
     first.end()
     assert set(second.end().estimates()) == set(range(500, 800))
 
@@ -208,8 +205,7 @@ def test_a_partition_that_is_another_ones_is_not_walked_and_its_devices_are_forg
 
 def test_a_silent_device_comes_as_far_as_its_partition() -> None:
     worker = Worker()
-    for k in range(5):
-        worker.say("a", k, k + 1)
+    worker.hear(range(5))
     for k in range(5):
         worker.say("b", k, k + 6)
     assert worker.keep("a").mark == 10
@@ -254,15 +250,13 @@ def test_times_are_the_streams_whatever_this_machines_clock_says() -> None:
     first, second = Worker(), Worker()
     first.receiver.unix_offset_ns += 7200 * S
     second.receiver.unix_offset_ns -= 3600 * S
-    for k in range(6):
-        first.say("a", k, k + 1)
+    first.hear(range(6))
     kept = first.keep()
     assert kept.state is not None
     assert kept.state.unix_ns == pytest.approx(1006 * S, abs=S)
     first.end()
     second.ingest.inbox.post(Served(0, {"a": kept}, 6))
-    for k in range(6, 8):
-        second.say("a", k, k + 1)
+    second.hear(range(6, 8))
     items = second.end().sink.items
     assert [one.reason for one in items if isinstance(one, Epoch)] == ["resumed"]
     assert set(second.estimates()) == set(range(600, 800))
@@ -359,8 +353,8 @@ def has_just_come_back(worker: Worker) -> None:
 @pytest.mark.parametrize("act", [nothing, stands_still, is_cut_off, has_just_come_back])
 def test_nobody_is_silent_or_forgotten_while_nobody_could_be_heard(act: Callable[[Worker], None]) -> None:
     worker = Worker()
+    worker.hear(range(4))
     for k in range(4):
-        worker.say("a", k, k + 1)
         worker.say("b", k, k + 1, partition=1)
     worker.ingest.catching_up._behind_ns.clear()
     act(worker)

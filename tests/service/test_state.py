@@ -1,7 +1,6 @@
 """Snapshots: what goes on, bit for bit, and what must not."""
 
 import random
-import time
 from pathlib import Path
 
 import msgspec
@@ -15,6 +14,7 @@ from fltea.settings.config import Config
 from fltea.settings.outputs import StateConfig
 from fltea.stream.pipeline import Pipeline
 from host_support import hello
+from support import wait_until
 from walk_support import Source, small_config
 
 PERIOD_NS = 10**7
@@ -217,10 +217,7 @@ def test_what_is_new_is_written_soon_and_not_a_period_later(tmp_path: Path) -> N
     file, said = state_file(path, period_s=3600)
     state = snapshot(config())
     file.put("left", state)
-    deadline = time.monotonic() + 20
-    while not path.exists():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    wait_until(path.exists, "the file")
     assert state_file(path)[0].found == {"left": state}
     file.close()
     assert said == []
@@ -275,11 +272,6 @@ def test_a_file_that_cannot_be_one_is_refused(tmp_path: Path) -> None:
     ("changes", "reason"),
     [
         ({"bias_dps": (0.0,)}, "bias_dps has 1 numbers for 3 axes"),
-        ({"bias_dps": (1e308, 0.0, 0.0)}, "bias of gyro_x cannot be"),
-        ({"R": (-1.0, 0.02, 0.02)}, "R of gyro_x is no variance"),
-        ({"restarts": {"gyro_x": -1}}, "-1 restarts"),
-        ({"restarts": {"mag_x": 1}}, "mag_x"),
-        ({"engine": b"nothing"}, "not a snapshot"),
         ({"engine": None}, ""),  # its last bytes are others
     ],
     ids=str,

@@ -9,7 +9,6 @@ import msgspec
 import pytest
 from estimating_board import START_NS, Board, chunks, noise
 from fltea.archive.export import export
-from fltea.estimator.lane_settings import LaneSettings
 from fltea.recording.schema import record_schema
 from fltea.records.errors import UsageError
 from fltea.records.events import Opened, TransportEvent
@@ -28,13 +27,11 @@ from fltea.records.records import (
 from fltea.service.daemon import _check_recordable
 from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
-from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.outputs import RECORDED, RecordConfig
 from fltea.sinks.metrics import families as metrics_families
 from fltea.sinks.metrics.families import Families, Newest
 from fltea.sinks.record import KINDS
 from fltea.sinks.table import TableSink
-from host_support import fltea, strict_records
 from mcap_support import Live, of, record, replay, without
 from mqtt_support import Bench, make_bench
 from prometheus_client import CollectorRegistry, generate_latest
@@ -242,28 +239,3 @@ def test_a_state_file_cannot_keep_them(who: str, tmp_path: Path) -> None:
 def test_a_device_does_not_estimate_the_accelerometer(who: str) -> None:
     with pytest.raises(UsageError, match=f"estimate_on {who} is not for the accelerometer"):
         load_config(None, {"accel.estimate_on": who})
-
-
-def test_an_unlimited_window_needs_the_compressed_memory() -> None:
-    with pytest.raises(UsageError, match="window 0 is an unlimited one"):
-        load_config(None, {"estimator.memory": "direct", "estimator.window": 0})
-
-
-def test_window_and_gate_reach_the_engine() -> None:
-    assert LaneSettings(EstimatorConfig(window=0), 0.01, 1.0).kind["window"] == 0
-    assert LaneSettings(EstimatorConfig(), 0.01, 1.0).kind["window"] == 3000
-    assert LaneSettings(EstimatorConfig(gate=7.5), 0.01, 1.0).table(1)[0, -1] == 7.5
-    with pytest.raises(UsageError, match="gate must be a number from 1 to 1000"):
-        load_config(None, {"estimator.gate": 0.5})
-
-
-def test_the_command_replays_a_recording_with_both(recording: Path) -> None:
-    found = fltea("run", "-s", recording, "--once", "--estimate-on", "both")
-    assert found.returncode == 0, found.stderr
-    records = strict_records(found.stdout)
-    compared = of(records, DeviceEstimates)
-    assert len(compared) == 130
-    assert all(e.comparable for e in compared)
-    last = of(records, Stats)[-1]
-    assert last.device_estimator.estimates == 3 * 130
-    assert last.device_estimator.unplaced == 0

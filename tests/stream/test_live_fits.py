@@ -163,7 +163,7 @@ def test_lost_samples_are_told_and_a_fit_that_was_due_among_them_comes_after_the
 
 
 def test_the_sums_go_on_over_a_long_gap_and_a_restart_of_the_same_sensor() -> None:
-    again = hello()._replace(boot_id=9) if hasattr(hello(), "_replace") else replace(hello(), boot_id=9)
+    again = replace(hello(), boot_id=9)
     items, _ = walk([hello(), raw(range(150)), raw(range(250, 400)), again, raw(range(400, 520))])
     epochs = [item for item in items if isinstance(item, Epoch)]
     assert [e.reason for e in epochs] == ["start", "gap", "restart"]
