@@ -5,7 +5,6 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +13,13 @@ from due_support import ROOT
 from fltea.noise.spectra import g_of, step_variance
 from fltea.settings.device_name import device_name
 from fltea.sources.synthetic import parse_noise
+from host_support import fltea_here
 
 from tools import demo
 from tools.due_emulator.pace import Pace
 from tools.validation.evaluate.cramer_rao import bound
 
-SAMPLES = 1200
+SAMPLES = 450
 
 
 def test_a_run_becomes_one_line_for_each_second_of_it(
@@ -29,12 +29,8 @@ def test_a_run_becomes_one_line_for_each_second_of_it(
     gyro = np.random.default_rng(3).normal(0, 0.1, (SAMPLES, 3))
     np.savetxt(file, gyro, delimiter=",", header="gx,gy,gz", comments="")
     source = ["--source", str(file), "--columns", "gx,gy,gz", "--units", "dps", "--rate", "100"]
-    records = subprocess.run(
-        [sys.executable, "-m", "fltea", "run", "--format", "ndjson", "--once", *source],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
+    settings = ["--startup", "150", "--set", "estimator.window=200"]
+    records = fltea_here("run", "--format", "ndjson", "--once", *source, *settings).stdout
     demo.show_summary(io.StringIO(records))
     lines = capsys.readouterr().out.splitlines()
     assert 0 < len(lines) == records.count('"class":"stats"') <= SAMPLES / 100 + 1
@@ -82,7 +78,7 @@ def setup(tmp_path: Path) -> list[str]:
     """A copy of set-up, with a Python that installs nothing."""
     python = tmp_path / ".venv/bin/python"
     python.parent.mkdir(parents=True)
-    python.write_text("#!/bin/sh\necho Collecting something\ncase $* in *install*) sleep 0.7;; esac\n")
+    python.write_text("#!/bin/sh\necho Collecting something\ncase $* in *scikit*) sleep ${PAUSE:-0};; esac\n")
     python.chmod(0o755)
     (tmp_path / "tools").mkdir()
     shutil.copy(ROOT / "tools/setup.sh", tmp_path / "tools")
@@ -96,7 +92,7 @@ def test_setup_says_which_step_of_how_many_it_is_at(setup: list[str]) -> None:
 
 def test_setup_shows_seconds_and_what_it_does_on_a_terminal(setup: list[str]) -> None:
     terminal, far_end = os.openpty()
-    subprocess.run(setup, stderr=far_end, check=True)
+    subprocess.run(setup, stderr=far_end, check=True, env={**os.environ, "PAUSE": "0.7"})
     os.close(far_end)
     told = os.read(terminal, 1 << 16).decode()
     os.close(terminal)

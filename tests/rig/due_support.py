@@ -23,12 +23,6 @@ def image() -> bytes:
 
 
 @cache
-def half_a_minute() -> DueRun:
-    """Half a minute from the first sample on, and some more."""
-    return DueRun(image(), noise=NOISE).run_until(30.35)
-
-
-@cache
 def with_fault(name: str) -> tuple[DueRun, Measured]:
     return measure(image(), next(case for case in DUE_CASES if case.name == name))
 

@@ -13,115 +13,60 @@ and `for` may be written for at_s and for_s in both.
 
 import re
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 from fltea.records.errors import UsageError
 
-from tools.due_emulator.i2c_lines import I2cLines
-from tools.due_emulator.machine import PS_PER_S, Machine
-from tools.due_emulator.sensor_socket import SensorSocket
-from tools.due_emulator.twi import Twi
+from tools.due_emulator.board import Board
+from tools.due_emulator.machine import PS_PER_S
 
 LONGEST_S = 1e6
 """Times beyond are taken for mistakes [s]."""
 SHORT_NAMES = {"at": "at_s", "for": "for_s"}
 
-
-class Board(Protocol):
-    """What faults need of the board.
-
-    brown_out: the supply sags; the processor starts again with rubbish in RAM, wherever it was.
-    reopen_port: the host opens the port, which resets the board as by its button.
-    starve: the program hangs for so long; the watchdog bites if it is on.
-    lose_bytes: the next `count` bytes on the UART do not arrive. lose_randomly: each one for so long, with
-    this probability. stop_reading: the host takes no bytes for so long.
-    """
-
-    machine: Machine
-    lines: I2cLines
-    socket: SensorSocket
-    twi: Twi
-
-    def brown_out(self) -> None: ...  # noqa: D102
-    def reopen_port(self) -> None: ...  # noqa: D102
-    def starve(self, for_s: float) -> None: ...  # noqa: D102
-    def lose_bytes(self, count: int) -> None: ...  # noqa: D102
-    def lose_randomly(self, probability: float, for_s: float) -> None: ...  # noqa: D102
-    def stop_reading(self, for_s: float) -> None: ...  # noqa: D102
+Time = Annotated[float, msgspec.Meta(ge=0, le=LONGEST_S)]
+SomeTime = Annotated[float, msgspec.Meta(gt=0, le=LONGEST_S)]
+Count = Annotated[int, msgspec.Meta(ge=0)]
+Byte = Annotated[int, msgspec.Meta(ge=0, le=0xFF)]
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
 class _Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", kw_only=True):
-    """at_s: when it begins [s of virtual time]. needed: times without which nothing would happen."""
+    """at_s: when it begins [s of virtual time]."""
 
-    needed: ClassVar[tuple[str, ...]] = ()
-    at_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("at_s", "for_s"):
-            value = getattr(self, name, 0.0)
-            if not 0 <= value <= LONGEST_S:
-                raise ValueError(f"{name} must be 0 to {LONGEST_S:g} s, not {value:g}")
-            if name in self.needed and not value:
-                raise ValueError(f"{name} must be more than 0 s: the fault would do nothing")
-
-    def apply(self, board: Board) -> None:
-        """Let it happen now."""
-        raise NotImplementedError
+    at_s: Time = 0.0
 
 
 class SdaStuck(_Fault, frozen=True, tag="sda_stuck"):
     """The sensor holds SDA low until it sees `clocks` rising edges of SCL; 0: for `for_s`, or for good."""
 
-    clocks: int = 0
-    for_s: float = 0.0
+    clocks: Count = 0
+    for_s: Time = 0.0
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.clocks < 0:
-            raise ValueError("clocks must be 0 or more")
         if self.clocks and self.for_s:
             raise ValueError("give clocks or for_s, not both")
-
-    def apply(self, board: Board) -> None:
-        """Hold SDA."""
-        board.lines.hold_sda(self.clocks)
-        if self.for_s:
-            _later(board, self.for_s, board.lines.release_sda)
 
 
 class SclStuck(_Fault, frozen=True, tag="scl_stuck"):
     """SCL is held low for `for_s`; 0: for good."""
 
-    for_s: float = 0.0
-
-    def apply(self, board: Board) -> None:
-        """Hold SCL."""
-        board.lines.hold_scl()
-        if self.for_s:
-            _later(board, self.for_s, board.lines.release_scl)
+    for_s: Time = 0.0
 
 
 class NackBurst(_Fault, frozen=True, tag="nack_burst"):
     """The next `count` bytes, or all for `for_s`, are not acknowledged."""
 
-    count: int = 0
-    for_s: float = 0.0
+    count: Count = 0
+    for_s: Time = 0.0
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.count < 0:
-            raise ValueError("count must be 0 or more")
         if bool(self.count) == bool(self.for_s):
             raise ValueError("give either count or for_s")
-
-    def apply(self, board: Board) -> None:
-        """Refuse bytes."""
-        board.socket.nacks_left = self.count
-        board.socket.nack_until_ps = board.machine.now_ps + round(self.for_s * PS_PER_S)
 
 
 class StaleByte(_Fault, frozen=True, tag="stale_byte"):
@@ -130,16 +75,7 @@ class StaleByte(_Fault, frozen=True, tag="stale_byte"):
     The next read that does not drain RHR takes it for its first byte.
     """
 
-    count: int = 1
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.count < 1:
-            raise ValueError("count must be 1 or more")
-
-    def apply(self, board: Board) -> None:
-        """Leave bytes."""
-        board.twi.stale_reads = self.count
+    count: Annotated[int, msgspec.Meta(ge=1)] = 1
 
 
 class Unplug(_Fault, frozen=True, tag="unplug"):
@@ -148,36 +84,14 @@ class Unplug(_Fault, frozen=True, tag="unplug"):
     who_am_i: another sensor is plugged in instead.
     """
 
-    for_s: float = 0.0
-    who_am_i: int | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_who(self.who_am_i)
-
-    def apply(self, board: Board) -> None:
-        """Pull the plug."""
-        board.lines.unplug()
-        if self.for_s:
-            _later(board, self.for_s, partial(board.socket.plug, self.who_am_i))
+    for_s: Time = 0.0
+    who_am_i: Byte | None = None
 
 
 class Clone(_Fault, frozen=True, tag="clone"):
     """The sensor is exchanged for one with another WHO_AM_I, which powers up; with at_s = 0 it always was."""
 
-    who_am_i: int
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_who(self.who_am_i)
-
-    def apply(self, board: Board) -> None:
-        """Exchange it."""
-        if not board.machine.now_ps:
-            board.socket.become(self.who_am_i)
-            return
-        board.lines.unplug()
-        board.socket.plug(self.who_am_i)
+    who_am_i: Byte
 
 
 class BrownOut(_Fault, frozen=True, tag="brown_out"):
@@ -189,46 +103,24 @@ class BrownOut(_Fault, frozen=True, tag="brown_out"):
 
     part: Literal["sensor", "board"] = "sensor"
 
-    def apply(self, board: Board) -> None:
-        """Let it sag."""
-        (board.socket.brown_out if self.part == "sensor" else board.brown_out)()
-
 
 class UartLoss(_Fault, frozen=True, tag="uart_loss"):
     """The next `count` bytes are lost, or each byte for `for_s` with this `probability`."""
 
-    count: int = 0
-    probability: float = 0.0
-    for_s: float = 0.0
+    count: Count = 0
+    probability: Share = 0.0
+    for_s: Time = 0.0
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.count < 0:
-            raise ValueError("count must be 0 or more")
-        if not 0 <= self.probability <= 1:
-            raise ValueError("probability must be between 0 and 1")
-        if bool(self.count) == bool(self.probability and self.for_s) or bool(self.probability) != bool(
-            self.for_s
-        ):
+        given = bool(self.count), bool(self.probability), bool(self.for_s)
+        if given not in ((True, False, False), (False, True, True)):
             raise ValueError("give either count, or probability and for_s")
-
-    def apply(self, board: Board) -> None:
-        """Lose bytes."""
-        if self.count:
-            board.lose_bytes(self.count)
-        else:
-            board.lose_randomly(self.probability, self.for_s)
 
 
 class HostStopsReading(_Fault, frozen=True, tag="host_stops_reading"):
     """The host takes nothing from the port for `for_s`."""
 
-    needed = ("for_s",)
-    for_s: float
-
-    def apply(self, board: Board) -> None:
-        """Stop reading."""
-        board.stop_reading(self.for_s)
+    for_s: SomeTime
 
 
 class SensorClock(_Fault, frozen=True, tag="sensor_clock"):
@@ -238,7 +130,6 @@ class SensorClock(_Fault, frozen=True, tag="sensor_clock"):
     ppm: float = 0.0
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if bool(self.percent) and bool(self.ppm):
             raise ValueError("give percent or ppm, not both")
         if not abs(self.total_ppm) <= 100_000:
@@ -249,28 +140,15 @@ class SensorClock(_Fault, frozen=True, tag="sensor_clock"):
         """Both together [ppm]."""
         return self.percent * 1e4 + self.ppm
 
-    def apply(self, board: Board) -> None:
-        """Change the clock."""
-        board.socket.set_clock_ppm(self.total_ppm)
-
 
 class WatchdogStarvation(_Fault, frozen=True, tag="watchdog_starvation"):
-    """The program hangs for `for_s`."""
+    """The program hangs for `for_s`, with its interrupts waiting; the watchdog bites if it is on."""
 
-    needed = ("for_s",)
-    for_s: float
-
-    def apply(self, board: Board) -> None:
-        """Hang it."""
-        board.starve(self.for_s)
+    for_s: SomeTime
 
 
 class PortReopen(_Fault, frozen=True, tag="port_reopen"):
     """The host opens the port again, which resets the board."""
-
-    def apply(self, board: Board) -> None:
-        """Reset it."""
-        board.reopen_port()
 
 
 Fault = (
@@ -346,18 +224,53 @@ def schedule_faults(board: Board, faults: Sequence[Fault]) -> None:
     for fault in faults:
         if fault.at_s:
             delay_ps = round(fault.at_s * PS_PER_S) - board.machine.now_ps
-            board.machine.schedule(delay_ps, partial(fault.apply, board))
+            board.machine.schedule(delay_ps, partial(_apply, fault, board))
         else:
-            fault.apply(board)
+            _apply(fault, board)
 
 
-def _later(board: Board, for_s: float, action: Any) -> None:
-    board.machine.schedule(round(for_s * PS_PER_S), action)
+def _apply(fault: Fault, board: Board) -> None:
+    """Let it happen now."""
+    lines, socket = board.lines, board.socket
 
+    def later(for_s: float, action: Callable[[], None]) -> None:
+        if for_s:
+            board.machine.schedule(round(for_s * PS_PER_S), action)
 
-def _check_who(who_am_i: int | None) -> None:
-    if who_am_i is not None and not 0 <= who_am_i <= 0xFF:
-        raise ValueError("who_am_i is one byte: 0x00 to 0xFF")
+    match fault:
+        case SdaStuck():
+            lines.hold_sda(fault.clocks)
+            later(fault.for_s, lines.release_sda)
+        case SclStuck():
+            lines.hold_scl()
+            later(fault.for_s, lines.release_scl)
+        case NackBurst():
+            socket.nacks_left = fault.count
+            socket.nack_until_ps = board.machine.now_ps + round(fault.for_s * PS_PER_S)
+        case StaleByte():
+            board.twi.stale_reads = fault.count
+        case Unplug():
+            lines.unplug()
+            later(fault.for_s, partial(socket.plug, fault.who_am_i))
+        case Clone() if not board.machine.now_ps:
+            socket.become(fault.who_am_i)
+        case Clone():
+            lines.unplug()
+            socket.plug(fault.who_am_i)
+        case BrownOut():
+            (socket if fault.part == "sensor" else board).brown_out()
+        case UartLoss() if fault.count:
+            board.lose_bytes(fault.count)
+        case UartLoss():
+            board.lose_randomly(fault.probability, fault.for_s)
+        case HostStopsReading():
+            board.stop_reading(fault.for_s)
+        case SensorClock():
+            socket.set_clock_ppm(fault.total_ppm)
+        case WatchdogStarvation():
+            board.starve(fault.for_s)
+        case PortReopen():
+            board.reopen_port()
 
 
 def _settings(given: Iterable[tuple[str, Any]], origin: str) -> dict[str, Any]:

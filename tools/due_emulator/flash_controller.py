@@ -47,7 +47,7 @@ class FlashController(Peripheral):
             self._event.cancel()
         self._show_flash()
         super().reset()
-        self._settle_irq()
+        self.settle_irq()
 
     @property
     def shows_id(self) -> bool:
@@ -83,7 +83,7 @@ class FlashController(Peripheral):
             return
         self.registers[register] = value
         self.check(self.machine.mck_hz)
-        self._settle_irq()
+        self.settle_irq()
 
     def _command(self, value: int) -> None:
         command = value & 0xFF
@@ -115,8 +115,7 @@ class FlashController(Peripheral):
         if self._holds(self.pc()):
             self.machine.fault(f"{self.name}: STUI by code in the flash that it hides: run it from RAM")
         # FRDY stays 0 until SPUI: the datasheet (18.4.3.8) says that it falls, and rises after SPUI.
-        self.registers["FSR"] &= ~FRDY
-        self._settle_irq()
+        self.flag("FSR", FRDY, False)
         end = self._start + BANK_BYTES
         self._hidden = self._memory.flash[self._start : end]
         self._memory.flash[self._start : end] = self._uid * (BANK_BYTES // len(self._uid))
@@ -127,15 +126,11 @@ class FlashController(Peripheral):
             self._hidden = None
 
     def _busy_for(self, delay_ps: int, flag: int) -> None:
-        self.registers["FSR"] &= ~FRDY
-        self._settle_irq()
-        self._event = self.machine.schedule(delay_ps, lambda: self._done(flag))
+        self.flag("FSR", FRDY, False)
+        self._event = self.machine.schedule(delay_ps, lambda: self.flag("FSR", flag, True))
 
-    def _done(self, flag: int) -> None:
-        self.registers["FSR"] |= flag
-        self._settle_irq()
-
-    def _settle_irq(self) -> None:
+    def settle_irq(self) -> None:
+        """Let the interrupt line be up while the controller is ready and FMR says so."""
         assert self.table.irq is not None
         ready = self.registers["FSR"] & self.registers["FMR"] & FRDY
         self.machine.set_irq(self.table.irq, bool(ready))

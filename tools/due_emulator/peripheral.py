@@ -1,7 +1,7 @@
 """A peripheral as its registers: strict about which exist, how they may be accessed, and its clock."""
 
 from tools.due_emulator.machine import Machine
-from tools.due_emulator.register_table import Register, peripherals
+from tools.due_emulator.register_table import Register, bit_registers, peripherals
 
 FIRST_CLOCKED_ID = 8
 """Peripheral identifiers below belong to the system controller, which always runs (datasheet 9.1)."""
@@ -11,14 +11,18 @@ class Peripheral:
     """A register file by the SVD; what the registers do is up to `on_read` and `on_write`.
 
     Programs come in through `read` and `write`, by the register's name. A register that does not exist, one
-    accessed against its mode, and a peripheral without its clock end the run.
+    accessed against its mode, and a peripheral without its clock end the run. status: the register whose
+    flags, where IMR has them too, raise the interrupt line; empty if they do not.
     """
+
+    status = ""
 
     def __init__(self, machine: Machine, name: str) -> None:
         self.machine = machine
         self.name = name
         self.table = peripherals()[name]
         self.registers: dict[str, int] = {}
+        self._bits = bit_registers(name)
         self._by_offset: dict[int, Register] = {}
         for register in self.table.registers.values():
             self._by_offset.setdefault(register.offset, register)  # later ones are other views of the first
@@ -33,8 +37,24 @@ class Peripheral:
         return self.registers[register]
 
     def on_write(self, register: str, value: int) -> None:
-        """Take what the program writes; stored unless overridden."""
-        self.registers[register] = value
+        """Take what the program writes: stored, or set or cleared in another register, unless overridden."""
+        if register in self._bits:
+            shown, sets = self._bits[register]
+            self.flag(shown, value, sets)
+        else:
+            self.registers[register] = value
+
+    def flag(self, register: str, mask: int, on: bool) -> None:
+        """Set or clear bits of a register, and bring the interrupt line up to date."""
+        old = self.registers[register]
+        self.registers[register] = old | mask if on else old & ~mask
+        self.settle_irq()
+
+    def settle_irq(self) -> None:
+        """Let the interrupt line be up while an enabled flag is."""
+        if self.status and self.table.irq is not None:
+            flags = self.registers[self.status] & self.registers["IMR"]
+            self.machine.set_irq(self.table.irq, bool(flags))
 
     def clock_id(self, register: str) -> int | None:
         """Identifier whose clock an access to `register` needs; None if it needs none."""

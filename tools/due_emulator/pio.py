@@ -14,34 +14,6 @@ from tools.due_emulator.wire import Wire
 ALL = 0xFFFFFFFF
 WP_KEY, WPEN = 0x50494F, 0x01
 
-SET = {
-    "PER": "PSR",
-    "OER": "OSR",
-    "IFER": "IFSR",
-    "SODR": "ODSR",
-    "IER": "IMR",
-    "MDER": "MDSR",
-    "PUDR": "PUSR",  # a 1 in PUSR says that the pull-up is off
-    "OWER": "OWSR",
-    "AIMER": "AIMMR",
-    "LSR": "ELSR",
-    "REHLSR": "FRLHSR",
-    "DIFSR": "IFDGSR",
-}
-CLEAR = {
-    "PDR": "PSR",
-    "ODR": "OSR",
-    "IFDR": "IFSR",
-    "CODR": "ODSR",
-    "IDR": "IMR",
-    "MDDR": "MDSR",
-    "PUER": "PUSR",
-    "OWDR": "OWSR",
-    "AIMDR": "AIMMR",
-    "ESR": "ELSR",
-    "FELLSR": "FRLHSR",
-    "SCIFSR": "IFDGSR",
-}
 PROTECTED = {
     *("PER", "PDR", "OER", "ODR", "IFER", "IFDR", "MDER", "MDDR"),
     *("PUDR", "PUER", "ABSR", "OWER", "OWDR"),
@@ -54,6 +26,8 @@ NEEDS_CLOCK = {"PDSR", "ISR", "IER"}
 
 class Pio(Peripheral):
     """One controller of 32 pins; `connect` puts a pin on a wire."""
+
+    status = "ISR"
 
     def __init__(self, machine: Machine, name: str) -> None:
         super().__init__(machine, name)
@@ -73,7 +47,7 @@ class Pio(Peripheral):
     def _power_up(self) -> None:
         self.registers["PSR"] = ALL
         self._follow(ALL)
-        self._settle_irq()
+        self.settle_irq()
 
     def connect(self, bit: int, wire: Wire) -> None:
         """Solder a pin to a wire."""
@@ -114,7 +88,7 @@ class Pio(Peripheral):
         value = self.registers[register]
         if register == "ISR":
             self.registers["ISR"] = 0
-            self._settle_irq()
+            self.settle_irq()
         return value
 
     def on_write(self, register: str, value: int) -> None:
@@ -129,22 +103,17 @@ class Pio(Peripheral):
             self.registers["WPMR"] = value & WPEN
             return
         changed = value
-        if register in SET:
-            self.registers[SET[register]] |= value
-        elif register in CLEAR:
-            self.registers[CLEAR[register]] &= ~value & ALL
-        elif register == "ODSR":
+        if register == "ODSR":
             changed = self.registers["OWSR"]
             self.registers["ODSR"] = self.registers["ODSR"] & ~changed | value & changed
         else:
-            changed = value ^ self.registers[register]
-            self.registers[register] = value
+            if register not in self._bits:
+                changed = value ^ self.registers[register]
+            super().on_write(register, value)
         self._follow(changed & ALL)
         if register in ("PER", "PDR", "ABSR"):
             for tell in self.on_mux_change:
                 tell()
-        if register in ("IER", "IDR"):
-            self._settle_irq()
 
     def _follow(self, bits: int) -> None:
         """Bring the wires of these pins, and whoever watches outputs, to the registers."""
@@ -165,14 +134,10 @@ class Pio(Peripheral):
             return
         if self._is_event(bit, level):
             self.registers["ISR"] |= 1 << bit
-            self._settle_irq()
+            self.settle_irq()
 
     def _is_event(self, bit: int, level: bool) -> bool:
         """Any edge, unless the additional modes choose one (31.5.10); a level counts as the edge to it."""
         if not self.registers["AIMMR"] >> bit & 1:
             return True
         return level == bool(self.registers["FRLHSR"] >> bit & 1)
-
-    def _settle_irq(self) -> None:
-        if self.table.irq is not None:
-            self.machine.set_irq(self.table.irq, bool(self.registers["ISR"] & self.registers["IMR"]))

@@ -32,6 +32,8 @@ class Pmc(Peripheral):
     slow for it.
     """
 
+    status = "SR"
+
     def __init__(self, machine: Machine, check_flash: Callable[[int], None]) -> None:
         self._check_flash = check_flash
         self._events: dict[int, Event] = {}
@@ -46,7 +48,7 @@ class Pmc(Peripheral):
         super().reset()
         self.registers["SR"] |= MOSCRCS
         self.machine.clocked = 0
-        self._settle_irq()
+        self.settle_irq()
         self.machine.set_mck(RC_HZ[0])
 
     def on_write(self, register: str, value: int) -> None:
@@ -67,12 +69,6 @@ class Pmc(Peripheral):
             case "SCDR":
                 r["SCSR"] &= ~value | 1
                 r["SR"] &= ~(value & PCKRDY)
-            case "IER":
-                r["IMR"] |= value
-                self._settle_irq()
-            case "IDR":
-                r["IMR"] &= ~value
-                self._settle_irq()
             case "CKGR_MOR":
                 self._set_oscillators(value)
             case "CKGR_PLLAR":
@@ -86,7 +82,7 @@ class Pmc(Peripheral):
             case "WPMR" if value & 1:
                 self.machine.fault("PMC_WPMR: write protection is not modelled")
             case _:
-                r[register] = value
+                super().on_write(register, value)
 
     def on_read(self, register: str) -> int:
         """Stored values; the measured main clock is always ready."""
@@ -197,18 +193,12 @@ class Pmc(Peripheral):
     def _not_ready(self, flag: int) -> None:
         if flag in self._events:
             self._events.pop(flag).cancel()
-        self.registers["SR"] &= ~flag
-        self._settle_irq()
+        self.flag("SR", flag, False)
 
     def _ready_in(self, flag: int, delay_ps: int, action: Callable[[], None] = lambda: None) -> None:
         def ready() -> None:
             self._events.pop(flag, None)
             action()
-            self.registers["SR"] |= flag
-            self._settle_irq()
+            self.flag("SR", flag, True)
 
         self._events[flag] = self.machine.schedule(delay_ps, ready)
-
-    def _settle_irq(self) -> None:
-        assert self.table.irq is not None
-        self.machine.set_irq(self.table.irq, bool(self.registers["SR"] & self.registers["IMR"]))

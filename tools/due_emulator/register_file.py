@@ -1,12 +1,6 @@
 """Peripherals of which only the registers exist: enough for the start-up of the Arduino core to pass by."""
 
-import re
-
-from tools.due_emulator.machine import Machine
 from tools.due_emulator.peripheral import Peripheral
-
-TRIPLES = (("IER", "IDR", "IMR"), ("CHER", "CHDR", "CHSR"), ("ENA", "DIS", "SR"), ("SCER", "SCDR", "SCSR"))
-"""Registers that set bits, clear bits, and show them."""
 
 PLAIN = (
     *("HSMCI", "SSC", "SPI0", "PWM", "EMAC", "CAN0", "CAN1", "ADC", "DMAC", "DACC", "SMC", "MATRIX"),
@@ -31,18 +25,6 @@ USB_CTRL_ENABLED, USB_CTRL_FROZEN, USB_CLOCK_USABLE = 1 << 15, 1 << 14, 1 << 14
 class RegisterFile(Peripheral):
     """Keeps what is written; set, clear and status registers belong together; work is refused."""
 
-    def __init__(self, machine: Machine, name: str) -> None:
-        super().__init__(machine, name)
-        self._sets: dict[str, tuple[str, bool]] = {}
-        for names in TRIPLES:
-            for register in self.table.registers:
-                parts = re.fullmatch(rf"(.*){names[0]}(\d*)", register)
-                if parts is None:
-                    continue
-                setter, clearer, shown = (f"{parts[1]}{part}{parts[2]}" for part in names)
-                if clearer in self.table.registers and shown in self.table.registers:
-                    self._sets |= {setter: (shown, True), clearer: (shown, False)}
-
     def _store_reset_values(self) -> None:
         super()._store_reset_values()
         for (name, register), value in RESET_VALUES.items():
@@ -59,11 +41,6 @@ class RegisterFile(Peripheral):
                     f"SUPC_{register} = 0x{value:08X} without its key 0xA5: the chip ignores it"
                 )
             value &= 0x00FF_FFFF
-        if register in self._sets:
-            shown, sets = self._sets[register]
-            old = self.registers[shown]
-            self.registers[shown] = old | value if sets else old & ~value
-            return
         super().on_write(register, value)
         if self.name == "UOTGHS" and register == "CTRL":
             usable = value & USB_CTRL_ENABLED and not value & USB_CTRL_FROZEN

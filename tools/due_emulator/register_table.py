@@ -2,6 +2,7 @@
 
 import functools
 import json
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,6 +10,20 @@ TABLE = Path(__file__).with_name("sam3x_registers.json")
 
 READ_AS_ZERO = {("TWI0", "CR"), ("TWI1", "CR")}
 """Write-only registers that may be read all the same: the Arduino core sets STOP by `TWI_CR |= STOP`."""
+
+TRIPLES = (
+    *(("IER", "IDR", "IMR"), ("CHER", "CHDR", "CHSR"), ("ENA", "DIS", "SR"), ("SCER", "SCDR", "SCSR")),
+    *(("PER", "PDR", "PSR"), ("OER", "ODR", "OSR"), ("IFER", "IFDR", "IFSR"), ("SODR", "CODR", "ODSR")),
+    *(
+        ("MDER", "MDDR", "MDSR"),
+        ("OWER", "OWDR", "OWSR"),
+        ("AIMER", "AIMDR", "AIMMR"),
+        ("LSR", "ESR", "ELSR"),
+    ),
+    *(("REHLSR", "FELLSR", "FRLHSR"), ("DIFSR", "SCIFSR", "IFDGSR")),
+    ("PUDR", "PUER", "PUSR"),  # a 1 in PUSR says that the pull-up is off
+)
+"""Registers that set bits, clear bits, and show them."""
 
 
 class Register(NamedTuple):
@@ -49,3 +64,17 @@ def peripherals() -> dict[str, PeripheralTable]:
         }
         tables[name] = PeripheralTable(name, entry["base"], entry["irq"], registers)
     return tables
+
+
+@functools.cache
+def bit_registers(name: str) -> dict[str, tuple[str, bool]]:
+    """Registers of a peripheral that set or clear bits of another one: which, and whether they set them."""
+    registers = peripherals()[name].registers
+    found: dict[str, tuple[str, bool]] = {}
+    for names in TRIPLES:
+        for register in registers:
+            if (parts := re.fullmatch(rf"(.*){names[0]}(\d*)", register)) is not None:
+                setter, clearer, shown = (f"{parts[1]}{part}{parts[2]}" for part in names)
+                if clearer in registers and shown in registers:
+                    found |= {setter: (shown, True), clearer: (shown, False)}
+    return found

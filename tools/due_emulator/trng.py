@@ -14,6 +14,8 @@ DATRDY = 1
 class Trng(Peripheral):
     """Gives words from a generator that goes on over resets: each boot meets other ones."""
 
+    status = "ISR"
+
     def __init__(self, machine: Machine, seed: int) -> None:
         super().__init__(machine, "TRNG")
         self._rng = np.random.default_rng((seed, 0x7216))
@@ -23,14 +25,14 @@ class Trng(Peripheral):
         """Off."""
         self._cancel()
         super().reset()
-        self._settle_irq()
+        self.settle_irq()
 
     def on_read(self, register: str) -> int:
         """Reading ISR clears DATRDY; a word may be read once that was seen."""
         value = self.registers[register]
         if register == "ISR":
             self.registers["ISR"] = 0
-            self._settle_irq()
+            self.settle_irq()
         elif register == "ODATA":
             if not value:
                 self.machine.fault("TRNG_ODATA is read when no new word is there: wait for TRNG_ISR.DATRDY")
@@ -48,10 +50,7 @@ class Trng(Peripheral):
             if value & 1:
                 self._next()
         else:
-            enable = register == "IER"
-            old = self.registers["IMR"]
-            self.registers["IMR"] = old | value if enable else old & ~value
-            self._settle_irq()
+            super().on_write(register, value)
 
     def _next(self) -> None:
         self._event = self.machine.schedule(CYCLES * PS_PER_S // self.machine.mck_hz, self._ready)
@@ -60,7 +59,7 @@ class Trng(Peripheral):
         # Never 0, so that "no word yet" can be distinguished from a word; the real one may give it.
         self.registers["ODATA"] = int(self._rng.integers(1, 1 << 32))
         self.registers["ISR"] = DATRDY
-        self._settle_irq()
+        self.settle_irq()
         # The real one replaces a word that nobody fetched; here the next one is made when one is fetched.
         self._event = None
 
@@ -68,7 +67,3 @@ class Trng(Peripheral):
         if self._event is not None:
             self._event.cancel()
             self._event = None
-
-    def _settle_irq(self) -> None:
-        assert self.table.irq is not None
-        self.machine.set_irq(self.table.irq, bool(self.registers["ISR"] & self.registers["IMR"]))

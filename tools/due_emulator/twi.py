@@ -37,6 +37,8 @@ class Twi(Peripheral):
     given to peripheral A.
     """
 
+    status = "SR"
+
     def __init__(self, machine: Machine, name: str, lines: I2cLines, pio: Pio, pins: tuple[int, int]) -> None:
         super().__init__(machine, name)
         self._stale = False
@@ -72,7 +74,7 @@ class Twi(Peripheral):
         self._abort()
         super().reset()
         self._idle()
-        self._settle_irq()
+        self.settle_irq()
 
     @property
     def scl_hz(self) -> float:
@@ -91,10 +93,9 @@ class Twi(Peripheral):
         """Reading SR clears its events; reading RHR lets the next byte end."""
         value = self.registers[register]
         if register == "SR":
-            self.registers["SR"] &= ~CLEARED_BY_READ
-            self._settle_irq()
+            self.flag("SR", CLEARED_BY_READ, False)
         elif register == "RHR":
-            self._flag(RXRDY, False)
+            self.flag("SR", RXRDY, False)
             self._continue()
         return value
 
@@ -105,18 +106,12 @@ class Twi(Peripheral):
                 self._command(value)
             case "THR":
                 self._transmit(value & 0xFF)
-            case "IER":
-                self.registers["IMR"] |= value
-                self._settle_irq()
-            case "IDR":
-                self.registers["IMR"] &= ~value
-                self._settle_irq()
             case "PTCR" if value & PDC_ENABLES:
                 self.machine.fault(f"{self.name}_PTCR: transfers by PDC are not modelled for the TWI")
             case _:
                 if register in ("MMR", "IADR", "CWGR") and self._transfer is not None:
                     self.machine.fault(f"{self.name}_{register} is written while a transfer is under way")
-                self.registers[register] = value
+                super().on_write(register, value)
 
     # Commands
 
@@ -131,12 +126,12 @@ class Twi(Peripheral):
         if value & MSDIS:
             self._abort()
             self._master = False
-            self._flag(TXRDY, False)
+            self.flag("SR", TXRDY, False)
             return
         if value & MSEN:
             self._master = True
             if self._transfer is None:
-                self._flag(TXRDY, True)
+                self.flag("SR", TXRDY, True)
         if value & START and self.field("MMR", "MREAD"):
             if self._transfer is not None:
                 self.machine.fault(f"{self.name}: START while a transfer is under way")
@@ -155,7 +150,7 @@ class Twi(Peripheral):
         if not self.registers["SR"] & TXRDY:
             self.machine.fault(f"{self.name}_THR is written while TXRDY is 0: the byte before it is lost")
         self._thr = byte
-        self._flag(TXRDY, False)
+        self.flag("SR", TXRDY, False)
         self._continue()
 
     def _begin(self, transfer: Transfer) -> None:
@@ -165,7 +160,7 @@ class Twi(Peripheral):
         self._begun_ps = self.machine.now_ps
         self.transfers += 1
         self._stop_wanted = False
-        self._flag(TXCOMP | TXRDY, False)
+        self.flag("SR", TXCOMP | TXRDY, False)
         self._resume()
 
     def _check_ready(self) -> None:
@@ -223,7 +218,7 @@ class Twi(Peripheral):
             yield 1
             self._bits_before = 0
             self.registers["RHR"] = byte
-            self._flag(RXRDY, True)
+            self.flag("SR", RXRDY, True)
         if self.stale_reads:
             yield from self._anticipate()
         yield from self._close()
@@ -235,7 +230,7 @@ class Twi(Peripheral):
         self.stale_reads -= 1
         self._stale = True
         self.registers["RHR"] = IDLE_LINE
-        self._flag(RXRDY, True)
+        self.flag("SR", RXRDY, True)
 
     def _send(self, remains: int | None) -> Transfer:
         if not (yield from self._open(read=False)):
@@ -250,7 +245,7 @@ class Twi(Peripheral):
                 taken, self._thr = self._thr, None
                 assert taken is not None
                 byte = taken
-                self._flag(TXRDY, True)
+                self.flag("SR", TXRDY, True)
             self._on_line = (False, byte)
             yield 9
             if not self._lines.write(byte):
@@ -270,7 +265,7 @@ class Twi(Peripheral):
         yield 1
         self._lines.stop()
         self._end()
-        self._flag(TXCOMP | flags, True)
+        self.flag("SR", TXCOMP | flags, True)
 
     # Time
 
@@ -342,13 +337,7 @@ class Twi(Peripheral):
         self._on_line = None
         self._bits_before = 0.0
 
-    def _flag(self, mask: int, on: bool) -> None:
-        status = self.registers["SR"]
-        self.registers["SR"] = status | mask if on else status & ~mask
-        self._settle_irq()
-
-    def _settle_irq(self) -> None:
-        irq, status = self.table.irq, self.registers["SR"]
-        assert irq is not None
-        self._quick_status.hold(status, CLEARED_BY_READ)
-        self.machine.set_irq(irq, bool(status & self.registers["IMR"]))
+    def settle_irq(self) -> None:
+        """Bring the interrupt line up to date, and what is read in C++."""
+        self._quick_status.hold(self.registers["SR"], CLEARED_BY_READ)
+        super().settle_irq()

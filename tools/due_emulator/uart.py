@@ -29,8 +29,8 @@ class Transmitter(Peripheral):
     """The transmit side of a UART or USART."""
 
     def __init__(self, machine: Machine, name: str, memory: Memory, line: Line) -> None:
-        self._status = "SR" if name == "UART" else "CSR"
         super().__init__(machine, name)
+        self.status = "SR" if name == "UART" else "CSR"
         self._memory = memory
         self._line = line
         self.bytes_sent = 0
@@ -46,7 +46,7 @@ class Transmitter(Peripheral):
         self._enabled = False
         self._holding: int | None = None
         self._shifting: int | None = None
-        self.registers[self._status] = ENDTX | TXBUFE
+        self.registers[self.status] = ENDTX | TXBUFE
 
     def reset(self) -> None:
         """Off; a byte on the line is cut off and lost."""
@@ -74,12 +74,6 @@ class Transmitter(Peripheral):
                 self._command(value)
             case "THR":
                 self._hold(value)
-            case "IER":
-                r["IMR"] |= value
-                self._settle()
-            case "IDR":
-                r["IMR"] &= ~value
-                self._settle()
             case "PTCR":
                 self._control_pdc(value)
             case "TCR" | "TNCR":
@@ -88,12 +82,12 @@ class Transmitter(Peripheral):
                     self.machine.fault(f"{self.name}_TNCR is written while TCR is 0: write TPR and TCR first")
                 r[register] = value & 0xFFFF
                 if r[register]:
-                    r[self._status] &= ~(ENDTX | TXBUFE)
+                    r[self.status] &= ~(ENDTX | TXBUFE)
                 self._feed()
             case "BRGR" | "MR" if self._shifting is not None and value != r[register]:
                 self.machine.fault(f"{self.name}_{register} is changed while a byte is on the line")
             case _:
-                r[register] = value
+                super().on_write(register, value)
 
     def _command(self, value: int) -> None:
         if value & RSTTX:
@@ -164,11 +158,11 @@ class Transmitter(Peripheral):
         r["TPR"] += 1
         r["TCR"] -= 1
         if not r["TCR"]:
-            r[self._status] |= ENDTX
+            r[self.status] |= ENDTX
             r["TPR"], r["TCR"] = r["TNPR"], r["TNCR"]
             r["TNCR"] = 0
             if not r["TCR"]:
-                r[self._status] |= TXBUFE
+                r[self.status] |= TXBUFE
 
     def _sent(self) -> None:
         assert self._shifting is not None
@@ -183,9 +177,8 @@ class Transmitter(Peripheral):
         ready = self._enabled and self._holding is None
         empty = ready and self._shifting is None
         flags = TXRDY * ready | TXEMPTY * empty
-        r[self._status] = r[self._status] & ~(TXRDY | TXEMPTY) | flags
-        assert self.table.irq is not None
-        self.machine.set_irq(self.table.irq, bool(r[self._status] & r["IMR"]))
+        r[self.status] = r[self.status] & ~(TXRDY | TXEMPTY) | flags
+        self.settle_irq()
 
     def _cancel(self) -> None:
         if self._event is not None:
