@@ -98,7 +98,10 @@ class Bench:
         return [one["status"] for one in self.connection.on("status")]
 
 
-def make_bench(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Bench]:
+MakeBench = Callable[..., Bench]
+
+
+def make_bench(monkeypatch: pytest.MonkeyPatch) -> MakeBench:
     for name in ("FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"):
         monkeypatch.delenv(name, raising=False)
     FakeConnection.made.clear()

@@ -1,12 +1,13 @@
 """What the page says of a device: plain words and units. What it says of the noise: test_dashboard_answer."""
 
 import json
+from collections.abc import Callable
 
 import msgspec
 import pytest
 from dashboard_support import records, told, with_breaks
 from fltea.records import clock
-from fltea.records.records import Error, Estimate, LinkStats, OutputStats, Stats
+from fltea.records.records import AnyRecord, Error, Estimate, LinkStats, OutputStats, Stats
 from fltea.sinks.page import facts
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.words import duration, figure, with_std
@@ -17,44 +18,38 @@ def later(history: DeviceHistory, seconds: float) -> tuple[str, str]:
     return facts.status(history, (history.heard_ns or clock.host_ns()) + int(seconds * 1e9))
 
 
-def test_status_before_anything_is_heard() -> None:
-    assert later(told(), 0) == ("wait", "waiting for the device")
-    assert later(told([hello()]), 0)[1].startswith("connected")
-    level, text = later(told([Error("no_port", "there is no /dev/x", 1)]), 0)
-    assert (level, text) == ("bad", "waiting for the device: there is no /dev/x")
+NO_PORT = Error("no_port", "there is no /dev/x", 1)
+GONE = Error("unplugged", "the port is gone", 1)
+START = "(epoch 1: the first since the program started)"
 
 
-def test_status_of_start_up_counts_down() -> None:
-    found = records("n=49")
-    level, text = later(told(found), 0)
-    assert level == "wait"
-    assert text.startswith("start-up: 1 samples to go")
-    assert later(told(records("n=50")), 0)[0] == "good"
-
-
-def test_status_of_a_stall_tells_for_how_long_and_why() -> None:
-    history = told(with_breaks([200]))
-    assert later(history, 1)[0] == "good"
-    assert later(history, 4) == ("bad", "stalled for 4 s: no sample arrives")
-    history.write(Error("unplugged", "the port is gone", 1))
-    assert later(history, 400) == ("bad", "stalled for 6 min: the port is gone")
-
-
-def test_old_trouble_is_no_reason_for_a_new_stall() -> None:
-    history = told([Error("no_port", "there is no /dev/x", 1)], with_breaks([200]))
-    assert later(history, 4)[1] == "stalled for 4 s: no sample arrives"
-
-
-def test_recording_at_its_end_is_no_failure() -> None:
-    assert later(told(records("n=200")), 5) == ("wait", "at its end: no sample for 5 s")
-
-
-def test_status_after_a_restart_names_it() -> None:
-    found = with_breaks([200, 100])
-    last = found[-1]
+def reconnected() -> list[AnyRecord]:
+    *found, last = with_breaks([200, 100])
     assert isinstance(last, Stats)
-    found[-1] = msgspec.structs.replace(last, link=LinkStats(reconnects=1))
-    assert "(reconnected, epoch 2: the device restarted)" in later(told(found), 0)[1]
+    return [*found, msgspec.structs.replace(last, link=LinkStats(reconnects=1))]
+
+
+@pytest.mark.parametrize(
+    ("heard", "seconds", "level", "text"),
+    [
+        (list, 0, "wait", "waiting for the device"),
+        (lambda: [hello()], 0, "wait", "connected, waiting for the first sample"),
+        (lambda: [NO_PORT], 0, "bad", "waiting for the device: there is no /dev/x"),
+        (lambda: records("n=49"), 0, "wait", f"start-up: 1 samples to go; keep the sensor at rest {START}"),
+        (lambda: records("n=50"), 0, "good", f"running for 0 s {START}"),
+        (lambda: with_breaks([200]), 1, "good", f"running for 1 s {START}"),
+        (lambda: with_breaks([200]), 4, "bad", "stalled for 4 s: no sample arrives"),
+        (lambda: [*with_breaks([200]), GONE], 400, "bad", "stalled for 6 min: the port is gone"),
+        # Old trouble is no reason for a new stall.
+        (lambda: [NO_PORT, *with_breaks([200])], 4, "bad", "stalled for 4 s: no sample arrives"),
+        (lambda: records("n=200"), 5, "wait", "at its end: no sample for 5 s"),
+        (reconnected, 0, "good", "running for 0 s (reconnected, epoch 2: the device restarted)"),
+    ],
+)
+def test_status_in_a_line(
+    heard: Callable[[], list[AnyRecord]], seconds: float, level: str, text: str
+) -> None:
+    assert later(told(heard()), seconds) == (level, text)
 
 
 def test_status_names_the_axis_that_is_not_valid() -> None:

@@ -1,7 +1,5 @@
 """The MQTT sink without a broker: what waits, what is lost, and when it tries again."""
 
-from collections.abc import Callable
-
 import pytest
 from fltea.records import clock
 from fltea.sinks.mqtt import delivery, link
@@ -10,18 +8,18 @@ from fltea.sinks.mqtt.delivery import BACKLOG, IN_FLIGHT
 from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
-from mqtt_support import Bench, FakeConnection, estimate, gap, make_bench, sample, stats
+from mqtt_support import Bench, FakeConnection, MakeBench, estimate, gap, make_bench, sample, stats
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Bench]:
+def bench(monkeypatch: pytest.MonkeyPatch) -> MakeBench:
     return make_bench(monkeypatch)
 
 
 # --- what waits, and what is lost ---
 
 
-def test_what_comes_while_the_first_connection_is_made_is_not_lost(bench: Callable[..., Bench]) -> None:
+def test_what_comes_while_the_first_connection_is_made_is_not_lost(bench: MakeBench) -> None:
     b = bench(up=False, estimate_every=1)
     b.write(hello(), *map(estimate, range(BACKLOG + 5)))
     assert b.sink.lost == 5
@@ -30,7 +28,7 @@ def test_what_comes_while_the_first_connection_is_made_is_not_lost(bench: Callab
     assert {qos for topic, _, qos, _ in b.connection.sent if topic.endswith("estimate")} == {0}
 
 
-def test_outage_loses_streams_and_keeps_what_is_rare(bench: Callable[..., Bench]) -> None:
+def test_outage_loses_streams_and_keeps_what_is_rare(bench: MakeBench) -> None:
     b = bench(estimate_every=1)
     b.happens(Down("broker_lost", "gone"))
     b.write(*map(estimate, range(20)), stats(), *map(gap, range(BACKLOG + 2)))
@@ -45,7 +43,7 @@ def test_outage_loses_streams_and_keeps_what_is_rare(bench: Callable[..., Bench]
     assert "23 records were lost" in b.told[1][1]
 
 
-def test_each_outage_states_its_own_losses(bench: Callable[..., Bench]) -> None:
+def test_each_outage_states_its_own_losses(bench: MakeBench) -> None:
     b = bench(estimate_every=1)
     for records in (3, 2, 0):
         b.happens(Down("broker_lost", "gone"))
@@ -61,7 +59,7 @@ def test_each_outage_states_its_own_losses(bench: Callable[..., Bench]) -> None:
     ]
 
 
-def test_without_an_acknowledgement_after_it_a_stream_counts_as_lost(bench: Callable[..., Bench]) -> None:
+def test_without_an_acknowledgement_after_it_a_stream_counts_as_lost(bench: MakeBench) -> None:
     b = bench(estimate_every=1)
     b.write(*map(estimate, range(7)), stats(), *map(estimate, range(7, 10)))
     b.connection.acknowledge("fltea/a0/stats")
@@ -69,7 +67,7 @@ def test_without_an_acknowledgement_after_it_a_stream_counts_as_lost(bench: Call
     assert b.sink.lost == 3
 
 
-def test_what_is_not_acknowledged_is_sent_again_but_no_old_status(bench: Callable[..., Bench]) -> None:
+def test_what_is_not_acknowledged_is_sent_again_but_no_old_status(bench: MakeBench) -> None:
     b = bench(estimate_every=1, stream_qos=1)
     b.write(sample(), gap(1), estimate(2), stats())
     b.happens(Down("broker_lost", "gone"))
@@ -84,7 +82,7 @@ def test_what_is_not_acknowledged_is_sent_again_but_no_old_status(bench: Callabl
     assert b.sink.lost == 1
 
 
-def test_slow_network_loses_streams_and_holds_back_what_is_rare(bench: Callable[..., Bench]) -> None:
+def test_slow_network_loses_streams_and_holds_back_what_is_rare(bench: MakeBench) -> None:
     b = bench(estimate_every=1)
     b.connection.acknowledge()
     b.write(*map(estimate, range(IN_FLIGHT + 4)), gap(), stats())
@@ -100,7 +98,7 @@ def test_slow_network_loses_streams_and_holds_back_what_is_rare(bench: Callable[
     assert f"; {IN_FLIGHT} records were lost" in b.told[-1][1]
 
 
-def test_socket_that_has_just_died_loses_streams_only(bench: Callable[..., Bench]) -> None:
+def test_socket_that_has_just_died_loses_streams_only(bench: MakeBench) -> None:
     b = bench(estimate_every=1)
     b.connection.acknowledge()
     b.connection.full = True
@@ -112,23 +110,18 @@ def test_socket_that_has_just_died_loses_streams_only(bench: Callable[..., Bench
     assert len(b.connection.on("gap")) == 1
 
 
-def test_end_without_a_broker_counts_what_waited(bench: Callable[..., Bench]) -> None:
-    b = bench()
-    b.connection.acknowledge()
-    b.happens(Down("broker_lost", "gone"))
+@pytest.mark.parametrize("introduced", [True, False])
+def test_end_without_a_broker_or_a_hello_counts_what_waited(bench: MakeBench, introduced: bool) -> None:
+    b = bench(up=introduced)
+    if introduced:
+        b.connection.acknowledge()
+        b.happens(Down("broker_lost", "gone"))
     b.write(gap(), gap())
     b.sink.close()
     assert b.sink.lost == 2
 
 
-def test_end_without_a_hello_counts_what_waited(bench: Callable[..., Bench]) -> None:
-    b = bench(up=False)
-    b.write(gap(), gap())
-    b.sink.close()
-    assert b.sink.lost == 2
-
-
-def test_refused_record_is_lost_and_told_once(bench: Callable[..., Bench]) -> None:
+def test_refused_record_is_lost_and_told_once(bench: MakeBench) -> None:
     b = bench()
     b.connection.acknowledge()
     b.write(gap(), gap())
@@ -175,9 +168,8 @@ def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int
                         done.add((id(c), mid))
                     c.acknowledge()
                     last = [q for _, _, q, _ in c.sent]
-                    unsure = (
-                        last[::-1].index(1) if 1 in last else len(last)
-                    )  # after the last that proves anything
+                    # After the last that proves anything.
+                    unsure = last[::-1].index(1) if 1 in last else len(last)
                     acknowledged -= unsure
                     done -= {(id(c), mid) for mid in range(len(last) - unsure + 1, len(last) + 1)}
                     b.happens()
@@ -195,7 +187,7 @@ def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int
 # --- trying again ---
 
 
-def test_backoff_grows_and_begins_anew_after_a_good_connection(bench: Callable[..., Bench]) -> None:
+def test_backoff_grows_and_begins_anew_after_a_good_connection(bench: MakeBench) -> None:
     b = bench(up=False)
     b.write(hello())
     waits = []
@@ -222,7 +214,7 @@ def test_backoff_grows_and_begins_anew_after_a_good_connection(bench: Callable[.
     assert len(FakeConnection.made) == made + 2
 
 
-def test_one_outage_is_told_once_for_each_cause(bench: Callable[..., Bench]) -> None:
+def test_one_outage_is_told_once_for_each_cause(bench: MakeBench) -> None:
     b = bench()
     for kind in ("broker_lost", "broker_lost", "broker_refused", "broker_lost", "broker_refused"):
         b.happens(Down(kind, "text"))
@@ -233,7 +225,7 @@ def test_one_outage_is_told_once_for_each_cause(bench: Callable[..., Bench]) -> 
     assert [kind for kind, _ in b.told][3:] == ["broker_lost"]
 
 
-def test_connection_that_comes_to_nothing_is_given_up(bench: Callable[..., Bench]) -> None:
+def test_connection_that_comes_to_nothing_is_given_up(bench: MakeBench) -> None:
     b = bench(up=False)
     b.write(hello())
     first = b.connection
@@ -246,7 +238,7 @@ def test_connection_that_comes_to_nothing_is_given_up(bench: Callable[..., Bench
     assert b.connection is not first
 
 
-def test_after_an_outage_the_state_is_said_anew(bench: Callable[..., Bench]) -> None:
+def test_after_an_outage_the_state_is_said_anew(bench: MakeBench) -> None:
     b = bench()
     b.write(sample())
     b.happens(Down("broker_lost", "gone"))
