@@ -38,11 +38,7 @@ def test_from_a_bag_to_imu_yaml_in_one_command(tmp_path: Path) -> None:
 def test_info_and_export(tmp_path: Path, kind: str) -> None:
     rest = even(N)
     lost = np.delete(np.arange(N), [500, 501])
-    some = rest._replace(
-        stamp_ns=np.array(rest.stamp_ns)[lost].tolist(),
-        gyro_rads=np.array(rest.gyro_rads)[lost],
-        accel_ms2=np.array(rest.accel_ms2)[lost],
-    )
+    some = rest.rows(lost)
     path = write_bag(tmp_path / f"a.{kind}", {"/imu": some, "/other": even(20)})
     summary = summarise([path], 100, how=How(topic="/imu"))
     assert (summary.samples, summary.lost, summary.gaps, summary.whole) == (N - 2, 2, 1, True)
@@ -122,14 +118,9 @@ def test_a_bag_in_several_files(tmp_path: Path) -> None:
     rest = even(60)
     folder = tmp_path / "long"
     folder.mkdir()
-    for number in (0, 1, 10):
-        rows = {0: slice(0, 20), 1: slice(20, 40), 10: slice(40, 60)}[number]
-        some = rest._replace(
-            stamp_ns=rest.stamp_ns[rows],
-            gyro_rads=np.array(rest.gyro_rads)[rows],
-            accel_ms2=np.array(rest.accel_ms2)[rows],
-        )
-        (file,) = write_bag(tmp_path / "one.mcap", {"/imu": some}).glob("*.mcap")
+    for number, begin in ((0, 0), (1, 20), (10, 40)):
+        topics = {"/imu": rest.rows(slice(begin, begin + 20))}
+        (file,) = write_bag(tmp_path / "one.mcap", topics).glob("*.mcap")
         file.rename(folder / f"long_{number}.mcap")
     whole = open_bag(folder).whole()
     np.testing.assert_allclose(np.radians(whole.gyro), rest.gyro_rads, rtol=1e-14)

@@ -117,6 +117,9 @@ BAD_NPZ = {
     ),
     "too large": ({"gyro_raw": np.array([[1.0], [1e9]])}, "gyro_raw is more than 1e+06 deg/s in row 1"),
     "infinite time": ({"t_host_s": np.array([0, 1, np.inf, 3])}, "t_host_s is not finite in row 2"),
+    "device times that stand": ({"time_s": np.zeros(4)}, "time_s does not increase in row 1"),
+    "few device times": ({"time_s": np.arange(3.0)}, "time_s has the shape (3,); (4,) is needed"),
+    "NaN as a number": ({"time_s": np.arange(4.0), "seq": [np.nan] * 4}, "seq is not finite in row 0"),
     "accel in a row": ({"accel_raw": np.ones(4)}, "accel_raw has the shape (4,)", "(4, 3) is needed"),
     "NaN accel": ({"accel_raw": NOT_FINITE}, "accel_raw is not finite in row 2"),
     "pickled objects": (

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from bag_support import KINDS, START_NS, Messages, even, gathered, serialised, told, write_bag
 from fltea.recording.bag_imu import read_imu
+from fltea.recording.files import Stored
 from fltea.recording.kind import is_one_file
 from fltea.recording.ros_bag import open_bag
 from fltea.records.errors import UsageError
@@ -17,6 +18,10 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 N = 900
+
+
+def opened(path: Path, messages: Messages) -> Stored:
+    return open_bag(write_bag(path, {"/imu": messages}))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -175,28 +180,29 @@ def test_a_topic_without_a_gyroscope_is_refused(tmp_path: Path) -> None:
 def test_acceleration_that_was_not_measured_is_none(tmp_path: Path) -> None:
     rest = even(40)
     for one in (rest._replace(unknown=("accel",)), rest._replace(accel_ms2=None)):
-        assert open_bag(write_bag(tmp_path / "a.bag", {"/imu": one})).whole().accel_ms2 is None
+        assert opened(tmp_path / "a.bag", one).whole().accel_ms2 is None
 
 
 # --- times ---
 
 
-def test_gaps_are_counted_by_header_stamps(tmp_path: Path) -> None:
-    rest = even(600, 100.0)
-    keep = np.setdiff1d(np.arange(600), [50, 51, 52, *range(200, 350)])
-    some = Messages(*(np.asarray(column)[keep].tolist() for column in rest[:3]))  # type: ignore[arg-type]
-    stored = open_bag(write_bag(tmp_path / "a.bag", {"/imu": some}))
+def missing_in(stored: Stored, n: int) -> list[int]:
+    """Which of n samples are not there, by the numbers of the others."""
     whole = stored.whole()
     assert whole.seq is not None
-    np.testing.assert_array_equal(whole.seq, keep)
+    return np.setdiff1d(np.arange(n), whole.seq).tolist()
+
+
+def test_gaps_are_counted_by_header_stamps(tmp_path: Path) -> None:
+    lost = [50, 51, 52, *range(200, 350)]
+    stored = opened(tmp_path / "a.bag", even(600, 100.0).rows(np.setdiff1d(np.arange(600), lost)))
+    assert missing_in(stored, 600) == lost
     assert stored.rate_hz == pytest.approx(100, rel=1e-9)
 
 
 def test_messages_that_stand_there_twice_are_taken_once(tmp_path: Path) -> None:
-    rest = even(60)
     twice = np.repeat(np.arange(60), np.where(np.arange(60) % 20 == 5, 2, 1))
-    some = Messages(*(np.asarray(column)[twice].tolist() for column in rest[:3]))  # type: ignore[arg-type]
-    stored = open_bag(write_bag(tmp_path / "a.bag", {"/imu": some}))
+    stored = opened(tmp_path / "a.bag", even(60).rows(twice))
     assert stored.samples == 60
     assert re.search(r"(^| )3 messages stand there twice", told(stored)["bag_messages"])
 
@@ -204,18 +210,17 @@ def test_messages_that_stand_there_twice_are_taken_once(tmp_path: Path) -> None:
 def test_without_stamps_the_arrivals_are_taken_and_it_says_so(tmp_path: Path) -> None:
     rest = even(200)
     some = rest._replace(stamp_ns=[0] * 200, arrival_ns=rest.stamp_ns)
-    stored = open_bag(write_bag(tmp_path / "a.bag", {"/imu": some}))
+    stored = opened(tmp_path / "a.bag", some)
     assert stored.rate_hz == pytest.approx(200, rel=1e-6)
     assert "are 0, so the times of arrival are taken" in told(stored)["bag_stamps"]
     with pytest.raises(UsageError, match="neither header stamps nor arrivals"):
-        open_bag(write_bag(tmp_path / "b.bag", {"/imu": some._replace(arrival_ns=[START_NS] * 200)}))
+        opened(tmp_path / "b.bag", some._replace(arrival_ns=[START_NS] * 200))
 
 
 def test_a_clock_that_is_set_back_begins_a_new_stretch(tmp_path: Path) -> None:
     rest = even(400)
     stamps = [t - (3_600_000_000_000 if i >= 150 else 0) for i, t in enumerate(rest.stamp_ns)]
-    some = rest._replace(stamp_ns=stamps, arrival_ns=rest.stamp_ns)
-    stored = open_bag(write_bag(tmp_path / "a.bag", {"/imu": some}))
+    stored = opened(tmp_path / "a.bag", rest._replace(stamp_ns=stamps, arrival_ns=rest.stamp_ns))
     whole = stored.whole()
     assert whole.epoch is not None
     assert np.bincount(whole.epoch).tolist() == [150, 250]
@@ -227,10 +232,8 @@ def test_values_that_are_no_numbers_are_missing_samples(tmp_path: Path) -> None:
     rest = even(300)
     gyro = np.array(rest.gyro_rads)
     gyro[[70, 71, 200], 1] = np.nan
-    stored = open_bag(write_bag(tmp_path / "a.mcap", {"/imu": rest._replace(gyro_rads=gyro)}))
-    whole = stored.whole()
-    assert whole.seq is not None
-    assert np.setdiff1d(np.arange(300), whole.seq).tolist() == [70, 71, 200]
+    stored = opened(tmp_path / "a.mcap", rest._replace(gyro_rads=gyro))
+    assert missing_in(stored, 300) == [70, 71, 200]
     assert "3 messages hold what is no number" in told(stored)["bag_messages"]
 
 
@@ -238,11 +241,10 @@ def test_accelerations_that_are_no_numbers(tmp_path: Path) -> None:
     rest = even(300)
     accel = np.array(rest.accel_ms2)
     accel[[10, 20], 2] = np.inf
-    whole = open_bag(write_bag(tmp_path / "a.bag", {"/imu": rest._replace(accel_ms2=accel)})).whole()
-    assert whole.accel_ms2 is not None
-    assert whole.seq is not None
-    assert np.setdiff1d(np.arange(300), whole.seq).tolist() == [10, 20]
-    stored = open_bag(write_bag(tmp_path / "b.bag", {"/imu": rest._replace(accel_ms2=accel * np.nan)}))
+    stored = opened(tmp_path / "a.bag", rest._replace(accel_ms2=accel))
+    assert stored.whole().accel_ms2 is not None
+    assert missing_in(stored, 300) == [10, 20]
+    stored = opened(tmp_path / "b.bag", rest._replace(accel_ms2=accel * np.nan))
     assert stored.samples == 300
     assert stored.whole().accel_ms2 is None
     assert "the acceleration is left out" in told(stored)["bag_messages"]

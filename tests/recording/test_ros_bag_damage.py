@@ -86,8 +86,12 @@ def test_a_full_disk_for_temporary_files(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 @pytest.fixture(scope="module")
-def whole_files(tmp_path_factory: pytest.TempPathFactory) -> Files:
-    folder = tmp_path_factory.mktemp("bags")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("bags")
+
+
+@pytest.fixture(scope="module")
+def whole_files(folder: Path) -> Files:
     found = Files()
     for kind in KINDS:
         topics = {"/imu": even(N)}
@@ -112,12 +116,11 @@ def read_anything(path: Path, data: bytes) -> Any:
 @given(share=st.floats(0, 1))
 @settings(max_examples=25)
 def test_a_bag_that_is_cut_gives_what_it_holds(
-    kind: str, share: float, whole_files: Files, tmp_path_factory: pytest.TempPathFactory
+    kind: str, share: float, whole_files: Files, folder: Path
 ) -> None:
     data = whole_files[kind]
-    path = tmp_path_factory.getbasetemp() / f"cut.{'bag' if kind == 'lz4' else kind}"
     size = int(share * (len(data) - 1))
-    events = read_anything(path, data[:size])
+    events = read_anything(folder / f"cut.{'bag' if kind == 'lz4' else kind}", data[:size])
     if events is None:
         assert share < 0.5 or kind in ("mcap", "lz4")  # whose only chunk is cut
         return
@@ -146,27 +149,16 @@ def test_a_bag_without_its_index_was_not_closed(whole_files: Files, tmp_path: Pa
 @given(places=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=6))
 @settings(max_examples=25)
 def test_bags_that_were_changed_anywhere(
-    kind: str,
-    places: list[tuple[float, int]],
-    whole_files: Files,
-    tmp_path_factory: pytest.TempPathFactory,
+    kind: str, places: list[tuple[float, int]], whole_files: Files, folder: Path
 ) -> None:
     data = bytearray(whole_files[kind])
     for share, value in places:
         data[int(share * (len(data) - 1))] = value
-    path = tmp_path_factory.getbasetemp() / f"changed.{'bag' if kind == 'lz4' else kind}"
-    read_anything(path, bytes(data))
+    read_anything(folder / f"changed.{'bag' if kind == 'lz4' else kind}", bytes(data))
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @given(data=st.binary(max_size=300), begin=st.integers(0, 200))
 @settings(max_examples=25)
-def test_any_bytes(
-    kind: str,
-    data: bytes,
-    begin: int,
-    whole_files: Files,
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
-    path = tmp_path_factory.getbasetemp() / f"any.{kind}"
-    read_anything(path, whole_files[kind][:begin] + data)
+def test_any_bytes(kind: str, data: bytes, begin: int, whole_files: Files, folder: Path) -> None:
+    read_anything(folder / f"any.{kind}", whole_files[kind][:begin] + data)

@@ -35,6 +35,11 @@ class Messages(NamedTuple):
     unknown: tuple[str, ...] = ()
     """"gyro" or "accel": not measured, as its covariance says."""
 
+    def rows(self, chosen: Any) -> "Messages":
+        """Some of them, or some of them again."""
+        columns = (None if column is None else np.asarray(column)[chosen] for column in self[:4])
+        return Messages(*columns, *self[4:])  # type: ignore[arg-type]
+
 
 def even(n: int, rate_hz: float = 200.0, seed: int = 1) -> Messages:
     """A sensor at rest, stamped evenly."""
