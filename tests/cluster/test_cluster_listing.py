@@ -1,5 +1,6 @@
 """Files on any file system: what a pattern names, in a fixed order, and nothing else."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -58,32 +59,20 @@ def test_patterns(lab: Path, pattern: str, found: list[str]) -> None:
     assert all(file.stamp for file in files)
 
 
-def test_a_file_that_changes_has_another_stamp(lab: Path) -> None:
-    (before,) = files_of([f"{lab}/a.mcap"])
-    import os
-
-    os.utime(lab / "a.mcap", (1, 1))
-    (after,) = files_of([f"{lab}/a.mcap"])
-    assert before._replace(stamp="") == after._replace(stamp="")
-    assert before.stamp != after.stamp
-
-
-def test_a_link_changes_with_the_file_it_names(lab: Path) -> None:
-    import os
-
+@pytest.mark.parametrize("name", ["a.mcap", "x/link.csv"])
+def test_a_file_that_changes_has_another_stamp(lab: Path, name: str) -> None:
+    """And so has a link to it."""
     (lab / "x" / "link.csv").symlink_to(lab / "a.mcap")
-    before = next(file for file in files_of([f"{lab}/x"]) if file.url.endswith("link.csv"))
+    before = {file.url: file for file in files_of([str(lab)])}[f"{lab}/{name}"]
     os.utime(lab / "a.mcap", (1, 1))
-    after = next(file for file in files_of([f"{lab}/x"]) if file.url.endswith("link.csv"))
-    assert (before.size, after.size) == (4, 4)
-    assert before.stamp != after.stamp
+    after = {file.url: file for file in files_of([str(lab)])}[f"{lab}/{name}"]
+    assert before._replace(stamp="") == after._replace(stamp="")
+    assert (before.size, before.stamp != after.stamp) == (4, True)
 
 
 @pytest.mark.parametrize("pattern", ["q", "q/*", "q/**"])
 def test_what_is_no_file_is_none(lab: Path, pattern: str) -> None:
     """A pipe would be waited for without end. Links to folders may lead in circles."""
-    import os
-
     (lab / "q").mkdir()
     (lab / "q" / "a.csv").write_bytes(b"1234")
     os.mkfifo(lab / "q" / "pipe.csv")
@@ -147,15 +136,23 @@ def test_what_is_refused(pattern: str, text: str) -> None:
         list(files_of([pattern]))
 
 
+class Cloud:
+    """Tells of each file what it is called, or raises what it is made with."""
+
+    def __init__(self, error: Exception | None = None) -> None:
+        self._error = error
+
+    def _strip_protocol(self, path: str) -> str:
+        return path
+
+    def info(self, path: str) -> dict[str, object]:
+        if self._error is not None:
+            raise self._error
+        return {"name": path, "type": "file", "size": 7, "ETag": "x"}
+
+
 def test_signatures_do_not_stand_in_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Web:
-        def _strip_protocol(self, path: str) -> str:
-            return path
-
-        def info(self, path: str) -> dict[str, object]:
-            return {"name": path, "type": "file", "size": 7, "ETag": "x"}
-
-    monkeypatch.setattr("fltea.cluster.listing.file_system", lambda protocol: Web())
+    monkeypatch.setattr("fltea.cluster.listing.file_system", lambda protocol: Cloud())
     one, other = files_of(["https://host/a.csv?sign=secret", "https://host/a.csv?sign=other"])
     assert (one.path, one.suffix) == ("https://host/a.csv?sign=secret", ".csv")
     assert one.url.startswith("https://host/a.csv?…")
@@ -164,14 +161,8 @@ def test_signatures_do_not_stand_in_the_table(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_what_a_file_system_says_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Locked:
-        def _strip_protocol(self, path: str) -> str:
-            return path
-
-        def info(self, path: str) -> None:
-            raise PermissionError("no credentials")
-
-    monkeypatch.setattr("fltea.cluster.listing.file_system", lambda protocol: Locked())
+    locked = Cloud(PermissionError("no credentials"))
+    monkeypatch.setattr("fltea.cluster.listing.file_system", lambda protocol: locked)
     with pytest.raises(FlteaError, match=r"s3://lab/a.csv: cannot be listed \(PermissionError: no cred"):
         list(files_of(["s3://lab/a.csv"]))
 

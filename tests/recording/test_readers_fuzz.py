@@ -22,6 +22,7 @@ from fltea.recording.session import SESSION
 from fltea.records.errors import FlteaError
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import Limits
+from hostile_files import Files
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
@@ -85,13 +86,6 @@ def check(folder: Path, name: str, data: bytes) -> None:
         assert tracemalloc.get_traced_memory()[1] < MOST_BYTES
     finally:
         tracemalloc.stop()
-
-
-class Files(dict[str, bytes]):
-    """By name. Hypothesis shows its arguments."""
-
-    def __repr__(self) -> str:
-        return "Files"
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from fltea.records.events import RawBlock, Trouble
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
+from hostile_files import Files
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -30,13 +31,6 @@ def test_more_than_the_limit_is_refused(tmp_path: Path) -> None:
     packed = write_bag(tmp_path / "b.bag", {"/imu": even(3000)}, packed="bz2")
     with pytest.raises(UsageError, match=r"replay\.max_chunk_mb"):
         open_bag(packed, limits=Limits(max_chunk_mb=0.5))
-
-
-class Files(dict[str, bytes]):
-    """By kind; hypothesis prints what it was given, and these are long."""
-
-    def __repr__(self) -> str:
-        return "the files"
 
 
 def test_what_is_no_bag(tmp_path: Path) -> None:

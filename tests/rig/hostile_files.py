@@ -18,6 +18,13 @@ from mcap.writer import MCAP0_MAGIC
 MB = 1_000_000
 
 
+class Files(dict[str, bytes]):
+    """By name or kind; hypothesis prints what it was given, and these are long."""
+
+    def __repr__(self) -> str:
+        return "the files"
+
+
 def mcap_with(*records: bytes) -> bytes:
     """The head of a recording of ours, then these records, then nothing."""
     builder = RecordBuilder()

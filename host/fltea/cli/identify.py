@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fltea.cli import exports, many
-from fltea.cli.output import print_result, progress_bar, say
+from fltea.cli.output import end_with, print_result, progress_bar, say
 from fltea.cli.setting_flags import FILTERS, RECORDING, ConfigFile, takes_settings
 from fltea.identification.dask_address import check_address, trust_warning
-from fltea.records.errors import UsageError
+from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.extras import load
 
 if TYPE_CHECKING:
@@ -266,10 +266,10 @@ def _show(reports: "Sequence[FileReport]") -> None:
 
 
 def _fail(reports: "Sequence[FileReport]") -> None:
-    """End with the first failure, if there was one, after all others were reported."""
+    """End with the failures, after all else was reported."""
     from fltea.identification.run import Failure
 
-    failures = []
+    failures: list[FlteaError] = []
     for report in reports:
         if report.failure is not None:
             failures.append(report.failure)
@@ -278,7 +278,4 @@ def _fail(reports: "Sequence[FileReport]") -> None:
             for name, axis in report.axes.items()
             if isinstance(axis, Failure)
         ]
-    for failure in failures[1:]:
-        say(f"fltea: error: {failure}")
-    if failures:
-        raise failures[0]
+    end_with(failures)

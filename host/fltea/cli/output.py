@@ -2,7 +2,7 @@
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,6 +38,14 @@ def progress_bar(total: int | None = None) -> Iterator[Callable[..., None]]:
 def say(text: str) -> None:
     """Write a line of ours to stderr; names of files in it may hold anything."""
     print(visible_lines(text), file=sys.stderr, flush=True)
+
+
+def end_with(failures: Sequence[FlteaError]) -> None:
+    """Raise the first failure, if there is one, after the others were reported."""
+    for failure in failures[1:]:
+        say(f"fltea: error: {failure}")
+    if failures:
+        raise failures[0]
 
 
 def print_lines(text: str) -> None:

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from fltea.cli.output import print_lines, say
+from fltea.cli.output import end_with, print_lines, say
 from fltea.cli.setting_flags import LIMITS, takes_settings
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.config import load_config
@@ -161,7 +161,4 @@ def recover(
                 f"{found.out}: {found.messages} messages over {found.seconds:.1f} s saved; "
                 f"{found.lost_bytes} bytes at the end could not be read{damaged}"
             )
-    for failure in failures[1:]:
-        say(f"fltea: error: {failure}")
-    if failures:
-        raise failures[0]
+    end_with(failures)

@@ -1,14 +1,15 @@
 """The commands `fltea reproduce` and `fltea bench`."""
 
 import json
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from fltea.cli.output import print_result, progress_bar, say
+from fltea.cli.setting_flags import takes_settings
 from fltea.records.errors import UsageError
+from fltea.settings.config import load_config
 
 if TYPE_CHECKING:
     from fltea.lab.reproduce.runs import Options
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
 DEFAULT_SEEDS = 1000
 
 
+@takes_settings(["replay.columns", "replay.units", "replay.rate_hz"], only=())
 def reproduce(
+    settings: dict[str, Any],
     table: Annotated[
         list[str] | None,
         typer.Option(
@@ -52,13 +55,6 @@ def reproduce(
             metavar="FILE", help="Resting gyroscope (.npz, .csv, .ndjson) for table 5 and figures 12 to 20."
         ),
     ] = None,
-    columns: Annotated[
-        str | None, typer.Option(metavar="A,B,C", help="CSV recording: the columns of the axes x, y, z.")
-    ] = None,
-    units: Annotated[
-        str | None, typer.Option(help="CSV recording: deg/s, °/s, dps, mdps, rad/s, or lsb:N.")
-    ] = None,
-    rate: Annotated[float | None, typer.Option(metavar="HZ", help="CSV recording: samples a second.")] = None,
     amplitude: Annotated[float, typer.Option(help="Of the saw-tooth in examples 1 and 2.")] = 1.0,
     period: Annotated[float, typer.Option(metavar="S", help="Of the saw-tooth, in seconds.")] = 1.0,
     unipolar: Annotated[
@@ -106,18 +102,18 @@ def reproduce(
         _score(seeds, Options(variant, guard, memory), as_json)
         return
     tables, figures, everything = select(table or [], figure or [])
-    names = [name.strip() for name in columns.split(",")] if columns else None
-    if recording is None and (names or units or rate):
+    if recording is None and settings:
         raise UsageError("--columns, --units and --rate describe a recording; name it with --recording.")
-    if rate is not None and not (math.isfinite(rate) and rate > 0):
-        raise UsageError(f"--rate {rate:g}: has to be a positive number of samples per second.")
+    how = load_config(None, settings).replay
     request = Request(
         tables=tables,
         figures=figures,
         seeds=seeds,
         options=Options(variant, guard, memory),
         sawtooth=SawTooth(amplitude, period, unipolar),
-        recording=None if recording is None else RecordingFile(recording, names, units, rate),
+        recording=None
+        if recording is None
+        else RecordingFile(recording, how.columns, how.units, how.rate_hz),
         out=out,
         everything=everything,
     )

@@ -34,7 +34,8 @@ def takes_settings(
 
     Its parameter `settings` is filled with what these say, by the path of the setting; `--set` wins. Values
     are texts until the setting's own declaration reads and checks them, so that a wrong one has the same
-    error as in a file. only: beginnings of the paths that `--set` takes.
+    error as in a file. only: beginnings of the paths that `--set` takes; without any
+    there is no `--set`.
     """
     taken = [f"settings of [{one[:-1]}]" if one.endswith(".") else one for one in only]
     flags = {
@@ -55,7 +56,8 @@ def takes_settings(
 
         own = inspect.signature(command, eval_str=True)
         parameters = [one for name, one in own.parameters.items() if name != "settings"]
-        annotations = {name: _option(one) for name, one in flags.items()} | {"set_": _set(taken)}
+        annotations = {name: _option(one) for name, one in flags.items()}
+        annotations |= {"set_": _set(taken)} if only else {}
         parameters += [
             inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
             for name, annotation in annotations.items()

@@ -2,28 +2,25 @@
 
 import io
 import math
+import struct
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from fltea.cluster.cut import Cut, Ranges
+from fltea.recording.npz_arrays import read_header
 
 HEAD_BYTES = 1 << 16
 
 
 def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
     """Return where it may be cut; nowhere if its columns lie one after the other, or it is damaged."""
-    head = io.BytesIO(source.read(0, HEAD_BYTES))
     try:
-        version = np.lib.format.read_magic(head)
-        read: Any = np.lib.format.read_array_header_1_0
-        if version != (1, 0):
-            read = np.lib.format.read_array_header_2_0
-        shape, by_columns, dtype = read(head)
-    except ValueError:
+        found = read_header(io.BytesIO(source.read(0, HEAD_BYTES)), source.file.url)
+    except (ValueError, struct.error):
         return []
-    begin = head.tell()
+    shape, by_columns, dtype, begin = found
     if not shape or (by_columns and len(shape) > 1) or dtype.hasobject:
         return []
     row_bytes = math.prod(shape[1:]) * dtype.itemsize

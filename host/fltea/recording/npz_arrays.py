@@ -7,7 +7,7 @@ import struct
 import zipfile
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,9 @@ UNPACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 NUMBER_BYTES = 8
 
 
-class _Header(NamedTuple):
+class Header(NamedTuple):
+    """What an array says of itself. length: of all that, in bytes."""
+
     shape: tuple[int, ...]
     columns_first: bool
     """columns stand one after the other, as Fortran has them"""
@@ -93,7 +95,7 @@ class _Rows:
     """An array as it comes out of its archive, a few rows at a time."""
 
     def __init__(
-        self, archive: zipfile.ZipFile, info: zipfile.ZipInfo, header: _Header, stack: contextlib.ExitStack
+        self, archive: zipfile.ZipFile, info: zipfile.ZipInfo, header: Header, stack: contextlib.ExitStack
     ) -> None:
         shape, by_columns, self._dtype, length = header
         by_columns = by_columns and len(shape) > 1
@@ -138,7 +140,7 @@ def _archive_of(path: Path) -> Iterator[zipfile.ZipFile]:
 
 
 def _check_sizes(
-    path: Path, headers: dict[str, _Header], members: dict[str, zipfile.ZipInfo], limits: Limits
+    path: Path, headers: dict[str, Header], members: dict[str, zipfile.ZipInfo], limits: Limits
 ) -> None:
     needed = 0
     for name, header in headers.items():
@@ -157,22 +159,27 @@ def _check_sizes(
             raise ValueError(f"{name} declares the shape {header.shape}, but has {info.file_size} bytes")
 
 
-def _header(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> _Header:
+def _header(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Header:
     if info.compress_type not in UNPACKED:
         raise ValueError(f"{info.filename} is packed in a way that numpy does not use")
     with archive.open(info) as file:
-        begin = file.read(len(MAGIC) + 2)
-        if not begin.startswith(MAGIC) or begin[-2] not in LENGTHS:
-            raise ValueError(f"{info.filename} is no array of numpy")
-        size = LENGTHS[begin[-2]]
-        (length,) = size.unpack(packed := file.read(size.size))
-        if length > LONGEST_HEADER:
-            raise ValueError(f"{info.filename} has a header of {length} bytes; {LONGEST_HEADER} are allowed")
-        text = file.read(length)
+        return read_header(file, info.filename)
+
+
+def read_header(file: IO[bytes], name: str) -> Header:
+    """Read what an array says of itself; ValueError if it makes no sense."""
+    begin = file.read(len(MAGIC) + 2)
+    if not begin.startswith(MAGIC) or begin[-2] not in LENGTHS:
+        raise ValueError(f"{name} is no array of numpy")
+    size = LENGTHS[begin[-2]]
+    (length,) = size.unpack(packed := file.read(size.size))
+    if length > LONGEST_HEADER:
+        raise ValueError(f"{name} has a header of {length} bytes; {LONGEST_HEADER} are allowed")
+    text = file.read(length)
     whole = io.BytesIO(packed + text)
     read = np.lib.format.read_array_header_1_0 if size.size == 2 else np.lib.format.read_array_header_2_0
     try:
         shape, columns_first, dtype = read(whole)
     except (MemoryError, RecursionError) as error:  # brackets in brackets
-        raise ValueError(f"{info.filename} has a broken header") from error
-    return _Header(shape, columns_first, dtype, len(begin) + len(packed) + length)
+        raise ValueError(f"{name} has a broken header") from error
+    return Header(shape, columns_first, dtype, len(begin) + len(packed) + length)

@@ -203,8 +203,7 @@ class LayoutFinder:
         """The header above rows whose columns go by their positions: its line, names, and units below it."""
         units = None
         for number, line in reversed(self._before):
-            text = line.strip().lstrip("#%/").strip()
-            found = split(text, separator_of(text))
+            found = _bare_fields(line)
             if len(found) != width or any(map(is_number, found)):
                 continue
             if units is None and _units(line) is not None:
@@ -334,10 +333,15 @@ def _is_row_of_positions(fields: Sequence[str], wanted: Wanted) -> bool:
     return wanted.by_position and any(is_number(field) and not field.isdecimal() for field in fields)
 
 
+def _bare_fields(line: str) -> list[str]:
+    """The fields of a line that may be a comment."""
+    text = line.strip().lstrip("#%/").strip()
+    return split(text, separator_of(text))
+
+
 def _units(line: str) -> list[str] | None:
     """The units in the second line of a header, which holds nothing else."""
-    text = line.strip().lstrip("#%").strip("\r\n")
-    fields = split(text, separator_of(text))
+    fields = _bare_fields(line)
     named = [known_unit(field) for field in fields if field not in ("", "-", "[]", "[-]", "1")]
     return fields if named and all(named) and not any(map(is_number, fields)) else None
 
@@ -352,8 +356,7 @@ def _what_there_is(lines: Sequence[str]) -> tuple[int, list[str] | None]:
         if not all_numbers(line):
             return i, split(line, separator_of(line))
         if comment is not None:
-            text = lines[comment].strip().lstrip("#%/").strip()
-            names = split(text, separator_of(text))
+            names = _bare_fields(lines[comment])
             if len(names) == len(split(line, separator_of(line))) and len(names) > 1:
                 return comment, names
         return i, None
