@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 ROOT = Path(__file__).resolve().parents[1]
 RECORDINGS = ROOT.parent / "shared/recordings"
@@ -12,10 +12,12 @@ RECORDINGS = ROOT.parent / "shared/recordings"
 # Every test may use the stand-ins of tests/rig, `tools` as a package, and the generators within it.
 sys.path[:0] = [str(ROOT), str(ROOT / "tests/rig"), str(ROOT / "tools")]
 
-# Every run tries the same examples; a slow machine fails nothing. More of them, and others each time, in the
-# hours before a release: make test ARGS=--hypothesis-profile=thorough
-settings.register_profile("fixed", derandomize=True, database=None, deadline=None, max_examples=50)
-settings.register_profile("thorough", database=None, deadline=None, max_examples=1000, print_blob=True)
+# Every run tries the same examples; a slow machine fails nothing, nor does a busy one on which they are drawn
+# slowly. More of them, and others each time, in the hours before a release:
+# make test ARGS=--hypothesis-profile=thorough
+ANY_PACE = {"database": None, "deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("fixed", derandomize=True, max_examples=50, **ANY_PACE)
+settings.register_profile("thorough", max_examples=1000, print_blob=True, **ANY_PACE)
 settings.load_profile("fixed")
 
 

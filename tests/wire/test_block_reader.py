@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plain_decoder import Found, decoded, in_chunks, unfinished
 from protocol_support import HELLO, fixed, messages, sequences, times
+from tiers import slow
 
 SAMPLE = wire.Sample(12, -7, 3, -120, 85, 16390, -1042, 5)
 NEXT = encode(SAMPLE, 99, 990_000)
@@ -79,12 +80,16 @@ def test_it_gives_what_the_plain_decoder_gives(data: bytes) -> None:
     assert repr(FrameReader().feed(data)) == repr(good)
 
 
-@given(streams, st.lists(st.one_of(st.integers(0, 30), st.integers(0, 300)), max_size=60))
-@fixed(200)
-def test_chunks_do_not_matter(data: bytes, sizes: list[int]) -> None:
-    expected = repr(decoded(data))
-    assert repr(in_chunks(BlockReader(), chunks_of(data, sizes))) == expected
-    assert repr(in_chunks(BlockReader(), [data[i : i + 1] for i in range(len(data))])) == expected
+@pytest.mark.parametrize("examples", [150, slow(400)])
+def test_chunks_do_not_matter(examples: int) -> None:
+    @given(streams, st.lists(st.one_of(st.integers(0, 30), st.integers(0, 300)), max_size=60))
+    @fixed(examples)
+    def holds(data: bytes, sizes: list[int]) -> None:
+        expected = repr(decoded(data))
+        assert repr(in_chunks(BlockReader(), chunks_of(data, sizes))) == expected
+        assert repr(in_chunks(BlockReader(), [data[i : i + 1] for i in range(len(data))])) == expected
+
+    holds()
 
 
 @given(st.lists(st.one_of(st.just("reset"), halves, st.binary(max_size=9)), max_size=12))
