@@ -165,16 +165,8 @@ def make_plan(method: Method, port: str, image: Path | None, root: Path | None) 
         command += ["--upload", "--port", port, str(sketch)]
     else:
         assert pio is not None
-        command = [
-            pio,
-            "run",
-            "--project-dir",
-            str(sketch.parent),
-            "--target",
-            "upload",
-            "--upload-port",
-            port,
-        ]
+        command = [pio, "run", "--project-dir", str(sketch.parent)]
+        command += ["--target", "upload", "--upload-port", port]
     return Plan(chosen, port, False, command, build_id)
 
 

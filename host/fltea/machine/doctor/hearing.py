@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea.records import clock
-from fltea.records.events import Failed, LinkDown, Opened, RawBlock, TransportEvent, Trouble
+from fltea.records.events import LinkDown, Opened, RawBlock, TransportEvent, Trouble
 from fltea.records.records import DeviceStatus, Hello, LinkStats
-from fltea.sources.wire_events import SILENCE_S, WireEvents
+from fltea.sources.serial import SerialSource
+from fltea.sources.wire_events import SILENCE_S
 from fltea.stream.place import Place
 from fltea.wire import layout as wire
-from fltea.wire.transport import Port, Reader
 
 HEAR_S = 4.0
 PATIENCE_S = SILENCE_S + 1.5
@@ -67,51 +67,44 @@ def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
     Raises:
         UsageError: an unknown kind of URL, or 1200 baud.
     """
-    heard, reader, events = Heard(), Reader(Port(url, baud)), WireEvents(url)
+    heard, source = Heard(), SerialSource(url, baud)
     place = Place(max_gap=wire.BAUD)  # no gap is too long for a look
     arrivals: list[tuple[int, int]] = []
     begin_ns = clock.host_ns()
     hello_ns: int | None = None
-    reader.start()
-    events.resume(begin_ns)
+
+    def note(item: TransportEvent) -> None:
+        heard.opened |= isinstance(item, Opened)
+
+    source.tap = note
     try:
-        for item in reader.events(0.1):
+        for event in source.events():
             now_ns = clock.host_ns()
-            heard.opened |= isinstance(item, Opened)
-            for event in events.feed(item, now_ns):
-                match event:
-                    case Hello():
-                        place.on_hello(event)
-                        heard.hello, hello_ns = event, hello_ns or now_ns
-                    case LinkDown():
-                        place.on_link_down()
-                    case RawBlock():
-                        for piece in place.on_block(event):
-                            host_ns = piece.raw.host_ns.tolist()
-                            arrivals += zip(piece.device_us.tolist(), host_ns, strict=True)
-                    case DeviceStatus():
-                        heard.status = event
-                    case Trouble():
-                        heard.troubles.append(event)
-            events.resume(now_ns)
-            if heard.failure or _is_over(item, now_ns, begin_ns, hello_ns, hear_s):
+            match event:
+                case Hello():
+                    place.on_hello(event)
+                    heard.hello, hello_ns = event, hello_ns or now_ns
+                case LinkDown():
+                    place.on_link_down()
+                case RawBlock():
+                    for piece in place.on_block(event):
+                        host_ns = piece.raw.host_ns.tolist()
+                        arrivals += zip(piece.device_us.tolist(), host_ns, strict=True)
+                case DeviceStatus():
+                    heard.status = event
+                case Trouble():
+                    heard.troubles.append(event)
+            since_ns, limit_s = (begin_ns, PATIENCE_S) if hello_ns is None else (hello_ns, hear_s)
+            if heard.failure or now_ns - since_ns >= limit_s * 1e9:
                 break
     finally:
-        reader.close()
-    heard.link = events.link_stats(reader.overflow_bytes)
+        source.close()
+    heard.link = source.link_stats()
     heard.delivered, heard.lost = place.delivered, place.lost
     if len(arrivals) > 1:
         heard.seconds = (arrivals[-1][0] - arrivals[0][0]) * 1e-6
         heard.drift = drift(arrivals)
     return heard
-
-
-def _is_over(
-    item: TransportEvent | None, now_ns: int, begin_ns: int, hello_ns: int | None, hear_s: float
-) -> bool:
-    if hello_ns is not None:
-        return now_ns - hello_ns >= hear_s * 1e9
-    return isinstance(item, Failed) or now_ns - begin_ns > PATIENCE_S * 1e9
 
 
 def drift(arrivals: list[tuple[int, int]]) -> Drift | None:
