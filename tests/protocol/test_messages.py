@@ -9,8 +9,7 @@ from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from fltea.wire.messages import BadFrame, Frame, Refused, encode, encode_frame, refusal
 from hypothesis import given
-from hypothesis import strategies as st
-from protocol_support import HELLO, PROTOCOL, fixed, messages, quiet, sequences, times
+from protocol_support import HELLO, PROTOCOL, fixed, messages, sequences, times
 
 
 def decode(data: bytes) -> Frame | Refused | BadFrame:
@@ -25,40 +24,6 @@ def test_decode_undoes_encode(message: wire.Message, sequence: int, device_us: i
     frame = decode(encode(message, sequence, device_us))
     # As text, in which a NaN equals itself and -0.0 is not 0.0; it names the class too.
     assert repr(frame) == repr(Frame(message.TYPE, sequence, device_us, message))
-
-
-@given(messages, sequences, times)
-@fixed()
-def test_frame_is_one_block_within_the_limit(message: wire.Message, sequence: int, device_us: int) -> None:
-    data = encode(message, sequence, device_us)
-    assert data.index(0) == len(data) - 1 <= wire.MAX_ENCODED
-    assert len(message.pack()) == message.SIZE
-
-
-def payloads(kind: int) -> st.SearchStrategy[tuple[int, bytes]]:
-    size = wire.MESSAGES[kind].SIZE
-    right = st.binary(min_size=size, max_size=size)
-    return st.tuples(st.just(kind), st.one_of(st.binary(max_size=wire.MAX_PAYLOAD), right))
-
-
-@given(st.sampled_from([*wire.MESSAGES]).flatmap(payloads))
-@fixed(300)
-def test_any_payload_decodes_or_is_a_bad_frame(case: tuple[int, bytes]) -> None:
-    kind, payload = case
-    data = encode_frame(kind, 1, 2, payload)
-    found = decode(data)
-    if kind == wire.Hello.TYPE and len(payload) >= 6:
-        assert isinstance(found, Refused)
-    elif len(payload) == wire.MESSAGES[kind].SIZE:
-        assert isinstance(found, Frame)
-        assert quiet(kind, found.message.pack()) == quiet(kind, payload)
-    else:
-        assert found == BadFrame("length", data[:-1])
-
-
-def test_values_of_no_known_name_pass() -> None:
-    status = wire.Status(0, 0, 0, 0, 0, 77, 0, 0)
-    assert decode(encode(status, 0, 0)) == Frame(status.TYPE, 0, 0, status)
 
 
 def test_text_that_is_not_ascii_is_shown_with_replacement_characters() -> None:

@@ -1,7 +1,6 @@
 """What the tests of the protocol share: the vector files, the definition, strategies with fixed seeds."""
 
 import math
-import struct
 from pathlib import Path
 
 import protocol_definition
@@ -62,17 +61,6 @@ _F32 = [3.4028234663852886e38, 2.0**-126, 2.0**-149, 0.0, math.inf, math.nan, 1.
 def floats() -> st.SearchStrategy[float]:
     """Every kind of f32; compare by `repr` (NaN, and -0.0 is not 0.0)."""
     return st.one_of(st.floats(width=32), st.sampled_from([*_F32, *(-number for number in _F32)]))
-
-
-def quiet(kind: int, payload: bytes) -> bytes:
-    """The payload with every NaN quiet: on its way through a double a signalling one may become so."""
-    (message,) = (message for message in PROTOCOL.messages if message.id == kind)
-    data, offset = bytearray(payload), 0
-    for field in message.fields:
-        if field.type == "f32" and math.isnan(struct.unpack_from("<f", data, offset)[0]):
-            data[offset + 2] |= 0x40
-        offset += field.size
-    return bytes(data)
 
 
 _RANGES = {"u8": (0, 255), "u16": (0, 65535), "u32": (0, 2**32 - 1), "i16": (-32768, 32767)}

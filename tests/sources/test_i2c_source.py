@@ -16,6 +16,7 @@ from fltea.stream.time import Timebase
 from fltea.wire import layout as wire
 from fltea.wire import permission
 from fltea.wire.layout import SampleFlags
+from fltea.wire.permission import Group
 
 from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
@@ -271,6 +272,7 @@ class Buses:
     [
         (errno.ENOENT, "no_port", ["raspi-config nonint do_i2c 0", "dtparam=i2c_arm=on", "Buses that exist"]),
         (errno.EACCES, "no_permission", ["usermod -aG", "group 'i2c'"]),
+        (errno.EPERM, "no_permission", ["its group is 'root'", 'GROUP="i2c"']),
         (errno.EAGAIN, "port_busy", ["another fltea", "0x68", "fltea devices"]),
         (errno.ENOTTY, "open_failed", ["no I²C bus"]),
         (errno.EMFILE, "open_failed", ["cannot open /dev/i2c-1"]),
@@ -280,7 +282,8 @@ def test_a_bus_that_cannot_be_opened(
     number: int, kind: str, words: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("fltea.sources.i2c.bus.glob.glob", lambda pattern: ["/dev/i2c-0"])
-    monkeypatch.setattr(permission, "group_of", lambda path: permission.Group(998, "i2c", True))
+    group = Group(0, "root", False) if number == errno.EPERM else Group(998, "i2c", True)
+    monkeypatch.setattr(permission, "group_of", lambda path: group)
     pi = Pi()
     Buses(pi, *[OSError(number, "as the kernel says it")] * 3)
     pi.run_until(4)
@@ -288,14 +291,6 @@ def test_a_bus_that_cannot_be_opened(
     assert all(word in pi.texts for word in words), pi.texts
     assert pi.source.link_stats().reconnects == 0
     pi.check()
-
-
-def test_a_bus_of_root_needs_a_rule(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(permission, "group_of", lambda path: permission.Group(0, "root", False))
-    pi = Pi()
-    Buses(pi, PermissionError(errno.EACCES, "Permission denied"))
-    pi.run_until(2)
-    assert 'GROUP="i2c"' in pi.texts
 
 
 def test_a_bus_that_goes_away_and_comes_back() -> None:
@@ -357,19 +352,18 @@ def test_statistics_go_out_while_there_is_no_bus() -> None:
     assert max(b - a for a, b in pairwise(ticks)) < S
 
 
-def test_a_missing_real_bus_is_told_by_its_errno() -> None:
-    host = FakeHost()
-    source = I2cSource("/dev/i2c-that-is-not-there", host=host)
+@pytest.mark.parametrize(
+    ("path", "kind", "words"),
+    [
+        ("/dev/i2c-that-is-not-there", "no_port", "there is no I²C bus /dev/i2c-that-is-not-there"),
+        ("/dev/null", "open_failed", "/dev/null is no I²C bus"),
+    ],
+)
+def test_a_path_that_is_no_real_bus_is_told_by_its_errno(path: str, kind: str, words: str) -> None:
+    source = I2cSource(path, host=FakeHost())
     trouble = next(event for event in source.events() if isinstance(event, Trouble))
-    assert trouble.kind == "no_port"
+    assert (trouble.kind, words in trouble.message) == (kind, True)
     source.close()
-
-
-def test_a_file_that_is_no_bus() -> None:
-    source = I2cSource("/dev/null", host=FakeHost())
-    trouble = next(event for event in source.events() if isinstance(event, Trouble))
-    assert trouble.kind == "open_failed"
-    assert "/dev/null is no I²C bus" in trouble.message
 
 
 def test_two_readers_of_one_sensor_are_kept_apart(tmp_path) -> None:
