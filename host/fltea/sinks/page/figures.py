@@ -14,18 +14,6 @@ from fltea.sinks.page.plot_style import BAND, COMMON, ESTIMATE, FIT, INKED, SAMP
 CHECKED = 1000
 """Innovations over which `stats` judges their whiteness."""
 
-ROWS = ("time", "temperature", "y_low", "y", "y_high")
-"""Columns of the source `rows`."""
-
-ESTIMATES = ("time", "seq", "state", "alpha", "alpha_low", "alpha_high", "f", "f_low", "f_high")
-"""Columns of the source `estimates`; low and high are one standard deviation away."""
-
-FITS = ("time", "alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high")
-"""Columns of the source `fits`: what the fit says, with its 95 % interval."""
-
-COMPARED = ("time", "alpha", "f", "apart_low", "apart", "apart_high")
-"""Columns of the source `compared`: the device's own estimates; apart: their difference from the host's."""
-
 LOCAL_TIME = """
 const date = new Date(tick)
 const seconds = date.getSeconds() ? ":" + String(date.getSeconds()).padStart(2, "0") : ""
@@ -39,12 +27,19 @@ POWER_OF_TEN = "return tick ? tick.toExponential(1).replaceAll('-', '\u2212') : 
 
 
 class Figures:
-    """Figures by name, over five sources; `moment` is the time that all of them show, in ms."""
+    """Figures by name, over five sources; `moment` is the time that all of them show, in ms.
+
+    Ends of estimates are one standard deviation away, those of fits are of their 95 % intervals. compared:
+    the device's own estimates, and how far they are apart from the host's.
+    """
 
     def __init__(self) -> None:
-        self.rows, self.estimates = source(*ROWS), source(*ESTIMATES)
-        self.fits, self.checks = source(*FITS), source("time", "lag1", "nis")
-        self.compared = source(*COMPARED)
+        ends = "alpha_low", "alpha_high", "f_low", "f_high"
+        self.rows = source("time", "temperature", "y_low", "y", "y_high")
+        self.estimates = source("time", "seq", "state", "alpha", "f", *ends)
+        self.fits = source("time", "alpha_mid", "f_mid", *ends)
+        self.checks = source("time", "lag1", "nis")
+        self.compared = source("time", "alpha", "f", "apart_low", "apart", "apart_high")
         self.moment = Range1d(start=0, end=1)
         self._heights: list[_Height] = []
         self.noise = self._noise()

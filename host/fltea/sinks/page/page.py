@@ -105,11 +105,10 @@ class Page:
         places = history.tables.columns(table, self._axis)
         columns: dict[str, Any] = {name: new.values[:, place] for name, place in places.items()}
         for name in ("alpha", "f"):
+            low, high = f"{name}_low", f"{name}_high"
             if f"{name}_std" in columns:
                 std = columns[f"{name}_std"]
-                columns[f"{name}_low"], columns[f"{name}_high"] = columns[name] - std, columns[name] + std
-        for name in ("alpha", "f"):
-            low, high = f"{name}_low", f"{name}_high"
+                columns[low], columns[high] = columns[name] - std, columns[name] + std
             if low in columns:
                 before = np.nan if new.fresh else self._middles.get((table, name), np.nan)
                 columns[low], columns[high], end = closed(columns[low], columns[high], before)
