@@ -58,20 +58,16 @@ def test_bound_of_alpha_and_f_by_differences(case: tuple[float, float, float, fl
     assert found.f == pytest.approx(expected[1], rel=1e-4)
 
 
-def test_four_times_the_record_halves_it() -> None:
-    short, long = (bound(0.6, -0.19, 1.0, 1.0, n, H) for n in (N, 4 * N))
-    assert long.alpha == pytest.approx(short.alpha / 2)
-    assert long.f == pytest.approx(short.f / 2)
-
-
-@pytest.mark.parametrize("phi", [-0.9, 0.5, 0.999, 0.99999])
-def test_means_over_the_frequencies(phi: float) -> None:
-    """Variance of AR(1); memory of up to 100,000 samples."""
-    assert mean(spectrum.ar1(LAM, phi)) == pytest.approx(1 / (1 - phi**2), rel=1e-6)
-
-
-@pytest.mark.parametrize("d", [0.1, 0.3])
-def test_variance_of_fractional_noise(d: float) -> None:
-    """Γ(1 - 2d)/Γ(1 - d)²: a pole at λ = 0."""
-    expected = math.gamma(1 - 2 * d) / math.gamma(1 - d) ** 2
-    assert mean(spectrum.fractional(LAM, d, 0.0)) == pytest.approx(expected, rel=1e-5)
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [
+        *((spectrum.ar1(LAM, phi), 1 / (1 - phi**2)) for phi in (-0.9, 0.5, 0.999, 0.99999)),
+        *(
+            (spectrum.fractional(LAM, d, 0.0), math.gamma(1 - 2 * d) / math.gamma(1 - d) ** 2)
+            for d in (0.1, 0.3)
+        ),
+    ],
+)
+def test_means_over_the_frequencies(shape: np.ndarray, expected: float) -> None:
+    """Variances of AR(1), with a memory of up to 100,000 samples, and of a pole at λ = 0."""
+    assert mean(shape) == pytest.approx(expected, rel=1e-5)

@@ -104,7 +104,7 @@ def test_what_is_said_of_a_line() -> None:
 
 def test_tasks() -> None:
     whole, quick = tasks(Options(1)), tasks(Options(3, quick=True, only=("relaxation", "1/f")))
-    assert len(whole) == len({one.key for one in whole}) == 9 * len(NOISES)
+    assert len(whole) == len({one.key for one in whole}) == 9 * len(NOISES) >= 9 * 45
     names = {one.name for one in quick}
     assert len(quick) == 3 * len(names)
     assert all("relaxation" in name or "1/f" in name for name in names)
