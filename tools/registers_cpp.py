@@ -17,75 +17,36 @@ HEAD = """\
 namespace sam3x {
 """
 
-USED = {
-    "TC0": {
-        "CCR0": "CLKEN SWTRG",
-        "CMR0_WAVE_EQ_1": "TCCLKS_TIMER_CLOCK1 WAVSEL_UP WAVE",
-        "CV0": "",
-        "RC0": "",
-        "SR0": "",
-        "IER0": "CPCS",
-    },
-    "TWI1": {
-        "CR": "START STOP MSEN SVDIS SWRST",
-        "MMR": "IADRSZ_1_BYTE MREAD DADR",
-        "IADR": "",
-        "CWGR": "CLDIV CHDIV",
-        "SR": "TXCOMP RXRDY TXRDY OVRE NACK ARBLST",
-        "RHR": "",
-        "THR": "",
-    },
-    "TRNG": {"CR": "ENABLE KEY", "ISR": "DATRDY", "ODATA": ""},
-    "PMC": {
-        "PCER0": "",
-        "CKGR_MOR": "MOSCXTEN MOSCRCEN MOSCXTST KEY MOSCSEL",
-        "CKGR_PLLAR": "DIVA PLLACOUNT MULA ONE",
-        "MCKR": "CSS_MAIN_CLK CSS_PLLA_CLK PRES_CLK_2",
-        "SR": "MOSCXTS LOCKA MCKRDY MOSCSELS",
-        "PCER1": "",
-    },
-    "UART": {
-        "CR": "RSTTX RSTRX RXDIS TXEN",
-        "MR": "PAR_NO",
-        "IER": "ENDTX",
-        "IDR": "ENDTX",
-        "BRGR": "",
-        "TPR": "",
-        "TCR": "",
-        "PTCR": "TXTEN",
-    },
-    "EFC0": {"FMR": "FWS SCOD", "FCR": "FCMD_STUI FCMD_SPUI FKEY_PASSWD", "FSR": "FRDY"},
-    "EFC1": {"FMR": "FWS"},
-    "PIOA": {"PDR": "", "ABSR": ""},
-    "PIOB": {
-        "PER": "",
-        "PDR": "",
-        "OER": "",
-        "SODR": "",
-        "CODR": "",
-        "PDSR": "",
-        "IER": "",
-        "ISR": "",
-        "MDER": "",
-        "MDDR": "",
-        "ABSR": "",
-        "AIMER": "",
-        "ESR": "",
-        "REHLSR": "",
-    },
-    "RSTC": {"SR": "RSTTYP"},
-    "WDT": {"CR": "WDRSTT KEY", "MR": "WDV WDRSTEN WDD WDDBGHLT"},
-}
-"""Peripheral -> register as in the SVD -> its fields, or values of fields, by their names in the header."""
+USED = """
+TC0: CCR0=CLKEN,SWTRG CMR0_WAVE_EQ_1=TCCLKS_TIMER_CLOCK1,WAVSEL_UP,WAVE CV0 RC0 SR0 IER0=CPCS
+TWI1: CR=START,STOP,MSEN,SVDIS,SWRST MMR=IADRSZ_1_BYTE,MREAD,DADR IADR CWGR=CLDIV,CHDIV
+      SR=TXCOMP,RXRDY,TXRDY,OVRE,NACK,ARBLST RHR THR
+TRNG: CR=ENABLE,KEY ISR=DATRDY ODATA
+PMC: PCER0 CKGR_MOR=MOSCXTEN,MOSCRCEN,MOSCXTST,KEY,MOSCSEL CKGR_PLLAR=DIVA,PLLACOUNT,MULA,ONE
+     MCKR=CSS_MAIN_CLK,CSS_PLLA_CLK,PRES_CLK_2 SR=MOSCXTS,LOCKA,MCKRDY,MOSCSELS PCER1
+UART: CR=RSTTX,RSTRX,RXDIS,TXEN MR=PAR_NO IER=ENDTX IDR=ENDTX BRGR TPR TCR PTCR=TXTEN
+EFC0: FMR=FWS,SCOD FCR=FCMD_STUI,FCMD_SPUI,FKEY_PASSWD FSR=FRDY
+EFC1: FMR=FWS
+PIOA: PDR ABSR
+PIOB: PER PDR OER SODR CODR PDSR IER ISR MDER MDDR ABSR AIMER ESR REHLSR
+RSTC: SR=RSTTYP
+WDT: CR=WDRSTT,KEY MR=WDV,WDRSTEN,WDD,WDDBGHLT
+"""
+"""Peripheral: its registers as in the SVD, with fields, or values of fields, by their names in the header."""
 
 
 def header(peripherals: dict[str, Peripheral]) -> str:
     """Return the text of the header. Raises KeyError for a name that the SVD does not know."""
     parts = [HEAD]
-    for name, registers in USED.items():
-        peripheral = peripherals[name]
-        parts += [f"// {name}\n", *_irq(peripheral)]
-        parts += [_register(peripheral, peripheral.registers[key], used) for key, used in registers.items()]
+    for word in USED.split():
+        if word.endswith(":"):
+            peripheral = peripherals[word[:-1]]
+            parts += [f"// {peripheral.name}\n", *_irq(peripheral)]
+        else:
+            name, _, fields = word.partition("=")
+            parts.append(
+                _register(peripheral, peripheral.registers[name], fields.split(",") if fields else [])
+            )
     return "\n".join(parts) + "\n}  // namespace sam3x\n"
 
 
@@ -98,7 +59,7 @@ def _irq(peripheral: Peripheral) -> list[str]:
     ]
 
 
-def _register(peripheral: Peripheral, register: Register, used: str) -> str:
+def _register(peripheral: Peripheral, register: Register, used: list[str]) -> str:
     access = {"read-write": "ReadWrite", "read-only": "ReadOnly", "write-only": "WriteOnly"}[register.access]
     name = register.name.removesuffix("_WAVE_EQ_1")
     address = peripheral.base + register.offset
@@ -106,7 +67,7 @@ def _register(peripheral: Peripheral, register: Register, used: str) -> str:
     if not used:
         return f"{head}}};\n"
     lines = {name: line for field in register.fields for name, line in _field(field)}
-    return "\n".join([head, *(f"    {lines[name]}" for name in used.split()), "};"]) + "\n"
+    return "\n".join([head, *(f"    {lines[name]}" for name in used), "};"]) + "\n"
 
 
 def _field(field: Field) -> list[tuple[str, str]]:

@@ -6,7 +6,12 @@ from the generator: a slip there, or here, shows as another hash or as other byt
 
 import zlib
 
-SCHEMA = """\
+BIN = """\
+field frequency_{0} f32 unit Hz
+field ordinates_{0} f32
+field density_{0} f32 unit (deg/s)^2/Hz
+"""
+SCHEMA = f"""\
 message 1 HELLO
 field protocol_major u8
 field protocol_minor u8
@@ -119,22 +124,7 @@ field axis u8 enum axis
 field number u16
 field first u8
 field total u8
-field frequency_0 f32 unit Hz
-field ordinates_0 f32
-field density_0 f32 unit (deg/s)^2/Hz
-field frequency_1 f32 unit Hz
-field ordinates_1 f32
-field density_1 f32 unit (deg/s)^2/Hz
-field frequency_2 f32 unit Hz
-field ordinates_2 f32
-field density_2 f32 unit (deg/s)^2/Hz
-field frequency_3 f32 unit Hz
-field ordinates_3 f32
-field density_3 f32 unit (deg/s)^2/Hz
-field frequency_4 f32 unit Hz
-field ordinates_4 f32
-field density_4 f32 unit (deg/s)^2/Hz
-enum sampling_mode
+{"".join(map(BIN.format, range(5)))}enum sampling_mode
 value 0 timer
 value 1 data_ready
 value 2 fifo
