@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pyarrow as pa
 import pytest
-from bag_support import even, write_bag
+from bag_support import even, write_bag, write_mcap
 from cluster_support import ASK
 from fltea.cluster.cut import Cut, even_pieces
 from fltea.cluster.listing import File, files_of
@@ -37,10 +37,8 @@ def npy(folder: Path) -> Path:
 
 
 def npy_with_fields(folder: Path) -> Path:
-    rows = np.zeros(N, dtype=[("time_s", "f8"), ("gyro_x", "f4"), ("gyro_y", "f4"), ("gyro_z", "f4")])
-    for name, column in zip(rows.dtype.names or (), (TIMES, *GYRO.T), strict=True):
-        rows[name] = column
-    np.save(folder / "f.npy", rows)
+    columns = {"time_s": TIMES, **{f"gyro_{axis}": GYRO[:, i].astype("f4") for i, axis in enumerate("xyz")}}
+    np.save(folder / "f.npy", np.rec.fromarrays([*columns.values()], names=[*columns]))
     return folder / "f.npy"
 
 
@@ -66,27 +64,7 @@ def ros1(folder: Path) -> Path:
 
 
 def ros2(folder: Path) -> Path:
-    """Its own chunks would be of 1 MB and more."""
-    from mcap.reader import make_reader
-    from mcap.writer import Writer
-
-    (bag,) = write_bag(folder / "a.mcap", {"/imu": even(N // 3)}).glob("*.mcap")
-    with bag.open("rb") as file, (folder / "b.mcap").open("wb") as out:
-        writer = Writer(out, chunk_size=20_000)
-        writer.start(profile="ros2")
-        numbers: dict[int, int] = {}
-        for schema, channel, message in make_reader(file).iter_messages():
-            if channel.id not in numbers:
-                assert schema is not None
-                known = writer.register_schema(schema.name, schema.encoding, schema.data)
-                numbers[channel.id] = writer.register_channel(
-                    channel.topic, channel.message_encoding, known, channel.metadata
-                )
-            writer.add_message(
-                numbers[channel.id], message.log_time, message.data, message.publish_time, message.sequence
-            )
-        writer.finish()
-    return folder / "b.mcap"
+    return write_mcap(folder / "b.mcap", even(N // 3), chunk_size=20_000)
 
 
 def ours(folder: Path) -> Path:

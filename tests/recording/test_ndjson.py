@@ -6,16 +6,7 @@ import pytest
 from fltea.recording.ndjson import EpochMark, read_ndjson
 from fltea.records.errors import UsageError
 from fltea.records.records import Hello, Sample
-
-
-def refusal(path: Path) -> str:
-    """The reason, behind the file's name."""
-    with pytest.raises(UsageError) as caught:
-        read_ndjson(path)
-    text = str(caught.value)
-    assert text.startswith(f"{path}:"), text
-    return text.removeprefix(str(path))
-
+from text_files import refused
 
 HELLO = '{"class":"hello","source":"x","host_ns":0,"rate_hz":100.0,"sampling_mode":"timer"}'
 SAMPLE = '{"class":"sample","seq":0,"epoch":1,"device_us":0,"host_ns":0,"gyro_dps":[1.0,2.0]}'
@@ -76,14 +67,16 @@ BAD_NDJSON = {
 @pytest.mark.parametrize("name", BAD_NDJSON)
 def test_bad_ndjson(name: str, tmp_path: Path) -> None:
     lines, *words = BAD_NDJSON[name]
-    reason = refusal(ndjson_file(tmp_path, *lines))
+    path = ndjson_file(tmp_path, *lines)
+    reason = refused(path, read_ndjson)
+    assert reason.startswith(":"), reason
     for word in words:
         assert word in reason
 
 
 def test_ndjson_that_is_not_text(tmp_path: Path) -> None:
     (tmp_path / "run.ndjson").write_bytes(b"\xff\xfe")
-    assert ":1: is not JSON" in refusal(tmp_path / "run.ndjson")
+    assert ":1: is not JSON" in refused(tmp_path / "run.ndjson", read_ndjson)
 
 
 def test_a_last_line_that_is_cut_is_left_out_and_told(tmp_path: Path) -> None:

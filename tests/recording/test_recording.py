@@ -11,18 +11,7 @@ from fltea.records.errors import UsageError
 from fltea.records.records import Estimate
 from fltea.settings.limits import Limits
 from host_support import QUICK, fltea_here, strict_records
-from text_files import refusal as refused_text
-from text_files import stored
-
-
-def refusal(path: Path) -> str:
-    """The reason, which stands behind the file's name."""
-    with pytest.raises(UsageError) as caught:
-        read_npz(path)
-    text = str(caught.value)
-    assert text.startswith(f"{path}:"), text
-    return text.removeprefix(str(path))
-
+from text_files import refusal, refused, stored
 
 # --- units ---
 
@@ -32,7 +21,7 @@ def test_rates_that_no_gyroscope_has_are_left_out(value: str, units: str, tmp_pa
     found = stored(tmp_path, f"gx\n1\n{value}\n2\n", units=units, rate_hz=100.0)
     assert found.whole().seq.tolist() == [0, 2]  # type: ignore[union-attr]
     assert ":3: the first of 1 rows (of 3) with more than 1e+06 deg/s" in found.notes[0].text
-    reason = refused_text(tmp_path, f"gx\n{value}\n{value}\n", columns=["gx"], units=units, rate_hz=100.0)
+    reason = refusal(tmp_path, f"gx\n{value}\n{value}\n", columns=["gx"], units=units, rate_hz=100.0)
     assert reason.startswith(":2: more than 1e+06 deg/s")
 
 
@@ -135,7 +124,8 @@ BAD_NPZ = {
 @pytest.mark.parametrize("name", BAD_NPZ)
 def test_bad_npz(name: str, tmp_path: Path) -> None:
     changes, *words = BAD_NPZ[name]
-    reason = refusal(npz_file(tmp_path, **changes))
+    reason = refused(npz_file(tmp_path, **changes), read_npz)
+    assert reason.startswith(":"), reason
     for word in words:
         assert word in reason
 
@@ -152,7 +142,7 @@ def test_other_files_are_no_npz(data: bytes | None, tmp_path: Path) -> None:
     path = tmp_path / "rest.npz"
     with path.open("wb") as file:
         np.save(file, GOOD["gyro_raw"]) if data is None else file.write(data)
-    assert "cannot be read as .npz (it is no zip archive" in refusal(path)
+    assert "cannot be read as .npz (it is no zip archive" in refused(path, read_npz)
 
 
 def test_damaged_npz_is_told_as_such(tmp_path: Path) -> None:
@@ -161,19 +151,19 @@ def test_damaged_npz_is_told_as_such(tmp_path: Path) -> None:
     gyro = np.random.default_rng(1).integers(-99, 99, (40, 3))
     np.savez_compressed(path, **{**GOOD, "gyro_raw": gyro})
     whole = path.read_bytes()
-    refused = 0
+    bad = 0
     for place in range(len(whole)):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
         try:
             found = read_npz(path)
         except UsageError:
-            refused += 1
+            bad += 1
         else:
             assert (found.gyro == gyro).all()
-    assert refused > len(whole) / 2
+    assert bad > len(whole) / 2
     for end in range(0, len(whole) - 1, 17):
         path.write_bytes(whole[:end])
-        assert "cannot be read" in refusal(path)
+        assert "cannot be read" in refused(path, read_npz)
 
 
 def test_real_recordings(recordings: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bag_support import KINDS, START_NS, Messages, even, gathered, serialised, told, write_bag
+from bag_support import KINDS, START_NS, Messages, even, gathered, serialised, told, write_bag, write_mcap
 from fltea.recording.bag_imu import read_imu
 from fltea.recording.files import Stored
 from fltea.recording.kind import is_one_file
@@ -15,7 +15,7 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 
 N = 900
 
@@ -75,18 +75,8 @@ def test_packed_bags(tmp_path: Path, kind: str, packed: str) -> None:
 def test_mcap_by_other_hands(tmp_path: Path, profile: str, packed: CompressionType | None) -> None:
     """Whatever wrote it: with chunks or without, also messages of ROS 1, also without a profile."""
     rest = even(50)
-    ros1 = profile == "ros1"
-    path = tmp_path / "a.mcap"
-    with path.open("wb") as file:
-        unpacked = packed or CompressionType.NONE
-        writer = Writer(file, chunk_size=4000, compression=unpacked, use_chunking=packed is not None)
-        writer.start(profile)
-        name = "sensor_msgs/Imu" if ros1 else "sensor_msgs/msg/Imu"
-        schema = writer.register_schema(name, "ros1msg" if ros1 else "ros2msg", b"")
-        channel = writer.register_channel("/imu", "ros1" if ros1 else "cdr", schema)
-        for arrival, data in serialised(rest, ros1):
-            writer.add_message(channel, arrival, data, arrival)
-        writer.finish()
+    how = {"compression": packed or CompressionType.NONE, "use_chunking": packed is not None}
+    path = write_mcap(tmp_path / "a.mcap", rest, profile=profile, chunk_size=4000, **how)
     assert is_one_file(path)
     stored = open_bag(path)
     np.testing.assert_allclose(gathered(stored), rest.gyro_rads, rtol=1e-14)

@@ -1,5 +1,6 @@
-"""Text recordings in a test's folder, read or refused."""
+"""Recordings in a test's folder, read or refused."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,11 @@ def stored(folder: Path, text: str | bytes, **how: object) -> Stored:
 
 def refusal(folder: Path, text: str | bytes, **how: object) -> str:
     """Why a file with this text is refused, behind the file's name."""
+    return refused(folder / "rest.csv", lambda _: stored(folder, text, **how))
+
+
+def refused(path: Path, read: Callable[[Path], object]) -> str:
+    """Why a file is refused, behind its name."""
     with pytest.raises(UsageError) as caught:
-        stored(folder, text, **how)
-    return str(caught.value).removeprefix(str(folder / "rest.csv"))
+        read(path)
+    return str(caught.value).removeprefix(str(path))
