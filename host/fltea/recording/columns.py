@@ -108,6 +108,16 @@ class Wanted(NamedTuple):
         alike = self.columns is not None and len(fields) == len(self.columns)
         return self.time is None and alike and all(map(is_number, fields))
 
+    def lacking(self, header: Sequence[str] | None, line: str = "") -> str:
+        """What is not in a header, or in a `line` that is none; it has not all that is needed."""
+        lacking = [name for name in self.names if header is None or name not in header]
+        has = f"no header{line}" if header is None else listed(header)
+        if self.columns is None and not (lacking and header):
+            at = " or, since there is no header, their positions: --columns 1,2,3" if header is None else ""
+            return f"no columns gyro_x_dps, …; name yours with --columns{at} (it has: {has})"
+        at = "; give positions: --columns 1,2,3" if header is None else ""
+        return f"no column {', '.join(lacking)} (it has: {has}{at})"
+
 
 def wanted_of(how: How) -> Wanted:
     """What the user names.
@@ -260,12 +270,7 @@ def _by_position(where: str, names: Sequence[str] | None, width: int, wanted: Wa
             f"{where}: the columns have no names; say which are the axes by their positions: "
             f"--columns 1,2,3 (there are {width})."
         )
-    if wanted.columns is None:
-        raise UsageError(
-            f"{where}: no columns gyro_x_dps, …; name yours with --columns (it has: {listed(names)})."
-        )
-    lacking = [name for name in wanted.names if name not in names]
-    raise UsageError(f"{where}: no column {', '.join(lacking)} (it has: {listed(names)}).")
+    raise UsageError(f"{where}: {wanted.lacking(names)}.")
 
 
 def _is_position(name: str) -> bool:

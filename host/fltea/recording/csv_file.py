@@ -1,6 +1,7 @@
 """Recordings as text: CSV and its relatives, whatever separates their columns, and objects of JSON."""
 
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from typing import BinaryIO
 
@@ -43,13 +44,12 @@ def open_csv(
     reader = TextReader(str(path), how)
     try:
         with file or path.open("rb") as stream:
-            rows = _rows(path, reader, stream)
+            rows: Iterator[Rows] = _rows(path, reader, stream)
             first = next(rows, None)
             if first is None or reader.chosen is None:
                 raise reader.refusal()
-            found = gather(
-                path, reader.chosen, _joined(first, rows), how, limits, lambda line: f"{path}:{line}"
-            )
+            rows = chain([first], rows)
+            found = gather(path, reader.chosen, rows, how, limits, lambda line: f"{path}:{line}")
     except OSError as error:
         raise UsageError(f"{path}: cannot be read as CSV ({error}).") from error
     except UsageError as error:
@@ -71,11 +71,6 @@ def _rows(path: Path, reader: TextReader, stream: BinaryIO) -> Iterator[Rows]:
         if reader.chosen is None and size > HEAD_BYTES:
             raise reader.refusal()
     yield from reader.finish()
-
-
-def _joined(first: Rows, rest: Iterator[Rows]) -> Iterator[Rows]:
-    yield first
-    yield from rest
 
 
 def _notes(path: Path, reader: TextReader) -> list[Note]:

@@ -16,16 +16,10 @@ Kind = Literal["npz", "npy", "parquet", "csv", "ndjson", "mcap", "bag"]
 KINDS: dict[str, Kind] = {
     ".npz": "npz",
     ".npy": "npy",
-    ".parquet": "parquet",
-    ".pq": "parquet",
-    ".csv": "csv",
-    ".txt": "csv",
-    ".log": "csv",
-    ".tsv": "csv",
-    ".dat": "csv",
-    ".ndjson": "ndjson",
-    ".jsonl": "ndjson",
     ".mcap": "mcap",
+    **dict.fromkeys((".parquet", ".pq"), "parquet"),
+    **dict.fromkeys((".csv", ".txt", ".log", ".tsv", ".dat"), "csv"),
+    **dict.fromkeys((".ndjson", ".jsonl"), "ndjson"),
     **dict.fromkeys(bag_files.SUFFIXES, "bag"),
 }
 """Of an .mcap file and of a folder the content says whether it is ROS' or ours."""

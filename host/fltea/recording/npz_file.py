@@ -26,19 +26,10 @@ from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
-NPZ_ARRAYS = (
-    "gyro_raw",
-    "gyro_dps",
-    "fs_hz",
-    "lsb_per_dps",
-    "t_host_s",
-    "accel_raw",
-    "accel_ms2",
-    "accel_lsb_per_g",
-    "time_s",
-    "seq",
-    "epoch",
-)
+BESIDE = ("t_host_s", "accel_raw", "accel_ms2", "time_s", "seq", "epoch")
+"""Arrays that may stand beside the gyroscope's, a row a sample."""
+
+NPZ_ARRAYS = ("gyro_raw", "gyro_dps", "fs_hz", "lsb_per_dps", "accel_lsb_per_g", *BESIDE)
 """What is read of a file, whatever else may be in it."""
 
 
@@ -70,14 +61,13 @@ def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
         raise UsageError(f"{path}: {key} has no rows.")
     n = shape[0]
     columns = [key]
-    for name in ("t_host_s", "accel_raw", "accel_ms2", "time_s", "seq", "epoch"):
-        if name in arrays:
-            columns.append(name)
-            alike = (n, 3) if name in ("accel_raw", "accel_ms2") else (n,)
-            if arrays.shape(name) != alike:
-                raise UsageError(
-                    f"{path}: {name} has the shape {arrays.shape(name)}; {alike} is needed, as {key} has."
-                )
+    for name in filter(arrays.__contains__, BESIDE):
+        columns.append(name)
+        alike = (n, 3) if name.startswith("accel") else (n,)
+        if arrays.shape(name) != alike:
+            raise UsageError(
+                f"{path}: {name} has the shape {arrays.shape(name)}; {alike} is needed, as {key} has."
+            )
     rate_hz = _positive(path, "fs_hz", arrays)
     lsb = _positive(path, "lsb_per_dps", arrays) if key == "gyro_raw" else None
     accel_lsb = _positive(path, "accel_lsb_per_g", arrays) if "accel_lsb_per_g" in arrays else None

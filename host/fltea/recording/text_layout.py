@@ -133,18 +133,8 @@ class LayoutFinder:
             beyond = [name for name in wanted.names if int(name) > width]
             what = f"no column {', '.join(beyond)}" if beyond else f"no numbers in {', '.join(wanted.names)}"
             return UsageError(f"{where}: {what} (it has {width} columns, without names).")
-        no_header = f"no header; the line is {shown(lines[place].strip())}" if lines else "no header"
-        lacking = [name for name in wanted.names if has is None or name not in has]
-        if wanted.columns is None and not (lacking and has):
-            positions = (
-                " or, since there is no header, their positions: --columns 1,2,3" if has is None else ""
-            )
-            return UsageError(
-                f"{where}: no columns gyro_x_dps, …; name yours with --columns{positions} (it has: "
-                f"{no_header if has is None else listed(has)})."
-            )
-        there = f"{no_header}; give positions: --columns 1,2,3" if has is None else listed(has)
-        return UsageError(f"{where}: no column {', '.join(lacking)} (it has: {there}).")
+        line = f"; the line is {shown(lines[place].strip())}" if lines else ""
+        return UsageError(f"{where}: {wanted.lacking(has, line)}.")
 
     def _choose_named(self) -> None:
         header, self._header = self._header, None  # of one that is refused nothing stays
