@@ -9,7 +9,7 @@ import msgspec
 import pytest
 from fake_system import FakeSystem
 from fltea.archive import record as archive_record
-from fltea.archive.info import as_text
+from fltea.archive.info import Summary, as_text
 from fltea.cli import app as cli_app
 from fltea.cli import devices as cli_devices
 from fltea.cli.output import print_lines, say
@@ -18,7 +18,7 @@ from fltea.identification.run import FileReport
 from fltea.machine import host_system
 from fltea.machine.doctor.finding import problem
 from fltea.records.errors import FlteaError, UsageError
-from fltea.records.records import Error
+from fltea.records.records import Error, LinkStats
 from fltea.sinks.log import LogSink
 from fltea.sinks.page import facts
 from fltea.sinks.table import TableSink
@@ -58,28 +58,9 @@ def frames() -> str:
 
 
 def info() -> str:
-    from fltea.archive.info import Summary
-    from fltea.records.records import LinkStats
-
-    none = dict.fromkeys(("start_unix_ns", "rate_hz", "clock_ppm"))
-    zero = dict.fromkeys(
-        ("files", "size_bytes", "breaks", "samples", "lost", "gaps", "duplicates", "before_hello", "resets"),
-        0,
-    )
-    return as_text(
-        Summary(
-            name=NASTY,
-            device=NASTY,
-            session=NASTY,
-            hello=HELLO,
-            whole=True,
-            duration_s=0.0,
-            epochs={},
-            link=LinkStats(),
-            **none,
-            **zero,
-        )
-    )
+    fields = dict.fromkeys(Summary.__struct_fields__, 0) | dict.fromkeys(("start_unix_ns", "rate_hz"))
+    fields |= {"name": NASTY, "device": NASTY, "session": NASTY, "hello": HELLO, "about": NASTY}
+    return as_text(Summary(**fields | {"epochs": {}, "link": LinkStats(), "notes": [NASTY]}))
 
 
 def identify() -> str:

@@ -4,8 +4,10 @@ import json
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 from cluster_support import command, rows_in
@@ -16,6 +18,7 @@ from fltea.records.errors import UsageError
 from identify_files import counts, npz
 from support import wait_until
 
+Here = Callable[..., tuple[int, str]]
 QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100", "--jobs", "1")
 
 
@@ -41,8 +44,17 @@ def test_a_summary() -> None:
     )
 
 
-def here(monkeypatch: pytest.MonkeyPatch, *arguments: object, jobs: int = 1) -> int:
-    return command(monkeypatch, *arguments, "--jobs", jobs)
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Here:
+    """The command in this process: its exit code and what it says on stderr."""
+
+    def run(*arguments: object, jobs: int = 1) -> tuple[int, str]:
+        code = command(monkeypatch, *arguments, "--jobs", jobs)
+        said = capsys.readouterr()
+        assert said.out == ""
+        return code, said.err
+
+    return run
 
 
 def journal_rows(journal: Path) -> list[dict[str, Any]]:
@@ -50,9 +62,7 @@ def journal_rows(journal: Path) -> list[dict[str, Any]]:
 
 
 @pytest.mark.slow
-def test_a_client_that_is_killed_and_called_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_client_that_is_killed_and_called_again(here: Here, tmp_path: Path) -> None:
     """What was done stays as it is, down to the time it took, and all are there once."""
     (tmp_path / "in").mkdir()
     for i in range(8):
@@ -67,72 +77,50 @@ def test_a_client_that_is_killed_and_called_again(
     done = journal.read_bytes().count(b"\n")
     assert done < 8
     first = {row["file"]: row["seconds"] for row in journal_rows(journal)}
-    assert here(monkeypatch, tmp_path / "in", "--out", out) == 0
-    assert f"{8 - done} files done, {done} were done before" in capsys.readouterr().err
+    code, said = here(tmp_path / "in", "--out", out)
+    assert code == 0
+    assert f"{8 - done} files done, {done} were done before" in said
     found = {row["file"]: row["seconds"] for row in rows_in(out)}
     assert len(rows_in(out)) == len(found) == 8
     assert {name: found[name] for name in first} == first
-    assert here(monkeypatch, tmp_path / "in", "--out", out) == 0
+    assert here(tmp_path / "in", "--out", out)[0] == 0
     assert len(rows_in(out)) == 8
 
 
-def test_a_failure_is_told_and_ends_with_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "bad.npz").write_bytes(b"PK none")
-    assert here(monkeypatch, tmp_path / "bad.npz", "--out", tmp_path / "v.parquet") == 1
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert "1 files done, 1 of them with a failure" in said.err
-    assert f"{tmp_path}/bad.npz: cannot be read as .npz" in said.err
-
-
-def test_a_failure_of_an_earlier_run_ends_with_one_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """As long as the table has it for a file of the list, whichever run found it; for no other file."""
+def test_a_failure_ends_with_one_in_whichever_run_it_was_found(here: Here, tmp_path: Path) -> None:
+    """As long as the table has it for a file of the list; for no other file."""
     (tmp_path / "in").mkdir()
-    bad = tmp_path / "in" / "bad.npz"
+    bad, out = tmp_path / "in" / "bad.npz", tmp_path / "v.parquet"
     bad.write_bytes(b"PK none")
     npz(tmp_path / "in" / "good.npz", counts(1000, 1))
-    out = tmp_path / "v.parquet"
-    assert here(monkeypatch, tmp_path / "in", "--out", out) == 1
-    first = capsys.readouterr().err
-    assert here(monkeypatch, tmp_path / "in", "--out", out) == 1
-    second = capsys.readouterr().err
-    assert "0 files done, 2 were done before, 1 of them with a failure" in second
-    for said in (first, second):
-        assert (
-            f"error: 1 of 2 files have a failure in the table (column error). The first: {bad}: can" in said
-        )
-    assert here(monkeypatch, tmp_path / "in" / "good.npz", "--out", out) == 0
+    for done in ("2 files done, 1 of", "0 files done, 2 were done before, 1 of"):
+        code, said = here(tmp_path / "in", "--out", out)
+        assert code == 1
+        assert f"{done} them with a failure" in said
+        first = f"{bad}: cannot be read as .npz"
+        assert f"error: 1 of 2 files have a failure in the table (column error). The first: {first}" in said
+    assert here(tmp_path / "in" / "good.npz", "--out", out)[0] == 0
     npz(bad, counts(1000, 1, seed=2))
-    assert here(monkeypatch, tmp_path / "in", "--out", out) == 0
+    assert here(tmp_path / "in", "--out", out)[0] == 0
 
 
-def test_ctrl_c_says_how_to_go_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def stop(*arguments: object) -> None:
-        raise KeyboardInterrupt
-
+def test_ctrl_c_says_how_to_go_on(here: Here, tmp_path: Path) -> None:
     path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
-    with monkeypatch.context() as patch:
-        patch.setattr("fltea.cluster.run.run", stop)
-        assert here(patch, path, "--out", out) == 130
-    assert f"{out}: stopped; the same command does what is not in the table" in capsys.readouterr().err
-    assert here(monkeypatch, path, "--out", out) == 0
+    with mock.patch("fltea.cluster.run.run", side_effect=KeyboardInterrupt):
+        code, said = here(path, "--out", out)
+    assert code == 130
+    assert f"{out}: stopped; the same command does what is not in the table" in said
+    assert here(path, "--out", out)[0] == 0
 
 
-def test_a_file_that_is_named_twice_is_done_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_is_named_twice_is_done_once(here: Here, tmp_path: Path) -> None:
     """Also while it is under way."""
     path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
-    assert here(monkeypatch, path, f"{tmp_path}/*.npz", "--out", out, jobs=2) == 0
+    assert here(path, f"{tmp_path}/*.npz", "--out", out, jobs=2)[0] == 0
     assert [row["axis"] for row in rows_in(out)] == ["gyro_x"]
 
 
-def test_nothing_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert here(monkeypatch, f"{tmp_path}/**/*.mcap", "--out", tmp_path / "v.parquet") == 2
-    assert "no recording is there" in capsys.readouterr().err
+def test_nothing_there(here: Here, tmp_path: Path) -> None:
+    code, said = here(f"{tmp_path}/**/*.mcap", "--out", tmp_path / "v.parquet")
+    assert code == 2
+    assert "no recording is there" in said
