@@ -43,8 +43,8 @@ class Link:
         """Whether a connection is to be opened now."""
         return self._connection is None and clock.host_ns() >= self._retry_ns
 
-    def open(self, client_id: str, will: tuple[str, bytes]) -> None:
-        """Open a connection in the background; client_id and will are those of a connection of its own."""
+    def open(self, client_id: str = "", will: tuple[str, bytes] = ("", b"")) -> None:
+        """Open a connection in the background. client_id, will: of one of its own, not of a shared one."""
         self._opened_ns = clock.host_ns()
         if self._shared is not None:
             self._connection = self._shared.connect()

@@ -18,7 +18,8 @@ from fltea.records.records import Record
 from fltea.records.repeat import OnceAMinute
 from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt.broker import Broker
-from fltea.sinks.mqtt.connection import POLL_S, Down, Up
+from fltea.sinks.mqtt.connection import POLL_S, Up
+from fltea.sinks.mqtt.link import Link
 from fltea.sinks.mqtt.shared import SharedConnection
 from fltea.sinks.mqtt.sink import MqttSink
 from fltea.sinks.mqtt.status import Status
@@ -57,7 +58,8 @@ class ManyMqttSink(Sink):
         self._status_topic = f"{settings.prefix}/{program}/ingest"
         will = (self._status_topic, self._status("offline", "connection_lost"))
         self._shared = SharedConnection(broker, f"fltea-{program}-{secrets.token_hex(4)}", will)
-        self._own = self._shared.connect()
+        self._own = Link(broker, self._report_once, self._shared)
+        self._own.open()
         self._sinks: dict[str, MqttSink] = {}
         self._heard_ns: dict[str, int] = {}
         self._touched: set[str] = set()
@@ -117,13 +119,13 @@ class ManyMqttSink(Sink):
         self._shared.close(deadline_s)
 
     def _look_after_own(self) -> None:
-        """Publish the program's own status with each connection; a lost one is opened again by a device."""
-        while self._own.events:
-            event = self._own.events.popleft()
+        """Publish the program's own status with each connection."""
+        if self._own.is_due():
+            self._own.open()
+        for event in self._own.events():
             if isinstance(event, Up):
+                self._own.end_outage()
                 self._own.publish(self._status_topic, self._status("online", None), 1, True)
-            elif isinstance(event, Down):
-                self._own = self._shared.rejoin()
 
     def _status(self, status: str, reason: str | None) -> bytes:
         since_ns = None if reason == "connection_lost" else host_ns() + unix_offset_ns()

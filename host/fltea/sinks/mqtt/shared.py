@@ -42,15 +42,11 @@ class SharedConnection:
 
     def connect(self) -> View:
         """Return a new view; it gets `Up` when the broker accepts the connection."""
-        if self._connection is None:
-            self._connection = Connection(self.broker, self._client_id, self._will)
-        return self.rejoin()
-
-    def rejoin(self) -> View:
-        """Return a new view that waits for a connection that somebody else opens."""
         view = View(self)
         self._views[view] = None
-        if self.up:
+        if self._connection is None:
+            self._connection = Connection(self.broker, self._client_id, self._will)
+        elif self.up:
             view.events.append(Up())
         return view
 
