@@ -16,7 +16,7 @@ NATIVE := pyproject.toml constraints.txt tools/setup.sh host/native/CMakeLists.t
           $(wildcard host/native/*.cpp host/native/*.hpp firmware/core/engine/*.hpp) $(addprefix firmware/core/,cobs.h crc32.h frame.h messages.h)
 CXX_FILES := $(wildcard host/native/*.cpp host/native/*.hpp firmware/core/*.h firmware/core/*.cpp firmware/core/engine/*.hpp firmware/due/*.cpp firmware/due/*.h \
                        firmware/arduino/fltea/*.h tests/firmware/*.cpp tests/firmware/*.h tests/firmware/arduino_stub/*.cpp \
-                       tests/firmware/arduino_stub/*.h tests/due_emulator/*.cpp tests/native/*.cpp tests/native/*.h tools/due_emulator/*.cpp)
+                       tests/firmware/arduino_stub/*.h tests/due_emulator/*.cpp tests/native/*.cpp tests/native/*.h tools/due_emulator/*.?pp)
 PY_DIRS := host tools tests
 
 setup: .venv/.dev

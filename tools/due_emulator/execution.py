@@ -1,4 +1,4 @@
-"""Runs slices of a program in C++: `execution.cpp` says how; its structs have the fields of those here."""
+"""Slices of a program in C++: `execution.cpp` says how; the structs here are those of `execution.hpp`."""
 
 import ctypes
 import hashlib
@@ -228,7 +228,8 @@ def _library() -> ctypes.CDLL:
     Raises:
         UsageError: they cannot be compiled.
     """
-    version = hashlib.sha256(SOURCE.read_bytes() + " ".join(COMMAND).encode()).hexdigest()[:16]
+    text = SOURCE.read_bytes() + SOURCE.with_suffix(".hpp").read_bytes() + " ".join(COMMAND).encode()
+    version = hashlib.sha256(text).hexdigest()[:16]
     library = FOLDER / f"{SOURCE.stem}-{version}.so"
     if not library.exists():
         _compile(library)

@@ -1,6 +1,7 @@
 """The daemon on a board's port: what the board sent is held against all that the daemon gave out."""
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,82 +17,116 @@ from tools.faults.pty_board import LSB_PER_DPS, Board
 from tools.faults.stage import Stage
 
 RECORDING = "recording"
+BEFORE = AFTER = 150
+"""Samples before and after the trouble."""
 UNINTERRUPTED_S = 0.45
 
 
-def recorder(stage: Stage, board: Board, *arguments: str | Path, **how: Any) -> Program:
-    """The daemon on the board's port, and recording."""
-    source = ("--source", f"serial:{board.link}", "--record", stage.folder / RECORDING)
-    return stage.daemon(*source, *arguments, **how)
+class Scene:
+    """A board on a port, and the daemon that records what it sends.
 
+    settings: flags of `fltea run`. board: one that is there. source: where the daemon listens, if not at the
+    board's link. boot: see `Board.boot`. how: see `Program`.
+    """
 
-def introduce(board: Board, program: Program, **how: int) -> None:
-    """Boot the board until the daemon has heard of it."""
-    boot_id = len(board.boots) + 1
-    board.introduce(lambda: program.process.poll() is not None or program.has_hello(boot_id), **how)
-    program.wait_for(lambda: program.has_hello(boot_id), "the first HELLO")
+    def __init__(
+        self,
+        stage: Stage,
+        *settings: str | Path,
+        board: Board | None = None,
+        source: Sequence[str] | None = None,
+        boot: Mapping[str, int] | None = None,
+        **how: Any,
+    ) -> None:
+        self.stage = stage
+        self.board = board or stage.board()
+        self.recording = stage.folder / RECORDING
+        self.programs: list[Program] = []
+        """Those that listened to the board, one after the other."""
+        if source is None:
+            source = ("--source", f"serial:{self.board.link}")
+        self.program = self.listen(*source, "--record", self.recording, *settings, **how)
+        self.introduce(**(boot or {}))
 
+    def listen(self, *arguments: str | Path, **how: Any) -> Program:
+        """Another daemon."""
+        self.programs.append(self.stage.daemon(*arguments, **how))
+        return self.programs[-1]
 
-def pair(stage: Stage, *arguments: str | Path, **how: Any) -> tuple[Board, Program]:
-    """A board and the recording daemon that has heard its first HELLO. how: see `Board.boot`."""
-    board = stage.board()
-    program = recorder(stage, board, *arguments)
-    introduce(board, program, **how)
-    return board, program
+    def introduce(self, **how: int) -> None:
+        """Boot the board until the daemon has heard of it."""
+        boot_id, program = len(self.board.boots) + 1, self.program
+        self.board.introduce(lambda: program.process.poll() is not None or program.has_hello(boot_id), **how)
+        program.wait_for(lambda: program.has_hello(boot_id), "the first HELLO")
 
+    @contextlib.contextmanager
+    def fault(self, *, before: int = BEFORE) -> Iterator[Board]:
+        """Notes when the trouble begins, after so many quiet samples, and ends."""
+        self.board.send(before)
+        with self.stage.fault():
+            yield self.board
 
-def finish(board: Board, *programs: Program) -> None:
-    """Let the programs have the last sample, and end them."""
-    i, k = max(board.arrived())
-    boot = board.boots[i]
-    for program in programs:
+    def send_until_error(self, kind: str) -> None:
+        """Let the board go on until the daemon has reported such an error."""
+        self.board.send_until(lambda: kind in self.programs[-1].errors(), kind)
+
+    def finish(self, *, after: int = AFTER) -> None:
+        """Let the newest program have some more samples and the last one, and end it."""
+        self.board.send(after)
+        i, k = max(self.board.arrived())
+        boot, program = self.board.boots[i], self.programs[-1]
         program.wait_for_sample(boot.boot_id, boot.sequence + k)
         program.end()
 
+    def outcome(
+        self,
+        *,
+        others: str | None = None,
+        but: str = "",
+        excuse: str = "",
+        figures: Mapping[str, float] | None = None,
+        wrong: Sequence[str] = (),
+        line_is_known: bool = True,
+        recording_is_whole: bool = True,
+    ) -> Outcome:
+        """Finish, if nobody has, and sum up what became of samples, recording and estimates.
 
-def outcome(
-    stage: Stage,
-    board: Board,
-    *programs: Program,
-    others: str | None = None,
-    excuse: str = "",
-    figures: Mapping[str, float] | None = None,
-    wrong: Sequence[str] = (),
-    line_is_known: bool = True,
-) -> Outcome:
-    """Sum up what became of the samples, of the recording and of the estimates.
-
-    programs: those that listened to the board, one after the other. others: what other outputs lost, if that
-    is known. excuse, line_is_known: see `samples_of`.
-    """
-    samples = samples_of(board, [p.records for p in programs], excuse=excuse, line_is_known=line_is_known)
-    found = [*wrong, *samples.wrong]
-    for program in programs:
-        if program.code == 0:
-            found += check_totals(program.records)
-        elif program.code is not None and program.code > 0:
-            found.append(f"exit code {program.code}: {program.stderr[-500:]}")
-        if "Traceback" in program.stderr:
-            found.append(program.stderr[-500:])
-    if others is None:
-        others = dropped(programs[-1])
-        found += missing_in_recording(stage.folder / RECORDING, board)
-    times = sorted(ns for program in programs for ns in program.estimates_ns)
-    after = [ns for ns in times if ns >= stage.ended_ns]
-    if not after:
-        found.append("no estimates after the fault")
-    pause_s = max((b - a for a, b in pairwise(times)), default=0) * 1e-9
-    again_s = (after[0] - stage.ended_ns) * 1e-9 if after else 0.0
-    estimates = f"again after {again_s:.1f} s" if pause_s >= UNINTERRUPTED_S else "not interrupted"
-    epochs = [record["reason"] for program in programs for record in program.of("epoch")][1:]
-    return Outcome(
-        [*(kind for program in programs for kind in program.errors()), *epochs],
-        samples.due,
-        samples.where,
-        more=f"estimates {estimates}; other outputs {others}",
-        figures=dict(figures or {}),
-        wrong=found,
-    )
+        others: what other outputs lost, if not what the last counts say of all `but` one. excuse,
+        line_is_known: see `samples_of`. recording_is_whole: whether it has to hold all that was sent.
+        """
+        if self.programs[-1].code is None:
+            self.finish()
+        programs, records = self.programs, [program.records for program in self.programs]
+        samples = samples_of(self.board, records, excuse=excuse, line_is_known=line_is_known)
+        found = [*wrong, *samples.wrong]
+        for program in programs:
+            if program.code == 0:
+                found += check_totals(program.records)
+            elif program.code is not None and program.code > 0:
+                found.append(f"exit code {program.code}: {program.stderr[-500:]}")
+            if "Traceback" in program.stderr:
+                found.append(program.stderr[-500:])
+        if recording_is_whole:
+            found += missing_in_recording(self.recording, self.board)
+        if others is None:
+            others = dropped(programs[-1], but=but)
+        times = sorted(ns for program in programs for ns in program.estimates_ns)
+        ended_ns = self.stage.ended_ns
+        after = [ns for ns in times if ns >= ended_ns]
+        if not after:
+            found.append("no estimates after the fault")
+        pause_s = max((b - a for a, b in pairwise(times)), default=0) * 1e-9
+        again_s = (after[0] - ended_ns) * 1e-9 if after else 0.0
+        estimates = f"again after {again_s:.1f} s" if pause_s >= UNINTERRUPTED_S else "not interrupted"
+        epochs = [record["reason"] for program in programs for record in program.of("epoch")][1:]
+        return Outcome(
+            [*(kind for program in programs for kind in program.errors()), *epochs],
+            samples.due,
+            samples.where,
+            more=f"estimates {estimates}; other outputs {others}",
+            figures=dict(figures or {}),
+            wrong=found,
+        )
 
 
 def samples_of(
@@ -202,13 +237,16 @@ def dropped(program: Program, but: str = "") -> str:
     return ", ".join(f"{name} lost {n}" for name, n in lost.items()) or "unaffected"
 
 
-def time_stamps_off_ms(program: Program, epoch: int) -> float:
-    """Spread of the samples' host time about a straight line in device time, within an epoch [ms]."""
-    samples = [record for record in program.of("sample") if record["epoch"] == epoch]
-    delays = [record["host_ns"] - record["device_us"] * 1000 for record in samples]
-    return float(max(delays) - min(delays)) * 1e-6
+def time_stamps_off_ms(program: Program, *epochs: int) -> dict[str, float]:
+    """Spread of host time about a straight line in device time: the largest of these epochs [ms]."""
+    spreads = []
+    for epoch in epochs:
+        samples = [record for record in program.of("sample") if record["epoch"] == epoch]
+        delays = [record["host_ns"] - record["device_us"] * 1000 for record in samples]
+        spreads.append(float(max(delays) - min(delays)) * 1e-6)
+    return {"time stamps off [ms]": max(spreads)}
 
 
-def bad_frames(program: Program) -> int:
+def bad_frames(program: Program) -> dict[str, float]:
     """Frames that did not pass its checks."""
-    return sum(program.of("stats")[-1]["link"]["bad_frames"].values())
+    return {"bad frames": sum(program.of("stats")[-1]["link"]["bad_frames"].values())}
