@@ -176,9 +176,7 @@ class System:
 
     def free_bytes(self, folder: Path) -> int:
         """Return room for this user on the disk of a folder, or of the first of its parents that exists."""
-        while not folder.exists() and folder != folder.parent:
-            folder = folder.parent
-        return shutil.disk_usage(folder).free
+        return shutil.disk_usage(first_existing(folder)).free
 
     def read_i2c_register(self, bus: str, address: int, register: int) -> int:
         """Return the content of one register of a chip on an I²C bus; reading changes nothing.
@@ -194,6 +192,11 @@ class System:
     def has_module(self, name: str) -> bool:
         """Return whether a Python package is installed."""
         return importlib.util.find_spec(name) is not None
+
+
+def first_existing(folder: Path) -> Path:
+    """Return the folder, or the first of its parents that exists."""
+    return next((one for one in (folder, *folder.parents) if one.exists()), folder)
 
 
 def permission_remedy(system: System, name: str) -> str | None:

@@ -9,7 +9,7 @@ from fltea.machine.host_system import System, permission_remedy
 from fltea.records.errors import UsageError
 from fltea.sources.iio.buffer import HRTIMER, PERMISSION, rate_of
 from fltea.sources.iio.source import parse_url
-from fltea.sources.iio.sysfs import DEVICES, GYRO, Attributes, find
+from fltea.sources.iio.sysfs import DEVICES, GYRO, Attributes, choose_trigger, find
 
 NO_DRIVER = (
     "is the driver's module loaded (lsmod), and does the machine know that the chip is there? On a Raspberry "
@@ -96,15 +96,13 @@ def _in_use(system: System, device: Attributes, node: str) -> Iterator[Finding]:
 def _trigger(system: System, device: Attributes, wanted: str | None) -> Finding:
     if not device.has("trigger/current_trigger"):
         return ok("trigger", f"{device.id} needs none: the chip itself fills the buffer")
-    now = wanted or device.text("trigger/current_trigger")
-    names = [system.text(f"{folder}/name") for folder in system.names(f"/{DEVICES}", "trigger*")]
-    own = [name for name in names if name.startswith(device.name)]
-    if now and now in names:
-        return ok("trigger", f"{now} tells {device.id} when to sample")
-    if not now and own:
-        return ok("trigger", f"none is chosen; fltea will take the chip's own, {own[0]}")
-    there = f"there is {', '.join(names)}" if names else "this machine has none"
-    text = f"there is no trigger '{now}'" if now else f"nothing tells {device.id} when to sample"
+    name, known = choose_trigger(system.root, device, wanted)
+    if name in known and not (wanted or device.text("trigger/current_trigger")):
+        return ok("trigger", f"none is chosen; fltea will take the chip's own, {name}")
+    if name in known:
+        return ok("trigger", f"{name} tells {device.id} when to sample")
+    there = f"there is {', '.join(known)}" if known else "this machine has none"
+    text = f"there is no trigger '{name}'" if name else f"nothing tells {device.id} when to sample"
     return problem("trigger", f"{text}; {there}.", f"{HRTIMER}.")
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from fltea.machine.doctor.finding import Finding, ok, problem, warning
-from fltea.machine.host_system import System
+from fltea.machine.host_system import System, first_existing
 from fltea.settings.config import Config
 from fltea.settings.outputs import MqttConfig, listen_address
 
@@ -66,9 +66,7 @@ def _recording_rate(folder: Path) -> float | None:
 
 
 def _writable(check: str, folder: Path) -> Iterator[Finding]:
-    existing = folder
-    while not existing.exists() and existing != existing.parent:
-        existing = existing.parent
+    existing = first_existing(folder)
     if not existing.is_dir():
         yield problem(check, f"{existing} is no folder.", "give another one.")
     elif not os.access(existing, os.W_OK | os.X_OK):

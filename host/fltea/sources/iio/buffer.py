@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fltea.sources.iio.scan import Element, ScanLayout, parse_element
-from fltea.sources.iio.sysfs import Attributes, triggers
+from fltea.sources.iio.sysfs import Attributes, choose_trigger, triggers
 
 KEPT_S, LATENCY_S = 2.0, 0.02
 """So long the kernel keeps samples for us; so long it may wait before it hands them over."""
@@ -107,9 +107,7 @@ class Buffer:
         device, file = self._device, "trigger/current_trigger"
         if not device.has(file):
             return  # the chip's own FIFO fills the buffer
-        now, known = device.text(file), [trigger.name for trigger in triggers(self._root)]
-        own = [name for name in known if name.startswith(device.name)]
-        wanted = wishes.trigger or now or (own[0] if own else "")
+        wanted, known = choose_trigger(self._root, device, wishes.trigger)
         if not wanted or (wishes.trigger is not None and wanted not in known):
             there = f"Triggers that exist: {', '.join(known)}" if known else "This machine has no trigger"
             missing = f"there is no trigger '{wanted}'" if wanted else f"{device.id} has no trigger"

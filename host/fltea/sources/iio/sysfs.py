@@ -108,6 +108,16 @@ def triggers(root: Path) -> list[Trigger]:
     return [Trigger(Attributes(folder, folder).text("name"), folder) for folder in folders]
 
 
+def choose_trigger(root: Path, device: Attributes, wish: str | None) -> tuple[str, list[str]]:
+    """Return the trigger for a device and all that exist: the wished one, its present one, or the chip's own.
+
+    It is "" if there is none of these; a wished or present one may not exist.
+    """
+    known = [trigger.name for trigger in triggers(root)]
+    own = next((name for name in known if name.startswith(device.name)), "")
+    return wish or device.text("trigger/current_trigger") or own, known
+
+
 def find(root: Path, what: str) -> list[Attributes]:
     """Return the devices that a user means by a name, a label, `iio:device0`, or a path in /dev or /sys."""
     last = os.path.basename(what.rstrip("/")).removeprefix("iio:")
