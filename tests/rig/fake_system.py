@@ -6,7 +6,7 @@ from typing import Any
 
 from fltea.machine.doctor.finding import Finding
 from fltea.machine.host_system import System
-from fltea.wire.permission import Group
+from fltea.wire.permission import Group, User
 from fltea.wire.transport import DUE_PROGRAMMING_PORT
 
 
@@ -32,14 +32,8 @@ class FakeSystem(System):
     def run(self, *command: str) -> str | None:
         return self.answers.get(command[0])
 
-    def user(self) -> str:
-        return "anna"
-
-    def groups_in_force(self) -> set[int]:
-        return self.in_force
-
-    def groups_granted(self) -> set[int]:
-        return self.granted
+    def who(self) -> User:
+        return User("anna", self.in_force, self.granted)
 
     def may_use(self, name: str) -> bool:
         return name not in self.refused

@@ -9,14 +9,14 @@ from fake_smbus import MS, UNIX_OFFSET_NS, FakeHost, Pi, S, taken_ns
 from fltea.records.errors import UsageError
 from fltea.records.events import LinkDown, RawBlock, Trouble
 from fltea.records.records import Error, Hello, Sample
+from fltea.sources.i2c import bus as i2c_bus
 from fltea.sources.i2c import source as i2c
 from fltea.sources.i2c.source import I2cSource, SystemClock, parse_url
 from fltea.stream.place import Place
 from fltea.stream.time import Timebase
 from fltea.wire import layout as wire
-from fltea.wire import permission
 from fltea.wire.layout import SampleFlags
-from fltea.wire.permission import Group
+from fltea.wire.permission import Group, User
 
 from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
@@ -271,7 +271,7 @@ class Buses:
     ("number", "kind", "words"),
     [
         (errno.ENOENT, "no_port", ["raspi-config nonint do_i2c 0", "dtparam=i2c_arm=on", "Buses that exist"]),
-        (errno.EACCES, "no_permission", ["usermod -aG", "group 'i2c'"]),
+        (errno.EACCES, "no_permission", ["sudo usermod -aG i2c anna"]),
         (errno.EPERM, "no_permission", ["its group is 'root'", 'GROUP="i2c"']),
         (errno.EAGAIN, "port_busy", ["another fltea", "0x68", "fltea devices"]),
         (errno.ENOTTY, "open_failed", ["no I²C bus"]),
@@ -283,7 +283,8 @@ def test_a_bus_that_cannot_be_opened(
 ) -> None:
     monkeypatch.setattr("fltea.sources.i2c.bus.glob.glob", lambda pattern: ["/dev/i2c-0"])
     group = Group(0, "root", False) if number == errno.EPERM else Group(998, "i2c", True)
-    monkeypatch.setattr(permission, "group_of", lambda path: group)
+    monkeypatch.setattr(i2c_bus, "group_of", lambda path: group)
+    monkeypatch.setattr(i2c_bus, "this_user", lambda: User("anna", set(), set()))
     pi = Pi()
     Buses(pi, *[OSError(number, "as the kernel says it")] * 3)
     pi.run_until(4)

@@ -4,7 +4,6 @@ import contextlib
 import ctypes
 import importlib.util
 import os
-import pwd
 import shutil
 import subprocess
 from collections.abc import Iterator, Sequence
@@ -14,7 +13,7 @@ from typing import Protocol
 import msgspec
 from serial.tools import list_ports
 
-from fltea.wire.permission import Group, group_of
+from fltea.wire.permission import Group, User, group_of, join_remedy, this_user
 
 COMMAND_S = 5.0
 TIME_ERROR = 5
@@ -93,24 +92,13 @@ class System:
             return done.stdout.strip()
         return None
 
+    def who(self) -> User:
+        """Return the user who runs this, with groups."""
+        return this_user()
+
     def user(self) -> str:
         """Return the name of the user who runs this."""
-        try:
-            return pwd.getpwuid(os.geteuid()).pw_name
-        except KeyError:
-            return str(os.geteuid())
-
-    def groups_in_force(self) -> set[int]:
-        """Return groups that this process has."""
-        return {os.getegid(), *os.getgroups()}
-
-    def groups_granted(self) -> set[int]:
-        """Return groups that the user will have after the next login."""
-        try:
-            entry = pwd.getpwuid(os.geteuid())
-            return set(os.getgrouplist(entry.pw_name, entry.pw_gid))
-        except (KeyError, OSError):
-            return set()
+        return self.who().name
 
     def may_use(self, name: str) -> bool:
         """Return whether this process may read and write a file."""
@@ -203,19 +191,7 @@ def permission_remedy(system: System, name: str) -> str | None:
     """Return what would open a device to its user; None if it is open already."""
     if system.may_use(name):
         return None
-    group, user = system.group_of(name), system.user()
+    group = system.group_of(name)
     if group is None:
         return f"{name} is gone: is its cable loose?"
-    if not group.joinable:
-        return (
-            f"{name} admits no group that {user} could join (its group is '{group.name}'). The udev rule "
-            "gives a Due to 'dialout': sudo make install-udev, in a clone; then plug the board in again."
-        )
-    if group.gid in system.groups_in_force():
-        return f"{user} is in its group '{group.name}', but a container or a security module is in the way."
-    if group.gid in system.groups_granted():
-        return (
-            f"{user} is in the group '{group.name}', but this login is older than that: log out and in again "
-            f"(or, for one shell: newgrp {group.name})."
-        )
-    return f"sudo usermod -aG {group.name} {user}, then log out and in again."
+    return join_remedy(name, group, system.who())

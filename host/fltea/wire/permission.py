@@ -2,6 +2,7 @@
 
 import grp
 import os
+import pwd
 import stat
 from pathlib import Path
 from typing import NamedTuple
@@ -29,20 +30,48 @@ def group_of(path: str | Path) -> Group | None:
     return Group(status.st_gid, name, status.st_mode & both == both and status.st_gid != 0)
 
 
-def join_remedy(path: str, usual: str, rule: str) -> str:
-    """Return what opens a device to its user: to join its group, or to give it to the `usual` one.
+class User(NamedTuple):
+    """Who runs this program, with the groups that it has, and those that it gets with the next login."""
 
-    rule: of udev, which gives it to that group.
-    """
-    group = group_of(path)
+    name: str
+    in_force: set[int]
+    granted: set[int]
+
+
+def this_user() -> User:
+    """Return who runs this program."""
+    number, in_force = os.geteuid(), {os.getegid(), *os.getgroups()}
+    try:
+        entry = pwd.getpwuid(number)
+        return User(entry.pw_name, in_force, set(os.getgrouplist(entry.pw_name, entry.pw_gid)))
+    except (KeyError, OSError):
+        return User(str(number), in_force, set())
+
+
+RULES = {
+    "dialout": "sudo make install-udev, in a clone; then plug the board in again",
+    "i2c": 'KERNEL=="i2c-[0-9]*", GROUP="i2c", MODE="0660"',
+}
+"""The rules of udev that give serial ports and I²C buses to groups."""
+
+
+def join_remedy(device: str, group: Group | None, user: User) -> str:
+    """Return what opens a device to a user who may not use it; group: its own, None if that is not known."""
+    usual = "i2c" if "i2c" in device else "dialout"
     if group is None:
-        return f"Such devices usually belong to the group '{usual}': sudo usermod -aG {usual} $USER."
-    if group.joinable:
+        return f"Such devices usually belong to the group '{usual}': sudo usermod -aG {usual} {user.name}."
+    if not group.joinable:
         return (
-            f"It belongs to the group '{group.name}': join it with 'sudo usermod -aG {group.name} $USER', "
-            "then log out and in again."
+            f"{device} admits no group that {user.name} could join (its group is '{group.name}'). A udev "
+            f"rule gives it to '{usual}': {RULES[usual]}."
         )
-    return (
-        f"It admits no group that you could join (its group is '{group.name}'): let a udev rule give it to "
-        f"the group '{usual}' ({rule}), and join that group."
-    )
+    if group.gid in user.in_force:
+        return (
+            f"{user.name} is in its group '{group.name}', but a container or a security module is in the way."
+        )
+    if group.gid in user.granted:
+        return (
+            f"{user.name} is in the group '{group.name}', but this login is older than that: log out and in "
+            f"again (or, for one shell: newgrp {group.name})."
+        )
+    return f"sudo usermod -aG {group.name} {user.name}, then log out and in again."

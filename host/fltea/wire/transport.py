@@ -21,7 +21,7 @@ from serial.tools import list_ports
 from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Failed, Opened, TransportEvent
-from fltea.wire.permission import join_remedy
+from fltea.wire.permission import group_of, join_remedy, this_user
 
 FORBIDDEN_BAUD = 1200
 DUE_VENDORS = (0x2341, 0x2A03)
@@ -31,8 +31,6 @@ DUE_NATIVE_PORT = 0x003E
 
 ANY_BOARD = f"hwgrep://VID:PID=({'|'.join(f'{v:04X}' for v in DUE_VENDORS)}):{DUE_PROGRAMMING_PORT:04X}"
 """The programming port of any Arduino Due."""
-
-RULE = "sudo make install-udev, in a clone of fltea"
 
 READ_TIMEOUT_S = 0.1
 SOCKET = "socket://"
@@ -84,10 +82,8 @@ def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
     """Return kind and text of the failure to open a port: what happened, why, what to do."""
     number = getattr(error, "errno", None)
     if number in (errno.EACCES, errno.EPERM):
-        return (
-            "no_permission",
-            f"no permission to open {url}. {join_remedy(url, 'dialout', RULE)} 'fltea doctor' looks further.",
-        )
+        remedy = join_remedy(url, group_of(url), this_user())
+        return "no_permission", f"no permission to open {url}. {remedy} 'fltea doctor' looks further."
     if number in (errno.EBUSY, errno.EAGAIN):
         return "port_busy", (
             f"{url} is in use by another program (another fltea, a serial monitor, or ModemManager). "

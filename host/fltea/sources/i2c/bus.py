@@ -10,10 +10,7 @@ from typing import Any, Protocol
 
 from smbus2 import SMBus
 
-from fltea.wire.permission import join_remedy
-
-RULE = 'KERNEL=="i2c-[0-9]*", GROUP="i2c", MODE="0660"'
-"""The rule of udev that gives all buses to the group i2c."""
+from fltea.wire.permission import group_of, join_remedy, this_user
 
 I2C_TIMEOUT = 0x0702
 """ioctl of i2c-dev; in units of 10 ms, and for the whole adapter."""
@@ -71,7 +68,8 @@ def explain_open_failure(path: str, address: int, error: OSError) -> tuple[str, 
                 f"its samples. End it; 'fltea devices' names it."
             )
         case errno.EACCES | errno.EPERM:
-            return "no_permission", f"no permission to open {path}. {join_remedy(path, 'i2c', RULE)}"
+            remedy = join_remedy(path, group_of(path), this_user())
+            return "no_permission", f"no permission to open {path}. {remedy}"
         case errno.ENOENT | errno.ENXIO | errno.ENODEV:
             return "no_port", (
                 f"there is no I²C bus {path}. {_buses_text()} On a Raspberry Pi switch it on with "
