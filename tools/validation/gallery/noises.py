@@ -1,10 +1,13 @@
 """The noises of the gallery. Frequencies are in Hz unless the words call them a share of the rate."""
 
+from typing import Any
+
 from tools.validation.gallery.noise import (
     Accepted,
     Drift,
     Line,
     Noise,
+    Treatment,
     bursts,
     outliers,
     rounded,
@@ -38,6 +41,10 @@ W = White()
 RAMP = Drift(3.0)
 
 
+def _white(name: str, words: str, treatment: Treatment | None = None, **more: Any) -> Noise:
+    return Noise(name, words, "white", (W,), treatment=treatment, **more)
+
+
 def _relaxing(name: str, words: str, *parts: Part) -> Noise:
     return Noise(name, words, "relaxations", (W, *parts))
 
@@ -60,23 +67,17 @@ def _flicker_before(name: str, words: str, low_pass: LowPass) -> Noise:
 def _rounded(sigma: float) -> Noise:
     few = Accepted("constant", "one count in forty differs", 1_000) if sigma < 0.2 else None
     words = f"white noise of σ = {sigma:g} counts, rounded"
-    return Noise(f"rounded, {sigma:g} LSB", words, "white", (W,), treatment=rounded(sigma), accepted=few)
+    return _white(f"rounded, {sigma:g} LSB", words, rounded(sigma), accepted=few)
 
 
+CHANGED = Accepted("not stationary", "a burst is a change of the variance")
 WHITE = (
-    Noise("white", "Gaussian white noise", "white", (W,)),
+    _white("white", "Gaussian white noise"),
     Noise("white, t4", "white noise of Student's t with four degrees", "white", (White("t4"),)),
     Noise("white, Laplace", "white noise of Laplace's distribution", "white", (White("laplace"),)),
     *map(_rounded, (0.1, 0.3, 0.7, 1.0, 5.0)),
-    Noise("outliers", "white; one sample in 1,000 is 20 σ", "white", (W,), treatment=outliers),
-    Noise(
-        "bursts",
-        "white; bursts of 20 samples of t2, three times as large",
-        "white",
-        (W,),
-        treatment=bursts,
-        accepted=Accepted("not stationary", "a burst is a change of the variance"),
-    ),
+    _white("outliers", "white; one sample in 1,000 is 20 σ", outliers),
+    _white("bursts", "white; bursts of 20 samples of t2, three times as large", bursts, accepted=CHANGED),
 )
 
 MEMS = Relaxation(0.05, 100.0), Relaxation(0.5, 10.0), Relaxation(5.0, 1.0)
@@ -127,12 +128,10 @@ ORDERS = (
 
 SLOW = (
     Noise("random walk", "equally dense as its white noise at 0.1 Hz", "walk", (W, Walk(0.1))),
-    Noise("ramp", "white; the offset moves by 3 σ over the record", "white", (W,), drift=RAMP),
-    Noise(
+    _white("ramp", "white; the offset moves by 3 σ over the record", drift=RAMP),
+    _white(
         "warm-up",
         "white; the offset comes to rest with a fifth of the record as time constant, 5 σ in all",
-        "white",
-        (W,),
         drift=Drift(5.0, "warm-up"),
     ),
 )
@@ -164,10 +163,7 @@ LOW_PASSES = (
 )
 
 
-def _lines(name: str, words: str, *lines: Line) -> Noise:
-    return Noise(name, words, "white", (W,), lines=lines)
-
-
+HUM = (Line(50.02, 0.5), Line(100.04, 0.25), Line(150.06, 0.15))
 PEAKS = (
     *(
         Noise(
@@ -178,37 +174,19 @@ PEAKS = (
         )
         for q in (3, 10, 50)
     ),
-    _lines("line", "a sine of 0.3 σ at 0.23 of the rate", Line(0.2301, 0.3, "rate")),
-    _lines("line at the end", "a sine of 0.5 σ 0.03 Hz below half the rate", Line(0.03, 0.5, "nyquist")),
-    _lines("slow line", "a sine of 0.5 σ at 0.03 Hz", Line(0.03, 0.5)),
-    _lines("hum", "50.02 Hz of 0.5 σ, folded", Line(50.02, 0.5)),
-    _lines(
-        "hum, harmonics",
-        "50.02 Hz of 0.5 σ with its second and third harmonic, folded",
-        Line(50.02, 0.5),
-        Line(100.04, 0.25),
-        Line(150.06, 0.15),
+    _white("line", "a sine of 0.3 σ at 0.23 of the rate", lines=(Line(0.2301, 0.3, "rate"),)),
+    _white(
+        "line at the end", "a sine of 0.5 σ 0.03 Hz below half the rate", lines=(Line(0.03, 0.5, "nyquist"),)
     ),
+    _white("slow line", "a sine of 0.5 σ at 0.03 Hz", lines=(Line(0.03, 0.5),)),
+    _white("hum", "50.02 Hz of 0.5 σ, folded", lines=HUM[:1]),
+    _white("hum, harmonics", "50.02 Hz of 0.5 σ with its second and third harmonic, folded", lines=HUM),
 )
 
 ODD = (
     Noise("differenced", "differences of white noise, in white", "rising", (W, Differenced(1.0))),
-    Noise(
-        "variance wanders",
-        "white; its variance goes up and down by a factor of 2",
-        "white",
-        (W,),
-        treatment=wander,
-        changes=True,
-    ),
-    Noise(
-        "variance steps",
-        "white; its variance doubles in the middle",
-        "white",
-        (W,),
-        treatment=step,
-        changes=True,
-    ),
+    _white("variance wanders", "white; its variance goes up and down by a factor of 2", wander, changes=True),
+    _white("variance steps", "white; its variance doubles in the middle", step, changes=True),
     Noise(
         "every 10th repeated", "white; each tenth sample is read twice", "held", (Held((*range(9), 8), 10),)
     ),
