@@ -1,6 +1,6 @@
 """The chain and its engine: what a recording costs from file to output, and what live devices cost.
 
-Usage: make bench ARGS="--chain [--long] [--json]". Every round measures all rows in turns on the same
+Every round measures all rows in turns on the same
 samples, and the engine alone on them too (`chain_over_engine`, by processor time). Peers are what else reads
 such files.
 """
@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,6 +21,7 @@ import numpy as np
 from fltea.estimator.engine import Engine
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.settings.estimator import EstimatorConfig
+from numpy.typing import NDArray
 
 from tools.bench import bench_daemon, day_files
 from tools.bench.feeder import RATE_HZ
@@ -94,48 +96,51 @@ def is_carried(run: dict[str, Any]) -> bool:
 
 
 def _hour(folder: Path) -> dict[str, Any]:
-    gyro = day_files.counts(3600 * RATE_HZ)
-    npz, csv, mcap = folder / "rest.npz", folder / "rest.csv", folder / "mcap"
-    day_files.write_npz(npz, gyro)
+    gyro, npz, csv, mcap = _files(folder, 3600)
     day_files.write_csv(csv, gyro)
-    day_files.write_mcap(mcap, gyro)
-    rows: dict[str, Callable[[], Cost]] = {
-        "engine alone": lambda: _engine(gyro),
-        "replay of one hour, --format none": lambda: run_fltea(_replay(npz)),
-        "replay of one hour, NDJSON to a file": lambda: run_fltea(_replay(npz, "ndjson"), folder / "lines"),
-        "the same from CSV, --format none": lambda: run_fltea(_replay(csv)),
-        "that CSV, read and checked alone": lambda: _python(_TEXT.format(str(csv))),
-        "the same from MCAP, --format none": lambda: run_fltea(_replay(mcap)),
-        "peer: pandas.read_csv of that CSV": lambda: _python(f"import pandas; pandas.read_csv({str(csv)!r})"),
-        "peer: mcap's reader over that MCAP": lambda: _python(_MCAP_PEER.format(str(mcap))),
-        "peer: numpy.load of that npz": lambda: _python(
-            f"import numpy; numpy.load({str(npz)!r})['gyro_raw']"
-        ),
-        "the program's start alone": lambda: run_fltea(["run", "--help"]),
-    }
-    return _figures(rows, ROUNDS)
+    return _figures(
+        {
+            "engine alone": partial(_engine, gyro),
+            "replay of one hour, --format none": partial(_replay, npz),
+            "replay of one hour, NDJSON to a file": partial(_replay, npz, folder / "lines"),
+            "the same from CSV, --format none": partial(_replay, csv),
+            "that CSV, read and checked alone": partial(_python, _TEXT, csv),
+            "the same from MCAP, --format none": partial(_replay, mcap),
+            "peer: pandas.read_csv of that CSV": partial(_python, _CSV_PEER, csv),
+            "peer: mcap's reader over that MCAP": partial(_python, _MCAP_PEER, mcap),
+            "peer: numpy.load of that npz": partial(_python, _NPZ_PEER, npz),
+            "the program's start alone": partial(run_fltea, ["run", "--help"]),
+        },
+        ROUNDS,
+    )
 
 
 def _day(folder: Path) -> dict[str, Any]:
     """Each once: they take minutes."""
-    gyro = day_files.counts(24 * 3600 * RATE_HZ)
-    npz, mcap = folder / "day.npz", folder / "day_mcap"
+    gyro, npz, csv, mcap = _files(folder, 24 * 3600)
+    return _figures(
+        {
+            "engine alone": partial(_engine, gyro),
+            "24 h from npz, --format none": partial(_replay, npz),
+            "24 h from MCAP, --format none": partial(_replay, mcap),
+            "24 h, export of MCAP to npz": partial(run_fltea, ["export", mcap, "--to", folder / "out.npz"]),
+            "24 h, export of MCAP to CSV": partial(run_fltea, ["export", mcap, "--to", csv]),
+            "24 h from that CSV, --format none": partial(_replay, csv),
+            "peer: pandas.read_csv of that CSV, 24 h": partial(_python, _CSV_PEER, csv),
+            "peer: mcap's reader over 24 h": partial(_python, _MCAP_PEER, mcap),
+            "24 h, identify": partial(run_fltea, ["identify", npz, "--json"]),
+        },
+        1,
+    )
+
+
+def _files(folder: Path, seconds: int) -> tuple[NDArray[np.int16], Path, Path, Path]:
+    """Return counts, the recordings of them as .npz and MCAP, and between these where CSV is to be."""
+    gyro = day_files.counts(seconds * RATE_HZ)
+    npz, csv, mcap = (folder / f"{seconds}{suffix}" for suffix in (".npz", ".csv", "_mcap"))
     day_files.write_npz(npz, gyro)
     day_files.write_mcap(mcap, gyro)
-    rows: dict[str, Callable[[], Cost]] = {
-        "engine alone": lambda: _engine(gyro),
-        "24 h from npz, --format none": lambda: run_fltea(_replay(npz)),
-        "24 h from MCAP, --format none": lambda: run_fltea(_replay(mcap)),
-        "24 h, export of MCAP to npz": lambda: run_fltea(["export", mcap, "--to", folder / "out.npz"]),
-        "24 h, export of MCAP to CSV": lambda: run_fltea(["export", mcap, "--to", folder / "out.csv"]),
-        "24 h from that CSV, --format none": lambda: run_fltea(_replay(folder / "out.csv")),
-        "peer: pandas.read_csv of that CSV, 24 h": lambda: _python(
-            f"import pandas; pandas.read_csv({str(folder / 'out.csv')!r})"
-        ),
-        "peer: mcap's reader over 24 h": lambda: _python(_MCAP_PEER.format(str(mcap))),
-        "24 h, identify": lambda: run_fltea(["identify", npz, "--json"]),
-    }
-    return _figures(rows, 1)
+    return gyro, npz, csv, mcap
 
 
 def _most_devices() -> list[dict[str, Any]]:
@@ -151,24 +156,28 @@ def _most_devices() -> list[dict[str, Any]]:
 
 
 _TEXT = """
+import sys
 from pathlib import Path
 from fltea.recording.csv_file import open_csv
 from fltea.settings.how import How
-open_csv(Path({!r}), How(rate_hz=100.0))
+open_csv(Path(sys.argv[1]), How(rate_hz=100.0))
 """
-
+_CSV_PEER = "import pandas, sys; pandas.read_csv(sys.argv[1])"
+_NPZ_PEER = "import numpy, sys; numpy.load(sys.argv[1])['gyro_raw']"
 _MCAP_PEER = """
+import sys
 from pathlib import Path
 from mcap.reader import make_reader
-for path in sorted(Path({!r}).glob("*.mcap")):
+for path in sorted(Path(sys.argv[1]).glob("*.mcap")):
     with path.open("rb") as file:
         for _ in make_reader(file).iter_messages():
             pass
 """
 
 
-def _replay(path: Path, output: str = "none") -> list[Any]:
-    return ["run", "-s", f"replay:{path}", "--once", "--format", output]
+def _replay(path: Path, lines: Path | None = None) -> Cost:
+    output = "none" if lines is None else "ndjson"
+    return run_fltea(["run", "-s", f"replay:{path}", "--once", "--format", output], lines)
 
 
 def _engine(gyro: Any) -> Cost:
@@ -186,24 +195,31 @@ def run_fltea(arguments: Sequence[Any], out: Path | None = None) -> Cost:
     return _run([sys.executable, "-m", "fltea", *map(str, arguments)], out)
 
 
-def _python(code: str) -> Cost:
-    return _run([sys.executable, "-c", code], None)
+def _python(code: str, file: Path) -> Cost:
+    return _run([sys.executable, "-c", code, str(file)], None)
 
 
 _MEASURE = """
-import json, os, subprocess, sys, time
+import contextlib, ctypes, json, os, subprocess, sys, time
+ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)  # PR_SET_CHILD_SUBREAPER: its workers are waited for, too
 begin_s = time.monotonic()
 program = subprocess.Popen(sys.argv[1:])
-_, status, usage = os.wait4(program.pid, 0)
-cost = time.monotonic() - begin_s, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
-print(json.dumps(cost), file=sys.stderr)
-sys.exit(os.waitstatus_to_exitcode(status))
+cpu_s = rss_kb = code = 0
+with contextlib.suppress(ChildProcessError):
+    while True:
+        pid, status, usage = os.wait4(-1, 0)
+        if pid == program.pid:
+            wall_s, code = time.monotonic() - begin_s, os.waitstatus_to_exitcode(status)
+        cpu_s += usage.ru_utime + usage.ru_stime
+        rss_kb = max(rss_kb, usage.ru_maxrss)
+print(json.dumps([wall_s, cpu_s, rss_kb / 1024]), file=sys.stderr)
+os._exit(code % 256)
 """
 """A process of its own, and a small one: a program has the peak of whoever has started it."""
 
 
 def _run(command: list[str], out: Path | None) -> Cost:
-    """Of a program with all the processes for which it waits."""
+    """Of a program with all its processes."""
     with open(out or os.devnull, "wb") as stream:
         measure = [sys.executable, "-c", _MEASURE, *command]
         done = subprocess.run(measure, stdout=stream, stderr=subprocess.PIPE, text=True, check=False)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from fltea.noise import spectra as spectrum
+from fltea.noise.information import log_slopes
 from fltea.spectrum.models import FULL, held, share
 from fltea.spectrum.periodogram import Binned, Periodogram, binned, used_ordinates
 from fltea.spectrum.profile import AT_BOUND, CRITICAL, NO_WHITE
@@ -85,13 +86,8 @@ def count(alpha: float, g: float, n: int, series: int) -> list[Row]:
 def correlations(alpha: float, g: float, n: int) -> dict[str, float]:
     """Return those of α, f, F and s2 with R, where R is 0, by the information of n samples."""
     lam = 2 * np.pi * used_ordinates(n, 1.0) / n
-
-    def log_spectrum(at: Array) -> Array:
-        return np.asarray(np.log(at[2] * spectrum.fractional(lam, at[0], at[1]) + at[3]))
-
-    at, step = np.array([alpha, g, 1.0, 1e-4]), 1e-5
-    slopes = [(log_spectrum(at + step * e) - log_spectrum(at - step * e)) / (2 * step) for e in np.eye(4)]
-    spread = np.linalg.inv(np.array(slopes) @ np.array(slopes).T)
+    slopes = log_slopes(lam, alpha, g, 1.0, 1e-4)
+    spread = np.linalg.inv(slopes @ slopes.T)
     f = spectrum.f_of(alpha, g, H)
     rows = np.array([[1, 0, 0, 0], [-f * np.log(H), f / g, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0]])
     deviations = np.sqrt(np.einsum("ij,jk,ik->i", rows, spread, rows) * spread[3, 3])
