@@ -42,7 +42,7 @@ def test_no_figure_without_both_ends_of_its_interval(
     assert found.f is None
     defined = all(v is not None and abs(v) < 1e10 for v in (value, low, high))
     assert (found.alpha is not None) == (defined and kind in WITH_ORDER)
-    json.dumps(found.plain(), allow_nan=False)
+    json.dumps(found._asdict(), allow_nan=False)
 
 
 @pytest.mark.parametrize(

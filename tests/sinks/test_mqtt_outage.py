@@ -75,7 +75,7 @@ def test_what_is_not_acknowledged_is_sent_again_but_no_old_status(bench: MakeBen
     b.wait(3)
     b.happens(Up())
     kinds = [topic.rpartition("/")[2] for topic, *_ in b.connection.sent]
-    assert kinds == ["gap", "estimate", "hello", "status"]
+    assert kinds == ["gap", "estimate", "hello", "status"], "the state once, as it is now"
     assert b.statuses() == ["stalled"]
     b.connection.acknowledge()
     b.happens(Down("broker_lost", "gone"))
@@ -236,13 +236,3 @@ def test_connection_that_comes_to_nothing_is_given_up(bench: MakeBench) -> None:
     assert [kind for kind, _ in b.told] == ["broker_lost"]
     b.wait(1)
     assert b.connection is not first
-
-
-def test_after_an_outage_the_state_is_said_anew(bench: MakeBench) -> None:
-    b = bench()
-    b.write(sample())
-    b.happens(Down("broker_lost", "gone"))
-    b.wait(3)
-    b.happens(Up())
-    assert b.statuses() == ["stalled"]
-    assert len(b.connection.on("hello")) == 1

@@ -184,8 +184,9 @@ class Postgres:
                 if found is None:
                     connection.execute("INSERT INTO fltea_fleet VALUES (%s)", (SCHEMA_VERSION,))
         except self.failures as error:
+            reason = str(error).partition("\n")[0]
             raise UsageError(
-                f"--postgres: cannot be used ({_first_line(error)}). Does the server run, is there such a "
+                f"--postgres: cannot be used ({reason}). Does the server run, is there such a "
                 "database, and may this account make tables in it?"
             ) from error
 
@@ -252,7 +253,3 @@ class Postgres:
 def _check_version(name: str, version: int) -> None:
     if version not in (0, SCHEMA_VERSION):
         raise UsageError(f"{name}: is a history of another version of fltea ({version}). Take a new one.")
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).partition("\n")[0]

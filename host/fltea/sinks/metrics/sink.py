@@ -54,7 +54,8 @@ class MetricsSink(Sink):
         registry.register(self._families)
         ProcessCollector(registry=registry)
         host, port = listen_address(str(settings.address))
-        handler = _handler(registry, own_names(host, settings.names))
+        names = own_names(host, settings.names)
+        handler = type("_Handler", (_Handler,), {"registry": registry, "names": names})
         self._server = _listen(host, port, handler)
         self.url = f"{url_of(host, self._server.server_port)}metrics"
         self._thread = threading.Thread(
@@ -136,10 +137,6 @@ class _Handler(MetricsHandler):
         self.send_header("Content-Length", str(len(text)))
         self.end_headers()
         self.wfile.write(text)
-
-
-def _handler(registry: CollectorRegistry, names: Collection[str]) -> type[_Handler]:
-    return type("_Handler", (_Handler,), {"registry": registry, "names": names})
 
 
 class _Server(ThreadingHTTPServer):

@@ -68,10 +68,6 @@ class Answer(NamedTuple):
     until: str
     left_out: str
 
-    def plain(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return self._asdict()
-
 
 def answer(fit: AxisFit | None, *, off: bool = False) -> Answer:
     """Put a fit into words. off: nothing is fitted."""

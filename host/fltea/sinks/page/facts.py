@@ -97,7 +97,7 @@ def _axis(
     return {
         "name": name,
         "estimator": history.tables.estimator(name),
-        "answer": answer(history.fits.axes.get(name), off=off).plain(),
+        "answer": answer(history.fits.axes.get(name), off=off)._asdict(),
         "running": {"alpha": e.alpha, "f": e.f} if e else {"alpha": None, "f": None},
         "rows": rows,
         "guard": guard_words(stats.interventions if stats else {}),

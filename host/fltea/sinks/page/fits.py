@@ -1,19 +1,15 @@
 """The newest fits of a device's axes, this computer's and the device's own."""
 
-import itertools
 from typing import NamedTuple
 
 from fltea.records.device_fit import DeviceAxisFit, DeviceSpectrum
 from fltea.records.fit import AxisFit, FitAllan, FitSpectrum
 from fltea.records.records import DeviceFits, Fit
 
-_numbers = itertools.count(1)
-
 
 class Curves(NamedTuple):
-    """The newest curves of an axis. number: it changes with them."""
+    """The newest curves of an axis."""
 
-    number: int
     spectrum: FitSpectrum | None = None
     allan: FitAllan | None = None
 
@@ -44,9 +40,8 @@ class Fits:
         self.axes |= record.axes
         for axis, found in record.axes.items():
             if found.spectrum is not None or found.allan is not None:
-                before = self.curves.get(axis, Curves(0))
-                spectrum, allan = found.spectrum or before.spectrum, found.allan or before.allan
-                self.curves[axis] = Curves(next(_numbers), spectrum, allan)
+                before = self.curves.get(axis, Curves())
+                self.curves[axis] = Curves(found.spectrum or before.spectrum, found.allan or before.allan)
 
     def take_device(self, record: DeviceFits) -> None:
         """Take a fit of the device."""

@@ -59,7 +59,9 @@ class Page:
         self._figures, self._curves = Figures(), CurveFigures()
         self._drawn: tuple[str, str, Curves | None, DeviceSpectrum | None] = "", "", None, None
         self._facts = ColumnDataSource({"json": [""]}, name="facts")
-        self._control = ColumnDataSource(_choice("", "", FIRST_WINDOW, 0), name="control")
+        self._control = ColumnDataSource(
+            {"device": [""], "axis": [""], "window": [FIRST_WINDOW], "ack": [0]}, name="control"
+        )
         self._control.on_change("data", self._on_control)
         self._lay_out(document)
         document.add_periodic_callback(self.update, PERIOD_MS)
@@ -215,10 +217,6 @@ def closed(low: Array, high: Array, before: float = np.nan) -> tuple[Array, Arra
     filled = np.concatenate([[before], middle])[last]
     end = float(filled[-1]) if len(filled) else before
     return np.where(known, low, filled), np.where(known, high, filled), end
-
-
-def _choice(device: str, axis: str, window: int, acknowledged: int) -> dict[str, list[Any]]:
-    return {"device": [device], "axis": [axis], "window": [window], "ack": [acknowledged]}
 
 
 def _one(data: Any, name: str) -> Any:
