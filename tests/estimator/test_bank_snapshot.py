@@ -15,7 +15,12 @@ from fltea.settings.estimator import EstimatorConfig
 from hypothesis import given
 from hypothesis import strategies as st
 
-CONFIG = EstimatorConfig(startup=50, window=40)
+
+def configured(**changes: object) -> EstimatorConfig:
+    return EstimatorConfig(**({"startup": 50, "window": 40} | changes))  # type: ignore[arg-type]
+
+
+CONFIG = configured()
 
 
 def noise(n: int, seed: int = 0) -> Array:
@@ -51,7 +56,7 @@ CONFIGS = [
 @pytest.mark.parametrize("changes", CONFIGS, ids=str)
 @pytest.mark.parametrize("samples", [53, 400, 1100])
 def test_goes_on_to_the_bit(changes: dict[str, object], samples: int) -> None:
-    config = EstimatorConfig(**({"startup": 50, "window": 40} | changes))  # type: ignore[arg-type]
+    config = configured(**changes)
     bank, state = saved(config, samples)
     other = resumed(state, config)
     assert (other.baseline, other.startup_remaining, other.restarts) == (bank.baseline, 0, bank.restarts)
@@ -130,7 +135,7 @@ def with_native_state(state: OnlineState, native: bytes) -> OnlineState:
 def test_an_engine_of_numbers_that_cannot_be_is_refused_despite_its_checksum(
     changes: dict[str, object], value: float
 ) -> None:
-    config = EstimatorConfig(**({"startup": 50, "window": 40} | changes))  # type: ignore[arg-type]
+    config = configured(**changes)
     _, state = saved(config)
     native = snapshot.unpack(state.engine).state
     with pytest.raises(ValueError, match="cannot come from an engine"):
@@ -143,7 +148,7 @@ def test_a_single_number_that_is_not_finite_is_refused_or_does_not_matter(
     changes: dict[str, object], data: st.DataObject, value: float
 ) -> None:
     """Idle lanes and tables do not matter: what is taken goes on as if nothing had been there."""
-    config = EstimatorConfig(**({"startup": 50, "window": 40} | changes))  # type: ignore[arg-type]
+    config = configured(**changes)
     _bank, state = saved(config)
     native = bytearray(snapshot.unpack(state.engine).state)
     place = data.draw(st.integers(0, len(native) // 8 - 1)) * 8

@@ -9,6 +9,7 @@ from engine_cases import (
     EXAMPLE,
     GYROSCOPE,
     Array,
+    columns,
     example,
     lane,
     reference_run,
@@ -57,8 +58,7 @@ def test_every_estimate_equals_the_reference(number: int, seed: int) -> None:
     expected = reference_run(tuning, y, u, np.zeros(n, dtype=bool))
     for instruction_set in instruction_sets():
         estimates = run(tuning, y[:, np.newaxis], u[:, np.newaxis], instruction_set=instruction_set)
-        got = np.column_stack([getattr(estimates, name)[:, 0] for name in ESTIMATES])
-        assert relative_difference(got, expected).max() < 1e-10, instruction_set
+        assert relative_difference(columns(estimates), expected).max() < 1e-10, instruction_set
 
 
 @pytest.mark.parametrize("window", [1, 2, 7, 40], ids=str)
@@ -72,7 +72,7 @@ def test_missing_samples_inputs_and_short_windows_equal_the_reference(window: in
     estimates = Engine(1, tuning).run(
         np.where(missing, np.nan, y)[:, np.newaxis], u[:, np.newaxis], missing[:, np.newaxis]
     )
-    got = np.column_stack([getattr(estimates, name)[:, 0] for name in ESTIMATES])
+    got = columns(estimates)
     assert np.array_equal(np.isnan(got), np.isnan(expected))
     assert np.array_equal(np.isnan(got[:, 6]), missing)
     assert np.nanmax(relative_difference(got, expected)) < 1e-10

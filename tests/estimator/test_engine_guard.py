@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from engine_cases import ESTIMATES, EXAMPLE, GYROSCOPE, Array, example, run, saw_tooth, white, with_
+from engine_cases import ESTIMATES, EXAMPLE, GYROSCOPE, Array, columns, example, run, saw_tooth, white, with_
 from fltea.estimator.engine import CAUSES, LARGEST_INPUT, Engine, Estimates
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.settings.estimator import OrderSettings, StateSettings
@@ -273,8 +273,7 @@ def test_consistent_equals_a_straight_loop() -> None:
         expected.append((a, order.P, parameter.value, parameter.P, states[-1], variances[-1]))
     estimates = run(with_(GYROSCOPE, guard="consistent", gate=1e3), y[:, np.newaxis])
     assert not estimates.interventions.any()
-    got = np.column_stack([column[:, 0] for column in estimates[:6]])
-    np.testing.assert_allclose(got, expected, rtol=1e-10, atol=1e-13)
+    np.testing.assert_allclose(columns(estimates)[:, :6], expected, rtol=1e-10, atol=1e-13)
 
 
 def test_faithful_gate_softens_the_update_to_its_width() -> None:

@@ -1,11 +1,10 @@
 """The joint variant: against an implementation with matrices, and on noise of known order and parameter."""
 
 from collections.abc import Mapping
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from engine_cases import GYROSCOPE, Array, run, white, with_
+from engine_cases import GYROSCOPE, Array, columns, run, run_changing, white, with_
 from fltea.estimator.engine import CAUSES, Engine
 from fltea.noise.simulation import FractionalNoise
 from fltea.noise.weights import weights
@@ -73,36 +72,21 @@ def straight_loop(
     return np.array(rows)
 
 
-@pytest.mark.parametrize("delta", [0.0, 0.3])
+@pytest.mark.parametrize(
+    ("delta", "changes"),
+    [(0.0, {}), (0.3, {}), (0.1, {40: (0.01, 0.02), 41: (0.2, 0.004), 120: (0.0, 0.03)})],
+)
 @pytest.mark.parametrize("guard", ["off", "consistent"])
-def test_joint_equals_a_straight_loop(guard: str, delta: float) -> None:
-    y, u = white(120, 1, 3)[:, 0], white(120, 1, 4)[:, 0]
+def test_joint_equals_a_straight_loop(
+    guard: str, delta: float, changes: dict[int, tuple[float, float]]
+) -> None:
+    y, u = white(150, 1, 3)[:, 0], white(150, 1, 4)[:, 0]
     joint = JointSettings(P0=0.02, Q0=1e-3, alpha0=0.6, beta0=-0.2, delta=delta)
     state = StateSettings(P0=0.02, Q=0.1, x0=0.3)
-    expected = straight_loop(y, u, 0.01, joint, state, consistent=guard == "consistent")
-    tuning = with_(GYROSCOPE, variant="joint", guard=guard, gate=1e3, joint=joint, state=state)
-    estimates = run(tuning, y[:, np.newaxis], u[:, np.newaxis])
-    assert not estimates.interventions.any()
-    got = np.column_stack([column[:, 0] for column in estimates[:6]])
-    np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-12)
-
-
-@pytest.mark.parametrize("guard", ["off", "consistent"])
-def test_joint_equals_a_straight_loop_whose_q_and_r_change(guard: str) -> None:
-    y, u = white(150, 1, 3)[:, 0], np.zeros(150)
-    joint = JointSettings(P0=0.02, Q0=1e-3, alpha0=0.6, beta0=-0.2, delta=0.1)
-    state = StateSettings(P0=0.02, Q=0.1, x0=0.3)
-    changes = {40: (0.01, 0.02), 41: (0.2, 0.004), 120: (0.0, 0.03)}
     expected = straight_loop(y, u, 0.01, joint, state, consistent=guard == "consistent", changes=changes)
     tuning = with_(GYROSCOPE, variant="joint", guard=guard, gate=1e3, joint=joint, state=state)
-    engine, parts = Engine(1, tuning), []
-    for begin, end in pairwise([0, *changes, len(y)]):
-        if begin:
-            Q, R = changes[begin]
-            engine.retune(with_(tuning, state__Q=Q, R=R))
-        parts.append(engine.run(y[begin:end, np.newaxis]))
-    assert not parts[-1].interventions.any()
-    got = np.vstack([np.column_stack([column[:, 0] for column in part[:6]]) for part in parts])
+    assert not run(tuning, y[:, np.newaxis], u[:, np.newaxis]).interventions.any()
+    got = run_changing(tuning, y, u, changes)[:, :6]
     np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-12)
 
 
@@ -147,8 +131,7 @@ def test_the_limit_of_the_order_s_variance_keeps_the_correlation() -> None:
     counts = dict(zip(CAUSES, estimates.interventions[0].tolist(), strict=True))
     assert counts.pop("order_variance") == 8
     assert not any(counts.values()), counts
-    got = np.column_stack([column[:, 0] for column in estimates[:6]])
-    np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(columns(estimates)[:, :6], expected, rtol=1e-8, atol=1e-12)
     assert np.abs(expected - unlimited).max() > 1e-3
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from engine_cases import EXAMPLE, Array, reference_run, run, with_
+from engine_cases import EXAMPLE, Array, columns, reference_run, run, with_
 from fltea.estimator.engine import instruction_sets
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -30,13 +30,11 @@ def test_reference_equals_the_formulas(number: int) -> None:
 def test_engine_equals_the_formulas(number: int, instruction_set: str) -> None:
     y, u, expected = golden(number)
     estimates = run(EXAMPLE, y[:, np.newaxis], u[:, np.newaxis], instruction_set=instruction_set)
-    got = np.column_stack([column[:, 0] for column in estimates[:6]])
-    np.testing.assert_allclose(got, expected, rtol=1e-10, atol=1e-13)
+    np.testing.assert_allclose(columns(estimates)[:, :6], expected, rtol=1e-10, atol=1e-13)
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_compressed_engine_is_near_the_formulas(number: int) -> None:
     y, u, expected = golden(number)
     estimates = run(with_(EXAMPLE, memory="compressed", accuracy=9), y[:, np.newaxis], u[:, np.newaxis])
-    got = np.column_stack([column[:, 0] for column in estimates[:6]])
-    np.testing.assert_allclose(got, expected, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(columns(estimates)[:, :6], expected, rtol=1e-4, atol=1e-5)

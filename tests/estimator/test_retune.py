@@ -1,11 +1,9 @@
 """Filters whose Q and R change while they run: nothing of what they remember is lost."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from bank_support import AXES, COLUMNS, H
-from engine_cases import ESTIMATES, GYROSCOPE, Array, reference_run, same, white, with_
+from engine_cases import GYROSCOPE, Array, reference_run, run_changing, same, white, with_
 from fltea.estimator.bank import Bank, Variances
 from fltea.estimator.engine import Engine, instruction_sets
 from fltea.estimator.lane_settings import LaneSettings
@@ -15,30 +13,15 @@ CHANGES = {300: (0.01, 0.02), 301: (0.3, 0.05), 900: (0.0, 0.0235)}
 CONFIG = EstimatorConfig(startup=50, window=40)
 
 
-def told(settings: LaneSettings, Q: object, R: object) -> LaneSettings:
-    return with_(settings, state__Q=Q, R=R)
-
-
-def run_changing(settings: LaneSettings, y: Array, **options: str) -> Array:
-    """(n, len(ESTIMATES)) of one lane."""
-    engine, parts = Engine(1, settings, **options), []
-    for begin, end in pairwise([0, *CHANGES, len(y)]):
-        if begin:
-            engine.retune(told(settings, *CHANGES[begin]))
-        found = engine.run(y[begin:end])
-        parts.append(np.column_stack([getattr(found, name)[:, 0] for name in ESTIMATES]))
-    return np.vstack(parts)
-
-
 @pytest.mark.parametrize("instruction_set", instruction_sets())
 @pytest.mark.parametrize("memory", ["direct", "compressed"])
 def test_equals_the_reference_whose_q_and_r_change(memory: str, instruction_set: str) -> None:
-    y = white(1200, 1, 5)
-    expected = reference_run(GYROSCOPE, y[:, 0], np.zeros(len(y)), np.zeros(len(y), dtype=bool), CHANGES)
-    found = run_changing(with_(GYROSCOPE, memory=memory), y, instruction_set=instruction_set)
+    y, u = white(1200, 1, 5)[:, 0], np.zeros(1200)
+    expected = reference_run(GYROSCOPE, y, u, u > 0, CHANGES)
+    found = run_changing(with_(GYROSCOPE, memory=memory), y, u, CHANGES, instruction_set=instruction_set)
     size = np.maximum(np.abs(expected), np.sqrt(np.nanmean(expected**2, axis=0)))
     assert (np.abs(found - expected) / size).max() < (1e-10 if memory == "direct" else 1e-5)
-    plain = reference_run(GYROSCOPE, y[:, 0], np.zeros(len(y)), np.zeros(len(y), dtype=bool))
+    plain = reference_run(GYROSCOPE, y, u, u > 0)
     assert np.abs(plain - expected)[-1, 0] > 1e-3, "the change is seen"
 
 
@@ -50,43 +33,30 @@ SETTINGS = [
 
 
 @pytest.mark.parametrize("settings", SETTINGS, ids=lambda s: f"{s.config.memory}, {s.config.variant}")
-def test_the_same_settings_change_nothing(settings: LaneSettings) -> None:
+def test_lanes_whose_numbers_stay_do_not_notice(settings: LaneSettings) -> None:
     y, a, b = white(200, 5, 1), Engine(5, settings), Engine(5, settings)
     a.run(y), b.run(y)
     b.retune(settings)
     assert same(a.run(y), b.run(y))
-
-
-@pytest.mark.parametrize("settings", SETTINGS, ids=lambda s: f"{s.config.memory}, {s.config.variant}")
-def test_lanes_that_are_told_the_same_as_before_do_not_notice(settings: LaneSettings) -> None:
-    y, a, b = white(200, 5, 1), Engine(5, settings), Engine(5, settings)
-    a.run(y), b.run(y)
     Q, R = np.full(5, settings.config.state.Q), np.full(5, settings.R)
     Q[3], R[3] = 0.003, 0.011
-    b.retune(told(settings, Q, R))
+    b.retune(with_(settings, state__Q=Q, R=R))
     plain, changed = a.run(y), b.run(y)
     others = [0, 1, 2, 4]
     np.testing.assert_array_equal(plain.alpha[:, others], changed.alpha[:, others])
     assert (plain.x[:, 3] != changed.x[:, 3]).all()
 
 
-def test_a_lane_that_begins_again_begins_with_what_it_was_told() -> None:
+def test_a_snapshot_and_lanes_that_begin_again_have_the_new_numbers() -> None:
     y, engine = white(100, 2, 1), Engine(2, SETTINGS[1])
     engine.run(y)
-    other = told(SETTINGS[1], 0.003, 0.011)
-    engine.retune(other)
-    engine.reset()
-    assert same(engine.run(y), Engine(2, other).run(y))
-
-
-def test_a_snapshot_holds_what_it_was_told() -> None:
-    y, engine = white(100, 2, 1), Engine(2, SETTINGS[1])
-    engine.run(y)
-    other = told(SETTINGS[1], 0.003, 0.011)
+    other = with_(SETTINGS[1], state__Q=0.003, R=0.011)
     engine.retune(other)
     assert same(Engine.restore(engine.save(), other).run(y), engine.run(y))
     with pytest.raises(ValueError, match="other settings"):
         Engine.restore(engine.save(), SETTINGS[1])
+    engine.reset()
+    assert same(engine.run(y), Engine(2, other).run(y))
 
 
 @pytest.mark.parametrize(

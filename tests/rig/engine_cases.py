@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import msgspec
@@ -102,6 +103,24 @@ def reference_run(
 def run(settings: LaneSettings, y: Array, u: Array | None = None, **options: Any) -> Estimates:
     """One engine for all columns of y (n, lanes)."""
     return Engine(y.shape[1], settings, **options).run(y, u)
+
+
+def columns(estimates: Estimates) -> Array:
+    """The estimates of one lane, (n, len(ESTIMATES))."""
+    return np.column_stack([getattr(estimates, name)[:, 0] for name in ESTIMATES])
+
+
+def run_changing(
+    settings: LaneSettings, y: Array, u: Array, changes: Mapping[int, tuple[float, float]], **options: Any
+) -> Array:
+    """The same of one lane for y and u (n,); changes: Q and R from those samples on."""
+    engine, parts = Engine(1, settings, **options), []
+    for begin, end in pairwise([0, *changes, len(y)]):
+        if begin:
+            Q, R = changes[begin]
+            engine.retune(with_(settings, state__Q=Q, R=R))
+        parts.append(columns(engine.run(y[begin:end, np.newaxis], u[begin:end, np.newaxis])))
+    return np.vstack(parts)
 
 
 def same(a: Estimates, b: Estimates) -> bool:

@@ -52,7 +52,7 @@ def reproduce(
     recording: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Resting gyroscope (.npz, .csv, .ndjson) for table 5 and figures 12 to 20."
+            metavar="FILE", help="Recording of a resting gyroscope for table 5 and figures 12 to 20."
         ),
     ] = None,
     amplitude: Annotated[float, typer.Option(help="Of the saw-tooth in examples 1 and 2.")] = 1.0,

@@ -14,19 +14,20 @@ import numpy as np
 from fltea.lab.reproduce import paper
 from fltea.lab.reproduce.scenarios import GYROSCOPE_FILTERS, Data, Scenario
 from fltea.noise.weights import Array
-from fltea.recording.csv_file import read_csv
-from fltea.recording.kind import KINDS
-from fltea.recording.ndjson import read_ndjson
-from fltea.recording.npz_file import read_npz
 from fltea.records.errors import UsageError
-from fltea.records.records import Hello, Sample
+from fltea.settings.how import How
+from fltea.sources.replay import ReplaySource
+from fltea.stream.decode import Decoded, Decoder
+
+ANY_GAP = 10**9
+"""Samples: the paper's filters know of no gaps, so what is there is taken for unbroken."""
 
 Make = Callable[[Sequence[int]], Data]
 
 
 @dataclass(frozen=True)
 class RecordingFile:
-    """A file that `replay:` reads, and what a CSV file does not say itself (host/docs/guide/sources.md)."""
+    """A file that `replay:` reads, and what it does not say itself (host/docs/guide/sources.md)."""
 
     path: Path
     columns: list[str] | None = None
@@ -50,7 +51,7 @@ def _white_axis(number: int, axis: str, R: float) -> Scenario:
 
 
 def recorded(recording: RecordingFile) -> dict[str, Scenario]:
-    """Axis name to its experiment on a recording as `replay:` reads it (.npz, .csv, .ndjson).
+    """Axis name to its experiment on a recording as `replay:` reads it.
 
     Raises:
         UsageError: a file that cannot be read, is shorter than the paper's run, or stands still.
@@ -91,20 +92,11 @@ def _scenario(axis: str, source: str, R: float, make: Make, h: float, *, single:
 
 
 def _read(recording: RecordingFile) -> tuple[Array, float]:
-    """Samples (n, axes) in deg/s and their rate in Hz; of several epochs the first."""
-    path, suffix = recording.path, recording.path.suffix.lower()
-    if not path.is_file():
-        raise UsageError(f"--recording {path}: there is no such file.")
-    is_csv = KINDS.get(suffix) == "csv"
-    if not is_csv and recording != RecordingFile(path):
-        raise UsageError(f"{path}: --columns, --units and --rate are for CSV files; this one names its own.")
-    if is_csv or suffix == ".npz":
-        how = recording.columns, recording.units, recording.rate_hz
-        read = read_csv(path, *how) if is_csv else read_npz(path)
-        return read.gyro / (read.lsb_per_dps or 1.0), read.rate_hz
-    if suffix in (".ndjson", ".jsonl"):
-        records, _ = read_ndjson(path)
-        samples = [record for record in records if isinstance(record, Sample)]
-        rows = [sample.gyro_dps for sample in samples if sample.epoch == samples[0].epoch]
-        return np.array(rows), next(record.rate_hz for record in records if isinstance(record, Hello))
-    raise UsageError(f"--recording {path}: give a file that ends in .npz, .csv or .ndjson.")
+    """Samples (n, axes) in deg/s and their rate in Hz, of the first epoch."""
+    how = How(columns=recording.columns, units=recording.units, rate_hz=recording.rate_hz)
+    source, decoder = ReplaySource(recording.path, how=how), Decoder(lambda: 0, ANY_GAP)
+    decoded = [found for event in source.events() for found in decoder.feed(event)]
+    first = [one for one in decoded if isinstance(one, Decoded) and one.block.epoch == 1]
+    if not first:
+        raise UsageError(f"{recording.path}: holds no samples.")
+    return np.concatenate([one.block.gyro_dps for one in first]), first[0].hello.rate_hz
