@@ -8,11 +8,7 @@ from fltea.stream.place import CLOCK_TOLERANCE, MAX_HOST_DISAGREEMENT_US, MAX_SI
 
 
 class Placed(NamedTuple):
-    """A sample with its place in the epoch.
-
-    missing: samples lost just before it, by number `seq - missing` to `seq - 1`.
-    new_epoch: why time is broken before it, None where it is not.
-    """
+    """A sample with its place; missing, new_epoch: what was lost or broke just before it."""
 
     raw: RawSample
     seq: int
@@ -22,12 +18,7 @@ class Placed(NamedTuple):
 
 
 class Continuity:
-    """Turns wrapped samples into an unbroken count, or says where it broke.
-
-    max_gap: longest gap, in samples, that an epoch survives.
-    Counters: `delivered`, `lost`, `gaps`, `duplicates`, `before_hello` (samples that could not
-    be used because their HELLO had not been heard).
-    """
+    """Turns wrapped samples into an unbroken count, or says where it broke; max_gap in samples."""
 
     def __init__(self, max_gap: int) -> None:
         self.max_gap = max_gap
@@ -40,7 +31,6 @@ class Continuity:
         self._seq = self._device_us = 0
 
     def on_hello(self, hello: Hello) -> bool:
-        """Take note of a HELLO; True if it tells something new (the first, or another boot or sensor)."""
         boot = (hello.boot_id, hello.device_id)
         another_boot, another_sensor = boot != self._boot, hello.sensor_starts != self._sensor_starts
         news = another_boot or another_sensor or self.hello is None
@@ -53,11 +43,9 @@ class Continuity:
         return news
 
     def on_link_down(self) -> None:
-        """Believe no sample until the next HELLO: it may come from another device."""
         self.hello = None
 
     def on_break(self, reason: EpochReason) -> None:
-        """Begin a new epoch with the next sample, as a recording says that one began there."""
         if self._pending in (None, "sensor_restart"):
             self._pending = reason
 
