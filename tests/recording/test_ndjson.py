@@ -59,6 +59,11 @@ BAD_NDJSON = {
     "no axes": ([HELLO, SAMPLE.replace("1.0,2.0", "")], ":2: is a damaged record", "0 axes"),
     "four axes": ([HELLO, SAMPLE.replace("1.0", "1,1,1")], ":2: is a damaged record", "4 axes"),
     "another axis": ([HELLO, SAMPLE, SAMPLE.replace("1.0", "1,1")], ":3: ", "3 axes, 2 before"),
+    "no axes of the accelerometer": (
+        [HELLO, SAMPLE[:-1] + ',"accel_ms2":[]}'],
+        ":2: ",
+        "accel_ms2 has 0 axes",
+    ),
     "no samples": ([HELLO], "holds no sample records", "--samples"),
     "empty": ([], "holds no sample records"),
 }

@@ -10,7 +10,7 @@ from fltea.recording.kind import is_stream
 from fltea.recording.lines import lines
 from fltea.recording.session import LATEST_NS, check_hello
 from fltea.records.errors import UsageError
-from fltea.records.records import AXES, EpochReason, Hello, Record, Sample
+from fltea.records.records import ACCEL_AXES, AXES, EpochReason, Hello, Record, Sample
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 
@@ -100,6 +100,8 @@ def _check_sample(sample: Sample, before: list[Kept]) -> None:
     axes = len(last.gyro_dps) if isinstance(last, Sample) else None
     if not 1 <= len(sample.gyro_dps) <= len(AXES) or axes not in (None, len(sample.gyro_dps)):
         raise ValueError(f"gyro_dps has {len(sample.gyro_dps)} axes" + (f", {axes} before" if axes else ""))
+    if sample.accel_ms2 is not None and len(sample.accel_ms2) != len(ACCEL_AXES):
+        raise ValueError(f"accel_ms2 has {len(sample.accel_ms2)} axes")
     if max(map(abs, sample.gyro_dps)) > LARGEST_DPS:
         raise ValueError(f"more than {LARGEST_DPS:g} deg/s")
     if max(map(abs, (*(sample.accel_ms2 or ()), sample.temperature_c or 0.0))) > LARGEST_DPS:
