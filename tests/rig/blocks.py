@@ -8,9 +8,9 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 from fltea.records.block import AxisColumns, Block
-from fltea.records.events import RawBlock, RawSample, block_of
-from fltea.records.records import AnyRecord, Estimate, Sample
-from fltea.stream.place import Place
+from fltea.records.events import LinkDown, RawBlock, RawSample, block_of
+from fltea.records.records import AnyRecord, Estimate, Hello, Sample
+from fltea.stream.place import Piece, Place
 from hypothesis import strategies as st
 from place_one_by_one import Placed
 
@@ -142,6 +142,20 @@ def place_all(place: Place, samples: Sequence[RawSample]) -> list[Placed | None]
             broken = (piece.missing, piece.new_epoch) if row == rows[0] else (0, None)
             found[row] = Placed(samples[row], seq, device_us, *broken)
     return found
+
+
+def place_events(events: Iterable[object]) -> tuple[Place, list[Piece]]:
+    """Where the samples of a source stand: the place after all of its events, and their pieces."""
+    place, found = Place(max_gap=100), list[Piece]()
+    for event in events:
+        match event:
+            case Hello():
+                place.on_hello(event)
+            case LinkDown():
+                place.on_link_down()
+            case RawBlock():
+                found += place.on_block(event)
+    return place, found
 
 
 def place_one(place: Place, raw: RawSample) -> Placed | None:

@@ -1,7 +1,6 @@
 """A replay of MCAP files: the same estimates to the last bit, whatever was cut off, damaged or is missing."""
 
 import os
-import time
 import tracemalloc
 from pathlib import Path
 
@@ -230,11 +229,8 @@ def test_a_silent_line_is_told_again(tmp_path: Path) -> None:
     assert 15 <= len(ticks) <= 18
 
 
-def test_real_pace_waits_for_what_came(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_real_pace_waits_for_what_came(tmp_path: Path, now_ns: list[int]) -> None:
     record(tmp_path, transport(samples=100))
-    now_ns = [0]
-    monkeypatch.setattr(time, "clock_gettime_ns", lambda clock: now_ns[0])
-    monkeypatch.setattr(time, "sleep", lambda s: now_ns.__setitem__(0, now_ns[0] + round(s * 1e9)))
     times = []
     for event in ReplaySource(tmp_path, realtime=True).events():
         if not isinstance(event, DeviceStatus):

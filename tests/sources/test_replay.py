@@ -8,10 +8,10 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from blocks import in_samples, of_samples, place_all, records_of, samples_of
+from blocks import in_samples, of_samples, place_all, place_events, records_of, samples_of
 from fltea.records.errors import UsageError
-from fltea.records.events import Event, LinkDown, RawBlock, RawSample, Trouble
-from fltea.records.records import AnyRecord, Epoch, Estimate, Gap, Hello, LinkStats, Sample
+from fltea.records.events import Event, LinkDown, RawSample, Trouble
+from fltea.records.records import AnyRecord, Epoch, Estimate, Gap, Hello, Sample
 from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
 from fltea.settings.how import How
@@ -25,7 +25,7 @@ from fltea.stream.place import Place
 from host_support import QUICK, fltea_here, hello, strict_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap_support import record
+from mcap_support import SMALL, Live, record
 
 NDJSON = b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mode":"timer"}\n' + b"".join(
     b'{"class":"sample","seq":%d,"device_us":%d,"host_ns":%d,"epoch":1,"gyro_dps":[0.5]}\n'
@@ -98,16 +98,8 @@ def csv_file(tmp_path: Path, times_s: list[float]) -> Path:
 
 
 def walked(source: ReplaySource) -> tuple[Place, list[str]]:
-    place = Place(100)
-    reasons: list[str] = []
-    for event in source.events():
-        if isinstance(event, Hello):
-            place.on_hello(event)
-        elif isinstance(event, RawBlock):
-            placed = place_all(place, list(event.samples()))
-            assert None not in placed
-            reasons += [one.new_epoch for one in placed if one and one.new_epoch]
-    return place, reasons
+    place, found = place_events(source.events())
+    return place, [piece.new_epoch for piece in found if piece.new_epoch]
 
 
 def test_time_that_a_recording_skips_is_a_gap(tmp_path: Path) -> None:
@@ -280,10 +272,7 @@ def test_own_output_replays_to_the_same_bits(lsb: str, tmp_path: Path) -> None:
 # --- pace ---
 
 
-def test_real_pace_waits_for_each_sample(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    now_ns = [0]
-    monkeypatch.setattr(time, "clock_gettime_ns", lambda clock: now_ns[0])
-    monkeypatch.setattr(time, "sleep", lambda s: now_ns.__setitem__(0, now_ns[0] + round(s * 1e9)))
+def test_real_pace_waits_for_each_sample(tmp_path: Path, now_ns: list[int]) -> None:
     for event in ReplaySource(npz_file(tmp_path), realtime=True).events():
         assert now_ns[0] == event.host_ns
     assert now_ns[0] == 299 * 10_000_000
@@ -313,21 +302,6 @@ def test_pace_comes_from_the_configuration(tmp_path: Path) -> None:
         assert (source.live, source.unix_offset_ns) == (False, 0)
 
 
-class Live:
-    """What a device on a port looked like to the pipeline."""
-
-    live = prompt = True
-    unix_offset_ns = 1_700_000_000_123_456_789
-
-    def events(self) -> Iterator[Event]:
-        yield from ()
-
-    def link_stats(self) -> LinkStats:
-        return LinkStats()
-
-    def close(self) -> None: ...
-
-
 def live_events() -> Iterator[Event]:
     """Lost samples, a port or a sensor that was away, an overlong gap, and a restart, with late arrivals."""
     rng = np.random.default_rng(3)
@@ -351,8 +325,9 @@ def live_events() -> Iterator[Event]:
 
 def test_recorded_live_run_replays_to_the_same_bits(tmp_path: Path) -> None:
     path = tmp_path / "live.ndjson"
-    small = {"estimator.window": 50, "estimator.startup": 20, "samples": True}
-    pipeline = Pipeline(Live(), load_config(None, small))
+    port, small = Live(), {**SMALL, "samples": True}
+    port.wire.unix_offset_ns = 1_700_000_000_123_456_789
+    pipeline = Pipeline(port, load_config(None, small))
     live = records_of(item for event in of_samples(live_events()) for item in pipeline.feed(event))
     with path.open("wb") as stream:
         sink = NdjsonSink(stream, samples=True)

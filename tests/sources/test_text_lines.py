@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from blocks import place_events
 from fltea.records.errors import UsageError
 from fltea.records.events import TIME_WRAP_US, Event, Failed, LinkDown, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
@@ -27,15 +28,7 @@ def opened(how: How) -> TextEvents:
 
 
 def placed(events: list[Event]) -> Place:
-    place = Place(max_gap=1000)
-    for event in events:
-        if isinstance(event, Hello):
-            place.on_hello(event)
-        elif isinstance(event, LinkDown):
-            place.on_link_down()
-        elif isinstance(event, RawBlock):
-            list(place.on_block(event))
-    return place
+    return place_events(events)[0]
 
 
 def troubles(events: list[Event]) -> list[str]:
