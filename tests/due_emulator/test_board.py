@@ -2,7 +2,6 @@
 
 import io
 import json
-import shutil
 import struct
 import subprocess
 import sys
@@ -12,8 +11,8 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
-from machine_support import COMPILER, FOLDER, RAM_BASE, Bench, cpp_program, program, run
-from toolchain import missing
+from due_support import build
+from machine_support import FOLDER, RAM_BASE, Bench, cpp_program, program, run
 
 from tools.due_emulator.__main__ import IMAGE, main
 from tools.due_emulator.noise import Constant
@@ -64,13 +63,8 @@ def ours():
 @pytest.fixture(scope="module")
 def by_edges(tmp_path_factory):
     """Our image in data_ready mode, as make firmware leaves it in build/."""
-    if shutil.which(COMPILER) is None:
-        missing(f"{COMPILER} is not installed (Debian: gcc-arm-none-eabi)")
-    sys.path.insert(0, str(ROOT / "tools"))
-    from build_firmware import build
-
     folder = tmp_path_factory.mktemp("data_ready")
-    build(ROOT, "data_ready", folder)
+    build("data_ready", folder)
     return folder / "fltea_due.bin"
 
 

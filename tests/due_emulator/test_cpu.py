@@ -41,9 +41,7 @@ def test_a_loop_of_known_length_takes_its_time():
 def test_the_time_of_an_access_is_exact_within_a_slice():
     # SysTick counts cycles: two reads, 20 instructions and one access apart.
     bench = run(
-        """store 0xE000E014, 0xFFFFFF
-  store 0xE000E018, 0
-  store 0xE000E010, 5
+        """systick 0xFFFFFF, 5
   ldr r0, =0xE000E018
   ldr r1, [r0]
   .rept 20
@@ -128,9 +126,7 @@ def test_ram_that_the_program_wrote_is_counted():
 def test_polling_a_timer_goes_on_in_time():
     # A program that waits for SysTick's COUNTFLAG without any interrupt.
     bench = run(
-        """store 0xE000E014, 3999
-  store 0xE000E018, 0
-  store 0xE000E010, 5
+        """systick 3999, 5
   movs r4, #0
 1: wait 0xE000E010, 0x10000
   adds r4, #1
@@ -188,9 +184,7 @@ SKIPPING = """subs r2, r2, r2
 
 def test_an_instruction_that_its_condition_switches_off_takes_its_cycle():
     bench = run(
-        f"""store 0xE000E014, 0xFFFFFF
-  store 0xE000E018, 0
-  store 0xE000E010, 5
+        f"""systick 0xFFFFFF, 5
   ldr r0, =0xE000E018
   ldr r1, [r0]
   {SKIPPING}
@@ -232,9 +226,7 @@ def test_an_interrupt_comes_at_its_instruction_though_the_program_only_computes(
     bench = run(
         """movs r1, #0
   keep r1, 0
-  store 0xE000E014, 999
-  store 0xE000E018, 0
-  store 0xE000E010, 7
+  systick 999, 7
 1: adds r4, #1
   muls r4, r4, r5
   b 1b
@@ -262,9 +254,7 @@ def test_a_waiting_interrupt_comes_soon_after_its_priority_lets_it():
   msr basepri, r5
   store 0xE000E41C, 0x80000000
   store 0xE000E100, 0x80000000
-  ldr r0, =0xE000EF00
-  movs r1, #31
-  str r1, [r0]
+  trigger 31
   ldr r2, =300
 1: subs r2, #1
   bne 1b

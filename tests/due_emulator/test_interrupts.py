@@ -21,9 +21,7 @@ def test_a_nested_interrupt_comes_through_and_returns_with_all_registers():
   wait_forever
 low:
   push {r4, lr}
-  ldr r0, =0xE000EF00
-  movs r1, #31
-  str r1, [r0]
+  trigger 31
   movs r3, #1
   load r2, 0x2007000C
   keep r2, 4
@@ -45,9 +43,7 @@ def test_the_stack_is_aligned_for_a_handler_and_comes_back_as_it_was():
   push {r1}
   mov r4, sp
   keep r4, 0
-  ldr r0, =0xE000EF00
-  movs r1, #31
-  str r1, [r0]
+  trigger 31
   nop
   mov r4, sp
   keep r4, 1
@@ -68,14 +64,10 @@ def test_equal_priority_does_not_interrupt_but_follows():
         """store 0xE000E100, 0xC0000000
   movs r2, #0
   keep r2, 0
-  ldr r0, =0xE000EF00
-  movs r1, #31
-  str r1, [r0]
+  trigger 31
   wait_forever
 first:
-  ldr r0, =0xE000EF00
-  movs r1, #30
-  str r1, [r0]
+  trigger 30
   nop
   load r2, 0x20070000
   keep r2, 1
@@ -95,9 +87,7 @@ def test_a_masked_interrupt_waits_and_a_window_of_two_instructions_lets_it_in():
   keep r2, 0
   cpsid i
   store 0xE000E100, 0x80000000
-  ldr r0, =0xE000EF00
-  movs r1, #31
-  str r1, [r0]
+  trigger 31
   .rept 300
   nop
   .endr
@@ -146,9 +136,7 @@ def test_wfi_wakes_on_a_masked_interrupt_which_is_then_taken():
 def test_an_interrupt_inside_a_conditional_block_changes_nothing():
     # Reads of SysTick within IT blocks, with a tick every 37 cycles: each count must come out.
     bench = run(
-        """store 0xE000E014, 36
-  store 0xE000E018, 0
-  store 0xE000E010, 7
+        """systick 36, 7
   ldr r0, =0xE000E018
   movs r4, #0
   movs r5, #0
@@ -199,9 +187,7 @@ def test_ipsr_and_the_registers_of_the_nvic_say_what_is_going_on():
         """store 0xE000E100, 0x80000000
   load r1, 0xE000E100
   keep r1, 0
-  ldr r0, =0xE000EF00
-  movs r1, #31
-  str r1, [r0]
+  trigger 31
   nop
   load r1, 0xE000E300
   keep r1, 3

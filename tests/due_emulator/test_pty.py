@@ -25,14 +25,8 @@ NOTICED_S = 1.0
 COUNT_UP = """
   full_speed
   store 0x400E1A54, 0x8000
-  store 0x400E0610, 0x100
-  store 0x400E0E04, 0x300
-  store 0x400E0804, 0x800
-  store 0x400E0820, 21
-  store 0x400E0800, 0x40
-  store 0xE000E014, 41999
-  store 0xE000E018, 0
-  store 0xE000E010, 7
+  uart_on 21
+  systick 41999, 7
   movs r4, #0
 3: wfi
   wait 0x400E0814, 0x2

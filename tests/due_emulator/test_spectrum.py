@@ -1,10 +1,7 @@
 """The board's running spectrum and fit, on the emulated Due: the same bits as on a PC, and what they cost."""
 
-import shutil
-
 import pytest
-from machine_support import COMPILER
-from toolchain import missing
+from toolchain import arm_compiler
 
 from tools.bench.spectrum_cost import NOISES, on_due, on_pc
 
@@ -13,8 +10,7 @@ SAMPLES = 9000
 
 @pytest.fixture(scope="module")
 def due():
-    if shutil.which(COMPILER) is None:
-        missing(f"{COMPILER} is not installed (Debian: gcc-arm-none-eabi)")
+    arm_compiler()
     return on_due(SAMPLES)
 
 

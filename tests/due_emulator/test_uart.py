@@ -37,6 +37,14 @@ def board():
 
 
 @pytest.fixture
+def taken(board):
+    """What reaches the host."""
+    found = []
+    board.bridge.deliver = lambda byte: found.append(byte) or True
+    return found
+
+
+@pytest.fixture
 def line(board):
     board.uart.write("MR", 4 << 9)
     board.uart.write("BRGR", 21)
@@ -134,10 +142,8 @@ def test_the_bridge_forgives_two_percent(board, line):
     assert "245000 baud" in reason(bridge.send, 1, 0, 245_000 - 0.1)
 
 
-def test_a_wrong_baud_rate_on_the_port_gives_garbage(board):
-    taken = []
+def test_a_wrong_baud_rate_on_the_port_gives_garbage(board, taken):
     bridge = board.bridge
-    bridge.deliver = lambda byte: taken.append(byte) or True
     bridge.strict_baud = False
     bridge.host_baud = 115_200
     for byte in range(100):
@@ -146,10 +152,8 @@ def test_a_wrong_baud_rate_on_the_port_gives_garbage(board):
     assert sum(a == b for a, b in zip(taken, range(100), strict=True)) < 5
 
 
-def test_a_host_that_does_not_read_costs_what_the_ring_cannot_hold(board):
-    taken = []
+def test_a_host_that_does_not_read_costs_what_the_ring_cannot_hold(board, taken):
     bridge = board.bridge
-    bridge.deliver = lambda byte: taken.append(byte) or True
     bridge.stop_reading(PS_PER_S)
     for byte in range(200):
         bridge.send(byte, board.machine.now_ps, 250_000)
@@ -159,10 +163,8 @@ def test_a_host_that_does_not_read_costs_what_the_ring_cannot_hold(board):
     assert bridge.delivered == 128
 
 
-def test_bytes_are_lost_by_number_or_by_chance(board):
-    taken = []
+def test_bytes_are_lost_by_number_or_by_chance(board, taken):
     bridge = board.bridge
-    bridge.deliver = lambda byte: taken.append(byte) or True
     bridge.lose_next(3)
     for byte in range(5):
         bridge.send(byte, 0, 250_000)
@@ -176,11 +178,7 @@ def test_bytes_are_lost_by_number_or_by_chance(board):
 
 SEND = """
   full_speed
-  store 0x400E0610, 0x100
-  store 0x400E0E04, 0x300
-  store 0x400E0804, 0x800
-  store 0x400E0820, {divider}
-  store 0x400E0800, 0x40
+  uart_on {divider}
   store 0x400E081C, 0x41
   wait 0x400E0814, 0x200
   wait_forever
@@ -198,4 +196,4 @@ def test_a_wrong_divider_ends_the_run():
 
 def test_the_pin_has_to_be_given_to_the_uart():
     with pytest.raises(EmulationFault, match="PA9 is not given"):
-        run(SEND.format(divider=21).replace("store 0x400E0E04, 0x300", "store 0x400E0E04, 0x100"))
+        run(SEND.format(divider=21).replace("store 0x400E081C", "store 0x400E0E00, 0x200\n store 0x400E081C"))

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 from build_firmware import FLAGS
 from due_support import IMAGE, ROOT, image
-from toolchain import missing
+from toolchain import arm_compiler
 
 from tools.mutants.mutation import Mutant, read_mutants
 from tools.mutants.trial import first_failure
@@ -87,8 +87,7 @@ def complaint(mutants: Sequence[Mutant], text: str, folder: Path) -> str:
 @pytest.mark.timeout(300)
 def test_each_bug_compiles(tmp_path: Path) -> None:
     """Else `make mutants` could not say whether anybody would notice it."""
-    if shutil.which("arm-none-eabi-g++") is None:
-        missing("no arm-none-eabi-g++ (Debian: gcc-arm-none-eabi)")
+    arm_compiler()
     by_file = defaultdict(list)
     for mutant in MUTANTS:
         by_file[mutant.file].append(mutant)

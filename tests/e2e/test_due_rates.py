@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 from itertools import pairwise
@@ -15,7 +14,7 @@ from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from fltea.wire.messages import Frame
 from support import ROOT
-from toolchain import missing
+from toolchain import arm_compiler
 
 from tools.due_run import chip_bytes
 
@@ -39,8 +38,7 @@ def compiled(*defines: str) -> subprocess.CompletedProcess[str]:
 
 def image_by_command(mode: str, folder: Path, *defines: str) -> bytes:
     """The same as `build`, as an owner does it; `fltea flash` finds the build's id beside it."""
-    if shutil.which("arm-none-eabi-g++") is None:
-        missing("no arm-none-eabi-g++ (Debian: gcc-arm-none-eabi)")
+    arm_compiler()
     file = folder / "fast.bin"
     command = [sys.executable, str(ROOT / "tools/build_firmware.py"), "--to", str(file), "--mode", mode]
     command += [word for define in defines for word in ("--define", define)]

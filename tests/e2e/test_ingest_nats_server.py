@@ -2,7 +2,6 @@
 
 import asyncio
 import gc
-import itertools
 import socket
 import threading
 from collections.abc import Callable, Coroutine, Iterator
@@ -84,6 +83,17 @@ def ask(server: Server, what: Callable[[Any], Coroutine[Any, Any, Any]], **optio
             await client.close()
 
     return asyncio.run(connected())
+
+
+def publish(server: Server, *messages: tuple[str, bytes], **options: Any) -> None:
+    """Let the server have messages: subject, content."""
+
+    async def all_of_them(client: Any) -> None:
+        for subject, data in messages:
+            await client.publish(subject, data)
+        await client.flush()
+
+    ask(server, all_of_them, **options)
 
 
 async def subjects(client: Any) -> dict[str, int]:
@@ -198,17 +208,11 @@ def test_a_device_that_floods_the_stream_pushes_out_its_own_frames(
     one = server()
     wait_until(start(one, keep_s=70).serves_all, "the stream")
 
-    async def flood(client: Any) -> Any:
-        for k in range(2500):
-            await client.publish("fltea.s1.frames", b"x" * 50)
-            if k < 100:
-                await client.publish("fltea.s2.frames", b"x")
-        await client.publish("fltea.s2.frames", bytes(300_000))
-        await client.flush()
-        return await subjects(client)
-
+    flood = [("fltea.s1.frames", b"x" * 50), ("fltea.s2.frames", b"x")] * 100
+    flood += [("fltea.s1.frames", b"x" * 50)] * 2400
+    publish(one, *flood, ("fltea.s2.frames", bytes(300_000)))
     p1, p2 = (f"fltea.frames.{partition_of(name, PARTITIONS)}.{name}" for name in ("s1", "s2"))
-    assert ask(one, flood) == {p1: 1000, p2: 100}
+    assert ask(one, subjects) == {p1: 1000, p2: 100}
 
 
 def test_leases_have_room_when_snapshots_have_none(server: Callable[..., Server], start: Start) -> None:
@@ -236,11 +240,7 @@ def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
     stream, consumer = "FLTEA_FRAMES", f"fltea-{partition_of('s1', PARTITIONS)}"
 
     def hears(word: bytes) -> bool:
-        async def publish(client: Any) -> None:
-            await client.publish("fltea.s1.frames", word)
-            await client.flush()
-
-        ask(one, publish)
+        publish(one, ("fltea.s1.frames", word))
         return word in [item.data for item in worker.inbox.take(0.3) if isinstance(item, Message)]
 
     wait_until(lambda: hears(b"at first"), "frames")
@@ -274,22 +274,17 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
                 walked.append(int(item.data))
         return bool(walked) and walked[-1] == last
 
-    async def publish(client: Any) -> None:
-        for _ in range(20):
-            await client.publish("fltea.s1.frames", b"%d" % next(numbers))
-        await client.flush()
-
     walked: list[int] = []
-    numbers = itertools.count()
-    ask(one, publish)
+    messages = [("fltea.s1.frames", b"%d" % number) for number in range(60)]
+    publish(one, *messages[:20])
     wait_until(lambda: hears(19), "the first messages")
     held = worker.frames.partitions._held[partition]
     held.renewed_s -= 10
     assert not worker.frames.partitions.serves(partition)
     held.renewed_s += 10
     assert not worker.frames.partitions.serves(partition), "a renewal that came late"
-    ask(one, publish)
-    ask(one, publish)
+    publish(one, *messages[20:40])
+    publish(one, *messages[40:])
     wait_until(lambda: hears(59), "all of them")
     assert walked == list(range(60))
     assert not any(isinstance(item, Left) for item in items), "its devices go on"
@@ -309,12 +304,7 @@ def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(
     assert first.frames.partitions.keep(0, "other_version", b"?")
     first.frames.partitions.drop(0, "gone")
 
-    async def publish(client: Any) -> None:
-        for _ in range(9):
-            await client.publish("fltea.a.frames", b"x")
-        await client.flush()
-
-    ask(one, publish)
+    publish(one, *[("fltea.a.frames", b"x")] * 9)
     wait_until(lambda: all(put.done() for put in first.frames.partitions._puts), "the snapshots")
     first.frames.close()
     second = start(one)
@@ -339,11 +329,7 @@ def test_a_clock_that_differs_is_told_and_no_message_waits_for_it(
     assert "is 3600 s ahead of this machine's" in worker.texts("nats_clock")
     worker.inbox.admission.admit("s1")
 
-    async def publish(client: Any) -> None:
-        await client.publish("fltea.s1.frames", b"x")
-        await client.flush()
-
-    ask(one, publish)
+    publish(one, ("fltea.s1.frames", b"x"))
     heard: list[Message] = []
 
     def hears() -> bool:
@@ -370,14 +356,10 @@ def test_a_board_publishes_under_its_own_name_only(stage: Stage, server: Callabl
 
     ask(one, make, **worker)
 
-    async def publish(client: Any) -> None:
-        for subject in ("fltea.s1.frames", "fltea.s2.frames", "fltea.frames.99.s1", "fltea.frames.1.s2"):
-            await client.publish(subject, b"x")
-        await client.flush()
-
     async def ignore(_: Exception) -> None: ...
 
-    ask(one, publish, user="s1", password=secret["s1"], error_cb=ignore)
+    tried = ("fltea.s1.frames", "fltea.s2.frames", "fltea.frames.99.s1", "fltea.frames.1.s2")
+    publish(one, *((name, b"x") for name in tried), user="s1", password=secret["s1"], error_cb=ignore)
     mine = {f"fltea.frames.{partition_of('s1', PARTITIONS)}.s1": 1}
     assert ask(one, subjects, **worker) == mine
     for topic in ("fltea/frames/99/board-7", "fltea/s2/frames", "fltea/board-7/frames"):

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import subprocess
 import tomllib
 from itertools import pairwise
@@ -18,7 +17,7 @@ from fltea.wire.block_reader import FrameReader
 from fltea.wire.message_events import hello_event
 from fltea.wire.messages import Frame
 from tiers import slow
-from toolchain import missing
+from toolchain import needed
 
 FOLDER = Path(__file__).parent
 ROOT = FOLDER.parents[1]
@@ -28,8 +27,7 @@ SKETCH = ROOT / "firmware/arduino/fltea"
 @pytest.fixture(scope="session", params=[slow("g++"), slow("clang++")])
 def build(request: pytest.FixtureRequest) -> Path:
     """Folder of the programs, made by one of both compilers with all warnings as errors."""
-    if shutil.which(request.param) is None:
-        missing(f"{request.param} is not installed")
+    needed(request.param)
     folder = ROOT / "build/tests-arduino" / request.param
     done = subprocess.run(
         [

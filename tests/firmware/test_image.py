@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from toolchain import missing
+from toolchain import arm_compiler, missing
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGE = "firmware/due/image/fltea_due.bin"
@@ -51,8 +51,7 @@ def record() -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the sources with both images freshly built in it."""
-    if not shutil.which("arm-none-eabi-g++"):
-        missing("no arm-none-eabi-g++ (Debian: gcc-arm-none-eabi)")
+    arm_compiler()
     root = copy_tree(tmp_path_factory.mktemp("first") / "fltea")
     done = run_tool("build_firmware.py", root)
     assert done.returncode == 0, done.stderr

@@ -1,12 +1,11 @@
 """The emulated Due for the tests of the whole chain: the committed image, and runs that tests share."""
 
-import shutil
 import sys
 from functools import cache
 from pathlib import Path
 
 from support import ROOT
-from toolchain import missing
+from toolchain import arm_compiler
 
 sys.path.insert(0, str(ROOT))
 
@@ -32,8 +31,7 @@ def build(mode: str, folder: Path, *defines: str) -> bytes:
 
     defines: of firmware/core/settings.h.
     """
-    if shutil.which("arm-none-eabi-g++") is None:
-        missing("no arm-none-eabi-g++ (Debian: gcc-arm-none-eabi)")
+    arm_compiler()
     sys.path.insert(0, str(ROOT / "tools"))
     from build_firmware import build
 

@@ -1,13 +1,12 @@
 """Boards that run small programs, written in assembly and built when the test needs them."""
 
-import shutil
 import subprocess
 import tempfile
 from functools import cache
 from pathlib import Path
 
 import pytest
-from toolchain import missing
+from toolchain import arm_compiler
 
 from tools.due_emulator.board import Board
 from tools.due_emulator.machine import EmulationFault
@@ -15,7 +14,6 @@ from tools.due_emulator.memory_map import RAM_BASE
 from tools.due_emulator.noise import Constant
 
 FOLDER = Path(__file__).resolve().parents[1] / "due_emulator"
-COMPILER = "arm-none-eabi-g++"
 FLAGS = [
     "-mcpu=cortex-m3",
     "-mthumb",
@@ -51,6 +49,23 @@ PRELUDE = """
   tst r1, r2
   beq 1b
 .endm
+.macro systick reload, control
+  store 0xE000E014, \\reload
+  store 0xE000E018, 0
+  store 0xE000E010, \\control
+.endm
+.macro trigger interrupt
+  ldr r0, =0xE000EF00
+  movs r1, #\\interrupt
+  str r1, [r0]
+.endm
+.macro uart_on divider
+  store 0x400E0610, 0x100
+  store 0x400E0E04, 0x300
+  store 0x400E0804, 0x800
+  store 0x400E0820, \\divider
+  store 0x400E0800, 0x40
+.endm
 .macro wait_forever
 2: wfi
   b 2b
@@ -77,11 +92,7 @@ PRELUDE = """
 .word 0x20088000, reset + 1
 """
 
-TICK_EACH_MS = """
-  store 0xE000E014, 3999
-  store 0xE000E018, 0
-  store 0xE000E010, 7
-"""
+TICK_EACH_MS = "systick 3999, 7\n"
 COUNT = """
 count:
   ldr r0, =0x20070000
@@ -119,12 +130,11 @@ def _build(source, suffix):
 
 
 def _link(folder, source, suffix):
-    if shutil.which(COMPILER) is None:
-        missing(f"{COMPILER} is not installed (Debian: gcc-arm-none-eabi)")
+    compiler = arm_compiler()
     (folder / f"program{suffix}").write_text(source)
     elf, raw = folder / "program.elf", folder / "program.bin"
     for command in (
-        [COMPILER, *FLAGS, "-T", FOLDER / "due.ld", folder / f"program{suffix}", "-lgcc", "-o", elf],
+        [compiler, *FLAGS, "-T", FOLDER / "due.ld", folder / f"program{suffix}", "-lgcc", "-o", elf],
         ["arm-none-eabi-objcopy", "-O", "binary", elf, raw],
     ):
         done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -1,6 +1,7 @@
 """What to do where a test needs a tool that is not there."""
 
 import os
+import shutil
 from typing import NoReturn
 
 import pytest
@@ -11,3 +12,13 @@ def missing(reason: str) -> NoReturn:
     if os.environ.get("CI") == "true":
         pytest.fail(reason)
     pytest.skip(reason)
+
+
+def needed(tool: str, package: str = "") -> str:
+    """Where a tool is, in a package of Debian that has another name perhaps; skips without it."""
+    return shutil.which(tool) or missing(f"no {tool} (Debian: {package or tool})")
+
+
+def arm_compiler() -> str:
+    """The compiler for the board."""
+    return needed("arm-none-eabi-g++", "gcc-arm-none-eabi")
