@@ -11,10 +11,14 @@ from sensor_support import MSEN, SCL, SDA, START, SWRST, TWI1_ID, SmallBoard
 from tools.due_emulator.machine import EmulationFault
 
 UART_CLOCK = [full_speed, ("PMC", "PCER0", 1 << 8)]
-UART = [*UART_CLOCK, ("UART", "MR", 4 << 9), ("UART", "BRGR", 21), ("UART", "CR", 1 << 6)]
+UART_8N1 = [*UART_CLOCK, ("UART", "MR", 4 << 9)]
+UART = [*UART_8N1, ("UART", "BRGR", 21), ("UART", "CR", 1 << 6)]
 TC = ("PMC", "PCER0", 7 << 27)
 WAVE = 1 << 15
-SLOWEST_RC = [plla, ("PMC", "MCKR", 0x11), 1.0]
+HALVED = ("PMC", "MCKR", 0x11)
+SLOWEST_RC = [plla, HALVED, 1.0]
+PLLA_90 = ("PMC", "CKGR_PLLAR", 1 << 29 | 14 << 16 | 0x3F00 | 1)
+UNLOCKED = [wait_states, crystal, ("PMC", "CKGR_PLLAR", PLLA_168), HALVED, 0.5]
 
 
 def test_the_table_begins_where_nothing_is_refused():
@@ -45,35 +49,10 @@ def play(board, steps):
         ([crystal], "PMC", "CKGR_PLLAR", 1 << 29 | 16 << 16 | 0x3F00 | 1, "204 MHz"),
         ([full_speed], "PMC", "CKGR_PLLAR", PLLA_168, "comes from PLLA"),
         # Master clock
-        (
-            [wait_states, crystal, ("PMC", "CKGR_PLLAR", PLLA_168), ("PMC", "MCKR", 0x11), 0.5],
-            "PMC",
-            "MCKR",
-            0x12,
-            "not ready",
-        ),
+        (UNLOCKED, "PMC", "MCKR", 0x12, "not ready"),
         ([wait_states, plla], "PMC", "MCKR", 0x12, "CSS and PRES at once"),
-        (
-            [wait_states, plla, ("PMC", "MCKR", 0x11)],
-            "PMC",
-            "MCKR",
-            0x12,
-            "before the change before it is done",
-        ),
-        (
-            [
-                wait_states,
-                crystal,
-                ("PMC", "CKGR_PLLAR", 1 << 29 | 14 << 16 | 0x3F00 | 1),
-                2.0,
-                ("PMC", "MCKR", 0x11),
-                1.0,
-            ],
-            "PMC",
-            "MCKR",
-            0x12,
-            "90 MHz: at most 84",
-        ),
+        ([wait_states, plla, HALVED], "PMC", "MCKR", 0x12, "before the change before it is done"),
+        ([wait_states, crystal, PLLA_90, 2.0, HALVED, 1.0], "PMC", "MCKR", 0x12, "90 MHz: at most 84"),
         *(
             (
                 [("EFC0", "FMR", first << 8), ("EFC1", "FMR", second << 8), *SLOWEST_RC],
@@ -99,20 +78,8 @@ def play(board, steps):
         ([*UART, ("UART", "THR", 1)], "UART", "BRGR", 20, "while a byte is on the line"),
         ([*UART_CLOCK, ("UART", "BRGR", 21)], "UART", "CR", 1 << 6, "8N1"),
         ([*UART_CLOCK, ("UART", "MR", 4 << 9 | 2 << 14)], "UART", "CR", 1 << 6, "8N1"),
-        (
-            [*UART_CLOCK, ("UART", "MR", 4 << 9), ("UART", "CR", 1 << 6)],
-            "UART",
-            "THR",
-            1,
-            "no clock",
-        ),
-        (
-            [*UART, ("UART", "TPR", 0x30000000), ("UART", "TCR", 1)],
-            "UART",
-            "PTCR",
-            1 << 8,
-            "no memory",
-        ),
+        ([*UART_8N1, ("UART", "CR", 1 << 6)], "UART", "THR", 1, "no clock"),
+        ([*UART, ("UART", "TPR", 0x30000000), ("UART", "TCR", 1)], "UART", "PTCR", 1 << 8, "no memory"),
         (UART, "UART", "TNCR", 4, "TCR is 0"),
         (UART, "UART", "PTCR", 1, "nothing is ever received"),
         # Timers
@@ -138,8 +105,7 @@ def test_a_write_that_ends_the_run(before, name, register, value, text):
 
 
 def begin(board):
-    board.address(0x75, True)
-    board.twi.write("CR", START)
+    board.begin_read(0x75, START)
 
 
 @pytest.mark.parametrize(

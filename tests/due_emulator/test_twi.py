@@ -73,8 +73,7 @@ def test_status_after_reset_and_after_msen(board):
 
 
 def test_nobody_at_the_address(board):
-    board.address(0x75, True, device=0x69)
-    board.twi.write("CR", START | STOP)
+    board.begin_read(0x75, START | STOP, device=0x69)
     assert not board.twi.read("SR") & TXCOMP
     seen = board.wait_for(TXCOMP)
     assert seen & NACK
@@ -97,24 +96,18 @@ def test_refused_byte_of_a_write(board):
 @pytest.mark.parametrize("reset", [False, True])
 def test_what_a_refused_write_leaves_is_sent_first_by_the_next_one(board, reset):
     board.socket.nacks_left = 1
-    board.address(0x1B, False)
-    board.twi.write("THR", 0x18)
-    board.twi.write("CR", STOP)
+    board.begin_write(0x1B, 0x18)
     assert board.wait_for(TXCOMP) & NACK
     if reset:
         board.set_up()
     # A read is not concerned.
     assert board.read_block(0x75, 1) == b"\x71"
-    board.address(0x1B, False)
-    board.twi.write("THR", 0x10)
-    board.twi.write("CR", STOP)
+    board.begin_write(0x1B, 0x10)
     assert not board.wait_for(TXCOMP) & NACK
     # The byte goes into the register, the next one into the one behind it.
     assert board.chip.read_block(0x1B, 2) == (b"\x10\x00" if reset else b"\x18\x10")
     # And it is gone.
-    board.address(0x1B, False)
-    board.twi.write("THR", 0x08)
-    board.twi.write("CR", STOP)
+    board.begin_write(0x1B, 0x08)
     board.wait_for(TXCOMP)
     assert board.chip.read_block(0x1B, 1) == b"\x08"
 
@@ -148,8 +141,7 @@ def test_a_write_waits_for_its_stop(board):
 
 def test_scl_waits_until_rhr_is_read(board):
     """Nothing is overrun: the second byte does not end before the first is fetched (33.8.5)."""
-    board.address(0x75, True)
-    board.twi.write("CR", START)
+    board.begin_read(0x75, START)
     assert board.wait_for(RXRDY)
     board.wait_us(500)
     board.twi.write("CR", STOP)
@@ -160,8 +152,7 @@ def test_scl_waits_until_rhr_is_read(board):
 
 def test_stop_set_too_late_is_a_fault(board):
     """STOP after the last byte was fetched: one more is on its way, and nobody wants it."""
-    board.address(0x3B, True)
-    board.twi.write("CR", START)
+    board.begin_read(0x3B, START)
     for _ in range(14):
         assert board.wait_for(RXRDY)
         board.twi.read("RHR")
@@ -226,8 +217,7 @@ def test_a_stale_byte_stays_through_a_write_and_takes_no_time(board):
 
 def test_a_stale_byte_waits_for_the_last_byte_to_be_fetched(board):
     board.twi.stale_reads = 1
-    board.address(0x75, True)
-    board.twi.write("CR", START | STOP)
+    board.begin_read(0x75, START | STOP)
     board.wait_us(500)
     assert not board.twi.read("SR") & TXCOMP
     assert board.twi.read("RHR") == 0x71
@@ -236,8 +226,7 @@ def test_a_stale_byte_waits_for_the_last_byte_to_be_fetched(board):
 
 def test_stop_set_while_the_last_byte_arrives_is_in_time(board):
     """As the Arduino core does it: after the next-to-last byte was fetched."""
-    board.address(0x3B, True)
-    board.twi.write("CR", START)
+    board.begin_read(0x3B, START)
     for i in range(14):
         if i == 13:
             board.twi.write("CR", STOP)
@@ -248,8 +237,7 @@ def test_stop_set_while_the_last_byte_arrives_is_in_time(board):
 
 
 def test_without_a_stop_a_read_never_completes(board):
-    board.address(0x75, True)
-    board.twi.write("CR", START)
+    board.begin_read(0x75, START)
     assert board.wait_for(TXCOMP) is None
 
 
@@ -264,8 +252,7 @@ def test_slave_mode_may_have_been_on(board, off):
 
 
 def test_master_can_be_switched_off_in_mid_transfer(board):
-    board.address(0x75, True)
-    board.twi.write("CR", START)
+    board.begin_read(0x75, START)
     board.twi.write("CR", 0x08)
     board.twi.write("CR", MSEN)
     assert board.read_block(0x75, 1) == b"\x71"
@@ -274,8 +261,7 @@ def test_master_can_be_switched_off_in_mid_transfer(board):
 def test_interrupt_follows_the_enabled_flags(board):
     board.twi.write("IER", RXRDY | NACK)
     assert board.twi.read("IMR") == RXRDY | NACK
-    board.address(0x75, True)
-    board.twi.write("CR", START | STOP)
+    board.begin_read(0x75, START | STOP)
     assert not board.irqs[TWI1_ID]
     board.wait_us(150)
     assert board.irqs[TWI1_ID]

@@ -19,8 +19,7 @@ def test_a_held_line_lets_no_transfer_begin(board, wire):
 
 
 def test_a_stretched_clock_goes_on_when_it_is_let_go(board):
-    board.address(0x75, True)
-    board.twi.write("CR", START | STOP)
+    board.begin_read(0x75, START | STOP)
     board.wait_us(40)
     board.lines.hold_scl()
     assert board.wait_for(TXCOMP) is None
@@ -30,8 +29,7 @@ def test_a_stretched_clock_goes_on_when_it_is_let_go(board):
 
 
 def test_data_held_low_is_over_only_after_a_reset(board):
-    board.address(0x75, True)
-    board.twi.write("CR", START | STOP)
+    board.begin_read(0x75, START | STOP)
     board.wait_us(40)
     board.lines.hold_sda()
     assert board.wait_for(TXCOMP) is None
@@ -60,8 +58,7 @@ def test_recovery_by_clocks_and_stop(board):
 @pytest.mark.parametrize("how", ["SWRST", "pins", "reset"])
 def test_cut_off_in_mid_byte_leaves_the_sensor_holding_sda(board, how):
     """A register of 0x00 is being read: its zeros hold SDA until eight falling edges have passed."""
-    board.address(0x19, True)
-    board.twi.write("CR", START | STOP)
+    board.begin_read(0x19, START | STOP)
     board.wait_us(29 * 2.5 + 3 * 2.5 + 1)  # the fourth bit of the first byte
     match how:
         case "SWRST":
@@ -83,8 +80,7 @@ def test_cut_off_in_mid_byte_leaves_the_sensor_holding_sda(board, how):
 
 
 def test_a_controller_that_lost_its_pins_does_not_know_it(board):
-    board.address(0x75, True)
-    board.twi.write("CR", START)
+    board.begin_read(0x75, START)
     board.take_pins()
     board.send_stop()
     board.pio.write("PDR", SDA | SCL)
@@ -94,8 +90,7 @@ def test_a_controller_that_lost_its_pins_does_not_know_it(board):
 
 
 def test_cut_off_while_scl_waits_for_rhr_is_in_the_last_bit(board):
-    board.address(0x19, True)
-    board.twi.write("CR", START)
+    board.begin_read(0x19, START)
     assert board.wait_for(RXRDY)
     board.wait_us(500)
     board.twi.write("CR", SWRST)
@@ -106,8 +101,7 @@ def test_cut_off_while_scl_waits_for_rhr_is_in_the_last_bit(board):
 
 
 def test_unplugged_in_mid_burst(board):
-    board.address(0x3B, True)
-    board.twi.write("CR", START)
+    board.begin_read(0x3B, START)
     assert board.wait_for(RXRDY)
     board.lines.unplug()
     board.twi.read("RHR")

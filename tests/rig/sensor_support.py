@@ -61,10 +61,18 @@ class SmallBoard:
         self.twi.write("MMR", device << 16 | 1 << 8 | read << 12)
         self.twi.write("IADR", register)
 
+    def begin_read(self, register, command, device=0x68):
+        self.address(register, True, device)
+        self.twi.write("CR", command)
+
+    def begin_write(self, register, value):
+        self.address(register, False)
+        self.twi.write("THR", value)
+        self.twi.write("CR", STOP)
+
     def read_block(self, register, n):
         """Read as the datasheet says (33.8.5): STOP after the next-to-last byte."""
-        self.address(register, True)
-        self.twi.write("CR", START | (STOP if n == 1 else 0))
+        self.begin_read(register, START | (STOP if n == 1 else 0))
         data: list[int] = []
         while len(data) < n:
             if (seen := self.wait_for(RXRDY | NACK)) is None or seen & NACK:
@@ -75,9 +83,7 @@ class SmallBoard:
         return bytes(data) if self.wait_for(TXCOMP) else None
 
     def write_register(self, register, value):
-        self.address(register, False)
-        self.twi.write("THR", value)
-        self.twi.write("CR", STOP)
+        self.begin_write(register, value)
         seen = self.wait_for(TXCOMP)
         return seen is not None and not seen & NACK
 
