@@ -1,19 +1,17 @@
-"""The online filters on many series at once, as the daemon would run them: each series is a lane."""
+"""The online filters on many series at once, as the daemon runs them: each series is an axis of a sensor."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from fltea.estimator.baseline import lane_baselines
-from fltea.estimator.lane_settings import LaneSettings
-from fltea.estimator.lanes import Lanes
+from fltea.estimator.bank import Bank, Variances
 from fltea.settings.estimator import EstimatorConfig
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
 BLOCK = 100
-"""Samples of all lanes that the engine takes at once; divides the lengths."""
+"""Samples of all lanes that are taken at once; divides the lengths."""
 
 
 class Reading(NamedTuple):
@@ -27,6 +25,14 @@ class Reading(NamedTuple):
     """False: the supervisor would not publish it, or has had to begin again on the way"""
 
 
+class Tuning(NamedTuple):
+    """What takes the place of the filters' variances after so many samples, (seeds,); NaN: they stay."""
+
+    samples: int
+    Q: Array
+    R: Array
+
+
 def read(
     y: Array,
     h: float,
@@ -35,27 +41,40 @@ def read(
     *,
     Q: Array | None = None,
     R: Array | None = None,
+    tunings: Sequence[Tuning] = (),
 ) -> list[Reading]:
     """Run one filter over y (n, seeds) at a period of h s, and read it after each of `lengths` samples.
 
-    Q, R: (seeds,) in (deg/s)², in place of those of `config`.
+    Q, R: (seeds,) in (deg/s)², in place of those of `config`. tunings: others, rising, while it runs, of
+    which those within the start-up window come too early.
 
     Lengths count from the first sample of the start-up window; they are rising multiples of BLOCK beyond it.
     A lane that the supervisor has withdrawn once is not valid from there on, though it begins again as it
     does in the daemon.
     """
-    startup = config.startup_needed
+    seeds, nothing = y.shape[1], np.full(y.shape[1], np.nan)
+    bank = Bank(tuple(f"series {i}" for i in range(seeds)), config, h, None)
+    startup = bank.startup_remaining
     if any(n % BLOCK or n < startup + BLOCK for n in lengths) or startup % BLOCK:
         raise ValueError(f"lengths must be multiples of {BLOCK} beyond the start-up window, got {lengths}")
-    bias, own_R = lane_baselines(y[:startup], config, None)
-    numbers = {} if Q is None else {"state.Q": Q}
-    lanes = Lanes(y.shape[1], LaneSettings(config, h, own_R if R is None else R, numbers))
-    valid = np.ones(y.shape[1], dtype=bool)
-    readings = []
+    bank.run(y[:startup])
+    given = Tuning(startup, nothing if Q is None else Q, nothing if R is None else R)
+    by_samples = {one.samples: one for one in (*tunings, given)}
+    valid, readings = np.ones(seeds, dtype=bool), []
     for start in range(startup, lengths[-1], BLOCK):
-        e = lanes.run(y[start : start + BLOCK] - bias)
+        if start in by_samples:
+            _tune(bank, by_samples[start])
+        e = bank.run(y[start : start + BLOCK])
         valid[[one.lane for one in e.lost]] = False
         if start + BLOCK in lengths:
-            alpha, alpha_std, f, f_std = (v[-1].copy() for v in (e.alpha, e.alpha_std, e.f, e.f_std))
-            readings.append(Reading(alpha, alpha_std, f, f_std, valid.copy()))
+            last = (column[-1].copy() for column in (e.alpha, e.alpha_std, e.f, e.f_std))
+            readings.append(Reading._make((*last, valid.copy())))
     return readings
+
+
+def _tune(bank: Bank, tuning: Tuning) -> None:
+    changed = {}
+    for axis, Q, R in zip(bank.axes, tuning.Q.tolist(), tuning.R.tolist(), strict=True):
+        now = bank.variances[axis]
+        changed[axis] = Variances(now.Q if np.isnan(Q) else Q, now.R if np.isnan(R) else R)
+    bank.retune(changed)

@@ -18,7 +18,7 @@ from tools.validation.evaluate.online import Reading, read
 from tools.validation.evaluate.score import score
 from tools.validation.evaluate.settings import Setting
 from tools.validation.evaluate.shifts import Shift
-from tools.validation.evaluate.tuned import read_tuned, tunings
+from tools.validation.evaluate.tuned import tunings
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table
 
@@ -121,7 +121,7 @@ def filters_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
     readings = _readings(case, y, settings.MAIN, lengths, 0)
     tuned = tunings(y, H, lengths[-1])
     for name, config in settings.TUNED.items():
-        readings[name] = read_tuned(y, H, config, lengths, tuned)
+        readings[name] = read(y, H, config, lengths, tunings=tuned)
     return _filter_rows("rows", case, readings, lengths)
 
 

@@ -6,15 +6,7 @@ all that they remember. Early fits must not do so: an s2 of a few hundred sample
 ten, and a filter that has believed it for a while does not come back.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
-from fltea.estimator.baseline import lane_baselines
-from fltea.estimator.engine import Engine
-from fltea.estimator.lane_settings import LaneSettings
-from fltea.estimator.lanes import LOST_ORDER
-from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import TUNED_WITHIN
 from fltea.spectrum.models import FULL
 from fltea.spectrum.octaves import Octaves
@@ -24,7 +16,7 @@ from fltea.spectrum.whittle import fit
 from numpy.typing import NDArray
 
 from tools.validation.evaluate.fits import LEVEL, live_data, rejects
-from tools.validation.evaluate.online import BLOCK, Reading
+from tools.validation.evaluate.online import BLOCK, Tuning
 
 Array = NDArray[np.float64]
 
@@ -32,14 +24,6 @@ FIRST = 600
 """Samples before the first fit."""
 GROWTH = 1.3
 """Of the record, between fits."""
-
-
-class Tuning(NamedTuple):
-    """What the fit after so many samples says, (seeds,) each; NaN where white noise is not rejected."""
-
-    samples: int
-    s2: Array
-    R: Array
 
 
 def tunings(y: Array, h: float, last: int) -> list[Tuning]:
@@ -79,34 +63,3 @@ def fit_points(first: int, last: int) -> list[int]:
         points.append(round(n / BLOCK) * BLOCK)
         n = max(n * GROWTH, n + BLOCK)
     return [n for n in dict.fromkeys(points) if n < last]
-
-
-def read_tuned(
-    y: Array, h: float, config: EstimatorConfig, lengths: Sequence[int], tunings: Sequence[Tuning]
-) -> list[Reading]:
-    """As `online.read`, with the Q and R of each of `tunings`, rising, from its samples on.
-
-    Before the first that rejects white noise, the filters have those of `config` and the start-up window.
-    A lane is valid as long as its order stays within what the supervisor lets pass.
-    """
-    startup = config.startup_needed
-    bias, R = lane_baselines(y[:startup], config, None)
-    R = np.array(R)
-    seeds = y.shape[1]
-    Q = np.full(seeds, config.state.Q)
-    engine = Engine(seeds, LaneSettings(config, h, R, {"state.Q": Q}))
-    by_samples = {one.samples: one for one in tunings}
-    stops = sorted({*lengths, *(n for n in by_samples if n > startup)})
-    valid, readings, at = np.ones(seeds, dtype=bool), [], startup
-    for stop in stops:
-        e = engine.run(y[at:stop] - bias)
-        valid &= (np.abs(e.alpha) <= LOST_ORDER).all(axis=0) & np.isfinite(e.f).all(axis=0)
-        at = stop
-        if stop in lengths:
-            last = [v[-1].copy() for v in (e.alpha, e.alpha_var, e.f, e.f_var)]
-            readings.append(Reading(last[0], np.sqrt(last[1]), last[2], np.sqrt(last[3]), valid.copy()))
-        if (one := by_samples.get(stop)) is not None:
-            known = np.isfinite(one.s2)
-            Q, R = np.where(known, one.s2, Q), np.where(known, one.R, R)
-            engine.retune(LaneSettings(config, h, R, {"state.Q": Q}))
-    return readings
