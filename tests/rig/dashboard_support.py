@@ -1,8 +1,9 @@
 """Records as a running pipeline gives them, for the tests of the page; fits are made up (fit_support)."""
 
+import functools
 import json
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, ParamSpec
 
 import msgspec
 import numpy as np
@@ -20,7 +21,6 @@ from fltea.records.records import (
     Epoch,
     Estimate,
     EstimatorInfo,
-    LinkStats,
     Stats,
     WhyNot,
 )
@@ -34,6 +34,9 @@ from fltea.sinks.page.tiers import Cursor
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
 from host_support import hello
+from walk_support import Source
+
+P = ParamSpec("P")
 
 QUICK = EstimatorConfig(startup=50, window=200)
 WITHOUT = LiveConfig(on=False)
@@ -53,43 +56,30 @@ OWN = DeviceEstimatorStats(
 )
 
 
-class Events:
-    """A source of given events."""
+def remembered(make: Callable[P, list[AnyRecord]]) -> Callable[P, list[AnyRecord]]:
+    """Make records of the same arguments once; each caller gets a list of its own."""
+    made: dict[str, list[AnyRecord]] = {}
 
-    live = prompt = False
-    unix_offset_ns = 0
+    @functools.wraps(make)
+    def give(*arguments: P.args, **named: P.kwargs) -> list[AnyRecord]:
+        key = repr((arguments, named))
+        if key not in made:
+            made[key] = make(*arguments, **named)
+        return list(made[key])
 
-    def __init__(self, events: Iterable[Event]) -> None:
-        self._events = events
-
-    def events(self) -> Iterable[Event]:
-        return iter(self._events)
-
-    def link_stats(self) -> LinkStats:
-        return LinkStats()
-
-    def close(self) -> None:
-        pass
+    return give
 
 
+@remembered
 def records(query: str, config: EstimatorConfig = QUICK) -> list[AnyRecord]:
     """What the pipeline makes of synthetic noise."""
-    key = (query, repr(config))
-    if key not in _made:
-        _made[key] = _records(query, config)
-    return list(_made[key])
-
-
-_made: dict[tuple[str, str], list[AnyRecord]] = {}
-
-
-def _records(query: str, config: EstimatorConfig) -> list[AnyRecord]:
     source = SyntheticSource(query, realtime=False)
     pipeline = Pipeline(source, Config(name="due", estimator=config, live=WITHOUT))
     found = records_of(item for event in source.events() for item in pipeline.feed(event))
     return [*found, pipeline.stats()]
 
 
+@remembered
 def with_breaks(
     lengths: list[int], reason: str = "restart", config: EstimatorConfig = QUICK, accel: bool = False
 ) -> list[AnyRecord]:
@@ -105,7 +95,7 @@ def with_breaks(
             k += 1
         events.append(Break(reason, k * 10_000_000))  # type: ignore[arg-type]
     channels = ["gyro_x", "accel_x", "accel_y"] if accel else None
-    pipeline = Pipeline(Events(events), Config(name="due", estimator=config, live=WITHOUT, channels=channels))  # type: ignore[arg-type]
+    pipeline = Pipeline(Source(), Config(name="due", estimator=config, live=WITHOUT, channels=channels))  # type: ignore[arg-type]
     found = records_of(item for event in events for item in pipeline.feed(event))
     return [*found, pipeline.stats()]
 
