@@ -16,6 +16,7 @@ import site_settings
 import typer.main
 from click.testing import CliRunner
 from fltea.cli.app import app
+from fltea.cli.setting_flags import takes_settings
 from fltea.records.errors import UsageError
 from fltea.service import daemon
 from fltea.settings.config import SETTINGS, TABLES, Config
@@ -151,6 +152,17 @@ def test_a_wrong_value_has_one_error_whichever_way_it_comes(one: Declared, told:
                 told(*arguments)
             assert str(caught.value) == f"{origin} {one.path} must be {one.takes}, got {value!r}."
             assert one.unit in str(caught.value)
+
+
+def test_flags_may_hold_for_both_sensors_and_set_is_of_one() -> None:
+    found: dict[str, Any] = {}
+
+    @takes_settings(["estimator.window"], of_both=True)
+    def command(settings: dict[str, Any]) -> None:
+        found.update(settings)
+
+    command(estimator_window="40", set_=["estimator.R=2"])
+    assert found == {"estimator.window": 40, "accel.window": 40, "estimator.R": 2}
 
 
 def test_the_error_says_setting_range_unit_and_value(told: Any) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from fltea.identification.workers import Workers
 
 
-@takes_settings(["channels", *FILTERS, *RECORDING])
+@takes_settings(["channels", *FILTERS, *RECORDING], of_both=True)
 def identify(
     settings: dict[str, Any],
     files: Annotated[
@@ -134,8 +134,7 @@ def identify(
     from fltea.identification.axis import IdentifyOptions
     from fltea.settings.config import load_configs
 
-    of_both = {path.replace("estimator.", "accel."): settings[path] for path in FILTERS if path in settings}
-    configs = load_configs(config, of_both | settings)
+    configs = load_configs(config, settings)
     if len(configs) > 1:
         raise UsageError(f"{config}: sets up several devices; give one that sets up none, or --set.")
     (chosen,) = configs

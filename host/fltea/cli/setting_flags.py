@@ -28,14 +28,16 @@ RECORDING = tuple(f"replay.{name}" for name in How.__struct_fields__)
 
 
 def takes_settings(
-    paths: Sequence[str] | None = None, *, only: tuple[str, ...] = ("",)
+    paths: Sequence[str] | None = None, *, only: tuple[str, ...] = ("",), of_both: bool = False
 ) -> Callable[[Command], Command]:
     """Give a command the flags of some settings, or of all that declare one, and `--set`.
 
     Its parameter `settings` is filled with what these say, by the path of the setting; `--set` wins. Values
     are texts until the setting's own declaration reads and checks them, so that a wrong one has the same
-    error as in a file. only: beginnings of the paths that `--set` takes; without any
-    there is no `--set`.
+    error as in a file.
+
+    only: beginnings of the paths that `--set` takes; without any there is no `--set`. of_both: flags of the
+    gyroscope's filters hold for those of the accelerometer, too.
     """
     taken = [f"settings of [{one[:-1]}]" if one.endswith(".") else one for one in only]
     flags = {
@@ -48,6 +50,8 @@ def takes_settings(
         @wraps(command)
         def called(*arguments: Any, set_: Sequence[str] | None = None, **given: Any) -> None:
             texts = {one.path: given.pop(name, None) for name, one in flags.items()}
+            if of_both:
+                texts |= {path.replace("estimator.", "accel."): text for path, text in texts.items()}
             settings = of_flags(texts) | dict(map(parse_setting, set_ or ()))
             for path in settings.keys() - texts.keys():
                 if not path.startswith(only):
