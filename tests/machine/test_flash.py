@@ -1,7 +1,5 @@
 """`fltea flash` with tools that only write down how they were called, and a pseudo-terminal for a board."""
 
-import os
-import pty
 import re
 import struct
 import subprocess
@@ -33,16 +31,15 @@ def board() -> Iterator[SpeakingPort]:
         yield port
 
 
-class Tools:
-    """A folder that is the whole PATH of the command."""
+class Desk:
+    """A board, an image, and a folder of tools that is the whole PATH of the command."""
 
-    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, board: SpeakingPort) -> None:
+        self.folder, self.board = folder, board
+        self.image = folder / "some.bin"
+        self.image.write_bytes(struct.pack("<II", 0x2008_8000, 0x0008_0101).ljust(1024, b"\xff"))
+        self.image.with_suffix(".json").write_text('{"build_id": "12ab34cd"}')
         (folder / "bin").mkdir()
-        monkeypatch.setenv("PATH", str(folder / "bin"))
-        monkeypatch.setenv("HOME", str(folder))
-        monkeypatch.setattr(flash, "HOLD_S", 1e-3)  # of `run`, which is in this process
-        monkeypatch.setattr(flash, "SETTLE_S", 1e-3)
 
     def add(self, name: str, *, code: int = 0, version: str = "1.6.1-arduino", folder: str = "bin") -> Path:
         script = self.folder / folder / name
@@ -62,133 +59,115 @@ class Tools:
         return path.read_text().splitlines() if path.exists() else []
 
     def run(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        return fltea_here("flash", *arguments)
+        return fltea_here("flash", "--port", self.board.port, *arguments)
+
+    def write(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        return self.run("--image", self.image, *arguments)
 
 
 @pytest.fixture
-def tools(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Tools:
-    return Tools(tmp_path, monkeypatch)
+def desk(tmp_path: Path, board: SpeakingPort, monkeypatch: pytest.MonkeyPatch) -> Desk:
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setattr(flash, "HOLD_S", 1e-3)  # of what runs in this process
+    monkeypatch.setattr(flash, "SETTLE_S", 1e-3)
+    return Desk(tmp_path, board)
 
 
-@pytest.fixture
-def image(tmp_path: Path) -> Path:
-    path = tmp_path / "some.bin"
-    path.write_bytes(struct.pack("<II", 0x2008_8000, 0x0008_0101).ljust(1024, b"\xff"))
-    path.with_suffix(".json").write_text('{"build_id": "12ab34cd"}')
-    return path
-
-
-def test_bossac_after_a_touch_at_1200_baud(tools: Tools, board: SpeakingPort, image: Path) -> None:
-    tools.add("bossac")
-    done = fltea("flash", "--port", board.port, "--image", image, "--yes")
+def test_bossac_after_a_touch_at_1200_baud(desk: Desk) -> None:
+    desk.add("bossac")
+    done = fltea("flash", "--port", desk.board.port, "--image", desk.image, "--yes")
     assert (done.returncode, done.stderr) == (0, "")
     assert "runs '0.1.0 due 12ab34cd'" in done.stdout
-    name = board.port.removeprefix("/dev/")
-    assert tools.calls() == [f"bossac --port={name} -U false -e -w -v -b {image} -R", "115200"]
+    name = desk.board.port.removeprefix("/dev/")
+    assert desk.calls() == [f"bossac --port={name} -U false -e -w -v -b {desk.image} -R", "115200"]
 
 
 @pytest.mark.parametrize(
     ("version", "told"), [("1.8", True), ("1.9.1", True), ("1.7.0", False), ("1.6.1-arduino", False)]
 )
-def test_versions_of_bossac_that_fail_are_warned_of(
-    version: str, told: bool, tools: Tools, board: SpeakingPort, image: Path
-) -> None:
-    tools.add("bossac", version=version)
-    done = tools.run("--port", board.port, "--image", image, "--dry-run")
+def test_versions_of_bossac_that_fail_are_warned_of(version: str, told: bool, desk: Desk) -> None:
+    desk.add("bossac", version=version)
+    done = desk.write("--dry-run")
     assert done.returncode == 0
     assert (f"warning: bossac {version}" in done.stderr) == told
 
 
-def test_the_bossac_of_the_arduino_core_is_preferred(tools: Tools, board: SpeakingPort, image: Path) -> None:
-    tools.add("bossac", version="1.9.1")
-    known = tools.add("bossac", folder=".arduino15/packages/arduino/tools/bossac/1.6.1-arduino")
-    done = tools.run("--port", board.port, "--image", image, "--dry-run")
-    assert done.stderr == ""
-    assert str(known) in done.stdout
+def test_the_bossac_of_the_arduino_core_is_preferred(desk: Desk) -> None:
+    desk.add("bossac", version="1.9.1")
+    known = desk.add("bossac", folder=".arduino15/packages/arduino/tools/bossac/1.6.1-arduino")
+    done = desk.write("--dry-run")
+    assert (done.stderr, str(known) in done.stdout) == ("", True)
 
 
-def test_arduino_cli_comes_first_then_platformio_then_bossac(tools: Tools, board: SpeakingPort) -> None:
+def test_arduino_cli_comes_first_then_platformio_then_bossac(desk: Desk) -> None:
     built = re.search(r'kBuildId\[\] = "(\w+)"', (ROOT / "firmware/core/build_id.h").read_text())
     assert built is not None
-    board.speech = says(HELLO._replace(firmware_version=f"0.1.0 arduino {built[1]}"))
-    expected = []
-    tools.add("bossac")
-    assert "bossac" in tools.run("--port", board.port, "--dry-run").stdout
-    tools.add("pio")
-    assert tools.run("--port", board.port, "-y").returncode == 0
-    project = ROOT / "firmware/arduino"
-    expected.append(f"pio run --project-dir {project} --target upload --upload-port {board.port}")
-    tools.add("arduino-cli")
-    assert tools.run("--port", board.port, "-y").returncode == 0
-    expected.append(
+    desk.board.speech = says(HELLO._replace(firmware_version=f"0.1.0 arduino {built[1]}"))
+    port, project = desk.board.port, ROOT / "firmware/arduino"
+    desk.add("bossac")
+    assert "bossac" in desk.run("--dry-run").stdout
+    for tool in ("pio", "arduino-cli"):
+        desk.add(tool)
+        assert desk.run("-y").returncode == 0
+    assert desk.calls() == [
+        f"pio run --project-dir {project} --target upload --upload-port {port}",
         f"arduino-cli compile --fqbn arduino:sam:arduino_due_x_dbg --library {ROOT / 'firmware/core'} "
-        f"--upload --port {board.port} {project / 'fltea'}"
-    )
-    assert tools.calls() == expected
-    assert board.speed() != termios.B1200, "arduino-cli and PlatformIO touch the port themselves"
-    assert "bossac" in tools.run("--port", board.port, "--method", "bossac", "--dry-run").stdout
+        f"--upload --port {port} {project / 'fltea'}",
+    ]
+    assert desk.board.speed() != termios.B1200, "arduino-cli and PlatformIO touch the port themselves"
+    assert "bossac" in desk.run("--method", "bossac", "--dry-run").stdout
 
 
-def test_a_dry_run_does_nothing(tools: Tools, board: SpeakingPort, image: Path) -> None:
-    tools.add("bossac")
-    before = board.speed()
-    done = fltea("flash", "--port", board.port, "--image", image, "--dry-run")
+def test_a_dry_run_does_nothing(desk: Desk) -> None:
+    desk.add("bossac")
+    before, port = desk.board.speed(), desk.board.port
+    done = fltea("flash", "--port", port, "--image", desk.image, "--dry-run")
     assert done.returncode == 0
     touch, erase, calm, erase_again, write = (line.split("#")[0].strip() for line in done.stdout.splitlines())
-    assert (touch, erase) == (f"stty -F {board.port} 1200", "sleep 1")
-    assert (calm, erase_again) == (f"stty -F {board.port} 115200", "sleep 1")
-    assert write.endswith(f"bossac --port={board.port.removeprefix('/dev/')} -U false -e -w -v -b {image} -R")
-    assert tools.calls() == []
-    assert board.speed() == before
+    assert (touch, erase) == (f"stty -F {port} 1200", "sleep 1")
+    assert (calm, erase_again) == (f"stty -F {port} 115200", "sleep 1")
+    assert write.endswith(f"bossac --port={port.removeprefix('/dev/')} -U false -e -w -v -b {desk.image} -R")
+    assert (desk.calls(), desk.board.speed()) == ([], before)
 
 
 @pytest.mark.parametrize(
-    ("hello", "tool", "code", "texts"),
+    ("hello", "tool", "texts"),
     [
-        ({"firmware_version": "0.1.0 due 99999999"}, 0, 1, ["runs '0.1.0 due 99999999', not build 12ab34cd"]),
-        ({"schema_hash": 1}, 0, 1, ["schema 0x00000001"]),
-        ({}, 3, 1, ["exit code 3", "ERASE"]),
+        ({"firmware_version": "0.1.0 due 99999999"}, 0, ["runs '0.1.0 due 99999999', not build 12ab34cd"]),
+        ({"schema_hash": 1}, 0, ["schema 0x00000001"]),
+        ({}, 3, ["exit code 3", "ERASE"]),
     ],
     ids=["another build", "another protocol", "a tool that fails"],
 )
 def test_what_fails_is_said_with_the_way_out(
-    hello: dict[str, object],
-    tool: int,
-    code: int,
-    texts: list[str],
-    tools: Tools,
-    board: SpeakingPort,
-    image: Path,
+    hello: dict[str, object], tool: int, texts: list[str], desk: Desk
 ) -> None:
-    tools.add("bossac", code=tool)
-    board.speech = says(HELLO._replace(**hello))
-    done = tools.run("--port", board.port, "--image", image, "--yes")
-    assert (done.returncode, [text for text in texts if text not in done.stderr]) == (code, [])
+    desk.add("bossac", code=tool)
+    desk.board.speech = says(HELLO._replace(**hello))
+    done = desk.write("--yes")
+    assert (done.returncode, [text for text in texts if text not in done.stderr]) == (1, [])
 
 
-def test_an_image_of_unknown_build_is_not_judged(tools: Tools, board: SpeakingPort, image: Path) -> None:
-    tools.add("bossac")
-    image.with_suffix(".json").unlink()
-    done = tools.run("--port", board.port, "--image", image, "--yes")
-    assert done.returncode == 0
-    assert "nothing beside the image says" in done.stdout
+def test_an_image_of_unknown_build_is_not_judged(desk: Desk) -> None:
+    desk.add("bossac")
+    desk.image.with_suffix(".json").unlink()
+    done = desk.write("--yes")
+    assert (done.returncode, "nothing beside the image says" in done.stdout) == (0, True)
 
 
 @pytest.mark.parametrize(
     ("arguments", "code", "text"),
     [
         (["--port", "/dev/none"], 1, "/dev/none: there is no such port"),
-        (["--port", "PTY"], 1, "no tool for flashing is installed"),
-        (["--port", "PTY", "--method", "platformio"], 1, "platformio is not installed"),
-        (["--port", "PTY", "--method", "arduino-cli", "--image", "x"], 2, "--image goes with bossac only"),
+        ([], 1, "no tool for flashing is installed"),
+        (["--method", "platformio"], 1, "platformio is not installed"),
+        (["--method", "arduino-cli", "--image", "x"], 2, "--image goes with bossac only"),
     ],
 )
-def test_what_cannot_be_done_is_said(
-    arguments: list[str], code: int, text: str, tools: Tools, board: SpeakingPort
-) -> None:
-    done = tools.run(*(board.port if a == "PTY" else a for a in arguments))
-    assert done.returncode == code
-    assert text in done.stderr
+def test_what_cannot_be_done_is_said(arguments: list[str], code: int, text: str, desk: Desk) -> None:
+    done = desk.run(*arguments)
+    assert (done.returncode, text in done.stderr) == (code, True)
 
 
 @pytest.mark.parametrize(
@@ -202,21 +181,14 @@ def test_what_cannot_be_done_is_said(
     ids=["missing", "nonsense", "no image", "nobody to ask"],
 )
 def test_what_cannot_be_flashed_erases_nothing(
-    file: str,
-    content: bytes | None,
-    flag: str | None,
-    text: str,
-    tools: Tools,
-    board: SpeakingPort,
-    image: Path,
+    file: str, content: bytes | None, flag: str | None, text: str, desk: Desk
 ) -> None:
-    tools.add("bossac")
-    before = board.speed()
-    path = image.with_name(file)
+    desk.add("bossac")
+    before, path = desk.board.speed(), desk.image.with_name(file)
     path.unlink() if content is None else path.write_bytes(content)
-    done = tools.run("--port", board.port, "--image", image, *([flag] if flag else []))
+    done = desk.write(*([flag] if flag else []))
     assert (done.returncode, text in done.stderr) == (2, True)
-    assert (tools.calls(), board.speed()) == ([], before)
+    assert (desk.calls(), desk.board.speed()) == ([], before)
 
 
 def test_outside_of_a_clone_it_says_so() -> None:
@@ -225,11 +197,11 @@ def test_outside_of_a_clone_it_says_so() -> None:
 
 
 def test_a_silent_board_is_told_after_a_while() -> None:
-    master, slave = pty.openpty()
-    with pytest.raises(FlteaError, match=r"no HELLO in 0\.3 s after the upload"):
-        flash.wait_for_hello(os.ttyname(slave), "12ab34cd", timeout_s=0.3)
-    os.close(master)
-    os.close(slave)
+    with (
+        speaking(lambda turn: b"", 60) as board,
+        pytest.raises(FlteaError, match=r"no HELLO in 0\.3 s after the upload"),
+    ):
+        flash.wait_for_hello(board.port, "12ab34cd", timeout_s=0.3)
 
 
 def test_nothing_else_opens_at_1200_baud() -> None:
