@@ -6,7 +6,7 @@ import msgspec
 import typer
 
 from fltea.cli.output import print_lines
-from fltea.cli.setting_flags import ConfigFile, takes_settings
+from fltea.cli.setting_flags import ConfigFile, Sources, takes_settings
 from fltea.records.visible import visible, visible_lines
 
 if TYPE_CHECKING:
@@ -109,12 +109,7 @@ def _in_the_way(found: "Port | Bus | IioDevice") -> list[str]:
 @takes_settings(["record.folder"])
 def doctor(
     settings: dict[str, Any],
-    source: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--source", "-s", metavar="URL", help="What to look at, as for `fltea run`; may be repeated."
-        ),
-    ] = None,
+    source: Sources = None,
     config: ConfigFile = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
 ) -> None:

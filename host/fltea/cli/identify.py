@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fltea.cli import exports, many
-from fltea.cli.output import end_with, print_result, progress_bar, say
+from fltea.cli.output import AsJson, end_with, print_result, progress_bar, say
 from fltea.cli.setting_flags import FILTERS, RECORDING, ConfigFile, takes_settings
 from fltea.identification.dask_address import check_address, trust_warning
 from fltea.records.errors import FlteaError, UsageError
@@ -35,9 +35,7 @@ def identify(
             show_default=False,
         ),
     ],
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object, and nothing else, on stdout.")
-    ] = False,
+    as_json: AsJson = False,
     report: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Write report.html, complete in itself, and its figures as PNG."),

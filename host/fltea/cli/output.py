@@ -4,7 +4,9 @@ import contextlib
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from fltea.records.errors import FlteaError
 from fltea.records.visible import visible_lines
@@ -12,6 +14,10 @@ from fltea.records.whole_file import whole_file
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object, and nothing else, on stdout.")]
+"""Of a command that computes something."""
 
 
 @contextlib.contextmanager

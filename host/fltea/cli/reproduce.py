@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from fltea.cli.output import print_result, progress_bar, say
+from fltea.cli.output import AsJson, print_result, progress_bar, say
 from fltea.cli.setting_flags import takes_settings
 from fltea.records.errors import UsageError
 from fltea.settings.config import load_config
@@ -66,9 +66,7 @@ def reproduce(
             "--score", help="Score the guards instead, on the examples and on every kind of bad input."
         ),
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object, and nothing else, on stdout.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Run the paper's experiments again: its tables beside its numbers, its figures as PNG.
 
@@ -141,7 +139,7 @@ def _score(seeds: int, options: "Options", as_json: bool) -> None:
 
 def bench(
     what: Annotated[str, typer.Argument(metavar="estimator", help="What to measure.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
     repetitions: Annotated[int, typer.Option(min=1, help="Of every measurement; medians are shown.")] = 5,
 ) -> None:
     """Measure how fast this machine is: engine, numpy reference and filterpy's UKF side by side on one core.

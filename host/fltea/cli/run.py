@@ -1,31 +1,15 @@
 """The command `fltea run`: flags to a configuration."""
 
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from fltea.cli.setting_flags import ConfigFile, takes_settings
+from fltea.cli.setting_flags import ConfigFile, Sources, takes_settings
 from fltea.settings.config import load_configs
 
 
 @takes_settings()
 def run(
     settings: dict[str, Any],
-    source: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--source",
-            "-s",
-            metavar="URL",
-            help="`serial:PORT` (a device path, socket://HOST:PORT, hwgrep://REGEXP), "
-            "`i2c:///dev/i2c-1?addr=0x68` (a sensor on a Raspberry Pi), `iio:NAME` (a sensor with a driver "
-            "of the Linux kernel), `replay:FILE` (.mcap or a folder of them, .npz, .csv, .ndjson), `stdin:` "
-            "or `serial-text:PORT?baud=115200` (lines of CSV or NDJSON, live), `mqtt://BROKER` or "
-            "`nats://SERVER` (many devices that publish their frames there) or "
-            "`synthetic:?alpha=0.3&f=-1.5`; more than once for several devices. Default: the Arduino Due, "
-            "waited for.",
-        ),
-    ] = None,
+    source: Sources = None,
     config: ConfigFile = None,
 ) -> None:
     """Estimate state, order α and parameter f of each gyroscope axis, sample by sample.
