@@ -2,11 +2,9 @@
 
 import contextlib
 import os
-import pty
 import socket
 import threading
 import time
-import tty
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -20,32 +18,9 @@ from fltea.wire.transport import Port
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from support import PATIENCE_S, wait_until
+from terminal import Terminal
 
 BAUD = 250_000
-
-
-class Terminal:
-    """A pseudo-terminal under a name of ours, which can go and come back."""
-
-    def __init__(self, link: Path) -> None:
-        self.link = link
-        self.plug()
-
-    def plug(self) -> None:
-        self.master, slave = pty.openpty()
-        tty.setraw(slave)
-        os.set_blocking(self.master, False)
-        self.link.unlink(missing_ok=True)
-        self.link.symlink_to(os.ttyname(slave))
-        os.close(slave)
-
-    def unplug(self) -> None:
-        self.link.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):
-            os.close(self.master)
-
-    def send(self, data: bytes) -> None:
-        assert os.write(self.master, data) == len(data)
 
 
 class Loop:

@@ -1,12 +1,9 @@
 """The reader thread against pseudo-terminals, sockets and errors of the operating system."""
 
-import contextlib
 import errno
 import os
-import pty
 import socket
 import time
-import tty
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -18,14 +15,15 @@ from fltea.wire import transport
 from fltea.wire.permission import Group, User
 from fltea.wire.transport import Port, Reader, explain_open_failure
 from support import PATIENCE_S, wait_until
+from terminal import Terminal
 
 
 @pytest.fixture
-def readers() -> Iterator[Callable[[str], Reader]]:
+def readers() -> Iterator[Callable[[str | Path], Reader]]:
     started: list[Reader] = []
 
-    def start(url: str) -> Reader:
-        started.append(reader := Reader(Port(url, 250000)))
+    def start(url: str | Path) -> Reader:
+        started.append(reader := Reader(Port(str(url), 250000)))
         reader.start()
         return reader
 
@@ -35,14 +33,10 @@ def readers() -> Iterator[Callable[[str], Reader]]:
 
 
 @pytest.fixture
-def terminal() -> Iterator[tuple[int, str]]:
-    master, slave = pty.openpty()
-    tty.setraw(slave)
-    name = os.ttyname(slave)
-    os.close(slave)
-    yield master, name
-    with contextlib.suppress(OSError):  # a test may have closed it
-        os.close(master)
+def terminal(tmp_path: Path) -> Iterator[Terminal]:
+    found = Terminal(tmp_path / "port")
+    yield found
+    found.unplug()
 
 
 def next_of(kind: type[TransportEvent], events: Iterator[TransportEvent | None]) -> TransportEvent:
@@ -70,25 +64,17 @@ def received(n: int, events: Iterator[TransportEvent | None]) -> bytes:
 
 
 def test_bytes_of_a_pty_arrive_at_a_baud_rate_that_has_no_name(terminal, readers) -> None:
-    master, name = terminal
-    events = readers(name).events(0.05)
+    events = readers(terminal.link).events(0.05)
     next_of(Opened, events)
-    os.write(master, bytes(range(256)))
+    terminal.send(bytes(range(256)))
     assert received(256, events) == bytes(range(256))
 
 
-def test_an_unplugged_port_is_an_event_and_is_tried_again(terminal, readers, tmp_path: Path) -> None:
-    master, name = terminal
-    port = tmp_path / "port"  # a name of our own: the system gives a freed /dev/pts/N to the next who asks
-    port.symlink_to(name)
-    events = readers(str(port)).events(0.05)
+def test_an_unplugged_port_is_an_event_and_is_tried_again(terminal, readers) -> None:
+    events = readers(terminal.link).events(0.05)
     next_of(Opened, events)
-    port.unlink()
-    os.close(master)
-    lost = failure(events)
-    assert lost.kind == "unplugged"
-    missing = failure(events)
-    assert missing.kind == "no_port"
+    terminal.unplug()
+    assert [failure(events).kind for _ in range(2)] == ["unplugged", "no_port"]
 
 
 def broken(*arguments: object) -> bytes:
@@ -104,20 +90,18 @@ def test_any_exception_of_a_driver_becomes_an_event(monkeypatch, readers) -> Non
 
 
 def test_a_port_whose_descriptor_cannot_be_had_is_tried_again(monkeypatch, terminal, readers) -> None:
-    _, name = terminal
     with monkeypatch.context() as patch:
         patch.setattr(transport, "_descriptor_of", broken)
-        events = readers(name).events(0.05)
+        events = readers(terminal.link).events(0.05)
         for _ in range(2):
             assert "NoneType" in failure(events).message
     next_of(Opened, events)
 
 
 def test_a_second_reader_finds_the_port_busy_and_gets_it_when_it_is_free(terminal, readers) -> None:
-    _, name = terminal
-    first = readers(name)
+    first = readers(terminal.link)
     next_of(Opened, first.events(0.05))
-    events = readers(name).events(0.05)
+    events = readers(terminal.link).events(0.05)
     busy = failure(events)
     assert busy.kind == "port_busy"
     assert "ModemManager" in busy.message
@@ -127,12 +111,11 @@ def test_a_second_reader_finds_the_port_busy_and_gets_it_when_it_is_free(termina
 
 def test_another_program_that_takes_bytes_does_not_end_the_connection(monkeypatch, terminal, readers) -> None:
     """The port is ready, but when it is read another program has been faster: no data, or EAGAIN."""
-    master, name = terminal
     read, outcomes = os.read, [b"", BlockingIOError(errno.EAGAIN, "try again")]
 
     def read_late(fd: int, size: int) -> bytes:
         data = read(fd, size)
-        if fd == master or not outcomes:
+        if fd == terminal.master or not outcomes:
             return data
         outcome = outcomes.pop()
         if isinstance(outcome, Exception):
@@ -141,12 +124,12 @@ def test_another_program_that_takes_bytes_does_not_end_the_connection(monkeypatc
         return outcome
 
     monkeypatch.setattr(os, "read", read_late)
-    events = readers(name).events(0.05)
+    events = readers(terminal.link).events(0.05)
     next_of(Opened, events)
     for left in (1, 0):
-        os.write(master, b"taken")
+        terminal.send(b"taken")
         wait_until(lambda left=left: len(outcomes) <= left, "the read to be tried")
-    os.write(master, b"ours")
+    terminal.send(b"ours")
     found = next(event for event in events if event is not None)
     assert isinstance(found, Chunk)
     assert found.data == b"ours"
@@ -164,30 +147,29 @@ def test_a_port_that_is_not_there(readers) -> None:
 
 
 def test_close_ends_the_events_and_frees_the_port(terminal) -> None:
-    _, name = terminal
-    reader = Reader(Port(name, 250000))
+    reader = Reader(Port(str(terminal.link), 250000))
     reader.start()
     events = reader.events(0.05)
     next_of(Opened, events)
     reader.close()
     assert all(event is None or isinstance(event, Chunk) for event in events)
-    with serial.Serial(name, exclusive=True):
+    with serial.Serial(str(terminal.link), exclusive=True):
         pass
 
 
 def test_a_slow_consumer_costs_bytes_that_are_counted(monkeypatch, terminal) -> None:
     monkeypatch.setattr(transport, "QUEUE_BYTES", 55)
-    master, name = terminal
-    reader = Reader(Port(name, 250000))
+    reader = Reader(Port(str(terminal.link), 250000))
     reader.start()
     wait_until(lambda: not reader._queue.empty(), "the port to be open, and what was in it thrown away")
     sent = 0
 
     def overflows() -> bool:
         nonlocal sent
-        sent += os.write(master, b"0123456789")
+        sent += os.write(terminal.master, b"0123456789")
         return reader.overflow_bytes > 0
 
+    os.set_blocking(terminal.master, True)
     wait_until(overflows, "bytes that nobody took")
     kept = 0
     for event in reader.events(0.05):
