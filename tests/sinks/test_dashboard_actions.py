@@ -1,7 +1,6 @@
 """The page's buttons: only our own page may press them, and what they do is real."""
 
 import html
-import http.client
 import json
 import re
 from collections.abc import Iterator
@@ -25,6 +24,7 @@ from fltea.sinks.page.downloads import report_of, seen
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.page import Page
 from fltea.sinks.page.sink import DashboardSink
+from http_support import Answer, ask, port_of
 
 AXES = {"gyro_x": with_curves(FRACTIONAL), "gyro_y": with_curves(WHITE, 2.0), "gyro_z": UNDECIDED}
 
@@ -55,7 +55,7 @@ class Served:
         self.fake = Fake()
         config = DashboardConfig(address=0, **settings)  # type: ignore[arg-type]
         self.sink = DashboardSink(config, {"due": "host"}, lambda *a: None, self.fake)
-        self.port = int(self.sink.url.rstrip("/").rpartition(":")[2])
+        self.port = port_of(self.sink.url)
 
     @cached_property
     def token(self) -> str:
@@ -63,16 +63,10 @@ class Served:
         assert found is not None
         return found[1]
 
-    def ask(self, method: str, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
-        try:
-            connection.request(method, path, headers={k.replace("_", "-"): v for k, v in headers.items()})
-            answer = connection.getresponse()
-            return answer.status, answer.read().decode(), dict(answer.getheaders())
-        finally:
-            connection.close()
+    def ask(self, method: str, path: str, **headers: str) -> Answer:
+        return ask(self.port, path, method, **headers)
 
-    def with_token(self, method: str, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
+    def with_token(self, method: str, path: str, **headers: str) -> Answer:
         return self.ask(method, path, **{TOKEN: self.token, **headers})
 
     def hear(self, axes: dict[str, AxisFit] = AXES, **of_hello: str) -> list[Fit]:

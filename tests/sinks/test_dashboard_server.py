@@ -3,7 +3,6 @@
 import ast
 import base64
 import contextlib
-import http.client
 import os
 import re
 import socket
@@ -23,6 +22,7 @@ from fltea.sinks import page
 from fltea.sinks.page.page import Page
 from fltea.sinks.page.server import PageServer
 from fltea.sinks.page.sink import DashboardSink
+from http_support import ask, port_of
 from support import PATIENCE_S, wait_until
 
 SCRIPT = "/static/js/bokeh.min.js"
@@ -49,23 +49,9 @@ def sink() -> Iterator[DashboardSink]:
         yield made
 
 
-def port_of(sink: DashboardSink) -> int:
-    return int(sink.url.rstrip("/").rpartition(":")[2])
-
-
-def get(port: int, path: str = "/", **headers: str) -> tuple[int, str]:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE_S)
-    try:
-        connection.request("GET", path, headers=headers)
-        answer = connection.getresponse()
-        return answer.status, answer.read().decode()
-    finally:
-        connection.close()
-
-
 def token_of(port: int) -> str:
     """What a page that was served may open its websocket with."""
-    found = re.search(r'"token":"([^"]+)"', get(port)[1])
+    found = re.search(r'"token":"([^"]+)"', ask(port)[1])
     assert found is not None
     return found[1]
 
@@ -99,20 +85,20 @@ def open_websocket(
 
 def test_names_that_only_resolve_to_us_are_not_served(sink: DashboardSink) -> None:
     """Which names these are: test_listening."""
-    port = port_of(sink)
+    port = port_of(sink.url)
     for path in ("/", SCRIPT, "/ws", "/autoload.js"):
         for name in ("evil.example", ""):
-            status, body = get(port, path, Host=f"{name}:{port}")
+            status, body, _ = ask(port, path, Host=f"{name}:{port}")
             assert status in (400, 404)
             assert "token" not in body
-    assert get(port, SCRIPT, Host=f"LOCALHOST:{port}")[0] == 200
+    assert ask(port, SCRIPT, Host=f"LOCALHOST:{port}").status == 200
 
 
 def test_page_of_another_origin_gets_neither_page_nor_data(sink: DashboardSink) -> None:
-    port = port_of(sink)
+    port = port_of(sink.url)
     token = token_of(port)
     for origin in ("http://evil.example", f"http://evil.example:{port}", "http://127.0.0.1:1", "null"):
-        assert get(port, Origin=origin)[0] == 404
+        assert ask(port, Origin=origin).status == 404
         line, one = open_websocket(port, origin, token=token)
         one.close()
         assert " 404 " in line
@@ -123,7 +109,7 @@ def test_page_of_another_origin_gets_neither_page_nor_data(sink: DashboardSink) 
 
 @pytest.mark.parametrize("name", ["127.0.0.1", "localhost"])
 def test_page_of_our_own_gets_its_data(sink: DashboardSink, name: str) -> None:
-    port = port_of(sink)
+    port = port_of(sink.url)
     line, one = open_websocket(port, f"http://{name}:{port}", host=f"{name}:{port}")
     one.close()
     assert " 101 " in line
@@ -131,12 +117,12 @@ def test_page_of_our_own_gets_its_data(sink: DashboardSink, name: str) -> None:
 
 def test_further_names_can_be_given() -> None:
     with serving(names=("page.example",)) as named:
-        assert get(port_of(named), SCRIPT, Host="page.example")[0] == 200
-        assert get(port_of(named), SCRIPT, Host="pages.example")[0] == 404
+        assert ask(port_of(named.url), SCRIPT, Host="page.example").status == 200
+        assert ask(port_of(named.url), SCRIPT, Host="pages.example").status == 404
 
 
 def test_taken_port_is_told_with_what_to_do(sink: DashboardSink) -> None:
-    port = port_of(sink)
+    port = port_of(sink.url)
     with pytest.raises(FlteaError, match=f"port {port} of 127.0.0.1 is taken .* give another port"):
         DashboardSink(DashboardConfig(address=port), {"due": "host"}, no_report)
 
@@ -145,7 +131,7 @@ def test_taken_port_is_told_with_what_to_do(sink: DashboardSink) -> None:
 
 
 def test_page_needs_nothing_from_elsewhere(sink: DashboardSink) -> None:
-    _, page = get(port_of(sink))
+    page = ask(port_of(sink.url)).text
     links = re.findall(r'(?:src|href)="([^"]*)"', page)
     assert links == ["static/js/bokeh.min.js"]
     assert "http://" not in page.replace("http://www.w3.org", "")
@@ -177,7 +163,7 @@ def test_browser_that_stops_reading_is_sent_nothing_more(
     small: DashboardSink, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pages = Pages(monkeypatch)
-    port = port_of(small)
+    port = port_of(small.url)
     line, one = open_websocket(port, f"http://127.0.0.1:{port}")
     assert " 101 " in line
     for record in records("n=400"):
@@ -192,13 +178,13 @@ def test_browser_that_stops_reading_is_sent_nothing_more(
 def test_closed_pages_leave_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fltea.sinks.page.server.UNUSED_SESSION_MS", 200)
     with serving() as quick:
-        port = port_of(quick)
+        port = port_of(quick.url)
         for _ in range(4):
             line, one = open_websocket(port, f"http://127.0.0.1:{port}")
             assert " 101 " in line
             one.close()
         for _ in range(2):
-            get(port)
+            ask(port)
         wait_until(lambda: quick._server.pages == 0, "the end of all sessions")
         pages = Pages(monkeypatch)
         time.sleep(0.7)  # two periods of what would still be running
@@ -216,9 +202,9 @@ def test_fault_in_a_page_is_told_once_and_ends_nothing(monkeypatch: pytest.Monke
     monkeypatch.setattr("fltea.sinks.page.page.PERIOD_MS", 30)
     monkeypatch.setattr(Page, "update", fail)
     with serving(lambda *error: told_of.append(error)) as sink:
-        get(port_of(sink))
+        ask(port_of(sink.url))
         wait_until(lambda: len(failed) >= 4, "further faults")
-        assert get(port_of(sink))[0] == 200
+        assert ask(port_of(sink.url)).status == 200
         assert len(told_of) == 1
         assert told_of[0][0] == "page_fault"
         assert "broken on purpose" in told_of[0][1]
@@ -227,7 +213,7 @@ def test_fault_in_a_page_is_told_once_and_ends_nothing(monkeypatch: pytest.Monke
 def test_close_with_an_open_page_leaves_no_thread_and_frees_the_port() -> None:
     before = set(threading.enumerate())
     sink = DashboardSink(DashboardConfig(address=0), {"due": "host"}, no_report)
-    port = port_of(sink)
+    port = port_of(sink.url)
     _, one = open_websocket(port, f"http://127.0.0.1:{port}")
     sink.close()
     wait_until(lambda: before.issuperset(threading.enumerate()), "the end of its threads")
@@ -257,15 +243,15 @@ def test_one_visitor_too_many_is_told_how_to_be_let_in(
     small: DashboardSink, told_by: list[tuple[str, str]]
 ) -> None:
     """200 visitors took 260 MB."""
-    port = port_of(small)
+    port = port_of(small.url)
     token = token_of(port)
     for path in ("/", "/autoload.js?bokeh-autoload-element=1", "/?x=1"):
-        status, body = get(port, path)
+        status, body, _ = ask(port, path)
         assert status == 503
         assert "1 visitor" in body
         assert "--set dashboard.visitors=2" in body
         assert "token" not in body
-    assert get(port, SCRIPT)[0] == 200
+    assert ask(port, SCRIPT).status == 200
     assert small._server.pages == 1
     assert [kind for kind, _ in told_by] == ["too_many_visitors"]
     line, one = open_websocket(port, f"http://127.0.0.1:{port}", token=token)
@@ -274,8 +260,8 @@ def test_one_visitor_too_many_is_told_how_to_be_let_in(
 
 
 def test_websocket_of_no_page_is_one_visitor_too_many(small: DashboardSink) -> None:
-    port = port_of(small)
-    get(port)
+    port = port_of(small.url)
+    ask(port)
     for token in (generate_jwt_token(generate_session_id()), "nonsense"):
         line, one = open_websocket(port, f"http://127.0.0.1:{port}", token=token)
         one.close()
@@ -287,8 +273,8 @@ def test_visitors_who_come_at_once_are_not_more(
     small: DashboardSink, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pages = Pages(monkeypatch)
-    port = port_of(small)
-    threads = [threading.Thread(target=get, args=(port,)) for _ in range(20)]
+    port = port_of(small.url)
+    threads = [threading.Thread(target=ask, args=(port,)) for _ in range(20)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -299,12 +285,12 @@ def test_visitors_who_come_at_once_are_not_more(
 def test_when_one_leaves_another_is_let_in(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fltea.sinks.page.server.UNUSED_SESSION_MS", 200)
     with serving(lambda *error: None, visitors=1) as quick:
-        port = port_of(quick)
+        port = port_of(quick.url)
         line, one = open_websocket(port, f"http://127.0.0.1:{port}")
         assert " 101 " in line
-        assert get(port)[0] == 503
+        assert ask(port).status == 503
         one.close()
-        wait_until(lambda: get(port)[0] == 200, "room")
+        wait_until(lambda: ask(port).status == 200, "room")
 
 
 def test_the_page_knows_only_what_records_say() -> None:

@@ -1,6 +1,5 @@
 """Metrics as Prometheus reads them: over HTTP, with its own parser."""
 
-import http.client
 import socket
 import threading
 import time
@@ -33,6 +32,7 @@ from fltea.settings.outputs import MetricsConfig
 from fltea.sinks.metrics.families import Families
 from fltea.sinks.metrics.sink import MetricsSink
 from host_support import PATIENCE_S, fltea_here, hello
+from http_support import ask, port_of
 from hypothesis import given
 from hypothesis import strategies as st
 from prometheus_client import CollectorRegistry, generate_latest
@@ -101,10 +101,6 @@ def serve(monkeypatch: pytest.MonkeyPatch) -> Iterator[Serve]:
     yield start
     for sink in started:
         sink.close()
-
-
-def port_of(sink: MetricsSink) -> int:
-    return int(sink.url.split(":")[2].split("/")[0])
 
 
 def test_nothing_is_said_of_devices_before_they_speak(serve: Serve) -> None:
@@ -326,28 +322,15 @@ def test_address_may_be_of_version_6() -> None:
     sink.close()
 
 
-def get(sink: MetricsSink, host: str | None) -> tuple[int, str]:
-    """Status and body for a request with this `Host`."""
-    connection = http.client.HTTPConnection("127.0.0.1", port_of(sink), timeout=30)
-    try:
-        connection.putrequest("GET", "/metrics", skip_host=True)
-        if host is not None:
-            connection.putheader("Host", host)
-        connection.endheaders()
-        answer = connection.getresponse()
-        return answer.status, answer.read().decode()
-    finally:
-        connection.close()
-
-
 def test_only_who_asks_by_a_name_of_this_machine_is_answered(serve: Serve) -> None:
     """A request without any name is no browser's; which names there are: test_listening."""
     sink = serve(STATS, names=("Lab.example",))
-    for host in ("127.0.0.1", "LOCALHOST:9100", "lab.example", None):
-        status, body = get(sink, host)
+    named = [{"Host": host} for host in ("127.0.0.1", "LOCALHOST:9100", "lab.example")]
+    for how in ({"skip_host": True}, *named):
+        status, body, _ = ask(port_of(sink.url), "/metrics", **how)
         assert (status, "fltea_gaps_total" in body) == (200, True)
     for host in ("evil.example", "labs.example:9100", ""):
-        status, body = get(sink, host)
+        status, body, _ = ask(port_of(sink.url), "/metrics", Host=host)
         assert (status, "fltea_" in body, "metrics.names" in body) == (421, False, True)
 
 
@@ -368,7 +351,7 @@ def test_client_that_says_nothing_or_leaves_disturbs_nobody(
     serve: Serve, capfd: pytest.CaptureFixture[str]
 ) -> None:
     sink = serve(STATS)
-    port = port_of(sink)
+    port = port_of(sink.url)
     with socket.create_connection(("127.0.0.1", port)):
         with socket.create_connection(("127.0.0.1", port)) as rude:
             rude.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
@@ -379,7 +362,7 @@ def test_client_that_says_nothing_or_leaves_disturbs_nobody(
 
 def test_after_close_nobody_answers_and_the_port_is_free() -> None:
     sink = MetricsSink(MetricsConfig(address="0"), list, lambda kind, text: None)
-    port = port_of(sink)
+    port = port_of(sink.url)
     before = threading.active_count()
     sink.close()
     assert threading.active_count() == before - 1

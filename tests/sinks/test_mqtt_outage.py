@@ -1,14 +1,13 @@
 """The MQTT sink without a broker: what waits, what is lost, and when it tries again."""
 
 import pytest
-from fltea.records import clock
-from fltea.sinks.mqtt import delivery, link
+from fltea.sinks.mqtt import delivery
 from fltea.sinks.mqtt.connection import Down, Up
 from fltea.sinks.mqtt.delivery import BACKLOG, IN_FLIGHT
 from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
-from mqtt_support import Bench, FakeConnection, MakeBench, estimate, gap, make_bench, sample, stats
+from mqtt_support import FakeConnection, MakeBench, estimate, gap, make_bench, sample, stats
 
 
 @pytest.fixture
@@ -141,14 +140,9 @@ OUTAGES = st.lists(
 def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int) -> None:
     """Whatever the broker does: none vanishes, and none but an unsure one is counted twice."""
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"):
-            patch.delenv(name, raising=False)
-        patch.setattr(link, "Connection", FakeConnection)
         patch.setattr(delivery, "IN_FLIGHT", 6)
         patch.setattr(delivery, "BACKLOG", 4)
-        FakeConnection.made.clear()
-        b = Bench(estimate_every=1, stream_qos=qos)
-        patch.setattr(clock, "host_ns", lambda: b.now_ns)
+        b = make_bench(patch)(up=False, estimate_every=1, stream_qos=qos)
         b.write(hello())
         written = acknowledged = 0
         done: set[tuple[int, int]] = set()

@@ -170,18 +170,14 @@ def _marks(a: FitAllan | None) -> dict[str, list[object]]:
     found: dict[str, list[object]] = {name: [] for name in ("xs", "ys", "at", "level", "name", "colour")}
     if a is None or not a.tau_s:
         return found
-    ends = np.array([a.tau_s[0], a.tau_s[-1]])
-    middle = float(np.sqrt(ends.prod()))
-    lines = (
-        ("N", a.N, -0.5, 1.0, float(ends[0] * 2), STATE),
-        ("B", None if a.B is None else FLICKER * a.B, 0.0, 1.0, middle, MARK),
-        ("K", a.K, 0.5, 3.0, float(ends[1] / 2), SAMPLE),
-    )
-    for name, value, slope, read_at, at, colour in lines:
-        if value is None:
-            continue
-        y = [value * (tau / read_at) ** slope for tau in (*ends.tolist(), at)]
-        new = {"xs": ends.tolist(), "ys": y[:2], "at": at, "level": y[2], "name": name, "colour": colour}
-        for key, one in new.items():
-            found[key].append(one)
+    first, last = a.tau_s[0], a.tau_s[-1]
+    for name, value, slope, read_at, at, colour in (
+        ("N", a.N, -0.5, 1.0, first * 2, STATE),
+        ("B", None if a.B is None else FLICKER * a.B, 0.0, 1.0, math.sqrt(first * last), MARK),
+        ("K", a.K, 0.5, 3.0, last / 2, SAMPLE),
+    ):
+        if value is not None:
+            *y, level = (value * (tau / read_at) ** slope for tau in (first, last, at))
+            for column, one in zip(found, ([first, last], y, at, level, name, colour), strict=True):
+                found[column].append(one)
     return found
