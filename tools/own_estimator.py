@@ -30,7 +30,7 @@ def f32(value: float) -> float:
     return float(unpack("<f", pack("<f", value))[0])
 
 
-JOINT = wire.Estimator(
+JOINT = wire.Estimator._make([0] * len(wire.Estimator._fields))._replace(
     variant=wire.EstimatorVariant.JOINT,
     guard=wire.EstimatorGuard.CONSISTENT,
     startup=SETTINGS.startup_samples,
@@ -39,19 +39,8 @@ JOINT = wire.Estimator(
     remaining=SETTINGS.startup_samples,
     begun=1,
     fit_every=300,
-    queue=0,
-    skipped=0,
     longest_axis=2400,
     longest_slice=1200,
-    restarts_x=0,
-    restarts_y=0,
-    restarts_z=0,
-    bias_x=0.0,
-    bias_y=0.0,
-    bias_z=0.0,
-    r_x=0.0,
-    r_y=0.0,
-    r_z=0.0,
     state_x0=f32(SETTINGS.state.x0),
     state_p0=f32(SETTINGS.state.P0),
     state_q=f32(SETTINGS.state.Q),

@@ -18,7 +18,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 from fltea.records.errors import FlteaError, UsageError
 from fltea.sources.synthetic import parse_noise
@@ -96,7 +95,7 @@ def main(arguments: list[str] | None = None) -> int:
         _check(options)
         image = read_image(options.image)
         world = recorded_world(options.recording) if options.recording else fractional_world(options.noise)
-        return _on_pty(options, image, world) if options.pty else _virtually(options, image, world)
+        return _run(options, image, world)
     except FlteaError as error:
         print(f"due_emulator: error: {error}", file=sys.stderr)
         return error.exit_code
@@ -117,44 +116,33 @@ def _check(options: argparse.Namespace) -> None:
         raise UsageError(f"--seed {options.seed}: has to be 0 or more.")
 
 
-def _virtually(options: argparse.Namespace, image: Image, world: World) -> int:
+def _run(options: argparse.Namespace, image: Image, world: World) -> int:
     board, faults = _build(options, image, world)
     board.bridge.host_baud = options.baud
-    host = HostView(board)
-    error = None
-    begin_s = time.perf_counter()
-    with _writer(options.out) as write:
+    host, front, error, wall_s = HostView(board), None, None, None
+    with contextlib.ExitStack() as stack:
+        write = stack.enter_context(_writer(options.out))
         board.bridge.deliver = lambda byte: write(byte) and host.take(byte)
+        if options.pty:
+            port = stack.enter_context(contextlib.closing(PtyPort(options.link)))
+            board.bridge.strict_baud = False
+            board.bridge.deliver = lambda byte: port.put(byte) and write(byte) and host.take(byte)
+            front = Front(board, port)
+            name = options.link or port.name
+            print(f"{name}: {image.path.name} {image.build_id}, {_truth(options)}", flush=True)
+            stack.enter_context(contextlib.suppress(KeyboardInterrupt))
+        begin_s = time.perf_counter()
         try:
+            if front is not None:
+                front.serve()
             board.run_until(options.virtual)
         except EmulationFault as fault:
             error = fault.reason
-    wall_s, notes = time.perf_counter() - begin_s, never_happened(faults, board.now_s)
-    _show(options, make_report(board, host, image, wall_s=wall_s, error=error, notes=notes))
+        wall_s = None if front else time.perf_counter() - begin_s
+    notes = [*(front.notes if front else ()), *never_happened(faults, board.now_s)]
+    report = make_report(board, host, image, wall_s=wall_s, error=error, notes=notes)
+    print(json.dumps(report, ensure_ascii=False) if options.json else describe(report), flush=True)
     return 1 if error else 0
-
-
-def _on_pty(options: argparse.Namespace, image: Image, world: World) -> int:
-    board, faults = _build(options, image, world)
-    board.bridge.strict_baud = False
-    host = HostView(board)
-    error = None
-    port = PtyPort(options.link)
-    try:
-        front = Front(board, port)
-        name = options.link or port.name
-        with _writer(options.out) as write, contextlib.suppress(KeyboardInterrupt):
-            board.bridge.deliver = lambda byte: port.put(byte) and write(byte) and host.take(byte)
-            print(f"{name}: {image.path.name} {image.build_id}, {_truth(options)}", flush=True)
-            try:
-                front.serve()
-            except EmulationFault as fault:
-                error = fault.reason
-        notes = [*front.notes, *never_happened(faults, board.now_s)]
-        _show(options, make_report(board, host, image, wall_s=None, error=error, notes=notes))
-        return 1 if error else 0
-    finally:
-        port.close()
 
 
 def _build(options: argparse.Namespace, image: Image, world: World) -> tuple[Board, list[Fault]]:
@@ -190,10 +178,6 @@ def _truth(options: argparse.Namespace) -> str:
         return f"replaying {options.recording}"
     settings = parse_noise(options.noise)
     return f"α {settings.alpha:g}, f {settings.f:g}, Q {settings.Q:g}, R {settings.R:g}"
-
-
-def _show(options: argparse.Namespace, report: dict[str, Any]) -> None:
-    print(json.dumps(report, ensure_ascii=False) if options.json else describe(report), flush=True)
 
 
 if __name__ == "__main__":

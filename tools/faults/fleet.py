@@ -19,14 +19,12 @@ def broker_killed(stage: Stage) -> Outcome:
     """`kill -9`, and started again."""
     scene = FleetScene(stage)
     scene.publish(2)
-    scene.until_up_to_date()
     time.sleep(1.5)  # it saves once a second
     scene.broker.kill()
     scene.until(lambda: not scene.is_connected(), "the loss")
     scene.broker.start()
     scene.until(scene.is_connected, "the connection")
     scene.publish(2)
-    scene.until_up_to_date()
     missed = scene.fits - scene.summary()["fits"]
     return scene.outcome(
         f"{scene.newest()} of {SENSORS * AXES} axes have their newest fit",
@@ -39,7 +37,6 @@ def split(stage: Stage, *, seconds: float, lasts: bool) -> Outcome:
     """The broker stands still, and so do all lines to it. lasts: long enough for the fleet to report it."""
     scene = FleetScene(stage)
     scene.publish(1)
-    scene.until_up_to_date()
     scene.broker.pause()
     end_s = time.monotonic() + seconds
     while (left_s := end_s - time.monotonic()) > 0:
@@ -63,11 +60,10 @@ def cut_off(stage: Stage) -> Outcome:
     """
     scene = FleetScene(stage, behind_line=True)
     scene.publish(1)
-    scene.until_up_to_date()
     scene.line.cut()
-    scene.publish(1)
+    scene.publish(1, arrive=False)
     scene.until(lambda: "broker_lost" in scene.kinds(), "word of it")
-    scene.publish(2)
+    scene.publish(2, arrive=False)
     scene.line.heal()
     scene.until(scene.is_connected, "the connection")
     return _after_split(scene, (scene.kinds() != ["broker_lost"], "reported"))
@@ -94,14 +90,12 @@ def disk_full(stage: Stage) -> Outcome:
     scene = FleetScene(stage, "--history", history, "--history-every", "1ms", disk=disk)
     disk.attach(scene.fleet.process.pid)
     scene.publish(1)
-    scene.until_up_to_date()
     disk.fill()
-    scene.publish(1)
+    scene.publish(1, arrive=False)
     scene.until(lambda: scene.kinds() == ["disk_full"], "word of it")
     scene.until_up_to_date()
     disk.free()
     scene.publish(1)
-    scene.until_up_to_date()
     scene.until(lambda: scene.kinds() == ["disk_full", "history_back"], "room")
     due = scene.fits * AXES
     scene.until(lambda: scene.kept() + scene.summary()["history"]["lost"] >= due, "rows")
@@ -119,11 +113,10 @@ def fleet_killed(stage: Stage) -> Outcome:
     history = stage.folder / "fleet.db"
     scene = FleetScene(stage, "--history", history, "--history-every", "1ms")
     scene.publish(3)
-    scene.until_up_to_date()
     scene.until(lambda: _rows(history) > 0, "rows")
     before = scene.summary()["fits"]
     scene.fleet.kill()
-    scene.publish(2)
+    scene.publish(2, arrive=False)
     rows = _rows(history)
     scene.start_fleet()
     scene.until_up_to_date()
@@ -142,12 +135,11 @@ def clock_jumps(stage: Stage) -> Outcome:
     """The wall clock two days forward, and back."""
     history = stage.folder / "fleet.db"
     scene = FleetScene(stage, "--history", history, "--history-every", "1ms", "--keep", "1h")
-    scene.publish(1)
+    scene.publish(1, arrive=False)
     scene.until(lambda: _rows(history) == SENSORS * AXES, "rows")
     for ahead_ns in (2 * DAY_NS, 0):
         stage.set_clock(ahead_ns)
         scene.publish(1)
-        scene.until_up_to_date()
     scene.until(lambda: _rows(history) == 3 * SENSORS * AXES, "rows")
     found = scene.summary()["history"]
     return scene.outcome(
@@ -180,7 +172,6 @@ def flood(stage: Stage) -> Outcome:
     sent, most = 10_000, 500
     scene = FleetScene(stage, "--max-sensors", str(most))
     scene.publish(1)
-    scene.until_up_to_date()
     earlier = _all_messages(scene)
     for number in range(sent):
         scene.publisher.send(f"made-up-{number}", "status", scene.sensors[0].status, retain=False)

@@ -60,11 +60,16 @@ class FleetScene:
         """Whether the fleet says that it is connected to the broker."""
         return bool(self.summary()["connected"])
 
-    def publish(self, rounds: int) -> None:
-        """Let each sensor publish so many fits; comes back when the broker has them all."""
+    def publish(self, rounds: int, *, arrive: bool = True) -> None:
+        """Let each sensor publish so many fits; comes back when the broker has them all.
+
+        arrive: the newest fit of every axis has to be there, too.
+        """
         for _ in range(rounds):
             self.send()
         self.until_acknowledged()
+        if arrive:
+            self.until_up_to_date()
 
     def send(self) -> None:
         """Let each sensor publish a fit, and wait for nothing."""

@@ -68,20 +68,9 @@ class HostCopy:
             unsteady.append(failed)
 
     def _first_failure(self, tests: Sequence[str], without: Sequence[str] = ()) -> str | None:
-        command = [
-            sys.executable,
-            "-m",
-            "pytest",
-            "-x",
-            "-q",
-            "--tb=no",
-            "-p",
-            "no:cacheprovider",
-            "-m",
-            "not slow",
-        ]
-        command += ["-o", f"timeout={TEST_S}", *(f"--deselect={test}" for test in without), *tests]
-        code, output = run(command, self.root, self._environment, patience_s=PATIENCE_S)
+        pytest = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider"]
+        chosen = ["-m", "not slow", "-o", f"timeout={TEST_S}", *(f"--deselect={test}" for test in without)]
+        code, output = run([*pytest, *chosen, *tests], self.root, self._environment, patience_s=PATIENCE_S)
         if code in (0, 5):
             return None
         if failed := re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", output, re.MULTILINE):
