@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Protocol
+from typing import Any
 
 from fltea.records.errors import UsageError
 from fltea.settings.extras import load
@@ -32,40 +32,12 @@ SILENT_MS = 10_000
 Row = tuple[Any, ...]
 
 
-class Database(Protocol):
-    """What the history asks of a database; by one thread at a time.
-
-    name: for messages, without secrets. failures: what it raises; away: those after which the same may work
-    later, as when the disk was full.
-    """
-
-    name: str
-    failures: type[Exception]
-    away: tuple[type[Exception], ...]
-
-    def cause(self, error: Exception) -> tuple[str, str]:
-        """Kind of a failure, and what the user may look for."""
-
-    def rows(self, query: str, parameters: Sequence[Any] = ()) -> Iterator[Row]:
-        """Answers of a query, whose parameters are written as `?`."""
-
-    def write(self, commands: Sequence[tuple[str, Sequence[Row]]]) -> None:
-        """Run commands, each for many rows of parameters, in one transaction."""
-
-    def delete_older(self, table: str, before_unix_s: float, most: int) -> int:
-        """Delete at most so many rows; how many went."""
-
-    def interrupt(self) -> None:
-        """End, from another thread, what is being done now: it fails as if the database were away."""
-
-    def close(self) -> None:
-        """Close the connection."""
-
-
 class Sqlite:
     """A file; with its log ahead of the file (WAL) a transaction is there whole or not at all.
 
-    path: None keeps `MEMORY_ROWS` of each table in memory.
+    It is used by one thread at a time. path: None keeps `MEMORY_ROWS` of each table in memory. name: for
+    messages, without secrets. failures: what it raises; away: those after which the same may work later, as
+    when the disk was full.
 
     Raises:
         UsageError: the file is no such database, or cannot be written.
@@ -109,18 +81,18 @@ class Sqlite:
         _check_version(self.name, version)
 
     def cause(self, error: Exception) -> tuple[str, str]:
-        """See `Database`."""
+        """Kind of a failure, and what the user may look for."""
         name = getattr(error, "sqlite_errorname", "")
         if name == "SQLITE_FULL" or name.startswith("SQLITE_IOERR"):
             return "disk_full", "is the disk full?"
         return "history_lost", "is the file still there, and does another program hold it?"
 
     def rows(self, query: str, parameters: Sequence[Any] = ()) -> Iterator[Row]:
-        """See `Database`."""
+        """Answers of a query, whose parameters are written as `?`."""
         yield from self.connection.execute(query, parameters)
 
     def write(self, commands: Sequence[tuple[str, Sequence[Row]]]) -> None:
-        """See `Database`."""
+        """Run commands, each for many rows of parameters, in one transaction."""
         try:
             self.connection.execute("BEGIN")
             for command, rows in commands:
@@ -132,7 +104,7 @@ class Sqlite:
             raise
 
     def delete_older(self, table: str, before_unix_s: float, most: int) -> int:
-        """See `Database`."""
+        """Delete at most so many rows; how many went."""
         chosen = f"SELECT rowid FROM {table} WHERE unix_s < ? LIMIT {most}"
         done = self.connection.execute(f"DELETE FROM {table} WHERE rowid IN ({chosen})", (before_unix_s,))
         return done.rowcount + (0 if self._is_file else self._delete_beyond(table))
@@ -144,16 +116,16 @@ class Sqlite:
         ).rowcount
 
     def interrupt(self) -> None:
-        """See `Database`."""
+        """End, from another thread, what is being done now: it fails as if the database were away."""
         self.connection.interrupt()
 
     def close(self) -> None:
-        """See `Database`."""
+        """Close the connection."""
         self.connection.close()
 
 
 class Postgres:
-    """A database of a server; a connection that is lost is opened again with the next thing that is asked.
+    """A database of a server, used as `Sqlite` is; a lost connection is opened again by what is asked next.
 
     Raises:
         UsageError: it cannot be reached, the account may not use it, or its tables are of another version.
@@ -191,26 +163,26 @@ class Postgres:
             ) from error
 
     def cause(self, error: Exception) -> tuple[str, str]:
-        """See `Database`."""
+        """See `Sqlite`."""
         if isinstance(error, self.away):
             return "history_lost", "is the server away? It is tried again."
         return "history_lost", "may this account still write to its tables?"
 
     def rows(self, query: str, parameters: Sequence[Any] = ()) -> Iterator[Row]:
-        """See `Database`."""
+        """See `Sqlite`."""
         connection = self._connected()
         with connection.transaction(), connection.cursor(name="fltea") as cursor:
             yield from cursor.execute(query.replace("?", "%s"), parameters)
 
     def write(self, commands: Sequence[tuple[str, Sequence[Row]]]) -> None:
-        """See `Database`."""
+        """See `Sqlite`."""
         connection = self._connected()
         with connection.transaction(), connection.cursor() as cursor:
             for command, rows in commands:
                 cursor.executemany(command.replace("?", "%s"), rows)
 
     def delete_older(self, table: str, before_unix_s: float, most: int) -> int:
-        """See `Database`."""
+        """See `Sqlite`."""
         chosen = f"SELECT ctid FROM {table} WHERE unix_s < %s LIMIT {most}"
         done = self._connected().execute(
             f"DELETE FROM {table} WHERE ctid = ANY(ARRAY({chosen}))", (before_unix_s,)
@@ -218,14 +190,14 @@ class Postgres:
         return int(done.rowcount)
 
     def interrupt(self) -> None:
-        """See `Database`. A server that stands still reads no request to cancel, so the line is cut."""
+        """See `Sqlite`. A server that stands still reads no request to cancel, so the line is cut."""
         with contextlib.suppress(OSError, self.failures):
             if self._connection is not None:
                 with socket.socket(fileno=os.dup(self._connection.fileno())) as line:
                     line.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
-        """See `Database`."""
+        """See `Sqlite`."""
         with contextlib.suppress(self.failures):
             if self._connection is not None:
                 self._connection.close()
@@ -248,6 +220,9 @@ class Postgres:
             raise
         self._failure = ""
         return self._connection
+
+
+Database = Sqlite | Postgres
 
 
 def _check_version(name: str, version: int) -> None:
