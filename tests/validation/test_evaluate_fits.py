@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from fltea.spectrum.models import FULL
-from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import binned, periodogram
 from fltea.spectrum.profile import fractional_fit
 from fltea.spectrum.whittle import fit
@@ -12,8 +11,8 @@ from tools.validation.evaluate.cases import POWER, Case, H, samples
 from tools.validation.evaluate.fits import (
     QUANTITIES,
     fitted_variances,
-    live_data,
     live_readings,
+    live_spectra,
     rejects,
     truths,
     whole_reading,
@@ -59,9 +58,7 @@ def test_strong_noise_is_found_and_its_intervals_hold() -> None:
 def test_ends_stay_within_what_is_possible() -> None:
     """A series of faint noise on which the search for an end once left its bracket."""
     y = samples(Case(0.2, -0.3, 0.03), 10, 60_000)[:, 9:]
-    octaves = Octaves(1)
-    octaves.add(y)
-    (data,) = live_data(octaves, 1, H)
+    ((data,),) = live_spectra(y, H, (60_000,))
     found = fractional_fit(data, fit(data, FULL), H)
     for one in (found.F, found.alpha, found.g, found.f, found.s2, found.R):
         assert one.low is None or one.low <= one.value <= one.high

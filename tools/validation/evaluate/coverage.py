@@ -5,13 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 from fltea.noise import spectra as spectrum
-from fltea.spectrum.models import FULL
 from fltea.spectrum.periodogram import binned, periodogram
-from fltea.spectrum.profile import fractional_fit
-from fltea.spectrum.whittle import fit
 
 from tools.validation.evaluate.cases import POWER, H
-from tools.validation.evaluate.fits import LEVEL, QUANTITIES, rejects
+from tools.validation.evaluate.fits import QUANTITIES, fitted
 from tools.validation.recursions import FractionalState
 from tools.validation.runner import Row
 
@@ -63,8 +60,7 @@ def count_coverage(point: Point, samples: int, series: int, seed: int) -> list[R
     rng = np.random.default_rng([seed, samples, *point.name.encode()])
     for _ in range(series):
         y = math.sqrt(s2) * noise.draw(rng) + math.sqrt(R) * rng.standard_normal(samples)
-        data = binned(periodogram(y, H))
-        found = fractional_fit(data, fit(data, FULL), H, white=not rejects(data, LEVEL)[0])
+        found, _ = fitted(binned(periodogram(y, H)), H)
         for name, value in truth.items():
             interval = getattr(found, name)
             undefined[name] += not interval.defined

@@ -4,17 +4,16 @@ Both are the same fit by the same likelihood. What differs is the spectrum that 
 ordinate of the record's periodogram, or what the accumulators of the daemon have kept of it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from fltea.noise import spectra as spectrum
 from fltea.spectrum.likelihood_ratio import critical_values, null_fits
-from fltea.spectrum.models import FULL, parameters
+from fltea.spectrum.models import FULL
 from fltea.spectrum.null_constants import PROBABILITIES
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import Binned, binned, periodogram
-from fltea.spectrum.profile import Parameter, fractional_fit
+from fltea.spectrum.profile import FractionalFit, Parameter, fractional_fit
 from fltea.spectrum.whittle import fit
 from numpy.typing import NDArray
 
@@ -55,37 +54,36 @@ def whole_reading(y: Array, h: float, truth: dict[str, float]) -> FitReading:
 
 
 def live_readings(y: Array, h: float, lengths: Sequence[int], truth: dict[str, float]) -> list[FitReading]:
-    """Feed y (n, seeds) to the accumulators; fit what they hold after each of `lengths` samples, rising."""
-    octaves, at, readings = Octaves(y.shape[1]), 0, []
+    """Fit what the accumulators hold of y (n, seeds) after each of `lengths` samples, rising."""
+    return [read_fits(data, h, truth) for data in live_spectra(y, h, lengths)]
+
+
+def live_spectra(y: Array, h: float, lengths: Sequence[int]) -> Iterator[list[Binned]]:
+    """Feed y (n, seeds) to the accumulators; yield what is fitted after each of `lengths`, lane by lane."""
+    octaves, at = Octaves(y.shape[1]), 0
     for n in lengths:
         octaves.add(y[at:n])
         at = n
-        readings.append(read_fits(live_data(octaves, y.shape[1], h), h, truth))
-    return readings
-
-
-def live_data(octaves: Octaves, lanes: int, h: float) -> list[Binned]:
-    """What is fitted, lane by lane."""
-    return [binned(octaves.periodogram(lane, h)) for lane in range(lanes)]
+        yield [binned(octaves.periodogram(lane, h)) for lane in range(y.shape[1])]
 
 
 def read_fits(data: Sequence[Binned], h: float, truth: dict[str, float]) -> FitReading:
-    """Fit one series after the other. Intervals are made of those that are not white, if there is a truth."""
-    estimates: dict[str, Array] = {name: np.empty(len(data)) for name in QUANTITIES}
-    covered = {name: np.zeros(len(data), dtype=bool) for name in truth}
-    white = np.array([not rejects(one, LEVEL)[0] for one in data])
-    for i, one in enumerate(data):
-        found = fit(one, FULL)
-        p = parameters(found.theta[0])
-        alpha, g, weight, scale = float(p.alpha), float(p.g), float(p.weight), float(found.scale[0])
-        values = alpha, spectrum.f_of(alpha, g, h), g + alpha, weight * scale, (1 - weight) * scale
-        for name, value in zip(QUANTITIES, values, strict=True):
-            estimates[name][i] = value
-        if truth and not white[i]:
-            intervals = fractional_fit(one, found, h)
-            for true, value in truth.items():
-                covered[true][i] = _holds(getattr(intervals, true), value)
-    return FitReading(estimates, covered, ~white)
+    """Fit one series after the other; there are intervals only if there is a truth."""
+    found = [fitted(one, h, intervals=bool(truth)) for one in data]
+    estimates: dict[str, Array] = {
+        name: np.array([getattr(one, name).value for one, _ in found]) for name in QUANTITIES
+    }
+    covered = {
+        name: np.array([rejected and _holds(getattr(one, name), value) for one, rejected in found])
+        for name, value in truth.items()
+    }
+    return FitReading(estimates, covered, np.array([rejected for _, rejected in found]))
+
+
+def fitted(data: Binned, h: float, *, intervals: bool = True) -> tuple[FractionalFit, bool]:
+    """Fit one series; with intervals, if the null test rejects white noise, and whether it does."""
+    rejected = rejects(data, LEVEL)[0]
+    return fractional_fit(data, fit(data, FULL), h, white=not (rejected and intervals)), rejected
 
 
 def rejects(data: Binned, *levels: float) -> list[bool]:

@@ -8,14 +8,11 @@ ten, and a filter that has believed it for a while does not come back.
 
 import numpy as np
 from fltea.settings.live import TUNED_WITHIN
-from fltea.spectrum.models import FULL
-from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import Binned
-from fltea.spectrum.profile import Parameter, fractional_fit
-from fltea.spectrum.whittle import fit
+from fltea.spectrum.profile import Parameter
 from numpy.typing import NDArray
 
-from tools.validation.evaluate.fits import LEVEL, live_data, rejects
+from tools.validation.evaluate.fits import fitted, live_spectra
 from tools.validation.evaluate.online import BLOCK, Tuning
 
 Array = NDArray[np.float64]
@@ -28,24 +25,19 @@ GROWTH = 1.3
 
 def tunings(y: Array, h: float, last: int) -> list[Tuning]:
     """What the live fits of y (n, seeds), before its sample `last`, hand over; h in s."""
-    octaves, at, found = Octaves(y.shape[1]), 0, []
-    for n in fit_points(FIRST, last):
-        octaves.add(y[at:n])
-        at = n
-        found.append(
-            Tuning(n, *np.transpose([handed_over(one, h) for one in live_data(octaves, y.shape[1], h)]))
-        )
-    return found
+    points = fit_points(FIRST, last)
+    return [
+        Tuning(n, *np.transpose([handed_over(one, h) for one in lanes]))
+        for n, lanes in zip(points, live_spectra(y, h, points), strict=True)
+    ]
 
 
 def handed_over(data: Binned, h: float) -> tuple[float, float]:
     """The s2 and R of the fit of one series, or NaN and NaN."""
-    if not rejects(data, LEVEL)[0]:
+    found, rejected = fitted(data, h)
+    if not (rejected and _known(found.s2) and _known(found.R)):
         return np.nan, np.nan
-    fitted = fractional_fit(data, fit(data, FULL), h)
-    if not (_known(fitted.s2) and _known(fitted.R)):
-        return np.nan, np.nan
-    return fitted.s2.value, fitted.R.value
+    return found.s2.value, found.R.value
 
 
 def _known(variance: Parameter) -> bool:
