@@ -95,7 +95,8 @@ def white(bins: Bins) -> float:
 
 def order(bins: Bins) -> float:
     """A fractional order of 0.15 to 0.85 in white noise: the state D^α x = f x + ω, or ARFIMA(1, d, 0)."""
-    return min(least(bins, _state, *_STATE_BOX), least(bins, _arfima, *_ARFIMA_BOX))
+    state = least(bins, _state, (0.15, 0.85), (-9.0, 0.5), (-14.0, 10.0))
+    return min(state, least(bins, _arfima, (0.15, 0.85), (-7.0, 1.5), (-14.0, 10.0)))
 
 
 def one_relaxation(bins: Bins) -> float:
@@ -172,7 +173,9 @@ def _scaled(shape: Array) -> Array:
     return np.asarray(shape / np.exp(np.log(shape).mean(axis=-1, keepdims=True)))
 
 
-_STATE_BOX = ((0.15, 0.85), (-9.0, 0.5), (-14.0, 10.0))
+def _ar1(log_corner: Array, lam: Array) -> Array:
+    phi = np.exp(-np.exp(log_corner))[:, np.newaxis]
+    return np.asarray(1 / ((1 - phi) ** 2 + 4 * phi * np.sin(lam / 2) ** 2))
 
 
 def _state(p: Array, lam: Array) -> Array:
@@ -182,23 +185,16 @@ def _state(p: Array, lam: Array) -> Array:
     return _with_floor(_scaled(1 / np.abs((1 - z) ** alpha - g * z) ** 2), p[2])
 
 
-_ARFIMA_BOX = ((0.15, 0.85), (-7.0, 1.5), (-14.0, 10.0))
-
-
 def _arfima(p: Array, lam: Array) -> Array:
-    phi = np.exp(-np.exp(p[1]))[:, np.newaxis]
-    shape = (2 * np.sin(lam / 2)) ** (-2 * p[0][:, np.newaxis])
-    return _with_floor(_scaled(shape / ((1 - phi) ** 2 + 4 * phi * np.sin(lam / 2) ** 2)), p[2])
+    return _with_floor(_scaled((2 * np.sin(lam / 2)) ** (-2 * p[0][:, np.newaxis]) * _ar1(p[1], lam)), p[2])
 
 
 def _one_relaxation(p: Array, lam: Array) -> Array:
-    phi = np.exp(-np.exp(p[0]))[:, np.newaxis]
-    return _with_floor(_scaled(1 / ((1 - phi) ** 2 + 4 * phi * np.sin(lam / 2) ** 2)), p[1])
+    return _with_floor(_scaled(_ar1(p[0], lam)), p[1])
 
 
 def _walk(p: Array, lam: Array) -> Array:
-    shape = 1 / (4 * np.sin(lam / 2) ** 2)
-    return _with_floor(_scaled(np.repeat(shape[np.newaxis], p.shape[1], axis=0)), p[0])
+    return _with_floor(_scaled(1 / (4 * np.sin(lam / 2) ** 2)), p[0])
 
 
 def _low_pass(p: Array, lam: Array) -> Array:
@@ -207,9 +203,7 @@ def _low_pass(p: Array, lam: Array) -> Array:
 
 
 def _walk_and_relaxation(p: Array, lam: Array) -> Array:
-    walk = _scaled(1 / (4 * np.sin(lam / 2) ** 2))
-    phi = np.exp(-np.exp(p[1]))[:, np.newaxis]
-    relaxation = _scaled(1 / ((1 - phi) ** 2 + 4 * phi * np.sin(lam / 2) ** 2))
+    walk, relaxation = _scaled(1 / (4 * np.sin(lam / 2) ** 2)), _scaled(_ar1(p[1], lam))
     return np.asarray(np.exp(-p[0])[:, np.newaxis] * walk + np.exp(-p[2])[:, np.newaxis] * relaxation + 1)
 
 
