@@ -12,7 +12,7 @@ import fltea as package
 import pytest
 import typer.main
 from fltea.cli.app import app
-from fltea.records.records import Epoch, Error, Estimate, Stats
+from fltea.records.records import Epoch, Error, Estimate, Hello, Sample, Stats
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from host_support import PATIENCE_S, QUICK, fltea, fltea_here, strict_records
@@ -247,6 +247,37 @@ def test_signal_ends_a_wait_between_rare_samples(number: signal.Signals) -> None
     with started("run", "-s", "synthetic:?rate_hz=0.001", *QUICK) as process:
         lines = [process.stdout.readline() for _ in range(2)]  # hello and epoch: it waits now, for 1000 s
         assert len(strict_records(b"".join(lines) + ended_by(number, process))) == 3
+
+
+def piped(text: str) -> tuple[int, bytes, bytes]:
+    """Exit code, output and errors of a run whose samples come through a pipe."""
+    flags = ["--once", "--samples", "--columns", "gx", "--time-column", "t_ms", "--startup", "50"]
+    with started("run", "-s", "stdin:", *flags, "--format", "ndjson", stdin=subprocess.PIPE) as process:
+        output, errors = process.communicate(text.encode(), timeout=PATIENCE_S)
+    return process.returncode, output, errors
+
+
+def test_lines_through_a_pipe_become_samples_and_losses_are_published() -> None:
+    values = [(k * 7919 % 101 - 50) / 50 for k in range(400)]
+    lines = [f"{k * 10},{value}\n" for k, value in enumerate(values) if k not in (300, 301)]
+    lines.insert(200, "reset?\x1b[2J\n")
+    code, output, errors = piped("IMU ready\nt_ms,gx\n" + "".join(lines))
+    assert code == 0, errors
+    assert b"bad_lines" in errors
+    assert b"\x1b" not in errors
+    records = strict_records(output)
+    assert next(one for one in records if isinstance(one, Hello)).rate_hz == 100.0
+    assert sum(isinstance(one, Sample) for one in records) == 398
+    stats = records[-1]
+    assert (stats.samples.delivered, stats.samples.lost, stats.samples.gaps) == (398, 2, 1)
+    assert stats.link.bad_frames == {"before_header": 1, "text": 1}
+
+
+def test_an_input_without_samples_ends_with_2() -> None:
+    code, _, errors = piped("a\nb\n")
+    assert code == 2
+    assert b"no sample was in it" in errors
+    assert b"Traceback" not in errors
 
 
 @pytest.mark.parametrize("form", ["ndjson", "table"])
