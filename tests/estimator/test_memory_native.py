@@ -1,5 +1,7 @@
 """The native memories: elementary functions, exact sums, compressed weights, and what must never happen."""
 
+from collections.abc import Iterable, Mapping
+
 import mpmath
 import numpy as np
 import pytest
@@ -217,16 +219,21 @@ def test_sums_are_those_of_the_direct_memory(window: int, kind: str) -> None:
             np.testing.assert_allclose(V, expected_V, rtol=1e-14)
 
 
+def assert_like_direct(
+    memory: Memory, direct: Memory, orders: Iterable[float], S: Mapping[str, float], V: float
+) -> None:
+    """S: tolerances of the sums of states; V: relative one of those of variances."""
+    for order in orders:
+        found, expected = memory.sums(order), direct.sums(order)
+        assert found[0][0] == pytest.approx(expected[0][0], **S)
+        assert found[1][0] == pytest.approx(expected[1][0], rel=V)
+
+
 def test_a_window_of_a_million() -> None:
-    window = 1_000_000
-    compressed, direct = Memory(7, window), Memory(DIRECT, window)
+    compressed, direct = Memory(7, 1_000_000), Memory(DIRECT, 1_000_000)
     for memory in (compressed, direct):
         memory.stir(1_300_000, 5)
-    for order in (-0.7, -0.3, 0.2, 0.5, 1.4):
-        S, V = compressed.sums(order)
-        expected_S, expected_V = direct.sums(order)
-        assert S[0] == pytest.approx(expected_S[0], rel=1e-6, abs=1e-8)
-        assert V[0] == pytest.approx(expected_V[0], rel=1e-6)
+    assert_like_direct(compressed, direct, (-0.7, -0.3, 0.2, 0.5, 1.4), {"rel": 1e-6, "abs": 1e-8}, 1e-6)
 
 
 @given(n=st.integers(0, 900), orders=st.tuples(*[orders_in_range] * 3), seed=st.integers(0, 2**32))
@@ -303,11 +310,7 @@ def test_a_constant_offset_does_not_drift() -> None:
     memory, direct = Memory(8, 3000), Memory(DIRECT, 3000)
     for each in (memory, direct):
         each.push(np.full(50_000, 5.0), np.full(50_000, 0.02))
-    for order in (-0.5, 0.1, 0.5, 1.2):
-        S, V = memory.sums(order)
-        expected_S, expected_V = direct.sums(order)
-        assert S[0] == pytest.approx(expected_S[0], rel=1e-8)
-        assert V[0] == pytest.approx(expected_V[0], rel=1e-7)
+    assert_like_direct(memory, direct, (-0.5, 0.1, 0.5, 1.2), {"rel": 1e-8}, 1e-7)
 
 
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
@@ -327,11 +330,8 @@ def test_float32_is_good_for_six_digits() -> None:
     x, P = (a.astype(np.float32).astype(np.float64) for a in history(10_000))
     for memory in (compressed, direct):
         memory.push(x, P)
-    for order in np.float32([-0.5, -0.2, 0.1, 0.3, 0.5, 0.8, 1.0, 1.7, 2.5]):
-        S, V = compressed.sums(order)
-        expected_S, expected_V = direct.sums(order)
-        assert S[0] == pytest.approx(expected_S[0], rel=0, abs=1e-5)
-        assert V[0] == pytest.approx(expected_V[0], rel=1e-5)
+    orders = np.float32([-0.5, -0.2, 0.1, 0.3, 0.5, 0.8, 1.0, 1.7, 2.5])
+    assert_like_direct(compressed, direct, orders, {"rel": 0, "abs": 1e-5}, 1e-5)
 
 
 # --- cost and constants
@@ -339,15 +339,7 @@ def test_float32_is_good_for_six_digits() -> None:
 
 def test_cost_in_modes() -> None:
     """Digits and window set the modes; pinned, so that a change of the rule is seen."""
-    assert [Memory(digits, 3000).modes[:2] for digits in (3, 6, 9, 11)] == [
-        (16, 16),
-        (32, 28),
-        (48, 48),
-        (64, 64),
-    ]
-    assert [Memory(6, window).modes[:2] for window in (10, 1000, 10**6, 0)] == [
-        (0, 0),
-        (28, 28),
-        (40, 40),
-        (56, 56),
-    ]
+    by_digits = [Memory(digits, 3000).modes for digits in (3, 6, 9, 11)]
+    assert by_digits == [(16, 16), (32, 28), (48, 48), (64, 64)]
+    by_window = [Memory(6, window).modes for window in (10, 1000, 10**6, 0)]
+    assert by_window == [(0, 0), (28, 28), (40, 40), (56, 56)]

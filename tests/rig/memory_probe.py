@@ -5,7 +5,6 @@ import platform
 import weakref
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from built import make
@@ -19,20 +18,10 @@ BUILD = SOURCES.parents[1] / "build/tests-native"
 
 SETS = instruction_sets()
 """Instruction sets that this processor can run."""
-TYPES = "fdw"
-"""Number types: float, double, a pack as wide as the registers."""
 DIRECT = -1
 """In place of a number of digits: the exact memory."""
 
 DOUBLES = np.ctypeslib.ndpointer(np.float64, flags="C")
-
-
-class Modes(NamedTuple):
-    """What the accuracy parameter of the compressed memory led to."""
-
-    state: int
-    variance: int
-    step: float
 
 
 @lru_cache
@@ -47,9 +36,8 @@ def library(instruction_set: str) -> ctypes.CDLL:
 
 def declare(probe: ctypes.CDLL) -> ctypes.CDLL:
     """State the types of the probe's functions."""
-    size, pointer, double = ctypes.c_size_t, ctypes.c_void_p, ctypes.c_double
+    size, pointer = ctypes.c_size_t, ctypes.c_void_p
     for name, result, *arguments in (
-        ("probe_width", ctypes.c_int),
         ("probe_make", pointer, ctypes.c_char, ctypes.c_int, size),
         ("probe_free", None, pointer),
         ("probe_lanes", ctypes.c_int, pointer),
@@ -62,7 +50,6 @@ def declare(probe: ctypes.CDLL) -> ctypes.CDLL:
         ("probe_bytes", size, pointer),
         ("probe_save", None, pointer, ctypes.c_char_p),
         ("probe_restore", None, pointer, ctypes.c_char_p),
-        ("probe_seconds", double, pointer, size),
         ("probe_nodes", None, pointer, DOUBLES),
         ("probe_math", None, ctypes.c_char, size, DOUBLES, DOUBLES, DOUBLES, DOUBLES),
     ):
@@ -72,7 +59,10 @@ def declare(probe: ctypes.CDLL) -> ctypes.CDLL:
 
 
 class Memory:
-    """One memory of `digits` (or DIRECT) and window L (0: unlimited); numbers are (lanes,), results too."""
+    """One memory of `digits` (or DIRECT) and window L (0: unlimited); numbers are (lanes,), results too.
+
+    kind: of its numbers, f: float, d: double, w: a pack as wide as the registers.
+    """
 
     def __init__(
         self, digits: int, window: int = 0, kind: str = "d", instruction_set: str | None = None
@@ -131,19 +121,12 @@ class Memory:
         assert len(data) == self._library.probe_bytes(self._probe)
         self._library.probe_restore(self._probe, data)
 
-    def seconds(self, n: int) -> float:
-        """Time of n steps: three state sums, one of both sums, one push, each waiting for the one before."""
-        return float(self._library.probe_seconds(self._probe, n))
-
     @property
-    def bytes(self) -> int:
-        return int(self._library.probe_bytes(self._probe))
-
-    @property
-    def modes(self) -> Modes:
+    def modes(self) -> tuple[int, int]:
+        """Modes of the sums of states and of variances that window and digits led to."""
         out = np.zeros(3)
         self._library.probe_nodes(self._probe, out)
-        return Modes(int(out[0]), int(out[1]), float(out[2]))
+        return int(out[0]), int(out[1])
 
 
 def math(kind: str, x: Array, instruction_set: str | None = None) -> tuple[Array, Array, Array]:

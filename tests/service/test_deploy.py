@@ -39,11 +39,13 @@ def tool(name: str) -> str:
     return path or missing(f"{name} is not installed")
 
 
+def run(*command: str | Path, **environment: str | Path) -> subprocess.CompletedProcess[str]:
+    settings = os.environ | {name: str(value) for name, value in environment.items()}
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=settings, timeout=60)
+
+
 def script(action: str, **environment: str | Path) -> subprocess.CompletedProcess[str]:
-    settings = {name: str(value) for name, value in environment.items()}
-    return subprocess.run(
-        [SCRIPT, action], capture_output=True, text=True, env={**os.environ, **settings}, timeout=60
-    )
+    return run(SCRIPT, action, **environment)
 
 
 @pytest.fixture
@@ -137,12 +139,10 @@ def test_udev_itself_takes_the_rule() -> None:
     udevadm = shutil.which("udevadm")
     if udevadm is None:
         pytest.skip("udevadm is not installed; Debian 12's could not do it anyway")
-    version = int(
-        re.findall(r"\d+", subprocess.run([udevadm, "--version"], capture_output=True, text=True).stdout)[0]
-    )
+    version = int(re.findall(r"\d+", run(udevadm, "--version").stdout)[0])
     if version < 254:
         pytest.skip(f"udevadm verify came with version 254, and this is {version}")
-    done = subprocess.run([udevadm, "verify", DEPLOY / RULE], capture_output=True, text=True, timeout=60)
+    done = run(udevadm, "verify", DEPLOY / RULE)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -236,27 +236,19 @@ def test_systemd_itself_takes_the_unit(tmp_path: Path) -> None:
     unit = tmp_path / "tree/etc/systemd/system" / UNIT
     newer = r"^Restart(Steps|MaxDelaySec)=.*\n"  # since 254
     unit.write_text(re.sub(newer, "", unit.read_text("utf-8"), flags=re.MULTILINE))
-    checked = subprocess.run(
-        [analyze, "verify", "--man=no", unit], capture_output=True, text=True, timeout=60
-    )
+    checked = run(analyze, "verify", "--man=no", unit)
     assert (checked.returncode, checked.stderr) == (0, "")
     threshold = f"--threshold={LARGEST_EXPOSURE}"
-    rated = subprocess.run(
-        [analyze, "security", "--offline=yes", "--no-pager", threshold, unit],
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    rated = run(analyze, "security", "--offline=yes", "--no-pager", threshold, unit)
     assert rated.returncode == 0, rated.stdout[-200:]
 
 
 def test_the_script_is_clean() -> None:
-    done = subprocess.run([tool("shellcheck"), SCRIPT], capture_output=True, text=True, timeout=60)
+    done = run(tool("shellcheck"), SCRIPT)
     assert done.returncode == 0, done.stdout
 
 
 def test_make_knows_the_targets() -> None:
     for target in ("install-service", "install-udev", "uninstall-service"):
-        command = ["make", "--no-print-directory", "-n", target]  # the tests themselves may run under make
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+        done = run("make", "--no-print-directory", "-n", target)  # the tests themselves may run under make
         assert done.stdout.startswith("tools/deploy/service.sh ")
