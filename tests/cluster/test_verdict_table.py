@@ -18,7 +18,8 @@ DIGEST = ASK.digest()
 
 
 def rows(of: File, axes: int = 2) -> list[Row]:
-    return [Key(of, DIGEST).row(axis=f"gyro_{'xyz'[i]}", alpha=0.5 + i, traps=["short"]) for i in range(axes)]
+    key = Key(of, DIGEST)
+    return [key.row(axis=f"gyro_{'xyz'[i]}", values={"alpha": 0.5 + i}, traps=["short"]) for i in range(axes)]
 
 
 def test_what_was_added_is_there_and_done(tmp_path: Path) -> None:

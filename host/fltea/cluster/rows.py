@@ -12,6 +12,7 @@ from fltea.identification.traps import Trap
 
 VALUES = ("alpha", "f", "F", "s2", "R")
 COEFFICIENTS = ("N", "B", "K")
+VALUE_COLUMNS = [name + end for name in (*VALUES, *COEFFICIENTS) for end in ("", "_low", "_high")]
 
 
 class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
@@ -49,30 +50,8 @@ class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     mean: float | None = None
     std: float | None = None
     lsb: float | None = None
-    alpha: float | None = None
-    alpha_low: float | None = None
-    alpha_high: float | None = None
-    f: float | None = None
-    f_low: float | None = None
-    f_high: float | None = None
-    F: float | None = None
-    F_low: float | None = None
-    F_high: float | None = None
-    s2: float | None = None
-    s2_low: float | None = None
-    s2_high: float | None = None
-    R: float | None = None
-    R_low: float | None = None
-    R_high: float | None = None
-    N: float | None = None
-    N_low: float | None = None
-    N_high: float | None = None
-    B: float | None = None
-    B_low: float | None = None
-    B_high: float | None = None
-    K: float | None = None
-    K_low: float | None = None
-    K_high: float | None = None
+    values: dict[str, float | None] = {}
+    """by the names of their columns, which are `VALUE_COLUMNS`"""
     fltea_alpha: float | None = None
     """the filter's last; None of what was summed in parts: a filter cannot be cut"""
     fltea_f: float | None = None
@@ -130,8 +109,7 @@ def _axis(key: Key, recording: Loaded, name: str, axis: AxisReport | Failure, se
         fltea_f=r.fltea.f,
         fltea_describes_noise=r.fltea.describes_noise,
         traps=trap_kinds((*recording.traps, *axis.traps)),
-        **parameter_values(r.whittle),
-        **allan,
+        values=parameter_values(r.whittle) | allan,
         **about,
     )
 

@@ -192,8 +192,7 @@ def _fitted(pieces: Sequence[AxisSums], h: float, ask: Ask) -> dict[str, object]
         "p_white": seen.evidence.p_clean,
         "mean": mean,
         "std": (squares / max(samples - 1, 1)) ** 0.5,
-        **parameter_values(fit),
-        **_allan_values(sums, samples, h, seen, pieces[0].unit),
+        "values": parameter_values(fit) | _allan_values(sums, samples, h, seen, pieces[0].unit),
     }
 
 

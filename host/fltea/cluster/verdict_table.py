@@ -17,7 +17,7 @@ import pyarrow as pa
 from pyarrow import compute, parquet
 
 from fltea.cluster.listing import JOURNAL, File
-from fltea.cluster.rows import Row
+from fltea.cluster.rows import VALUE_COLUMNS, Row
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.whole_file import whole_file
 
@@ -32,7 +32,8 @@ _rows = msgspec.json.Decoder(list[Row])
 
 def schema() -> pa.Schema:
     """The columns, those of `Row`."""
-    return pa.schema([pa.field(name, _type(hint)) for name, hint in get_type_hints(Row).items()])
+    fields = {name: _type(hint) for name, hint in get_type_hints(Row).items() if name != "values"}
+    return pa.schema([*fields.items(), *((name, pa.float64()) for name in VALUE_COLUMNS)])
 
 
 def _type(hint: Any) -> pa.DataType:
@@ -183,7 +184,9 @@ class VerdictTable:
         if not rows:
             return
         number = max(self._numbers) + 1
-        table = pa.Table.from_pylist([msgspec.structs.asdict(row) for row in rows], schema=self._schema)
+        table = pa.Table.from_pylist(
+            [msgspec.structs.asdict(row) | row.values for row in rows], schema=self._schema
+        )
         self._write(self._folder / f"part-{number:06d}.parquet", table)
         self._numbers.append(number)
 
