@@ -96,22 +96,20 @@ def is_time(name: str) -> bool:
 
 def axis_of(name: str) -> str | None:
     """The axis, x, y or z, of a gyroscope."""
-    if len(name) > LONGEST_NAME:
-        return None
-    numbered = _NUMBERED.fullmatch(_plain(name))
-    if numbered is not None:
-        return "xyz"[int(numbered[1])]
-    plain = _plain(_parts(name)[0])
-    found = _AXIS.fullmatch(plain.removesuffix(_unit_end(plain, RATE_UNITS)))
-    return found[1] if found is not None else None
+    numbered = _NUMBERED.fullmatch(_plain(name)) if len(name) <= LONGEST_NAME else None
+    return _axis_in(name, _AXIS, RATE_UNITS) if numbered is None else "xyz"[int(numbered[1])]
 
 
 def accel_axis_of(name: str) -> str | None:
     """The axis, x, y or z, of an accelerometer."""
+    return _axis_in(name, _ACCEL_AXIS, ACCEL_MS2)
+
+
+def _axis_in(name: str, axis: re.Pattern[str], units: Iterable[str]) -> str | None:
     if len(name) > LONGEST_NAME:
         return None
     plain = _plain(_parts(name)[0])
-    found = _ACCEL_AXIS.fullmatch(plain.removesuffix(_unit_end(plain, ACCEL_MS2)))
+    found = axis.fullmatch(plain.removesuffix(_unit_end(plain, units)))
     return found[1] if found is not None else None
 
 
