@@ -50,8 +50,13 @@ def _bytes_in(data: bytes, length: int, name: str) -> bytes:
 
 class _Packed(tuple[Any, ...]):
     __slots__ = ()
+    TYPE: ClassVar[int]
+    SIZE: ClassVar[int]
     SCALE: ClassVar[dict[str, float]] = {}
     _STRUCT: ClassVar[Struct]
+
+    def __init_subclass__(cls, type: int, layout: str) -> None:
+        cls.TYPE, cls.SIZE, cls._STRUCT = type, Struct(layout).size, Struct(layout)
 
     def pack(self) -> bytes:
         return self._STRUCT.pack(*self)
@@ -136,19 +141,17 @@ def _message(message: Message) -> str:
     lines += [
         "",
         "",
-        f"class {name}(_{name}Fields, _Packed):",
+        f'class {name}(_{name}Fields, _Packed, type={message.id}, layout="<{codes}"):',
         f'    """Message {message.name}: type {message.id}, {message.size} bytes of payload.',
         "",
         *textwrap.wrap(message.doc, WIDTH, initial_indent="    ", subsequent_indent="    "),
         '    """',
         "",
         "    __slots__ = ()",
-        f"    TYPE: ClassVar[int] = {message.id}",
-        f"    SIZE: ClassVar[int] = {message.size}",
     ]
     if scales:
         lines += ["    SCALE: ClassVar[dict[str, float]] = {", *scales, "    }"]
-    lines += [f'    _STRUCT: ClassVar[Struct] = Struct("<{codes}")', *_own_packing(name, message)]
+    lines += _own_packing(name, message)
     return "\n".join(lines) + "\n"
 
 

@@ -51,8 +51,13 @@ def _bytes_in(data: bytes, length: int, name: str) -> bytes:
 
 class _Packed(tuple[Any, ...]):
     __slots__ = ()
+    TYPE: ClassVar[int]
+    SIZE: ClassVar[int]
     SCALE: ClassVar[dict[str, float]] = {}
     _STRUCT: ClassVar[Struct]
+
+    def __init_subclass__(cls, type: int, layout: str) -> None:
+        cls.TYPE, cls.SIZE, cls._STRUCT = type, Struct(layout).size, Struct(layout)
 
     def pack(self) -> bytes:
         return self._STRUCT.pack(*self)
@@ -231,15 +236,13 @@ class _HelloFields(NamedTuple):
     """What starts a sample; a SamplingMode."""
 
 
-class Hello(_HelloFields, _Packed):
+class Hello(_HelloFields, _Packed, type=1, layout="<BBII16s24sBHIHHHHHB"):
     """Message HELLO: type 1, 68 bytes of payload.
 
     Who is speaking, and what its samples mean. At boot, before any sample, and every second.
     """
 
     __slots__ = ()
-    TYPE: ClassVar[int] = 1
-    SIZE: ClassVar[int] = 68
     SCALE: ClassVar[dict[str, float]] = {
         "sample_rate": 0.001,
         "gyro_range": 1.0,
@@ -248,7 +251,6 @@ class Hello(_HelloFields, _Packed):
         "accel_lsb": 1.0,
         "gyro_dlpf": 1.0,
     }
-    _STRUCT: ClassVar[Struct] = Struct("<BBII16s24sBHIHHHHHB")
 
     def pack(self) -> bytes:
         values: list[Any] = list(self)
@@ -282,7 +284,7 @@ class _SampleFields(NamedTuple):
     """What is doubtful about this sample; a SampleFlags."""
 
 
-class Sample(_SampleFields, _Packed):
+class Sample(_SampleFields, _Packed, type=2, layout="<hhhhhhhB"):
     """Message SAMPLE: type 2, 15 bytes of payload.
 
     One burst read of the sensor; device_us is the moment its read began (timer) or that of the edge
@@ -290,9 +292,6 @@ class Sample(_SampleFields, _Packed):
     """
 
     __slots__ = ()
-    TYPE: ClassVar[int] = 2
-    SIZE: ClassVar[int] = 15
-    _STRUCT: ClassVar[Struct] = Struct("<hhhhhhhB")
 
 
 class _StatusFields(NamedTuple):
@@ -315,19 +314,16 @@ class _StatusFields(NamedTuple):
     """Longest turn of the main loop since the STATUS before [us]."""
 
 
-class Status(_StatusFields, _Packed):
+class Status(_StatusFields, _Packed, type=3, layout="<IIIIIBHI"):
     """Message STATUS: type 3, 27 bytes of payload.
 
     Health of the device, every second. Counters run from boot and do not wrap in practice.
     """
 
     __slots__ = ()
-    TYPE: ClassVar[int] = 3
-    SIZE: ClassVar[int] = 27
     SCALE: ClassVar[dict[str, float]] = {
         "cpu_share": 0.01,
     }
-    _STRUCT: ClassVar[Struct] = Struct("<IIIIIBHI")
 
 
 class _FaultFields(NamedTuple):
@@ -337,16 +333,13 @@ class _FaultFields(NamedTuple):
     """See the code."""
 
 
-class Fault(_FaultFields, _Packed):
+class Fault(_FaultFields, _Packed, type=4, layout="<BI"):
     """Message FAULT: type 4, 5 bytes of payload.
 
     Something that a person should know, sent when it happens.
     """
 
     __slots__ = ()
-    TYPE: ClassVar[int] = 4
-    SIZE: ClassVar[int] = 5
-    _STRUCT: ClassVar[Struct] = Struct("<BI")
 
 
 class _EstimateFields(NamedTuple):
@@ -390,7 +383,7 @@ class _EstimateFields(NamedTuple):
     """The memory was asked for an order out of its range."""
 
 
-class Estimate(_EstimateFields, _Packed):
+class Estimate(_EstimateFields, _Packed, type=5, layout="<BBHIffffffIIIIIIIII"):
     """Message ESTIMATE: type 5, 68 bytes of payload.
 
     What the device itself makes of one axis after one sample. Counts of the guard run since the axis last
@@ -398,9 +391,6 @@ class Estimate(_EstimateFields, _Packed):
     """
 
     __slots__ = ()
-    TYPE: ClassVar[int] = 5
-    SIZE: ClassVar[int] = 68
-    _STRUCT: ClassVar[Struct] = Struct("<BBHIffffffIIIIIIIII")
 
 
 class _EstimatorFields(NamedTuple):
@@ -475,7 +465,7 @@ class _EstimatorFields(NamedTuple):
     """Standard deviations from which on the guard softens an innovation."""
 
 
-class Estimator(_EstimatorFields, _Packed):
+class Estimator(_EstimatorFields, _Packed, type=6, layout="<BBHHHHHHHIIIHHHffffffffffffffffff"):
     """Message ESTIMATOR: type 6, 106 bytes of payload.
 
     With what the device estimates, and how it gets on; before the first sample, when the start-up window is
@@ -483,9 +473,6 @@ class Estimator(_EstimatorFields, _Packed):
     """
 
     __slots__ = ()
-    TYPE: ClassVar[int] = 6
-    SIZE: ClassVar[int] = 106
-    _STRUCT: ClassVar[Struct] = Struct("<BBHHHHHHHIIIHHHffffffffffffffffff")
 
 
 class _FitFields(NamedTuple):
@@ -522,7 +509,7 @@ class _FitFields(NamedTuple):
     """2 log L of the fractional model above a relaxation, AR(1)."""
 
 
-class Fit(_FitFields, _Packed):
+class Fit(_FitFields, _Packed, type=7, layout="<BBBHIIHffffffff"):
     """Message FIT: type 7, 47 bytes of payload.
 
     The maximum-likelihood fit of the fractional model in white noise to the running spectrum of one axis,
@@ -531,9 +518,6 @@ class Fit(_FitFields, _Packed):
     """
 
     __slots__ = ()
-    TYPE: ClassVar[int] = 7
-    SIZE: ClassVar[int] = 47
-    _STRUCT: ClassVar[Struct] = Struct("<BBBHIIHffffffff")
 
 
 class _SpectrumFields(NamedTuple):
@@ -577,16 +561,13 @@ class _SpectrumFields(NamedTuple):
     """Power density there, one-sided [(deg/s)^2/Hz]."""
 
 
-class Spectrum(_SpectrumFields, _Packed):
+class Spectrum(_SpectrumFields, _Packed, type=8, layout="<BHBBfffffffffffffff"):
     """Message SPECTRUM: type 8, 65 bytes of payload.
 
     Some bins of the spectrum that a FIT is of, after it; with every tenth fit of an axis, in order.
     """
 
     __slots__ = ()
-    TYPE: ClassVar[int] = 8
-    SIZE: ClassVar[int] = 65
-    _STRUCT: ClassVar[Struct] = Struct("<BHBBfffffffffffffff")
 
 
 Message: TypeAlias = Hello | Sample | Status | Fault | Estimate | Estimator | Fit | Spectrum
