@@ -131,6 +131,20 @@ def cuts(n: int) -> st.SearchStrategy[list[int]]:
     return st.lists(st.integers(0, n), max_size=12) | st.sets(st.integers(0, n)).map(sorted)
 
 
+_counts = st.integers(-(2**15), 2**15 - 1)
+raw_samples = st.builds(
+    RawSample,
+    sequence=st.integers(0, 65535),
+    device_us=st.integers(0, 2**32 - 1),
+    host_ns=st.integers(0, 2**40),
+    gyro=st.tuples(_counts, _counts, _counts),
+    accel=st.tuples(_counts, _counts, _counts),
+    temperature=_counts,
+    flags=st.integers(0, 255),
+)
+"""Any sample that a frame can hold."""
+
+
 def place_all(place: Place, samples: Sequence[RawSample]) -> list[Placed | None]:
     """Where each sample of a block stands; None for one that was left out."""
     numbered = block_of(samples)._replace(temperature=np.arange(float(len(samples))))

@@ -12,6 +12,7 @@ from host_support import fltea, fltea_here
 from own_estimator import f32
 from protocol_support import records
 
+ACCEL = "accel_x -120  accel_y 85  accel_z 16390"
 REFUSED_STREAM = "a device of another version"
 
 
@@ -107,49 +108,57 @@ def test_text_of_a_device_cannot_steer_the_terminal() -> None:
     assert "\n" not in text
 
 
+SMALL = f32(0.01)
+
+
 @pytest.mark.parametrize(
-    ("flags", "text"),
+    ("message", "inside", "end"),
     [
-        (0, "flags 0"),
-        (1, "flags 1 (late)"),
-        (12, "flags 12 (saturated|repeated)"),
-        (0x40, "flags 64"),
-        (0x41, "flags 65 (late)"),
+        *(
+            (
+                wire.Sample(12, -7, 3, -120, 85, 16390, -1042, flags),
+                f"  gyro_x 12  gyro_y -7  gyro_z 3  {ACCEL}",
+                text,
+            )
+            for flags, text in (
+                (0, "  temperature -1042  flags 0"),
+                (1, "flags 1 (late)"),
+                (12, "flags 12 (saturated|repeated)"),
+                (0x40, "flags 64"),
+                (0x41, "flags 65 (late)"),
+            )
+        ),
+        (
+            wire.Status(1, 2, 3, 4, 5, 2, 6, 7),
+            "  dropped_frames 5  ",
+            "2 (watchdog)  cpu_share 6  longest_step 7",
+        ),
+        (wire.Status(1, 2, 3, 4, 5, 255, 6, 7), "255 (unknown)", "  longest_step 7"),
+        (wire.Status(1, 2, 3, 4, 5, 77, 6, 7), "  reset_cause 77  ", "  longest_step 7"),
+        (
+            wire.Estimate(1, 9, 7, 8, *[0.1] * 6, *[0] * 9),
+            "  axis 1 (gyro_y)  flags 9 (valid|skipped)  sample 7  age 8  alpha 0.1  ",
+            "",
+        ),
+        (
+            wire.Estimator(1, 2, *[3] * 13, *[SMALL] * 18),
+            "  variant 1 (joint)  guard 2 (consistent)  startup 3  ",
+            "  gate 0.01",
+        ),
+        (
+            wire.Fit(1, 2, 3, *[4] * 4, *[SMALL] * 8),
+            "  axis 1 (gyro_y)  verdict 2 (fractional)  flags 3 (alpha_defined|searched)  number 4  ",
+            "",
+        ),
+        (wire.Fault(3, 0x1A0001), "", "code 3 (readback_mismatch)  detail 0x001A0001"),
+        (wire.Fault(99, 0x1A0001), "", "code 99  detail 0x001A0001"),
     ],
 )
-def test_sample_and_its_flags(flags: int, text: str) -> None:
-    accel = "accel_x -120  accel_y 85  accel_z 16390"
-    shown = line(wire.Sample(12, -7, 3, -120, 85, 16390, -1042, flags))
-    assert shown.endswith(f"  gyro_x 12  gyro_y -7  gyro_z 3  {accel}  temperature -1042  {text}")
-
-
-@pytest.mark.parametrize(
-    ("cause", "text"), [(2, "2 (watchdog)"), (255, "255 (unknown)"), (77, "reset_cause 77")]
-)
-def test_status_and_its_reset_cause(cause: int, text: str) -> None:
-    shown = line(wire.Status(1, 2, 3, 4, 5, cause, 6, 7))
-    assert shown.startswith("STATUS   ")
-    assert shown.endswith(f"{text}  cpu_share 6  longest_step 7")
-    assert "  dropped_frames 5  " in shown
-
-
-def test_estimate_and_estimator_have_their_own_words() -> None:
-    shown = line(wire.Estimate(1, 9, 7, 8, *[0.1] * 6, *[0] * 9))
-    assert "  axis 1 (gyro_y)  flags 9 (valid|skipped)  sample 7  age 8  alpha 0.1  " in shown
-    shown = line(wire.Estimator(1, 2, *[3] * 13, *[f32(0.01)] * 18))
-    assert shown.startswith("ESTIMATOR seq")
-    assert "  variant 1 (joint)  guard 2 (consistent)  startup 3  " in shown
-    assert shown.endswith("  gate 0.01")
-    shown = line(wire.Fit(1, 2, 3, *[4] * 4, *[f32(0.01)] * 8))
-    assert "  axis 1 (gyro_y)  verdict 2 (fractional)  flags 3 (alpha_defined|searched)  number 4  " in shown
-
-
-@pytest.mark.parametrize(
-    ("code", "text"),
-    [(3, "code 3 (readback_mismatch)  detail 0x001A0001"), (99, "code 99  detail 0x001A0001")],
-)
-def test_fault(code: int, text: str) -> None:
-    assert line(wire.Fault(code, 0x1A0001)).endswith(text)
+def test_fields_have_the_words_of_their_message(message: wire.Message, inside: str, end: str) -> None:
+    shown = line(message)
+    assert shown.startswith(f"{type(message).__name__.upper():8} seq 65535")
+    assert inside in shown
+    assert shown.endswith(end)
 
 
 def test_refused_device_is_named_with_both_versions() -> None:

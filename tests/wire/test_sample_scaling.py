@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from blocks import as_block
+from blocks import as_block, raw_samples
 from fltea.records.events import RawSample
 from fltea.records.records import Sample
 from fltea.stream.decode import Decoder
@@ -73,21 +73,8 @@ def test_recording_in_dps_passes_unchanged() -> None:
     assert resolution_dps(hello(gyro_lsb_per_dps=None)) is None
 
 
-counts = st.integers(-(2**15), 2**15 - 1)
-raws = st.builds(
-    RawSample,
-    st.integers(0, 65535),
-    st.integers(0, 2**32 - 1),
-    st.integers(0, 2**40),
-    st.tuples(counts, counts, counts),
-    st.tuples(counts, counts, counts),
-    counts,
-    st.integers(0, 255),
-)
-
-
 @given(
-    raws,
+    raw_samples,
     st.integers(1, 2**16 - 1),
     st.integers(1, 2**16 - 1),
     st.sampled_from([0x68, 0x71, None]),
