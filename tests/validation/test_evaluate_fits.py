@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from fltea.spectrum.models import FULL
-from fltea.spectrum.periodogram import binned, periodogram
 from fltea.spectrum.profile import fractional_fit
 from fltea.spectrum.whittle import fit
 
@@ -13,7 +12,6 @@ from tools.validation.evaluate.fits import (
     fitted_variances,
     live_readings,
     live_spectra,
-    rejects,
     truths,
     whole_reading,
 )
@@ -68,14 +66,6 @@ def test_white_noise_is_not_rejected_and_has_no_truth() -> None:
     found = whole_reading(samples(Case(), 12, 1_000), H, {})
     assert found.rejected.sum() <= 3
     assert found.covered == {}
-
-
-def test_levels() -> None:
-    """What is rejected at 1 % is at 5 %."""
-    y = samples(Case(0.4, -1.0, 0.03), 12, 3_000)
-    both = [rejects(binned(periodogram(one, H)), 0.05, 0.01) for one in y.T]
-    assert all(five >= one for five, one in both)
-    assert {False, True} <= {flag for pair in both for flag in pair}
 
 
 def test_fitted_variances() -> None:

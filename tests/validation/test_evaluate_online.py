@@ -59,15 +59,6 @@ def test_a_lane_that_ran_away_is_lost_alone_and_for_good() -> None:
     np.testing.assert_allclose(after.alpha[[0, 2]], others.alpha, rtol=1e-9)
 
 
-def test_a_lane_that_the_guard_holds_is_not_valid() -> None:
-    """As the supervisor has it: more than a quarter of the last 200 samples."""
-    y = samples(Case(), 2, 1_000)
-    y[700:, 0] *= 1000
-    before, after = read(y, H, EstimatorConfig(), (700, 1_000))
-    assert before.valid.all()
-    assert after.valid.tolist() == [False, True]
-
-
 def test_lengths_that_cannot_be_read() -> None:
     y = samples(Case(), 1, 1_000)
     for lengths in ((550,), (500,), (950,)):

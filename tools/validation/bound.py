@@ -21,7 +21,7 @@ from fltea.spectrum.whittle import fit
 from numpy.typing import NDArray
 
 from tools.validation.runner import Options, Row, Task
-from tools.validation.tables import Table
+from tools.validation.tables import Table, grouped
 
 Array = NDArray[np.float64]
 
@@ -98,19 +98,19 @@ def correlations(alpha: float, g: float, n: int) -> dict[str, float]:
 def tables(rows: list[Row]) -> list[Table | str]:
     """Return critical values, correlations, and shares that hold the truth."""
     points = [(f"{row['rho']:.2f}", f"{row['critical']:.2f}") for row in rows if "rho" in row]
-    noises = [row for row in rows if "samples" in row]
+    noises = grouped(
+        (row for row in rows if "samples" in row), lambda row: (f"{row['samples']:,}", row["parameter"])
+    )
     related: list[Any] = []
     shares: list[Any] = []
-    for n in dict.fromkeys(row["samples"] for row in noises):
-        for name in (*NAMES, "s2"):
-            some = [row for row in noises if (row["samples"], row["parameter"]) == (n, name)]
-            spread = np.quantile([row["correlation"] for row in some], [0.1, 0.5, 0.9])
-            related.append((f"{n:,}", name, *(f"{one:.3f}" for one in spread), f"{AT_BOUND[name]}"))
-            for i, critical in enumerate(CRITICAL_VALUES if name != "s2" else ()):
-                held_by = np.array([row["held"][i] for row in some])
-                low, high = np.mean(held_by < 0.93), np.mean(held_by > 0.97)
-                cells = (held_by.mean(), held_by.min(), held_by.max(), 1 - low - high, low, high)
-                shares.append((f"{n:,}", name, f"{critical:.2f}", *(f"{one:.1%}" for one in cells)))
+    for (n, name), some in noises.items():
+        spread = np.quantile([row["correlation"] for row in some], [0.1, 0.5, 0.9])
+        related.append((n, name, *(f"{one:.3f}" for one in spread), f"{AT_BOUND[name]}"))
+        by_critical = zip(*(row["held"] for row in some), strict=True) if name in NAMES else ()
+        for critical, held_by in zip(CRITICAL_VALUES, map(np.array, by_critical), strict=False):
+            low, high = np.mean(held_by < 0.93), np.mean(held_by > 0.97)
+            cells = (held_by.mean(), held_by.min(), held_by.max(), 1 - low - high, low, high)
+            shares.append((n, name, f"{critical:.2f}", *(f"{one:.1%}" for one in cells)))
     return [
         Table("95 % points at R = 0", ("correlation with R", "critical value"), points),
         Table(

@@ -9,6 +9,7 @@ from rich.text import Text
 from scipy.stats import binomtest, norm
 
 T = TypeVar("T")
+K = TypeVar("K", bound=Hashable)
 
 NONE = "–"
 """Stands in a cell that has no value."""
@@ -62,9 +63,9 @@ def share_within(count: int, total: int) -> str:
     return f"{share(count, total)} ({100 * low:.0f}…{100 * high:.0f})"
 
 
-def grouped(rows: Iterable[T], key: Callable[[T], Hashable]) -> dict[Hashable, list[T]]:
+def grouped(rows: Iterable[T], key: Callable[[T], K]) -> dict[K, list[T]]:
     """Return the rows by their key, in the order in which each first appears."""
-    groups: dict[Hashable, list[T]] = {}
+    groups: dict[K, list[T]] = {}
     for row in rows:
         groups.setdefault(key(row), []).append(row)
     return groups

@@ -5,7 +5,8 @@ and claims of an order with a sum of relaxations within `MARGIN` in 2 log L, of 
 """
 
 import zlib
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -104,36 +105,26 @@ def _right(name: str, rate_hz: float, samples: int) -> Right:
 
 def tables(rows: list[Row]) -> list[Table | str]:
     """Return what is wrong, the figures that count, the reasons, and truth against verdict."""
-    cells = list(grouped(rows, lambda row: (row["noise"], row["rate_hz"], row["duration_s"])).values())
-    wrong = [[row for row in cell if row["outcome"] == "wrong"] for cell in cells]
-    untold = [[row for row in cell if row["outcome"] == "cannot be told"] for cell in cells]
+    record = ("noise", "record", "verdict")
+    wrong = _cells(rows, "wrong", lambda some: ", ".join(some[0]["right"]))
+    untold = _cells(rows, "cannot be told", lambda some: "; ".join({row["reason"]: 0 for row in some}))
     return [
         *summary(rows),
-        Table(
-            "Wrong",
-            ("noise", "record", "verdict", "right would be"),
-            [
-                (*_where(cell), f"{_kinds(bad)} of {len(cell)}", ", ".join(cell[0]["right"]))
-                for cell, bad in zip(cells, wrong, strict=True)
-                if bad
-            ],
-        ),
+        Table("Wrong", (*record, "right would be"), wrong),
         _truth_against_verdict(rows),
-        Table(
-            "Cannot be told",
-            ("noise", "record", "verdict", "reason"),
-            [
-                (
-                    *_where(cell),
-                    f"{_kinds(some)} of {len(cell)}",
-                    "; ".join({row["reason"]: 0 for row in some}),
-                )
-                for cell, some in zip(cells, untold, strict=True)
-                if some
-            ],
-            brief=False,
-        ),
+        Table("Cannot be told", (*record, "reason"), untold, brief=False),
     ]
+
+
+def _cells(rows: list[Row], outcome: str, why: Callable[[list[Row]], str]) -> list[tuple[str, ...]]:
+    """Return the cells of a noise, rate and length in which any record has this outcome."""
+    found: list[tuple[str, ...]] = []
+    for cell in grouped(rows, lambda row: (row["noise"], _record(row))).values():
+        if some := [row for row in cell if row["outcome"] == outcome]:
+            by_kind = grouped(some, lambda row: row["kind"])
+            kinds = ", ".join(f"{kind} {len(each)}" for kind, each in by_kind.items())
+            found.append((cell[0]["noise"], _record(cell[0]), f"{kinds} of {len(cell)}", why(some)))
+    return found
 
 
 def compared(before: list[Row], after: list[Row]) -> list[Table | str]:
@@ -166,29 +157,20 @@ def summary(rows: list[Row]) -> list[str]:
 
 
 def _truth_against_verdict(rows: list[Row]) -> Table:
-    columns = {(row["rate_hz"], row["duration_s"]): _record(row) for row in rows}
-    groups = grouped(rows, lambda row: (row["noise"], row["rate_hz"], row["duration_s"]))
+    columns = list(dict.fromkeys(map(_record, rows)))
+    groups = grouped(rows, lambda row: (row["noise"], _record(row)))
     lines = [
-        (name, NOISES[name].words, *(_verdicts(groups.get((name, *column), [])) for column in columns))
+        (name, NOISES[name].words, *(_verdicts(groups.get((name, column), [])) for column in columns))
         for name in dict.fromkeys(row["noise"] for row in rows)
     ]
-    return Table("Truth against verdict", ("noise", "truth", *columns.values()), lines, brief=False)
+    return Table("Truth against verdict", ("noise", "truth", *columns), lines, brief=False)
 
 
 def _verdicts(cell: Sequence[Row]) -> str:
-    found = grouped(cell, lambda row: row["kind"] + SIGNS[row["outcome"]])
+    found = Counter(f"{row['kind']}{SIGNS[row['outcome']]}" for row in cell)
     if len(cell) == 1:
-        return str(next(iter(found)))
-    most_first = sorted(found.items(), key=lambda item: -len(item[1]))
-    return ", ".join(f"{text} {len(some)}" for text, some in most_first)
-
-
-def _kinds(some: Sequence[Row]) -> str:
-    return ", ".join(f"{kind} {len(each)}" for kind, each in grouped(some, lambda row: row["kind"]).items())
-
-
-def _where(cell: Sequence[Row]) -> tuple[str, str]:
-    return cell[0]["noise"], _record(cell[0])
+        return next(iter(found))
+    return ", ".join(f"{text} {count}" for text, count in found.most_common())
 
 
 def _record(row: Row) -> str:
