@@ -2,7 +2,9 @@
 
 import contextlib
 import io
+import tempfile
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import msgspec
@@ -11,8 +13,8 @@ import pyarrow as pa
 import pytest
 from bag_support import even, write_bag, write_mcap
 from cluster_support import ASK
-from fltea.cluster.cut import Cut, even_pieces
-from fltea.cluster.listing import File, files_of
+from fltea.cluster.cut import even_pieces
+from fltea.cluster.listing import files_of
 from fltea.cluster.pieces import cuts_of, write_piece
 from fltea.cluster.whole import Ask
 from fltea.identification.load import Loaded, load
@@ -95,48 +97,41 @@ def ask_of(make: Callable[[Path], Path], block_bytes: int | None = None) -> Ask:
     )
 
 
-def pieces_of(file: File, cuts: list[Cut], ask: Ask, folder: Path) -> list[Loaded]:
-    found = []
-    for number, cut in enumerate(cuts):
+def cut_up(make: Callable[[Path], Path], folder: Path) -> tuple[Loaded, list[Loaded]]:
+    """A recording as a whole and in three or more pieces, none of which says that it is cut off."""
+    ask = ask_of(make)
+    (file,) = files_of([str(make(folder))])
+    pieces = []
+    for number, cut in enumerate(cuts_of(file, ask)):
         (folder / str(number)).mkdir()
-        found.append(load(ask.request(write_piece(file, cut, folder / str(number)))))
-    return found
+        pieces.append(load(ask.request(write_piece(file, cut, folder / str(number)))))
+    assert len(pieces) >= 3
+    assert not any(trap.kind == "cut_recording" for one in pieces for trap in one.traps)
+    return load(ask.request(Path(file.path))), pieces
 
 
 @pytest.mark.parametrize("make", [npy, npy_with_fields, csv, csv_of_windows, table, ros1, ros2])
 def test_all_samples_once(make: Callable[[Path], Path], tmp_path: Path) -> None:
-    ask = ask_of(make)
-    (file,) = files_of([str(make(tmp_path))])
-    cuts = cuts_of(file, ask)
-    assert len(cuts) >= 3
-    pieces = pieces_of(file, cuts, ask, tmp_path)
-    whole = load(ask.request(Path(file.path)))
+    whole, pieces = cut_up(make, tmp_path)
     for name, series in whole.axes.items():
         np.testing.assert_array_equal(np.concatenate([one.axes[name].y for one in pieces]), series.y)
         assert all(one.axes[name].lsb == series.lsb for one in pieces)
     assert all(abs(one.hello.rate_hz / whole.hello.rate_hz - 1) < 1e-3 for one in pieces)
-    assert not any(trap.kind == "cut_recording" for one in pieces for trap in one.traps)
 
 
 def test_a_recording_of_the_daemon(tmp_path: Path) -> None:
     """A frame that lies across a cut is lost, and counted as on the wire; the device is known at once."""
-    ask = ask_of(ours)
-    (file,) = files_of([str(ours(tmp_path))])
-    cuts = cuts_of(file, ask)
-    assert len(cuts) >= 3
-    pieces = pieces_of(file, cuts, ask, tmp_path)
-    whole = load(ask.request(Path(file.path)))
+    whole, pieces = cut_up(ours, tmp_path)
     # Of the chunk in which the second HELLO came: it stands before the chunk, in the file.
     assert sum(one.counts.before_hello for one in pieces) <= 1
     assert {one.hello.device_id for one in pieces} == {whole.hello.device_id}
     y = np.concatenate([one.axes["gyro_x"].y for one in pieces])
-    assert len(whole.axes["gyro_x"].y) - len(cuts) - 1 < len(y) <= len(whole.axes["gyro_x"].y)
+    assert len(whole.axes["gyro_x"].y) - len(pieces) - 1 < len(y) <= len(whole.axes["gyro_x"].y)
     place = 0  # in the same order
     for value in y:
         while whole.axes["gyro_x"].y[place] != value:
             place += 1
         place += 1
-    assert not any(trap.kind == "cut_recording" for one in pieces for trap in one.traps)
 
 
 @given(
@@ -190,13 +185,19 @@ def test_what_cannot_be_cut_is_read_whole(tmp_path: Path) -> None:
         assert cuts_of(file, small) == [], name
 
 
+@cache
+def bytes_of(make: Callable[[Path], Path]) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        return make(Path(folder)).read_bytes()
+
+
 @given(st.data())
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damage_never_ends_the_program(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     """Wherever bytes are wrong: no pieces, or pieces that are read or refused."""
     folder = tmp_path_factory.mktemp("damage")
     make = data.draw(st.sampled_from([ours, ros1]))
-    whole = bytearray(KNOWN.setdefault(make, make(folder).read_bytes() if make not in KNOWN else b""))
+    whole = bytearray(bytes_of(make))
     for _ in range(data.draw(st.integers(1, 4))):
         near_end = data.draw(st.booleans())
         whole[-data.draw(st.integers(1, 400)) if near_end else data.draw(st.integers(0, 400))] = data.draw(
@@ -210,6 +211,3 @@ def test_damage_never_ends_the_program(tmp_path_factory: pytest.TempPathFactory,
         (folder / f"p{number}").mkdir()
         with contextlib.suppress(UsageError):
             load(ask.request(write_piece(file, cut, folder / f"p{number}")))
-
-
-KNOWN: dict[Callable[[Path], Path], bytes] = {}
