@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from host_support import fltea
+from host_support import fltea, fltea_here
 from support import Processes
 
 
@@ -38,7 +38,7 @@ def test_a_device_is_examined_and_one_in_use_is_left_alone(processes: Processes,
 
 
 def test_a_problem_ends_with_1_and_says_what_to_do() -> None:
-    done = fltea("doctor", "--source", "serial:/dev/no-such-port")
+    done = fltea_here("doctor", "--source", "serial:/dev/no-such-port")
     assert (done.returncode, done.stderr) == (1, "")
     lines = done.stdout.splitlines()
     (at,) = [n for n, line in enumerate(lines) if line.startswith("problem  port ")]
@@ -48,14 +48,14 @@ def test_a_problem_ends_with_1_and_says_what_to_do() -> None:
 
 
 def test_wrong_settings_end_with_2() -> None:
-    done = fltea("doctor", "--set", "record.fodler=x")
+    done = fltea_here("doctor", "--set", "record.fodler=x")
     assert done.returncode == 2
     assert "there is no such setting" in done.stderr
 
 
 def test_devices_lists_what_there_is_or_says_what_to_look_at() -> None:
-    done = fltea("devices")
+    done = fltea_here("devices")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout
-    for entry in map(json.loads, fltea("devices", "--json").stdout.splitlines()):
+    for entry in map(json.loads, fltea_here("devices", "--json").stdout.splitlines()):
         assert entry["class"] in ("port", "i2c_bus")

@@ -16,6 +16,7 @@ import pytest
 from fltea.service import daemon as service
 from fltea.settings.config import load_configs
 from support import PATIENCE_S, QUICK, Processes, wait_until
+from tiers import slow
 
 
 def of_device(records: list[dict[str, Any]], name: str, kind: str) -> list[dict[str, Any]]:
@@ -81,7 +82,7 @@ def test_accelerometer_axes_on_request(processes: Processes, tmp_path: Path) -> 
     assert set(daemon.of("stats")[-1]["axes"]) == {"gyro_z", "accel_x"}
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, slow(signal.SIGTERM)])
 def test_a_signal_ends_all_devices_and_everything_is_written(
     number: signal.Signals, processes: Processes, tmp_path: Path
 ) -> None:

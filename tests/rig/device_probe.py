@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from built import make
+from built import shared_library
 from fltea.estimator.engine import Engine
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.settings.estimator import EstimatorConfig
@@ -35,23 +35,16 @@ class Baseline(NamedTuple):
 @lru_cache
 def library(variant: str) -> ctypes.CDLL:
     """Build, if out of date, and load the probe of one variant."""
-    goal = f"{BUILD}/device_probe-{variant}.so"
-    done = make(SOURCES, BUILD, goal)
-    if done.returncode != 0:
-        raise RuntimeError(done.stdout + done.stderr)
-    probe = ctypes.CDLL(goal)
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
-    for name, result, *arguments in (
+    functions = (
         ("device_startup", ctypes.c_int),
         ("device_lsb_per_dps", ctypes.c_double),
         ("device_make", pointer),
         ("device_free", None, pointer),
         ("device_run", size, pointer, size, COUNTS, BYTES, DOUBLES),
         ("device_baseline", None, pointer, DOUBLES),
-    ):
-        function = getattr(probe, name)
-        function.restype, function.argtypes = result, arguments
-    return probe
+    )
+    return shared_library(SOURCES, BUILD, f"device_probe-{variant}", functions)
 
 
 STARTUP = library("joint").device_startup()

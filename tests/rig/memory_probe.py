@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from built import make
+from built import shared_library
 from fltea.estimator.engine import instruction_sets
 from numpy.typing import ArrayLike, NDArray
 
@@ -27,17 +27,8 @@ DOUBLES = np.ctypeslib.ndpointer(np.float64, flags="C")
 @lru_cache
 def library(instruction_set: str) -> ctypes.CDLL:
     """Build, if out of date, and load the probe of one instruction set."""
-    name = f"probe-{instruction_set}.so"
-    done = make(SOURCES, BUILD, f"{BUILD}/{name}")
-    if done.returncode != 0:
-        raise RuntimeError(done.stdout + done.stderr)
-    return declare(ctypes.CDLL(str(BUILD / name)))
-
-
-def declare(probe: ctypes.CDLL) -> ctypes.CDLL:
-    """State the types of the probe's functions."""
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
-    for name, result, *arguments in (
+    functions = (
         ("probe_make", pointer, ctypes.c_char, ctypes.c_int, size),
         ("probe_free", None, pointer),
         ("probe_lanes", ctypes.c_int, pointer),
@@ -52,10 +43,8 @@ def declare(probe: ctypes.CDLL) -> ctypes.CDLL:
         ("probe_restore", None, pointer, ctypes.c_char_p),
         ("probe_nodes", None, pointer, DOUBLES),
         ("probe_math", None, ctypes.c_char, size, DOUBLES, DOUBLES, DOUBLES, DOUBLES),
-    ):
-        function = getattr(probe, name)
-        function.restype, function.argtypes = result, arguments
-    return probe
+    )
+    return shared_library(SOURCES, BUILD, f"probe-{instruction_set}", functions)
 
 
 class Memory:

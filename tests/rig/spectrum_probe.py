@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from built import make
+from built import shared_library
 from memory_probe import BUILD, SOURCES
 from numpy.typing import NDArray
 
@@ -33,22 +33,15 @@ class BoardFit(NamedTuple):
 @lru_cache
 def library() -> ctypes.CDLL:
     """Build, if out of date, and load the probe."""
-    goal = f"{BUILD}/spectrum_probe.so"
-    done = make(SOURCES, BUILD, goal)
-    if done.returncode != 0:
-        raise RuntimeError(done.stdout + done.stderr)
-    probe = ctypes.CDLL(goal)
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
-    for name, result, *arguments in (
+    functions = (
         ("spectrum_make", pointer),
         ("spectrum_free", None, pointer),
         ("spectrum_add", None, pointer, size, COUNTS),
         ("spectrum_skip", None, pointer, size),
         ("spectrum_fit", None, pointer, DOUBLES),
-    ):
-        function = getattr(probe, name)
-        function.restype, function.argtypes = result, arguments
-    return probe
+    )
+    return shared_library(SOURCES, BUILD, "spectrum_probe", functions)
 
 
 class BoardSpectrum:

@@ -41,6 +41,34 @@ class Event:
         self.action = None
 
 
+class Alarm:
+    """Something that happens once, in a while; setting it anew takes back what was set before."""
+
+    def __init__(self, machine: "Machine", action: Callable[[], None]) -> None:
+        self._machine, self._action = machine, action
+        self._event: Event | None = None
+
+    @property
+    def is_set(self) -> bool:
+        """Whether it is still to come."""
+        return self._event is not None
+
+    def set(self, delay_ps: int) -> None:
+        """Let it happen in `delay_ps`."""
+        self.cancel()
+        self._event = self._machine.schedule(delay_ps, self._happen)
+
+    def cancel(self) -> None:
+        """Let it not happen."""
+        if self._event is not None:
+            self._event.cancel()
+            self._event = None
+
+    def _happen(self) -> None:
+        self._event = None
+        self._action()
+
+
 class Machine:
     """Virtual time in picoseconds, the master clock, interrupt lines and the clocks of peripherals.
 

@@ -1,6 +1,6 @@
 """Where the sensor is plugged in: its supply, its INT pin, and the clock that it lives by."""
 
-from tools.due_emulator.machine import Event, Machine
+from tools.due_emulator.machine import Alarm, Machine
 from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.wire import Wire
 
@@ -21,7 +21,7 @@ class SensorSocket:
         """So many bytes from now on are not acknowledged."""
         self.nack_until_ps = 0
         """Until then nothing is acknowledged [ps]."""
-        self._event: Event | None = None
+        self._alarm = Alarm(machine, self._on_event)
         chip.on_int = lambda level, at_ns: self.int_wire.drive("sensor", level)
         self.int_wire.drive("sensor", False)
         self.settle()
@@ -86,16 +86,12 @@ class SensorSocket:
 
     def settle(self) -> None:
         """Wake up again when the INT pin can change next."""
-        if self._event is not None:
-            self._event.cancel()
-            self._event = None
+        self._alarm.cancel()
         at_ns = self.chip.next_event_ns()
         if at_ns is not None:
-            delay_ps = at_ns * PS_PER_NS - self.machine.now_ps
-            self._event = self.machine.schedule(delay_ps, self._on_event)
+            self._alarm.set(at_ns * PS_PER_NS - self.machine.now_ps)
 
     def _on_event(self) -> None:
-        self._event = None
         self._catch_up()
         self.settle()
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from tools.due_emulator.cycle_counter import CycleCounter
-from tools.due_emulator.machine import Event, Machine
+from tools.due_emulator.machine import Alarm, Machine
 
 ENABLE = 1 << 0
 TICKINT = 1 << 1
@@ -23,7 +23,7 @@ class SysTick:
         self._control = 0
         self._counter = CycleCounter(machine, self._rate_hz)
         machine.on_clock_change.append(self._on_clock_change)
-        self._event: Event | None = None
+        self._alarm = Alarm(machine, self._zero)
         self.reset()
 
     def reset(self) -> None:
@@ -33,7 +33,7 @@ class SysTick:
         self._stopped_at = 0
         self._seen_wraps = 0
         self._flag = False
-        self._cancel()
+        self._alarm.cancel()
 
     def _rate_hz(self) -> tuple[int, int]:
         divider = 1 if self._control & CLKSOURCE else SLOW_DIVIDER
@@ -82,7 +82,7 @@ class SysTick:
         # The counter counts up: it is at 0 or a multiple of the period when the count is 0.
         self._counter.restart(-count)
         self._seen_wraps = 0 if count == 0 else -1
-        self._cancel()
+        self._alarm.cancel()
         if self._running:
             self._schedule()
 
@@ -96,7 +96,7 @@ class SysTick:
 
     def _schedule(self) -> None:
         next_zero = (self._wraps() + 1) * (self._load + 1)
-        self._event = self._machine.schedule(self._counter.ps_until(next_zero), self._zero)
+        self._alarm.set(self._counter.ps_until(next_zero))
 
     def _zero(self) -> None:
         self._settle()
@@ -104,12 +104,8 @@ class SysTick:
             self._pend()
         self._schedule()
 
-    def _cancel(self) -> None:
-        if self._event is not None:
-            self._event.cancel()
-
     def _on_clock_change(self) -> None:
         self._counter.rate_changed()
-        self._cancel()
+        self._alarm.cancel()
         if self._running:
             self._schedule()

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import partial
 
 from tools.due_emulator.cycle_counter import CycleCounter
-from tools.due_emulator.machine import SLOW_CLOCK_HZ, Event, Machine
+from tools.due_emulator.machine import SLOW_CLOCK_HZ, Alarm, Machine
 from tools.due_emulator.peripheral import Peripheral
 
 CHANNELS = 3
@@ -33,7 +33,7 @@ class Channel:
         assert timer.table.irq is not None
         self.irq = timer.table.irq + number
         self._counter = CycleCounter(timer.machine, self._rate)
-        self._event: Event | None = None
+        self._alarm = Alarm(timer.machine, self._mark)
         self._running = False
         self._seen = 0
         register = timer.table.registers[f"CV{number}"]
@@ -42,7 +42,7 @@ class Channel:
 
     def reset(self) -> None:
         """Stopped at 0."""
-        self._cancel()
+        self._alarm.cancel()
         self._running = False
         self._counter.restart()
         self._seen = 0
@@ -77,7 +77,7 @@ class Channel:
         """CCR."""
         if value & CLKDIS:
             self._running = False
-            self._cancel()
+            self._alarm.cancel()
         elif value & CLKEN:
             self._timer.registers[f"SR{self._n}"] |= CLKSTA
         if value & SWTRG and self._timer.registers[f"SR{self._n}"] & CLKSTA and not value & CLKDIS:
@@ -121,9 +121,9 @@ class Channel:
         self._machine.set_irq(self.irq, bool(r[f"SR{self._n}"] & r[f"IMR{self._n}"]))
 
     def _schedule(self) -> None:
-        self._cancel()
+        self._alarm.cancel()
         if self._running:
-            self._event = self._machine.schedule(self._counter.ps_until(self._next_mark()), self._mark)
+            self._alarm.set(self._counter.ps_until(self._next_mark()))
 
     def _next_mark(self) -> int:
         """Count, never taken back to 0, at which the counter next comes to RC or to its end."""
@@ -150,11 +150,6 @@ class Channel:
         if rc and not self._to_rc and (cycles - rc) // period > (self._seen - rc) // period:
             self._timer.registers[f"SR{self._n}"] |= CPCS
         self._seen = cycles
-
-    def _cancel(self) -> None:
-        if self._event is not None:
-            self._event.cancel()
-            self._event = None
 
     def _on_clock_change(self) -> None:
         self._counter.rate_changed()

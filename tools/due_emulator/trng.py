@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tools.due_emulator.machine import PS_PER_S, Event, Machine
+from tools.due_emulator.machine import PS_PER_S, Alarm, Machine
 from tools.due_emulator.peripheral import Peripheral
 
 KEY = 0x52_4E47
@@ -19,11 +19,11 @@ class Trng(Peripheral):
     def __init__(self, machine: Machine, seed: int) -> None:
         super().__init__(machine, "TRNG")
         self._rng = np.random.default_rng((seed, 0x7216))
-        self._event: Event | None = None
+        self._alarm = Alarm(machine, self._ready)
 
     def reset(self) -> None:
         """Off."""
-        self._cancel()
+        self._alarm.cancel()
         super().reset()
         self.settle_irq()
 
@@ -37,7 +37,7 @@ class Trng(Peripheral):
             if not value:
                 self.machine.fault("TRNG_ODATA is read when no new word is there: wait for TRNG_ISR.DATRDY")
             self.registers["ODATA"] = 0
-            if self._event is None:
+            if not self._alarm.is_set:
                 self._next()
         return value
 
@@ -46,14 +46,14 @@ class Trng(Peripheral):
         if register == "CR":
             if value >> 8 != KEY:
                 self.machine.fault(f"TRNG_CR = 0x{value:08X} without its key 0x524E47: the chip ignores it")
-            self._cancel()
+            self._alarm.cancel()
             if value & 1:
                 self._next()
         else:
             super().on_write(register, value)
 
     def _next(self) -> None:
-        self._event = self.machine.schedule(CYCLES * PS_PER_S // self.machine.mck_hz, self._ready)
+        self._alarm.set(CYCLES * PS_PER_S // self.machine.mck_hz)
 
     def _ready(self) -> None:
         # Never 0, so that "no word yet" can be distinguished from a word; the real one may give it.
@@ -61,9 +61,3 @@ class Trng(Peripheral):
         self.registers["ISR"] = DATRDY
         self.settle_irq()
         # The real one replaces a word that nobody fetched; here the next one is made when one is fetched.
-        self._event = None
-
-    def _cancel(self) -> None:
-        if self._event is not None:
-            self._event.cancel()
-            self._event = None

@@ -10,7 +10,7 @@ transfers by PDC.
 from collections.abc import Generator
 
 from tools.due_emulator.i2c_lines import FASTEST_HZ, TOLERANCE, I2cLines
-from tools.due_emulator.machine import PS_PER_S, Event, Machine
+from tools.due_emulator.machine import PS_PER_S, Alarm, Machine
 from tools.due_emulator.peripheral import Peripheral
 from tools.due_emulator.pio import Pio
 
@@ -53,7 +53,7 @@ class Twi(Peripheral):
         self._quick_status = machine.quick_reads.add(
             self.table.base + self.table.registers["SR"].offset, self.clock_id("SR")
         )
-        self._event: Event | None = None
+        self._alarm = Alarm(machine, self._resume)
         self._thr: int | None = None
         self._remains: int | None = None
         """What a write that nobody acknowledged left in THR."""
@@ -271,7 +271,6 @@ class Twi(Peripheral):
 
     def _resume(self) -> None:
         """Run the transfer to its next wait."""
-        self._event = None
         self._waiting = False
         if self._transfer is None or self._stalled:
             return
@@ -288,14 +287,14 @@ class Twi(Peripheral):
             self._waiting = True
         else:
             self._step_ps, self._step_bits = self.machine.now_ps, bits
-            self._event = self.machine.schedule(round(bits * self._bit_ps()), self._resume)
+            self._alarm.set(round(bits * self._bit_ps()))
 
     def _continue(self) -> None:
         if self._waiting:
             self._resume()
 
     def _on_scl(self, high: bool) -> None:
-        if high and self._transfer is not None and self._event is None and not self._waiting:
+        if high and self._transfer is not None and not self._alarm.is_set and not self._waiting:
             self._resume()
 
     def _bit_ps(self) -> float:
@@ -314,9 +313,7 @@ class Twi(Peripheral):
         """Let the bus go at once; the sensor is left in mid-byte if it was in one."""
         if self._transfer is None:
             return
-        if self._event is not None:
-            self._event.cancel()
-            self._event = None
+        self._alarm.cancel()
         if self._on_line is not None and not self._stalled:
             sending, byte = self._on_line
             in_step = (self.machine.now_ps - self._step_ps) / self._bit_ps()

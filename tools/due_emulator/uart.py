@@ -5,7 +5,7 @@ Sources: datasheet 34 (UART), 35 (USART), 26 (PDC). Nothing is ever received: th
 
 from typing import Protocol
 
-from tools.due_emulator.machine import PS_PER_S, Event, Machine
+from tools.due_emulator.machine import PS_PER_S, Alarm, Machine
 from tools.due_emulator.memory_map import Memory
 from tools.due_emulator.peripheral import Peripheral
 
@@ -36,7 +36,7 @@ class Transmitter(Peripheral):
         self.bytes_sent = 0
         self.busy_ps = 0
         """Time for which the line was not idle [ps]."""
-        self._event: Event | None = None
+        self._alarm = Alarm(machine, self._sent)
         self._timing_of: tuple[int, int, int] | None = None
         self._baud = 0.0
         self._byte_ps = 0
@@ -50,7 +50,7 @@ class Transmitter(Peripheral):
 
     def reset(self) -> None:
         """Off; a byte on the line is cut off and lost."""
-        self._cancel()
+        self._alarm.cancel()
         super().reset()
         self._clear()
         self._settle()
@@ -91,7 +91,7 @@ class Transmitter(Peripheral):
 
     def _command(self, value: int) -> None:
         if value & RSTTX:
-            self._cancel()
+            self._alarm.cancel()
             self._holding = self._shifting = None
             self._enabled = False
         if value & TXDIS:
@@ -134,7 +134,7 @@ class Transmitter(Peripheral):
         if self._shifting is None and self._holding is not None and self._enabled:
             self._shifting, self._holding = self._holding, None
             self._settle_timing()
-            self._event = self.machine.schedule(self._byte_ps, self._sent)
+            self._alarm.set(self._byte_ps)
             self._fetch()
         self._settle()
 
@@ -166,7 +166,7 @@ class Transmitter(Peripheral):
 
     def _sent(self) -> None:
         assert self._shifting is not None
-        byte, self._shifting, self._event = self._shifting, None, None
+        byte, self._shifting = self._shifting, None
         self.bytes_sent += 1
         self.busy_ps += self._byte_ps
         self._line.send(byte, self.machine.now_ps, self._baud)
@@ -179,8 +179,3 @@ class Transmitter(Peripheral):
         flags = TXRDY * ready | TXEMPTY * empty
         r[self.status] = r[self.status] & ~(TXRDY | TXEMPTY) | flags
         self.settle_irq()
-
-    def _cancel(self) -> None:
-        if self._event is not None:
-            self._event.cancel()
-            self._event = None

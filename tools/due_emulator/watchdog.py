@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from tools.due_emulator.machine import PS_PER_S, SLOW_CLOCK_HZ, Event, Machine
+from tools.due_emulator.machine import PS_PER_S, SLOW_CLOCK_HZ, Alarm, Machine
 from tools.due_emulator.peripheral import Peripheral
 
 KEY = 0xA5
@@ -20,7 +20,7 @@ class Watchdog(Peripheral):
     def __init__(self, machine: Machine, bite: Callable[[], None]) -> None:
         super().__init__(machine, "WDT")
         self._bite = bite
-        self._event: Event | None = None
+        self._alarm = Alarm(machine, self._look)
         self._fed_ps = 0
         self._written = False
         self._feed()
@@ -76,15 +76,11 @@ class Watchdog(Peripheral):
         self._wait()
 
     def _wait(self) -> None:
-        if self._event is not None:
-            self._event.cancel()
-            self._event = None
+        self._alarm.cancel()
         if not self.field("MR", "WDDIS"):
-            left_ps = self.period_ps - (self._clock_ps() - self._fed_ps)
-            self._event = self.machine.schedule(left_ps, self._look)
+            self._alarm.set(self.period_ps - (self._clock_ps() - self._fed_ps))
 
     def _look(self) -> None:
-        self._event = None
         if self._clock_ps() - self._fed_ps >= self.period_ps:
             self._fail(WDUNF)
         else:
