@@ -4,10 +4,11 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import pytest
+from blocks import of
 from fltea.records.block import Block
 from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.ports import Departed, Sink
-from fltea.records.records import Epoch, Gap, Hello, Stats
+from fltea.records.records import Epoch, Error, Gap, Hello, Stats
 from fltea.service.hub import Hub
 from fltea.service.ingest.devices import Line
 from fltea.service.ingest.inbox import Inbox, Left, Served
@@ -120,15 +121,18 @@ class Worker:
         assert self.hub.close(10)
         return self
 
+    def kinds(self) -> list[str]:
+        """Of all errors, at the end."""
+        return [one.kind for one in of(Error, self.end().sink.items)]
+
     def estimates(self) -> dict[int, tuple[Any, ...]]:
         """By number of the sample; how often, and what."""
         found: dict[int, tuple[Any, ...]] = {}
-        for block in self.sink.items:
-            if isinstance(block, Block) and block.estimates:
-                for record in block.estimate_records():
-                    assert record.seq not in found, "twice"
-                    x = record.axes["gyro_x"]
-                    found[record.seq] = (x.alpha, x.f, x.state, x.innovation, x.valid)
+        for block in of(Block, self.sink.items):
+            for record in block.estimate_records() if block.estimates else ():
+                assert record.seq not in found, "twice"
+                x = record.axes["gyro_x"]
+                found[record.seq] = (x.alpha, x.f, x.state, x.innovation, x.valid)
         return found
 
 
@@ -148,9 +152,9 @@ def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() 
     second.hear(range(9, 12), -2)
     second.ingest._on_partition(Left(0))
     items = second.end().sink.items
-    assert [one.reason for one in items if isinstance(one, Epoch)] == ["resumed"]
-    assert [(one.seq, one.missing, one.epoch) for one in items if isinstance(one, Gap)] == [(600, 300, 1)]
-    last = [one for one in items if isinstance(one, Stats)][-1].samples
+    assert [one.reason for one in of(Epoch, items)] == ["resumed"]
+    assert [(one.seq, one.missing, one.epoch) for one in of(Gap, items)] == [(600, 300, 1)]
+    last = of(Stats, items)[-1].samples
     assert (last.delivered, last.lost, last.gaps) == (300, 300, 1)
 
 
@@ -162,16 +166,15 @@ def test_another_worker_goes_on_with_the_very_same_estimates() -> None:
     first.hear(range(6, 8))
     second.ingest.inbox.post(Served(0, {"a": kept}, 8))
     second.hear(range(4, 12))  # those up to the snapshot are known
-    told = [e for e in second.end().sink.items if isinstance(e, Epoch)]
-    assert [one.reason for one in told] == ["resumed"]
+    assert [one.reason for one in of(Epoch, second.end().sink.items)] == ["resumed"]
     whole, left, right = unbroken(12), first.end().estimates(), second.estimates()
     assert set(left) | set(right) == set(whole) == set(range(150, 1200))
     assert set(left) & set(right) == set(range(600, 800)), "since the snapshot"
     for seq, found in right.items():
         assert found == whole[seq]
-    assert "2 messages were walked again" in str(
-        [item.message for item in second.sink.items if getattr(item, "kind", "") == "partition_caught_up"]
-    )
+    (again,) = of(Error, second.sink.items)
+    assert again.kind == "partition_caught_up"
+    assert "2 messages were walked again" in again.message
 
 
 def test_a_device_whose_window_fills_begins_again_with_its_first_message() -> None:
@@ -241,8 +244,7 @@ def test_nobody_is_called_silent_while_the_stream_is_read_behind_its_time(later:
     if later:
         worker.ingest.catching_up._behind_ns.clear()
     worker.ingest.look(host_ns())
-    told = [getattr(one, "kind", "") for one in worker.end().sink.items]
-    assert told.count("silent") == later
+    assert worker.kinds().count("silent") == later
 
 
 def test_times_are_the_streams_whatever_this_machines_clock_says() -> None:
@@ -258,7 +260,7 @@ def test_times_are_the_streams_whatever_this_machines_clock_says() -> None:
     second.ingest.inbox.post(Served(0, {"a": kept}, 6))
     second.hear(range(6, 8))
     items = second.end().sink.items
-    assert [one.reason for one in items if isinstance(one, Epoch)] == ["resumed"]
+    assert [one.reason for one in of(Epoch, items)] == ["resumed"]
     assert set(second.estimates()) == set(range(600, 800))
 
 
@@ -364,5 +366,4 @@ def test_nobody_is_silent_or_forgotten_while_nobody_could_be_heard(act: Callable
     worker.ingest.look(host_ns())
     could_hear = act is nothing
     assert list(worker.lines) == (["a"] if could_hear else ["a", "b"])
-    told = [getattr(one, "kind", "") for one in worker.end().sink.items]
-    assert told.count("silent") == could_hear
+    assert worker.kinds().count("silent") == could_hear

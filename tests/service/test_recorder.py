@@ -4,6 +4,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from blocks import of
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Chunk
 from fltea.records.records import Error, Hello, Sample
@@ -23,10 +24,6 @@ def made(record_to: Path, **settings: object) -> tuple[Hub, RecorderOfHub]:
     hub = Hub(lambda error: None)
     config = RecordConfig(**settings)  # type: ignore[arg-type]
     return hub, RecorderOfHub(hub, config, str(record_to), {"old"})
-
-
-def only(found: list, kind: type) -> list:
-    return [record for record in found if isinstance(record, kind)]
 
 
 def test_what_came_between_start_and_stop_is_recorded_and_can_be_replayed(tmp_path: Path) -> None:
@@ -54,11 +51,11 @@ def test_what_came_between_start_and_stop_is_recorded_and_can_be_replayed(tmp_pa
     after = recorder.view("due")
     assert (after.on, after.file, after.size_bytes) == (False, path.name, path.stat().st_size)
     found = replay(path)
-    seqs = [sample.seq for sample in only(found, Sample)]
+    seqs = [sample.seq for sample in of(Sample, found)]
     between = sum(isinstance(item, Chunk) for item in items[200:400])
     assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
     assert abs(len(seqs) - between) <= 5, "from the first whole frame on, without waiting for a HELLO"
-    assert [e.kind for e in only(found, Error)] == []
+    assert [e.kind for e in of(Error, found)] == []
     recorder.start("due", said)
     recorder.stop("due")
     assert len(list((tmp_path / "recordings").iterdir())) == 1, "nothing came, so there is no second file"
@@ -94,7 +91,7 @@ def test_a_source_without_a_wire_is_recorded_from_then_on(tmp_path: Path) -> Non
     walk.finish()
     assert hub.close(PATIENCE_S)
     (path,) = tmp_path.iterdir()
-    seqs = [sample.seq for sample in only(replay(path), Sample)]
+    seqs = [sample.seq for sample in of(Sample, replay(path))]
     assert len(seqs) == ended - began
 
 

@@ -1,16 +1,16 @@
 """The live fit in the walk: when it is due, what it is of, and what it goes on over."""
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import ClassVar
 
 import pytest
-from blocks import cuts, in_blocks, ndjson, records_of
+from blocks import cuts, in_blocks, ndjson, of, records_of
 from estimating_board import Board, events, noise
 from fltea.records.block import Block
 from fltea.records.events import Break, Event, LinkDown
 from fltea.records.fit import AxisFit
-from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Fit, Hello, Stats
+from fltea.records.records import Epoch, Error, Estimate, Fit, Hello, Stats
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream import fit_times, live
@@ -24,17 +24,13 @@ from quick_fit import QuickAxes
 from walk_support import raw, walk
 
 
-def fits(items: Sequence[AnyRecord | Block]) -> list[Fit]:
-    return [item for item in items if isinstance(item, Fit)]
-
-
 def left_out(fit: Fit) -> int:
     return fit.axes["gyro_x"].left_out["lost"]
 
 
 def test_a_fit_knows_all_until_the_last_sample_of_a_second_and_comes_when_all_axes_had_their_turns() -> None:
     items, _ = walk([hello(), raw(range(350))])
-    assert [(f.seq, f.samples, f.device_us, f.host_ns) for f in fits(items)] == [
+    assert [(f.seq, f.samples, f.device_us, f.host_ns) for f in of(Fit, items)] == [
         (k, k + 1, k * 10_000, k * 10_000_000) for k in (99, 199, 299)
     ]
     for place, item in enumerate(items):
@@ -42,20 +38,20 @@ def test_a_fit_knows_all_until_the_last_sample_of_a_second_and_comes_when_all_ax
             before = items[place - 1]
             assert isinstance(before, Block)
             assert before.seq[-1] == item.seq + 2 * 5
-    assert list(fits(items)[0].axes) == ["gyro_x", "gyro_y", "gyro_z"]
-    assert fits(items)[0].device == "due"
+    assert list(of(Fit, items)[0].axes) == ["gyro_x", "gyro_y", "gyro_z"]
+    assert of(Fit, items)[0].device == "due"
 
 
 @pytest.mark.parametrize(("period_s", "seqs"), [(0.5, [49, 99, 149]), (1.2, [119])])
 def test_the_period_is_a_setting(period_s: float, seqs: list[int]) -> None:
     items, pipeline = walk([hello(), raw(range(170))], live__period_s=period_s)
-    assert [f.seq for f in fits(items)] == seqs
+    assert [f.seq for f in of(Fit, items)] == seqs
     assert pipeline.stats().fit_period_s == period_s
 
 
 def test_it_can_be_switched_off() -> None:
     items, pipeline = walk([hello(), raw(range(350))], live__on=False)
-    assert not fits(items)
+    assert not of(Fit, items)
     assert [type(item) for item in pipeline.finish()] == [Stats]
     assert pipeline.stats().fit_period_s is None
 
@@ -63,18 +59,18 @@ def test_it_can_be_switched_off() -> None:
 def test_fits_do_not_depend_on_how_many_samples_are_written() -> None:
     whole, _ = walk([hello(), raw(range(350))])
     thin, _ = walk([hello(), raw(range(350))], output__every=70)
-    assert fits(thin) == fits(whole)
+    assert of(Fit, thin) == of(Fit, whole)
 
 
 @pytest.mark.parametrize("who", ["device", "both"])
 def test_the_axes_of_a_board_that_estimates_are_fitted_here(who: str) -> None:
     items, _ = walk(events(Board().run(noise(330))), estimator__estimate_on=who)
-    assert [f.samples for f in fits(items)] == [100, 200, 300]
+    assert [f.samples for f in of(Fit, items)] == [100, 200, 300]
 
 
 def test_named_axes_of_both_sensors_are_fitted() -> None:
     items, _ = walk([hello(), raw(range(120))], channels=["gyro_z", "accel_x"])
-    (fit,) = fits(items)
+    (fit,) = of(Fit, items)
     assert {axis: one.unit for axis, one in fit.axes.items()} == {"gyro_z": "deg/s", "accel_x": "m/s^2"}
 
 
@@ -82,9 +78,9 @@ def test_with_many_devices_the_default_period_is_longer() -> None:
     for devices, period_s, seqs in ((12, 1.0, [99, 199, 299]), (30, 2.5, [249])):
         items, pipeline = walk([hello(), raw(range(350))], devices=devices)
         assert pipeline.stats().fit_period_s == period_s
-        assert [f.seq for f in fits(items)] == seqs
+        assert [f.seq for f in of(Fit, items)] == seqs
     items, _ = walk([hello(), raw(range(350))], devices=50, live__period_s=1)
-    assert [f.seq for f in fits(items)] == [99, 199, 299]
+    assert [f.seq for f in of(Fit, items)] == [99, 199, 299]
 
 
 def test_at_full_speed_the_record_grows_by_a_tenth_from_fit_to_fit() -> None:
@@ -121,7 +117,7 @@ def test_the_fits_that_settle_are_the_same_live_and_at_full_speed(
 
 def test_curves_come_every_ten_seconds_and_with_the_last_fit() -> None:
     items, pipeline = walk([hello(), raw(range(1234))])
-    drawn = [f.seq for f in fits(items) if f.axes["gyro_x"].spectrum is not None]
+    drawn = [f.seq for f in of(Fit, items) if f.axes["gyro_x"].spectrum is not None]
     assert drawn == [99, 1099]
     last, stats = pipeline.finish()
     assert isinstance(last, Fit)
@@ -133,7 +129,7 @@ def test_curves_come_every_ten_seconds_and_with_the_last_fit() -> None:
 
 def test_a_last_fit_that_had_its_curves_is_not_said_twice() -> None:
     items, pipeline = walk([hello(), raw(range(100))])
-    assert not fits(items)  # two axes are to come
+    assert not of(Fit, items)  # two axes are to come
     assert [type(item) for item in pipeline.finish()] == [Fit, Stats]
 
 
@@ -145,7 +141,7 @@ def test_the_last_fit_of_a_recording_is_judged_as_one_look() -> None:
     assert isinstance(last, Fit)
     assert last.axes["gyro_x"].text.endswith("at the end")
     assert [type(item) for item in pipeline.finish()] == [Stats]
-    assert not any(fit.axes["gyro_x"].text.endswith("at the end") for fit in fits(items))
+    assert not any(fit.axes["gyro_x"].text.endswith("at the end") for fit in of(Fit, items))
     _, pipeline = walk([hello(), raw(range(150))])
     last, _ = pipeline.finish()
     assert isinstance(last, Fit)
@@ -159,15 +155,15 @@ def test_without_a_sample_there_is_no_last_fit() -> None:
 
 def test_lost_samples_are_told_and_a_fit_that_was_due_among_them_comes_after_them() -> None:
     items, _ = walk([hello(), raw([*range(95), *range(105, 260)])])
-    assert [(f.seq, f.samples, left_out(f)) for f in fits(items)] == [(105, 96, 10), (199, 190, 10)]
+    assert [(f.seq, f.samples, left_out(f)) for f in of(Fit, items)] == [(105, 96, 10), (199, 190, 10)]
 
 
 def test_the_sums_go_on_over_a_long_gap_and_a_restart_of_the_same_sensor() -> None:
     again = replace(hello(), boot_id=9)
     items, _ = walk([hello(), raw(range(150)), raw(range(250, 400)), again, raw(range(400, 520))])
-    epochs = [item for item in items if isinstance(item, Epoch)]
+    epochs = of(Epoch, items)
     assert [e.reason for e in epochs] == ["start", "gap", "restart"]
-    assert [(f.epoch, f.seq, f.samples, left_out(f)) for f in fits(items)] == [
+    assert [(f.epoch, f.seq, f.samples, left_out(f)) for f in of(Fit, items)] == [
         (1, 99, 100, 0),
         (2, 349, 250, 100),
         (3, 499, 400, 100 + live.BREAK),
@@ -180,12 +176,12 @@ def test_the_sums_go_on_over_a_long_gap_and_a_restart_of_the_same_sensor() -> No
 def test_another_sensor_begins_again(changes: dict[str, object]) -> None:
     other: Hello = replace(hello(), boot_id=9, **changes)
     items, _ = walk([hello(), raw(range(150)), LinkDown(1), other, raw(range(200, 320))])
-    assert [(f.epoch, f.samples, left_out(f)) for f in fits(items)] == [(1, 100, 0), (2, 100, 0)]
+    assert [(f.epoch, f.samples, left_out(f)) for f in of(Fit, items)] == [(1, 100, 0), (2, 100, 0)]
 
 
 def test_a_break_in_a_recording_breaks_the_stretch() -> None:
     items, _ = walk([hello(), raw(range(150)), Break("discontinuity", 0), raw(range(150, 260))])
-    assert [(f.samples, left_out(f)) for f in fits(items)] == [(100, 0), (250, live.BREAK)]
+    assert [(f.samples, left_out(f)) for f in of(Fit, items)] == [(100, 0), (250, live.BREAK)]
 
 
 # --- turns ---
@@ -214,7 +210,7 @@ def test_no_two_axes_of_devices_that_begin_at_once_are_fitted_at_the_same_sample
         Watched.turns = []
         items, _ = walk([hello(), raw(range(samples))], devices=devices, number=number, channels=axes)
         at += [samples for samples, _ in Watched.turns]
-        found = fits(items)
+        found = of(Fit, items)
         assert [axis for _, axis in Watched.turns[: len(axes)]] == axes
         assert found
         _, pipeline = walk([hello(), raw(range(found[0].samples))], channels=axes, live__period_s=60)
@@ -234,9 +230,9 @@ def test_turns_end_before_the_next_period(
 def test_a_fit_of_a_sensor_that_is_gone_is_not_finished_and_one_of_the_same_goes_on() -> None:
     other = replace(hello(), boot_id=9, device_id="ff")
     items, _ = walk([hello(), raw(range(102)), LinkDown(1), other, raw(range(200, 320))])
-    assert [(f.epoch, f.samples) for f in fits(items)] == [(2, 100)]
+    assert [(f.epoch, f.samples) for f in of(Fit, items)] == [(2, 100)]
     items, _ = walk([hello(), raw(range(102)), raw(range(200, 210))])
-    assert [(f.epoch, f.samples) for f in fits(items)] == [(1, 100)]
+    assert [(f.epoch, f.samples) for f in of(Fit, items)] == [(1, 100)]
 
 
 @given(st.lists(st.tuples(st.integers(1, 12), st.integers(0, 20), st.integers(0, 39)), max_size=8))
@@ -252,7 +248,7 @@ def test_estimates_are_the_same_live_and_at_full_speed_whatever_is_lost(
         patch.setattr(fit_times, "AXIS_S", 1.0)
         patch.setattr(fit_times, "GROWTH", 2)  # settled soon: 1, 2, 3, 5, 8 and 12 s
         each = [walk([hello(), block], prompt=prompt)[0] for prompt in (True, False)]
-    told, full = ([r for r in records_of(items) if isinstance(r, Estimate)] for items in each)
+    told, full = (of(Estimate, records_of(items)) for items in each)
     assert told == full
 
 
@@ -282,7 +278,7 @@ def test_estimates_say_what_the_newest_fit_before_their_sample_says(who: str) ->
 
 def test_estimates_say_nothing_of_it_where_there_is_none() -> None:
     items, _ = walk([hello(), raw(range(350))], live__on=False)
-    found = [r for r in records_of(items) if isinstance(r, Estimate)]
+    found = of(Estimate, records_of(items))
     assert len(found) == 330
     assert all(one.null_p is one.whiteness is None for r in found for one in r.axes.values())
 
@@ -301,17 +297,17 @@ def saved() -> DeviceState:
 
 def test_a_saved_fit_goes_on_with_a_break_for_the_time_between() -> None:
     items, _ = walk([hello(), raw(range(400, 550))], saved())
-    assert [item.reason for item in items if isinstance(item, Epoch)] == ["resumed"]
-    (fit,) = fits(items)
+    assert [item.reason for item in of(Epoch, items)] == ["resumed"]
+    (fit,) = of(Fit, items)
     assert (fit.samples, left_out(fit)) == (250, 250)
 
 
 def test_a_saved_fit_that_is_not_sound_is_refused_with_all_the_rest() -> None:
     items, _ = walk([hello(), raw(range(400, 550))], replace(saved(), gyro_fit=b"nonsense"))
-    (error,) = [item for item in items if isinstance(item, Error)]
+    (error,) = of(Error, items)
     assert error.kind == "state_unused"
     assert "no sums of a live fit" in error.message
-    assert fits(items)[0].samples == 100
+    assert of(Fit, items)[0].samples == 100
 
 
 def test_filters_that_are_refused_take_the_saved_fit_with_them() -> None:
@@ -320,15 +316,15 @@ def test_filters_that_are_refused_take_the_saved_fit_with_them() -> None:
     items, _ = walk(
         [hello(), raw(range(400, 550))], replace(state, gyro=replace(state.gyro, engine=b"nonsense"))
     )
-    assert [item.kind for item in items if isinstance(item, Error)] == ["state_unused"]
-    assert (fits(items)[0].samples, left_out(fits(items)[0])) == (100, 0)
+    assert [item.kind for item in of(Error, items)] == ["state_unused"]
+    assert (of(Fit, items)[0].samples, left_out(of(Fit, items)[0])) == (100, 0)
 
 
 def test_another_memory_begins_again() -> None:
     items, _ = walk([hello(), raw(range(400, 550))], saved(), live__memory="10min")
-    (error,) = [item for item in items if isinstance(item, Error)]
+    (error,) = of(Error, items)
     assert "live.memory" in error.message
-    assert fits(items)[0].samples == 100
+    assert of(Fit, items)[0].samples == 100
 
 
 # --- true fits ---
@@ -343,7 +339,7 @@ def test_true_fits_are_the_same_in_any_cut(places: list[int], lost: set[int]) ->
 
         def all_of(blocks: Iterable[Event]) -> list[bytes]:
             items, pipeline = walk([hello(), *blocks], channels=["gyro_x"], live__period_s=1.5)
-            return ndjson([*fits(items), *pipeline.finish()])
+            return ndjson([*of(Fit, items), *pipeline.finish()])
 
         whole = all_of([block])
         assert len(whole) == 4

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from blocks import records_of
+from blocks import of, records_of
 from fltea.estimator.bank import Bank, Variances
 from fltea.records.block import Block
 from fltea.records.events import RawSample, block_of
@@ -63,7 +63,7 @@ def test_what_has_moved_by_less_than_a_tenth_of_its_interval_stays(s2: float, R:
 def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
     """The same bank, told by hand."""
     items, pipeline = walk([hello(), raw(range(830))], estimator__variant=variant, **TUNED)
-    found = {r.seq: r.axes for r in records_of(items) if isinstance(r, Estimate)}
+    found = {r.seq: r.axes for r in of(Estimate, records_of(items))}
     by_hand = walk([hello()], estimator__variant=variant)[1]._config.estimator
     bank = Bank(("gyro_x", "gyro_y", "gyro_z"), by_hand, 0.01, 1 / 16.4)
     y = raw(range(830)).gyro / 16.4
@@ -123,9 +123,9 @@ def test_a_replay_at_full_speed_tunes_and_estimates_as_the_run_did() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "LiveAxes", LiveAxes)
         (run, a), (replay, b) = (walk([hello(), block], prompt=prompt, **TUNED) for prompt in (True, False))
-    assert len([item for item in run if isinstance(item, Fit)]) == 90
-    assert len([item for item in replay if isinstance(item, Fit)]) < 45
-    published = [[r for r in records_of(items) if isinstance(r, Estimate)] for items in (run, replay)]
+    assert len(of(Fit, run)) == 90
+    assert len(of(Fit, replay)) < 45
+    published = [of(Estimate, records_of(items)) for items in (run, replay)]
     assert published[0] == published[1]
     assert a.stats().axes == b.stats().axes
     assert any(one.tuned for one in a.stats().axes.values())
