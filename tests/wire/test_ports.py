@@ -132,7 +132,8 @@ def test_one_that_hangs_while_it_is_opened_holds_up_nobody(monkeypatch, terminal
     loop.until(lambda: loop.data(1) == b"late", "the late one's data")
 
 
-def test_one_that_dies_and_comes_back_costs_the_others_nothing(terminals, loop_of) -> None:
+def test_one_that_dies_and_comes_back_costs_the_others_nothing(monkeypatch, terminals, loop_of) -> None:
+    monkeypatch.setattr(transport, "BACKOFF_S", (0.05,))
     many = terminals(3)
     loop = loop_of([one.link for one in many])
     loop.opened(0, 1, 2)

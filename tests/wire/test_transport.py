@@ -90,6 +90,7 @@ def test_any_exception_of_a_driver_becomes_an_event(monkeypatch, readers) -> Non
 
 
 def test_a_port_whose_descriptor_cannot_be_had_is_tried_again(monkeypatch, terminal, readers) -> None:
+    monkeypatch.setattr(transport, "BACKOFF_S", (0.05,))
     with monkeypatch.context() as patch:
         patch.setattr(transport, "_descriptor_of", broken)
         events = readers(terminal.link).events(0.05)
