@@ -61,6 +61,10 @@ class LinkConfig(Table, frozen=True):
     ] = 100
 
 
+def _memory(meaning: str) -> Setting:
+    return Setting(meaning, unit="MB", above=0, most=MOST_MB)
+
+
 class ReplayConfig(How, frozen=True):
     """How to read a recording."""
 
@@ -75,23 +79,11 @@ class ReplayConfig(How, frozen=True):
         ),
     ] = None
     max_chunk_mb: Annotated[
-        float,
-        Setting(
-            "Most memory that one record of an MCAP file may take, unpacked.",
-            unit="MB",
-            above=0,
-            most=MOST_MB,
-        ),
+        float, _memory("Most memory that one record of an MCAP file may take, unpacked.")
     ] = DEFAULT_LIMITS.max_chunk_mb
-    max_mb: Annotated[
-        float,
-        Setting(
-            "Most memory that any other recording may take, 8 bytes a number.",
-            unit="MB",
-            above=0,
-            most=MOST_MB,
-        ),
-    ] = DEFAULT_LIMITS.max_mb
+    max_mb: Annotated[float, _memory("Most memory that any other recording may take, 8 bytes a number.")] = (
+        DEFAULT_LIMITS.max_mb
+    )
 
     @property
     def limits(self) -> Limits:

@@ -201,6 +201,18 @@ class MqttConfig(Table, frozen=True):
         return BrokerAddress(host, port, tls)
 
 
+def _address(what: str, flag: str, port: int) -> Setting:
+    return Setting(
+        f"{what}, PORT or HOST:PORT; without a host it is for this machine only.",
+        text="PORT or HOST:PORT",
+        least=0,
+        most=65535,
+        flags=(flag,),
+        metavar="[HOST:]PORT",
+        example=port,
+    )
+
+
 class Listening(Table, frozen=True):
     """What listens at an address; off without one."""
 
@@ -226,18 +238,7 @@ class Listening(Table, frozen=True):
 class DashboardConfig(Listening, frozen=True):
     """The live page; off without an address."""
 
-    address: Annotated[
-        str | int | None,
-        Setting(
-            "Address of the live page, PORT or HOST:PORT; without a host it is for this machine only.",
-            text="PORT or HOST:PORT",
-            least=0,
-            most=65535,
-            flags=("--dashboard",),
-            metavar="[HOST:]PORT",
-            example=5006,
-        ),
-    ] = None
+    address: Annotated[str | int | None, _address("Address of the live page", "--dashboard", 5006)] = None
     visitors: Annotated[int, Setting("Pages that may be open at a time.", unit="pages", least=1)] = 20
     record: Annotated[
         bool | None,
@@ -264,17 +265,7 @@ class MetricsConfig(Listening, frozen=True):
     """Metrics for Prometheus; off without an address."""
 
     address: Annotated[
-        str | int | None,
-        Setting(
-            "Address at which Prometheus finds metrics, PORT or HOST:PORT; without a host it is for this "
-            "machine only.",
-            text="PORT or HOST:PORT",
-            least=0,
-            most=65535,
-            flags=("--metrics",),
-            metavar="[HOST:]PORT",
-            example=9100,
-        ),
+        str | int | None, _address("Address at which Prometheus finds metrics", "--metrics", 9100)
     ] = None
 
 
