@@ -9,6 +9,7 @@ from blocks import of, of_samples, records_of
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, RawSample
 from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Stats
+from fltea.service import state as state_module
 from fltea.service.state import DeviceState, StateFile
 from fltea.settings.config import Config
 from fltea.settings.outputs import StateConfig
@@ -211,8 +212,11 @@ def test_all_devices_are_written_at_the_end_and_found_again(tmp_path: Path) -> N
     assert [p.name for p in tmp_path.iterdir()] == ["fltea.state"]
 
 
-def test_what_is_new_is_written_soon_and_not_a_period_later(tmp_path: Path) -> None:
+def test_what_is_new_is_written_soon_and_not_a_period_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A program that is killed then has lost no more than a period."""
+    monkeypatch.setattr(state_module, "LOOK_S", 0.01)
     path = tmp_path / "state"
     file, said = state_file(path, period_s=3600)
     state = snapshot(config())

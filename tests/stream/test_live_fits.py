@@ -21,6 +21,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 from quick_fit import QuickAxes
+from tiers import slow
 from walk_support import raw, walk
 
 
@@ -235,21 +236,24 @@ def test_a_fit_of_a_sensor_that_is_gone_is_not_finished_and_one_of_the_same_goes
     assert [(f.epoch, f.samples) for f in of(Fit, items)] == [(1, 100)]
 
 
-@given(st.lists(st.tuples(st.integers(1, 12), st.integers(0, 20), st.integers(0, 39)), max_size=8))
-@settings(max_examples=25)
-@example([(1, 0, 39), (2, 0, 39), (4, 0, 39), (7, 0, 39)])
-def test_estimates_are_the_same_live_and_at_full_speed_whatever_is_lost(
-    lost: list[tuple[int, int, int]],
-) -> None:
+@pytest.mark.parametrize("examples", [10, slow(25)])
+def test_estimates_are_the_same_live_and_at_full_speed_whatever_is_lost(examples: int) -> None:
     """Samples with which fits are due: axes are left when the next one is."""
-    gone = {k for second, before, after in lost for k in range(100 * second - before, 100 * second + after)}
-    block = raw(k for k in range(1300) if k not in gone)
+
+    @given(st.lists(st.tuples(st.integers(1, 12), st.integers(0, 20), st.integers(0, 39)), max_size=8))
+    @settings(max_examples=examples)
+    @example([(1, 0, 39), (2, 0, 39), (4, 0, 39), (7, 0, 39)])
+    def holds(lost: list[tuple[int, int, int]]) -> None:
+        gone = {k for at, before, after in lost for k in range(100 * at - before, 100 * at + after)}
+        block = raw(k for k in range(1300) if k not in gone)
+        each = [walk([hello(), block], prompt=prompt)[0] for prompt in (True, False)]
+        told, full = (of(Estimate, records_of(items)) for items in each)
+        assert told == full
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fit_times, "AXIS_S", 1.0)
         patch.setattr(fit_times, "GROWTH", 2)  # settled soon: 1, 2, 3, 5, 8 and 12 s
-        each = [walk([hello(), block], prompt=prompt)[0] for prompt in (True, False)]
-    told, full = (of(Estimate, records_of(items)) for items in each)
-    assert told == full
+        holds()
 
 
 # --- what estimates say of it ---
