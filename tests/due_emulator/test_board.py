@@ -134,22 +134,6 @@ def test_a_hanging_program_gets_no_time_and_is_no_sleeper():
     assert bench.slot(0) > count + 100
 
 
-def test_the_watchdog_bites_a_program_that_is_made_to_hang():
-    bench = run("store 0x400E1A54, 0x0FFF2010\n1: store 0x400E1A50, 0xA5000001\n b 1b", 0.01)
-    bench.run(0.2)  # the watchdog's period is 1/16 s
-    assert not bench.board.events
-    bench.board.starve(0.1)
-    bench.run(0.27)
-    assert len(bench.board.events) == 1
-    assert bench.board.reset_controller.read("SR") >> 8 & 7 == ResetType.WATCHDOG
-
-
-def test_the_unique_identifier_and_the_random_words_follow_the_seed():
-    boards = [Bench(b"\xff" * 8, seed=seed).board for seed in (1, 1, 2)]
-    ids = [board.flash_controllers[0]._uid for board in boards]
-    assert ids[0] == ids[1] != ids[2]
-
-
 def test_our_image_sends_every_sample_at_its_time(ours, tmp_path):
     out = tmp_path / "bytes"
     found = report("--virtual", 3, "--out", out)

@@ -88,13 +88,6 @@ def test_bad_queries_are_refused(query):
         fractional_world(query)
 
 
-def test_the_window_is_that_of_the_generator():
-    long, short = fractional_world("window=100"), fractional_world("window=1")
-    rates = [(long.at(k * 10 * MS).rate_dps, short.at(k * 10 * MS).rate_dps) for k in range(5)]
-    assert rates[0][0] == rates[0][1]
-    assert rates[-1][0] != rates[-1][1]
-
-
 def test_recording_goes_round(tmp_path):
     path = tmp_path / "rest.npz"
     np.savez(

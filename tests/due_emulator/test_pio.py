@@ -4,7 +4,6 @@ import pytest
 from sensor_support import INT_BIT, LED_BIT, PIOB_ID, SCL, SDA, SDA_BIT, SmallBoard
 
 from tools.due_emulator.machine import EmulationFault
-from tools.due_emulator.pio import Pio
 
 INT, LED = 1 << INT_BIT, 1 << LED_BIT
 
@@ -180,8 +179,3 @@ def test_reset_takes_the_pins_back():
     board = SmallBoard().set_up()
     board.pio.reset()
     assert board.pio.read("PSR") == 0xFFFFFFFF
-
-
-@pytest.mark.parametrize("name", ["PIOA", "PIOB", "PIOC", "PIOD"])
-def test_every_controller_exists(name):
-    assert Pio(SmallBoard().machine, name).peripheral(9) is None

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import pytest
+from support import ROOT
 
 from tools.faults import __main__ as command
 from tools.faults.case import Case, Outcome, play
@@ -170,6 +171,12 @@ def test_what_is_wrong_is_named(records: list[dict[str, Any]], text: str) -> Non
 
 
 # --- playing and reporting ---
+
+
+@pytest.mark.parametrize("part", ["fleet", "ingest"])
+def test_every_fault_stands_in_the_documentation(part: str) -> None:
+    text = (ROOT / f"host/docs/guide/{part}.md").read_text(encoding="utf-8")
+    assert [case.name for case in command.PARTS[part].cases if f"\n| {case.name} | " not in text] == []
 
 
 def test_an_outcome_that_adds_up() -> None:

@@ -2,9 +2,8 @@
 
 import pytest
 from mosquitto_support import tool
-from support import ROOT
 
-from tools.faults.case import Case, play
+from tools.faults.case import play
 from tools.faults.fleet import CASES
 
 REPORTED = {
@@ -25,8 +24,3 @@ def test_everything_is_accounted_for(name: str) -> None:
     tool("mosquitto")
     outcome = play(next(case for case in CASES if case.name == name))
     assert (outcome.wrong, outcome.uncounted, outcome.reported) == ([], 0, REPORTED[name])
-
-
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_every_fault_stands_in_the_documentation(case: Case) -> None:
-    assert f"\n| {case.name} | " in (ROOT / "host/docs/guide/fleet.md").read_text(encoding="utf-8")

@@ -2,10 +2,9 @@
 
 import pytest
 from mosquitto_support import tool
-from support import ROOT
 
 from tools.faults.__main__ import PARTS
-from tools.faults.case import Case, play
+from tools.faults.case import play
 from tools.faults.ingest_scene import FIRST_MESSAGE
 from tools.faults.mqtt_boards import DEVICES
 
@@ -33,8 +32,3 @@ def test_each_sample_is_accounted_for(server: str, name: str, reported: set[str]
     assert reported <= set(outcome.reported)
     assert lost in (None, outcome.where["counted as lost"])
     assert outcome.where[FIRST_MESSAGE] == 100 * DEVICES
-
-
-@pytest.mark.parametrize("case", CASES.values(), ids=CASES)
-def test_every_fault_stands_in_the_documentation(case: Case) -> None:
-    assert f"\n| {case.name} | " in (ROOT / "host/docs/guide/ingest.md").read_text(encoding="utf-8")

@@ -26,11 +26,12 @@ from support import wait_until
 from tools.faults.server import Server, free_port
 from tools.nats_users import render
 
+Servers = Callable[..., Server]
 Start = Callable[..., "Worker"]
 
 
 @pytest.fixture
-def server(stage: Stage, tmp_path: Path) -> Callable[..., Server]:
+def server(stage: Stage, tmp_path: Path) -> Servers:
     def make(**options: Any) -> Server:
         one = single(tmp_path / "nats", **options)
         stage.callback(one.kill)
@@ -72,6 +73,15 @@ def start() -> Iterator[Start]:
         one.frames.close()
 
 
+@pytest.fixture
+def serving(server: Servers, start: Start) -> tuple[Server, Worker]:
+    """A server, and a worker that serves all its partitions."""
+    one = server()
+    worker = start(one)
+    wait_until(worker.serves_all, "all partitions")
+    return one, worker
+
+
 def ask(server: Server, what: Callable[[Any], Coroutine[Any, Any, Any]], **options: Any) -> Any:
     """What a client of the server finds."""
 
@@ -101,12 +111,8 @@ async def subjects(client: Any) -> dict[str, int]:
     return dict(found.state.subjects or {})
 
 
-def test_a_server_that_maps_rightly_is_looked_at_without_a_trace(
-    server: Callable[..., Server], start: Start
-) -> None:
-    one = server()
-    worker = start(one)
-    wait_until(worker.serves_all, "all partitions")
+def test_a_server_that_maps_rightly_is_looked_at_without_a_trace(serving: tuple[Server, Worker]) -> None:
+    one, worker = serving
     assert ask(one, subjects) == {}
     assert worker.told == []
 
@@ -121,7 +127,7 @@ def test_a_server_that_maps_rightly_is_looked_at_without_a_trace(
     ],
 )
 def test_a_server_that_maps_otherwise_is_told_with_the_line_to_write(
-    maps: str, text: str, server: Callable[..., Server], start: Start
+    maps: str, text: str, server: Servers, start: Start
 ) -> None:
     worker = start(server(maps=maps))
     wait_until(lambda: bool(worker.texts("nats_mapping")), "word of it")
@@ -129,9 +135,7 @@ def test_a_server_that_maps_otherwise_is_told_with_the_line_to_write(
     assert mapping() in worker.texts("nats_mapping")
 
 
-def test_limits_that_differ_are_told_and_changed_if_asked_for(
-    server: Callable[..., Server], start: Start
-) -> None:
+def test_limits_that_differ_are_told_and_changed_if_asked_for(server: Servers, start: Start) -> None:
     one = server()
     wait_until(start(one).serves_all, "the first")
     other = {"keep_s": 600, "keep_mb": 50, "snapshots_mb": 20}
@@ -161,7 +165,7 @@ def test_limits_that_differ_are_told_and_changed_if_asked_for(
     ],
 )
 def test_a_server_that_cannot_keep_frames_is_told(
-    store: str, text: str, server: Callable[..., Server], start: Start
+    store: str, text: str, server: Servers, start: Start
 ) -> None:
     worker = start(server(store=store))
     wait_until(lambda: bool(worker.told), "word of it")
@@ -202,9 +206,7 @@ def test_a_port_of_another_program_is_told() -> None:
     assert "does not talk like a NATS server" in worker.texts("nats_lost")
 
 
-def test_a_device_that_floods_the_stream_pushes_out_its_own_frames(
-    server: Callable[..., Server], start: Start
-) -> None:
+def test_a_device_that_floods_the_stream_pushes_out_its_own_frames(server: Servers, start: Start) -> None:
     one = server()
     wait_until(start(one, keep_s=70).serves_all, "the stream")
 
@@ -215,7 +217,7 @@ def test_a_device_that_floods_the_stream_pushes_out_its_own_frames(
     assert ask(one, subjects) == {p1: 1000, p2: 100}
 
 
-def test_leases_have_room_when_snapshots_have_none(server: Callable[..., Server], start: Start) -> None:
+def test_leases_have_room_when_snapshots_have_none(server: Servers, start: Start) -> None:
     worker = start(server(), snapshots_mb=1)
     wait_until(worker.serves_all, "all partitions")
     for k in range(3):
@@ -231,11 +233,9 @@ def test_leases_have_room_when_snapshots_have_none(server: Callable[..., Server]
 
 @pytest.mark.slow
 def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
-    server: Callable[..., Server], start: Start, caplog: pytest.LogCaptureFixture
+    serving: tuple[Server, Worker], caplog: pytest.LogCaptureFixture
 ) -> None:
-    one = server()
-    worker = start(one)
-    wait_until(worker.serves_all, "all partitions")
+    one, worker = serving
     worker.inbox.admission.admit("s1")
     stream, consumer = "FLTEA_FRAMES", f"fltea-{partition_of('s1', PARTITIONS)}"
 
@@ -253,12 +253,10 @@ def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
 
 
 def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
-    server: Callable[..., Server], start: Start
+    serving: tuple[Server, Worker],
 ) -> None:
     """A worker that got no time to renew; nobody took its partition meanwhile."""
-    one = server()
-    worker = start(one)
-    wait_until(worker.serves_all, "all partitions")
+    one, worker = serving
     worker.inbox.admission.admit("s1")
     partition = partition_of("s1", PARTITIONS)
     items: list[Any] = []
@@ -290,9 +288,7 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
     assert not any(isinstance(item, Left) for item in items), "its devices go on"
 
 
-def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(
-    server: Callable[..., Server], start: Start
-) -> None:
+def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(server: Servers, start: Start) -> None:
     """One was kept by a worker whose clock is an hour ahead; another device was given up before."""
     one = server()
     first = start(one)
@@ -318,7 +314,7 @@ def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(
 
 
 def test_a_clock_that_differs_is_told_and_no_message_waits_for_it(
-    server: Callable[..., Server], start: Start, monkeypatch: pytest.MonkeyPatch
+    server: Servers, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """This machine's is an hour behind the server's."""
     behind_ns = unix_offset_ns() - 3600 * 10**9
@@ -340,7 +336,7 @@ def test_a_clock_that_differs_is_told_and_no_message_waits_for_it(
     assert abs(heard[0].arrived_ns - host_ns()) < 1800 * 10**9, "not an hour"
 
 
-def test_a_board_publishes_under_its_own_name_only(stage: Stage, server: Callable[..., Server]) -> None:
+def test_a_board_publishes_under_its_own_name_only(stage: Stage, server: Servers) -> None:
     """By NATS and by MQTT, with the accounts that the tool writes."""
     names = ["s1", "s2", "board-7"]
     accounts = render(names, PARTITIONS)

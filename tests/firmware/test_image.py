@@ -7,10 +7,12 @@ import shutil
 import struct
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tiers import slow
 from toolchain import arm_compiler, missing
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -201,30 +203,35 @@ def test_check_finds_a_changed_source(tmp_path: Path) -> None:
     assert BUILD_ID in done.stderr
 
 
-def test_check_without_an_image_says_so(tmp_path: Path) -> None:
-    root = copy_tree(tmp_path)
+def without_the_image(root: Path) -> None:
     (root / RECORD).unlink()
-    done = run_tool("build_firmware.py", root, "--check")
-    assert done.returncode == 1
-    assert "missing" in done.stderr
 
 
-def test_check_without_the_compiler_says_so(tmp_path: Path) -> None:
+def as_it_is(root: Path) -> None: ...
+
+
+def with_another_compiler(root: Path) -> None:
+    (root / RECORD).write_text(json.dumps({**record(), "compiler": "arm-none-eabi-g++ 4.8.3"}))
+
+
+@pytest.mark.parametrize(
+    ("change", "has_compiler", "code", "says"),
+    [
+        (without_the_image, True, 1, "missing"),
+        (as_it_is, False, 3, "gcc-arm-none-eabi"),
+        slow(with_another_compiler, True, 4, "4.8.3"),
+    ],
+)
+def test_what_cannot_be_checked_is_told(
+    change: Callable[[Path], None], has_compiler: bool, code: int, says: str, tmp_path: Path
+) -> None:
+    if code == 4:
+        arm_compiler()
     root = copy_tree(tmp_path)
-    done = run_tool("build_firmware.py", root, "--check", env={"PATH": str(tmp_path)})
-    assert done.returncode == 3
-    assert "gcc-arm-none-eabi" in done.stderr
-
-
-@pytest.mark.slow
-def test_check_with_another_compiler_says_so(built: Path, tmp_path: Path) -> None:
-    root = copy_tree(tmp_path)
-    facts = record()
-    facts["compiler"] = "arm-none-eabi-g++ 4.8.3"
-    (root / RECORD).write_text(json.dumps(facts))
-    done = run_tool("build_firmware.py", root, "--check")
-    assert done.returncode == 4
-    assert "4.8.3" in done.stderr
+    change(root)
+    how = {} if has_compiler else {"env": {"PATH": str(tmp_path)}}
+    done = run_tool("build_firmware.py", root, "--check", **how)
+    assert (done.returncode, says in done.stderr) == (code, True), done.stderr
 
 
 @pytest.mark.slow

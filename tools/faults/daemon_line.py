@@ -142,20 +142,24 @@ def flipped_bytes(stage: Stage) -> Outcome:
 
 def stall_of_the_line(stage: Stage) -> Outcome:
     """Half a second of frames comes late and at once."""
-    scene = Scene(stage)
-    with scene.fault() as board:
-        board.stall(RATE_HZ // 2)
-    scene.finish()
-    return scene.outcome(figures=time_stamps_off_ms(scene.program, 1))
+    return _stalled(stage, lambda scene: scene.board.stall(RATE_HZ // 2))
 
 
 def stall_of_the_program(stage: Stage) -> Outcome:
     """The machine is busy, or asleep: the daemon does not run for half a second."""
-    scene = Scene(stage)
-    with scene.fault() as board:
+
+    def stop(scene: Scene) -> None:
         scene.program.process.send_signal(signal.SIGSTOP)
-        board.send(RATE_HZ // 2)
+        scene.board.send(RATE_HZ // 2)
         scene.program.process.send_signal(signal.SIGCONT)
+
+    return _stalled(stage, stop)
+
+
+def _stalled(stage: Stage, stall: Callable[[Scene], None]) -> Outcome:
+    scene = Scene(stage)
+    with scene.fault():
+        stall(scene)
     scene.finish()
     return scene.outcome(figures=time_stamps_off_ms(scene.program, 1))
 
