@@ -14,7 +14,7 @@ from fltea.records.errors import UsageError
 from fltea.records.events import RawBlock
 from fltea.settings.how import How
 from fltea.sources.replay import ReplaySource
-from host_support import fltea
+from host_support import fltea, fltea_here
 
 N = 1200
 
@@ -129,14 +129,13 @@ def test_a_bag_in_several_files(tmp_path: Path) -> None:
     assert (stored.samples, [note.kind for note in stored.notes]) == (40, ["recording_gap"])
 
 
-@pytest.mark.slow
 def test_a_bag_in_run_and_topics_elsewhere(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a.db3", {"/a": even(N), "/b": even(N, seed=2)})
     flags = ("--once", "--format", "none", "--window", "50", "--startup", "100")
-    assert "has 2 Imu topics" in fltea("run", "-s", f"replay:{path}", *flags).stderr
-    found = fltea("run", "-s", str(path), "--topic", "/b", *flags)
+    assert "has 2 Imu topics" in fltea_here("run", "-s", f"replay:{path}", *flags).stderr
+    found = fltea_here("run", "-s", str(path), "--topic", "/b", *flags)
     assert found.returncode == 0, found.stderr
     np.savez(tmp_path / "a.npz", gyro_dps=np.random.default_rng(1).normal(size=(N, 3)), fs_hz=100.0)
-    refused = fltea("run", "-s", f"replay:{tmp_path / 'a.npz'}", "--topic", "/b", *flags)
+    refused = fltea_here("run", "-s", f"replay:{tmp_path / 'a.npz'}", "--topic", "/b", *flags)
     assert refused.returncode == 2
     assert "--topic is for bags of ROS" in refused.stderr
