@@ -331,8 +331,8 @@ def test_recorded_live_run_replays_to_the_same_bits(tmp_path: Path) -> None:
     live = records_of(item for event in of_samples(live_events()) for item in pipeline.feed(event))
     with path.open("wb") as stream:
         sink = NdjsonSink(stream, samples=True)
-        for record in live:
-            sink.write(record)
+        for one in live:
+            sink.write(one)
         sink.close()
     config = load_config(None, {**small, "source": str(path)})
     source = open_source(config)
