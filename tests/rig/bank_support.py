@@ -63,9 +63,10 @@ def by_sample(
             of_axis += [None] * min(missing, 1)
             of_axis.append((columns[k, 5, axis], columns[k, 6, axis]) if valid[k, axis] else None)
     counts = iter(zip(lanes.restarts, lanes.engine.interventions().tolist(), strict=True) if lanes else ())
-    restarts, interventions = dict.fromkeys(axes, 0), {axis: {} for axis in axes}
+    restarts = dict.fromkeys(axes, 0)
+    interventions: dict[str, dict[str, int]] = {axis: {} for axis in axes}
     for axis, (again, causes) in zip(live, counts, strict=True):
-        restarts[axes[axis]] = again
+        restarts[axes[axis]] = int(again)
         interventions[axes[axis]] = {cause: n for cause, n in zip(CAUSES, causes, strict=True) if n}
     white = dict(zip(axes, map(whiteness, innovations), strict=True))
     return Walked(
