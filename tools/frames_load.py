@@ -8,22 +8,21 @@ of one device. `--mqtt-311`: in that version, which is what NATS speaks.
 
 import argparse
 import json
-import sys
 import time
 from typing import Any
 
 import numpy as np
 from fltea.records.events import TIME_WRAP_US
-from fltea.wire import layout as wire
+from fltea.settings.outputs import is_loopback
 from fltea.wire.messages import encode
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
+from tools.bench.feeder import sample
 from tools.board_voice import HELLO
 
 RATE_HZ = 100
 LONGEST_S, MOST_DEVICES, MOST_A_SECOND = 600, 10_000, 20_000
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
 VOICES = 8
 """Different noises; devices of the same one differ in their HELLO."""
 
@@ -47,34 +46,17 @@ class Sensors:
 
 
 def _samples(noise: "np.ndarray[Any, Any]", second: int) -> bytes:
-    frames = []
-    for i, (x, y, z) in enumerate(np.rint(noise).astype(int).tolist()):
-        at = second * RATE_HZ + i
-        sample = wire.Sample(x, y, z, 0, 0, 16384, 1335, 0)
-        frames.append(encode(sample, at % 65536, at * 10**6 // RATE_HZ % TIME_WRAP_US))
-    return b"".join(frames)
+    rows = enumerate(np.rint(noise).astype(int).tolist(), second * RATE_HZ)
+    return b"".join(sample(i, gyro, i * 10**6 // RATE_HZ) for i, gyro in rows)
 
 
-def connected(host: str, port: int, version: MQTTProtocolVersion = MQTTProtocolVersion.MQTTv5) -> Client:
-    """A client of this machine's broker."""
+def run(host: str, port: int, version: MQTTProtocolVersion, given: argparse.Namespace) -> dict[str, Any]:
+    """Publish in time for so many seconds; what was published, and how late the last message was."""
     client = Client(CallbackAPIVersion.VERSION2, "", protocol=version)
     client.max_inflight_messages_set(0)
     client.connect(host, port)
     client.loop_start()
-    return client
-
-
-def run(
-    host: str,
-    port: int,
-    devices: int,
-    seconds: int,
-    made_up: int = 0,
-    flood: int = 0,
-    version: MQTTProtocolVersion = MQTTProtocolVersion.MQTTv5,
-) -> dict[str, Any]:
-    """Publish in time for so many seconds; what was published, and how late the last message was."""
-    client, sensors = connected(host, port, version), Sensors(devices)
+    devices, seconds, sensors = given.devices, given.seconds, Sensors(given.devices)
     begin_s, published, extra, late_s = time.monotonic(), 0, 0, 0.0
     slots = max(devices, 1)
     for second in range(seconds):
@@ -86,7 +68,7 @@ def run(
             if k < devices:
                 client.publish(f"fltea/{sensors.names[k]}/frames", sensors.message(k, second), qos=1)
                 published += 1
-            for rate, names in ((made_up, None), (flood, "flood")):
+            for rate, names in ((given.made_up, None), (given.flood, "flood")):
                 for _ in range(rate * (k + 1) // slots - rate * k // slots):
                     client.publish(f"fltea/{names or f'u{extra:09d}'}/frames", b"\1" * 100, qos=0)
                     extra += 1
@@ -118,16 +100,15 @@ def main() -> None:
     parser.add_argument("--mqtt-311", action="store_true", help="MQTT 3.1.1, for NATS")
     given = parser.parse_args()
     host, _, port = given.broker.removeprefix("mqtt://").partition(":")
-    if host not in LOOPBACK:
-        parser.error(f"{host}: only this machine's own broker is loaded ({', '.join(LOOPBACK)})")
+    if not is_loopback(host):
+        parser.error(f"{host}: only this machine's own broker is loaded, such as 127.0.0.1")
     for name, most in (("devices", MOST_DEVICES), ("seconds", LONGEST_S)):
         if not 0 <= getattr(given, name) <= most:
             parser.error(f"--{name}: at most {most}")
     if not 0 <= given.made_up + given.flood <= MOST_A_SECOND:
         parser.error(f"--made-up and --flood: at most {MOST_A_SECOND} a second together")
     version = MQTTProtocolVersion.MQTTv311 if given.mqtt_311 else MQTTProtocolVersion.MQTTv5
-    found = run(host, int(port or 1883), given.devices, given.seconds, given.made_up, given.flood, version)
-    print(json.dumps(found), file=sys.stdout)
+    print(json.dumps(run(host, int(port or 1883), version, given)))
 
 
 if __name__ == "__main__":
