@@ -2,6 +2,7 @@
 // instruction set, and in it one kind of memory for each number type.
 #include <stdlib.h>
 
+#include <chrono>
 #include <cstring>
 #include <new>
 
@@ -26,6 +27,7 @@ struct Probe {
     virtual std::size_t bytes() const = 0;
     virtual void save(void* out) const = 0;
     virtual void restore(const void* in) = 0;
+    virtual double seconds(std::size_t n) = 0;
     virtual void nodes(double* out) const = 0;
 };
 
@@ -106,6 +108,19 @@ class Holder : public Probe {
         memcpy(&position, static_cast<const char*>(in) + bytes_, sizeof position);
         memory_.set_position(position);
     }
+    // For tools/bench: what a step of the estimator asks of the memory, n times, each after the one before.
+    double seconds(std::size_t n) override {
+        T order[3] = {T(Real<T>(0.3)), T(Real<T>(0.5)), T(Real<T>(0.1))}, S[3], past, V;
+        const T small = T(Real<T>(1e-9));
+        const std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
+        for (std::size_t k = 0; k < n; ++k) {
+            memory_.state_sums(order, S);
+            memory_.sums(order[0] + S[1] * small, past, V);
+            memory_.push(past * small + T(Real<T>(k % 7)), V * small + T(Real<T>(1)));
+            order[0] = order[0] + past * small;
+        }
+        return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    }
     void nodes(double* out) const override { describe(&memory_, out); }
 
   private:
@@ -168,6 +183,7 @@ void probe_clear(Probe* probe, const unsigned char* mask) { probe->clear(mask); 
 std::size_t probe_bytes(const Probe* probe) { return probe->bytes(); }
 void probe_save(const Probe* probe, void* out) { probe->save(out); }
 void probe_restore(Probe* probe, const void* in) { probe->restore(in); }
+double probe_seconds(Probe* probe, std::size_t n) { return probe->seconds(n); }
 void probe_nodes(const Probe* probe, double* out) { probe->nodes(out); }
 void probe_math(char type, std::size_t n, const double* x, double* up, double* down, double* sine) {
     type == 'f'   ? tabulate<float>(n, x, up, down, sine)

@@ -41,6 +41,7 @@ def library(instruction_set: str) -> ctypes.CDLL:
         ("probe_bytes", size, pointer),
         ("probe_save", None, pointer, ctypes.c_char_p),
         ("probe_restore", None, pointer, ctypes.c_char_p),
+        ("probe_seconds", ctypes.c_double, pointer, size),
         ("probe_nodes", None, pointer, DOUBLES),
         ("probe_math", None, ctypes.c_char, size, DOUBLES, DOUBLES, DOUBLES, DOUBLES),
     )

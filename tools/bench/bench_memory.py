@@ -25,6 +25,26 @@ REPETITIONS = 31
 AGES = 10_000_000
 
 
+class Timed(Memory):
+    """A memory that tells what it costs."""
+
+    def seconds(self, n: int) -> float:
+        """Time of n steps: three state sums, one of both sums, one push, each waiting for the one before."""
+        return float(self._library.probe_seconds(self._probe, n))
+
+    @property
+    def bytes(self) -> int:
+        """Of all lanes together."""
+        return int(self._library.probe_bytes(self._probe))
+
+    @property
+    def grid_step(self) -> float:
+        """Between the logarithms of neighbouring modes."""
+        out = np.zeros(3)
+        self._library.probe_nodes(self._probe, out)
+        return float(out[2])
+
+
 def worst_errors(memory: Memory, low: float, high: float) -> tuple[float, float]:
     """Worst relative errors of c_j and of c_j^2, over orders from low to high and a grid of ages."""
     ages = np.unique(np.geomspace(16, AGES, 60).astype(int))
@@ -45,7 +65,7 @@ def worst_errors(memory: Memory, low: float, high: float) -> tuple[float, float]
     return worst[0], worst[1]
 
 
-def nanoseconds(memory: Memory, window: int) -> float:
+def nanoseconds(memory: Timed, window: int) -> float:
     """Median time of a step, with a full window; batches are shorter than a scheduler's time slice."""
     memory.stir(window or 10_000, 1)
     steps = max(50, int(4e5 / (memory.seconds(50) / 50 * 1e9)))
@@ -56,27 +76,28 @@ def measure() -> dict[str, list[dict[str, Any]]]:
     """Everything."""
     by_digits = []
     for digits in DIGITS:
-        memory = Memory(digits)
-        state, variance, step = Memory(digits, 3000).modes
+        memory = Timed(digits)
+        limited = Timed(digits, 3000)
+        state, variance = limited.modes
         by_digits.append(
             {
                 "digits": digits,
                 "state_modes": state,
                 "variance_modes": variance,
-                "grid_step": step,
-                "unlimited_modes": memory.modes[:2],
+                "grid_step": limited.grid_step,
+                "unlimited_modes": memory.modes,
                 "weight_error": {f"{low}..{high}": worst_errors(memory, low, high) for low, high in RANGES},
-                "ns_per_step": nanoseconds(Memory(digits, 3000, "w"), 3000),
+                "ns_per_step": nanoseconds(Timed(digits, 3000, "w"), 3000),
             }
         )
     by_window = [
         {
             "instruction_set": name,
-            "lanes": Memory(6, 10, "w", name).lanes,
+            "lanes": Timed(6, 10, "w", name).lanes,
             "window": window or "unlimited",
-            "modes": Memory(6, window).modes[:2],
-            "bytes": Memory(6, window, "w", name).bytes,
-            "ns_per_step": nanoseconds(Memory(6, window, "w", name), window),
+            "modes": Timed(6, window).modes,
+            "bytes": Timed(6, window, "w", name).bytes,
+            "ns_per_step": nanoseconds(Timed(6, window, "w", name), window),
         }
         for name in SETS
         for window in WINDOWS
@@ -84,9 +105,9 @@ def measure() -> dict[str, list[dict[str, Any]]]:
     direct = [
         {
             "instruction_set": name,
-            "lanes": Memory(DIRECT, 10, kind, name).lanes,
+            "lanes": Timed(DIRECT, 10, kind, name).lanes,
             "window": 3000,
-            "ns_per_step": nanoseconds(Memory(DIRECT, 3000, kind, name), 3000),
+            "ns_per_step": nanoseconds(Timed(DIRECT, 3000, kind, name), 3000),
         }
         for name in SETS
         for kind in "dw"
