@@ -65,7 +65,7 @@ def by_sample(
     counts = iter(zip(lanes.restarts, lanes.engine.interventions().tolist(), strict=True) if lanes else ())
     restarts = dict.fromkeys(axes, 0)
     interventions: dict[str, dict[str, int]] = {axis: {} for axis in axes}
-    for axis, (again, causes) in zip(live, counts, strict=True):
+    for axis, (again, causes) in zip(live.tolist(), counts, strict=True):
         restarts[axes[axis]] = int(again)
         interventions[axes[axis]] = {cause: n for cause, n in zip(CAUSES, causes, strict=True) if n}
     white = dict(zip(axes, map(whiteness, innovations), strict=True))
