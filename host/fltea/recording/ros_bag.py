@@ -4,6 +4,7 @@ import contextlib
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +37,8 @@ from fltea.settings.extras import load
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
-NUMBERS = 8
-"""Of a sample, that wait in a temporary file: two times, three rates, three accelerations."""
+COLUMNS, NUMBERS = ("gyro", "accel", "stamp", "arrival"), 8
+"""What waits in a temporary file, and how many numbers of each sample that is."""
 
 MOST_NOTES = 5
 """Places of damage that are told one by one."""
@@ -204,13 +205,7 @@ class _Messages:
         if size > self._limits.whole_bytes:
             raise self._limits.whole_too_large(str(self._path), size)
         if len(gyro):
-            for name, values in (
-                ("gyro", gyro),
-                ("accel", accel),
-                ("stamp", stamp_ns[keep]),
-                ("arrival", arrival_ns[keep]),
-            ):
-                self._spool.append(name, values)
+            self._append(gyro, accel, stamp_ns[keep], arrival_ns[keep])
 
     def _repeated(self, rows: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Which are the same as the one before, their stamp included; one that has none is not."""
@@ -257,15 +252,16 @@ class _Messages:
         if self._bad_accel > self._spool.length("gyro") // 2:
             self._spool.drop("accel")
         elif self._bad_accel:
-            names = ["gyro", "accel", "stamp", "arrival"]
-            spool = Spool()
-            for values in self._spool.blocks(names, AT_ONCE):
+            before, self._spool = self._spool, Spool()
+            for values in before.blocks(COLUMNS, AT_ONCE):
                 keep = is_of_sensor(values[1])
-                for name, column in zip(names, values, strict=True):
-                    spool.append(name, column[keep])
-            self._spool.close()
-            self._spool = spool
+                self._append(*(column[keep] for column in values))
+            before.close()
             self._not_numbers += self._bad_accel
+
+    def _append(self, *values: NDArray[Any]) -> None:
+        for name, column in zip(COLUMNS, values, strict=True):
+            self._spool.append(name, column)
 
     def _check(self, where: str, n: int, others: list[str]) -> None:
         instead = f" Other Imu topics of this bag: {', '.join(map(visible, others))}." if others else ""
