@@ -3,8 +3,9 @@
 import os
 
 import msgspec
+from serial.tools.list_ports_common import ListPortInfo
 
-from fltea.machine.host_system import Holder, SerialPort, System, permission_remedy
+from fltea.machine.host_system import Holder, System, permission_remedy
 from fltea.records.records import Hello
 from fltea.sources.iio import sysfs as iio
 from fltea.sources.iio.buffer import rate_of
@@ -120,7 +121,7 @@ def stable_name(system: System, device: str) -> str:
     return device
 
 
-def _describe(system: System, port: SerialPort) -> Port:
+def _describe(system: System, port: ListPortInfo) -> Port:
     usb_id = None if port.vid is None or port.pid is None else f"{port.vid:04x}:{port.pid:04x}"
     if port.vid in DUE_VENDORS and port.pid in (DUE_PROGRAMMING_PORT, DUE_NATIVE_PORT):
         kind = PROGRAMMING if port.pid == DUE_PROGRAMMING_PORT else NATIVE

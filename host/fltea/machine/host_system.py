@@ -8,10 +8,10 @@ import shutil
 import subprocess
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Protocol
 
 import msgspec
 from serial.tools import list_ports
+from serial.tools.list_ports_common import ListPortInfo
 
 from fltea.wire.permission import Group, User, group_of, join_remedy, this_user
 
@@ -20,16 +20,6 @@ TIME_ERROR = 5
 """What adjtimex(2) returns while nothing keeps the clock right."""
 
 PROGRAM_WORDS = 4
-
-
-class SerialPort(Protocol):
-    """What pyserial says of a port."""
-
-    device: str
-    description: str
-    vid: int | None
-    pid: int | None
-    serial_number: str | None
 
 
 class Holder(msgspec.Struct, frozen=True):
@@ -78,7 +68,7 @@ class System:
         """Return the same as text without white space and zeros at its end; "" if it cannot be read."""
         return (self.read(name) or b"").decode("utf-8", "replace").rstrip("\0 \t\r\n")
 
-    def serial_ports(self) -> Sequence[SerialPort]:
+    def serial_ports(self) -> Sequence[ListPortInfo]:
         """Return the serial ports of this machine, by name."""
         return sorted(list_ports.comports(), key=lambda port: port.device)
 

@@ -12,7 +12,7 @@ import random
 import time
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 from urllib.parse import parse_qsl, urlsplit
 
 from fltea.records import clock
@@ -56,21 +56,8 @@ TICK_NS = 500_000_000
 STATUS_NS = 1_000_000_000
 
 
-class HostClock(Protocol):
-    """The host's clock, and waiting by it."""
-
-    def host_ns(self) -> int:
-        """Return monotonic time."""
-
-    def unix_offset_ns(self) -> int:
-        """Return what has to be added to it to get Unix time, as of now."""
-
-    def sleep(self, seconds: float) -> None:
-        """Wait for so long."""
-
-
 class SystemClock:
-    """The clock of this machine."""
+    """The clock of this machine, and waiting by it; tests have another one."""
 
     host_ns = staticmethod(clock.host_ns)
     unix_offset_ns = staticmethod(clock.unix_offset_ns)
@@ -140,7 +127,7 @@ class I2cSource:
         rest: str,
         *,
         open_bus: Callable[[str, int], Bus] | None = None,
-        host: HostClock | None = None,
+        host: SystemClock | None = None,
     ) -> None:
         self.path, self.address, chip = parse_url(rest)
         self.url = f"i2c:{self.path}?addr=0x{self.address:02X}"
