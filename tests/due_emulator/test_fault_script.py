@@ -22,6 +22,7 @@ from tools.due_emulator.faults import (
     read_faults,
     schedule_faults,
 )
+from tools.due_emulator.machine import PS_PER_S
 
 
 class Board(SmallBoard):
@@ -30,10 +31,11 @@ class Board(SmallBoard):
     def __init__(self):
         super().__init__()
         self.asked = []
+        self.bridge = self
         self.set_up()
 
     def __getattr__(self, name):
-        if name in ("brown_out", "reopen_port", "starve", "lose_bytes", "lose_randomly", "stop_reading"):
+        if name in ("brown_out", "reopen_port", "starve", "lose_next", "lose_randomly", "stop_reading"):
             return lambda *arguments: self.asked.append((name, *arguments))
         raise AttributeError(name)
 
@@ -241,9 +243,9 @@ def test_sensor_clock():
     ("text", "asked"),
     [
         ("brown_out part=board", ("brown_out",)),
-        ("uart_loss count=7", ("lose_bytes", 7)),
-        ("uart_loss probability=0.5 for=2", ("lose_randomly", 0.5, 2.0)),
-        ("host_stops_reading for=10", ("stop_reading", 10.0)),
+        ("uart_loss count=7", ("lose_next", 7)),
+        ("uart_loss probability=0.5 for=2", ("lose_randomly", 0.5, 2 * PS_PER_S)),
+        ("host_stops_reading for=10", ("stop_reading", 10 * PS_PER_S)),
         ("watchdog_starvation for=2", ("starve", 2.0)),
         ("port_reopen", ("reopen_port",)),
     ],

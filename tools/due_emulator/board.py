@@ -162,18 +162,6 @@ class Board:
         """Let the program hang, with its interrupts waiting."""
         self.cpu.hang(seconds_to_ps(for_s))
 
-    def lose_bytes(self, count: int) -> None:
-        """Lose the next bytes on the wire to the host."""
-        self.bridge.lose_next(count)
-
-    def lose_randomly(self, probability: float, for_s: float) -> None:
-        """Lose each byte for so long with this probability."""
-        self.bridge.lose_randomly(probability, seconds_to_ps(for_s))
-
-    def stop_reading(self, for_s: float) -> None:
-        """Let the host take nothing from the port for so long."""
-        self.bridge.stop_reading(seconds_to_ps(for_s))
-
     def _power_up(self) -> None:
         self.memory.lose_power(self.seed + self._powered_up)
         self._powered_up += 1

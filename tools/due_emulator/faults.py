@@ -22,7 +22,7 @@ import msgspec
 from fltea.records.errors import UsageError
 
 from tools.due_emulator.board import Board
-from tools.due_emulator.machine import PS_PER_S
+from tools.due_emulator.bridge import seconds_to_ps
 
 LONGEST_S = 1e6
 """Times beyond are taken for mistakes [s]."""
@@ -223,7 +223,7 @@ def schedule_faults(board: Board, faults: Sequence[Fault]) -> None:
     """Let each fault happen at its moment; those of at_s = 0 happen at once, before the program runs."""
     for fault in faults:
         if fault.at_s:
-            delay_ps = round(fault.at_s * PS_PER_S) - board.machine.now_ps
+            delay_ps = seconds_to_ps(fault.at_s) - board.machine.now_ps
             board.machine.schedule(delay_ps, partial(_apply, fault, board))
         else:
             _apply(fault, board)
@@ -231,11 +231,11 @@ def schedule_faults(board: Board, faults: Sequence[Fault]) -> None:
 
 def _apply(fault: Fault, board: Board) -> None:
     """Let it happen now."""
-    lines, socket = board.lines, board.socket
+    lines, socket, bridge = board.lines, board.socket, board.bridge
 
     def later(for_s: float, action: Callable[[], None]) -> None:
         if for_s:
-            board.machine.schedule(round(for_s * PS_PER_S), action)
+            board.machine.schedule(seconds_to_ps(for_s), action)
 
     match fault:
         case SdaStuck():
@@ -246,7 +246,7 @@ def _apply(fault: Fault, board: Board) -> None:
             later(fault.for_s, lines.release_scl)
         case NackBurst():
             socket.nacks_left = fault.count
-            socket.nack_until_ps = board.machine.now_ps + round(fault.for_s * PS_PER_S)
+            socket.nack_until_ps = board.machine.now_ps + seconds_to_ps(fault.for_s)
         case StaleByte():
             board.twi.stale_reads = fault.count
         case Unplug():
@@ -260,11 +260,11 @@ def _apply(fault: Fault, board: Board) -> None:
         case BrownOut():
             (socket if fault.part == "sensor" else board).brown_out()
         case UartLoss() if fault.count:
-            board.lose_bytes(fault.count)
+            bridge.lose_next(fault.count)
         case UartLoss():
-            board.lose_randomly(fault.probability, fault.for_s)
+            bridge.lose_randomly(fault.probability, seconds_to_ps(fault.for_s))
         case HostStopsReading():
-            board.stop_reading(fault.for_s)
+            bridge.stop_reading(seconds_to_ps(fault.for_s))
         case SensorClock():
             socket.set_clock_ppm(fault.total_ppm)
         case WatchdogStarvation():
