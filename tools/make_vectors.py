@@ -41,70 +41,62 @@ U16, U32 = 0xFFFF, 0xFFFFFFFF
 LARGEST, NORMAL, SMALLEST = 3.40282347e38, 1.17549435e-38, 1.4e-45
 
 GOOD = [
-    ("hello of a healthy device", HELLO, 0, 1000, TYPICAL_HELLO),
-    ("hello, smallest values", HELLO, 0, 0, (1, 0, HASH, 0, bytes(16), "", *(0,) * 9)),
+    ("hello of a healthy device", (HELLO, 0, 1000), TYPICAL_HELLO),
+    ("hello, smallest values", (HELLO, 0, 0), (1, 0, HASH, 0, bytes(16), "", *(0,) * 9)),
     (
         "hello, largest values, a text that fills its field, another minor version",
-        HELLO,
-        U16,
-        U32,
+        (HELLO, U16, U32),
         (1, 255, HASH, U32, b"\xff" * 16, "abcdefghijklmnopqrstuvwx", 255, U16, U32, *(U16,) * 5, 255),
     ),
-    ("sample at rest", SAMPLE, 1, 1_010_000, TYPICAL_SAMPLE),
-    ("sample, all zero", SAMPLE, 0, 0, (0,) * 8),
-    ("sample, most negative", SAMPLE, U16, U32, (*(-32768,) * 7, 0)),
-    ("sample, most positive, every flag bit", SAMPLE, U16, U32, (*(32767,) * 7, 255)),
-    ("sample, all minus one: no zero byte in the payload", SAMPLE, 0x0101, 0x01010101, (*(-1,) * 7, 255)),
-    ("status after some trouble", STATUS, 7, 7_000_000, TYPICAL_STATUS),
-    ("status, all zero", STATUS, 0, 0, (0,) * 8),
-    ("status, all ones: a reset cause that no version names", STATUS, U16, U32, (*(U32,) * 5, 254, U16, U32)),
-    ("fault, a register that did not keep its setting", FAULT, 0, 250_000, (3, 0x1B1800)),
-    ("fault, no edge on the data-ready pin", FAULT, 1, 12_345_678, (6, 1_000_123)),
-    ("fault, a sensor that stands still", FAULT, 2, 13_000_000, (7, 10)),
-    ("fault, code of no known kind", FAULT, U16, U32, (99, U32)),
-    ("estimate of a healthy axis", ESTIMATE, 8998, 41_000_450, TYPICAL_ESTIMATE),
+    ("sample at rest", (SAMPLE, 1, 1_010_000), TYPICAL_SAMPLE),
+    ("sample, all zero", (SAMPLE, 0, 0), (0,) * 8),
+    ("sample, most negative", (SAMPLE, U16, U32), (*(-32768,) * 7, 0)),
+    ("sample, most positive, every flag bit", (SAMPLE, U16, U32), (*(32767,) * 7, 255)),
+    ("sample, all minus one: no zero byte in the payload", (SAMPLE, 0x0101, 0x01010101), (*(-1,) * 7, 255)),
+    ("status after some trouble", (STATUS, 7, 7_000_000), TYPICAL_STATUS),
+    ("status, all zero", (STATUS, 0, 0), (0,) * 8),
+    (
+        "status, all ones: a reset cause that no version names",
+        (STATUS, U16, U32),
+        (*(U32,) * 5, 254, U16, U32),
+    ),
+    ("fault, a register that did not keep its setting", (FAULT, 0, 250_000), (3, 0x1B1800)),
+    ("fault, no edge on the data-ready pin", (FAULT, 1, 12_345_678), (6, 1_000_123)),
+    ("fault, a sensor that stands still", (FAULT, 2, 13_000_000), (7, 10)),
+    ("fault, code of no known kind", (FAULT, U16, U32), (99, U32)),
+    ("estimate of a healthy axis", (ESTIMATE, 8998, 41_000_450), TYPICAL_ESTIMATE),
     (
         "estimate, an axis that never changed: all zero but for its flag",
-        ESTIMATE,
-        0,
-        0,
+        (ESTIMATE, 0, 0),
         (0, 2, 0, 0, *(0.0,) * 6, *(0,) * 9),
     ),
     (
         "estimate, largest counts, f32 at the ends of its range, an axis that no version names",
-        ESTIMATE,
-        U16,
-        U32,
+        (ESTIMATE, U16, U32),
         (255, 255, U16, U32, LARGEST, SMALLEST, -LARGEST, NORMAL, -0.0, -SMALLEST, *(U32,) * 9),
     ),
     (
         "estimate with numbers that no device sends",
-        ESTIMATE,
-        1,
-        2,
+        (ESTIMATE, 1, 2),
         (2, 1, 3, 4, math.nan, math.inf, -math.inf, 1.0, -1.0, 0.1, *range(9)),
     ),
-    ("estimator, its start-up window filling", ESTIMATOR, 0, 1000, FILLING),
-    ("estimator, after the window", ESTIMATOR, 40, 41_000_000, ESTIMATING),
+    ("estimator, its start-up window filling", (ESTIMATOR, 0, 1000), FILLING),
+    ("estimator, after the window", (ESTIMATOR, 40, 41_000_000), ESTIMATING),
     (
         "estimator, largest counts, f32 at the ends of its range and beside 1, an unknown variant and guard",
-        ESTIMATOR,
-        U16,
-        U32,
+        (ESTIMATOR, U16, U32),
         (
             *(255, 255, *(U16,) * 7, *(U32,) * 3, *(U16,) * 3),
             *(LARGEST, SMALLEST, NORMAL, -LARGEST, -SMALLEST, -NORMAL, 0.0, -0.0, -1.25),
             *(1.00000012, 0.99999994, 16777216.0, -16777215.0, 0.333333343, 1e-38, -1e-44, 123456792.0, 0.1),
         ),
     ),
-    ("fit of fractional noise", FIT, 93, 125_000_300, TYPICAL_FIT),
-    ("fit of an axis without a spectrum", FIT, 7, 10, (2, 0, 0, 3, 2000, 0, 0, *(0.0,) * 8)),
-    ("fit of white noise, whose order is not defined", FIT, 0, 0, (0, 1, 0, 1, *(0,) * 3, *(0.0,) * 8)),
+    ("fit of fractional noise", (FIT, 93, 125_000_300), TYPICAL_FIT),
+    ("fit of an axis without a spectrum", (FIT, 7, 10), (2, 0, 0, 3, 2000, 0, 0, *(0.0,) * 8)),
+    ("fit of white noise, whose order is not defined", (FIT, 0, 0), (0, 1, 0, 1, *(0,) * 3, *(0.0,) * 8)),
     (
         "fit, largest counts, f32 at the ends of its range, an axis and a verdict that no version names",
-        FIT,
-        U16,
-        U32,
+        (FIT, U16, U32),
         (
             *(255, 255, 255, U16, U32, U32, U16),
             *(LARGEST, SMALLEST, NORMAL, -LARGEST, -SMALLEST, -NORMAL, 0.333333343, -0.0),
@@ -112,21 +104,18 @@ GOOD = [
     ),
     (
         "fit with numbers that no device sends",
-        FIT,
-        1,
-        2,
+        (FIT, 1, 2),
         (2, 3, 1, 4, 5, 6, 7, math.nan, math.inf, *(0.5,) * 6),
     ),
-    ("some bins of a spectrum", SPECTRUM, 1202, 125_000_900, TYPICAL_SPECTRUM),
+    ("some bins of a spectrum", (SPECTRUM, 1202, 125_000_900), TYPICAL_SPECTRUM),
     (
         "the last bins of a spectrum, of which there are two",
-        SPECTRUM,
-        9,
-        1,
+        (SPECTRUM, 9, 1),
         (0, 1, 60, 62, *(0.5,) * 6, *(0.0,) * 9),
     ),
-    ("spectrum, largest values", SPECTRUM, U16, U32, (255, U16, 255, 255, *(LARGEST,) * 15)),
+    ("spectrum, largest values", (SPECTRUM, U16, U32), (255, U16, 255, 255, *(LARGEST,) * 15)),
 ]
+"""Name; type, sequence and time of the header; fields."""
 
 RAW = [
     ("unknown type, no payload", UNKNOWN, 3, 77, b""),
@@ -166,7 +155,7 @@ def sample(sequence: int, device_us: int) -> bytes:
 def good() -> str:
     """Return good.txt."""
     text = "# Whole frames: what goes in, and the bytes on the wire. Written by tools/make_vectors.py.\n"
-    for name, kind, sequence, device_us, fields in GOOD:
+    for name, (kind, sequence, device_us), fields in GOOD:
         data = payload(kind, fields)
         text += f"\nname {name}\ntype {kind}\nsequence {sequence}\ndevice_us {device_us}\n"
         for (key, _), value in zip(LAYOUTS[kind], fields, strict=True):
