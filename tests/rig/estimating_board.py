@@ -4,9 +4,11 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from fltea.records.events import Chunk, Event, Opened
+from blocks import as_block
+from fltea.records.events import Chunk, Event, Opened, RawSample
 from fltea.sources.wire_events import WireEvents
 from fltea.wire import layout as wire
+from fltea.wire.message_events import axis_event, estimator_event, hello_event
 from fltea.wire.messages import encode
 from host_support import WIRE_HELLO
 from own_estimator import JOINT, OwnEstimator
@@ -88,6 +90,21 @@ def events(sent: Iterable[Sent], link: WireEvents | None = None, start: int = 0)
         yield from link.feed(Opened(START_NS, 0), START_NS)
     for chunk in chunks(sent, start):
         yield from link.feed(chunk, chunk.host_ns)
+
+
+def exact(sent: Iterable[Sent]) -> Iterator[Event]:
+    """The same as events without the rounding to single precision on the wire."""
+    for at, message, sequence in sent:
+        host_ns = at * 10_000_000
+        match message:
+            case wire.Hello():
+                yield hello_event(message, "test", host_ns)
+            case wire.Estimator():
+                yield estimator_event(message, host_ns)
+            case wire.Estimate():
+                yield axis_event(message, sequence, host_ns)
+            case wire.Sample():
+                yield as_block(RawSample(sequence, at * 10_000, host_ns, message[:3], message[3:6]))
 
 
 def changed(

@@ -1,14 +1,14 @@
 """A device that estimates by itself: its estimates published as they are, and beside the host's."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
 import msgspec
 import pytest
-from blocks import as_block, of, records_of
-from estimating_board import ESTIMATOR, Board, Sent, changed, events, noise
-from fltea.records.events import Event, LinkDown, RawBlock, RawSample, host_ns_of
+from blocks import of, records_of
+from estimating_board import ESTIMATOR, Board, Sent, changed, events, exact, noise
+from fltea.records.events import Event, LinkDown, RawBlock, host_ns_of
 from fltea.records.records import (
     AnyRecord,
     DeviceEstimates,
@@ -23,7 +23,6 @@ from fltea.settings.config import load_config
 from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
 from fltea.wire import layout as wire
-from fltea.wire.message_events import axis_event, estimator_event, hello_event
 from host_support import WIRE_HELLO
 from own_estimator import TRIPLE
 from walk_support import Source
@@ -54,21 +53,6 @@ def estimates_of(who: str, records: Iterable[AnyRecord]) -> list[Any]:
 def reasons(compared: Iterable[DeviceEstimates], *axes: str) -> set[str | None]:
     """Why axes, by default all, are not compared."""
     return {a.why_not for e in compared for name, a in e.axes.items() if name in (axes or AXES)}
-
-
-def exact(sent: Iterable[Sent]) -> Iterator[Event]:
-    """The same as events without the rounding to single precision on the wire."""
-    for at, message, sequence in sent:
-        host_ns = at * 10_000_000
-        match message:
-            case wire.Hello():
-                yield hello_event(message, "test", host_ns)
-            case wire.Estimator():
-                yield estimator_event(message, host_ns)
-            case wire.Estimate():
-                yield axis_event(message, sequence, host_ns)
-            case wire.Sample():
-                yield as_block(RawSample(sequence, at * 10_000, host_ns, message[:3], message[3:6]))
 
 
 def test_the_device_alone_is_published_as_it_is() -> None:
