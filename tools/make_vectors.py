@@ -203,7 +203,7 @@ def bad() -> str:
             ("sample without its flags", frame(SAMPLE, 1, 2, bytes(14))),
             ("sample with a byte too many", frame(SAMPLE, 1, 2, bytes(16))),
             ("sample without payload", frame(SAMPLE, 1, 2, b"")),
-            ("status as it was before it told the share of the processor", frame(STATUS, 1, 2, bytes(21))),
+            ("status as it was before it had the share of the processor", frame(STATUS, 1, 2, bytes(21))),
             (
                 "estimate without its last byte",
                 frame(ESTIMATE, 1, 2, payload(ESTIMATE, TYPICAL_ESTIMATE)[:-1]),
@@ -302,8 +302,8 @@ def streams() -> str:
         ("a run of 5000 bytes counts once", [one, b"\x55" * 5000 + b"\x00", two], "one, bad oversize, two"),
         ("252 bytes are not too long, only wrong", [one, b"\xff" * 252 + b"\x00", two], "one, bad cobs, two"),
         ("253 bytes are too long", [one, b"\xff" * 253 + b"\x00", two], "one, bad oversize, two"),
-        ("a run that never ends is told at once", [one, b"\x55" * 253], "one, bad oversize"),
-        ("a run that may still be a frame is not told", [one, b"\x55" * 252], "one"),
+        ("a run that never ends is reported at once", [one, b"\x55" * 253], "one, bad oversize"),
+        ("a run that may still be a frame is not reported", [one, b"\x55" * 252], "one"),
         ("too long a run as the first block", [b"\x55" * 1000 + b"\x00", one], "bad partial, one"),
         (
             "unknown types and wrong lengths",

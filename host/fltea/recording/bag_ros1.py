@@ -189,8 +189,8 @@ class _Messages:
                 batch.arrival_ns.append(seconds * 1_000_000_000 + nanoseconds)
                 batch.data.append(data)
         elif kind == Op.CONNECTION and connection not in self._topics:
-            told = _read_fields(data)
-            name, kind_of = (one.decode(errors="replace") for one in (fields[b"topic"], told[b"type"]))
+            header = _read_fields(data)
+            name, kind_of = (one.decode(errors="replace") for one in (fields[b"topic"], header[b"type"]))
             self._topics[connection] = Topic(name, kind_of, "ros1")
             self._batches[connection] = Batch(self._topics[connection])
 

@@ -43,11 +43,11 @@ def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
             connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, limits.chunk_bytes)
             _check_tables(connection)
             topics = {}
-            for number, *told in connection.execute(
+            for number, *texts in connection.execute(
                 "SELECT id, name, type, serialization_format FROM topics"
             ):
-                if isinstance(number, int) and all(isinstance(text, str) for text in told):
-                    topics[number] = Topic(told[0], told[1], encoding_of(told[2]))
+                if isinstance(number, int) and all(isinstance(text, str) for text in texts):
+                    topics[number] = Topic(texts[0], texts[1], encoding_of(texts[2]))
             yield from map(Batch, topics.values())
             yield from _rows(path, connection, topics, is_cut)
     except sqlite3.Error as error:

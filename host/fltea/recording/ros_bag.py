@@ -41,7 +41,7 @@ COLUMNS, NUMBERS = ("gyro", "accel", "stamp", "arrival"), 8
 """What waits in a temporary file, and how many numbers of each sample that is."""
 
 MOST_NOTES = 5
-"""Places of damage that are told one by one."""
+"""Places of damage that are reported one by one."""
 
 ZSTD = b"\x28\xb5\x2f\xfd"
 """What a message begins with that was packed by itself."""
@@ -228,8 +228,8 @@ class _Messages:
         n = self._spool.length("gyro")
         self._check(where, n, others)
         notes += self._of_messages(where)
-        stamps, times_are_arrivals, told = self._judged(where)
-        notes += told
+        stamps, times_are_arrivals, problems = self._judged(where)
+        notes += problems
         rate_hz = 1e9 / stamps.period_ns
         last = int(stamps.sequence(n - 1, n)[0])
         check_span(self._path, rate_hz, n, last / rate_hz)
@@ -282,21 +282,21 @@ class _Messages:
             (self._not_numbers, "hold what is no number, or no sensor's, and count as missing"),
             (self._twice, "stand there twice and are taken once"),
         ]
-        told = [f"{count} messages {what}" for count, what in found if count]
+        problems = [f"{count} messages {what}" for count, what in found if count]
         if self._bad_accel and "accel" not in self._spool:
-            told.append("the acceleration is left out, since most of it is no number, or no sensor's")
-        return [Note("bag_messages", f"{where}: {'; '.join(told)}.")] if told else []
+            problems.append("the acceleration is left out, since most of it is no number, or no sensor's")
+        return [Note("bag_messages", f"{where}: {'; '.join(problems)}.")] if problems else []
 
     def _judged(self, where: str) -> tuple[Stamps, bool, list[Note]]:
-        """The stamps or else the arrivals, whether it is these, and what has to be told of them."""
+        """The stamps or else the arrivals, whether it is these, and what has to be said of them."""
         stamp_ns: Times = self._spool.whole("stamp")
         arrival_ns: Times = self._spool.whole("arrival")
         known = bool((np.abs(arrival_ns) <= LATEST_NS).all() and np.ptp(arrival_ns) > 0)
-        told = []
+        problems = []
         no_stamps = not np.ptp(stamp_ns)
         if no_stamps:
             value = "0" if not stamp_ns[0] else "the same"
-            told.append(
+            problems.append(
                 f"the stamps of all message headers are {value}, so the times of arrival are taken; gaps and "
                 "rate are only as good as these"
             )
@@ -309,18 +309,18 @@ class _Messages:
             raise UsageError(f"{where}: neither header stamps nor arrivals tell a rate ({error}).") from error
         n = len(stamp_ns)
         if is_uneven(stamps, n):
-            told.append(
+            problems.append(
                 f"{stamps.uneven} of {n - 1} steps between stamps are more than a fifth off the period of "
                 f"{stamps.period_ns * 1e-6:.4g} ms (by {stamps.spread_ns * 1e-6:.3g} ms, root mean square); "
                 "the samples are taken as even"
             )
         if stamps.alike:
-            told.append(f"{stamps.alike} stamps are the same as the one before, with other values")
+            problems.append(f"{stamps.alike} stamps are the same as the one before, with other values")
         if stamps.backward:
-            told.append(f"{stamps.backward} stamps run backwards")
+            problems.append(f"{stamps.backward} stamps run backwards")
         if len(stamps.epoch_row):
-            told.append(f"the clock was set {len(stamps.epoch_row)} times; a new stretch begins at each")
-        return stamps, no_stamps, [Note("bag_stamps", f"{where}: {'; '.join(told)}.")] if told else []
+            problems.append(f"the clock was set {len(stamps.epoch_row)} times; a new stretch begins at each")
+        return stamps, no_stamps, [Note("bag_stamps", f"{where}: {'; '.join(problems)}.")] if problems else []
 
 
 def _unpacked(message: bytes) -> bytes:
