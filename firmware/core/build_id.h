@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "23b42b95";
+constexpr char kBuildId[] = "49be3d9f";
 
 }  // namespace fltea

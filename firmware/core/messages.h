@@ -498,7 +498,7 @@ struct Fit {
     float ordinates;
     // order; of white noise it, alpha_std, f and s2 are 0
     float alpha;
-    // its standard deviation, by the curvature of the likelihood; 0 if not known
+    // its standard deviation: 1.96 of it is the longer side of the interval by the likelihood; 0 if not known
     float alpha_std;
     // parameter [s^-alpha]
     float f;

@@ -56,7 +56,7 @@ class NoiseFit {
     void tell(Fit& fit);
     bool tell(Spectrum& spectrum);
 
-    static constexpr size_t kBytes = 39888;
+    static constexpr size_t kBytes = 40288;
     alignas(8) unsigned char storage_[kBytes];
     Stage stage_ = Stage::idle;
     size_t axis_ = 0;        // that is being fitted

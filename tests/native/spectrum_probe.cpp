@@ -29,7 +29,7 @@ void spectrum_add(Axis* axis, std::size_t n, const std::int16_t* counts) {
 }
 void spectrum_skip(Axis* axis, std::size_t lost) { axis->octaves.skip(lost); }
 // verdict, α, its standard deviation, g, s2, R, 2 log L above white noise, and above AR(1), ordinates,
-// whether α is defined: ten numbers.
+// whether α is defined, evaluations: eleven numbers.
 void spectrum_fit(Axis* axis, double* out) {
     axis->bins.begin();
     while (!axis->bins.step(axis->octaves)) {
@@ -47,7 +47,8 @@ void spectrum_fit(Axis* axis, double* out) {
                              found.ratio_white,
                              found.ratio_ar1,
                              found.ordinates,
-                             found.alpha_defined ? 1.0f : 0.0f};
+                             found.alpha_defined ? 1.0f : 0.0f,
+                             static_cast<float>(axis->fit.evaluations())};
     for (float one : numbers) *out++ = static_cast<double>(one);
 }
 }

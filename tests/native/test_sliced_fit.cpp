@@ -78,8 +78,8 @@ Point<double> host_fit(const Any& bins, const Model<double>& model, std::vector<
     std::uniform_real_distribution<double> some(-6, 6);
     for (int k = 0; k < 40; ++k) {
         const double order_start = 0.05 + model.highest_order * (k % 10) / 10;
-        const double start[] = {model.family == kAr1 ? some(random) : order_start, some(random),
-                                some(random)};
+        const bool no_order = model.family == kAr1 || model.hold == kHoldOrder;
+        const double start[] = {no_order ? some(random) : order_start, some(random), some(random)};
         try_start(target, model, start, 200, best);
     }
     Point<double> none = Point<double>();
@@ -114,6 +114,15 @@ double order_std_in_double(const Any& bins, const FitFigures& found) {
     for (int i = 0; i < 3; ++i) at.gradient[i] = i == 0 ? -1.0 : 0.0;
     solve(at, given, 3, 0.0, column);
     return std::sqrt(column[0]);
+}
+
+// How far 2 log L of the best fit of this order is below that of the best of all, in double.
+template <class Any>
+double below_best(const Any& bins, double order) {
+    std::vector<double> white;
+    const double best = host_fit(bins, Model<double>{kFractional, 2.0, kNothing, 0, 0, 0}, white).nll;
+    const Model<double> held = {kFractional, 2.0, kHoldOrder, order, 0, 0};
+    return 2 * (host_fit(bins, held, white).nll - best);
 }
 
 template <class Any>
@@ -357,7 +366,7 @@ TEST_CASE("sliced fit: from the last answer it finds what a search of the whole 
 }
 
 TEST_CASE("sliced fit: the interval is that of double, however small the share of the white noise") {
-    int defined = 0, small = 0;
+    int defined = 0, small = 0, wider = 0, too_short = 0, too_long = 0;
     for (double phi : {0.3, 0.5, 0.9}) {
         for (double deviation : {0.5, 4.0}) {
             for (int n : {6000, 60000}) {
@@ -384,14 +393,28 @@ TEST_CASE("sliced fit: the interval is that of double, however small the share o
                     if (!found.alpha_defined) continue;
                     ++defined;
                     small += found.R < 0.05f * bins->mean_power();
-                    CHECK(static_cast<double>(found.alpha_std) ==
-                          doctest::Approx(order_std_in_double(*bins, found)).epsilon(0.02));
+                    // It is that of the curvature, or as far as the likelihood in double reaches.
+                    const double curvature = order_std_in_double(*bins, found);
+                    const double half = 1.96 * static_cast<double>(found.alpha_std);
+                    const double alpha = static_cast<double>(found.alpha);
+                    CHECK(half > 0.98 * 1.96 * curvature);
+                    const double low = below_best(*bins, std::max(0.0, alpha - 1.1 * half));
+                    const double high = below_best(*bins, std::min(1.99, alpha + 1.1 * half));
+                    too_short += (alpha > 1.1 * half && low < 3.84) || high < 3.84;
+                    if (half < 1.02 * 1.96 * curvature) continue;
+                    ++wider;
+                    const double inside = std::min(below_best(*bins, std::max(0.0, alpha - 0.9 * half)),
+                                                   below_best(*bins, std::min(1.99, alpha + 0.9 * half)));
+                    too_long += inside > 3.84;
                 }
             }
         }
     }
     CHECK(defined > 40);
     CHECK(small > 5);
+    CHECK(wider > 5);
+    CHECK(too_short <= defined / 12);
+    CHECK(too_long <= wider / 4);
 }
 
 TEST_CASE("sliced fit: R of white noise is its variance") {

@@ -28,6 +28,7 @@ class BoardFit(NamedTuple):
     ratio_ar1: float
     ordinates: float
     alpha_defined: float
+    evaluations: float
 
 
 @lru_cache

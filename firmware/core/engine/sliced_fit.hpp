@@ -4,6 +4,8 @@
 #ifndef FLTEA_SLICED_FIT_HPP
 #define FLTEA_SLICED_FIT_HPP
 
+#include "fit_grid.hpp"
+#include "fit_memory.hpp"
 #include "null_quantiles.hpp"
 #include "sliced_target.hpp"
 #include "whittle_scoring.hpp"
@@ -11,56 +13,6 @@
 namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
-
-// What the fit says of the fractional model, and of the noise.
-enum class Verdict : int {
-    none,        // no fit yet, or nothing to fit
-    white,       // white noise is not rejected
-    fractional,  // and AR(1) is worse by more than 6 in 2 log L
-    relaxation,  // AR(1) describes it as well
-};
-
-struct FitFigures {
-    Verdict verdict;
-    // Of white noise all of them are 0, but R.
-    float alpha, alpha_std;  // alpha_std: 0 if it is not known
-    float g;                 // h^α f
-    float s2, R;             // in the squared unit of the bins' powers
-    float ratio_white;       // 2 log L of orders up to 1 above white noise
-    float ratio_ar1;         // 2 log L of the fractional model above AR(1)
-    float ordinates;
-    bool alpha_defined;  // the interval of α is not nearly all that is possible
-};
-
-// What is kept of an axis from fit to fit: the answers are where the next one begins, and how far its looks
-// around have come on the grid.
-class FitMemory {
-  public:
-    // turn: which of twelve fits looks around, so that those of several axes need not be in the same round.
-    explicit FitMemory(int turn = 0) : figures_(), fitted_ordinates_(0), turn_(turn) {
-        for (Answer& one : answers_) {
-            one.known = false;
-            one.look = 0;
-        }
-    }
-    const FitFigures& figures() const { return figures_; }
-
-  private:
-    template <class Bins>
-    friend class SlicedFit;
-
-    enum Which { kWhiteNoise, kRelaxation, kUpToOne, kFull, kModels };
-    struct Answer {
-        float theta[3];
-        float nll, scale;
-        bool known;
-        unsigned char look;  // the place on the grid to look at next
-    };
-    Answer answers_[kModels];
-    FitFigures figures_;
-    float fitted_ordinates_;
-    int turn_;
-};
 
 // A fit: begin(), then work() until it is done.
 template <class Bins>
@@ -92,6 +44,7 @@ class SlicedFit {
         // Answers that have seen far less lead nowhere.
         if (bins.ordinates() > kMuchMore * memory.fitted_ordinates_) {
             for (Answer& one : memory.answers_) one.known = false;
+            memory.ends_.known = false;
             searched_ = true;
             memory.fitted_ordinates_ = bins.ordinates();
         } else {
@@ -99,6 +52,8 @@ class SlicedFit {
         }
         which_ = kWhiteNoise;
         settled_ = 0;
+        searches_again_ = bounding_ = false;
+        interval_.forget();
         begin_model();
     }
 
@@ -165,12 +120,10 @@ class SlicedFit {
         }
     }
 
-    // Orders above 1 are on the grid of the full model only, and no others; the best order up to 1 is one of
-    // its starts.
     int grid_size() const {
-        return which_ == kRelaxation ? kPoles * kWeights
-               : which_ == kUpToOne  ? kOrdersUpToOne * kShares * kWeights
-               : which_ == kFull     ? (kOrders - kOrdersUpToOne) * kShares * kWeights
+        return which_ == kRelaxation ? int(FitGrid::kOfRelaxation)
+               : which_ == kUpToOne  ? int(FitGrid::kOfOrdersUpToOne)
+               : which_ == kFull     ? int(FitGrid::kOfOrdersAbove)
                                      : 0;
     }
     int rough_size() const {
@@ -189,21 +142,14 @@ class SlicedFit {
         canonical(model_, point.theta);
     }
 
+    // Orders above 1 are on the grid of the full model only, and no others; the best order up to 1 is one of
+    // its starts.
     void grid_point(int place, Point<float>& point) const {
-        static const float poles[kPoles] = {-2.2f, -0.5f, 0.5f, 1.4f, 2.6f, 3.7f, 5.0f, 7.6f};  // logits
-        static const float weights[kWeights] = {-6.9f, -2.9f, -0.4f};
-        static const float orders[kOrders] = {0.15f, 0.45f, 0.75f, 1.0f, 1.3f, 1.75f};
-        static const float shares[kShares] = {-7.0f, -4.6f, -2.4f, -0.6f, 1.4f, 3.0f};
-        point.theta[2] = 0;
         if (which_ == kRelaxation) {
-            point.theta[0] = poles[place / kWeights];
-            point.theta[1] = weights[place % kWeights];
-            return;
+            FitGrid::relaxation(place, point.theta);
+        } else {
+            FitGrid::order(which_ == kFull ? place + int(FitGrid::kOfOrdersUpToOne) : place, point.theta);
         }
-        const int lowest = which_ == kFull ? int(kOrdersUpToOne) : 0;
-        point.theta[0] = orders[lowest + place / (kShares * kWeights)];
-        point.theta[1] = shares[place / kWeights % kShares];
-        point.theta[2] = weights[place % kWeights];
     }
 
     const Answer& last_answer() const { return memory_->answers_[from_before_ ? kUpToOne : which_]; }
@@ -282,6 +228,11 @@ class SlicedFit {
 
     // An evaluation is there.
     void judged() {
+        if (bounding_) {
+            interval_.judge(next_);
+            bound();
+            return;
+        }
         if (which_ == kWhiteNoise || settled_ > 0) {
             best_ = next_;
             end_model();
@@ -313,6 +264,7 @@ class SlicedFit {
             evaluate_next();
             return;
         }
+        if (which_ == kUpToOne || which_ == kFull) interval_.note(now_);
         if (now_.nll < best_.nll) best_ = now_;
         begin_search();
     }
@@ -332,13 +284,21 @@ class SlicedFit {
         kept_[place] = next_;
     }
 
-    void end_model() {
-        if (which_ == kUpToOne) up_to_one_ = best_;
-        Answer& answer = memory_->answers_[which_];
+    void keep_answer(Which which) {
+        if (which == kUpToOne) up_to_one_ = best_;
+        Answer& answer = memory_->answers_[which];
         for (int i = 0; i < 3; ++i) answer.theta[i] = best_.theta[i];
         answer.nll = best_.nll;
         answer.scale = best_.scale;
         answer.known = best_.nll < Room<float>::impossible();
+    }
+
+    void end_model() {
+        keep_answer(which_);
+        // What ends of the interval have led to may be one of these, too.
+        if (which_ == kFull && best_.theta[0] < kBelowOne && best_.nll < up_to_one_.nll)
+            keep_answer(kUpToOne);
+        Answer& answer = memory_->answers_[which_];
         if (!cold_ && rough_size() > 0) {
             answer.look = static_cast<unsigned char>((answer.look + kLooks) % grid_size());
         }
@@ -351,15 +311,19 @@ class SlicedFit {
             return;
         }
         if (which_ == kFull) {
-            report();
-            busy_ = false;
+            if (report()) {
+                begin_interval();
+            } else {
+                memory_->ends_.known = busy_ = false;
+            }
             return;
         }
         which_ = static_cast<Which>(which_ + 1);
         begin_model();
     }
 
-    void report() {
+    // All but the interval; false if there is none.
+    bool report() {
         FitFigures& f = memory_->figures_;
         f = FitFigures();
         f.ordinates = target_.ordinates;
@@ -369,7 +333,7 @@ class SlicedFit {
         if (f.ratio_white < null_quantile(level_, f.ordinates)) {
             f.verdict = Verdict::white;
             f.R = target_.unit();
-            return;
+            return false;
         }
         f.verdict = f.ratio_ar1 > kApart ? Verdict::fractional : Verdict::relaxation;
         Mapped<float> at;
@@ -379,23 +343,37 @@ class SlicedFit {
         f.g = at.natural.shape[1];
         f.s2 = at.natural.variance[0] * power;
         f.R = at.natural.white * power;
-        f.alpha_std = order_std();
-        f.alpha_defined = f.alpha_std > 0 && 2.0f * 1.96f * f.alpha_std < 0.9f * 2.0f;
+        return true;
     }
 
-    // Of α, by the information that the other coordinates leave.
-    float order_std() const {
-        Point<float> unit = best_;
-        float column[3] = {0, 0, 0};
-        const bool given[3] = {false, false, false};
-        for (int i = 0; i < 3; ++i) unit.gradient[i] = i == 0 ? -1.0f : 0.0f;
-        solve(unit, given, 3, 0.0f, column);
-        return math::finite(column[0]) && column[0] > 0 ? math::sqrt(column[0]) : 0.0f;
+    void begin_interval() {
+        curvature_std_ = order_std(best_);
+        interval_.begin(best_, k95 * curvature_std_, memory_->ends_);
+        bounding_ = true;
+        bound();
+    }
+
+    // The ends of the interval, one order after the other.
+    void bound() {
+        if (!searches_again_ && interval_.better(next_)) {
+            searches_again_ = true;
+            bounding_ = searching_ = false;
+            settled_ = 0;
+            model_ = model_of(kFull);
+            memory_->ends_.known = false;
+            search_ = Search<float>(model_);
+            evaluate_next();
+            return;
+        }
+        if (interval_.propose(model_, next_)) return evaluate_next();
+        FitFigures& f = memory_->figures_;
+        f.alpha_std = curvature_std_ > 0 ? math::fmax(curvature_std_, interval_.half() / k95) : 0.0f;
+        f.alpha_defined = f.alpha_std > 0 && 2.0f * k95 * f.alpha_std < 0.9f * 2.0f;
+        busy_ = false;
     }
 
     static constexpr float kTolerance = 3e-4f, kApart = 6.0f, kMuchMore = 4.0f, kBelowOne = 0.99f,
-                           kNearly = 3.0f, kWorthALook = 20.0f, kAboveOne = 1.2f;
-    enum { kPoles = 8, kWeights = 3, kOrders = 6, kOrdersUpToOne = 4, kShares = 6 };
+                           kNearly = 3.0f, kWorthALook = 20.0f, kAboveOne = 1.2f, k95 = 1.96f;
 
     SlicedTarget<Bins> target_;
     FitMemory* memory_;
@@ -403,11 +381,13 @@ class SlicedFit {
     Mapped<float> at_;
     Point<float> next_, now_, best_, up_to_one_, kept_[kKept];
     Search<float> search_ = Search<float>(model_of(kUpToOne));
+    OrderInterval interval_;
+    float curvature_std_;  // of α
     NullLevel level_;
     Which which_;
     float as_before_;  // -log L of the last answer, roughly
     int rough_, starts_, settled_, evaluations_;
-    bool busy_, cold_, from_before_, searching_, possible_, again_, searched_;
+    bool busy_, cold_, from_before_, searching_, possible_, again_, searched_, bounding_, searches_again_;
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET

@@ -30,7 +30,7 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     modulo 2^32. ordinates: effective independent ordinates; bins_left_out: some of the lowest frequencies
     had no room. evaluations: of the likelihood; searched: on a grid, since there was no answer before, or
     one of far fewer samples. tuned: the filters there go on with s2 and R as Q and R. alpha: its interval
-    is by the curvature of the likelihood; null where the data do not define it. s2, R: (deg/s)²; of white
+    is by the likelihood; null where the data do not define it. s2, R: (deg/s)²; of white
     noise R is its power. ratio_white, ratio_relaxation: 2 log L above these two. alpha_difference: minus
     that of this computer's newest fit, and by how many half-widths of its interval; null where one of
     them has no order. host_verdict: of that fit. alpha_of_bins: order by this computer's fit of the bins

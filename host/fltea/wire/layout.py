@@ -496,7 +496,8 @@ class _FitFields(NamedTuple):
     alpha: float
     """Order; of white noise it, alpha_std, f and s2 are 0."""
     alpha_std: float
-    """Its standard deviation, by the curvature of the likelihood; 0 if not known."""
+    """Its standard deviation: 1.96 of it is the longer side of the interval by the likelihood; 0 if not
+    known."""
     f: float
     """Parameter [s^-alpha]."""
     s2: float

@@ -1,0 +1,217 @@
+// The 95 % interval of the order by its likelihood, not by the curvature at the maximum alone: where noise is
+// weak a second maximum or a long slope stands beside it, of which the curvature knows nothing.
+//
+// An end is the order at which the best fit that has it is 3.84 in 2 log L below the best of all. Between
+// fits it moves little: each fit evaluates the ends of the one before, and moves them; and it looks at one
+// order elsewhere, each time another, in case the likelihood rises again beyond an end, or between them.
+#ifndef FLTEA_ORDER_INTERVAL_HPP
+#define FLTEA_ORDER_INTERVAL_HPP
+
+#include "real_math.hpp"
+#include "whittle_scoring.hpp"
+
+namespace fltea {
+namespace whittle {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// Standard deviation by the curvature: by the information that the other coordinates leave; 0 if there is
+// none.
+inline float order_std(const Point<float>& best) {
+    Point<float> unit = best;
+    float column[3] = {0, 0, 0};
+    const bool given[3] = {false, false, false};
+    for (int i = 0; i < 3; ++i) unit.gradient[i] = i == 0 ? -1.0f : 0.0f;
+    solve(unit, given, 3, 0.0f, column);
+    return math::finite(column[0]) && column[0] > 0 ? math::sqrt(column[0]) : 0.0f;
+}
+
+// What is kept of it from fit to fit.
+struct OrderEnds {
+    struct End {
+        float order;
+        float theta[2];  // of the share and the weight that fit it best
+    };
+    End ends[2];
+    bool known;
+    unsigned char turn, look;  // what the next fit does, and where
+};
+
+// Begin a fit with forget(), note() where its searches ended, begin() at the best of all; then evaluate and
+// judge() what it proposes.
+class OrderInterval {
+  public:
+    void forget() { noted_ = 0; }
+
+    // A search has ended there: an end of the interval is beyond, if it does nearly as well as the best.
+    void note(const Point<float>& point) {
+        if (noted_ == kNotes) return;
+        notes_[noted_].nll = point.nll;
+        for (int i = 0; i < 3; ++i) notes_[noted_].theta[i] = point.theta[i];
+        ++noted_;
+    }
+
+    // half: of the interval by the curvature; 0 if it has none.
+    void begin(const Point<float>& best, float half, OrderEnds& ends) {
+        order_ = best.theta[0];
+        best_nll_ = best.nll;
+        ends_ = &ends;
+        // Around another maximum the old ends are worth nothing.
+        if (ends.known && !(ends.ends[0].order <= order_ && order_ <= ends.ends[1].order)) ends.known = false;
+        most_ = ends.known ? 1 : int(kOrders);
+        for (int side = 0; side < 2; ++side) {
+            OrderEnds::End& end = ends.ends[side];
+            const float sign = side == 0 ? -1.0f : 1.0f;
+            if (!ends.known) {
+                const float reach = half > 0 ? math::fmin(half, kLongest) : kLongest;
+                set(end, order_ + sign * reach, best.theta);
+            } else if (sign * (end.order - order_) < kShortest) {
+                end.order = within(order_ + sign * kShortest);
+            }
+            for (int i = 0; i < noted_; ++i) {
+                const bool outside = sign * (notes_[i].theta[0] - end.order) > 0;
+                if (outside && notes_[i].nll < best_nll_ + kCritical)
+                    set(end, notes_[i].theta[0], notes_[i].theta);
+            }
+        }
+        // In turn: an end, an order elsewhere, the other end, an order elsewhere.
+        const int turn = ends.known ? ends.turn++ % 4 : -1;
+        side_ = turn < 0 ? 0 : turn % 2 == 1 ? 2 : turn / 2;
+        last_ = turn < 0 ? 1 : side_;
+        ends.known = true;
+        begin_side();
+        if (side_ == 2) begin_look();
+    }
+
+    // What to evaluate next, and as which model; false at the end.
+    bool propose(Model<float>& model, Point<float>& next) {
+        while (side_ <= last_) {
+            OrderEnds::End& end = at();
+            model.hold = kHoldOrder;
+            model.held = end.order;
+            if (!begun_) {
+                for (int i = 0; i < 2; ++i) next.theta[i] = end.theta[i];
+                next.theta[2] = 0;
+                search_ = Search<float>(model);
+                return true;
+            }
+            const Patience<float> until = {kSteps, kTolerance, -Room<float>::impossible(),
+                                           best_nll_ + kFarOutside};
+            if (search_.propose(model, until, now_, next)) return true;
+            if (side_ < 2) {
+                concluded(end);
+            } else {
+                looked();
+            }
+        }
+        return false;
+    }
+
+    void judge(const Point<float>& next) {
+        if (begun_) {
+            search_.judge(next, now_);
+        } else {
+            now_ = next;
+            begun_ = true;
+        }
+    }
+
+    // The fit of the order that was looked at last is better than the best: a search from there is in place.
+    bool better(Point<float>& point) const {
+        if (!begun_ || !(now_.nll < best_nll_ - kWorthASearch)) return false;
+        point.theta[0] = side_ < 2 ? ends_->ends[side_].order : elsewhere_.order;
+        for (int i = 0; i < 2; ++i) point.theta[1 + i] = now_.theta[i];
+        return true;
+    }
+
+    // The longer side.
+    float half() const { return math::fmax(order_ - ends_->ends[0].order, ends_->ends[1].order - order_); }
+
+  private:
+    enum { kNotes = 8, kOrders = 6, kLooks = 8, kSteps = 6 };
+    static constexpr float kCritical = 1.92f, kRoot = 1.3856406f, kTolerance = 0.02f, kFarOutside = 6.0f,
+                           kLongest = 0.3f, kShortest = 1e-3f, kWorthASearch = 0.05f, kHighest = 1.99999f;
+
+    static float within(float order) { return math::fmin(math::fmax(order, 0.0f), kHighest); }
+
+    static void set(OrderEnds::End& end, float order, const float* theta) {
+        end.order = within(order);
+        for (int i = 0; i < 2; ++i) end.theta[i] = theta[1 + i];
+    }
+
+    void begin_side() {
+        inside_ = order_;
+        inside_root_ = 0;
+        bracketed_ = begun_ = false;
+        tried_ = 0;
+    }
+
+    // Along a parabola √(-log L) is straight: so the end is looked for between an order that is inside and
+    // one that is not, or beyond the former.
+    void concluded(OrderEnds::End& end) {
+        for (int i = 0; i < 2; ++i) end.theta[i] = now_.theta[i];
+        const float below = math::fmin(math::fmax(now_.nll - best_nll_, 0.0f), 20.0f);
+        const float root = math::sqrt(below), looked_at = end.order;
+        if (root < kRoot) {
+            inside_ = looked_at;
+            inside_root_ = root;
+        } else {
+            outside_ = looked_at;
+            outside_root_ = root;
+            bracketed_ = true;
+        }
+        if (bracketed_) {
+            end.order =
+                inside_ + (outside_ - inside_) * (kRoot - inside_root_) / (outside_root_ - inside_root_);
+        } else {
+            const float ratio = kRoot / math::fmax(root, 0.5f * kRoot);
+            end.order = within(order_ + (looked_at - order_) * ratio);
+        }
+        begun_ = false;
+        const bool near = math::fabs(root - kRoot) < 0.1f * kRoot;
+        if (++tried_ == most_ || near || end.order == looked_at) {
+            ++side_;
+            begin_side();
+        }
+    }
+
+    OrderEnds::End& at() { return side_ < 2 ? ends_->ends[side_] : elsewhere_; }
+
+    void begin_look() {
+        static const float away[kLooks] = {-0.15f, 0.15f, -0.3f, 0.3f, -0.45f, 0.45f, -0.6f, 0.6f};
+        ends_->look = static_cast<unsigned char>((ends_->look + 1) % kLooks);
+        const int side = ends_->look % 2;
+        elsewhere_ = ends_->ends[side];
+        elsewhere_.order = within(order_ + away[ends_->look]);
+    }
+
+    void looked() {
+        OrderEnds::End& end = ends_->ends[elsewhere_.order < order_ ? 0 : 1];
+        const bool outside =
+            elsewhere_.order < order_ ? elsewhere_.order < end.order : elsewhere_.order > end.order;
+        if (outside && now_.nll < best_nll_ + kCritical) {
+            end.order = elsewhere_.order;
+            for (int i = 0; i < 2; ++i) end.theta[i] = now_.theta[i];
+        }
+        begun_ = false;
+        ++side_;
+    }
+
+    struct Note {
+        float theta[3], nll;
+    };
+    Note notes_[kNotes];
+    int noted_ = 0;
+    OrderEnds* ends_ = nullptr;
+    OrderEnds::End elsewhere_;
+    Point<float> now_;
+    Search<float> search_ = Search<float>(Model<float>{kFractional, 2.0f, kHoldOrder, 1.0f, 0, 0});
+    float order_, best_nll_, inside_, inside_root_, outside_, outside_root_;
+    int side_ = 2, last_ = 1, tried_, most_;
+    bool begun_ = false, bracketed_;
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace whittle
+}  // namespace fltea
+
+#endif
