@@ -1,6 +1,7 @@
 """Native parts of fltea.
 
-The device's encoder (firmware/core), for tests; the decoder of the wire; the estimator engine; Whittle fits.
+The device's encoder (firmware/core), for tests; the decoder of the wire; the estimator engine; fits of
+spectra.
 """
 
 from typing import Any, Literal
@@ -177,43 +178,6 @@ class Bank:
     # ValueError for bytes that cannot come from `save`.
     def load(self, engine: bytes, supervisors: bytes | None, restarts: list[int]) -> None: ...
 
-# Fits a model of spectrum.whittle to every series; theta (series, p), scale and nll (series,) are filled in.
-# ValueError if the arrays do not fit together or no spectrum can be fitted.
-def whittle_fit(
-    lam: NDArray[np.float64],
-    counts: NDArray[np.float64],
-    power: NDArray[np.float64],
-    family: int,
-    highest_order: float,
-    hold: int,
-    held: float,
-    h: float,
-    starts: NDArray[np.float64],
-    groups: NDArray[np.intp],
-    extra: NDArray[np.float64] | None,
-    warm: NDArray[np.float64] | None,
-    theta: NDArray[np.float64],
-    scale: NDArray[np.float64],
-    nll: NDArray[np.float64],
-) -> None: ...
-
-# -log L at theta and its slopes: nll (series,), gradient (series, p), information (series, p, p) are filled
-# in. ValueError as for whittle_fit.
-def whittle_slopes(
-    lam: NDArray[np.float64],
-    counts: NDArray[np.float64],
-    power: NDArray[np.float64],
-    family: int,
-    highest_order: float,
-    hold: int,
-    held: float,
-    h: float,
-    theta: NDArray[np.float64],
-    nll: NDArray[np.float64],
-    gradient: NDArray[np.float64],
-    information: NDArray[np.float64],
-) -> None: ...
-
 # Sums of the overlapping Allan variance of one axis (host/native/allan_sums.hpp).
 class AllanSums:
     # memory_samples: time constant of forgetting, 0 for none.
@@ -276,18 +240,73 @@ class Octaves:
     def save(self) -> bytes: ...
     def load(self, bytes: bytes) -> None: ...
 
-# Ends of intervals by profile likelihood, low and high of each row of `what` (Profiled, whittle_profile.hpp);
-# near: those of an earlier search, about which they are looked for first.
-# ValueError as for whittle_fit.
-def whittle_intervals(
+# Fits of sentences of noise to the bins of one spectrum; parts are numbers, as in fltea.noise.parts.
+class Sentences:
+    # lam, counts, power and walk, the spectrum of a walk of unit steps: (bins,). ValueError for what cannot
+    # be fitted.
+    def __init__(
+        self,
+        lam: NDArray[np.float64],
+        counts: NDArray[np.float64],
+        power: NDArray[np.float64],
+        walk: NDArray[np.float64],
+        h: float,
+    ) -> None: ...
+
+    # The best coordinates that are reached from eta, and -log L there. held: number of the one that keeps its
+    # value. ValueError, here and below, for codes and eta that are no sentence.
+    def fit(
+        self,
+        codes: list[int],
+        eta: list[float],
+        held: int = -1,
+        steps: int = 60,
+        converged: float = 1e-5,
+        slowest: float = 1.0,
+        lowest_order: float = 0.0,
+        highest_order: float = 1.999,
+    ) -> tuple[list[float], float]: ...
+
+    # Codes, coordinates and -log L of the six sentences of a frontier; no codes: there is none. last: those
+    # of an earlier search, which are fitted again, or nothing.
+    def search(
+        self, last: list[tuple[list[int], list[float], float]]
+    ) -> list[tuple[list[int], list[float], float]]: ...
+
+    # The null test's ratio and the coordinates of its alternative; last: those of an earlier test, or
+    # nothing.
+    def null_test(self, last: list[float]) -> tuple[float, list[float]]: ...
+
+    # The end of an interval to one side; NaN if there is none before the limit. usual, at_bound: the fall of
+    # 2 log L there, and where white noise is nothing beside coordinate white_over (-1: never asked).
+    def end(
+        self,
+        codes: list[int],
+        eta: list[float],
+        nll: float,
+        index: int,
+        side: int,
+        limit: float,
+        step: float,
+        usual: float,
+        at_bound: float,
+        white_over: int,
+    ) -> float: ...
+
+    # Fills in the spectrum (bins,) and the slopes (p, bins) of its logarithm.
+    def slopes(
+        self,
+        codes: list[int],
+        eta: list[float],
+        total: NDArray[np.float64],
+        rows: NDArray[np.float64],
+    ) -> None: ...
+
+# Fills in the spectrum of a sentence at lam.
+def sentence_spectrum(
+    codes: list[int],
+    eta: list[float],
     lam: NDArray[np.float64],
-    counts: NDArray[np.float64],
-    power: NDArray[np.float64],
-    theta: NDArray[np.float64],
-    scale: float,
-    nll: float,
     h: float,
-    what: NDArray[np.float64],
-    near: NDArray[np.float64] | None,
-    ends: NDArray[np.float64],
+    total: NDArray[np.float64],
 ) -> None: ...

@@ -15,9 +15,9 @@
 #include "crc32.h"
 #include "decoder_binding.hpp"
 #include "engine_binding.hpp"
-#include "fit_binding.hpp"
 #include "frame.h"
 #include "messages.h"
+#include "sentence_binding.hpp"
 
 namespace nb = nanobind;
 
@@ -158,7 +158,7 @@ NB_MODULE(_native, m) {
     bind_engine(m);
     bind_lanes(m);
     bind_bank(m);
-    bind_fit(m);
+    bind_sentences(m);
     bind_allan(m);
     bind_octaves(m);
 }

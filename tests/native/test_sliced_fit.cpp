@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <random>
 #include <vector>
@@ -11,12 +12,13 @@
 #include "fit_bins.hpp"
 #include "noise.h"
 #include "real_spectrum.hpp"
+#include "sentence_fit.hpp"
 #include "sliced_fit.hpp"
-#include "whittle_fit.hpp"
 
 namespace {
 
 using namespace fltea::whittle;
+namespace sentence = fltea::sentence;
 typedef fltea::engine::CountOctaves<> Octaves;
 typedef fltea::engine::FitBins<Octaves> Gathered;
 
@@ -58,9 +60,9 @@ void make_bins(const Octaves& octaves, Gathered& bins) {
     }
 }
 
-// The host's answer, from many starts.
+// The bins as the host has them.
 template <class Any>
-Point<double> host_fit(const Any& bins, const Model<double>& model, std::vector<double>& white) {
+sentence::Bins on_host(const Any& bins) {
     std::vector<double> lam, counts, power;
     std::vector<int> order;
     for (int i = 0; i < bins.size(); ++i) order.push_back(i);
@@ -70,59 +72,68 @@ Point<double> host_fit(const Any& bins, const Model<double>& model, std::vector<
         counts.push_back(static_cast<double>(bins.counts(i)));
         power.push_back(static_cast<double>(bins.power(i)));
     }
-    const Spectra spectra(lam.data(), counts.data(), power.data(), lam.size(), 1);
-    const Target target = spectra.target(kernel_baseline, 0);
-    Point<double> best = Point<double>();
-    best.nll = kImpossible;
+    return sentence::Bins(sentence::kernel_baseline, lam, counts, power, std::vector<double>(lam.size()), 1);
+}
+
+// The host's answer, from many starts: white noise and one part.
+struct HostFit {
+    std::vector<double> eta;
+    double nll;
+};
+// order: held, of a part that has one; -1: it is free.
+HostFit host_fit(sentence::Bins bins, sentence::Part part, double highest_order, double order = -1) {
+    const sentence::Words words = {sentence::Word{sentence::kWhite, 0}, sentence::Word{part, 0}};
+    bins.highest_order = highest_order;
+    sentence::Patience patience;
+    patience.steps = 200;
+    patience.slowest = 1000;
     std::mt19937 random(1);
     std::uniform_real_distribution<double> some(-6, 6);
+    const double power = std::log(bins.mean);
+    HostFit best = {{}, std::numeric_limits<double>::infinity()};
     for (int k = 0; k < 40; ++k) {
-        const double order_start = 0.05 + model.highest_order * (k % 10) / 10;
-        const bool no_order = model.family == kAr1 || model.hold == kHoldOrder;
-        const double start[] = {no_order ? some(random) : order_start, some(random), some(random)};
-        try_start(target, model, start, 200, best);
+        std::vector<double> eta = {power + some(random)};
+        if (part == sentence::kOrder) eta.push_back(0.05 + highest_order * (k % 10) / 10);
+        if (part == sentence::kRelaxation) eta.push_back(power + some(random));
+        eta.push_back(some(random));
+        if (part == sentence::kOrder) eta.push_back(power + some(random));
+        if (order >= 0) eta[1] = order;
+        const double nll = sentence::score(bins, words, eta.data(), order >= 0 ? 1 : -1, patience);
+        if (nll < best.nll) best = {eta, nll};
     }
-    Point<double> none = Point<double>();
-    evaluate(target, Model<double>{kWhite, 2.0, kNothing, 0, 0, 0}, none);
-    white.assign(1, none.nll);
     return best;
+}
+
+// -log L of white noise.
+double white_fit(const sentence::Bins& bins) {
+    double eta = std::log(bins.mean);
+    return sentence::score(bins, {sentence::Word{sentence::kWhite, 0}}, &eta, -1, sentence::Patience());
 }
 
 // Of α, by the curvature in double at what the device has found.
 template <class Any>
 double order_std_in_double(const Any& bins, const FitFigures& found) {
-    std::vector<double> lam, counts, power;
-    for (int i = 0; i < bins.size(); ++i) {
-        lam.push_back(static_cast<double>(bins.lam(i)));
-        counts.push_back(static_cast<double>(bins.counts(i)));
-        power.push_back(static_cast<double>(bins.power(i)));
-    }
-    const Spectra spectra(lam.data(), counts.data(), power.data(), lam.size(), 1);
-    const Target target = spectra.target(kernel_baseline, 0);
-    const Model<double> model = {kFractional, 2.0, kNothing, 0, 0, 0};
+    const sentence::Bins on = on_host(bins);
     const double share = static_cast<double>(-found.g) * std::exp2(-static_cast<double>(found.alpha));
-    const double weight =
-        static_cast<double>(found.s2) / (static_cast<double>(found.s2) + static_cast<double>(found.R));
-    Point<double> at = Point<double>();
-    at.theta[0] = static_cast<double>(found.alpha);
-    at.theta[1] = std::log(share / (1 - share));
-    at.theta[2] = std::log(weight / (1 - weight));
-    evaluate(target, model, at);
-    REQUIRE(at.nll < kImpossible);
-    double column[3] = {0, 0, 0};
-    const bool given[3] = {false, false, false};
-    for (int i = 0; i < 3; ++i) at.gradient[i] = i == 0 ? -1.0 : 0.0;
-    solve(at, given, 3, 0.0, column);
-    return std::sqrt(column[0]);
+    const double eta[] = {std::log(static_cast<double>(found.R)), static_cast<double>(found.alpha),
+                          std::log(share / (1 - share)), std::log(static_cast<double>(found.s2))};
+    sentence::Spectrum at(on);
+    REQUIRE(std::isfinite(
+        at.at({sentence::Word{sentence::kWhite, 0}, sentence::Word{sentence::kOrder, 0}}, eta)));
+    double gradient[sentence::kMostFree], information[sentence::kMostFree][sentence::kMostFree];
+    at.derivatives(4, gradient, information);
+    REQUIRE(sentence::factor(4, information));
+    double column[] = {0, 1, 0, 0};
+    sentence::substitute(4, information, column, true);
+    return std::sqrt(column[1]);
 }
 
 // How far 2 log L of the best fit of this order is below that of the best of all, in double.
 template <class Any>
 double below_best(const Any& bins, double order) {
-    std::vector<double> white;
-    const double best = host_fit(bins, Model<double>{kFractional, 2.0, kNothing, 0, 0, 0}, white).nll;
-    const Model<double> held = {kFractional, 2.0, kHoldOrder, order, 0, 0};
-    return 2 * (host_fit(bins, held, white).nll - best);
+    const sentence::Bins on = on_host(bins);
+    const double highest = sentence::kHighestOrder, best = host_fit(on, sentence::kOrder, highest).nll;
+    return 2 * (host_fit(on, sentence::kOrder, highest, order).nll - best);
 }
 
 template <class Any>
@@ -279,19 +290,16 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             FitMemory memory;
             fit(*bins, *sliced, memory);
             const FitFigures cold = memory.figures();
-            std::vector<double> white;
-            const Point<double> full =
-                host_fit(*bins, Model<double>{kFractional, 2.0, kNothing, 0, 0, 0}, white);
-            const Point<double> up_to_one =
-                host_fit(*bins, Model<double>{kFractional, 1.0, kNothing, 0, 0, 0}, white);
-            const Point<double> relaxation =
-                host_fit(*bins, Model<double>{kAr1, 2.0, kNothing, 0, 0, 0}, white);
+            const sentence::Bins host = on_host(*bins);
+            const HostFit full = host_fit(host, sentence::kOrder, sentence::kHighestOrder);
+            const HostFit up_to_one = host_fit(host, sentence::kOrder, 1);
+            const HostFit relaxation = host_fit(host, sentence::kRelaxation, 1);
             CAPTURE(kind);
             CAPTURE(n);
             CAPTURE(cold.alpha);
-            CAPTURE(full.theta[0]);
+            CAPTURE(full.eta[1]);
             CAPTURE(cold.alpha_std);
-            const double ratio = 2 * (white[0] - up_to_one.nll);
+            const double ratio = 2 * (white_fit(host) - up_to_one.nll);
             // In white noise there are many maxima that are nearly as high.
             CHECK(static_cast<double>(cold.ratio_white) <= ratio + 0.05 + 2e-3 * ratio);
             CHECK(static_cast<double>(cold.ratio_white) >= ratio - (ratio < 6 ? 0.5 : 0.05 + 2e-3 * ratio));
@@ -304,7 +312,7 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             fractionals += cold.verdict == Verdict::fractional;
             relaxations += cold.verdict == Verdict::relaxation;
             if (cold.verdict != Verdict::white && cold.alpha_defined) {
-                CHECK(std::fabs(static_cast<double>(cold.alpha) - full.theta[0]) <
+                CHECK(std::fabs(static_cast<double>(cold.alpha) - full.eta[1]) <
                       0.1 * 1.96 * static_cast<double>(cold.alpha_std));
             }
             // The same again, from the last answers, at a fraction of the work.
@@ -516,14 +524,12 @@ TEST_CASE("sliced fit: float has enough digits for a year of samples") {
             FitMemory memory;
             fit(bins, *sliced, memory);
             const FitFigures& found = memory.figures();
-            std::vector<double> white;
-            const Point<double> full =
-                host_fit(bins, Model<double>{kFractional, 2.0, kNothing, 0, 0, 0}, white);
+            const HostFit full = host_fit(on_host(bins), sentence::kOrder, sentence::kHighestOrder);
             CAPTURE(ordinates);
             CAPTURE(kind);
             CAPTURE(found.alpha);
-            CAPTURE(full.theta[0]);
-            CHECK(std::fabs(static_cast<double>(found.alpha) - full.theta[0]) <
+            CAPTURE(full.eta[1]);
+            CHECK(std::fabs(static_cast<double>(found.alpha) - full.eta[1]) <
                   0.1 * 1.96 * static_cast<double>(found.alpha_std));
             CHECK(found.verdict != Verdict::white);
         }

@@ -1,5 +1,4 @@
 #pragma once
-
 #include <nanobind/nanobind.h>
 
-void bind_fit(nanobind::module_& m);
+void bind_sentences(nanobind::module_& m);

@@ -1,0 +1,229 @@
+// Sentences of noise for Python (host/fltea/spectrum/frontier.py): bins once, then any number of fits to
+// them.
+#include "sentence_binding.hpp"
+
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <cmath>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "sentence_interval.hpp"
+#include "sentence_search.hpp"
+
+namespace nb = nanobind;
+
+namespace {
+
+using namespace fltea::sentence;
+using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using OutColumn = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using OutRows = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+constexpr double kLargestPower = 1e100;
+constexpr int kMeanFrom = 100;  // codes from here on: the mean of so many samples
+
+const Kernel& fastest() {
+#if defined(FLTEA_X86)
+    __builtin_cpu_init();
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
+        if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq")) return kernel_avx512;
+        return kernel_avx2;
+    }
+#endif
+    return kernel_baseline;
+}
+
+[[noreturn]] void refuse(const std::string& why) { throw nb::value_error(why.c_str()); }
+
+Words words_of(const std::vector<int>& codes) {
+    Words words;
+    for (const int code : codes) {
+        if (code < 0 || (code >= kParts && code < kMeanFrom) || code > kMeanFrom + 64 || code == kMean)
+            refuse("no such part: " + std::to_string(code));
+        words.push_back(code >= kMeanFrom ? Word{kMean, code - kMeanFrom} : Word{static_cast<Part>(code), 0});
+    }
+    if (words.empty() || words[0].part != kWhite) refuse("a sentence begins with white noise");
+    if (free_of(words) > kMostFree)
+        refuse("a sentence has at most " + std::to_string(kMostFree) + " parameters");
+    return words;
+}
+
+// A sentence for Python: codes, parameters, -log L; no codes: there is none.
+using Raw = std::tuple<std::vector<int>, std::vector<double>, double>;
+
+Raw raw_of(const Sentence& s) {
+    std::vector<int> codes;
+    for (const Word& word : s.words) codes.push_back(word.part == kMean ? kMeanFrom + word.size : word.part);
+    return {codes, s.eta, s.nll};
+}
+
+void check(const Words& words, const std::vector<double>& eta) {
+    if (eta.size() != static_cast<std::size_t>(free_of(words)))
+        refuse("eta must have one number a parameter");
+    for (const double value : eta)
+        if (!std::isfinite(value)) refuse("parameters must be finite numbers");
+}
+
+class Fitted {
+  public:
+    Fitted(Column lam, Column counts, Column power, Column walk, double h) {
+        const std::size_t size = lam.shape(0);
+        if (counts.shape(0) != size || power.shape(0) != size || walk.shape(0) != size)
+            refuse("lam, counts, power and walk must have one number a bin");
+        if (size < 2)
+            refuse("a spectrum of " + std::to_string(size) + " bins says nothing: 2 or more are needed");
+        double before = 0, ordinates = 0, sum = 0;
+        for (std::size_t i = 0; i < size; ++i) {
+            const double l = lam.data()[i], count = counts.data()[i], p = power.data()[i];
+            if (!(l > before && l <= kPi + 1e-12)) refuse("lam must rise, above 0 and up to pi rad a sample");
+            if (!(count >= 0 && count <= kLargestPower)) refuse("counts must be finite numbers, 0 or more");
+            if (!(p >= 0 && p <= kLargestPower)) refuse("power must be finite numbers, 0 or more");
+            if (!(walk.data()[i] >= 0 && std::isfinite(walk.data()[i])))
+                refuse("walk must be finite numbers");
+            before = l;
+            ordinates += count;
+            sum += count * p;
+        }
+        if (!(ordinates > 0)) refuse("all counts are 0: there is nothing to fit");
+        if (!(sum / ordinates >= 1 / kLargestPower)) refuse("the power is 0: there is no noise in it");
+        if (!(std::isfinite(h) && h > 0)) refuse("h must be finite and above 0");
+        const auto column = [size](const Column& one) {
+            return std::vector<double>(one.data(), one.data() + size);
+        };
+        bins_ = Bins(fastest(), column(lam), column(counts), column(power), column(walk), h);
+    }
+
+    std::pair<std::vector<double>, double> fit(const std::vector<int>& codes, std::vector<double> eta,
+                                               int held, int steps, double converged, double slowest,
+                                               double lowest_order, double highest_order) {
+        const Words words = words_of(codes);
+        check(words, eta);
+        if (!(lowest_order >= 0 && lowest_order < highest_order && highest_order <= kHighestOrder))
+            refuse("orders are fitted from 0 up to 2");
+        const nb::gil_scoped_release release;
+        set_orders(lowest_order, highest_order);
+        const double nll = score(bins_, words, eta.data(), held, Patience{steps, converged, slowest});
+        return {std::move(eta), nll};
+    }
+
+    // White, null, plain, rich, pure and ordered (Frontier); last: those of an earlier search,
+    // which are fitted again, or nothing.
+    std::vector<Raw> search(const std::vector<Raw>& last) {
+        std::vector<Sentence> before;
+        for (const Raw& one : last) {
+            Sentence s;
+            if (!std::get<0>(one).empty()) {
+                s.words = words_of(std::get<0>(one));
+                s.eta = std::get<1>(one);
+                check(s.words, s.eta);
+            }
+            before.push_back(s);
+        }
+        if (!before.empty() && before.size() != 6) refuse("a frontier has six sentences");
+        const nb::gil_scoped_release release;
+        Search search(bins_);
+        const Frontier f =
+            before.empty()
+                ? search.whole()
+                : search.again(Frontier{before[0], before[1], before[2], before[3], before[4], before[5]});
+        return {raw_of(f.white), raw_of(f.null), raw_of(f.plain),
+                raw_of(f.rich),  raw_of(f.pure), raw_of(f.ordered)};
+    }
+
+    // 2 log L of the null test's alternative above white noise, and its coordinates; last: those of an
+    // earlier test, or nothing.
+    std::pair<double, std::vector<double>> null_test(const std::vector<double>& last) {
+        if (!last.empty()) check(words_of({kWhite, kOrder}), last);
+        const nb::gil_scoped_release release;
+        const auto found = Search(bins_).null_test(last);
+        return {2 * (found.first.nll - found.second.nll), found.second.eta};
+    }
+
+    // The end of an interval (interval_end); NaN where there is none.
+    double end(const std::vector<int>& codes, const std::vector<double>& eta, double nll, int index, int side,
+               double limit, double step, double usual, double at_bound, int white_over) {
+        const Words words = words_of(codes);
+        check(words, eta);
+        const int free = free_of(words);
+        if (index < 0 || index >= free || white_over >= free || !(step > 0) || (side != 1 && side != -1) ||
+            !std::isfinite(limit))
+            refuse("no such parameter, or no such end");
+        const nb::gil_scoped_release release;
+        set_orders(0, kHighestOrder);
+        Patience patience;
+        patience.slowest = kSlowest;
+        return interval_end(bins_, words, eta, nll, index, side, limit, step,
+                            Critical{usual, at_bound, white_over}, patience);
+    }
+
+    // The slopes of the logarithm of the spectrum, (p, bins), by the parameters.
+    void slopes(const std::vector<int>& codes, const std::vector<double>& eta, OutColumn total,
+                OutRows rows) {
+        const Words words = words_of(codes);
+        check(words, eta);
+        if (total.shape(0) != bins_.size() || rows.shape(1) != bins_.size() || rows.shape(0) != eta.size())
+            refuse("total must have one number a bin, rows one row a parameter");
+        set_orders(0, kHighestOrder);
+        Spectrum here(bins_);
+        here.at(words, eta.data());
+        std::copy(here.total().begin(), here.total().end(), total.data());
+        for (std::size_t k = 0; k < eta.size(); ++k) {
+            const double* const row = here.slope(static_cast<int>(k));
+            std::copy(row, row + bins_.size(), rows.data() + k * bins_.size());
+        }
+    }
+
+  private:
+    static constexpr double kSlowest = 300;  // correlation times over the longest that the data can show
+
+    void set_orders(double lowest, double highest) {
+        bins_.lowest_order = lowest;
+        bins_.highest_order = highest;
+    }
+    Bins bins_;
+};
+
+// The spectrum of a sentence at any frequencies.
+void spectrum(const std::vector<int>& codes, const std::vector<double>& eta, Column lam, double h,
+              OutColumn total) {
+    const Words words = words_of(codes);
+    check(words, eta);
+    if (total.shape(0) != lam.shape(0)) refuse("total must have one number a frequency");
+    const std::size_t size = lam.shape(0);
+    std::vector<double> walk;
+    for (std::size_t i = 0; i < size; ++i) {
+        const double half = std::sin(lam.data()[i] / 2);
+        walk.push_back(1 / (4 * half * half));
+    }
+    const std::vector<double> nothing(size);
+    const Bins bins(fastest(), std::vector<double>(lam.data(), lam.data() + size), nothing, nothing, walk, h);
+    Spectrum here(bins);
+    here.at(words, eta.data());
+    std::copy(here.total().begin(), here.total().end(), total.data());
+}
+
+}  // namespace
+
+void bind_sentences(nb::module_& m) {
+    nb::class_<Fitted>(m, "Sentences")
+        .def(nb::init<Column, Column, Column, Column, double>(), nb::arg("lam"), nb::arg("counts"),
+             nb::arg("power"), nb::arg("walk"), nb::arg("h"))
+        .def("fit", &Fitted::fit, nb::arg("codes"), nb::arg("eta"), nb::arg("held") = -1,
+             nb::arg("steps") = 60, nb::arg("converged") = 1e-5, nb::arg("slowest") = 1.0,
+             nb::arg("lowest_order") = 0.0, nb::arg("highest_order") = kHighestOrder)
+        .def("search", &Fitted::search, nb::arg("last"))
+        .def("null_test", &Fitted::null_test, nb::arg("last"))
+        .def("end", &Fitted::end, nb::arg("codes"), nb::arg("eta"), nb::arg("nll"), nb::arg("index"),
+             nb::arg("side"), nb::arg("limit"), nb::arg("step"), nb::arg("usual"), nb::arg("at_bound"),
+             nb::arg("white_over"))
+        .def("slopes", &Fitted::slopes, nb::arg("codes"), nb::arg("eta"), nb::arg("total"), nb::arg("rows"));
+    m.def("sentence_spectrum", &spectrum, nb::arg("codes"), nb::arg("eta"), nb::arg("lam"), nb::arg("h"),
+          nb::arg("total"));
+}

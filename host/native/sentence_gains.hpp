@@ -1,0 +1,178 @@
+// Words that may be added to a sentence, and what each would gain (Rao's score).
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "sentence_fit.hpp"
+
+namespace fltea {
+namespace sentence {
+
+// A part that may be added, with its spectrum at these parameters; of a filter the logarithm of its gain.
+struct Candidate {
+    Word word;
+    double eta[3];
+    std::vector<double> shape, inverse;  // inverse: of the gain itself
+    double counted;                      // sum of the logarithm over all ordinates
+};
+
+inline Candidate candidate(const Bins& bins, const Word& word, double a, double b, double c) {
+    Candidate found{word, {a, b, c}, std::vector<double>(bins.size()), {}, 0};
+    std::vector<double> spare(3 * bins.size());
+    double* slope[3] = {spare.data(), spare.data() + bins.size(), spare.data() + 2 * bins.size()};
+    if (!bins.kernel->word(bins.columns(), word, found.eta, found.shape.data(), slope))
+        std::fill(found.shape.begin(), found.shape.end(), 0.0);
+    if (!filters(word.part)) return found;
+    for (std::size_t i = 0; i < bins.size(); ++i) {
+        found.inverse.push_back(1 / found.shape[i]);
+        found.shape[i] = std::log(found.shape[i]);
+        found.counted += bins.counts[i] * found.shape[i];
+    }
+    return found;
+}
+
+// What a further word would gain in 2 log L by Rao's score, with all parameters of the sentence free: of a
+// part of this shape by its power, which is found too (as the logarithm of what eta[0] is multiplied by); of
+// a filter by a small power of its gain, or as it is.
+struct Gain {
+    double gain, log_power;
+};
+
+class Gains {
+  public:
+    Gains(const Bins& bins, const Words& words, const double* eta)
+        : bins_(bins),
+          free_(free_of(words)),
+          size_(bins.size()),
+          row_(size_),
+          weighted_(size_),
+          excess_(size_),
+          ratio_(size_) {
+        Spectrum here(bins);
+        here.at(words, eta);
+        double information[kMostFree][kMostFree];
+        here.derivatives(free_, slope_, information);
+        for (int i = 0; i < free_; ++i) information[i][i] = information[i][i] * (1 + 1e-9) + 1e-9;
+        sound_ = factor(free_, information);
+        if (!sound_) return;
+        substitute(free_, information, slope_, false);
+        // The slopes with weight 1, orthogonal to each other, times the counts.
+        normal_.resize(static_cast<std::size_t>(free_) * size_);
+        for (std::size_t i = 0; i < size_; ++i) {
+            double column[kMostFree];
+            for (int k = 0; k < free_; ++k) column[k] = here.slope(k)[i];
+            substitute(free_, information, column, false);
+            for (int k = 0; k < free_; ++k)
+                normal_[static_cast<std::size_t>(k) * size_ + i] = column[k] * bins.counts[i];
+            over_.push_back(1 / here.total()[i]);
+            passed_.push_back(here.gain()[i] / here.total()[i]);
+            ratio_[i] = bins.counts[i] * bins.power[i] / here.total()[i];
+            excess_[i] = ratio_[i] - bins.counts[i];
+            before_ += ratio_[i];
+        }
+    }
+
+    Gain of(const Candidate& one) {
+        if (!sound_) return Gain{0, 0};
+        const bool filter = filters(one.word.part);
+        const double* shape = one.shape.data();
+        if (!filter) {
+            const std::vector<double>& by = one.word.part == kFloor ? over_ : passed_;
+            for (std::size_t i = 0; i < size_; ++i) row_[i] = shape[i] * by[i];
+            shape = row_.data();
+        }
+        for (std::size_t i = 0; i < size_; ++i) weighted_[i] = bins_.counts[i] * shape[i];
+        double slope = bins_.kernel->dot(size_, excess_.data(), shape);
+        double curvature = bins_.kernel->dot(size_, weighted_.data(), shape);
+        for (int k = 0; k < free_; ++k) {
+            const double cross =
+                bins_.kernel->dot(size_, normal_.data() + static_cast<std::size_t>(k) * size_, shape);
+            slope += cross * slope_[k];
+            curvature -= cross * cross;
+        }
+        const double whole = filter ? of_filter(one) : 0;
+        if (!(slope > 0 && curvature > 0)) return Gain{whole, 0};
+        const double found = slope * slope / curvature;
+        if (filter) return Gain{std::fmax(whole, std::fmin(found, kLocal)), 0};
+        return Gain{found, std::log(slope / curvature)};
+    }
+
+  private:
+    static constexpr double kLocal =
+        30;  // a score says no more than this of a filter, which is no small change
+
+    // What the filter as it is gains, with the best scale and all else as it was.
+    double of_filter(const Candidate& one) const {
+        const double after = bins_.kernel->dot(size_, ratio_.data(), one.inverse.data());
+        return 2 * (before_ - one.counted - bins_.ordinates * (std::log(after / bins_.ordinates) + 1));
+    }
+
+    const Bins& bins_;
+    int free_;
+    std::size_t size_;
+    bool sound_ = false;
+    std::vector<double> row_, weighted_, excess_, ratio_, normal_, over_, passed_;
+    double before_ = 0;
+    double slope_[kMostFree];
+};
+
+inline std::vector<Candidate> parts_to_add(const Bins& bins) {
+    const double lowest = std::log(bins.lowest), power = std::log(bins.mean);
+    std::vector<Candidate> found;
+    const double top = std::log(kPi), range = top - lowest;
+    const int corners = 1 + static_cast<int>(std::lround(4 * range / std::log(10.0)));
+    const auto add = [&](Part part, double a, double b, double c) {
+        found.push_back(candidate(bins, Word{part, 0}, a, b, c));
+    };
+    for (int i = 1; i <= corners; ++i) add(kRelaxation, power, lowest + range * i / corners, 0);
+    add(kWalk, power, 0, 0);
+    add(kQuantised, power, 0, 0);
+    add(kFloor, power, 0, 0);
+    for (const double delta : {0.3, 0.6, 1.5}) add(kRise, power, delta, 0);
+    for (const double rate : {-2.0, -0.7, 0.3}) add(kAlternating, power, rate, 0);
+    const double widths[3][2] = {{0.05, 0.12}, {0.12, 0.25}, {0.35, 0.5}};
+    for (const auto& width : widths)
+        for (double at = lowest + 1; at < top - 0.02; at += width[1])
+            add(kResonance, power, at, std::log(width[0]));
+    return found;
+}
+
+inline std::vector<Candidate> filters_to_add(const Bins& bins) {
+    const double lowest = std::log(bins.lowest);
+    std::vector<Candidate> found;
+    const double top = std::log(kPi);
+    const auto add = [&](Word word, double a, double b) { found.push_back(candidate(bins, word, a, b, 0)); };
+    for (double corner = 2 * lowest + 2; corner < 4.3; corner += 0.6)
+        for (const double poles : {-4.0, -2.6, -1.2, 0.5}) add(Word{kLowPass, 0}, corner, poles);
+    for (const double s : {-0.05, 0.05}) add(Word{kSharp, 0}, s, 0);
+    for (double at = std::fmax(top - 3, lowest + 0.1); at < top - 0.02; at += 0.12)
+        for (const double width : {0.05, 0.2}) add(Word{kNotch, 0}, at, std::log(width));
+    for (const int m : {2, 3, 4, 5, 8, 10}) add(Word{kMean, m}, 0, 0);
+    return found;
+}
+
+inline std::vector<Candidate> orders_to_add(Bins& bins) {
+    bins.lowest_order = 0;
+    bins.highest_order = kHighestOrder;
+    const double lowest = std::log(bins.lowest), power = std::log(bins.mean);
+    std::vector<Candidate> found;
+    const double top = std::log(kPi);
+    for (const double alpha : {0.2, 0.35, 0.5, 0.65, 0.8, 0.95}) {
+        const double most = std::exp(kLn2 * alpha);
+        for (int i = 0; i < 6; ++i) {
+            const double corner = std::exp(lowest + 0.5 + (top - lowest - 1) * (i - 1) / 4.0);
+            const double share = std::fmin(std::pow(2 * std::sin(corner / 2), alpha) / most, 0.98);
+            found.push_back(
+                candidate(bins, Word{kOrder, 0}, alpha, i ? std::log(share / (1 - share)) : -15.0, power));
+        }
+    }
+    for (const double d : {0.25, 0.45, 0.7})
+        for (const double rate : {-3.0, -1.5, -0.3})
+            found.push_back(candidate(bins, Word{kArfima, 0}, d, rate, power));
+    return found;
+}
+
+}  // namespace sentence
+}  // namespace fltea

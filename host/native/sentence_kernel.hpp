@@ -1,0 +1,94 @@
+// What the fits of sentences need of each instruction set: plain data and one table of functions
+// (sentence_kernel.cpp is compiled once for each set, as engine.hpp says of the engine). Nothing in this file
+// is code but the lists of what there is. The caller owns all memory.
+//
+// A noise is a sentence of parts: S(λ) = L(λ) (Σ of parts) + floor, where L is a chain of filters. Powers and
+// rates are logarithms, so that a random walk of 1e-8 of the white noise has the same weight in a search as
+// the white noise itself.
+#pragma once
+
+#include <cstddef>
+
+namespace fltea {
+namespace sentence {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kLn2 = 0.69314718055994530942;
+
+enum Part : int {
+    kWhite,        // log R
+    kRelaxation,   // log σ², log h/τ
+    kWalk,         // log of the variance of a step
+    kOrder,        // α, logit(-g / 2^α), log s2
+    kResonance,    // log of the height, log of the frequency in rad a sample, log of width over frequency
+    kQuantised,    // log of the variance of the noise whose differences these are
+    kRise,         // log of the power at π, δ: the power goes with |1 - e^{-iλ}|^2δ
+    kLowPass,      // log c, logit of the poles: 1 / (1 + (λ² / c)^n), sampled
+    kSharp,        // s: the filter -s, 1 + 2 s, -s, which sharpens, or smooths if s < 0
+    kNotch,        // log of the frequency, log of width over frequency
+    kMean,         // the mean of m samples, m fixed
+    kAlternating,  // log σ², log h/τ: as a relaxation, of which every second sample has its sign changed
+    kFloor,        // log of the variance of white noise that no filter has changed: rounding
+    kArfima,       // d, log rate, log s2: an order without f, ARFIMA(1, d, 0), φ = e^-rate
+    kOrderByF,     // F = g + α, log -g, log s2: the same as kOrder, to hold F
+    kOrderByf,     // α, log -f, log s2: the same, to hold f (or g, with h = 1)
+    kParts
+};
+
+constexpr int kFree[kParts] = {1, 2, 1, 3, 3, 1, 2, 2, 1, 2, 0, 2, 1, 3, 3, 3};
+constexpr int kMostFree = 24;
+constexpr double kMostPoles = 24;
+constexpr double kHighestOrder = 1.999;
+constexpr double kSmallest = 30, kLargest = 30;  // log of a power over the mean
+constexpr double kLogitEnd = 16;
+constexpr double kNoPole = 2.5;       // φ = 5e-6
+constexpr double kWidestPeak = -1.0;  // what is wider has no maximum to be seen
+
+inline bool filters(Part part) {
+    return part == kLowPass || part == kSharp || part == kNotch || part == kMean;
+}
+
+// One part of a sentence; `size` is m of kMean.
+struct Word {
+    Part part;
+    int size;
+};
+
+// What does not depend on the parameters, of each bin.
+struct Columns {
+    std::size_t size;
+    const double* counts;  // ordinates
+    const double* power;
+    const double* lam;
+    const double* square;  // |1 - e^{-iλ}|²
+    const double* cos1;    // cos λ, sin λ
+    const double* sin1;
+    const double* ln_size;  // log |1 - e^{-iλ}|
+    const double* quarter;  // (π - λ) / 2
+    const double* walk;     // spectrum of a walk of unit steps, with what leaks of it
+    const double* spread;   // mean square of the distance from its centre, of the lines in a bin
+    const double* branch;   // 3 x size: log λ², log (2π - λ)², log (2π + λ)²
+    double log_h, lowest_order, highest_order;
+};
+
+struct Kernel {
+    const char* name;
+    // The spectrum of a word and its slopes by its parameters; of a filter its gain, and the slopes of the
+    // gain's logarithm. False if there is no such spectrum.
+    bool (*word)(const Columns& bins, Word word, const double* eta, double* part, double* const* slope);
+    // Σ c (log S + I/S).
+    double (*nll)(const Columns& bins, const double* total);
+    // Gradient (free,) of that by parameters, of which `slopes` are the slopes of log S, and expected
+    // curvature (free, kMostFree); over (size,) is room.
+    void (*derivatives)(const Columns& bins, const double* total, int free, const double* const* slopes,
+                        double* over, double* gradient, double* information);
+    // Σ a b.
+    double (*dot)(std::size_t size, const double* a, const double* b);
+};
+
+extern const Kernel kernel_baseline;
+extern const Kernel kernel_avx2;
+extern const Kernel kernel_avx512;
+
+}  // namespace sentence
+}  // namespace fltea

@@ -1,0 +1,394 @@
+// The search for the sentences of a spectrum: parts are added while they gain more than their price, then
+// taken away again where they no longer do. Three sentences are sought as hard as each other: the best
+// without an order at the price of BIC, the best without one at a lower price, by which chance gains a
+// parameter, and the best with an order. What is claimed of them is not decided here
+// (host/fltea/spectrum/verdict.py).
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "sentence_gains.hpp"
+
+namespace fltea {
+namespace sentence {
+
+struct Sentence {
+    Words words;
+    std::vector<double> eta;
+    double nll = std::numeric_limits<double>::infinity();
+
+    Sentence() = default;
+    Sentence(Words what, std::vector<double> at, double minus_log)
+        : words(std::move(what)), eta(std::move(at)), nll(minus_log) {}
+
+    bool known() const { return !words.empty(); }
+    bool has(Part part) const { return count(part) > 0; }
+    int count(Part part) const {
+        return static_cast<int>(std::count_if(words.begin(), words.end(),
+                                              [part](const Word& word) { return word.part == part; }));
+    }
+    bool filtered() const {
+        return std::any_of(words.begin(), words.end(), [](const Word& word) { return filters(word.part); });
+    }
+    bool ordered() const { return has(kOrder) || has(kArfima); }
+    bool same_words(const Sentence& other) const {
+        if (words.size() != other.words.size()) return false;
+        for (std::size_t i = 0; i < words.size(); ++i)
+            if (words[i].part != other.words[i].part || words[i].size != other.words[i].size) return false;
+        return true;
+    }
+    // As BIC counts them: m of a mean is a number that was sought, and so is the place of a notch, of which
+    // there are many.
+    int parameters() const { return free_of(words) + count(kMean) + count(kNotch); }
+};
+
+struct Frontier {
+    Sentence white, null, plain, rich, pure, ordered;  // null: the null test's alternative, an order up to 1
+};
+
+class Search {
+  public:
+    explicit Search(Bins& bins) : bins_(bins), bic_(std::log(bins.ordinates)), power_(std::log(bins.mean)) {}
+
+    // From white noise on.
+    Frontier whole() {
+        parts_ = parts_to_add(bins_);
+        filters_ = filters_to_add(bins_);
+        orders_ = orders_to_add(bins_);
+        Frontier f;
+        f.white = white();
+        f.null = alternative(f.white);
+        f.plain = grown(f.white, bic_, Allowed());
+        find_orders(f);
+        if (f.ordered.known()) {
+            // What was found beside an order may be better with something in its place. Without either a
+            // filter would move to where the order was.
+            const Sentence rest = removed(f.ordered, orders());
+            Gains gains(bins_, rest.words, rest.eta.data());
+            Sentence other;
+            for (const Ranked& one : best(gains, rest, parts_, 2, 1, Allowed()))
+                keep(with(rest, one), bic_, other);
+            if (other.known()) keep(grown(other, bic_, Allowed()), bic_, f.plain);
+            keep(grown(without(f.ordered, orders()), bic_, Allowed()), bic_, f.plain);
+        }
+        f.rich = grown(f.plain, kByChance, Allowed());
+        return f;
+    }
+
+    // White noise and the null test's alternative; of the latter from the coordinates `last` on, if there are
+    // any.
+    std::pair<Sentence, Sentence> null_test(const std::vector<double>& last) {
+        const Sentence w = white();
+        if (!last.empty()) return {w, null_from(last)};
+        orders_ = orders_to_add(bins_);
+        return {w, alternative(w)};
+    }
+
+    // The same sentences as `last`, fitted to what the bins are now.
+    Frontier again(const Frontier& last) {
+        Frontier f;
+        f.white = white();
+        f.null = null_from(last.null.eta);
+        const auto refit = [&](const Sentence& one) {
+            return one.known() ? fitted(one.words, one.eta) : one;
+        };
+        f.plain = refit(last.plain);
+        f.rich = refit(last.rich);
+        f.pure = refit(last.pure);
+        f.ordered = last.ordered.same_words(last.pure) ? f.pure : refit(last.ordered);
+        return f;
+    }
+
+    Sentence fitted(const Words& words, std::vector<double> eta, bool roughly = false) {
+        Patience patience;
+        patience.converged = roughly ? kTrial : kRough;
+        patience.steps = roughly ? kTrialSteps : kSteps;
+        bins_.lowest_order = kLeastOrder;
+        bins_.highest_order = kMostOrder;
+        Sentence found{words, std::move(eta), 0};
+        found.nll = score(bins_, found.words, found.eta.data(), -1, patience);
+        return found;
+    }
+
+  private:
+    static constexpr double kByChance = 3.0;  // 2 log L that chance gains with a parameter
+    static constexpr double kRough = 1e-3;    // of -log L
+    static constexpr double kTrial = 0.1;     // the same of what is only compared
+    static constexpr int kSteps = 60, kTrialSteps = 12;
+    static constexpr int kMostParameters = 20, kRelaxations = 6, kResonances = 2;
+    static constexpr double kAhead = 6;     // in 2 log L
+    static constexpr double kSure = 4;      // so many prices are no matter of the curvature's being right
+    static constexpr double kNothing = 12;  // log of the mean power over white noise that is as good as none
+
+    struct Allowed {
+        bool slow = true;  // relaxations and walks
+        bool only_low_pass = false;
+    };
+
+    static std::vector<Part> orders() { return {kOrder, kArfima}; }
+    double cost(const Sentence& s, double price) const {
+        return s.known() ? 2 * s.nll + price * s.parameters() : std::numeric_limits<double>::infinity();
+    }
+    Sentence white() { return fitted({Word{kWhite, 0}}, {power_}); }
+
+    bool fits_in(const Sentence& s, const Word& word, const Allowed& allowed) const {
+        const auto few = [&](int most) { return s.count(word.part) < most; };
+        switch (word.part) {
+            case kRelaxation:
+                return allowed.slow && few(kRelaxations);
+            case kWalk:
+                return allowed.slow && few(1);
+            case kResonance:
+                return few(kResonances);
+            case kFloor:
+                return s.filtered() && few(1);
+            case kLowPass:
+                return few(1) && !s.has(kMean);
+            default:
+                return few(1);
+        }
+    }
+
+    struct Ranked {
+        const Candidate* candidate;
+        Gain gain;
+    };
+
+    // The best few of `list`; of a kind at most `alike`, and a floor beside them.
+    std::vector<Ranked> best(Gains& gains, const Sentence& s, const std::vector<Candidate>& list, int count,
+                             int alike, const Allowed& allowed) {
+        std::vector<Ranked> all, found;
+        for (const Candidate& one : list) {
+            if (!fits_in(s, one.word, allowed)) continue;
+            if (allowed.only_low_pass && one.word.part != kLowPass) continue;
+            const Gain gain = gains.of(one);
+            if (gain.gain > 1) all.push_back({&one, gain});
+        }
+        std::stable_sort(all.begin(), all.end(),
+                         [](const Ranked& a, const Ranked& b) { return a.gain.gain > b.gain.gain; });
+        for (const Ranked& one : all) {
+            const auto same = [&](const Ranked& other) {
+                return other.candidate->word.part == one.candidate->word.part;
+            };
+            const int most = one.candidate->word.part == kLowPass ? 2 : alike;
+            if (std::count_if(found.begin(), found.end(), same) < most) found.push_back(one);
+            const bool floor = std::any_of(found.begin(), found.end(), [](const Ranked& other) {
+                return other.candidate->word.part == kFloor;
+            });
+            if (static_cast<int>(found.size()) == count + floor) break;
+        }
+        return found;
+    }
+
+    Sentence with(const Sentence& s, const Ranked& one) {
+        const Candidate& candidate = *one.candidate;
+        Words words = s.words;
+        std::vector<double> eta = s.eta;
+        eta[0] = std::fmax(eta[0], power_ - kNothing);
+        words.push_back(candidate.word);
+        const std::size_t first = eta.size();
+        eta.insert(eta.end(), candidate.eta, candidate.eta + kFree[candidate.word.part]);
+        if (candidate.word.part == kOrder || candidate.word.part == kArfima) {
+            eta[first + 2] += one.gain.log_power;
+        } else if (!filters(candidate.word.part)) {
+            eta[first] += one.gain.log_power;
+        }
+        if (candidate.word.part == kLowPass && !s.has(kFloor)) {
+            // Rounding behind the filter, without which a steep one fits nothing.
+            words.push_back(Word{kFloor, 0});
+            eta.push_back(std::log(std::fmax(last_power(), 1e-9 * bins_.mean) / 2));
+            return taken_away(fitted(words, eta, true), bic_, {kFloor});
+        }
+        return fitted(words, eta, true);
+    }
+
+    // The median power of the highest tenth of the bins.
+    double last_power() const {
+        const std::size_t size = bins_.size(), count = std::min(std::max<std::size_t>(size / 10, 3), size);
+        std::vector<double> last(bins_.power.end() - static_cast<std::ptrdiff_t>(count), bins_.power.end());
+        std::sort(last.begin(), last.end());
+        return last[count / 2];
+    }
+
+    Sentence grown(Sentence s, double price, const Allowed& allowed) {
+        while (free_of(s.words) < kMostParameters) {
+            Gains gains(bins_, s.words, s.eta.data());
+            Sentence next;
+            for (const Ranked& one : best(gains, s, parts_, 2, 1, allowed)) keep(with(s, one), price, next);
+            for (const Ranked& one : best(gains, s, filters_, 3, 1, allowed)) keep(with(s, one), price, next);
+            if (next.known()) next = fitted(next.words, next.eta);
+            if (!(cost(next, price) < cost(s, price))) break;
+            s = next;
+        }
+        return taken_away(s, price, {});
+    }
+
+    // The state of D^α x = f x + ω comes first: ARFIMA, which has no f, has to be ahead of it.
+    void keep_order(const Sentence& one, Sentence& into) const {
+        const auto behind = [&](const Sentence& s) { return cost(s, bic_) + (s.has(kArfima) ? kAhead : 0); };
+        if (behind(one) < behind(into)) into = one;
+    }
+
+    void keep(const Sentence& one, double price, Sentence& into) const {
+        if (cost(one, price) < cost(into, price)) into = one;
+    }
+
+    // `s` without words that are not worth their price; only: of these parts, or of all but the orders.
+    Sentence taken_away(Sentence s, double price, const std::vector<Part>& only) {
+        for (;;) {
+            Sentence next;
+            const std::vector<double> sure = certainty(s);
+            for (std::size_t i = 1; i < s.words.size(); ++i) {
+                const Part part = s.words[i].part;
+                const bool named = std::find(only.begin(), only.end(), part) != only.end();
+                if (only.empty() ? part == kOrder || part == kArfima : !named) continue;
+                if (part == kRise && !s.has(kQuantised)) keep(as_quantised(s, i), price, next);
+                if (!filters(part) && sure[i] > kSure * price) continue;
+                keep(without_word(s, i), price, next);
+            }
+            if (!(cost(next, price) <= cost(s, price))) return s;
+            s = next;
+        }
+    }
+
+    // Of each word the square of its power over the standard deviation of it, by the curvature.
+    std::vector<double> certainty(const Sentence& s) const {
+        std::vector<double> found(s.words.size(), 0.0);
+        const int free = free_of(s.words);
+        Spectrum here(bins_);
+        here.at(s.words, s.eta.data());
+        double gradient[kMostFree], information[kMostFree][kMostFree];
+        here.derivatives(free, gradient, information);
+        for (int i = 0; i < free; ++i) information[i][i] = information[i][i] * (1 + 1e-9) + 1e-9;
+        if (!factor(free, information)) return found;
+        int at = 0;
+        for (std::size_t i = 0; i < s.words.size(); ++i) {
+            const Part part = s.words[i].part;
+            double unit[kMostFree] = {0};
+            if (kFree[part]) {
+                unit[at] = 1;
+                substitute(free, information, unit, true);
+                found[i] = 1 / unit[at];
+            }
+            at += kFree[part];
+        }
+        return found;
+    }
+
+    Sentence without_word(const Sentence& s, std::size_t left_out) {
+        Sentence found = removed_word(s, left_out);
+        found.eta[0] = std::fmax(found.eta[0], power_ - kNothing);
+        return fitted(found.words, found.eta);
+    }
+
+    // The same with all else as it was.
+    static Sentence removed_word(const Sentence& s, std::size_t left_out) {
+        Words words;
+        std::vector<double> eta;
+        std::size_t at = 0;
+        for (std::size_t i = 0; i < s.words.size(); ++i) {
+            const std::size_t count = static_cast<std::size_t>(kFree[s.words[i].part]);
+            if (i != left_out) {
+                words.push_back(s.words[i]);
+                eta.insert(eta.end(), s.eta.begin() + static_cast<std::ptrdiff_t>(at),
+                           s.eta.begin() + static_cast<std::ptrdiff_t>(at + count));
+            }
+            at += count;
+        }
+        return Sentence{words, eta, s.nll};
+    }
+
+    static Sentence removed(Sentence s, const std::vector<Part>& parts) {
+        for (std::size_t i = s.words.size(); i-- > 1;)
+            if (std::find(parts.begin(), parts.end(), s.words[i].part) != parts.end()) s = removed_word(s, i);
+        return s;
+    }
+
+    // The same with the rise at word i as that of quantisation, which has one parameter less.
+    Sentence as_quantised(const Sentence& s, std::size_t i) {
+        Words words = s.words;
+        std::vector<double> eta = s.eta;
+        const Words before(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(i));
+        const std::ptrdiff_t at = free_of(before);
+        words[i] = Word{kQuantised, 0};
+        eta[static_cast<std::size_t>(at)] -= 2 * kLn2;
+        eta.erase(eta.begin() + at + 1);
+        return fitted(words, eta);
+    }
+
+    Sentence without(Sentence s, const std::vector<Part>& parts) {
+        for (std::size_t i = s.words.size(); i-- > 1;)
+            if (std::find(parts.begin(), parts.end(), s.words[i].part) != parts.end()) s = without_word(s, i);
+        return s;
+    }
+
+    Sentence best_order(const std::vector<Sentence>& bases) {
+        Sentence found;
+        for (const Sentence& base : bases) {
+            Gains gains(bins_, base.words, base.eta.data());
+            for (const Ranked& one : best(gains, base, orders_, 3, 2, Allowed()))
+                keep_order(with(base, one), found);
+        }
+        return found;
+    }
+
+    // pure: an order in place of relaxations and walks; ordered: beside any.
+    void find_orders(Frontier& f) {
+        std::vector<Sentence> bases = {f.white};
+        Gains gains(bins_, f.white.words, f.white.eta.data());
+        Allowed low_pass;
+        low_pass.only_low_pass = true;
+        for (const Ranked& one : best(gains, f.white, filters_, 1, 1, low_pass))
+            bases.push_back(with(f.white, one));
+        const Sentence bare = removed(f.plain, {kRelaxation, kWalk});
+        if (!bare.same_words(f.white)) bases.push_back(bare);
+        f.pure = best_order(bases);
+        if (!f.pure.known()) return;
+        Allowed fast;
+        fast.slow = false;
+        f.pure = grown(f.pure, bic_, fast);
+        f.ordered = grown(f.pure, bic_, Allowed());
+        if (f.plain.same_words(f.white) || f.plain.same_words(bare)) return;
+        Sentence other = best_order({f.plain});
+        if (other.known()) keep_order(grown(other, bic_, Allowed()), f.ordered);
+    }
+
+    // The alternative of the null test, from the best of all starts.
+    Sentence alternative(const Sentence& white) {
+        Gains gains(bins_, white.words, white.eta.data());
+        Sentence found = null_from({white.eta[0], 0.5, 0.0, power_ - kSmallest});
+        std::size_t count = 0;
+        for (const Ranked& one : best(gains, white, orders_, 100, 100, Allowed())) {
+            if (one.candidate->word.part != kOrder) continue;
+            const double* eta = one.candidate->eta;
+            keep(null_from({white.eta[0], eta[0], eta[1], eta[2] + one.gain.log_power}), 0, found);
+            if (++count == kNullStarts) break;
+        }
+        return found;
+    }
+    Sentence null_from(std::vector<double> eta) {
+        Patience patience;
+        patience.converged = kRough;
+        bins_.lowest_order = 0;
+        bins_.highest_order = 1;
+        Sentence found{{Word{kWhite, 0}, Word{kOrder, 0}}, std::move(eta), 0};
+        found.nll = score(bins_, found.words, found.eta.data(), -1, patience);
+        return found;
+    }
+    static constexpr std::size_t kNullStarts = 5;
+
+    Bins& bins_;
+    double bic_, power_;
+    std::vector<Candidate> parts_, filters_, orders_;
+
+  public:
+    // What is called an order: of less than the one nothing is left of it, and of more than the other it is a
+    // relaxation.
+    static constexpr double kLeastOrder = 0.15, kMostOrder = 0.85;
+};
+
+}  // namespace sentence
+}  // namespace fltea

@@ -1,0 +1,287 @@
+// Sentences of noise: slopes against differences, fits that end inside their bounds, and the search.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "pack_log.hpp"
+#include "sentence_interval.hpp"
+#include "sentence_search.hpp"
+
+namespace {
+
+using namespace fltea::sentence;
+
+// So many bins whose width goes with the frequency, as those of the live spectrum; powers are 1.
+Bins bins_of(std::size_t size, double samples = 60000) {
+    std::vector<double> lam, counts, walk;
+    const double lowest = 25 / samples, ratio = std::pow(kPi / lowest, 1 / static_cast<double>(size));
+    for (std::size_t i = 0; i < size; ++i) {
+        const double begin = lowest * std::pow(ratio, static_cast<double>(i)), end = begin * ratio;
+        lam.push_back((begin + end) / 2);
+        counts.push_back(std::fmax(1.0, (end - begin) * samples / (2 * kPi)));
+        walk.push_back(1 / std::pow(2 * std::sin(lam.back() / 2), 2));
+    }
+    return Bins(kernel_baseline, lam, counts, std::vector<double>(size, 1.0), walk, 0.01);
+}
+
+// The same with these powers.
+Bins with_power(const Bins& bins, const std::vector<double>& power) {
+    return Bins(kernel_baseline, bins.lam, bins.counts, power, bins.walk, 0.01);
+}
+
+std::vector<double> spectrum(const Bins& bins, const Words& words, const std::vector<double>& eta) {
+    Spectrum at(bins);
+    at.at(words, eta.data());
+    return at.total();
+}
+
+// Powers that are exponential about these.
+std::vector<double> drawn(const Bins& bins, std::vector<double> power, unsigned seed) {
+    std::mt19937 random(seed);
+    for (std::size_t i = 0; i < power.size(); ++i)
+        power[i] *= std::gamma_distribution<double>(bins.counts[i], 1 / bins.counts[i])(random);
+    return power;
+}
+
+const Part kAll[] = {kRelaxation, kWalk, kOrder,       kResonance, kQuantised, kRise,     kLowPass, kSharp,
+                     kNotch,      kMean, kAlternating, kFloor,     kOrderByF,  kOrderByf, kArfima};
+
+// White noise, a relaxation, and one more part, at a place well inside.
+struct Example {
+    Words words;
+    std::vector<double> eta;
+
+    Example(Part part, std::mt19937& random)
+        : words{{kWhite, 0}, {kRelaxation, 0}, {part, 3}}, eta{0, 0, -3} {
+        std::uniform_real_distribution<double> some(0.3, 0.9);
+        const double a = some(random), b = some(random), c = some(random);
+        const double places[kParts][3] = {
+            {a, 0, 0},     {a, -4 * b, 0}, {a - 4, 0, 0},   {a, -4 * b, c}, {a, -4 * b, -1 - c},
+            {a, 0, 0},     {a, b, 0},      {-3 * a, -b, 0}, {a, 0, 0},      {-b, -c, 0},
+            {0, 0, 0},     {a, -b, 0},     {a, 0, 0},       {a, -b, c},     {a - 0.5, b - 0.5, c},
+            {a, 2 * b, c},
+        };
+        eta.insert(eta.end(), places[part], places[part] + kFree[part]);
+    }
+};
+
+}  // namespace
+
+TEST_CASE("the logarithm is that of the library") {
+    for (double x = 1e-290; x < 1e290; x *= 1.7321)
+        CHECK(fltea::engine::log(x) == doctest::Approx(std::log(x)).epsilon(1e-15));
+    for (double x = 0.5; x < 2; x += 0.001) {
+        typedef fltea::engine::Pack<double, fltea::engine::kWidth> Wide;
+        CHECK(std::fabs(fltea::engine::log(x) - std::log(x)) <= 3e-16 * std::fabs(std::log(x)) + 1e-300);
+        CHECK(fltea::engine::log(Wide(x))[1] == fltea::engine::log(x));
+    }
+}
+
+TEST_CASE("sentence: slopes of all parts are the differences of the spectrum and of -log L") {
+    std::mt19937 random(3);
+    const Bins plain = bins_of(43);
+    const Bins bins = with_power(plain, drawn(plain, std::vector<double>(43, 3.0), 1));
+    for (int turn = 0; turn < 20; ++turn) {
+        for (Part part : kAll) {
+            Example one(part, random);
+            CAPTURE(part);
+            Spectrum at(bins), less(bins), more(bins);
+            REQUIRE(std::isfinite(at.at(one.words, one.eta.data())));
+            double gradient[kMostFree], information[kMostFree][kMostFree];
+            at.derivatives(free_of(one.words), gradient, information);
+            for (std::size_t i = 0; i < one.eta.size(); ++i) {
+                std::vector<double> eta = one.eta;
+                eta[i] -= 1e-5;
+                const double below = less.at(one.words, eta.data());
+                eta[i] += 2e-5;
+                const double above = more.at(one.words, eta.data());
+                CAPTURE(i);
+                CHECK(gradient[i] == doctest::Approx((above - below) / 2e-5).epsilon(1e-5).scale(100));
+                double worst = 0;
+                for (std::size_t k = 0; k < bins.size(); ++k) {
+                    const double slope = std::log(more.total()[k] / less.total()[k]) / 2e-5;
+                    worst = std::fmax(worst, std::fabs(slope - at.slope(static_cast<int>(i))[k]));
+                }
+                CHECK(worst < 1e-6);
+            }
+        }
+    }
+}
+
+TEST_CASE("sentence: a matrix is solved by its factor, and one that is not positive has none") {
+    double a[kMostFree][kMostFree] = {{4, 2, 0}, {2, 5, 1}, {0, 1, 3}}, b[] = {1, -2, 3};
+    double x[] = {1, -2, 3};
+    double left[kMostFree][kMostFree];
+    std::copy(&a[0][0], &a[0][0] + kMostFree * kMostFree, &left[0][0]);
+    REQUIRE(factor(3, left));
+    substitute(3, left, x, true);
+    for (int i = 0; i < 3; ++i)
+        CHECK(a[i][0] * x[0] + a[i][1] * x[1] + a[i][2] * x[2] == doctest::Approx(b[i]));
+    a[1][1] = 1;
+    CHECK_FALSE(factor(3, a));
+}
+
+TEST_CASE("sentence: fits end inside their bounds from anywhere, for any number of bins, whatever the data") {
+    std::mt19937 random(4);
+    std::uniform_real_distribution<double> anywhere(-60, 60);
+    for (std::size_t size = 2; size < 20; ++size) {
+        const Bins plain = bins_of(size);
+        for (int kind = 0; kind < 4; ++kind) {
+            std::vector<double> power =
+                drawn(plain, std::vector<double>(size, 1.0), static_cast<unsigned>(size));
+            for (std::size_t i = 0; i < size; ++i) {
+                if (kind == 1 && i % 2) power[i] = 0;
+                if (kind == 2)
+                    power[i] *= std::pow(10.0, 30 * static_cast<double>(i) / static_cast<double>(size));
+                if (kind == 3) power[i] = i ? 0 : 1e90;
+            }
+            const Bins bins = with_power(plain, power);
+            for (Part part : kAll) {
+                Example one(part, random);
+                for (double& coordinate : one.eta) coordinate = anywhere(random);
+                CAPTURE(size);
+                CAPTURE(kind);
+                CAPTURE(part);
+                const double nll = score(bins, one.words, one.eta.data(), -1, Patience());
+                CHECK_FALSE(std::isnan(nll));
+                double low[kMostFree], high[kMostFree];
+                int next = 0;
+                for (const Word& word : one.words) {
+                    bounds_of(word, bins, 1, low + next, high + next);
+                    next += kFree[word.part];
+                }
+                for (int i = 0; i < next; ++i) {
+                    CHECK(one.eta[static_cast<std::size_t>(i)] >= low[i]);
+                    CHECK(one.eta[static_cast<std::size_t>(i)] <= high[i]);
+                }
+            }
+        }
+    }
+}
+
+TEST_CASE("sentence: what is held keeps its value, and the others are the best there are with it") {
+    const Bins plain = bins_of(60);
+    const Words words = {{kWhite, 0}, {kRelaxation, 0}};
+    const std::vector<double> truth = {0, 1, -3};
+    const Bins bins = with_power(plain, spectrum(plain, words, truth));
+    std::vector<double> eta = {-1, 2, -2.5};
+    const double held = score(bins, words, eta.data(), 2, Patience());
+    CHECK(eta[2] == -2.5);
+    const double best = held;
+    for (int i : {0, 1}) {
+        for (double step : {-1e-3, 1e-3}) {
+            std::vector<double> other = eta;
+            other[static_cast<std::size_t>(i)] += step;
+            CHECK(Spectrum(bins).at(words, other.data()) >= best - 1e-6);
+        }
+    }
+    std::vector<double> all = eta;
+    CHECK(score(bins, words, all.data(), -1, Patience()) < held - 1);
+    for (std::size_t i = 0; i < 3; ++i) CHECK(all[i] == doctest::Approx(truth[i]).epsilon(0.01));
+}
+
+TEST_CASE("sentence: the score of a part says what fitting it gains, where that is little") {
+    const Bins plain = bins_of(80, 20000);
+    for (Part part : {kRelaxation, kWalk, kQuantised}) {
+        const Words white = {{kWhite, 0}}, both = {{kWhite, 0}, {part, 0}};
+        const double levels[] = {0, -5, -13, 0, 0, -4};
+        std::vector<double> truth = {0, levels[part]};
+        if (part == kRelaxation) truth.push_back(-3);
+        const Bins bins = with_power(plain, spectrum(plain, both, truth));
+        std::vector<double> eta = {0};
+        const double before = score(bins, white, eta.data(), -1, Patience());
+        Gains gains(bins, white, eta.data());
+        const Gain found = gains.of(candidate(bins, Word{part, 0}, truth[1], -3, 0));
+        const double after = score(bins, both, truth.data(), -1, Patience());
+        CAPTURE(part);
+        CHECK(2 * (before - after) > 1);
+        CHECK(found.gain == doctest::Approx(2 * (before - after)).epsilon(0.35));
+        CHECK(std::fabs(found.log_power) < 0.35);
+    }
+}
+
+TEST_CASE("sentence: on exact spectra the search finds what they are made of") {
+    struct Case {
+        Words words;
+        std::vector<double> eta;
+    };
+    const Case cases[] = {
+        {{{kWhite, 0}}, {0}},
+        {{{kWhite, 0}, {kRelaxation, 0}}, {0, 0, -3}},
+        {{{kWhite, 0}, {kRelaxation, 0}, {kRelaxation, 0}}, {0, 0, -1.5, 0, -5}},
+        {{{kWhite, 0}, {kWalk, 0}}, {0, -9}},
+        {{{kWhite, 0}, {kQuantised, 0}}, {0, 0}},
+        {{{kWhite, 0}, {kResonance, 0}}, {0, 3, -1, -2}},
+        {{{kWhite, 0}, {kNotch, 0}}, {0, 0, -1}},
+        {{{kWhite, 0}, {kSharp, 0}}, {0, 0.2}},
+        {{{kWhite, 0}, {kMean, 4}}, {0}},
+        {{{kWhite, 0}, {kQuantised, 0}, {kRelaxation, 0}}, {0, 0, 0, -3}},
+    };
+    for (const Case& one : cases) {
+        const Bins plain = bins_of(150);
+        Bins bins = with_power(plain, spectrum(plain, one.words, one.eta));
+        const Frontier found = Search(bins).whole();
+        CAPTURE(one.words.back().part);
+        REQUIRE(found.plain.same_words(Sentence{one.words, {}, 0}));
+        for (std::size_t i = 0; i < one.eta.size(); ++i)
+            CHECK(found.plain.eta[i] == doctest::Approx(one.eta[i]).epsilon(0.02).scale(1));
+        CHECK(found.plain.nll <= found.white.nll);
+        // Fitted again from there it stays.
+        const Frontier again = Search(bins).again(found);
+        CHECK(again.plain.nll == doctest::Approx(found.plain.nll).epsilon(1e-9));
+    }
+}
+
+TEST_CASE("sentence: an order is found beside none, and its interval holds it") {
+    for (double alpha : {0.3, 0.5, 0.7}) {
+        const Bins plain = bins_of(150, 600000);
+        const Words words = {{kWhite, 0}, {kOrder, 0}};
+        const std::vector<double> truth = {0, alpha, -4, -1};
+        Bins bins = with_power(plain, drawn(plain, spectrum(plain, words, truth), 7));
+        const Frontier found = Search(bins).whole();
+        CAPTURE(alpha);
+        REQUIRE(found.ordered.same_words(Sentence{words, {}, 0}));
+        CHECK(found.ordered.nll < found.plain.nll);
+        Patience patience;
+        patience.converged = 1e-3;
+        double ends[2];
+        for (int side : {-1, 1})
+            ends[side > 0] = interval_end(bins, words, found.ordered.eta, found.ordered.nll, 1, side,
+                                          side > 0 ? 1.9 : 0, 0.03, Critical{3.841, 3.841, -1}, patience);
+        CHECK(ends[0] < found.ordered.eta[1]);
+        CHECK(found.ordered.eta[1] < ends[1]);
+        // 3.3 of its deviations.
+        CHECK(std::fabs(found.ordered.eta[1] - alpha) < 1.7 * (ends[1] - ends[0]) / 2);
+        // The likelihood has fallen by as much as was asked for.
+        for (double end : ends) {
+            std::vector<double> eta = found.ordered.eta;
+            eta[1] = end;
+            CHECK(2 * (score(bins, words, eta.data(), 1, Patience()) - found.ordered.nll) ==
+                  doctest::Approx(3.841).epsilon(0.02));
+        }
+    }
+}
+
+TEST_CASE("sentence: a search of data that are no spectrum ends, with finite numbers") {
+    for (std::size_t size : {2, 3, 7, 40}) {
+        const Bins plain = bins_of(size);
+        for (int kind = 0; kind < 3; ++kind) {
+            std::vector<double> power(size, 0.0);
+            for (std::size_t i = 0; i < size; ++i) {
+                if (kind == 0) power[i] = i % 2 ? 0 : 1;
+                if (kind == 1) power[i] = std::pow(10.0, i % 2 ? 60 : -60);
+                if (kind == 2) power[i] = i ? 0 : 1e90;
+            }
+            Bins bins = with_power(plain, power);
+            const Frontier found = Search(bins).whole();
+            CAPTURE(size);
+            CAPTURE(kind);
+            for (const Sentence* one : {&found.white, &found.null, &found.plain, &found.rich}) {
+                CHECK_FALSE(std::isnan(one->nll));
+                for (double coordinate : one->eta) CHECK(std::isfinite(coordinate));
+            }
+        }
+    }
+}
