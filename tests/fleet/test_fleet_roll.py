@@ -39,7 +39,7 @@ def test_what_a_sensor_says_is_kept() -> None:
     roll.take("fltea/a/fit", fit(allan=curve, verdict="drift"), 2.0)
     roll.take("fltea/a/fit", fit(1100, alpha=Interval(0.4, 0.3, 0.5)), 3.0)
     axis = roll.sensors["a"].axes["gyro_x"]
-    assert axis.figures["N"] == pytest.approx((0.05, 0.04, 0.06))  # of the point at 1 s, kept without a curve
+    assert axis.figures["N"] == pytest.approx([one / 2**0.5 for one in axis.figures["density"]])
     assert axis.figures["B"] == pytest.approx((0.1, 0.1 * 0.05 / 0.0664, 0.1 * 0.08 / 0.0664))
     assert axis.figures["density"][0] == pytest.approx((2 * 0.01 / 100) ** 0.5)
     assert "alpha" not in axis.figures  # white: no order, whatever the numbers say

@@ -4,8 +4,9 @@ import mpmath
 import numpy as np
 import pytest
 from fltea.identification.allan import overlapping
-from fltea.identification.noise_model import AxisModel, Fractional, Resonance, White, draws
+from fltea.identification.noise_model import AxisModel, draws
 from fltea.noise.allan_deviation import model_adev
+from fltea.noise.parts import Order, White
 from fltea.noise.spectra import ar1, fractional, g_of, step_variance
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -46,22 +47,15 @@ def test_a_random_walk_at_its_corner():
     np.testing.assert_allclose(found, np.sqrt((2 * m**2 + 1) / (6 * m)), rtol=2e-4)
 
 
-MODELS = {
-    "fractional": AxisModel(Fractional(R_dps2=0.02, alpha=0.8, f=-1.0, Q=0.6)),
-    "near 2": AxisModel(Fractional(R_dps2=0.02, alpha=1.5, f=-30.0, Q=10.0)),
-    "resonance": AxisModel(White(R_dps2=0.01), (Resonance(31.4, 0.8, 0.003),)),
-}
-
-
-@pytest.mark.parametrize("name", ["fractional", "near 2"])
-def test_noise_of_the_spectrum(name):
-    state = MODELS[name].noise
+@pytest.mark.parametrize("state", [Order(0.8, -1.0, 0.6), Order(1.5, -30.0, 10.0)], ids=["usual", "near 2"])
+def test_noise_of_the_spectrum(state):
+    model = AxisModel((White(0.02), state))
     g, s2 = g_of(state.alpha, state.f, H), step_variance(state.alpha, state.Q, H)
     factors = 2 ** np.arange(13)
-    found = model_adev(lambda lam: s2 * fractional(lam, state.alpha, g) + state.R_dps2, factors)
+    found = model_adev(lambda lam: s2 * fractional(lam, state.alpha, g) + 0.02, factors)
     drawn = [
-        overlapping(y, factors)
-        for y, _ in [next(draws(MODELS[name], H, 1 << 17, np.random.default_rng(seed))) for seed in range(12)]
+        overlapping([y], factors)
+        for y, _ in [next(draws(model, H, 1 << 17, np.random.default_rng(seed))) for seed in range(12)]
     ]
     square = np.square(drawn)
     error = square.std(axis=0, ddof=1) / np.sqrt(len(drawn)) / square.mean(axis=0)

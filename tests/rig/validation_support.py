@@ -23,6 +23,8 @@ TINY = Plan(
     refereed=(),
     shifts=(),
     coverage=(),
+    mixed=("relaxation",),
+    claimed=(1_000,),
 )
 
 

@@ -304,6 +304,7 @@ def test_the_page_knows_only_what_records_say() -> None:
     written = list((folder.parents[1] / "documents").glob("*.py"))
     assert len(written) > 2
     assert {module for file in written for module in modules_of(file)} <= {
+        "fltea.records.fit",
         "fltea.records.version",
         "fltea.records.visible",
     }

@@ -1,5 +1,6 @@
 """The live curve: intervals that hold; N, B and K as `identify` reads them; nothing made up."""
 
+import math
 import subprocess
 import sys
 
@@ -8,11 +9,12 @@ import numpy as np
 import pytest
 from fltea._native import AllanSums
 from fltea.identification.allan import allan
-from fltea.noise.spectra import fractional, g_of, step_variance
+from fltea.noise.parts import Order
 from fltea.sources.synthetic import NoiseGenerator, NoiseSettings
 from fltea.spectrum.allan_curve import live_allan
 from fltea.spectrum.allan_dof import degrees_of_freedom, full_overlap
 from fltea.spectrum.fit_allan import fit_allan
+from fltea.spectrum.frontier import Sentence
 from identify_support import H, white
 
 N_LONG = 60_000
@@ -81,7 +83,7 @@ KINDS = {
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_identify_reads_is_read_live(kind):
     y = KINDS[kind]()
-    live, file = curve(y), allan(y, H)
+    live, file = curve(y), allan([y], H)
     pairs = [
         (live.N, file.N, 0.05),
         (live.B, file.B, 0.2),
@@ -151,28 +153,29 @@ def test_needs_neither_scipy_nor_allantools():
 
 # --- of the record `fit` ---
 
+WHITE = Sentence((0,), (0.0,), 0.0)
+
 
 def test_the_curve_of_the_true_model_goes_through_its_intervals():
     settings = NoiseSettings(alpha=0.8, f=-1.0, Q=95.09, R=0.02, lsb_per_dps=0.0)
     noise = NoiseGenerator(settings)
     sums = sums_of(np.array([noise.step()[0] for _ in range(12_000)]))
-    s2, g = step_variance(0.8, settings.Q, H), g_of(0.8, -1.0, H)
-    found = fit_allan(
-        sums.points(), sums.span, H, "deg/s", lambda lam: s2 * fractional(lam, 0.8, g) + settings.R
-    )
+    order = Order(0.8, -1.0, settings.Q)
+    noise_parts = Sentence((0, order.code), (math.log(settings.R), *order.eta(H)), 0.0)
+    found = fit_allan(sums.points(), sums.span, H, "deg/s", noise_parts, 0.003)
     assert found is not None
     assert found.tau_s[0] == H
     low, model, high = (np.array(one) for one in (found.low, found.model, found.high))
     assert ((low < model) & (model < high)).mean() > 0.7
     assert np.abs(np.log(model / found.adev))[:6].max() < 0.1
-    assert found.N is None
+    assert found.N == 0.003
 
 
 def test_white_noise_and_its_model():
     sums = sums_of(white(20_000, 1, 1)[0])
-    found = fit_allan(sums.points(), sums.span, H, "deg/s", np.ones_like)
+    found = fit_allan(sums.points(), sums.span, H, "deg/s", WHITE, 0.1)
     assert found is not None
-    assert pytest.approx(0.1, rel=0.02) == found.N
+    assert found.N == 0.1
     assert found.model == pytest.approx(np.sqrt(H / np.array(found.tau_s)), rel=1e-6)
     assert found.B is None
     assert found.K is None
@@ -181,4 +184,4 @@ def test_white_noise_and_its_model():
 @pytest.mark.parametrize("y", [np.empty(0), np.ones(99), np.ones(5000)])
 def test_nothing_where_there_is_no_curve(y):
     sums = sums_of(y)
-    assert fit_allan(sums.points(), sums.span, H, "deg/s", np.ones_like) is None
+    assert fit_allan(sums.points(), sums.span, H, "deg/s", WHITE, 0.1) is None

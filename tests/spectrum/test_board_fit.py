@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.spectrum.likelihood_ratio import critical_values, null_fits
-from fltea.spectrum.models import FULL, parameters
+from fltea.spectrum.frontier import Frontier, order_in_white
+from fltea.spectrum.intervals import OrderFit, order_fit
+from fltea.spectrum.likelihood_ratio import critical_values
 from fltea.spectrum.null_constants import PROBABILITIES
 from fltea.spectrum.octaves import Octaves
-from fltea.spectrum.periodogram import binned
-from fltea.spectrum.profile import fractional_fit
-from fltea.spectrum.whittle import fit
+from fltea.spectrum.periodogram import Periodogram, binned
+from fltea.spectrum.spectral import null_ratio
 from identify_support import H
 from numpy.typing import NDArray
 from spectrum_probe import BoardFit, BoardSpectrum
@@ -67,6 +67,12 @@ def on_host(counts: NDArray[np.int16], gaps: dict[int, int]) -> Octaves:
     return host
 
 
+def order_of(whole: Periodogram, h: float) -> OrderFit:
+    """White noise and an order up to 2, as the board fits them."""
+    f = Frontier(binned(whole), h, 0)
+    return order_fit(f, order_in_white(f.native))
+
+
 @pytest.mark.parametrize("noise", NOISES)
 @pytest.mark.parametrize("gaps", [{}, {7000: 3, 20001: 400, 45017: 12}])
 def test_the_order_and_its_interval_are_near_the_hosts(
@@ -75,11 +81,10 @@ def test_the_order_and_its_interval_are_near_the_hosts(
     counts = drawn(60_000, *noise, seed=NOISES.index(noise))
     board = on_board(counts, gaps)
     whole = on_host(counts, gaps).periodogram(0, H)
-    data = binned(whole)
-    null = null_fits(data)
-    full = fit(data, FULL, null.alternative.theta[np.newaxis])
-    alpha = fractional_fit(data, full, H).alpha
+    host = order_of(whole, H)
+    alpha = host.alpha
     assert alpha.low is not None
+    assert alpha.value is not None
     assert alpha.high is not None
     assert board.alpha_defined
     half = (alpha.high - alpha.low) / 2
@@ -87,11 +92,11 @@ def test_the_order_and_its_interval_are_near_the_hosts(
     assert 0.8 < 1.96 * board.alpha_std / half < 1.3
     assert board.verdict != WHITE
     # After each break the filters of all octaves begin again, and the deepest have lost most by it.
-    ratio = board.ratio_white / float(null.likelihood_ratio[0])
+    ratio = board.ratio_white / null_ratio(whole)
     assert (0.65 if gaps else 0.9) < ratio < 1.02
     assert board.ordinates == pytest.approx(whole.ordinates, rel=0.05)
-    weight, scale = float(parameters(full.theta[0]).weight), float(full.scale[0])
-    assert board.R / ((1 - weight) * scale) == pytest.approx(1, abs=0.25 if gaps else 0.1)
+    assert host.R.value is not None
+    assert board.R / host.R.value == pytest.approx(1, abs=0.25 if gaps else 0.1)
 
 
 @pytest.mark.slow
@@ -167,13 +172,11 @@ def test_on_real_sensors_white_noise_is_judged_as_the_host_does(
     counts, h = data["gyro_raw"][:, axis].astype(np.int16), 1 / float(data["fs_hz"])
     board = on_board(counts, {})
     whole = on_host(counts, {}).periodogram(0, h)
-    null = null_fits(binned(whole))
     critical = critical_values(whole.ordinates)[PROBABILITIES.index(0.05)]
-    white = float(null.likelihood_ratio[0]) <= critical
+    white = null_ratio(whole) <= critical
     assert (board.verdict == WHITE) == white
     if not white:
-        full = fit(binned(whole), FULL, null.alternative.theta[np.newaxis])
-        alpha = fractional_fit(binned(whole), full, h).alpha
-        assert alpha.low is not None
-        assert alpha.high is not None
-        assert abs(board.alpha - alpha.value) < 0.1 * (alpha.high - alpha.low) / 2
+        alpha = order_of(whole, h).alpha
+        assert board.alpha_defined == (alpha.value is not None)
+        if alpha.value is not None and alpha.low is not None and alpha.high is not None:
+            assert abs(board.alpha - alpha.value) < 0.1 * (alpha.high - alpha.low) / 2

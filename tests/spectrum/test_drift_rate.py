@@ -1,16 +1,18 @@
 """The rate of a record's drift, and the interval that noise gives it."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from composite_noise import Truth, noise
-from fltea.spectrum.composite import composite
 from fltea.spectrum.drift_rate import drift_rate, slope_variance
+from fltea.spectrum.frontier import Frontier
 from fltea.spectrum.periodogram import binned, periodogram
 from identify_support import H, white
 
 
 def test_a_ramp() -> None:
-    y = 3.0 + 0.02 * H * np.arange(5000)
+    y = 3.0 + 0.02 * H * np.arange(5000, dtype=np.float64)
     found = drift_rate(y, H, np.zeros_like)
     assert (found.value, found.low, found.high) == pytest.approx((0.02,) * 3)
 
@@ -40,8 +42,8 @@ def test_variance_of_coloured_noise(kind: str) -> None:
 def test_interval_holds_the_rate_of_white_noise() -> None:
     n, held = 4000, 0
     for y in white(n, 50, 5):
-        model = composite(binned(periodogram(y, H)), H, n)
-        found = drift_rate(y + 0.01 * H * np.arange(n), H, model.spectrum)
+        model = Frontier(binned(periodogram(y, H)), H, n).plain
+        found = drift_rate(y + 0.01 * H * np.arange(n), H, partial(model.spectrum, h=H))
         assert found.low is not None
         assert found.high is not None
         held += found.low < 0.01 < found.high

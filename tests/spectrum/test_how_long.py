@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 from fltea.noise.information import log_slopes
-from fltea.spectrum.how_long import order_deviation, seconds_more
-from fltea.spectrum.models import FULL, coordinates
-from fltea.spectrum.periodogram import Binned, binned, periodogram
-from fltea.spectrum.profile import fractional_fit
-from fltea.spectrum.whittle import Fit, fit
+from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.how_long import seconds_more, seconds_to_tell
+from fltea.spectrum.intervals import order_deviation, order_fit
+from fltea.spectrum.periodogram import binned, periodogram
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H, long_recursion, white
@@ -19,40 +18,50 @@ from tools.validation.evaluate.cramer_rao import bound
 ALPHA, G, R = 0.8, -0.025, 1 / 3
 
 
-def series(n: int, seed: int) -> Binned:
+def series(n: int, seed: int) -> Frontier:
     y = long_recursion(ALPHA, G, n, seed) + math.sqrt(R) * white(n, 1, seed + 50)[0]
-    return binned(periodogram(y, H))
+    return Frontier(binned(periodogram(y, H)), H, n)
+
+
+def best(f: Frontier) -> Sentence:
+    assert f.order is not None
+    return f.order
 
 
 def test_the_deviation_is_the_bound() -> None:
     n = 60_000
-    data = series(n, 1)
-    weight = 1 / (1 + R)
-    truth = Fit(FULL, coordinates(ALPHA, G, weight)[np.newaxis], np.array([1 + R]), np.zeros(1))
-    assert order_deviation(data, truth) == pytest.approx(bound(ALPHA, G, 1.0, R, n, H).alpha, rel=0.05)
+    found = order_deviation(f := series(n, 1), best(f))
+    assert found == pytest.approx(bound(ALPHA, G, 1.0, R, n, H).alpha, rel=0.1)
 
 
 def test_it_is_kept() -> None:
-    """After so much longer the interval of the profile is as narrow as was asked."""
-    data = series(4000, 2)
-    seconds = seconds_more(data, fit(data, FULL), H, 0.05)
+    """After so much longer the interval of the profile is about as narrow as was asked."""
+    f = series(4000, 2)
+    seconds = seconds_more(f, best(f), 0.05)
     assert seconds is not None
     assert seconds > 0
     longer = series(4000 + round(seconds / H), 3)
-    alpha = fractional_fit(longer, fit(longer, FULL), H).alpha
+    alpha = order_fit(longer, best(longer)).alpha
     assert alpha.low is not None
     assert alpha.high is not None
     assert (alpha.high - alpha.low) / 2 == pytest.approx(0.05, rel=0.3)
 
 
 def test_reached_and_never() -> None:
-    data = series(60_000, 4)
-    found = fit(data, FULL)
-    assert seconds_more(data, found, H, 0.2) == 0
-    assert seconds_more(data, found, H, 0.001, longest_s=1200.0) is None
-    plain = binned(periodogram(white(3000, 1, 5)[0], H))
-    flat = Fit(FULL, coordinates(0.0, -1e-6, 1e-6)[np.newaxis], np.ones(1), np.zeros(1))
-    assert seconds_more(plain, flat, H, 0.05) is None
+    f = series(60_000, 4)
+    assert seconds_more(f, best(f), 0.2) == 0
+    assert seconds_more(f, best(f), 0.001, longest_s=1200.0) is None
+    assert seconds_more(f, f.white, 0.05) is None
+
+
+def test_a_record_that_tells_is_longer_where_the_sentences_are_near() -> None:
+    f = series(20_000, 5)
+    near, far = seconds_to_tell(f, 200.0, 6.0), seconds_to_tell(f, 200.0, 20.0)
+    assert near is not None
+    assert far is not None
+    assert 200.0 <= near <= far
+    plain = Frontier(binned(periodogram(white(3000, 1, 5)[0], H)), H, 3000)
+    assert plain.ordered is not None or seconds_to_tell(plain, 30.0, 6.0) is None
 
 
 @given(st.floats(0.05, 1.9), st.floats(0.02, 0.98), st.floats(0.05, 20))

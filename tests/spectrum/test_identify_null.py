@@ -5,17 +5,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.spectrum.likelihood_ratio import critical_values, null_fits, p_value
+from fltea.spectrum.likelihood_ratio import critical_values, p_value
 from fltea.spectrum.null_constants import COEFFICIENTS, PROBABILITIES
-from fltea.spectrum.periodogram import binned, periodogram
+from fltea.spectrum.periodogram import periodogram
+from fltea.spectrum.spectral import null_ratio
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H, long_recursion, white
 
 
 def p_values(y: np.ndarray) -> np.ndarray:
-    data = binned(periodogram(y, H))
-    return np.array([p_value(r, data.ordinates) for r in null_fits(data).likelihood_ratio.tolist()])
+    several = [periodogram(one, H) for one in y]
+    return np.array([p_value(null_ratio(one), one.ordinates) for one in several])
 
 
 def test_p_values_of_white_noise_are_uniform() -> None:

@@ -1,5 +1,6 @@
 """Filters tuned by the live fit: what it hands over, and from which sample on."""
 
+import msgspec
 import numpy as np
 import pytest
 from blocks import of, records_of
@@ -19,15 +20,19 @@ from hypothesis import strategies as st
 from walk_support import raw, walk
 
 KNOWN = AxisFit(
-    "fractional", "", "deg/s", 1e-9, s2=Interval(0.010004, 0.008, 0.012), R=Interval(0.02, 0.018, 0.022)
+    "fractional",
+    "",
+    "deg/s",
+    1e-9,
+    F=Interval(0.5),
+    s2=Interval(0.010004, 0.008, 0.012),
+    R=Interval(0.02, 0.018, 0.022),
 )
 TUNED = {"estimator__tuning": "live"}
 
 
 def with_(**changes: Interval) -> AxisFit:
-    return AxisFit(
-        "fractional", "", "deg/s", 1e-9, s2=changes.get("s2", KNOWN.s2), R=changes.get("R", KNOWN.R)
-    )
+    return msgspec.structs.replace(KNOWN, **changes)
 
 
 def test_s2_and_r_are_handed_over_to_three_digits() -> None:
@@ -50,6 +55,7 @@ def test_s2_and_r_are_handed_over_to_three_digits() -> None:
 def test_what_is_not_known_well_enough_is_not(unknown: Interval) -> None:
     assert handed_over(with_(s2=unknown), None) is None
     assert handed_over(with_(R=unknown), None) is None
+    assert handed_over(with_(F=Interval()), None) is None
 
 
 @given(st.floats(0.8, 1.25), st.floats(0.8, 1.25))

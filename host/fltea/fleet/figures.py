@@ -15,9 +15,6 @@ FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 HIGHEST_FITTED = HIGHEST_ORDER - 1e-3
 """Orders above are at the end of what is fitted."""
 
-SAME_N = 0.1
-"""As a ratio less one: so far N of the curve may be from the fit's white noise."""
-
 ALPHA_KNOWN = 0.05
 """Half the width of its interval, as `live.target` has it."""
 
@@ -78,23 +75,17 @@ def figures_of(fit: AxisFit, rate_hz: float | None, before: dict[str, Figure]) -
     found = {name: before[name] for name in "NBK" if name in before and fit.allan is None}
     if fit.allan is not None:
         found |= _of_allan(fit.allan)
-    density = _density(fit, rate_hz, found.get("N"))
+    density = _density(fit, rate_hz)
     if density is not None:
         found["density"] = density
+    if "N" in found:
+        # Of the same white noise: where its share is not known, neither is what the angle walks by.
+        del found["N"]
+        if density is not None:
+            found["N"] = Figure(*(value / math.sqrt(2) for value in density))
     if fit.verdict in WITH_ORDER:
-        if "N" in found and (density is None or not _is_of_white_noise(found["N"], density)):
-            del found["N"]
         found |= _of_order(_figure(fit.alpha), _figure(fit.f))
     return found
-
-
-def _is_of_white_noise(N: Figure, density: Figure) -> bool:
-    """Whether a curve's stretch of slope -1/2 is the white noise of the fit.
-
-    Noise with an order may have such a stretch elsewhere, or two of about the same length. Where N is read
-    then depends on chance and on the record's length: sensors of one noise would be twice and more apart.
-    """
-    return abs(math.log(math.sqrt(2) * N.value / density.value)) <= SAME_N
 
 
 def _of_order(alpha: Figure | None, f: Figure | None) -> dict[str, Figure]:
@@ -110,16 +101,8 @@ def _of_order(alpha: Figure | None, f: Figure | None) -> dict[str, Figure]:
     return found | {"f": f} if f is not None and f.high < 0 else found
 
 
-def _density(fit: AxisFit, rate_hz: float | None, N: Figure | None) -> Figure | None:
-    """Of white noise, one-sided: √(2 R / rate) of the fit.
-
-    Where all of the noise is white the fit has no interval of R, as its state may be white too; but N is
-    √(R / rate), and its interval is known.
-    """
-    if fit.R.low is None:
-        return (
-            None if N is None or fit.verdict in WITH_ORDER else _sound(*(math.sqrt(2) * value for value in N))
-        )
+def _density(fit: AxisFit, rate_hz: float | None) -> Figure | None:
+    """Of white noise, one-sided: √(2 R / rate) of the fit."""
     R = _figure(fit.R)
     if R is None or rate_hz is None or rate_hz <= 0 or R.low <= 0:
         return None

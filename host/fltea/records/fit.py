@@ -11,6 +11,7 @@ VerdictKind = Literal[
     "resonance",
     "line or resonance",
     "low-pass",
+    "notch",
     "relaxations",
     "fractional",
     "fractional or relaxations",
@@ -32,6 +33,29 @@ class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     value: float | None = None
     low: float | None = None
     high: float | None = None
+
+
+class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """N, in the unit of the samples over √Hz, and K, in that unit over √s; null where there is none."""
+
+    N: Interval = Interval()
+    K: Interval = Interval()
+    knee_hz: float | None = None
+    """Where N is not known: the corner of the fastest relaxation, at half the rate at most."""
+    knee_density: float | None = None
+    """The density there, as N."""
+
+    @property
+    def reason(self) -> str:
+        """Why N is not known, and what is; nothing where it is known."""
+        if self.N.value is not None:
+            return ""
+        if self.knee_hz is None:
+            return "White noise is too weak beside the other parts for N to be known."
+        return (
+            "White noise cannot be told from what else is fast, so N is not known: the density at the knee, "
+            f"{self.knee_hz:.3g} Hz, is {self.knee_density:.3g} (unit/√Hz)."
+        )
 
 
 class Until(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -130,8 +130,10 @@ def _bias_instability(c: _Curve, n: float | None) -> Coefficient:
     flat = c.stretch(0.0, TOLERANCE, FEWEST_AVERAGED * c.h)
     if flat is not None:
         floor = c.line(flat, 0.0, 1.0)
-        # There are higher flats too: the crest of a slow relaxation.
-        if floor.value is not None and floor.value <= c.high[i]:
+        # There are higher flats too: the crest of a slow relaxation. The floor holds the lowest point, or is
+        # as near to it as its standard deviation.
+        near = c.deviation[i] * (1 + 1 / math.sqrt(2 * c.dof[i]))
+        if floor.value is not None and (flat.start <= i < flat.stop or floor.value <= near):
             return _divided(floor, FLICKER)
     most = c.high[i] / FLICKER
     shown = f"{most * HOUR:.3g} deg/h" if c.unit == "deg/s" else f"{most:.3g} {c.unit}"

@@ -10,7 +10,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.spectrum.composite_intervals import NORMAL, Estimate
+from fltea.records.fit import Interval
+from fltea.spectrum.intervals import NORMAL
 
 Array = NDArray[np.float64]
 
@@ -20,7 +21,7 @@ FINE, COARSE = 4000, 1000
 WAVES_TO = 100.0
 
 
-def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Estimate:
+def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Interval:
     """Return the slope of y (n,) in its unit a second, with the 95 % interval.
 
     spectrum: of the noise, at λ in rad a sample, normalised like `periodogram`. h: sampling period in s.
@@ -32,7 +33,7 @@ def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Estima
         total += float((np.arange(begin, begin + len(part)) - (n - 1) / 2) @ (part - mean))
     slope = total * 12 / (n * (n * n - 1.0)) / h
     deviation = float(np.sqrt(slope_variance(n, h, spectrum)))
-    return Estimate(slope, slope - NORMAL * deviation, slope + NORMAL * deviation)
+    return Interval(slope, slope - NORMAL * deviation, slope + NORMAL * deviation)
 
 
 def slope_variance(n: int, h: float, spectrum: Callable[[Array], Array]) -> float:

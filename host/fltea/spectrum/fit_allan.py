@@ -1,6 +1,6 @@
-"""The Allan deviation of an axis as the record `fit` has it: of its samples, and of the fitted model."""
+"""The Allan deviation of an axis as the record `fit` has it: of its samples, and of the fitted sentence."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from fltea.noise.allan_deviation import model_adev
 from fltea.records.fit import FitAllan
 from fltea.spectrum.allan_curve import live_allan
+from fltea.spectrum.frontier import Sentence
 
 Array = NDArray[np.float64]
 
@@ -17,12 +18,14 @@ def fit_allan(
     samples: float,
     h: float,
     unit: str,
-    spectrum: Callable[[Array], Array],
+    noise: Sentence,
+    N: float | None,
 ) -> FitAllan | None:
     """Return both curves, or None while there are too few samples or the axis is constant.
 
     sums: averaging times in samples, Allan variances, terms, as of `live_allan`; of so many samples, with a
-    sampling period of h s. spectrum: of the model, normalised like `periodogram`, in the square of `unit`.
+    sampling period of h s. noise: what the axis is made of. N: of that, since the curve is bent by all
+    else there is.
     """
     factors, avar, terms = sums
     try:
@@ -34,8 +37,8 @@ def fit_allan(
         curve.adev.tolist(),
         curve.low.tolist(),
         curve.high.tolist(),
-        model_adev(spectrum, curve.factors).tolist(),
-        curve.N.value,
+        model_adev(lambda lam: noise.spectrum(lam, h), curve.factors).tolist(),
+        N,
         curve.B.value,
         curve.K.value,
     )

@@ -6,44 +6,13 @@ simulated (tools/gen_null_constants.py). It hardly depends on the length of the 
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.spectrum.models import AR1, UP_TO_ONE, WHITE, ar1_parameters, coordinates
 from fltea.spectrum.null_constants import COEFFICIENTS, PROBABILITIES
-from fltea.spectrum.periodogram import Binned
-from fltea.spectrum.warm import Search
-from fltea.spectrum.whittle import Fit, fit
 
 Array = NDArray[np.float64]
-
-
-class NullFits(NamedTuple):
-    """The fits that the test compares, and their statistic for each series."""
-
-    white: Fit
-    ar1: Fit
-    alternative: Fit
-
-    @property
-    def likelihood_ratio(self) -> Array:
-        """Return 2 (log L of the alternative - log L of white), (series,), 0 or more."""
-        return 2 * (self.white.nll - self.alternative.nll)
-
-    @property
-    def ratio_to_ar1(self) -> Array:
-        """Return the same against AR(1) in white noise, which is the alternative with α = 1."""
-        return 2 * (self.ar1.nll - self.alternative.nll)
-
-
-def null_fits(data: Binned, search: Search = fit) -> NullFits:
-    """Fit what the null test needs."""
-    ar1 = search(data, AR1)
-    phi, weight = ar1_parameters(ar1.theta)
-    inside = coordinates(1.0, phi - 1, weight)[:, np.newaxis]
-    return NullFits(fit(data, WHITE), ar1, search(data, UP_TO_ONE, inside))
 
 
 def p_value(likelihood_ratio: float, ordinates: float) -> float:

@@ -8,19 +8,18 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from fltea.noise.spectra import f_of
 from fltea.records.fit import AxisFit, FitLowPass, FitSpectrum, Interval, Until
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
 from fltea.spectrum.fit_allan import fit_allan
+from fltea.spectrum.frontier import Sentence
 from fltea.spectrum.how_long import seconds_more
-from fltea.spectrum.models import parameters
+from fltea.spectrum.intervals import angle_walk
 from fltea.spectrum.octaves import BandCells, Counts, Octaves
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram, binned
-from fltea.spectrum.profile import Parameter, fractional_fit
-from fltea.spectrum.spectral import Spectral, examine
-from fltea.spectrum.verdict import decide
-from fltea.spectrum.warm import Warm
+from fltea.spectrum.reading import read
+from fltea.spectrum.spectral import Looks, Spectral, examine
+from fltea.spectrum.verdict import decide, winner
 
 Array = NDArray[np.float64]
 
@@ -58,7 +57,7 @@ class LiveAxes:
         self._target = settings.target
         self._memory = 0.0 if settings.memory_s is None else max(settings.memory_s / h, SHORTEST_MEMORY)
         self._octaves = self._restored(saved) if saved else Octaves(len(axes), self._memory)
-        self._warm = [Warm() for _ in axes]
+        self._looks = [Looks() for _ in axes]
 
     @property
     def samples(self) -> int:
@@ -83,8 +82,8 @@ class LiveAxes:
         """Fit an axis whenever the next one is asked for, all to the samples that there are now.
 
         curves: with spectrum and Allan deviation. last: of a record that is at its end, and so is judged at
-        the level of one look, as `fltea identify` does it. fresh: from all starts, and peaks and changes are
-        looked for again, as with curves; else all begins at the last fit.
+        the level of one look, as `fltea identify` does it. fresh: sentences, peaks and changes are searched
+        for again, as with curves; else all begins at the last fit until the record has grown by a tenth.
         """
         return self._each(self._copied(), curves, last, fresh)
 
@@ -111,7 +110,7 @@ class LiveAxes:
         level = LEVEL if last else ANYTIME_LEVEL
         for lane, axis in enumerate(self.axes):
             if fresh or curves:
-                self._warm[lane].forget()
+                self._looks[lane].forget()
             counts = octaves.counts(lane)
             fit = self._fit(octaves, lane, curves, level)
             yield axis, replace(fit, left_out=_left_out(counts), breaks=_breaks(counts))
@@ -131,7 +130,7 @@ class LiveAxes:
                 cells=_cells(octaves, lane, self.h),
                 drift=drift,
                 level=level,
-                warm=self._warm[lane],
+                looks=self._looks[lane],
             )
         except ValueError:
             needed = f"{counts.used:,} of the {FEWEST_SAMPLES} without a break that a fit needs"
@@ -141,38 +140,42 @@ class LiveAxes:
 
     def _axis_fit(self, octaves: Octaves, lane: int, seen: Spectral, drawn: Periodogram | None) -> AxisFit:
         """Return what the record says of an axis; drawn: what the curves are drawn from."""
-        e, data, full = seen.evidence, seen.fits.data, seen.fits.full
+        e, f = seen.evidence, seen.evidence.frontier
         verdict = decide(e)
-        p = parameters(full.theta[0])
-        found = fractional_fit(data, full, self.h, white=e.p_clean >= e.level, warm=self._warm[lane])
-        seconds = None
-        if found.alpha.defined:
+        noise = winner(e, verdict)
+        order, seconds = verdict.order, None
+        if order.alpha.value is not None and f.order is not None:
             longest_s = REMEMBERED * self._memory * self.h if self._memory else None
-            seconds = seconds_more(data, full, self.h, self._target, longest_s)
+            seconds = seconds_more(f, f.order, self._target, longest_s)
+        low_pass = read(f, e.from_hz, e.peaks).low_pass
+        N = angle_walk(f, noise)
         allan = spectrum = None
         if drawn is not None:
-            spectrum = spectrum_of(drawn, seen)
+            spectrum = spectrum_of(drawn, noise)
             *sums, samples = octaves.allan(lane)
-            allan = fit_allan(tuple(sums), samples, self.h, self.unit, lambda lam: seen.spectrum(lam, self.h))
-            if allan is not None and e.low_pass is not None:  # which bends the curve where N would be read
-                R = e.contest.models[e.contest.best].parameters["R"]
-                allan = replace(allan, N=math.sqrt(R * self.h))
+            allan = fit_allan(tuple(sums), samples, self.h, self.unit, noise, N.value)
         return AxisFit(
             verdict.kind,
             verdict.text,
             self.unit,
             e.p_all,
-            _interval(found.alpha),
-            Interval(f_of(float(p.alpha), float(p.g), self.h), found.f.low, found.f.high),
-            _interval(found.F),
-            _interval(found.s2),
-            _interval(found.R),
-            [(float(a), float(b)) for a, b in seen.band.notch_hz],
-            low_pass=None if e.low_pass is None else FitLowPass(e.low_pass.corner_hz, e.low_pass.poles),
+            order.alpha,
+            order.f,
+            order.F,
+            order.s2,
+            order.R if verdict.has_order else _R(N, self.h),
+            [(float(low), float(high)) for low, high in seen.band.notch_hz],
+            low_pass=None if low_pass is None else FitLowPass(low_pass.corner_hz, low_pass.poles),
             until_s=Until(self._target, seconds),
             allan=allan,
             spectrum=spectrum,
         )
+
+
+def _R(N: Interval, h: float) -> Interval:
+    """Return the variance of white noise that makes the angle walk by N."""
+    value, low, high = (None if one is None else one**2 / h for one in (N.value, N.low, N.high))
+    return Interval(value, low, high)
 
 
 def _cells(octaves: Octaves, lane: int, h: float) -> Iterator[BandCells]:
@@ -180,15 +183,15 @@ def _cells(octaves: Octaves, lane: int, h: float) -> Iterator[BandCells]:
     yield from octaves.cells(lane, h)
 
 
-def spectrum_of(whole: Periodogram, seen: Spectral) -> FitSpectrum:
-    """Return all lines, also those that are not fitted, in at most POINTS bins."""
+def spectrum_of(whole: Periodogram, noise: Sentence) -> FitSpectrum:
+    """Return all lines, also those that are not fitted, in at most POINTS bins, beside those of `noise`."""
     data = binned(whole)
     starts = np.arange(0, len(data.lam), max(1, math.ceil(len(data.lam) / POINTS)))
     counts = np.add.reduceat(data.counts, starts)
     lam = np.add.reduceat(data.lam * data.counts, starts) / counts
     power = np.add.reduceat(data.power[0] * data.counts, starts) / counts
     to_density = 2 * whole.h
-    model = np.sqrt(seen.spectrum(lam, whole.h) * to_density)
+    model = np.sqrt(noise.spectrum(lam, whole.h) * to_density)
     hz = lam / (2 * np.pi * whole.h)
     return FitSpectrum(hz.tolist(), np.sqrt(power * to_density).tolist(), model.tolist())
 
@@ -204,7 +207,3 @@ def _left_out(counts: Counts) -> dict[str, int]:
 
 def _breaks(counts: Counts) -> dict[str, int]:
     return {"gaps": counts.gaps, "knocks": counts.knocks, "steps": counts.steps, "changes": counts.changes}
-
-
-def _interval(p: Parameter) -> Interval:
-    return Interval(p.value, p.low, p.high)

@@ -1,39 +1,31 @@
-"""The verdict on one axis by stated rules, in the order in which they are asked (pure).
+"""The verdict on one axis: which sentences stand, and what they say (pure).
 
-Each rule is a question whose answer is kept with the figure that gave it, so that a reader can follow.
-"Fractional" is claimed only where no sum of relaxations comes near, and a sum of relaxations only where no
-fractional order does: over a few decades the two look the same.
+Two sets of sentences compete, those with an order and those without one. Each has the best that a search
+found, and what is said is what wins by `APART` in 2 log L after BIC's price. An order has to be ahead of
+richer sentences without one, too, and one without is ahead of an order only if none in place of its
+relaxations comes near. Where two stand within that, both are said. Each question is kept with the figure that
+answered it, so that a reader can follow.
 """
-
-import math
 
 import msgspec
 
+from fltea.noise.parts import Alternating, Quantisation, Rise, Sharpening
 from fltea.records.fit import VerdictKind
 from fltea.spectrum import wording
-from fltea.spectrum.arfima import MOST_ORDER
 from fltea.spectrum.evidence import Evidence
-from fltea.spectrum.relaxations import MOST
+from fltea.spectrum.frontier import BY_CHANCE, Sentence, order_of
+from fltea.spectrum.intervals import OrderFit, order_fit
+from fltea.spectrum.reading import ONE_POLE, SLOW, Reading, read
 from fltea.spectrum.residuals import kolmogorov
-from fltea.spectrum.rivals import AT_A_LIMIT, ORDERED
-from fltea.spectrum.traces import is_of_filter, is_skirt
 
-LEAST_RISE = 1.5
-"""The fractional model's least rise from the lowest to the highest frequencies."""
-BY_CHANCE = 3.0
-"""2 log L that chance may gain with each further parameter, on top of `APART` (of three: p = 0.03)."""
-STEEP = 1.15
-"""Order of what falls more steeply than a relaxation."""
-CLEARLY = 1.5
-"""The frequency over the lowest one from which on the bend of a steep fall is seen."""
-SLOW = 3.0
-"""The frequency over the lowest one below which a corner is as good as none."""
-LINE_WIDTH = 6.0
-"""The width of a line at half the sample rate, in periods a record."""
 LEAST_RESIDUAL_LEVEL = 0.01
 """The level of the test of residuals, which speaks against a claim and not for one."""
+SHORT_S = 580.0
+"""About ten minutes: a claim on less is a claim about what so short a record shows."""
 PEAKS: dict[str, VerdictKind] = {"line": "line", "resonance": "resonance", "peak": "line or resonance"}
 """What a peak is called; live, narrow ones cannot be distinguished."""
+RISING = (Sharpening, Alternating, Quantisation, Rise)
+"""An order beside one of these is not in its place."""
 NEXT_FILTER = "It is most likely the sensor's own: compare with its settings or its data sheet."
 NEXT_PEAK = "Look for the cause: mains, a motor, a loose mount; --notch leaves a band out."
 
@@ -60,23 +52,37 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What to do about it."""
     rules: tuple[Rule, ...]
     """The rules that were asked."""
+    has_order: bool = False
+    """Whether the sentence with an order is one of those that stand."""
+    order: OrderFit = OrderFit()
+    """Its order with the intervals; all is null where there is none, or where the data do not define it."""
 
 
 class _Questions:
     def __init__(self) -> None:
         self.asked: list[Rule] = []
+        self.has_order = False
+        self.order = OrderFit()
 
     def ask(self, question: str, answer: bool, figure: str) -> bool:
         self.asked.append(Rule(question, answer, figure))
         return answer
 
     def say(self, kind: VerdictKind, what: str, why: str, then: str) -> Verdict:
-        return Verdict(kind, f"{what} {why} {then}", what, why, then, tuple(self.asked))
+        text = f"{what} {why} {then}"
+        order = self.order if self.has_order else OrderFit()
+        return Verdict(kind, text, what, why, then, tuple(self.asked), self.has_order, order)
+
+
+def winner(e: Evidence, verdict: Verdict) -> Sentence:
+    """Return the sentence that stands for the noise: what it is made of, for filters and simulations."""
+    f = e.frontier
+    return f.order if verdict.kind == "fractional" and f.order is not None else f.plain
 
 
 def decide(e: Evidence) -> Verdict:
-    """Ask the rules of the evidence until one settles it."""
-    q = _Questions()
+    """Ask until one question settles it."""
+    q, f = _Questions(), e.frontier
     changed = (
         "no"
         if e.change is None
@@ -96,49 +102,202 @@ def decide(e: Evidence) -> Verdict:
         e.drifts,
         f"{e.slow.ratio:.3g} times the model's power, p = {e.slow.p:.2g}; offset {e.slow.offset:.3g} times",
     )
-    q.ask(
-        "Has it all gone through a low-pass?",
-        e.low_pass is not None,
-        "none is seen" if e.low_pass is None else wording.low_pass(e),
-    )
+    best = f.plain if f.ordered is None or f.lead < 0 else f.ordered
     coloured = q.ask(
-        "Is what is left no white noise, by the null test?", e.p_clean < e.level, f"p = {e.p_clean:.2g}"
+        f"Is any sentence better than white noise by more than {e.apart:.0f} after BIC's price?",
+        -f.bic(best) > e.apart,
+        f"{wording.names(best.parts(f.h))}: {-f.bic(best):+.1f}",
     )
-    if coloured and e.low_pass is not None and q.ask(*is_of_filter(e, e.low_pass)):
-        return _white(e, q, "What is left below the corner is as little as filters differ by")
-    ar2 = e.contest.models["ar2"]
-    broad = (
-        not coloured
-        and "resonance_hz" in ar2.parameters
-        and q.ask(
-            "Is AR(2), a broad resonance, better by BIC all the same?", ar2.bic < -e.apart, f"{ar2.bic:+.1f}"
-        )
-    )
-    if broad:
-        return _resonance(e, q)
-    return _coloured(e, q) if coloured else _white(e, q)
+    if not coloured:
+        return _white(e, q, wording.null_test(e))
+    if _claimed(e, q):
+        return _fractional(e, q)
+    q.has_order = _either(e, q)
+    return _without_order(e, q)
 
 
-def _white(e: Evidence, q: _Questions, accepted: str = "") -> Verdict:
-    """Return the verdict on noise that is white but for what else was found, or too near to white."""
-    below = " below the corner" if e.low_pass is not None else ""
-    if not accepted and e.p_clean < e.level:
-        accepted = f"No model{below} is better than white noise by BIC (null test: p = {e.p_clean:.2g})"
-    elif not accepted:
-        accepted = f"The null test does not reject white noise{below} (p = {e.p_clean:.2g})"
-    if e.low_pass is not None:
-        one = e.low_pass.poles == wording.ABOUT_ONE_POLE
-        gain = (
-            "A relaxation that has nearly all of the power would look the same"
-            if one
-            else f"2 log L is {e.low_pass.gain:.0f} higher than of any noise without a filter"
-        )
+def _claimed(e: Evidence, q: _Questions) -> bool:
+    """Return whether the best sentence with an order is ahead of all without one."""
+    f = e.frontier
+    if f.ordered is None:
+        return False
+    ahead = q.ask(
+        f"Is an order ahead of the best sentence without one by more than {e.apart:.0f}, after BIC's price?",
+        f.lead > e.apart,
+        f"{f.lead:+.1f}, of {wording.names(f.plain.parts(f.h))}",
+    )
+    rich = q.ask(
+        f"Is it ahead of the richest sentence without one by more than {e.apart:.0f} in 2 log L?",
+        f.lead_over_rich > e.apart,
+        f"{f.lead_over_rich:+.1f}, of {wording.names(f.rich.parts(f.h))}",
+    )
+    if not (ahead and rich):
+        return False
+    order = order_of(f.ordered)
+    if not q.ask(
+        "Is the order inside the range that is sought?",
+        order is not None,
+        "at its limit" if order is None else f"{order:.2f}",
+    ):
+        return False
+    critical = kolmogorov(max(e.level, LEAST_RESIDUAL_LEVEL))
+    return q.ask(
+        "Are its residuals white?", e.residual_ks < critical, f"{e.residual_ks:.2f}, at most {critical:.2f}"
+    )
+
+
+def _either(e: Evidence, q: _Questions) -> bool:
+    """Return whether a sentence with an order describes the noise nearly as well as those without one."""
+    f = e.frontier
+    if f.pure is None or f.ordered is None:
+        return False
+    more = f.plain.parameters - f.pure.parameters
+    behind = f.gain(f.plain) - f.gain(f.pure)
+    allowed = e.apart + BY_CHANCE * max(more, 0)
+    if q.ask(
+        f"Is an order in place of all slow parts at most {allowed:.0f} behind in 2 log L?",
+        more >= -1 and behind < allowed,
+        f"{-behind:+.1f}, of {wording.names(f.pure.parts(f.h))}",
+    ):
+        return True
+    allowed = e.apart + BY_CHANCE * max(f.rich.parameters - f.ordered.parameters, 0)
+    return q.ask(
+        f"Is an order beside other parts at most {e.apart:.0f} behind by BIC, and {allowed:.0f} in 2 log L?",
+        f.lead > -e.apart and -f.lead_over_rich < allowed and order_of(f.ordered) is not None,
+        f"{f.lead:+.1f} and {f.lead_over_rich:+.1f}, of {wording.names(f.ordered.parts(f.h))}",
+    )
+
+
+def _fractional(e: Evidence, q: _Questions) -> Verdict:
+    f = e.frontier
+    assert f.order is not None
+    q.has_order, q.order = True, order_fit(f, f.order)
+    what = wording.sentence(f.order.parts(f.h), e, q.order)
+    if e.duration_s < SHORT_S:
+        what += f", if nothing slower than {wording.duration(1 / e.from_hz)} is hidden"
+    return q.say(
+        "fractional",
+        f"{wording.capital(what)}: the noise is fractional.{wording.also_found(e)}",
+        f"Every sentence without an order is worse by {f.lead_over_rich:.0f} or more in 2 log L.",
+        "Believe the maximum-likelihood figures with their intervals.",
+    )
+
+
+def _without_order(e: Evidence, q: _Questions) -> Verdict:
+    """Return the verdict where no order is claimed, by what the best sentence without one says."""
+    f = e.frontier
+    found = read(f, e.from_hz, e.peaks, e.apart)
+    said = wording.sentence(f.plain.parts(f.h), e)
+    q.ask("Are there relaxations in the band?", bool(found.relaxations), said)
+    if found.relaxations:
+        return _both(e, q, "fractional or relaxations", said) if q.has_order else _relaxations(e, q, said)
+    if q.ask(f"Is there a walk, or a corner below {wording.hz(SLOW * e.from_hz)}?", found.drifts, said):
+        if any(peak.kind != "resonance" and peak.frequency_hz < SLOW * e.from_hz for peak in e.peaks):
+            return _white(e, q, "What is left at low frequencies is no more than what leaks from a slow line")
+        if q.has_order and f.lead > 0:
+            return _both(e, q, "fractional or relaxations", said)
+        return _drift(e, q, said)
+    if q.has_order and found.rises and f.pure is not None and f.pure.place(*RISING) is None:
+        return _both(e, q, "undecided", said)
+    if q.has_order and not found.rises and f.lead > -e.apart and order_of(f.ordered) is not None:
+        one_pole = found.low_pass is not None and found.low_pass.poles < ONE_POLE
+        return _both(e, q, "fractional or relaxations" if one_pole else "undecided", said)
+    q.has_order = False
+    if q.ask("Is there a resonance?", found.resonance is not None, said):
+        return _resonance(e, q, found, said)
+    if found.notch is not None:
         return q.say(
-            "low-pass",
-            f"White noise through {wording.low_pass(e)}.{wording.also_found(e, with_low_pass=False)}",
-            f"{gain}. {accepted}: {wording.UNDEFINED}.",
+            "notch",
+            f"{wording.capital(said)}.{wording.also_found(e)}",
+            f"It is better than white noise by {-f.bic(f.plain):.0f} after BIC's price: {wording.UNDEFINED}.",
             NEXT_FILTER,
         )
+    if q.ask("Is there a filter, or a rise?", found.coloured, said):
+        return _rising(e, q, said) if found.rises else _low_pass(e, q, found, said)
+    return _white(e, q, f"What is left ({said}) is the trace of what was found")
+
+
+def _both(e: Evidence, q: _Questions, kind: VerdictKind, said: str) -> Verdict:
+    f = e.frontier
+    assert f.order is not None
+    q.order = order_fit(f, f.order)
+    ordered = wording.sentence(f.order.parts(f.h), e, q.order)
+    return q.say(
+        kind,
+        f"{wording.capital(ordered)}, or {said}: the data do not tell.{wording.also_found(e)}",
+        f"Both describe {wording.band(e)}: 2 log L differs by {abs(f.gain(f.order) - f.gain(f.plain)):.1f}, "
+        f"with {f.order.parameters} and {f.plain.parameters} parameters.",
+        f"{wording.record_for(e)}; a navigation filter can take either, and that without an order is easier.",
+    )
+
+
+def _relaxations(e: Evidence, q: _Questions, said: str) -> Verdict:
+    f = e.frontier
+    against = "Nothing looks like an order."
+    if f.pure is not None:
+        behind = f.gain(f.plain) - f.gain(f.pure)
+        against = f"An order in place of them is worse by {behind:.0f} in 2 log L."
+    return q.say(
+        "relaxations",
+        f"{wording.capital(said)}.{wording.also_found(e)}",
+        against,
+        "A navigation filter takes them as Gauss-Markov processes: σ and correlation time are given.",
+    )
+
+
+def _drift(e: Evidence, q: _Questions, said: str) -> Verdict:
+    q.has_order = False
+    return q.say(
+        "drift",
+        f"White noise, and drift that is slower than the record can tell from a random walk ({said})."
+        f"{wording.also_found(e, with_drift=False)}",
+        f"Its corner is below {wording.hz(SLOW * e.from_hz)}: too few periods tell it from an order below 1.",
+        "A longer record shows where it ends; until then a filter takes it as a random walk.",
+    )
+
+
+def _resonance(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict:
+    assert found.resonance is not None
+    return q.say(
+        "resonance",
+        f"{wording.capital(said)}.{wording.also_found(e)}",
+        f"It is {wording.hz(found.resonance.width_hz)} wide: no memory, {wording.UNDEFINED}.",
+        NEXT_PEAK,
+    )
+
+
+def _rising(e: Evidence, q: _Questions, said: str) -> Verdict:
+    return q.say(
+        "anti-persistent",
+        f"Noise whose power rises with frequency: {said}.{wording.also_found(e)}",
+        f"It is better than white noise by {-e.frontier.bic(e.frontier.plain):.0f} after BIC's price, and no "
+        f"order describes it as well: {wording.UNDEFINED}.",
+        "So looks quantisation of an angle, a differentiator or a sharpening filter before the output.",
+    )
+
+
+def _low_pass(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict:
+    one = found.low_pass is not None and found.low_pass.poles < ONE_POLE
+    if found.low_pass is not None:
+        said = f"{wording.capital(f'white noise through {wording.low_pass(found.low_pass, e)}')} ({said})"
+    gain = e.frontier.gain(e.frontier.plain)
+    return q.say(
+        "low-pass",
+        f"{wording.capital(said)}.{wording.also_found(e)}",
+        (
+            "A relaxation that has nearly all of the power would look the same"
+            if one
+            else f"2 log L is {gain:.0f} higher than that of white noise"
+        )
+        + f": {wording.UNDEFINED}.",
+        NEXT_FILTER,
+    )
+
+
+def _white(e: Evidence, q: _Questions, accepted: str) -> Verdict:
+    """Return the verdict on noise that is white but for what else was found, or too near to white."""
+    q.has_order = False
+    rejected = e.p_clean < e.level
     if e.drifts:
         return q.say(
             "drift",
@@ -155,215 +314,16 @@ def _white(e: Evidence, q: _Questions, accepted: str = "") -> Verdict:
             f"{accepted} without that: {wording.UNDEFINED}.",
             NEXT_PEAK,
         )
+    if rejected:
+        return q.say(
+            "undecided",
+            f"Not quite white (p = {e.p_clean:.2g}), but too faint to say what it is.",
+            "No sentence is better than white noise after BIC's price.",
+            "Record longer.",
+        )
     return q.say(
         "white",
         "White noise.",
         f"{accepted}: no order can be told from it, {wording.UNDEFINED}.",
         "A filter needs its density only (the Allan deviation's N).",
     )
-
-
-def _resonance(e: Evidence, q: _Questions) -> Verdict:
-    p = e.contest.models["ar2"].parameters
-    return q.say(
-        "resonance",
-        f"A broad resonance at {wording.hz(p['resonance_hz'])}, {p['height']:.2g} times as high as the "
-        f"lowest frequencies.{wording.also_found(e)}",
-        f"AR(2) has the lowest BIC ({e.contest.models['ar2'].bic:.0f}): no memory, α and f say nothing.",
-        NEXT_PEAK,
-    )
-
-
-def _coloured(e: Evidence, q: _Questions) -> Verdict:
-    """Return the verdict on noise that is not white, by the model that describes it."""
-    c = e.contest
-    bic = ", ".join(
-        f"{wording.MODELS[name]} {model.bic:.1f}"
-        for name, model in sorted(c.models.items(), key=lambda m: m[1].bic)
-    )
-    p = c.models[c.best].parameters
-    bends = "bend_hz" in p or "resonance_hz" in p
-    rising = c.best == "rising" or p.get("rise", 0.0) > LEAST_RISE or (c.best in ("ar1", "ar2") and not bends)
-    # A shape that is hardly better may come from a few outliers, or be what filters differ by.
-    enough = e.apart if c.best == "ar2" or rising or e.low_pass is not None else e.more
-    if not q.ask("Is any model better than white noise by BIC?", c.models[c.best].bic < -enough, bic):
-        if e.low_pass is not None or e.peaks or e.drifts:
-            return _white(e, q)
-        return q.say(
-            "undecided",
-            f"Not quite white (p = {e.p_clean:.2g}), but too faint to say what it is.",
-            "No model is better than white noise by BIC.",
-            "Record longer.",
-        )
-    source = next((peak for peak in e.peaks if is_skirt(peak, p, rising, e.rate_hz)), None)
-    best = f"{wording.MODELS[c.best]} is the best by BIC"
-    if q.ask("Is it the skirts of a peak that was found?", source is not None, best):
-        return q.say(
-            PEAKS[e.peaks[0].kind],
-            f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
-            f"{wording.also_found(e, with_peaks=False)}",
-            f"What is left is its skirts ({best}): {wording.UNDEFINED}.",
-            NEXT_PEAK,
-        )
-    if q.ask("Does the power rise with frequency?", rising, best):
-        return _rising(e, q)
-    if q.ask("Is there a broad peak?", "resonance_hz" in p, best):
-        if c.best == "ar2":
-            return _resonance(e, q)
-        return q.say(
-            "resonance",
-            f"A broad maximum at {wording.hz(p['resonance_hz'])}.{wording.also_found(e)}",
-            f"The best order is {p['alpha']:.2f}: more than 1 is a filter or a resonance, not memory.",
-            NEXT_PEAK,
-        )
-    # Of φ2 > 0 one pole is negative: what is left is an AR(1).
-    steep = (c.best == "ar2" and p["phi2"] < 0) or p.get("alpha", 0.0) > STEEP
-    if q.ask("Does it fall from a bend on more steeply than a relaxation?", steep and _bends(e, p), best):
-        return q.say(
-            "low-pass",
-            f"The power falls from {wording.hz(p['bend_hz'])} on, as behind a low-pass."
-            f"{wording.also_found(e)}",
-            f"{wording.capital(wording.MODELS[c.best])} without a peak has the lowest BIC "
-            f"({c.models[c.best].bic:.0f}).",
-            NEXT_FILTER,
-        )
-    return _order_or_relaxations(e, q, steep)
-
-
-def _bends(e: Evidence, parameters: dict[str, float]) -> bool:
-    """Return whether that is clearly above the lowest frequency."""
-    return parameters.get("bend_hz", 0.0) > CLEARLY * e.from_hz
-
-
-def _rising(e: Evidence, q: _Questions) -> Verdict:
-    c = e.contest
-    p = c.models[c.best].parameters
-    if c.best == "ar1" and (1 - abs(p["phi"])) * e.rate_hz < 2 * math.pi * LINE_WIDTH / e.duration_s:
-        return q.say(
-            "line",
-            f"A line at {wording.hz(e.rate_hz / 2)}, half the sample rate, or near it, in white noise."
-            f"{wording.also_found(e)}",
-            f"It is no wider than the record's resolution: {wording.UNDEFINED}.",
-            "A faster oscillation looks so too once it is sampled. " + NEXT_PEAK,
-        )
-    if c.best == "rising":
-        how = f"as f^{2 * p['delta']:.2g} (d = {-p['delta']:.2f})"
-        differences = p["delta"] > 0.9
-    else:
-        how, differences = f"neighbours are of opposite sign ({wording.MODELS[c.best]})", False
-    return q.say(
-        "anti-persistent",
-        f"Noise whose power rises with frequency, {how}, in white noise.{wording.also_found(e)}",
-        f"{wording.capital(wording.MODELS[c.best])} has the lowest BIC ({c.models[c.best].bic:.0f}). The "
-        "order is below 0, where f and α are not defined.",
-        "So looks quantisation noise, or the difference of an angle."
-        if differences
-        else "Look for a differentiator, or a high-pass, before the output.",
-    )
-
-
-def _order_or_relaxations(e: Evidence, q: _Questions, steep: bool) -> Verdict:
-    """Return the verdict on power that falls with frequency without a peak: an order, or relaxations.
-
-    steep: more so than a relaxation does.
-    """
-    c = e.contest
-    apart = e.apart
-    best_sum = c.models[c.best_sum]
-    # More parameters fit better by chance alone.
-    more = BY_CHANCE * max(_more(best_sum.parameters), 0)
-    behind = 2 * best_sum.log_likelihood - c.order_gain
-    lead = c.order_gain - c.sum_gain
-    sums = wording.relaxations(best_sum.parameters)
-    where = wording.its_corners(best_sum.parameters, e)
-    worse = q.ask(
-        f"Is every order up to {MOST_ORDER:g} worse than {sums} by more than {apart + more:.0f}?",
-        behind > apart + more and _all_relax(best_sum.parameters),
-        f"2 log L {-behind:+.1f}",
-    )
-    bends = [value for name, value in best_sum.parameters.items() if name.startswith("bend")]
-    fastest = max(bends, default=0.0)
-    if q.ask(
-        f"Is its corner below {wording.hz(SLOW * e.from_hz)}, about the lowest frequency?",
-        fastest < SLOW * e.from_hz and (steep or lead <= apart or c.best not in ORDERED),
-        f"at {wording.hz(fastest)}",
-    ):
-        if any(peak.kind != "resonance" and peak.frequency_hz < e.from_hz for peak in e.peaks):
-            return _white(e, q, "What is left at low frequencies is no more than what leaks from a slow line")
-        return q.say(
-            "drift",
-            "White noise, and drift that is slower than the record can tell from a random walk."
-            f"{wording.also_found(e, with_drift=False)}",
-            f"The corner of the best model is below {wording.hz(SLOW * e.from_hz)}: too few periods tell it "
-            "from an order below 1.",
-            "Use the Allan deviation's K for a random walk in a filter; a longer record shows where it ends.",
-        )
-    residual_ks = c.models[c.order_of].residual_ks
-    critical = kolmogorov(max(e.level, LEAST_RESIDUAL_LEVEL))
-    misfit = _misfit(e, c.best_sum if worse else c.best, critical)
-    if worse:
-        return q.say(
-            "relaxations",
-            f"{wording.capital(sums)} in white noise, with {where}.{wording.also_found(e)}",
-            f"The fractional model with an order of up to {MOST_ORDER:g} is worse by {behind:.0f} in 2 log L."
-            f"{misfit}",
-            "A navigation filter takes them as Gauss-Markov processes: σ and correlation time are given.",
-        )
-    kind = " (ARFIMA)" if c.order_of == "arfima" else ""
-    claim = q.ask(
-        f"Is every sum of up to {MOST} relaxations worse than an order by more than {apart:.0f}?",
-        lead > apart and c.order < MOST_ORDER - AT_A_LIMIT,
-        f"2 log L {lead:+.1f}, of the order {c.order:.2f}",
-    )
-    lowest = q.ask("Has a model with an order the lowest BIC?", c.best in ORDERED, bic_of(e, c.best))
-    fits = q.ask(
-        "Are its residuals white?", residual_ks < critical, f"{residual_ks:.2f}, at most {critical:.2f}"
-    )
-    if claim and lowest and fits:
-        return q.say(
-            "fractional",
-            f"Noise of fractional order, α = {c.order:.2f}{kind}, in white noise.{wording.also_found(e)}",
-            f"Every sum of up to {MOST} relaxations is worse by {lead:.0f} or more in 2 log L.",
-            "Believe the maximum-likelihood figures with their intervals.",
-        )
-    if claim:
-        return q.say(
-            "undecided",
-            f"Not white, and none of the models describes it.{wording.also_found(e)}",
-            f"The nearest is {wording.MODELS[c.best]}.{_misfit(e, c.best, critical)}",
-            "Look at the spectrum in the report.",
-        )
-    near = c.models[c.sum_within(apart)]
-    sums, where = wording.relaxations(near.parameters), wording.its_corners(near.parameters, e)
-    apart_by = abs(2 * near.log_likelihood - c.order_gain)
-    return q.say(
-        "fractional or relaxations",
-        f"Noise of the order {c.order:.2f}{kind}, or {sums} with {where}, in white "
-        f"noise: the data do not tell.{wording.also_found(e)}",
-        f"Both describe {wording.band(e)}: 2 log L differs by {apart_by:.1f}, and models with "
-        f"{_more(near.parameters) + 4} and 4 parameters are told apart by {apart + more:.0f}.{misfit}",
-        wording.record_for(e),
-    )
-
-
-def _misfit(e: Evidence, name: str, critical: float) -> str:
-    ks = e.contest.models[name].residual_ks
-    if ks < critical:
-        return ""
-    figure = f"Kolmogorov-Smirnov {ks:.2f}, at most {critical:.2f}"
-    return f" But the residuals are not white ({figure}): it is a summary."
-
-
-def bic_of(e: Evidence, name: str) -> str:
-    """Return the model of lowest BIC."""
-    return f"{wording.MODELS[name]} {e.contest.models[name].bic:.1f}"
-
-
-def _all_relax(parameters: dict[str, float]) -> bool:
-    """Return whether all parts of a sum are relaxations: one of φ < 0 is none."""
-    return all(value > 0 for name, value in parameters.items() if name.startswith("phi"))
-
-
-def _more(parameters: dict[str, float]) -> int:
-    """Return how many parameters more a sum has than the fractional model."""
-    return 2 * sum(name.startswith("phi") for name in parameters) - 3

@@ -3,27 +3,31 @@
 import math
 from collections.abc import Sequence
 
+from fltea.noise.parts import (
+    Alternating,
+    Arfima,
+    Floor,
+    LowPass,
+    Mean,
+    Notch,
+    Order,
+    Part,
+    Quantisation,
+    Relaxation,
+    Resonance,
+    Rise,
+    Sharpening,
+    Walk,
+    White,
+)
 from fltea.spectrum.evidence import Evidence
+from fltea.spectrum.intervals import OrderFit
 from fltea.spectrum.lines import Peak
+from fltea.spectrum.reading import ONE_POLE, corner_hz
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
-MODELS = {
-    "white": "white noise",
-    "ar1": "AR(1)",
-    "ar2": "AR(2)",
-    "two_ar1": "two AR(1)",
-    "three_ar1": "three AR(1)",
-    "four_ar1": "four AR(1)",
-    "five_ar1": "five AR(1)",
-    "six_ar1": "six AR(1)",
-    "rising": "a power of the frequency",
-    "fractional": "the fractional model",
-    "arfima": "ARFIMA",
-}
-"""The names of the contest, for people."""
 MOSTLY_ONE_STEP = 0.6
 """Share of the differences that one step has to explain to be called so."""
-ABOUT_ONE_POLE = 1.0
 UNDEFINED = "α and f are undefined"
 
 
@@ -53,8 +57,7 @@ def capital(text: str) -> str:
 def peaks(found: tuple[Peak, ...]) -> str:
     """Return the strongest few."""
     parts = [
-        f"a {peak.kind} at {peak.frequency_hz:.{2 if peak.frequency_hz < 10 else 1}f} Hz "
-        f"({peak.power_share:.1%} of the power)"
+        f"a {peak.kind} at {peak_hz(peak.frequency_hz)} ({peak.power_share:.1%} of the power)"
         for peak in found[:3]
     ]
     if len(found) > 3:
@@ -62,47 +65,101 @@ def peaks(found: tuple[Peak, ...]) -> str:
     return listed(parts)
 
 
-def low_pass(e: Evidence) -> str:
+def peak_hz(frequency_hz: float) -> str:
+    """Return the frequency of a peak; of a slow one its period, too, since 0.00 Hz says nothing."""
+    if frequency_hz < 0.1:
+        return f"{frequency_hz:.2g} Hz (a period of {duration(1 / frequency_hz)})"
+    return f"{frequency_hz:.{2 if frequency_hz < 10 else 1}f} Hz"
+
+
+def sentence(parts: Sequence[Part], e: Evidence, order: OrderFit | None = None) -> str:
+    """Return the parts of a noise and its filters, as a part of a sentence; order: with its interval."""
+    sources = [text for part in parts if (text := _source(part, order))]
+    relaxing = [part for part in parts if isinstance(part, Relaxation)]
+    if relaxing:
+        sources.insert(0, f"{relaxations(relaxing)} with {corners(relaxing, e)}")
+    behind = [text for part in parts if (text := _filter(part, e))]
+    found = f"{listed(sources)} in white noise" if sources else "white noise"
+    if behind:
+        found += f", {'all of it ' if sources else ''}through {listed(behind)}"
+    if any(isinstance(part, Floor) for part in parts):
+        found += ", and white noise behind that"
+    return found
+
+
+def _source(part: Part, order: OrderFit | None) -> str:
+    match part:
+        case Order() | Arfima():
+            return _order(order or OrderFit())
+        case Walk():
+            return "a random walk"
+        case Resonance():
+            return f"a resonance at {hz(part.frequency_hz)}"
+        case Quantisation():
+            return "noise that rises as that of an angle which is rounded"
+        case Rise():
+            return f"noise that rises with f^{2 * part.delta:.2g}"
+        case Alternating():
+            return "noise of which neighbours are of opposite sign"
+        case _:
+            return ""
+
+
+def _order(found: OrderFit) -> str:
+    alpha = found.alpha
+    if alpha.value is None:
+        return "noise of an order that the data do not define"
+    kind = " (ARFIMA)" if found.arfima else ""
+    return f"noise of the order {alpha.value:.2f} ({alpha.low:.2f} … {alpha.high:.2f}){kind}"
+
+
+def _filter(part: Part, e: Evidence) -> str:
+    match part:
+        case LowPass():
+            return low_pass(part, e)
+        case Sharpening():
+            return f"a short filter that {'sharpens' if part.s > 0 else 'smooths'}"
+        case Notch():
+            return f"a notch at {hz(part.frequency_hz)}"
+        case Mean():
+            return f"the mean of {part.samples} samples"
+        case _:
+            return ""
+
+
+def relaxations(found: Sequence[Relaxation]) -> str:
+    """Return the number of relaxations in words."""
+    return "one relaxation" if len(found) == 1 else f"a sum of {NUMBERS[len(found)]} relaxations"
+
+
+def corners(found: Sequence[Relaxation], e: Evidence) -> str:
+    """Return the corners of relaxations, as far as the data have them."""
+    values = sorted(corner_hz(part) for part in found)
+    inside = [f"{value:.3g}" for value in values if e.from_hz <= value <= e.to_hz]
+    parts = []
+    if any(value < e.from_hz for value in values):
+        parts.append(f"below {hz(e.from_hz)}")
+    if inside:
+        parts.append(f"at {listed(inside)} Hz")
+    if any(value > e.to_hz for value in values):
+        parts.append(f"above {hz(e.to_hz)}")
+    return f"{'its corner' if len(found) == 1 else 'corners'} {listed(parts)}"
+
+
+def low_pass(found: LowPass, e: Evidence) -> str:
     """Return the words for the filter."""
-    found = e.low_pass
-    assert found is not None
     if found.corner_hz >= e.rate_hz / 2:
         where = f"near or beyond {hz(e.rate_hz / 2)}, half the sample rate"
     else:
         where = f"at {hz(found.corner_hz)}"
-    steep = "one pole" if found.poles == ABOUT_ONE_POLE else f"about {found.poles:.0f} poles"
-    if found.poles > 8:
-        steep = "steep"
+    steep = (
+        "one pole"
+        if found.poles < ONE_POLE
+        else "steep"
+        if found.poles > 8
+        else f"about {found.poles:.0f} poles"
+    )
     return f"a low-pass with its corner {where} ({steep})"
-
-
-def corner(value: float, e: Evidence) -> str:
-    """Return a corner, as far as the data have it."""
-    if value < e.from_hz:
-        return f"below {hz(e.from_hz)}"
-    if value > e.to_hz:
-        return f"above {hz(e.to_hz)}"
-    return f"at {hz(value)}"
-
-
-def corners(parameters: dict[str, float], e: Evidence) -> str:
-    """Return those of a sum of relaxations, slowest first."""
-    found = [value for name, value in parameters.items() if name.startswith("bend")]
-    inside = [f"{value:.3g}" for value in found if e.from_hz <= value <= e.to_hz]
-    parts = []
-    if any(value < e.from_hz for value in found):
-        parts.append(f"below {hz(e.from_hz)}")
-    if inside:
-        parts.append(f"at {listed(inside)} Hz")
-    if any(value > e.to_hz for value in found):
-        parts.append(f"above {hz(e.to_hz)}")
-    return listed(parts) if parts else "nowhere in the band"
-
-
-def relaxations(parameters: dict[str, float]) -> str:
-    """Return the number of relaxations in words."""
-    count = max(sum(name.startswith("bend") for name in parameters), 1)
-    return "one relaxation" if count == 1 else f"a sum of {NUMBERS[count]} relaxations"
 
 
 def drift(e: Evidence) -> str:
@@ -115,13 +172,9 @@ def drift(e: Evidence) -> str:
     )
 
 
-def also_found(
-    e: Evidence, *, with_low_pass: bool = True, with_peaks: bool = True, with_drift: bool = True
-) -> str:
+def also_found(e: Evidence, *, with_peaks: bool = True, with_drift: bool = True) -> str:
     """Return sentences on all else that was found, whatever the verdict."""
     parts = []
-    if with_low_pass and e.low_pass is not None:
-        parts.append(f" All of it has gone through {low_pass(e)}.")
     if with_peaks and e.peaks:
         parts.append(f" There is also {peaks(e.peaks)}.")
     if with_drift and e.drifts:
@@ -142,12 +195,6 @@ def change(e: Evidence) -> str:
     return f"its power {band} went up and down by a factor of about {c.size:.2g}"
 
 
-def its_corners(parameters: dict[str, float], e: Evidence) -> str:
-    """Return the same as what a sum has."""
-    one = sum(name.startswith("bend") for name in parameters) == 1
-    return f"{'its corner' if one else 'corners'} {corners(parameters, e)}"
-
-
 def band(e: Evidence) -> str:
     """Return the band of the data in words."""
     decades = math.log10(e.to_hz / e.from_hz)
@@ -155,9 +202,31 @@ def band(e: Evidence) -> str:
 
 
 def record_for(e: Evidence) -> str:
-    """Return how long a record has to be to decide for an order or relaxations, and what to do until then."""
+    """Return how long a record has to be to decide for an order or what looks like it."""
     if e.decides_s is None:
-        tell = "No record of up to a month would tell"
-    else:
-        tell = f"A record of some {duration(e.decides_s)} would tell"
-    return f"{tell}; a navigation filter can take either, and the sum is the easier one."
+        return "No record of up to a month would tell"
+    return f"A record of some {duration(e.decides_s)} would tell"
+
+
+def null_test(e: Evidence) -> str:
+    """Return what the null test says, and at which level."""
+    level = f"{e.level:.2g}" if e.level >= 0.01 else f"{e.level:.0e}"
+    why = "" if e.level >= 0.01 else ", low since it is asked again and again"
+    rejects = "rejects" if e.p_clean < e.level else "does not reject"
+    return f"The null test {rejects} white noise (p = {e.p_clean:.2g}, level {level}{why})"
+
+
+def names(parts: Sequence[Part]) -> str:
+    """Return a short name of a sentence, for tables."""
+    short = {
+        White: "white",
+        Relaxation: "relaxation",
+        Walk: "walk",
+        Arfima: "order (ARFIMA)",
+        Quantisation: "quantisation",
+    }
+    counted: dict[str, int] = {}
+    for part in parts:
+        name = short.get(type(part), str(part.__struct_config__.tag))
+        counted[name] = counted.get(name, 0) + 1
+    return " + ".join(name if count == 1 else f"{count} {name}s" for name, count in counted.items())

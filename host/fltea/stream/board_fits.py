@@ -15,10 +15,8 @@ from fltea.records.device_fit import DeviceAxisFit, DeviceSpectrum, DeviceVerdic
 from fltea.records.events import DeviceBins, DeviceFit
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import DeviceFits
-from fltea.spectrum.likelihood_ratio import null_fits
-from fltea.spectrum.models import FULL, parameters
+from fltea.spectrum.frontier import native, order_in_white
 from fltea.spectrum.periodogram import Binned
-from fltea.spectrum.whittle import fit as whittle_fit
 from fltea.stream.live import SettledFit
 from fltea.stream.stages import Moment
 
@@ -139,8 +137,8 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
     alpha = Interval()
     if ordered:
         reach = NORMAL_95 * fit.alpha_std
-        known = fit.alpha_defined and math.isfinite(reach) and reach > 0
         low, high = max(0.0, fit.alpha - reach), min(MOST_ORDER, fit.alpha + reach)
+        known = fit.alpha_defined and math.isfinite(reach) and low < high
         alpha = Interval(fit.alpha, *((low, high) if known else (None, None)))
     difference = half_widths = None
     if host is not None and alpha.value is not None and host.alpha.value is not None:
@@ -172,15 +170,13 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
 def order_of_bins(spectrum: DeviceSpectrum, rate_hz: float) -> float | None:
     """Return this computer's order for the bins that a board fitted: a check of the board's arithmetic.
 
-    It is that of the fractional model of the highest likelihood; None for bins that cannot be fitted, such as
-    bins of several stretches of samples, of which two may have the same frequency.
+    It is that of the highest likelihood, in white noise; None for bins that cannot be fitted, such as bins of
+    several stretches of samples, of which two may have the same frequency.
     """
     lam = np.array(spectrum.hz) * (2 * math.pi / rate_hz)
     power = np.square(spectrum.density) * (rate_hz / 2)
     data = Binned(lam, np.array(spectrum.ordinates), power[np.newaxis])
     try:
-        null = null_fits(data)
-        full = whittle_fit(data, FULL, null.alternative.theta[np.newaxis])
+        return order_in_white(native(data, 1 / rate_hz, 0)).eta[1]
     except ValueError:
         return None
-    return float(parameters(full.theta[0]).alpha)

@@ -10,13 +10,14 @@ STEP = 0.1
 
 
 def handed_over(fit: AxisFit, in_use: Variances | None) -> Variances | None:
-    """s2 and R of a fit that rejects white noise, to three digits; None where they are not known well enough.
+    """s2 and R of a fit that has an order, to three digits; None where they are not known well enough.
 
-    Behind a low-pass, whose output no Q and R describe, they are never handed over. in_use: what it handed
-    over before, if anything; None too where both are still the same.
+    Behind a low-pass, whose output no Q and R describe, they are never handed over, and an order that no F
+    describes is none that the filters know. in_use: what it handed over before, if anything; None too where
+    both are still the same.
     """
     s2, R = fit.s2, fit.R
-    if not (_is_known(s2) and _is_known(R)) or fit.low_pass is not None:
+    if not (_is_known(s2) and _is_known(R)) or fit.F.value is None or fit.low_pass is not None:
         return None  # of a filter's input, while the filters see its output
     if in_use is not None and not (_has_moved(s2, in_use.Q) or _has_moved(R, in_use.R)):
         return None

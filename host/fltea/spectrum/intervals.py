@@ -1,0 +1,358 @@
+"""Intervals of the parameters of a sentence by profile likelihood (pure).
+
+A value belongs to the interval if the best fit that has it is at most 3.84 in 2 log L below the best of all
+(95 % of χ² with one degree). Unlike the curvature at the maximum this holds where α and f cannot be told
+apart, where a correlation time is known from below only, and where white noise beneath others is known from
+above only. An end that the profile does not have is None.
+
+R cannot be below 0. Where the best fit that has a value has no white noise, the ratio of likelihoods is not
+χ²: R can only be too large, and then another parameter is too large or too small with it (`AT_BOUND`).
+
+An order has a second maximum at times, far from the first. So the likelihood is looked at all over its range,
+too, and what is as good as the interval's ends belongs to it.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.noise.parts import (
+    CODES,
+    FILTERS,
+    MEAN_FROM,
+    Arfima,
+    LowPass,
+    Mean,
+    Order,
+    Part,
+    Quantisation,
+    Relaxation,
+    Resonance,
+    Rise,
+    Walk,
+    White,
+    free_of,
+    g_of_eta,
+    part_of,
+    spectrum_of,
+)
+from fltea.noise.spectra import f_of
+from fltea.records.fit import Interval
+from fltea.spectrum.frontier import LEAK_OF_CUBIC, Frontier, Sentence
+from fltea.spectrum.octaves import JOIN, WHOLE
+
+Array = NDArray[np.float64]
+
+CRITICAL = 3.841
+"""95 % point of χ² with one degree of freedom."""
+AT_BOUND = {"alpha": 4.8, "f": 4.6, "F": 5.1, "s2": 5.1}
+"""The same where the best fit that has the value has no white noise.
+
+That of two normal estimates with the correlation ρ, of which the second cannot be below 0 and is there while
+the first is held: 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (the law is Self & Liang's,
+*JASA* 82, 1987). Nine tenths of 35 noises with R = 0 have, by the information, up to 0.9 between f and R,
+0.95 between α and R, 0.99 for F and 1 for s2 (tools/validation/bound.py)."""
+LEAST = 7.0
+"""Below this power of e under its best value a variance is 0."""
+SLOWEST = 300.0
+"""Correlation times are tried up to so many times the longest that the data can show."""
+WIDEST_ORDER = 0.9
+"""Width of the interval from which on an order is undefined."""
+NORMAL = 1.96
+NOTHING = 1e-4
+"""Information about a coordinate that is as good as none."""
+NO_WHITE = 0.03
+"""White noise over the density at half the rate, below which it is as good as none."""
+HARDLY_KNOWN = 2.0
+"""Half the width of the interval of a density's logarithm, from which on it is not known."""
+STEP = 1e-4
+"""Of a coordinate, for slopes."""
+SLOW_PARTS = (Relaxation, Walk, Order, Arfima)
+BY_F, BY_PARAMETER = len(CODES), len(CODES) + 1
+"""Numbers of the order by other coordinates: F and log -g, α and log -f, in place of α and logit(-g /
+2^α)."""
+HIGHEST_ORDER = 1.999
+LOOKED_AT = np.arange(0.04, 1.3, 0.08)
+"""Orders at which a second maximum is looked for."""
+
+
+class Ends(NamedTuple):
+    """A value and the ends of its interval."""
+
+    value: float
+    low: float
+    high: float
+
+    def exp(self) -> "Ends":
+        """Return the interval of what has this logarithm; an end at the limit of a variance is 0."""
+        low = 0.0 if self.low <= self.value - LEAST else math.exp(self.low)
+        return Ends(math.exp(self.value), low, math.exp(self.high))
+
+    def negative(self) -> "Ends":
+        """Return the interval with its sign changed."""
+        return Ends(-self.value, -self.high, -self.low)
+
+    def including(self, value: float) -> "Ends":
+        """Return the interval that reaches as far as to this value."""
+        return Ends(self.value, min(self.low, value), max(self.high, value))
+
+
+class Estimated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A part with its parameters and their intervals, in the units of `fltea.noise.parts`."""
+
+    part: str
+    values: dict[str, Interval]
+
+    def value(self, name: str) -> float:
+        """Return the value of a parameter."""
+        found = self.values[name].value
+        assert found is not None
+        return found
+
+
+class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The order of a sentence that has one; all are null where the data do not define them.
+
+    F = g + α, g = h^α f. Variances are in the square of the unit of y.
+    """
+
+    alpha: Interval = Interval()
+    f: Interval = Interval()
+    F: Interval = Interval()
+    s2: Interval = Interval()
+    R: Interval = Interval()
+    arfima: bool = False
+    """Whether it is ARFIMA(1, d, 0), of which α is d and f has no meaning."""
+
+
+def estimated(f: Frontier, sentence: Sentence) -> tuple[Estimated, ...]:
+    """Return the parts of a sentence with their intervals."""
+    found = []
+    for code, at in sentence.words():
+        free = free_of(code)
+        part = part_of(code, sentence.eta[at : at + free], f.h)
+        values = {}
+        for k, name in enumerate(part.__struct_fields__):
+            value = float(getattr(part, name))
+            if k >= free:  # the number of samples of a mean
+                values[name] = Interval(value, value, value)
+                continue
+            low, high = (
+                _end(f, sentence, at + k, side, *_limits(f, code, k, sentence.eta[at + k], side))
+                for side in (-1, 1)
+            )
+            ends = [
+                None if end is None else _at(code, sentence.eta[at : at + free], k, end, f.h, name)
+                for end in (low, high)
+            ]
+            if CODES[code] is Walk:
+                ends = [_wider(f, sentence, at, value, end) for end in ends]
+            if _falls(ends, value):
+                ends.reverse()
+            values[name] = Interval(value, *ends)
+        found.append(Estimated(str(part.__struct_config__.tag), values))
+    return tuple(found)
+
+
+def order_fit(f: Frontier, sentence: Sentence) -> OrderFit:
+    """Return the order of a sentence that has one, with its intervals."""
+    arfima = sentence.place(Order) is None
+    at = sentence.place(Order, Arfima)
+    assert at is not None
+    s2_at, here = at + 2, list(sentence.eta)
+    alpha = _interval(f, sentence, at, "alpha", s2_at, (0.0, 1.0 if arfima else HIGHEST_ORDER), 0.03)
+    s2 = _interval(f, sentence, s2_at, "s2", s2_at, _around(f, here[s2_at])).exp()
+    R = _interval(f, sentence, 0, "R", -1, _around(f, here[0])).exp()
+    if arfima:
+        return OrderFit(_if_known(alpha), s2=Interval(*s2), R=Interval(*R), arfima=True)
+    g = g_of_eta(here[at : at + 2])
+    by_F = _other(sentence, at, BY_F, [here[at] + g, math.log(-g)])
+    F = _interval(f, by_F, at, "F", s2_at, (-2.0, HIGHEST_ORDER), 0.03)
+    log_f = math.log(-f_of(here[at], g, f.h))
+    by_f = _other(sentence, at, BY_PARAMETER, [here[at], log_f])
+    highest = 2 * math.log(2) - 2 * min(math.log(f.h), 0.0)
+    minus_f = _interval(f, by_f, at + 1, "f", s2_at, (log_f - LEAST, highest)).exp()
+    for eta in _second_maxima(f, sentence, at):
+        there = g_of_eta(eta[at : at + 2])
+        alpha, F = alpha.including(eta[at]), F.including(eta[at] + there)
+        minus_f = minus_f.including(-f_of(eta[at], there, f.h))
+        s2, R = s2.including(math.exp(eta[s2_at])), R.including(math.exp(eta[0]))
+    order = _if_known(alpha)
+    parameter = Interval() if order.value is None else Interval(*minus_f.negative())
+    return OrderFit(order, parameter, Interval(*F), Interval(*s2), Interval(*R))
+
+
+def angle_walk(f: Frontier, sentence: Sentence) -> Interval:
+    """Return N, per root second: by what the angle walks at random, with its interval by the curvature.
+
+    It is of the density at low frequencies of all that is neither slow nor an order: white noise, and
+    whatever stands beside it there. All is null where that is as good as nothing beside a fast relaxation,
+    which may have taken the white noise in.
+    """
+    words = list(sentence.words())
+    # Beside a filter a hump is of the filter's shape, and its foot is of the pass band.
+    filtered = any(_is(code, LowPass, Mean) for code, _ in words)
+    others = (*SLOW_PARTS, *FILTERS, Quantisation, Rise) + (() if filtered else (Resonance,))
+    fast = [(code, at) for code, at in words if not _is(code, *others)]
+    relaxing = [(code, at) for code, at in words if _is(code, White, Relaxation)]
+    value = _density(f, sentence.eta, fast, float(f.data.lam[0]))
+    if value < NO_WHITE * _density(f, sentence.eta, relaxing, math.pi):
+        return Interval()
+    eta = np.array(sentence.eta)
+    slope = np.zeros(len(eta))
+    for i in range(len(eta)):
+        moved = eta.copy()
+        moved[i] += STEP
+        slope[i] = math.log(_density(f, moved, fast, float(f.data.lam[0])) / value) / STEP
+    information = information_of(f, sentence) + 1e-9 * np.eye(len(eta))
+    deviation = NORMAL * math.sqrt(max(float(slope @ np.linalg.solve(information, slope)), 0.0))
+    if not deviation < HARDLY_KNOWN:
+        return Interval()
+    low, here, high = (math.sqrt(value * f.h) * math.exp(one / 2) for one in (-deviation, 0.0, deviation))
+    return Interval(here, low, high)
+
+
+def information_of(f: Frontier, sentence: Sentence) -> Array:
+    """Return Fisher's information of a sentence's coordinates, (p, p)."""
+    total, rows = np.empty(len(f.data.lam)), np.empty((len(sentence.eta), len(f.data.lam)))
+    f.native.slopes(list(sentence.codes), list(sentence.eta), total, rows)
+    return np.asarray((rows * f.data.counts) @ rows.T)
+
+
+def _is(code: int, *kinds: type[Part]) -> bool:
+    return issubclass(Mean if code >= MEAN_FROM else CODES[code] or Mean, kinds)
+
+
+def _density(
+    f: Frontier, eta: Sequence[float] | Array, words: Sequence[tuple[int, int]], lam: float
+) -> float:
+    """Return the density of some parts at one frequency."""
+    codes = [code for code, _ in words]
+    those = [float(eta[at + k]) for code, at in words for k in range(free_of(code))]
+    return float(spectrum_of(codes, those, np.array([lam]), f.h)[0])
+
+
+def order_deviation(f: Frontier, sentence: Sentence) -> float | None:
+    """Return the standard deviation of the order by Fisher's information, no other parameter being known."""
+    at = sentence.place(Order, Arfima)
+    if at is None:
+        return None
+    information = information_of(f, sentence)
+    # What is not there is no parameter.
+    keep = [i for i in range(len(information)) if i == at or information[i, i] > NOTHING]
+    try:
+        variance = float(np.linalg.inv(information[np.ix_(keep, keep)])[keep.index(at), keep.index(at)])
+    except np.linalg.LinAlgError:
+        return None
+    return math.sqrt(variance) if 0 < variance < 1 else None
+
+
+def _interval(
+    f: Frontier,
+    sentence: Sentence,
+    i: int,
+    name: str,
+    s2_at: int,
+    limits: tuple[float, float],
+    step: float = 0.1,
+) -> Ends:
+    """Return coordinate i with its interval; an end beyond the limits is the limit."""
+    ends = []
+    for side, limit in zip((-1, 1), limits, strict=True):
+        end = f.native.end(
+            list(sentence.codes), list(sentence.eta), sentence.nll, i, side, limit, step,
+            CRITICAL, AT_BOUND.get(name, CRITICAL), s2_at if name in AT_BOUND else -1,
+        )  # fmt: skip
+        ends.append(limit if math.isnan(end) else end)
+    return Ends(sentence.eta[i], *ends)
+
+
+def _second_maxima(f: Frontier, sentence: Sentence, at: int) -> list[list[float]]:
+    """Return the coordinates of fits with the order held that belong to the interval, wherever they are.
+
+    All orders are looked at once for each search; after that those again that belonged to it.
+    """
+    starts = f.fits.elsewhere
+    if starts is None:
+        starts = [
+            [*sentence.eta[:at], float(order), logit, *sentence.eta[at + 2 :]]
+            for order in LOOKED_AT
+            for logit in (-6.0, 0.0)
+        ]
+    fitted = [f.native.fit(list(sentence.codes), one, held=at, converged=1e-2, steps=20) for one in starts]
+    f.fits.elsewhere = [eta for eta, nll in fitted if 2 * (nll - sentence.nll) < CRITICAL]
+    return f.fits.elsewhere
+
+
+def _limits(f: Frontier, code: int, k: int, here: float, side: int) -> tuple[float, float]:
+    """Return where the search for an end stops, and its first step."""
+    kind = CODES[code] if code < len(CODES) else None
+    name = "" if kind is None else kind.__struct_fields__[k]
+    if name == "tau_s":
+        lowest = float(f.data.lam[0])
+        return (math.log(lowest / SLOWEST) if side < 0 else math.log(math.pi)), 0.2
+    if name in ("s", "delta", "d", "alpha"):
+        ends = {"s": (-0.2495, 2.0), "delta": (0.1, 2.0), "d": (0.0, 1.0), "alpha": (0.0, HIGHEST_ORDER)}[
+            name
+        ]
+        return ends[side > 0], 0.03
+    if name == "R":
+        return _around(f, here)[side > 0], 0.1
+    return here + side * LEAST, 0.1
+
+
+def _end(f: Frontier, sentence: Sentence, i: int, side: int, limit: float, step: float) -> float | None:
+    if side * (limit - sentence.eta[i]) <= 0:
+        return None
+    end = f.native.end(
+        list(sentence.codes), list(sentence.eta), sentence.nll, i, side, limit, step, CRITICAL, CRITICAL, -1
+    )
+    return None if math.isnan(end) else end
+
+
+def _at(code: int, eta: Sequence[float], k: int, end: float, h: float, name: str) -> float:
+    there = list(eta)
+    there[k] = end
+    return float(getattr(part_of(code, there, h), name))
+
+
+def _falls(ends: Sequence[float | None], value: float) -> bool:
+    """Return whether the ends are the wrong way round, since the parameter falls as its coordinate rises."""
+    low, high = ends
+    return (low is not None and low > value) or (high is not None and high < value)
+
+
+def _wider(f: Frontier, sentence: Sentence, at: int, value: float, end: float | None) -> float | None:
+    """Return an end of K: what leaks of a walk hangs on one step, and is the same at all frequencies."""
+    if end is None:
+        return None
+    total, rows = np.empty(len(f.data.lam)), np.empty((len(sentence.eta), len(f.data.lam)))
+    f.native.slopes(list(sentence.codes), list(sentence.eta), total, rows)
+    own = rows[at] ** 2 * f.data.counts
+    level = max(0, math.ceil(math.log2(max(f.samples, 1) / WHOLE)))
+    leaks = f.data.lam < JOIN / 2**level if level else np.ones(len(f.data.lam), dtype=np.bool_)
+    share = float(own[leaks].sum() / own.sum())
+    # χ² of one degree has √2 for standard deviation; K goes with the root of the variance.
+    more = NORMAL * share * math.sqrt(2) * LEAK_OF_CUBIC / (1 + LEAK_OF_CUBIC) / 2
+    distance = math.log(end / value)
+    return value * math.exp(math.copysign(math.hypot(distance, more), distance))
+
+
+def _other(sentence: Sentence, at: int, code: int, two: list[float]) -> Sentence:
+    """Return the same spectrum with the order's first two coordinates given by others."""
+    codes = [code if 0 <= one < len(CODES) and CODES[one] is Order else one for one in sentence.codes]
+    eta = [*sentence.eta[:at], *two, *sentence.eta[at + 2 :]]
+    return sentence._replace(codes=tuple(codes), eta=tuple(eta))
+
+
+def _around(f: Frontier, here: float) -> tuple[float, float]:
+    """Return where the search for a variance's ends stops; one that is as good as 0 may be of any size."""
+    return here - LEAST, max(here, f.white.eta[0]) + LEAST
+
+
+def _if_known(alpha: Ends) -> Interval:
+    return Interval() if alpha.high - alpha.low > WIDEST_ORDER else Interval(*alpha)

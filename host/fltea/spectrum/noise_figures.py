@@ -1,0 +1,93 @@
+"""What a verdict's sentence says in figures: its parts, the order, N and K (pure).
+
+One sentence stands for the noise wherever it is used: in tables, files for filters, simulations. N is that of
+its white noise and K that of its random walk. A relaxation that is as fast as the sample rate may have taken
+the white noise in: then N is not known, and what the record does show is the density at the knee.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, cast
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.noise.parts import AnyPart, Relaxation
+from fltea.records.fit import Interval, Level
+from fltea.spectrum.evidence import Evidence
+from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.intervals import Estimated, angle_walk, estimated
+from fltea.spectrum.reading import corner_hz
+from fltea.spectrum.verdict import Verdict, winner
+from fltea.spectrum.wording import names
+
+Array = NDArray[np.float64]
+
+
+class SentenceSummary(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A sentence that was fitted, whether or not it stands for the noise."""
+
+    name: str
+    parts: tuple[AnyPart, ...]
+    parameters: int
+    """How many BIC counts."""
+    log_likelihood: float
+    bic: float
+    """Above that of white noise: the lower, the better."""
+
+
+class NoiseFigures(NamedTuple):
+    """What stands for the noise."""
+
+    sentence: Sentence
+    parts: tuple[Estimated, ...]
+    """With their 95 % intervals."""
+    level: Level
+
+    def spectrum(self, h: float) -> Callable[[Array], Array]:
+        """Return what gives the spectrum at λ > 0, at a sampling period of h s."""
+        return lambda lam: self.sentence.spectrum(np.ascontiguousarray(lam), h)
+
+
+def noise_figures(e: Evidence, verdict: Verdict) -> NoiseFigures:
+    """Return what a verdict's sentence says in figures."""
+    f = e.frontier
+    sentence = winner(e, verdict)
+    parts = tuple(sorted(estimated(f, sentence), key=_place))
+    return NoiseFigures(sentence, parts, level(parts, f, sentence))
+
+
+def _place(one: Estimated) -> tuple[int, float]:
+    """Return where a part stands: white noise first, and then relaxations, of which the slowest first."""
+    if one.part == "relaxation":
+        return 1, -one.value("tau_s")
+    return 0 if one.part == "white" else 2, 0.0
+
+
+def level(found: Sequence[Estimated], f: Frontier, sentence: Sentence) -> Level:
+    """Return N and K of a sentence of `f` with these intervals."""
+    h = f.h
+    by_kind = {one.part: one for one in found}
+    K = by_kind["walk"].values["K"] if "walk" in by_kind else Interval()
+    N = angle_walk(f, sentence)
+    if N.value is not None:
+        return Level(N, K)
+    relaxations = [part for part in sentence.parts(h) if isinstance(part, Relaxation)]
+    if not relaxations:
+        return Level(N, K)
+    knee_hz = min(max(map(corner_hz, relaxations)), 0.5 / h)
+    lam = np.array([min(2 * np.pi * knee_hz * h, np.pi)])
+    return Level(N, K, knee_hz, math.sqrt(float(sentence.spectrum(lam, h)[0]) * h))
+
+
+def summaries(f: Frontier) -> dict[str, SentenceSummary]:
+    """Return the sentences of a frontier by their names there, without those that it does not have."""
+    known = {name: getattr(f, name) for name in ("white", "plain", "rich", "pure", "ordered", "order")}
+    return {name: _summary(f, one) for name, one in known.items() if one is not None}
+
+
+def _summary(f: Frontier, one: Sentence) -> SentenceSummary:
+    parts = one.parts(f.h)
+    bic = round(f.bic(one), 6) + 0.0  # not -0
+    return SentenceSummary(names(parts), cast(tuple[AnyPart, ...], parts), one.parameters, -one.nll, bic)

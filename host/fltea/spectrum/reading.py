@@ -1,0 +1,210 @@
+"""What a sentence without an order says: relaxations, drift, a filter, a resonance, a rise (pure).
+
+A sentence describes a spectrum as well as it can, so that a part of it may be but the trace of something
+else: the skirt of a peak that was found, or the difference of the true filter from the one that is fitted.
+What is left counts.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fltea.noise.parts import (
+    CODES,
+    Alternating,
+    Floor,
+    LowPass,
+    Mean,
+    Notch,
+    Part,
+    Quantisation,
+    Relaxation,
+    Resonance,
+    Rise,
+    Sharpening,
+    Walk,
+    White,
+    free_of,
+    part_of,
+)
+from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.lines import Peak
+
+SLOW = 3.0
+"""The frequency over the lowest one below which a corner is as good as none."""
+LARGE_SHARE = 0.05
+"""The share of the power in a peak that leaves a trace to be seen."""
+LINE_LEAKS, RESONANCE_LEAKS = 2.0, 6.0
+"""Ratios of frequencies over which a line leaks, and over which a resonance's skirts reach."""
+NO_WHITE = 0.03
+"""The share of the density at half the rate that is not of a relaxation, below which it is as good as
+none."""
+LEAST_CORNER = 10.0
+"""The corner over the lowest frequency from which on a relaxation without white noise is a filter."""
+NEAR_THE_FILTER = 0.1
+"""The corner of a relaxation over that of a filter, from which on it may be but the filter's shape."""
+AS_FILTERS_DIFFER = 1.6
+"""The ratio of densities in the pass band up to which it is."""
+ONE_POLE = 1.5
+"""Poles of a filter that looks like a relaxation."""
+RIPPLES = 0.4
+"""The frequency over the corner of a filter from which on a hump is of the filter."""
+STANDS_OUT, ASIDE = 1.2, 3.0
+"""The density of a resonance over that on both sides, at so many times its frequency and a part of it."""
+SMOOTHS = -0.15
+"""s of a short filter that is a low-pass."""
+RISES = 1.05
+"""The density at the highest frequencies over that at the lowest."""
+
+
+class Reading(NamedTuple):
+    """What a sentence says besides white noise."""
+
+    relaxations: tuple[Relaxation, ...]
+    """Those whose corner is in the band, the slowest first."""
+    drifts: bool
+    """Whether there is a walk, or a relaxation that is slower than the record can tell from one."""
+    low_pass: LowPass | None
+    """The filter that all has gone through."""
+    resonance: Resonance | None
+    notch: Notch | None
+    rises: bool
+    """Whether the density is highest at the highest frequencies."""
+    coloured: bool
+    """Whether there is a filter or a rise of any kind."""
+
+
+def corner_hz(part: Relaxation) -> float:
+    """Return the frequency at which a relaxation has half of its density."""
+    return 1 / (2 * math.pi * part.tau_s)
+
+
+def read(f: Frontier, from_hz: float, peaks: Sequence[Peak] = (), apart: float = math.inf) -> Reading:
+    """Return what is left of the best sentence without an order, without the traces of `peaks`.
+
+    from_hz: lowest fitted frequency. apart: in 2 log L, by which a slow relaxation has to differ from a walk.
+    """
+    sentence, h = f.plain, f.h
+    parts = [part for part in sentence.parts(h) if not _is_skirt(part, peaks)]
+    first, last = _ends(sentence, h, from_hz)
+    relaxations = sorted((p for p in parts if isinstance(p, Relaxation)), key=corner_hz)
+    low_pass = _filter(parts, h)
+    if low_pass is None and relaxations:
+        fastest = relaxations[-1]
+        rest = last - _highest(fastest, h)
+        if rest < NO_WHITE * last and corner_hz(fastest) > LEAST_CORNER * from_hz:
+            low_pass = LowPass(corner_hz(fastest), 1.0)
+            relaxations = relaxations[:-1]
+    if low_pass is not None and _flat(sentence, low_pass, h, from_hz):
+        near = NEAR_THE_FILTER * low_pass.corner_hz
+        relaxations = [part for part in relaxations if corner_hz(part) < near]
+    rises = last > RISES * first
+    if rises:
+        # What makes the density rise again at low frequencies counts, and no trace of the rise.
+        relaxations = [p for p in relaxations if _lowest(p, h) > first / 2 and p.tau_s > h]
+    inside = [
+        part
+        for part in relaxations
+        if corner_hz(part) > SLOW * from_hz
+        or (corner_hz(part) > from_hz and _behind_with_walk(f, part) > apart)
+    ]
+    ripples = math.inf if low_pass is None else RIPPLES * low_pass.corner_hz
+    resonances = [
+        part
+        for part in parts
+        if isinstance(part, Resonance) and part.frequency_hz < ripples and _stands_out(sentence, part, h)
+    ]
+    kinds = (LowPass, Mean, Sharpening, Alternating, Quantisation, Rise)
+    return Reading(
+        relaxations=tuple(inside),
+        drifts=len(inside) < len(relaxations) or any(isinstance(part, Walk) for part in parts),
+        low_pass=low_pass,
+        resonance=resonances[0] if resonances else None,
+        notch=next((p for p in parts if isinstance(p, Notch)), None) if low_pass is None else None,
+        rises=rises,
+        coloured=low_pass is not None or any(isinstance(part, kinds) for part in parts),
+    )
+
+
+def described(sentence: Sentence, h: float) -> list[Part]:
+    """Return all parts but white noise and the floor, as the sentence has them."""
+    return [part for part in sentence.parts(h) if not isinstance(part, White | Floor)]
+
+
+def _filter(parts: Sequence[Part], h: float) -> LowPass | None:
+    for part in parts:
+        if isinstance(part, LowPass):
+            return part
+        if isinstance(part, Mean):
+            return LowPass(1 / (part.samples * h), 1.0)
+        if isinstance(part, Sharpening) and part.s < SMOOTHS:
+            return LowPass(1 / (2 * math.pi * h), 1.0)
+    return None
+
+
+def _flat(sentence: Sentence, low_pass: LowPass, h: float, from_hz: float) -> bool:
+    """Return whether the pass band is as flat as that of a filter that is not quite the true one."""
+    inside = max(from_hz, 1e-3 * low_pass.corner_hz)
+    hz = np.array([inside, max(0.2 * low_pass.corner_hz, inside)])
+    low, high = sentence.spectrum(np.minimum(2 * np.pi * hz * h, np.pi), h).tolist()
+    return bool(low < AS_FILTERS_DIFFER * high)
+
+
+def _behind_with_walk(f: Frontier, part: Relaxation) -> float:
+    """Return what 2 log L loses with a walk in the place of a relaxation."""
+    codes: list[int] = []
+    eta: list[float] = []
+    for code, at in f.plain.words():
+        own = f.plain.eta[at : at + free_of(code)]
+        if part_of(code, own, f.h) != part:
+            codes.append(code)
+            eta += own
+    if CODES.index(Walk) not in codes:
+        codes.append(CODES.index(Walk))
+        eta += [math.log(part.sigma**2 * 2 * f.h / part.tau_s)]
+    return 2 * (f.native.fit(codes, eta)[1] - f.plain.nll)
+
+
+def _stands_out(sentence: Sentence, part: Resonance, h: float) -> bool:
+    """Return whether a resonance is a maximum of the whole, and not only of its part."""
+    hz = part.frequency_hz * np.array([1.0, 1 / ASIDE, ASIDE])
+    top, *sides = sentence.spectrum(np.minimum(2 * np.pi * hz * h, np.pi), h).tolist()
+    return bool(top > STANDS_OUT * max(sides))
+
+
+def _ends(sentence: Sentence, h: float, from_hz: float) -> tuple[float, float]:
+    """Return the density at the lowest frequency, and the mean of the highest ones."""
+    lam = np.concatenate([[max(2 * np.pi * from_hz * h, 1e-3)], np.linspace(0.85, 1.0, 8) * np.pi])
+    density = sentence.spectrum(np.minimum(lam, np.pi), h)
+    return float(density[0]), float(density[1:].mean())
+
+
+def _lowest(part: Relaxation, h: float) -> float:
+    phi = math.exp(-h / part.tau_s)
+    return part.sigma**2 * (1 + phi) / (1 - phi)
+
+
+def _highest(part: Relaxation, h: float) -> float:
+    phi = math.exp(-h / part.tau_s)
+    return part.sigma**2 * (1 - phi) / (1 + phi)
+
+
+def _is_skirt(part: Part, peaks: Sequence[Peak]) -> bool:
+    """Return whether a part is what is left of a strong resonance, or what leaks from a line."""
+    strong = [peak for peak in peaks if peak.power_share > LARGE_SHARE]
+    match part:
+        case Relaxation():
+            hz = corner_hz(part)
+        case Resonance():
+            hz = part.frequency_hz
+        case Sharpening() | LowPass() | Alternating() | Rise() | Quantisation():
+            return any(peak.kind == "resonance" for peak in strong)
+        case _:
+            return False
+    return any(
+        1 / reach < hz / peak.frequency_hz < reach
+        for peak in strong
+        for reach in [RESONANCE_LEAKS if peak.kind == "resonance" else LINE_LEAKS]
+    )

@@ -1,0 +1,115 @@
+"""Random sentences are drawn, and what is claimed is in them.
+
+The draws are the same each time: of hundreds of claims at 95 % and more some are wrong, and how many may be
+is a question of counting, not of one example.
+"""
+
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+from fltea.identification.sums import examined
+from fltea.noise import parts as p
+from fltea.spectrum.verdict import decide
+from identify_support import H
+from sentence_support import samples, sound
+from tiers import slow
+
+Parts = list[p.Part]
+
+SLOWEST_SHARE = 20
+"""A record over the correlation time of the slowest relaxation."""
+
+
+def drawn(rng: np.random.Generator) -> tuple[Parts, int]:
+    """A random sentence and the number of samples."""
+    n = int(rng.choice([3_000, 8_000, 20_000, 60_000, 200_000]))
+    parts: Parts = [p.White(1.0)]
+
+    def level() -> float:
+        """Of a part's density over that of white noise."""
+        return float(np.exp(rng.uniform(np.log(0.5), np.log(300))))
+
+    if rng.random() < 0.35:
+        alpha, corner = rng.uniform(0.25, 0.75), np.exp(rng.uniform(np.log(2e-3), np.log(0.5)))
+        g = -(corner**alpha)
+        parts.append(p.Order(alpha, g / H**alpha, level() * g**2 / H ** (2 * alpha)))
+    else:
+        for _ in range(rng.integers(0, 4)):
+            tau = math.exp(rng.uniform(math.log(2 * H), math.log(n * H / SLOWEST_SHARE)))
+            phi = math.exp(-H / tau)
+            parts.append(p.Relaxation(math.sqrt(level() * (1 - phi) / (1 + phi)), tau))
+        if rng.random() < 0.2:
+            parts.append(p.Walk(math.sqrt(level() / H) * 20 / n))
+    if rng.random() < 0.25:
+        parts.append(p.Quantisation(H * math.sqrt(level() / 20)))
+    if rng.random() < 0.1:
+        hz = rng.uniform(5, 40)
+        parts.append(p.Resonance(level(), hz, hz * rng.uniform(0.1, 0.3)))
+    if rng.random() < 0.3:
+        filters: Parts = [
+            p.LowPass(rng.uniform(8, 40), rng.uniform(1.5, 6)),
+            p.Sharpening(rng.uniform(-0.1, 0.2)),
+            p.Notch(rng.uniform(10, 40), rng.uniform(3, 8)),
+            p.Mean(int(rng.integers(2, 5))),
+        ]
+        parts.append(filters[rng.integers(len(filters))])
+        parts.append(p.Floor(1e-3))
+    return parts, n
+
+
+def is_there(kind: str, parts: Parts) -> bool:
+    """Whether what a verdict claims is in the parts."""
+
+    def has(*kinds: type[p.Part]) -> bool:
+        return any(isinstance(part, kinds) for part in parts)
+
+    match kind:
+        case "white" | "undecided":
+            return True
+        case "fractional":
+            return has(p.Order)
+        case "relaxations":
+            return has(p.Relaxation)
+        case "fractional or relaxations":
+            return has(p.Order, p.Relaxation, p.Walk)
+        case "drift":
+            return has(p.Order, p.Relaxation, p.Walk)
+        case "low-pass":
+            smooths = any(isinstance(part, p.Sharpening) and part.s < 0 for part in parts)
+            return smooths or has(p.LowPass, p.Mean, p.Relaxation)
+        case "anti-persistent":
+            sharpens = any(isinstance(part, p.Sharpening) and part.s > 0 for part in parts)
+            return sharpens or has(p.Quantisation, p.Rise)
+        case "notch":
+            return has(p.Notch)
+        case "resonance" | "line or resonance" | "line":
+            return has(p.Resonance)
+    return False
+
+
+@pytest.mark.parametrize("count", [36, slow(500)])
+def test_what_is_claimed_is_there(count: int) -> None:
+    rng = np.random.default_rng(28)
+    wrong: list[str] = []
+    kinds: Counter[str] = Counter()
+    held = orders = 0
+    for i in range(count):
+        parts, n = drawn(rng)
+        e = examined(samples(parts, n, H, i), H).evidence
+        verdict = decide(e)
+        sound(e, verdict)
+        kinds[verdict.kind] += 1
+        if not is_there(verdict.kind, parts):
+            wrong.append(f"{i}: {n} samples of {parts}: {verdict.text}")
+        truth = [part.alpha for part in parts if isinstance(part, p.Order)]
+        alpha = verdict.order.alpha
+        if verdict.kind == "fractional" and truth and alpha.low is not None and alpha.high is not None:
+            orders += 1
+            held += alpha.low <= truth[0] <= alpha.high
+    told = "\n".join([str(kinds), *wrong])
+    print(told, held, orders)
+    assert len(wrong) <= max(1, 0.02 * count), told
+    assert sum(": fractional" in one for one in wrong) <= 0.01 * count, told
+    assert held >= orders - max(3, 0.1 * orders)

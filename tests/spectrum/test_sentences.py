@@ -1,0 +1,221 @@
+"""Fits of sentences beside slow ones of scipy, intervals beside slow profiles, and what the search finds."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import msgspec
+import numpy as np
+import pytest
+from fltea.noise import parts as p
+from fltea.spectrum.frontier import Frontier, Sentence, native, order_in_white, order_of
+from fltea.spectrum.intervals import CRITICAL, estimated, order_fit
+from fltea.spectrum.periodogram import Binned
+from identify_support import H
+from scipy.optimize import minimize
+from sentence_support import bins, closed_form
+
+Parts = Sequence[p.Part]
+
+
+def order(alpha: float, corner_hz: float, power: float) -> p.Order:
+    """An order that bends at a corner, of so much density below it."""
+    g = -((2 * math.pi * corner_hz * H) ** alpha)
+    return p.Order(alpha, g / H**alpha, power * g**2 / H ** (2 * alpha))
+
+
+NOISES: dict[str, Parts] = {
+    "relaxation": (p.White(1.0), p.Relaxation(1.0, 0.3)),
+    "two relaxations": (p.White(1.0), p.Relaxation(1.0, 0.05), p.Relaxation(0.7, 2.0)),
+    "walk": (p.White(1.0), p.Walk(0.3)),
+    "quantisation": (p.White(1.0), p.Quantisation(0.01)),
+    "resonance": (p.White(1.0), p.Resonance(8.0, 12.0, 2.0)),
+    "low-pass": (p.White(1.0), p.LowPass(15.0, 4.0), p.Floor(0.05)),
+    "notch": (p.White(1.0), p.Notch(25.0, 5.0)),
+    "order": (p.White(1.0), order(0.5, 0.3, 60.0)),
+}
+
+
+def negative_log_likelihood(parts: Parts, data: Binned) -> float:
+    spectrum = closed_form(parts, data.lam, H)
+    return float(data.counts @ (np.log(spectrum) + data.power[0] / spectrum))
+
+
+def at(parts: Parts, eta: Sequence[float]) -> list[p.Part]:
+    found, begin = [], 0
+    for part in parts:
+        free = p.free_of(part.code)
+        found.append(p.part_of(part.code, eta[begin : begin + free], H))
+        begin += free
+    return found
+
+
+def slow_fit(parts: Parts, data: Binned, held: tuple[int, float] | None = None) -> float:
+    """-log L of the best by scipy's simplex, from the truth on; held: a coordinate and its value."""
+    start = np.concatenate([part.eta(H) for part in parts])
+    free = np.ones(len(start), dtype=bool)
+    if held is not None:
+        start[held[0]], free[held[0]] = held[1], False
+
+    def objective(some: np.ndarray) -> float:
+        eta = start.copy()
+        eta[free] = some
+        with np.errstate(all="ignore"):
+            try:
+                value = negative_log_likelihood(at(parts, eta.tolist()), data)
+            except (ValueError, OverflowError):
+                return 1e12
+        return value if math.isfinite(value) else 1e12
+
+    options = {"maxiter": 4000, "maxfev": 8000, "xatol": 1e-7, "fatol": 1e-7, "adaptive": True}
+    found = minimize(objective, start[free], method="Nelder-Mead", options=options)
+    found = minimize(objective, found.x, method="Nelder-Mead", options=options)
+    return float(found.fun)
+
+
+def fitted(parts: Parts, data: Binned, n: int) -> tuple[Frontier, Sentence]:
+    f = Frontier(data, H, n)
+    codes = [part.code for part in parts]
+    eta, nll = f.native.fit(codes, [one for part in parts for one in part.eta(H)])
+    return f, Sentence(tuple(codes), tuple(eta), nll)
+
+
+@pytest.mark.parametrize("name", [name for name in NOISES if name != "notch"])
+def test_as_good_as_the_slow_fit(name: str) -> None:
+    """Of a notch the native fit takes the mean over each bin, which at the zero is not that of its middle."""
+    for seed in range(2):
+        data = bins(NOISES[name], 20_000, H, seed)
+        _, found = fitted(NOISES[name], data, 0)
+        assert found.nll == pytest.approx(slow_fit(NOISES[name], data), abs=0.02)
+
+
+@pytest.mark.parametrize("name", ["relaxation", "quantisation", "resonance"])
+def test_intervals_end_where_the_slow_profile_falls(name: str) -> None:
+    data = bins(NOISES[name], 20_000, H, 5)
+    f, sentence = fitted(NOISES[name], data, 0)
+    part = estimated(f, sentence)[1]
+    best = p.part_of(sentence.codes[1], sentence.eta[1:], H)
+    for k, (field, interval) in enumerate(part.values.items()):
+        for end in (interval.low, interval.high):
+            assert end is not None
+            if field == "width_hz":
+                continue  # its coordinate is the width over the frequency, so that it moves with that
+            at_end = msgspec.structs.replace(best, **{field: end}).eta(H)[k]
+            fall = 2 * (slow_fit(NOISES[name], data, (1 + k, at_end)) - sentence.nll)
+            assert fall == pytest.approx(CRITICAL, abs=0.15)
+
+
+def test_the_order_s_interval_is_that_of_the_slow_profile() -> None:
+    data = bins(NOISES["order"], 60_000, H, 1)
+    f, sentence = fitted(NOISES["order"], data, 0)
+    found = order_fit(f, sentence)
+    for end in (found.alpha.low, found.alpha.high):
+        assert end is not None
+        fall = 2 * (slow_fit(NOISES["order"], data, (1, end)) - sentence.nll)
+        assert fall == pytest.approx(CRITICAL, abs=0.15)
+    assert found.F.value is not None
+    assert found.alpha.value is not None
+    assert found.f.value is not None
+    assert found.F.value == pytest.approx(found.alpha.value + H**found.alpha.value * found.f.value)
+    for interval in (found.alpha, found.f, found.F, found.s2, found.R):
+        assert interval.low is not None
+        assert interval.value is not None
+        assert interval.high is not None
+        assert interval.low < interval.value < interval.high
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["relaxation", "two relaxations", "walk", "quantisation", "resonance"])
+def test_intervals_hold_the_truth(name: str) -> None:
+    """60 series: 95 ± 8.5 % are three standard deviations of a binomial, if all were independent."""
+    held, count = 0, 0
+    for seed in range(60):
+        f, sentence = fitted(NOISES[name], bins(NOISES[name], 20_000, H, seed), 0)
+        for truth, part in zip(NOISES[name], estimated(f, sentence), strict=True):
+            for field, interval in part.values.items():
+                value = getattr(truth, field)
+                below = interval.low is None or interval.low <= value
+                held += below and (interval.high is None or value <= interval.high)
+                count += 1
+    assert 0.9 < held / count < 0.99
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("alpha", [0.3, 0.5, 0.7])
+@pytest.mark.parametrize("power", [10.0, 100.0])
+def test_intervals_of_an_order_hold_the_truth(alpha: float, power: float) -> None:
+    parts = (p.White(1.0), order(alpha, 0.3, power))
+    held: dict[str, list[bool]] = {}
+    for seed in range(60):
+        f, sentence = fitted(parts, bins(parts, 30_000, H, seed), 0)
+        found = order_fit(f, sentence)
+        g = H**alpha * parts[1].f
+        truths = {
+            "alpha": alpha,
+            "f": parts[1].f,
+            "F": g + alpha,
+            "s2": parts[1].Q * H ** (2 * alpha),
+            "R": 1.0,
+        }
+        for field, value in truths.items():
+            low, high = getattr(found, field).low, getattr(found, field).high
+            if low is not None and high is not None:
+                held.setdefault(field, []).append(low <= value <= high)
+    for field, several in held.items():
+        assert len(several) < 20 or np.mean(several) > 0.86, field
+
+
+@pytest.mark.parametrize("name", NOISES)
+def test_of_exact_spectra_the_search_finds_the_parts(name: str) -> None:
+    f = Frontier(bins(NOISES[name], 200_000, H, None), H, 0)
+    best = f.ordered if name == "order" else f.plain
+    assert best is not None
+    assert {type(part) for part in best.parts(H)} == {type(part) for part in NOISES[name]}
+    assert (f.lead > 6) == (name == "order")
+
+
+def test_orders_that_two_relaxations_describe_are_none() -> None:
+    f = Frontier(bins(NOISES["two relaxations"], 100_000, H, 3), H, 0)
+    assert f.lead < 0
+    assert f.gain(f.rich) >= f.gain(f.plain) - 1e-6
+
+
+def test_fitted_again_it_stays_and_follows() -> None:
+    first = Frontier(bins(NOISES["order"], 60_000, H, 3), H, 0)
+    same = Frontier(first.data, H, 0, first.fits)
+    assert same.plain.nll == pytest.approx(first.plain.nll, abs=1e-2)
+    more = Frontier(bins(NOISES["order"], 64_000, H, 4), H, 0, first.fits)
+    assert more.ordered is not None
+    assert more.ordered.codes == first.ordered.codes if first.ordered else False
+    found, fresh = order_of(more.ordered), order_of(Frontier(more.data, H, 0).ordered)
+    assert found == pytest.approx(fresh, abs=0.01)
+
+
+@pytest.mark.parametrize("alpha", [0.5, 1.0, 1.5, 1.9])
+def test_the_order_in_white_noise_is_up_to_two(alpha: float) -> None:
+    z = np.exp(-1j * (data := bins([p.White(1.0)], 100_000, H, 1)).lam)
+    power = data.power * (1 + 0.1 / np.abs((1 - z) ** alpha + 0.02 * z) ** 2)
+    found = order_in_white(native(data._replace(power=power), H, 0))
+    assert found.eta[1] == pytest.approx(alpha, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda d: d._replace(power=0 * d.power), "no noise"),
+        (lambda d: d._replace(counts=0 * d.counts), "nothing to fit"),
+        (lambda d: d._replace(power=d.power * math.nan), "power must"),
+        (lambda d: d._replace(lam=d.lam[::-1]), "lam must rise"),
+        (lambda d: d._replace(counts=-d.counts), "counts must"),
+        (lambda d: Binned(d.lam[:1], d.counts[:1], d.power[:, :1]), "2 or more"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused(change: Callable[[Binned], Binned], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        Frontier(change(bins([p.White(1.0)], 5000, H, 1)), H, 0)
+
+
+@pytest.mark.parametrize("codes", [[], [1], [0, 10], [0, 99], [0, 200], [0] + [3] * 9])
+def test_what_is_no_sentence_is_refused(codes: list[int]) -> None:
+    fits = native(bins([p.White(1.0)], 5000, H, 1), H, 0)
+    with pytest.raises(ValueError, match=r"sentence|part|eta"):
+        fits.fit(codes, [0.0] * 3)

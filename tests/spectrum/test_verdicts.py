@@ -1,0 +1,138 @@
+"""What is said of noises of known parts, and that what is said agrees with the figures."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from fltea.identification.sums import examined
+from fltea.noise import parts as p
+from fltea.spectrum.drift import SlowPower
+from fltea.spectrum.evidence import ANYTIME_LEVEL, Evidence
+from fltea.spectrum.lines import Peak
+from fltea.spectrum.residuals import kolmogorov
+from fltea.spectrum.stationarity import Change
+from fltea.spectrum.verdict import Verdict, decide
+from identify_support import H, white
+from sentence_support import samples, sound
+from tiers import slow
+
+RELAXING = (p.White(0.0025), *(p.Relaxation(0.0175, tau) for tau in (1.0, 0.1, 0.02)))
+FAMILIES: dict[str, tuple[Sequence[p.Part], set[str]]] = {
+    "white": ([p.White(1.0)], {"white", "undecided"}),  # one in twenty is not accepted
+    "relaxations, as a model is simulated": (
+        [*RELAXING, p.Quantisation(1.4e-4)],
+        {"relaxations", "fractional or relaxations"},
+    ),
+    "relaxations, sharpened": ([*RELAXING, p.Sharpening(0.04)], {"relaxations", "fractional or relaxations"}),
+    "a relaxation with a rise": (
+        [p.White(1.0), p.Relaxation(2.0, 0.1), p.Quantisation(0.005)],
+        {"relaxations", "fractional or relaxations", "undecided"},
+    ),
+    "a walk with a rise": (
+        [p.White(0.1), p.Walk(1.0), p.Quantisation(0.01)],
+        {"drift", "anti-persistent", "relaxations"},
+    ),
+    "white through a notch": ([p.White(1.0), p.Notch(25.0, 6.0)], {"notch"}),
+    "an order": ([p.White(1.0), p.Order(0.5, -0.5, 1000.0)], {"fractional", "fractional or relaxations"}),
+    "an order with F below 0": (
+        [p.White(0.05), p.Order(0.35, -4.0, H**-0.7)],
+        {"fractional", "fractional or relaxations", "undecided", "white", "relaxations", "low-pass"},
+    ),
+    "a resonance": ([p.White(1.0), p.Resonance(10.0, 12.0, 4.0)], {"resonance"}),
+    "a low-pass": ([p.White(1.0), p.LowPass(15.0, 4.0), p.Floor(1e-3)], {"low-pass"}),
+    "the mean of four": ([p.White(1.0), p.Mean(4), p.Floor(1e-3)], {"low-pass"}),
+    "quantisation": ([p.White(1.0), p.Quantisation(0.02)], {"anti-persistent"}),
+}
+
+
+def seen(parts: Sequence[p.Part], n: int, seed: int) -> tuple[Evidence, Verdict]:
+    e = examined(samples(parts, n, H, seed), H).evidence
+    return e, decide(e)
+
+
+@pytest.mark.parametrize("n", [3_000, 20_000, slow(60_000)])
+@pytest.mark.parametrize("name", FAMILIES)
+def test_families(name: str, n: int) -> None:
+    parts, kinds = FAMILIES[name]
+    for seed in range(2 if n < 60_000 else 6):
+        e, verdict = seen(parts, n, seed)
+        sound(e, verdict)
+        short = {"white", "undecided", "drift", "low-pass", "anti-persistent"} if n == 3_000 else set()
+        assert verdict.kind in kinds | short, verdict.text
+        assert not e.peaks or name == "a resonance"
+
+
+def test_a_slow_sine_is_told_by_its_period() -> None:
+    y = white(60_000, 1, 4)[0] + 0.5 * np.sin(2 * np.pi * H / 300 * np.arange(60_000))
+    verdict = decide(examined(y, H).evidence)
+    assert "0.00 Hz" not in verdict.text
+    assert verdict.kind in ("drift", "line", "white")
+
+
+def test_the_ends_of_a_short_record_do_not_leak() -> None:
+    """3,000 samples with a ramp of thirty deviations are white but for it."""
+    e = examined(white(3000, 1, 3)[0] + np.linspace(0, 30, 3000), H).evidence
+    assert e.p_clean > 0.01
+    assert decide(e).kind == "drift"
+
+
+# --- what is found beside the sentences ---
+
+LINE = Peak("line", 31.4, 0.02, 0.1, 80.0, (31.2, 31.6))
+RESONANCE = Peak("resonance", 20.0, 2.0, 0.3, 8.0, (17.0, 23.0))
+SLOW_LINE = Peak("line", 1 / 300, 0.001, 0.1, 80.0, (1 / 310, 1 / 290))
+STEP = Change(8.7, 17.5, 1e-6, 2.1, 0.5, 301.0, 0.95)
+WANDER = Change(8.7, 17.5, 1e-6, 2.1, 1.3, 301.0, 0.3)
+DRIFT = SlowPower(1 / 60, 8.0, 1e-9)
+CUBIC = SlowPower(1 / 60, 0.3, 0.9, 25.0, 1e-12)
+
+
+@pytest.fixture(scope="module")
+def plain() -> Evidence:
+    """Ten minutes of white noise."""
+    return examined(white(60_000, 1, 9)[0], H).evidence
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "words"),
+    [
+        ({}, "white", "The null test does not reject white noise (p = "),
+        ({"p_clean": 1e-4, "level": ANYTIME_LEVEL}, "white", "level 1e-05, low since it is asked again"),
+        ({"p_clean": 1e-4}, "undecided", "Record longer"),
+        ({"change": STEP}, "not stationary", "fell by a factor of 2 around 5 min of 10 min"),
+        ({"change": WANDER}, "not stationary", "up and down by a factor of about 2.1"),
+        ({"change": STEP, "peaks": (LINE,)}, "not stationary", "also a line at 31.4 Hz"),
+        ({"peaks": (LINE,)}, "line", "A line at 31.4 Hz (10.0% of the power), in white noise"),
+        ({"peaks": (SLOW_LINE,)}, "line", "a period of 5 min"),
+        ({"peaks": (RESONANCE,)}, "resonance", "A resonance at 20.0 Hz"),
+        ({"peaks": (msgspec.structs.replace(LINE, kind="peak"),)}, "line or resonance", "A peak at"),
+        ({"peaks": (LINE,) * 5}, "line", "2 more"),
+        ({"slow": DRIFT}, "drift", "drift below 0.0167 Hz, 8 times"),
+        ({"slow": CUBIC}, "drift", "25 times the power"),
+        ({"slow": DRIFT, "peaks": (LINE,)}, "drift", "There is also a line at 31.4 Hz"),
+        ({"slow": SlowPower(1 / 60, 1.9, 1e-9)}, "white", "undefined"),
+        ({"slow": SlowPower(1 / 60, 8.0, 0.002)}, "white", "undefined"),
+    ],
+)
+def test_beside_white_noise(plain: Evidence, changes: dict[str, Any], kind: str, words: str) -> None:
+    verdict = decide(plain._replace(**changes))
+    sound(plain, verdict)
+    assert verdict.kind == kind
+    assert words in verdict.text
+    assert verdict.rules
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_what_else_was_found_is_always_told(name: str) -> None:
+    e, _ = seen(FAMILIES[name][0], 20_000, 0)
+    verdict = decide(e._replace(peaks=(LINE,), slow=DRIFT))
+    assert "31.4 Hz" in verdict.text
+    assert "drift" in verdict.text
+
+
+def test_critical_value() -> None:
+    assert kolmogorov(0.05) == pytest.approx(1.358, abs=1e-3)
+    assert math.isclose(kolmogorov(0.01), 1.628, abs_tol=1e-3)
