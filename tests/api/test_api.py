@@ -21,12 +21,12 @@ NOISE = np.random.default_rng(4).standard_normal(3000)
 def test_an_array_gets_the_verdict_of_the_command() -> None:
     found, own = fltea.identify(NOISE, 100.0, unit="m/s²"), identify_axis(NOISE, 0.01)
     assert (found.verdict, found.text, found.null_p) == ("white", own.verdict.text, own.null.p_value)
-    assert (found.R.value, found.alpha.low, found.unit) == (own.whittle.R.value, None, "m/s²")
+    assert (found.R.value, found.alpha.value, found.unit) == (None, None, "m/s²")
     assert (found.samples, found.duration_s) == (3000, 30.0)
     assert found.details == own
     assert found.std == own.std
     assert found.allan is not None
-    assert own.composite.N.value == found.allan.N
+    assert own.level.N.value == found.allan.N
     assert found.allan.adev[0] == pytest.approx(1.0, rel=0.1)
     assert np.median(found.spectrum.density) == pytest.approx((2 / 100) ** 0.5, rel=0.1)
 

@@ -40,7 +40,10 @@ def npy(folder: Path) -> Path:
 
 def npy_with_fields(folder: Path) -> Path:
     columns = {"time_s": TIMES, **{f"gyro_{axis}": GYRO[:, i].astype("f4") for i, axis in enumerate("xyz")}}
-    np.save(folder / "f.npy", np.rec.fromarrays([*columns.values()], names=[*columns]))
+    table = np.empty(len(TIMES), dtype=[(name, one.dtype) for name, one in columns.items()])
+    for name, one in columns.items():
+        table[name] = one
+    np.save(folder / "f.npy", table)
     return folder / "f.npy"
 
 

@@ -35,6 +35,7 @@ def ask(pieces: int, samples: int = FEW) -> Ask:
 def saved(folder: Path, y: np.ndarray) -> File:
     np.save(folder / "a.npy", y)
     (file,) = files_of([str(folder / "a.npy")])
+    assert isinstance(file, File)
     return file
 
 

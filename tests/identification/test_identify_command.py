@@ -57,11 +57,11 @@ def test_json(recording: Path) -> None:
     assert file["file"] == str(recording)
     assert list(file["axes"]) == ["gyro_x", "gyro_y"]
     for axis in file["axes"].values():
-        assert {"alpha", "alpha_std", "f", "f_std"} <= set(axis["fltea"])
+        assert {"alpha", "alpha_std", "f", "f_std", "R", "R_from"} <= set(axis["fltea"])
         assert 0 <= axis["null"]["p_value"] <= 1
         assert axis["null"]["shuffled"]["copies"] == 5
-        assert {"F", "alpha", "f", "R"} <= set(axis["whittle"])
-        assert {"kind", "text", "what", "why", "next", "rules"} == set(axis["verdict"])
+        assert {"F", "alpha", "f", "s2", "R", "arfima"} == set(axis["order"])
+        assert {"kind", "text", "what", "why", "next", "rules", "has_order", "order"} == set(axis["verdict"])
         assert axis["unit"] == "deg/s"
         assert axis["allan"]["N"]["value"] == pytest.approx(16 / 131 / 10, rel=0.1)
         assert axis["fltea"]["variant"] == "joint"
@@ -69,7 +69,7 @@ def test_json(recording: Path) -> None:
         assert isinstance(axis["fltea"]["converged"], bool)
         assert isinstance(axis["fltea"]["alpha_drift"], float)
     assert file["axes"]["gyro_x"]["verdict"]["kind"] == "white"
-    assert file["axes"]["gyro_x"]["whittle"]["alpha"]["low"] is None
+    assert file["axes"]["gyro_x"]["order"]["alpha"]["value"] is None
     assert file["axes"]["gyro_y"]["verdict"]["kind"] == "line"
     assert "line" in [trap["kind"] for trap in file["axes"]["gyro_y"]["traps"]]
 
@@ -121,7 +121,7 @@ def test_both_sensors_in_one_command(
     files = ("--imu-yaml", imu, "--export-model", model, "--gauss-markov", filter_)
     assert here(monkeypatch, path, *files, "--inflate", "5,10") == 0
     out = capsys.readouterr().out
-    for text in ("accel_x: white", "accel_z: white", "Allan N [deg/√h]", "Allan N [m/s²/√Hz]"):
+    for text in ("accel_x: white", "accel_z: white", "N [deg/√h]", "N [m/s²/√Hz]"):
         assert text in out
     assert "accel_y" not in out
     entry = re.search(
@@ -131,7 +131,7 @@ def test_both_sensors_in_one_command(
     assert float(entry[1]) == pytest.approx(5 * 16 * 9.80665 / 16384 / 10, rel=0.1)
     assert list(read_models(model).accel_axes) == ["accel_x", "accel_z"]
     found = json.loads(filter_.read_text())["accel_axes"]["accel_z"]
-    assert found["N_ms2_per_sqrt_hz"]["value"] == pytest.approx(16 * 9.80665 / 16384 / 10, rel=0.1)
+    assert found["N"]["value"] == pytest.approx(16 * 9.80665 / 16384 / 10, rel=0.1)
     assert here(monkeypatch, path, "--channels", "accel_x") == 0
     out = capsys.readouterr().out
     assert "gyro_x" not in out

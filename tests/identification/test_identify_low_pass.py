@@ -1,12 +1,9 @@
 """The filters behind a low-pass: an α that says nothing is never given with a small σ alone."""
 
-import itertools
-from functools import cache
-
 import numpy as np
 import pytest
 from fltea.estimator.bank import Bank
-from fltea.identification.fltea_fit import FlteaFit, fltea_fit
+from fltea.identification.fltea_fit import fltea_fit
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import describes
 from identify_support import H, white
@@ -23,31 +20,11 @@ def behind(name: str, seed: int, std: float = 0.14) -> np.ndarray:
     return np.asarray(y * (std / y.std()))
 
 
-@cache
-def fitted(name: str, seed: int) -> FlteaFit:
-    return fltea_fit(behind(name, seed), H, EstimatorConfig(variant="joint"))[0]
-
-
 @pytest.mark.parametrize("name", FILTERS)
 def test_no_alpha_behind_a_low_pass_goes_unmarked(name: str) -> None:
     for seed in range(4):
-        assert fitted(name, seed).describes_noise is False
-
-
-def test_twins_do_not_contradict_each_other_unmarked() -> None:
-    """α is 0.00 ± 0.06 on one axis and 1.57 ± 0.06 on another, both of white noise through a low-pass."""
-    axes = [fitted(name, seed) for name in FILTERS for seed in range(4)]
-    contradictions = 0
-    for one, other in itertools.combinations(axes, 2):
-        assert one.alpha is not None
-        assert other.alpha is not None
-        assert one.alpha_std is not None
-        assert other.alpha_std is not None
-        if abs(one.alpha - other.alpha) > 4 * np.hypot(one.alpha_std, other.alpha_std):
-            contradictions += 1
-            assert one.describes_noise is False
-            assert other.describes_noise is False
-    assert contradictions > 10
+        found = fltea_fit(behind(name, seed), H, EstimatorConfig(variant="joint"))[0]
+        assert found.describes_noise is False
 
 
 def test_what_the_filter_describes_is_not_marked() -> None:

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fltea.identification import figures, report
-from fltea.identification.axis import IdentifyOptions, identify_axis, with_copies
-from fltea.identification.curves import curves
+from fltea.identification.axis import IdentifyOptions, identified, look, with_copies
+from fltea.identification.curves import ORDERS, curves, profile
 from fltea.identification.load import Request, Unreadable
 from fltea.identification.run import AxisReport, FileReport, Settings, identify_all
 from fltea.identification.shuffled import estimate
 from fltea.identification.workers import Here
 from fltea.records.errors import UsageError
-from fltea.spectrum.profile import AT_BOUND
+from fltea.spectrum.intervals import CRITICAL
 from identify_files import QUICK, counts, npz
-from identify_support import H, long_recursion
+from identify_support import H, long_recursion, white
 from toolchain import missing
 
 CHROMIUM = shutil.which("chromium")
@@ -56,7 +56,7 @@ def test_page_has_all_and_needs_nothing(made: tuple[Path, list[FileReport], list
         assert isinstance(axis_report, AxisReport)
         assert html.escape(axis_report.result.verdict.text) in page
         for rule in axis_report.result.verdict.rules:
-            assert rule.question in page
+            assert html.escape(rule.question) in page
 
 
 def test_text_of_others_is_text(made: tuple[Path, list[FileReport], list[Path]]) -> None:
@@ -114,12 +114,15 @@ def test_page_in_a_browser(made: tuple[Path, list[FileReport], list[Path]]) -> N
 
 def test_curves_agree_with_the_result() -> None:
     """The trajectory ends where the result is; the profile has the same interval of the order."""
-    x = long_recursion(0.7, -0.12, 3000, 3)
+    x = long_recursion(0.7, -0.12, 3000, 3) + 0.3 * white(3000, 1, 4)[0]
     options = IdentifyOptions(estimator=QUICK, shuffles=30)
     copies = estimate(x, H, QUICK, None, range(30), 0)
-    result = with_copies(identify_axis(x, H, None, options), [copies])
-    found = curves(x, H, None, options, result)
+    looked = look(x, H, options)
+    result = with_copies(identified(looked, None, options), [copies])
+    found = curves(looked, None, options, result)
+    assert result.fltea is not None
     assert result.fltea.alpha is not None
+    assert found.path is not None
     assert found.path.alpha[-1] == pytest.approx(result.fltea.alpha, abs=1e-3)
     assert found.path.t_s[-1] == pytest.approx(30)
     assert (np.diff(found.path.t_s) > 0).all()
@@ -129,13 +132,27 @@ def test_curves_agree_with_the_result() -> None:
     assert shuffled.alpha is not None
     assert found.path.white_alpha[-1, 1] == pytest.approx(shuffled.alpha[1], abs=0.1)
     assert found.deviance.min() >= 0
-    alpha = result.whittle.alpha
-    assert alpha.low is not None
-    assert alpha.high is not None
-    # This noise has R = 0: the lower end is where 2 log L has fallen by more.
-    assert set(found.critical) == {3.841, AT_BOUND["alpha"]}
-    for end in (alpha.low, alpha.high):
-        critical = found.critical[np.abs(found.orders - end).argmin()]
-        assert np.interp(end, found.orders, found.deviance) == pytest.approx(critical, abs=1.0)
     assert found.spectrum.counts.sum() == len(x) // 2 - 4
     assert np.abs(found.autocorrelation).max() < 1
+
+
+def test_curves_without_copies() -> None:
+    options = IdentifyOptions(estimator=QUICK, shuffles=0)
+    looked = look(white(2000, 1, 1)[0], H, options)
+    found = curves(looked, None, options, identified(looked, None, options))
+    assert found.path is not None
+    assert np.isfinite(found.path.alpha).any()
+    assert np.isnan(found.path.white_alpha).all()
+
+
+def test_the_profile_has_the_interval_of_the_order() -> None:
+    y = long_recursion(0.6, -0.19, 60_000, 0) + 0.5 * white(60_000, 1, 10)[0]
+    looked = look(y, H)
+    alpha = looked.verdict.order.alpha
+    assert alpha.value is not None
+    assert alpha.low is not None
+    assert alpha.high is not None
+    deviance = profile(looked.summed.seen.evidence.frontier, ORDERS)
+    assert np.interp(alpha.value, ORDERS, deviance) < 0.5
+    for end in (alpha.low, alpha.high):
+        assert np.interp(end, ORDERS, deviance) == pytest.approx(CRITICAL, abs=1.5)

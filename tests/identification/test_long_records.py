@@ -6,8 +6,9 @@ from fltea.identification import reproduction as reproducing
 from fltea.identification import shuffled
 from fltea.identification.allan import averaging_factors, overlapping
 from fltea.identification.load import Request, load
-from fltea.identification.noise_model import AR1, AxisModel, White, draws
+from fltea.identification.noise_model import AxisModel, draws
 from fltea.identification.workers import Processes
+from fltea.noise.parts import Relaxation, White
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum import periodogram as spectrum
 from fltea.spectrum.innovation_whiteness import InnovationSums, innovations
@@ -87,18 +88,16 @@ def test_copies_of_a_long_record_do_not_depend_on_their_group(monkeypatch, varia
 
 
 def test_means_have_the_spectrum_that_they_are_drawn_with():
-    model = AxisModel(AR1(R_dps2=0.5, phi=0.95, s2_dps2=0.1))
+    model = AxisModel((White(0.5), Relaxation(1.0, 0.2)))
     rng = np.random.default_rng(4)
     fine = next(draws(model, H, 1 << 17, rng))[0].reshape(-1, 16).mean(axis=1)
     means = next(draws(model, H, 1 << 13, rng, 16))[0]
     factors = averaging_factors(1 << 13)[:20]
-    ratio = overlapping(means, factors) / overlapping(fine, factors)
+    ratio = overlapping([means], factors) / overlapping([fine], factors)
     assert np.abs(np.log(ratio)).max() < 0.12
 
 
-@pytest.mark.parametrize(
-    "model", [AxisModel(White(R_dps2=1.0)), AxisModel(AR1(R_dps2=1.0, phi=0.99, s2_dps2=0.05))]
-)
+@pytest.mark.parametrize("model", [AxisModel((White(1.0),)), AxisModel((White(1.0), Relaxation(1.6, 1.0)))])
 def test_a_long_record_of_its_own_model_is_reproduced(monkeypatch, model):
     y = next(draws(model, H, 60_000, np.random.default_rng(5)))[0]
     monkeypatch.setattr(reproducing, "LONGEST", 8000)

@@ -25,7 +25,7 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     """Standard deviation."""
     spectrum: FitSpectrum
     details: AxisResult
-    """All figures of `fltea identify`: rivals, composite model (N, K, Gauss–Markov parts), peaks, FLTEA."""
+    """All figures of `fltea identify`: parts, N, K, sentences that did not win, peaks, FLTEA."""
 
     def __repr__(self) -> str:
         return f"Identified({self.axis}: {self.verdict}, {self.samples} samples at {self.rate_hz:g} Hz)"

@@ -7,14 +7,10 @@ from numpy.typing import ArrayLike
 
 from fltea.api._check import one_axis, period_s
 from fltea.api.identified import Identified
-from fltea.identification.axis import IdentifyOptions, identify_axis
-from fltea.identification.gaps import bridged
+from fltea.identification.axis import IdentifyOptions, identified, look
 from fltea.identification.load import Series
-from fltea.identification.sums import examined_stretches, lines_of_stretches, octaves_of_stretches
-from fltea.records.fit import Interval
 from fltea.spectrum.fit_allan import fit_allan
 from fltea.spectrum.live_axes import spectrum_of
-from fltea.spectrum.profile import Parameter
 
 
 def identify(
@@ -48,17 +44,13 @@ def identify(
 
 def of_series(axis: str, series: Series, h: float, options: IdentifyOptions) -> Identified:
     """Return the same of an axis of a recording."""
-    found = identify_axis(series.y, h, series.lsb, options, series.gaps)
-    stretches = bridged(series.y, series.gaps)
-    seen = examined_stretches(stretches, len(series.y), h, options.from_hz, options.notch_hz)
-    octaves = octaves_of_stretches(stretches)
-    lines, _ = lines_of_stretches(stretches, octaves, h)
-    *sums, samples = octaves.allan(0)
-    curve = fit_allan(tuple(sums), samples, h, series.unit, lambda lam: seen.spectrum(lam, h))
-    white = found.composite.N
-    if curve is not None and white.low is not None and white.high is not None and white.value > 0:
-        curve = replace(curve, N=white.value)  # the curve is bent by a filter, and by all else there is
-    w = found.whittle
+    looked = look(series.y, h, options, series.gaps)
+    found = identified(looked, series.lsb, options)
+    *sums, samples = looked.summed.octaves.allan(0)
+    noise = looked.figures.sentence
+    curve = fit_allan(tuple(sums), samples, h, series.unit, noise, found.level.N.value)
+    if curve is not None:
+        curve = replace(curve, K=found.level.K.value)
     return Identified(
         axis=axis,
         unit=series.unit,
@@ -69,16 +61,12 @@ def of_series(axis: str, series: Series, h: float, options: IdentifyOptions) -> 
         verdict=found.verdict.kind,
         text=found.verdict.text,
         null_p=found.null.p_value,
-        alpha=_interval(w.alpha),
-        f=_interval(w.f),
-        F=_interval(w.F),
-        s2=_interval(w.s2),
-        R=_interval(w.R),
+        alpha=found.order.alpha,
+        f=found.order.f,
+        F=found.order.F,
+        s2=found.order.s2,
+        R=found.order.R,
         allan=curve,
-        spectrum=spectrum_of(lines, seen),
+        spectrum=spectrum_of(looked.summed.lines, noise),
         details=found,
     )
-
-
-def _interval(p: Parameter) -> Interval:
-    return Interval(p.value, p.low, p.high)

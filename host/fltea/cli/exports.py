@@ -50,7 +50,7 @@ def write(report: "FileReport", files: Files) -> None:
     Raises:
         FlteaError: one cannot be written, or what it needs was not found.
     """
-    from fltea.documents.imu_yaml import Inflation
+    from fltea.documents.imu_yaml import Inflation, axis_noise, imu_yaml
     from fltea.identification import model_file, navigation_file
     from fltea.identification.run import AxisReport
     from fltea.records.records import ACCEL_AXES
@@ -59,7 +59,6 @@ def write(report: "FileReport", files: Files) -> None:
         return
     axes = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
     rate_hz = report.recording.hello.rate_hz
-    composites = {name: axis.result.composite for name, axis in axes.items()}
     if files.model is not None:
         try:
             models = model_file.NoiseModels(
@@ -71,24 +70,21 @@ def write(report: "FileReport", files: Files) -> None:
             )
         except ValueError as error:
             raise FlteaError(f"--export-model: {error}.") from error
-        model_file.write_models(files.model, models)
+        model_file.write_json(files.model, models)
     if files.yaml is not None:
-        curves = {name: axis.allan for name, axis in axes.items() if axis.allan is not None}
-        if not curves:
-            reasons = {axis.allan_reason for axis in axes.values()} or {"no axis was identified"}
-            raise FlteaError(f"--imu-yaml: there is no Allan deviation ({'; '.join(reasons)}).")
-        model_file.write_text(
-            files.yaml,
-            model_file.imu_yaml_of(
-                curves,
-                rate_hz,
-                report.name,
-                composites=composites,
-                rostopic=report.recording.topic or "/imu0",
-                inflation=Inflation(*files.inflation),
-            ),
+        if not axes:
+            raise FlteaError("--imu-yaml: no axis was identified.")
+        noises = {name: axis_noise(axis.result.level) for name, axis in axes.items()}
+        text = imu_yaml(
+            {name: noise for name, noise in noises.items() if name not in ACCEL_AXES},
+            rate_hz,
+            report.name,
+            accel={name: noise for name, noise in noises.items() if name in ACCEL_AXES},
+            rostopic=report.recording.topic or "/imu0",
+            inflation=Inflation(*files.inflation),
         )
+        model_file.write_text(files.yaml, text)
     if files.navigation is not None:
         if not axes:
             raise FlteaError("--gauss-markov: no axis was identified.")
-        navigation_file.write_navigation(files.navigation, composites, rate_hz, report.name)
+        navigation_file.write_navigation(files.navigation, axes, rate_hz, report.name)

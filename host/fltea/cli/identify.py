@@ -102,8 +102,9 @@ def identify(
 ) -> None:
     """Identify the noise of recordings, and say what the figures are worth: one verdict an axis.
 
-    FLTEA beside what white noise gives, a null test, a Whittle fit with intervals and its rivals, the Allan
-    deviation, and what in the data can mislead. host/docs/guide/verdict.md explains every figure.
+    What the noise is made of, with intervals, and whether it has an order; FLTEA beside what white noise
+    gives; a null test; the Allan deviation; and what in the data can mislead.
+    host/docs/guide/verdict.md explains every figure.
 
     For example:
 

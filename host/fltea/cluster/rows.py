@@ -105,11 +105,11 @@ def _axis(key: Key, recording: Loaded, name: str, axis: AxisReport | Failure, se
         mean=r.mean,
         std=r.std,
         lsb=axis.lsb,
-        fltea_alpha=r.fltea.alpha,
-        fltea_f=r.fltea.f,
-        fltea_describes_noise=r.fltea.describes_noise,
+        fltea_alpha=r.fltea and r.fltea.alpha,
+        fltea_f=r.fltea and r.fltea.f,
+        fltea_describes_noise=r.fltea and r.fltea.describes_noise,
         traps=trap_kinds((*recording.traps, *axis.traps)),
-        values=parameter_values(r.whittle) | allan,
+        values=parameter_values(r.order) | allan,
         **about,
     )
 
@@ -121,7 +121,7 @@ def of_recording(recording: Loaded) -> dict[str, Any]:
 
 
 def parameter_values(fit: Any) -> dict[str, float | None]:
-    """The parameters of a fractional fit and their ends."""
+    """The parameters of an order and their ends."""
     return _with_ends(fit, VALUES)
 
 
@@ -139,6 +139,5 @@ def _with_ends(of: Any, names: Iterable[str]) -> dict[str, float | None]:
     found: dict[str, float | None] = {}
     for name in names:
         one = getattr(of, name)
-        value = one.value if getattr(one, "defined", True) else None
-        found |= {name: value, f"{name}_low": one.low, f"{name}_high": one.high}
+        found |= {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}
     return found

@@ -23,7 +23,7 @@ from fltea.cluster.rows import (
     trap_kinds,
 )
 from fltea.cluster.whole import Ask
-from fltea.identification.allan import Allan, with_white_noise
+from fltea.identification.allan import Allan, with_level
 from fltea.identification.gaps import bridged
 from fltea.identification.load import Series, load
 from fltea.identification.sums import (
@@ -36,12 +36,10 @@ from fltea.identification.sums import (
 )
 from fltea.identification.work_folder import work_folder
 from fltea.records.errors import FlteaError, NoNumbers, UsageError
+from fltea.records.fit import Level
 from fltea.spectrum.allan_curve import live_allan
-from fltea.spectrum.composite import composite
-from fltea.spectrum.evidence import LEVEL
+from fltea.spectrum.noise_figures import noise_figures
 from fltea.spectrum.octaves import Octaves, Parts
-from fltea.spectrum.profile import fractional_fit
-from fltea.spectrum.spectral import Spectral
 from fltea.spectrum.verdict import decide
 
 SAME_RATE = 5e-3
@@ -177,8 +175,8 @@ def _fitted(pieces: Sequence[AxisSums], h: float, ask: Ask) -> dict[str, object]
     options = ask.settings.options
     lines, drift = lines_together([one for piece in pieces for one in piece.lines], h, longest)
     seen = examined_sums(lines, drift, sums, samples, h, options.from_hz, options.notch_hz)
-    fit = fractional_fit(seen.fits.data, seen.fits.full, h, white=seen.evidence.p_clean >= LEVEL)
     verdict = decide(seen.evidence)
+    found = noise_figures(seen.evidence, verdict)
     mean = sum(piece.mean * piece.samples for piece in pieces) / samples
     squares = sum(piece.squares + piece.samples * (piece.mean - mean) ** 2 for piece in pieces)
     return {
@@ -192,13 +190,11 @@ def _fitted(pieces: Sequence[AxisSums], h: float, ask: Ask) -> dict[str, object]
         "p_white": seen.evidence.p_clean,
         "mean": mean,
         "std": (squares / max(samples - 1, 1)) ** 0.5,
-        "values": parameter_values(fit) | _allan_values(sums, samples, h, seen, pieces[0].unit),
+        "values": parameter_values(verdict.order) | _allan_values(sums, h, found.level, pieces[0].unit),
     }
 
 
-def _allan_values(
-    sums: Octaves, samples: int, h: float, seen: Spectral, unit: str
-) -> dict[str, float | None]:
+def _allan_values(sums: Octaves, h: float, level: Level, unit: str) -> dict[str, float | None]:
     points = sums.allan(0)
     try:
         curve = live_allan(points.factors, points.avar, points.terms, points.samples, h, unit)
@@ -206,5 +202,4 @@ def _allan_values(
         return {}
     tau, deviation, low, high, degrees = (tuple(one.tolist()) for one in curve[:5])
     found = Allan(tau, deviation, low, high, degrees, curve.N, curve.B, curve.K)
-    white = composite(seen.fits.data, h, samples, seen.fits.sums).N
-    return coefficient_values(with_white_noise(found, white))
+    return coefficient_values(with_level(found, level))

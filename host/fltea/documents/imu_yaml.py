@@ -1,4 +1,4 @@
-"""Kalibr's imu.yaml from what the Allan deviations of the axes show (pure)."""
+"""Kalibr's imu.yaml from what the noise of the axes is made of (pure)."""
 
 import json
 import math
@@ -6,17 +6,16 @@ import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from fltea.records.fit import Level
 from fltea.records.version import __version__
 from fltea.records.visible import visible
 
 
 class Shown(NamedTuple):
-    """N or K of one axis, or None where the curve does not show it and `reason` says why."""
+    """N or K of one axis, or None where the noise does not have it and `reason` says why."""
 
     value: float | None
     reason: str = ""
-    origin: str = ""
-    """The origin of the figure, if it is not the Allan deviation."""
 
 
 class AxisNoise(NamedTuple):
@@ -24,6 +23,11 @@ class AxisNoise(NamedTuple):
 
     N: Shown
     K: Shown
+
+
+def axis_noise(level: Level) -> AxisNoise:
+    """Return N and K of the sentence that stands for the noise of an axis."""
+    return AxisNoise(Shown(level.N.value, level.reason), Shown(level.K.value, NO_WALK))
 
 
 class Inflation(NamedTuple):
@@ -35,6 +39,7 @@ class Inflation(NamedTuple):
 
 AS_MEASURED = Inflation(1.0, 1.0)
 
+NO_WALK = "the noise has no random walk; one shows in records of hours"
 NOT_ANALYSED = "the accelerometer was not analysed"
 
 
@@ -58,7 +63,7 @@ def imu_yaml(
     what = "Noise" if forces else "Gyroscope noise"
     lines = [
         f"# {what} by fltea {__version__} from {' '.join(source.split())}",
-        "# (Allan deviation; of the axes the worst). The model is white noise and a random walk of the rate.",
+        "# (of the axes the worst). Kalibr's model is white noise and a random walk of the rate.",
         "# Kalibr wants all six entries: fill in what is not known from the data sheet, or record longer.",
         *_about(inflation),
         *_entry(
@@ -105,12 +110,7 @@ def _entry(
         return [f"# {key}:  # {unit}; not known: {'; '.join(reasons) or without}"]
     worst = max(known, key=lambda axis: known[axis])
     unknown = [axis for axis in found if axis not in known]
-    origin = found[worst].origin
-    remark = (
-        f"of {worst}"
-        + (f" ({origin})" if origin else "")
-        + (f"; not known of {', '.join(unknown)}" if unknown else "")
-    )
+    remark = f"of {worst}" + (f"; not known of {', '.join(unknown)}" if unknown else "")
     value = math.radians(known[worst]) if unit.startswith("rad") else known[worst]
     if factor != 1:
         remark += f"; {factor:g} times the measured {value:.6e}"

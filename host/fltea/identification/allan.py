@@ -13,10 +13,10 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
+from fltea.records.fit import Level
 from fltea.spectrum.allan_coefficients import HOUR, Coefficient, coefficients
 from fltea.spectrum.allan_curve import checked, points
 from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overlap
-from fltea.spectrum.composite_intervals import Estimate
 
 Array = NDArray[np.float64]
 
@@ -67,20 +67,13 @@ def scales(unit: str) -> Scales:
     return Scales(Scale(f"{unit}/√Hz", 1.0), Scale(unit, 1.0), Scale(f"{unit}/√s", 1.0))
 
 
-def allan(y: ArrayLike, h: float, unit: str = "deg/s") -> Allan:
-    """Return the Allan deviation of one axis (n,) in `unit`, with no sample missing; h is the period in s.
+def allan(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:
+    """Return the Allan deviation of stretches (n,) in `unit`, each of which overlaps in itself.
+
+    It goes as far as a quarter of the longest; h is the period in s.
 
     Raises:
-        ValueError: y is not finite, constant or shorter than SHORTEST_RECORD, or h is not positive.
-    """
-    return allan_of_stretches([np.ascontiguousarray(y, dtype=np.float64)], h, unit)
-
-
-def allan_of_stretches(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:
-    """Return the same of several stretches (n,), as far as a quarter of the longest. Each overlaps in itself.
-
-    Raises:
-        ValueError: as `allan`; the longest stretch is shorter than SHORTEST_RECORD.
+        ValueError: they are not finite, constant, or all shorter than SHORTEST_RECORD, or h is not positive.
     """
     if any(y.ndim != 1 or not np.isfinite(y).all() for y in stretches):
         raise ValueError("y must be finite numbers, of shape (n,)")
@@ -91,7 +84,7 @@ def allan_of_stretches(stretches: Sequence[Array], h: float, unit: str = "deg/s"
     factors = averaging_factors(longest)
     lengths = [len(y) for y in stretches]
     found = points(
-        factors, overlapping_stretches(stretches, factors), h, lambda power: _degrees(power, factors, lengths)
+        factors, overlapping(stretches, factors), h, lambda power: _degrees(power, factors, lengths)
     )
     tau, deviation, low, high, degrees, _ = (tuple(one.tolist()) for one in found)
     return Allan(tau, deviation, low, high, degrees, *coefficients(found, h, unit))
@@ -109,17 +102,17 @@ def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int
     return degrees_of_freedom(power, m, terms, FULL_PARTS)
 
 
-def with_white_noise(found: Allan, white: Estimate) -> Allan:
-    """Return the curve with N from the spectrum, if that has white noise whose ends are known.
+def with_level(found: Allan, level: Level) -> Allan:
+    """Return the curve with N and K of the sentence that stands for the noise, so that there is one of each.
 
     Short averaging times of the curve are bent where a filter takes power away, and long ones by all else
     there is; the fit of the spectrum knows of both.
     """
-    N = found.N
-    if white.low is None or white.high is None or not white.low > 0:
-        return found
-    fitted = replace(N, value=white.value, low=white.low, high=white.high, reason="")
-    return replace(found, N=fitted)
+    N = Coefficient(level.N.value, level.N.low, level.N.high, reason=level.reason)
+    without = (
+        "" if level.K.value is not None else "the noise has no random walk; one shows in records of hours"
+    )
+    return replace(found, N=N, K=Coefficient(level.K.value, level.K.low, level.K.high, reason=without))
 
 
 def averaging_factors(samples: int) -> NDArray[np.int64]:
@@ -129,16 +122,12 @@ def averaging_factors(samples: int) -> NDArray[np.int64]:
     return np.unique(np.rint(np.geomspace(1, longest, count)).astype(np.int64))
 
 
-def overlapping(y: Array, factors: NDArray[np.int64]) -> Array:
-    """Return the overlapping Allan deviation of y (n,) for each factor, as allantools' `oadev` has it.
+def overlapping(stretches: Sequence[Array], factors: NDArray[np.int64]) -> Array:
+    """Return the overlapping Allan deviation for each factor, as allantools' `oadev` has it.
 
-    Blocks stay in the cache and memory is one array more, also for a day at 100 Hz.
+    Stretches are averaged by their number of terms. Blocks stay in the cache and memory is one array more,
+    also for a day at 100 Hz.
     """
-    return overlapping_stretches([y], factors)
-
-
-def overlapping_stretches(stretches: Sequence[Array], factors: NDArray[np.int64]) -> Array:
-    """Return the same of several stretches, averaged by their number of terms."""
     squares, terms = np.zeros(len(factors)), np.zeros(len(factors))
     for y in stretches:
         phase = np.empty(len(y) + 1)

@@ -2,29 +2,30 @@
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from fltea.identification.fltea_fit import FlteaFit, fltea_fit
+from fltea.identification.fltea_fit import ConstantStartup, FlteaFit, fltea_fit
 from fltea.identification.gaps import Gaps, Stretch, bridged, no_gaps
+from fltea.identification.motion import Motion, motion, told
 from fltea.identification.shuffled import Copies, ShuffledBand, shuffled_band
-from fltea.identification.sums import examined_stretches
+from fltea.identification.sums import Summed, examined_stretches
+from fltea.records.fit import Interval, Level
 from fltea.settings.estimator import EstimatorConfig
-from fltea.spectrum.composite import Composite, composite
 from fltea.spectrum.drift_rate import drift_rate
-from fltea.spectrum.evidence import LEVEL
 from fltea.spectrum.innovation_whiteness import Innovations
+from fltea.spectrum.intervals import Estimated, OrderFit
 from fltea.spectrum.likelihood_ratio import critical_values
 from fltea.spectrum.lines import Peak
+from fltea.spectrum.noise_figures import NoiseFigures, SentenceSummary, noise_figures, summaries
 from fltea.spectrum.null_constants import PROBABILITIES
-from fltea.spectrum.profile import FractionalFit, fractional_fit
-from fltea.spectrum.rivals import Contest
-from fltea.spectrum.spectral import Band, Spectral
-from fltea.spectrum.verdict import Verdict, decide
+from fltea.spectrum.spectral import Band
+from fltea.spectrum.verdict import Rule, Verdict, decide
 
+Array = NDArray[np.float64]
 Variant = Literal["triple", "joint"]
 
 OTHER: dict[Variant, Variant] = {"joint": "triple", "triple": "joint"}
@@ -64,6 +65,8 @@ class NullResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The p-value without the lines and resonances that were found."""
     p_clean: float
     """The p-value of the ordinates of `band` without them."""
+    level: float
+    """The level at which it rejects."""
     shuffled: ShuffledBand | None
     """The shuffled copies by the variant of `AxisResult.fltea`."""
 
@@ -79,20 +82,77 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     mean: float
     std: float
     verdict: Verdict
+    decides_s: float | None
+    """Length of a record that tells an order from what looks like it, where this one does not."""
     null: NullResult
-    whittle: FractionalFit
-    """Fitted to the ordinates of `band`, as the rivals are."""
+    order: OrderFit
+    """All null where the verdict has no order."""
+    parts: tuple[Estimated, ...]
+    """What the noise is made of: the sentence that stands for it, fitted to the ordinates of `band`."""
+    level: Level
+    """Its N and K."""
+    drift_rate: Interval
+    """Slope of the straight line through the longest stretch, a second."""
     band: Band
-    rivals: Contest
-    composite: Composite
-    """White noise, Gauss–Markov parts, random walk, quantisation, fitted to the same."""
+    sentences: dict[str, SentenceSummary]
+    """All sentences that were compared (`fltea.spectrum.frontier`), those that did not win, too."""
+    stands: Literal["plain", "order"]
+    """Which of them has `parts`."""
     peaks: tuple[Peak, ...]
-    fltea: FlteaFit
-    """The variant of the options."""
-    fltea_other: FlteaFit
+    fltea: FlteaFit | None
+    """The variant of the options; None for `fltea_reason`."""
+    fltea_other: FlteaFit | None
     """The other variant."""
     innovations: dict[str, Innovations | None]
     """The innovations of FLTEA by variant."""
+    fltea_reason: str = ""
+
+    @property
+    def made_of(self) -> str:
+        """What the noise is made of, in a few words."""
+        return self.sentences[self.stands].name
+
+
+class Looked(NamedTuple):
+    """One axis, and what its spectrum says."""
+
+    y: Array
+    h: float
+    gaps: Gaps
+    stretches: Sequence[Stretch]
+    summed: Summed
+    verdict: Verdict
+    figures: NoiseFigures
+    motion: Motion | None
+
+
+def look(y: ArrayLike, h: float, options: IdentifyOptions | None = None, gaps: Gaps | None = None) -> Looked:
+    """Look at the spectrum of one axis; arguments as of `identify_axis`.
+
+    Raises:
+        ValueError: y is not finite, too short or constant.
+    """
+    o, gaps = options or IdentifyOptions(), gaps or no_gaps()
+    samples = np.ascontiguousarray(y, dtype=np.float64)
+    if samples.ndim != 1:
+        raise ValueError(f"y is one axis, (n,), got shape {samples.shape}")
+    stretches = bridged(samples, gaps)
+    summed = examined_stretches(stretches, len(samples), h, o.from_hz, o.notch_hz)
+    evidence = summed.seen.evidence
+    moved = motion(stretches, h)
+    verdict = decide(evidence)
+    if moved is not None:
+        verdict = _of_motion(verdict, moved, evidence.duration_s)
+    return Looked(samples, h, gaps, stretches, summed, verdict, noise_figures(evidence, verdict), moved)
+
+
+def _of_motion(verdict: Verdict, moved: Motion, duration_s: float) -> Verdict:
+    """Return the verdict on a record of so many seconds in which the sensor was moved."""
+    what, why = told(moved, duration_s), "All figures are those of the motion, too."
+    then = "Record at rest, or cut the motion out."
+    rule = Rule("Was the sensor moved?", True, moved.when)
+    text = f"{what} {why} {then}"
+    return Verdict("not stationary", text, what, why, then, (rule, *verdict.rules))
 
 
 def identify_axis(
@@ -114,59 +174,63 @@ def identify_axis(
     Raises:
         ValueError: y is not finite, too short or constant; settings that no filter can work with.
     """
-    o = options or IdentifyOptions()
-    samples = np.ascontiguousarray(y, dtype=np.float64)
-    if samples.ndim != 1:
-        raise ValueError(f"y is one axis, (n,), got shape {samples.shape}")
-    gaps = gaps or no_gaps()
-    stretches = bridged(samples, gaps)
-    seen = examined_stretches(stretches, len(samples), h, o.from_hz, o.notch_hz)
-    own, own_innovations = fltea_fit(samples, h, o.estimator, lsb, gaps)
-    other_variant = OTHER[o.estimator.variant]
-    other, other_innovations = fltea_fit(
-        samples, h, msgspec.structs.replace(o.estimator, variant=other_variant), lsb, gaps
-    )
+    return identified(look(y, h, options, gaps), lsb, options)
+
+
+def identified(looked: Looked, lsb: float | None, options: IdentifyOptions | None = None) -> AxisResult:
+    """Return the result for an axis that was looked at; arguments and errors as of `identify_axis`."""
+    y, h, seen = looked.y, looked.h, looked.summed.seen
+    config = (options or IdentifyOptions()).estimator
+    e = seen.evidence
+    fits: dict[Variant, FlteaFit | None] = {}
+    innovations: dict[str, Innovations | None] = {}
+    reason = ""
+    for variant in (config.variant, OTHER[config.variant]):
+        try:
+            fits[variant], innovations[variant] = fltea_fit(
+                y, h, msgspec.structs.replace(config, variant=variant), lsb, looked.gaps
+            )
+        except ConstantStartup as error:
+            fits[variant], innovations[variant], reason = None, None, str(error)
+    longest = max((one.y for one in looked.stretches), key=len)
     critical = dict(zip(PROBABILITIES, critical_values(seen.ordinates).tolist(), strict=True))
     return AxisResult(
-        samples=len(samples),
-        longest_stretch=max(len(one.y) for one in stretches),
+        samples=len(y),
+        longest_stretch=len(longest),
         rate_hz=1 / h,
-        duration_s=seen.evidence.duration_s,
-        mean=float(samples.mean()),
-        std=float(samples.std(ddof=1)),
-        verdict=decide(seen.evidence),
+        duration_s=e.duration_s,
+        mean=float(y.mean()),
+        std=float(y.std(ddof=1)),
+        verdict=looked.verdict,
+        decides_s=e.decides_s if looked.verdict.has_order else None,
         null=NullResult(
-            p_value=seen.evidence.p_all,
+            p_value=e.p_all,
             likelihood_ratio=seen.likelihood_ratio,
             critical_5_percent=critical[0.05],
             critical_1_percent=critical[0.01],
-            p_without_peaks=seen.evidence.p_without_peaks,
-            p_clean=seen.evidence.p_clean,
+            p_without_peaks=e.p_without_peaks,
+            p_clean=e.p_clean,
+            level=e.level,
             shuffled=None,
         ),
-        whittle=fractional_fit(seen.fits.data, seen.fits.full, h, white=seen.evidence.p_clean >= LEVEL),
+        order=looked.verdict.order,
+        parts=looked.figures.parts,
+        level=looked.figures.level,
+        drift_rate=drift_rate(longest, h, looked.figures.spectrum(h)),
         band=seen.band,
-        rivals=seen.evidence.contest,
-        composite=_composite(stretches, len(samples), h, seen),
-        peaks=seen.evidence.peaks,
-        fltea=own,
-        fltea_other=other,
-        innovations={o.estimator.variant: own_innovations, other_variant: other_innovations},
-    )
-
-
-def _composite(stretches: Sequence[Stretch], samples: int, h: float, seen: Spectral) -> Composite:
-    found = composite(seen.fits.data, h, samples, seen.fits.sums)
-    longest = max((one.y for one in stretches), key=len)
-    low_pass = seen.evidence.low_pass
-    return msgspec.structs.replace(
-        found,
-        low_pass_hz=low_pass.corner_hz if low_pass else None,
-        drift_rate=drift_rate(longest, h, found.spectrum),
+        sentences=summaries(e.frontier),
+        stands="plain" if looked.figures.sentence is e.frontier.plain else "order",
+        peaks=e.peaks,
+        fltea=fits[config.variant],
+        fltea_other=fits[OTHER[config.variant]],
+        innovations=innovations,
+        fltea_reason=reason,
     )
 
 
 def with_copies(result: AxisResult, parts: Sequence[Copies]) -> AxisResult:
     """Add what the shuffled copies of the axis gave, in whatever groups they were estimated."""
-    found = shuffled_band(parts, result.fltea.alpha, result.fltea.f) if parts else None
+    own = result.fltea
+    alpha, f = (None, None) if own is None else (own.alpha, own.f)
+    found = shuffled_band(parts, alpha, f) if parts else None
     return msgspec.structs.replace(result, null=msgspec.structs.replace(result.null, shuffled=found))

@@ -9,17 +9,15 @@ from numpy.typing import NDArray
 from fltea.estimator.baseline import baseline_of, lane_baselines
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
-from fltea.identification.axis import AxisResult, IdentifyOptions
+from fltea.identification.axis import AxisResult, IdentifyOptions, Looked
 from fltea.identification.fltea_fit import after_startup
-from fltea.identification.gaps import Gaps, bridged, longest_epoch, no_gaps
+from fltea.identification.gaps import Gaps, longest_epoch
 from fltea.identification.shuffled import ACCURACY, BLOCK, PROBABILITIES
-from fltea.identification.sums import left_in, lines_of_stretches, octaves_of_stretches
-from fltea.noise.spectra import HIGHEST_ORDER
+from fltea.identification.sums import left_in
+from fltea.noise.parts import Arfima, Order
 from fltea.settings.estimator import EstimatorConfig
-from fltea.spectrum.models import FULL, held, share
+from fltea.spectrum.frontier import Frontier
 from fltea.spectrum.periodogram import binned
-from fltea.spectrum.profile import NO_WHITE, critical_value
-from fltea.spectrum.whittle import fit
 
 Array = NDArray[np.float64]
 
@@ -27,7 +25,7 @@ COPIES = 60
 POINTS = 400
 """The largest number of points of a trajectory."""
 LAGS = 100
-ORDERS = np.linspace(0, HIGHEST_ORDER - 0.01, 41)
+ORDERS = np.linspace(0.0, 1.5, 61)
 
 
 class Spectrum(NamedTuple):
@@ -59,44 +57,46 @@ class Curves(NamedTuple):
     orders: Array
     deviance: Array
     """2 log L below the best fit, of the best fit that has the order."""
-    critical: Array
-    """The deviance up to which the order is in its interval."""
-    path: Path
+    path: Path | None
+    """None where FLTEA was not run."""
     autocorrelation: Array
     """The autocorrelation of FLTEA's innovations in the last two thirds, at lags 1 to `LAGS`."""
     innovations: int
 
 
-def curves(
-    y: Array,
-    h: float,
-    lsb: float | None,
-    options: IdentifyOptions,
-    result: AxisResult,
-    gaps: Gaps | None = None,
-) -> Curves:
-    """Make them for an axis that has been identified; arguments as for `axis.identify_axis`."""
-    gaps = gaps or no_gaps()
-    stretches = bridged(y, gaps)
-    lines, _ = lines_of_stretches(stretches, octaves_of_stretches(stretches), h)
-    whole = binned(left_in(lines, options.from_hz, options.notch_hz))
-    clean = binned(left_in(lines, result.band.from_hz, result.band.notch_hz))
-    fits = [fit(clean, held("alpha", alpha)) for alpha in ORDERS.tolist()]
-    nll = np.array([float(one.nll[0]) for one in fits])
-    weight = np.array([float(share(one.theta[0, -1])) for one in fits])
-    critical = np.array([critical_value("alpha", one) for one in (1 - weight < NO_WHITE * weight).tolist()])
-    lowest = min(float(nll.min()), float(fit(clean, FULL).nll[0]))
-    path, innovation = _path(y, gaps, h, lsb, options)
-    tested = innovation[len(innovation) // 3 :]
+def curves(looked: Looked, lsb: float | None, options: IdentifyOptions, result: AxisResult) -> Curves:
+    """Make them for an axis that has been identified with these options; lsb: one count, if known."""
+    whole = binned(left_in(looked.summed.lines, options.from_hz, options.notch_hz))
+    path, tested = None, np.empty(0)
+    if result.fltea is not None:
+        path, innovation = _path(looked.y, looked.gaps, looked.h, lsb, options)
+        tested = innovation[len(innovation) // 3 :]
     return Curves(
-        Spectrum(whole.lam / (2 * np.pi * h), whole.power[0], whole.counts),
+        Spectrum(whole.lam / (2 * np.pi * looked.h), whole.power[0], whole.counts),
         ORDERS,
-        2 * (nll - lowest),
-        critical,
+        profile(looked.summed.seen.evidence.frontier, ORDERS),
         path,
         _autocorrelation(tested),
         len(tested),
     )
+
+
+def profile(f: Frontier, orders: Array) -> Array:
+    """Return 2 log L of the best fit with an order below it, (k,), of the best fits that have these orders.
+
+    Each begins at the one before, from the best on to both sides.
+    """
+    best = f.order or f.null
+    at = best.place(Order, Arfima)
+    assert at is not None
+    nll = np.empty(len(orders))
+    first = int(np.searchsorted(orders, best.eta[at]))
+    for way in (range(first, len(orders)), range(first - 1, -1, -1)):
+        eta = list(best.eta)
+        for i in way:
+            eta[at] = float(orders[i])
+            eta, nll[i] = f.native.fit(list(best.codes), eta, held=at)
+    return np.asarray(np.maximum(2 * (nll - min(best.nll, float(nll.min()))), 0.0))
 
 
 def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOptions) -> tuple[Path, Array]:
@@ -139,6 +139,8 @@ def _baselines(
     window: Array, bias: float, R: float, config: EstimatorConfig, lsb: float | None
 ) -> tuple[Array, Array]:
     """Return bias and R of all lanes; the copies have those of their own start-up windows."""
+    if not window.shape[1]:
+        return np.array([bias]), np.array([R])
     biases, Rs = lane_baselines(window, config, lsb)
     # A copy can happen to be constant, of data that hardly ever change.
     Rs = np.maximum(Rs, 1e-6 * R) if config.R == "auto" else Rs

@@ -9,15 +9,12 @@ from numpy.typing import NDArray
 
 from fltea.identification.allan import scales
 from fltea.identification.curves import Curves
-from fltea.identification.findings import model_name
-from fltea.identification.noise_model import AxisModel, model_spectrum, noise_of
 from fltea.identification.run import AxisReport
+from fltea.noise.parts import spectrum
 from fltea.spectrum.allan_coefficients import FLICKER
-from fltea.spectrum.evidence import LEVEL
-from fltea.spectrum.wording import MODELS
+from fltea.spectrum.intervals import CRITICAL
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
@@ -38,7 +35,9 @@ def draw(axis: AxisReport) -> dict[str, bytes]:
 
 
 def _has(name: str, axis: AxisReport) -> bool:
-    return name != "allan" or axis.allan is not None
+    if name == "allan":
+        return axis.allan is not None
+    return name not in ("trajectory", "innovations") or axis.result.fltea is not None
 
 
 def _png(paint: Callable[["Figure", AxisReport, Curves], None], axis: AxisReport, curves: Curves) -> bytes:
@@ -59,10 +58,11 @@ def _spectrum(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     hz = np.geomspace(s.hz[0], s.hz[-1], 600)
     lam = 2 * np.pi * hz / r.rate_hz
     axes.plot(s.hz, density * s.power, ".", markersize=3, label="periodogram, in bins", **DATA)
-    for name, style in (("white", WHITE), (r.rivals.best_rival, RIVAL), ("fractional", FRACTIONAL)):
-        model = AxisModel(noise_of(name, r.rivals, 1 / r.rate_hz))
-        label = f"{MODELS[name]}, BIC {r.rivals.models[name].bic:+.1f}"
-        axes.plot(hz, density * model_spectrum(model, lam, 1 / r.rate_hz), label=label, **style)
+    for name, style in (("white", WHITE), ("plain", RIVAL), ("order", FRACTIONAL)):
+        if (one := r.sentences.get(name)) is None:
+            continue
+        label = f"{one.name}, BIC {one.bic:+.1f}" + (": what is said" if name == r.stands else "")
+        axes.plot(hz, density * spectrum(one.parts, lam, 1 / r.rate_hz), label=label, **style)
     label = "not fitted"
     for low, high in [(0.0, r.band.from_hz), *r.band.notch_hz]:
         if high > s.hz[0]:
@@ -74,30 +74,33 @@ def _spectrum(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
 
 
 def _profile(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
-    axes, alpha = figure.subplots(), axis.result.whittle.alpha
+    axes, alpha = figure.subplots(), axis.result.order.alpha
     axes.plot(curves.orders, curves.deviance, **FRACTIONAL)
-    axes.plot(
-        curves.orders, curves.critical, color="black", linewidth=0.8, linestyle=":", drawstyle="steps-mid"
-    )
+    axes.axhline(CRITICAL, color="black", linewidth=0.8, linestyle=":")
     axes.annotate(
-        "95 %", (1.99, curves.critical[-1]), (0, 3), textcoords="offset points", ha="right", fontsize=8
+        "95 %",
+        (float(curves.orders[-1]), CRITICAL),
+        (0, 3),
+        textcoords="offset points",
+        ha="right",
+        fontsize=8,
     )
-    if alpha.low is not None and alpha.high is not None:
+    if alpha.value is not None and alpha.low is not None and alpha.high is not None:
         axes.axvspan(alpha.low, alpha.high, color="#fdbe85", alpha=0.5, linewidth=0)
         axes.axvline(alpha.value, color="black", linewidth=0.8)
         title = f"α = {alpha.value:.2f} ({alpha.low:.2f} … {alpha.high:.2f})"
-    elif axis.result.null.p_clean >= LEVEL:
-        title = "α is undefined: white noise, which has none, is not rejected"
     else:
-        title = "α is undefined: the data do not tell one order from another"
+        title = f"α is undefined: the verdict is {axis.result.verdict.kind}"
     axes.set_title(title, fontsize=10)
-    axes.set(xlabel="order α held at", ylabel="2 log L below the best")
-    axes.set_xlim(0, 2)
+    axes.set(xlabel="order α held at", ylabel="2 log L below the best with an order")
+    axes.set_xlim(0, float(curves.orders[-1]))
     axes.set_ylim(-0.2, max(6.0, min(HIGHEST_DEVIANCE, float(curves.deviance.max()) * 1.05)))
 
 
 def _path(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
-    p = curves.path
+    p, fit = curves.path, axis.result.fltea
+    assert p is not None
+    assert fit is not None
     panels = figure.subplots(2, 1, sharex=True)
     shuffled = axis.result.null.shuffled
     for axes, value, std, white, label, end in (
@@ -110,7 +113,7 @@ def _path(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
         )  # fmt: skip
         axes.plot(p.t_s, white[:, 1], color="#8c8c8c", linewidth=1.0)
         axes.fill_between(p.t_s, value - std, value + std, color=OWN["color"], alpha=0.2, linewidth=0)
-        axes.plot(p.t_s, value, label=f"FLTEA {axis.result.fltea.variant}, ±σ", **OWN)
+        axes.plot(p.t_s, value, label=f"FLTEA {fit.variant}, ±σ", **OWN)
         if shuffled and end:
             low, middle, high = end
             axes.errorbar(
@@ -146,10 +149,15 @@ def _allan(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
         low, middle, high = (data * np.array(ratio) for ratio in (found.low, found.ratio, found.high))
         color = RIVAL["color"]
         axes.fill_between(tau, low, high, color=color, alpha=0.2, linewidth=0)
-        axes.plot(tau, middle, label=f"noise of the model ({model_name(axis)})", **RIVAL)
+        axes.plot(tau, middle, label=f"noise of the model ({axis.result.made_of})", **RIVAL)
     of = scales(axis.unit)
-    _line(axes, tau, a.N.value, -0.5, 1.0, f"N = {(a.N.value or 0) * of.N.factor:.3g} {of.N.unit}", WHITE)
-    _line(axes, tau, a.K.value, 0.5, 3.0, f"K = {(a.K.value or 0) * of.K.factor:.3g} {of.K.unit}", FRACTIONAL)
+    for c, scale, slope, at_s, name, style in (
+        (a.N, of.N, -0.5, 1.0, "N", WHITE),
+        (a.K, of.K, 0.5, 3.0, "K", FRACTIONAL),
+    ):
+        if c.value is not None:
+            label = f"{name} = {c.value * scale.factor:.3g} {scale.unit}"
+            axes.plot(tau, c.value * (tau / at_s) ** slope, label=label, **style)
     if a.B.value is not None:
         label = f"B = {a.B.value * of.B.factor:.3g} {of.B.unit}"
         axes.axhline(a.B.value * FLICKER, color="#7b3294", linewidth=1.2, linestyle="-.", label=label)
@@ -159,19 +167,6 @@ def _allan(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     bottom, top = min(a.low), max(a.high)
     axes.set_ylim(bottom / 1.6, top * 1.6)
     axes.legend(fontsize=8, loc="best")
-
-
-def _line(
-    axes: "Axes",
-    tau: Array,
-    value: float | None,
-    slope: float,
-    at_s: float,
-    label: str,
-    style: dict[str, Any],
-) -> None:
-    if value is not None:
-        axes.plot(tau, value * (tau / at_s) ** slope, label=label, **style)
 
 
 def _innovations(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
@@ -197,14 +192,14 @@ _PAINTERS = {
 TITLES = {
     "spectrum": (
         "Spectrum",
-        "Flat: white noise. A model is worth its additional parameters if its BIC is below 0, that of white "
-        "noise; of two, the lower one is better. Grey: lines, resonances and drift, which were left out.",
+        "Flat: white noise. Of two sentences the one with the lower BIC is better; that of white noise is 0. "
+        "Blue: the best without an order, orange: with one. Grey: lines, resonances and drift, which were "
+        "left out.",
     ),
     "profile": (
         "Which orders the data allow",
-        "What lies below the dotted line fits the data as well as the best does. Where that is nearly "
-        "everything, the order is undefined, whatever an estimator prints; so it is "
-        "where the null test does not reject white noise, whatever the curve.",
+        "What lies below the dotted line fits the data as well as the best with an order does. That says "
+        "something only where the verdict has an order; elsewhere it is undefined, whatever the curve.",
     ),
     "trajectory": (
         "FLTEA over time",
@@ -213,7 +208,7 @@ TITLES = {
     ),
     "allan": (
         "Allan deviation",
-        "Dashed, with the 5 to 95 % of its simulations: noise drawn from the model of the verdict and the "
+        "Dashed, with the 5 to 95 % of its simulations: noise drawn from the sentence of the verdict and the "
         "peaks beside it. Where it leaves the data, the model does not reproduce the sensor.",
     ),
     "innovations": (

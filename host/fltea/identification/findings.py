@@ -1,24 +1,33 @@
 """What was found out, as rows for people (terminal and page) and as one JSON object for programs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
 
-from fltea.identification.allan import SQRT_HOUR, scales
+from fltea.identification.allan import scales
 from fltea.identification.axis import AxisResult
 from fltea.identification.fltea_fit import FlteaFit
 from fltea.identification.load import GYRO_UNIT
 from fltea.identification.run import AxisReport, Failure, FileReport
+from fltea.identification.shuffled import ShuffledBand
 from fltea.identification.traps import Trap
-from fltea.spectrum.allan_coefficients import HOUR, Coefficient
-from fltea.spectrum.composite_intervals import Estimate
-from fltea.spectrum.profile import Parameter
-from fltea.spectrum.wording import MODELS
+from fltea.records.fit import Interval
+from fltea.spectrum.allan_coefficients import HOUR
 
 UNDEFINED = "undefined"
 NONE = "–"
 SEVERITIES = ("bad", "warning", "note")
+SYMBOLS = {
+    "sigma": ("σ", "{unit}"),
+    "tau_s": ("τ", "s"),
+    "Q": ("Q", "{unit}·s"),
+    "R": ("R", "({unit})²"),
+    "s2": ("s2", "({unit})²"),
+    "height": ("height", "({unit})²"),
+    "power": ("power", "({unit})²"),
+}
+"""How parameters of parts are called, and their units."""
 
 Row = tuple[str, str]
 """A label and a value."""
@@ -105,82 +114,91 @@ def traps(report: FileReport) -> list[tuple[str, Trap]]:
 def rows(axis: AxisReport) -> list[Row]:
     """Return the rows of one axis for the report."""
     r = axis.result
+    unit = axis.unit
     found = [
-        (f"mean [{axis.unit}]", f"{r.mean:.4g}"),
-        (f"σ [{axis.unit}]", f"{r.std:.4g}"),
-        ("σ [LSB]", _lsb(axis)),
+        (f"mean [{unit}]", f"{r.mean:.4g}"),
+        (f"σ [{unit}]", f"{r.std:.4g}"),
+        ("σ [LSB]", f"{r.std / axis.lsb:.1f}" if axis.lsb else "not known"),
     ]
     for fit in (r.fltea, r.fltea_other):
-        found.append((f"FLTEA {fit.variant} α", _pm(fit.alpha, fit.alpha_std)))
-        found.append(("  describes the noise", _yes_no(fit.describes_noise)))
-        if fit is r.fltea and r.null.shuffled:
-            found.append(("  shuffled gives", _span(r.null.shuffled.alpha)))
-        found.append(("  over last third", _moved(fit)))
-        found.append((f"{fit.variant} f [s^-α]", _pm(fit.f, fit.f_std)))
-        if fit is r.fltea and r.null.shuffled:
-            found.append(("  shuffled gives", _span(r.null.shuffled.f)))
+        if fit is not None:
+            found += _fltea_rows(fit, r.null.shuffled if fit is r.fltea else None, unit)
     found += [
-        (f"R [({axis.unit})²]", f"{r.fltea.R:.4g}"),
-        ("guard stepped in", _guard(r.fltea)),
         ("null test p", f"{r.null.p_value:.2g}"),
         ("  as fitted", f"{r.null.p_clean:.2g}"),
-        ("Whittle F = g + α", _parameter(r.whittle.F)),
-        ("Whittle α", _parameter(r.whittle.alpha)),
-        ("Whittle f [s^-α]", _parameter(r.whittle.f)),
-        (f"Whittle √R [{axis.unit}]", _root(r.whittle.R)),
-        ("best by BIC", best(r)),
-        ("best rival", _rival(r)),
-        ("fractional", f"BIC {r.rivals.models['fractional'].bic:+.1f}"),
+        ("order α", _interval(r.order.alpha)),
+        ("  f [s^-α]", _interval(r.order.f)),
+        ("  F = g + α", _interval(r.order.F)),
     ]
-    found += composite_rows(axis)
-    if innovations := r.innovations.get(r.fltea.variant):
+    found += part_rows(axis)
+    found += [
+        (f"best {how} an order", f"{one.name}, BIC {one.bic:+.1f}")
+        for how, name in (("without", "plain"), ("with", "order"))
+        if (one := r.sentences.get(name)) is not None
+    ]
+    if r.fltea is not None and (innovations := r.innovations.get(r.fltea.variant)):
         found += [
             ("innovations' NIS", f"{innovations.nis:.3g}"),
             ("  lag-1", f"{innovations.lag1:+.3f}"),
             ("  Ljung–Box p", f"{innovations.ljung_box_p:.2g}"),
         ]
     if axis.allan:
-        a = axis.allan
-        of = scales(axis.unit)
-        found += [
-            (f"Allan {letter} [{scale.unit}]", _coefficient(c, scale.factor))
-            for letter, c, scale in (("N", a.N, of.N), ("B", a.B, of.B), ("K", a.K, of.K))
-        ]
+        B, scale = axis.allan.B, scales(unit).B
+        shown = "not seen" if B.value is None else _estimate(Interval(B.value, B.low, B.high), scale.factor)
+        found.append((f"Allan B [{scale.unit}]", shown))
     return found
 
 
-def composite_rows(axis: AxisReport) -> list[Row]:
-    """Return what a navigation filter needs.
+def _fltea_rows(fit: FlteaFit, shuffled: ShuffledBand | None, unit: str) -> Iterator[Row]:
+    yield f"FLTEA {fit.variant} α", _pm(fit.alpha, fit.alpha_std)
+    yield (
+        "  describes the noise",
+        NONE if fit.describes_noise is None else "yes" if fit.describes_noise else "no",
+    )
+    if shuffled:
+        yield "  shuffled gives", _span(shuffled.alpha)
+    moved = NONE if fit.alpha_drift is None else f"{fit.alpha_drift:+.3f}"
+    yield (
+        "  over last third",
+        moved if fit.converged or fit.alpha_drift is None else f"{moved}, not converged",
+    )
+    yield f"{fit.variant} f [s^-α]", _pm(fit.f, fit.f_std)
+    if shuffled:
+        yield "  shuffled gives", _span(shuffled.f)
+    yield f"{fit.variant} R [({unit})²]", f"{fit.R:.4g}"
+    times = sum(fit.interventions.values())
+    yield "  guard stepped in", f"{times:,} times" if times else "never"
 
-    Of a gyroscope in the units of data sheets, with the 95 % interval.
-    """
-    c, unit = axis.result.composite, axis.unit
-    degrees = unit == GYRO_UNIT
+
+def part_rows(axis: AxisReport) -> list[Row]:
+    """Return what the noise is made of, with 95 % intervals; of a gyroscope in the units of data sheets."""
+    r, unit = axis.result, axis.unit
+    of = scales(unit)
     found = [
-        ("composite model", c.name),
-        (
-            f"  N [{'deg/√h' if degrees else f'{unit}/√Hz'}]",
-            _estimate(c.N, SQRT_HOUR if degrees else 1.0),
-        ),
+        ("made of", r.made_of),
+        (f"  N [{of.N.unit}]", _estimate(r.level.N, of.N.factor)),
+        (f"  K [{of.K.unit}]", _estimate(r.level.K, of.K.factor) if r.level.K.value is not None else NONE),
     ]
-    for i, part in enumerate(c.gauss_markov, start=1):
-        found += [
-            (f"  Gauss–Markov {i} σ [{unit}]", _estimate(part.sigma)),
-            (f"  Gauss–Markov {i} τ [s]", _estimate(part.tau_s)),
-        ]
-    if c.K:
-        walk_unit = "deg/h/√h" if degrees else f"{unit}/√s"
-        found.append((f"  K [{walk_unit}]", _estimate(c.K, HOUR * SQRT_HOUR if degrees else 1.0)))
-    if c.Q:
-        found.append((f"  Q [{'deg' if degrees else f'{unit}·s'}]", _estimate(c.Q)))
-    if c.drift_rate:
-        rate_unit = "deg/h/h" if degrees else f"{unit}/s"
-        found.append((f"  drift rate [{rate_unit}]", _estimate(c.drift_rate, HOUR**2 if degrees else 1.0)))
-    return found
+    counted: dict[str, int] = {}
+    for part in r.parts:
+        counted[part.part] = number = counted.get(part.part, 0) + 1
+        if part.part in ("white", "walk"):  # N and K
+            continue
+        for name, value in part.values.items():
+            if part.part == "order" and name in ("alpha", "f"):  # in rows of their own
+                continue
+            symbol, its = SYMBOLS.get(name, (name.removesuffix("_hz"), "Hz" if name.endswith("_hz") else ""))
+            its = its.format(unit=unit)
+            found.append((f"  {part.part} {number} {symbol}{its and f' [{its}]'}", _estimate(value)))
+    degrees = unit == GYRO_UNIT
+    drift = _estimate(r.drift_rate, HOUR**2 if degrees else 1.0)
+    return [*found, (f"  drift rate [{'deg/h/h' if degrees else f'{unit}/s'}]", drift)]
 
 
-def _estimate(e: Estimate, factor: float = 1.0) -> str:
+def _estimate(e: Interval, factor: float = 1.0) -> str:
     """Return the value and its interval; … without a number: no such end is known."""
+    if e.value is None:
+        return "not known"
     low, high = ("" if end is None else f"{end * factor:.3g}" for end in (e.low, e.high))
     return f"{e.value * factor:.3g}" + (f" ({low}…{high})" if low or high else ", not known well")
 
@@ -188,6 +206,8 @@ def _estimate(e: Estimate, factor: float = 1.0) -> str:
 def settings(axis: AxisReport) -> str:
     """Return what FLTEA was run with, in a line."""
     f = axis.result.fltea
+    if f is None:
+        return method(axis.result)
     guard = ", ".join(f"{cause} {n:,}" for cause, n in f.interventions.items()) or "never"
     drift = NONE if f.alpha_drift is None else f"{f.alpha_drift:+.3g}"
     moved = f"{drift} over the last third{'' if f.converged else ': not converged'}"
@@ -197,32 +217,34 @@ def settings(axis: AxisReport) -> str:
     )
 
 
-def not_described(axes: Mapping[str, AxisReport]) -> list[str]:
-    """Return a sentence for each variant whose α and f say nothing about some axes."""
+def remarks(axes: Mapping[str, AxisReport]) -> list[str]:
+    """Return sentences on figures that several axes lack, or that say nothing about them."""
     names: dict[str, list[str]] = {}
     for name, axis in axes.items():
         for fit in (axis.result.fltea, axis.result.fltea_other):
-            if fit.describes_noise is False:
-                names.setdefault(fit.variant, []).append(name)
-    return [
-        f"FLTEA {variant} does not describe the noise of {', '.join(those)}: its innovations are not white, "
-        "so its α and f say nothing there, however small their ±."
-        for variant, those in names.items()
-    ]
+            if fit is not None and fit.describes_noise is False:
+                text = (
+                    f"FLTEA {fit.variant} does not describe the noise of {{}}: its innovations are not "
+                    "white, so its α and f say nothing there, however small their ±."
+                )
+                names.setdefault(text, []).append(name)
+        if axis.result.level.reason:
+            names.setdefault(f"{{}}: {axis.result.level.reason}".replace("unit", axis.unit), []).append(name)
+    return [text.format(", ".join(those)) for text, those in names.items()]
 
 
 def method(r: AxisResult) -> str:
     """Return the settings that the axes have in common, and over how many of the samples FLTEA was run."""
     f = r.fltea
+    if f is None:
+        return f"FLTEA was not run: {r.fltea_reason}"
     window = "unlimited" if f.settings.window is None else f"{f.settings.window:,} samples"
+    longest = (
+        f", over the longest part, {f.samples:,} of {r.samples:,} samples" if f.samples < r.samples else ""
+    )
     return (
         f"FLTEA {f.variant}, guard {f.guard}, window {window}, start-up {f.startup_samples:,} samples, "
-        f"R from the {f.R_from}"
-        + (
-            f", over the longest part, {f.samples:,} of {r.samples:,} samples"
-            if f.samples < r.samples
-            else ""
-        )
+        f"R from the {f.R_from}{longest}"
     )
 
 
@@ -232,7 +254,7 @@ def short(axis: AxisReport) -> list[str]:
     band = r.null.shuffled
     return [
         f"{r.duration_s:.0f}",
-        NONE if r.fltea.alpha is None else f"{r.fltea.alpha:.3f}",
+        NONE if r.fltea is None or r.fltea.alpha is None else f"{r.fltea.alpha:.3f}",
         _span(band.alpha) if band else NONE,
         f"{r.null.p_value:.1g}",
         r.verdict.kind,
@@ -240,51 +262,6 @@ def short(axis: AxisReport) -> list[str]:
 
 
 SHORT_HEADINGS = ("s", "α", "shuffled α", "null p", "verdict")
-
-
-def best(r: AxisResult) -> str:
-    """Return the model of lowest BIC, and where its spectrum bends or peaks."""
-    found = r.rivals.models[r.rivals.best].parameters
-    at = found.get("resonance_hz", found.get("bend_hz", found.get("bend_1_hz")))
-    if at is None:
-        return MODELS[r.rivals.best]
-    # Never a corner that the data do not have.
-    where = f"{at:.2g} Hz"
-    if at < r.band.from_hz:
-        where = f"below {r.band.from_hz:.2g} Hz"
-    elif at > r.band.to_hz:
-        where = f"above {r.band.to_hz:.2g} Hz"
-    return f"{MODELS[r.rivals.best]}, {where}"
-
-
-def model_name(axis: AxisReport) -> str:
-    """Return which of the models is exported, and compared with the sensor."""
-    tag = str(axis.model.noise.__struct_config__.tag)
-    return MODELS.get(tag, tag)
-
-
-def _rival(r: AxisResult) -> str:
-    name = r.rivals.best_rival
-    return f"{MODELS[name]}, BIC {r.rivals.models[name].bic:+.1f}"
-
-
-def _lsb(axis: AxisReport) -> str:
-    return f"{axis.result.std / axis.lsb:.1f}" if axis.lsb else "not known"
-
-
-def _moved(f: FlteaFit) -> str:
-    if f.alpha_drift is None:
-        return NONE
-    return f"{f.alpha_drift:+.3f}" + ("" if f.converged else ", not converged")
-
-
-def _yes_no(flag: bool | None) -> str:
-    return NONE if flag is None else "yes" if flag else "no"
-
-
-def _guard(f: FlteaFit) -> str:
-    times = sum(f.interventions.values())
-    return f"{times:,} times" if times else "never"
 
 
 def _pm(value: float | None, std: float | None) -> str:
@@ -297,25 +274,15 @@ def _span(band: tuple[float, float, float] | None) -> str:
     return NONE if band is None else f"{band[0]:.3f} … {band[2]:.3f}".replace("-0.000", "0.000")
 
 
-def _parameter(p: Parameter) -> str:
-    if p.low is None or p.high is None:
+def _interval(one: Interval) -> str:
+    if one.value is None or one.low is None or one.high is None:
         return UNDEFINED
-    return f"{_number(p.value)} ({_number(p.low)}…{_number(p.high)})"
+    return f"{_number(one.value)} ({_number(one.low)}…{_number(one.high)})"
 
 
 def _number(value: float) -> str:
     """Return a number with two or three significant digits; less than a thousandth is 0."""
     return "0" if abs(value) < 5e-4 else f"{value:.2f}" if abs(value) < 10 else f"{value:.3g}"
-
-
-def _root(p: Parameter) -> str:
-    return UNDEFINED if p.low is None else f"{p.value**0.5:.4g}"
-
-
-def _coefficient(c: Coefficient, scale: float) -> str:
-    if c.value is None or c.low is None or c.high is None:
-        return "not seen"
-    return f"{c.value * scale:.3g} ({c.low * scale:.3g}…{c.high * scale:.3g})"
 
 
 def by_sensor(axes: Mapping[str, AxisReport]) -> list[dict[str, AxisReport]]:

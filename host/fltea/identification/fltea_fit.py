@@ -23,6 +23,10 @@ LEAST = 100
 """Samples after the start-up window."""
 
 
+class ConstantStartup(ValueError):
+    """The axis does not change in the start-up window, so that FLTEA has no R."""
+
+
 class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The last estimates of one axis; those that are not finite, or not valid, are None."""
 
@@ -73,8 +77,9 @@ def fltea_fit(
     lsb: one count in the unit of y, if known; the variance of rounding is the least R.
 
     Raises:
+        ConstantStartup: the axis is constant in the start-up window.
         ValueError: settings that no filter can work with, fewer samples than the start-up window has
-            and a hundred more, or an axis that is constant in it.
+            and a hundred more.
     """
     gaps = gaps or no_gaps()
     begin, end = longest_epoch(len(y), gaps)
@@ -86,7 +91,9 @@ def fltea_fit(
         )
     base = baseline_of(y, "axis", config, lsb)
     if base.constant_axes:
-        raise ValueError("the axis is constant in the start-up window: there is no noise to identify")
+        raise ConstantStartup(
+            f"the axis is constant in the start-up window, its first {config.startup_needed} samples"
+        )
     bias, R = base.bias_dps[0], base.R[0]
     used, (rest, missing) = len(y), after_startup(y, gaps, config)
     run = _Run(rest, missing, bias, h, config, R)

@@ -208,7 +208,7 @@ def _traps(
         clock_ppm=clock_ppm,
     )
     # One axis at a time in memory.
-    return of_time + sensor_traps(map(used.axis, gyro), [axes[name].lsb for name in gyro])
+    return *of_time, *sensor_traps(map(used.axis, gyro), [axes[name].lsb for name in gyro])
 
 
 def _chosen(axes: dict[str, Series], request: Request) -> dict[str, Series]:

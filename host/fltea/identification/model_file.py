@@ -1,26 +1,22 @@
-"""Identified models as files: JSON that `fltea simulate --model` reads, and imu.yaml as Kalibr reads it."""
+"""Identified models as files: JSON that `fltea simulate --model` reads."""
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
-from fltea.documents.imu_yaml import AS_MEASURED, AxisNoise, Inflation, Shown, imu_yaml
-from fltea.identification.allan import Allan
-from fltea.identification.noise_model import AxisModel, check_stationary
+from fltea.identification.noise_model import AxisModel, Lorentzian, check_possible
+from fltea.noise.parts import Alternating, AnyPart, Order, Quantisation, Relaxation, Walk, White
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.records.version import __version__
 from fltea.records.whole_file import whole_file
-from fltea.spectrum.allan_coefficients import Coefficient
-from fltea.spectrum.composite import Composite
-from fltea.spectrum.composite_intervals import Estimate
 
 FORMAT = "fltea-noise-model"
-VERSION = 3
-READABLE = (1, 2, 3)
-"""Version 1 has no composite noise, and 1 and 2 have no accelerometer; all else is the same."""
+VERSION = 4
+FIRST_OF_PARTS = 4
+"""Versions before have one of six kinds of noise in place of parts (`_upgraded`)."""
 
 
 class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -31,9 +27,9 @@ class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     source: str
     """File or session that was identified."""
     axes: dict[str, AxisModel]
-    """The axes of the gyroscope."""
+    """The axes of the gyroscope, in deg/s."""
     accel_axes: dict[str, AxisModel] = {}
-    """The axes of the accelerometer, in m/s² wherever a name says dps."""
+    """The axes of the accelerometer, in m/s²."""
     fltea: str = __version__
     format: str = FORMAT
     version: int = VERSION
@@ -49,7 +45,7 @@ class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"accel_axes are {', '.join(ACCEL_AXES)}, got {', '.join(self.accel_axes)}")
         for axis, model in (self.axes | self.accel_axes).items():
             try:
-                check_stationary(model, self.h_s)
+                check_possible(model, self.h_s)
             except ValueError as error:
                 raise ValueError(f"{axis}: {error}") from error
 
@@ -61,17 +57,27 @@ class _Head(msgspec.Struct):
     version: int = 0
 
 
-def write_models(path: Path, models: NoiseModels) -> None:
-    """Write the models as JSON; the file appears whole or not at all.
+def write_json(path: Path, found: msgspec.Struct) -> None:
+    """Write a file as JSON; it appears whole or not at all.
 
     Raises:
         FlteaError: it cannot be written.
     """
-    write_text(path, msgspec.json.format(msgspec.json.encode(models), indent=2).decode() + "\n")
+    write_text(path, msgspec.json.format(msgspec.json.encode(found), indent=2).decode() + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole, or not at all.
+
+    Raises:
+        FlteaError: it cannot be written.
+    """
+    with whole_file(path) as file:
+        file.write(text.encode())
 
 
 def read_models(path: Path) -> NoiseModels:
-    """Read what `write_models` wrote.
+    """Read what `write_json` wrote of `NoiseModels`, or an earlier fltea.
 
     Raises:
         UsageError: no such file, another kind or version, or models that cannot be.
@@ -89,54 +95,71 @@ def read_models(path: Path) -> NoiseModels:
             f'{path}: is no noise model (it lacks "format": "{FORMAT}"); `fltea identify --export-model` '
             "writes one."
         )
-    if head.version not in READABLE:
+    if not 1 <= head.version <= VERSION:
         raise UsageError(
             f"{path}: is of version {head.version}; this fltea reads versions 1 to {VERSION}. "
             "Identify again, or use the fltea that wrote it."
         )
     try:
-        return msgspec.structs.replace(msgspec.json.decode(data, type=NoiseModels), version=VERSION)
-    except msgspec.ValidationError as error:
+        if head.version >= FIRST_OF_PARTS:
+            return msgspec.json.decode(data, type=NoiseModels)
+        return _upgraded(msgspec.json.decode(data))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise UsageError(f"{path}: is no noise model of version {head.version}: {error!r}.") from error
+    except ValueError as error:
         raise UsageError(f"{path}: {error}.") from error
 
 
-def imu_yaml_of(
-    curves: Mapping[str, Allan],
-    rate_hz: float,
-    source: str,
-    *,
-    composites: Mapping[str, Composite] | None = None,
-    rostopic: str = "/imu0",
-    inflation: Inflation = AS_MEASURED,
-) -> str:
-    """Return Kalibr's imu.yaml from the Allan deviations of axes of both sensors, by name.
-
-    composites: what is asked for N and K where the curve does not have their slope. A Gauss–Markov part is
-    given for neither: it is no random walk, and Kalibr has no entry for it.
-    """
-    gyro: dict[str, AxisNoise] = {}
-    accel: dict[str, AxisNoise] = {}
-    for axis, curve in curves.items():
-        model = (composites or {}).get(axis)
-        (accel if axis in ACCEL_AXES else gyro)[axis] = AxisNoise(
-            _shown(curve.N, model.N if model else None),
-            _shown(curve.K, model.K if model else None),
-        )
-    return imu_yaml(gyro, rate_hz, source, accel=accel, rostopic=rostopic, inflation=inflation)
+def _upgraded(old: dict[str, Any]) -> NoiseModels:
+    """Return a file of version 1, 2 or 3 in parts."""
+    h = float(old["h_s"])
+    new = dict(old) | {"version": VERSION}
+    for key in ("axes", "accel_axes"):
+        new[key] = {
+            axis: AxisModel(
+                _parts_of(model["noise"], h),
+                tuple(
+                    Lorentzian(one["frequency_hz"], one["width_hz"], one["variance_dps2"])
+                    for one in model.get("resonances", ())
+                ),
+            )
+            for axis, model in old.get(key, {}).items()
+        }
+    return msgspec.convert(msgspec.to_builtins(new), NoiseModels)
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole, or not at all.
+def _parts_of(noise: dict[str, Any], h: float) -> tuple[AnyPart, ...]:
+    """Return the parts of one of the kinds of noise of versions 1 to 3."""
+    white = White(noise["R_dps2"])
+    match noise["kind"]:
+        case "white":
+            return (white,)
+        case "ar1":
+            return white, _relaxation(noise["phi"], noise["s2_dps2"], h)
+        case "two_ar1":
+            slow = _relaxation(noise["phi_slow"], noise["s2_slow_dps2"], h)
+            return white, slow, _relaxation(noise["phi_fast"], noise["s2_fast_dps2"], h)
+        case "fractional":
+            return white, Order(noise["alpha"], noise["f"], noise["Q"])
+        case "composite":
+            parts: list[AnyPart] = [
+                white,
+                *(Relaxation(one["sigma_dps"], one["tau_s"]) for one in noise.get("gauss_markov", ())),
+            ]
+            if K := noise.get("K_dps_per_sqrt_s"):
+                parts.append(Walk(K))
+            if Q := noise.get("Q_deg"):
+                parts.append(Quantisation(Q))
+            return tuple(parts)
+        case kind:
+            raise ValueError(f"noise of the kind {kind!r} cannot be read any more: identify again")
 
-    Raises:
-        FlteaError: it cannot be written.
-    """
-    with whole_file(path) as file:
-        file.write(text.encode())
 
-
-def _shown(c: Coefficient, modelled: Estimate | None) -> Shown:
-    """Return the curve's figure, else the model's if that is bounded on both sides."""
-    if c.value is None and modelled is not None and modelled.low is not None and modelled.high is not None:
-        return Shown(modelled.value, origin="from the composite model; the Allan deviation does not show it")
-    return Shown(c.value, c.reason)
+def _relaxation(phi: float, s2: float, h: float) -> AnyPart:
+    """Return AR(1) of this coefficient and variance of its steps."""
+    if not abs(phi) < 1:
+        raise ValueError(f"phi must be between -1 and 1, got {phi}")
+    if phi == 0:
+        return White(s2)
+    kind = Relaxation if phi > 0 else Alternating
+    return kind(math.sqrt(s2 / (1 - phi * phi)), -h / math.log(abs(phi)))

@@ -1,70 +1,62 @@
-"""Composite models as a navigation filter is set up with: continuous, and discrete at the sample rate."""
+"""What a navigation filter is set up with: continuous, and discrete at the sample rate."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
 
-from fltea.identification.allan import SQRT_HOUR
-from fltea.identification.model_file import write_text
+from fltea.identification.axis import AxisResult
+from fltea.identification.model_file import write_json
+from fltea.identification.run import AxisReport
+from fltea.records.fit import Interval
 from fltea.records.records import ACCEL_AXES
 from fltea.records.version import __version__
-from fltea.spectrum.composite import Composite
-from fltea.spectrum.composite_intervals import Estimate
+from fltea.spectrum.intervals import Estimated
+from fltea.spectrum.noise_figures import SentenceSummary
 
 FORMAT = "fltea-navigation-model"
-VERSION = 2
-"""Version 1 has no accel_axes; all else is the same."""
+VERSION = 3
+"""Versions 1 and 2 had units in their names, and figures of a model apart from the verdict's."""
+STATES = ("white", "relaxation", "walk", "quantisation")
+"""Parts that have a place of their own in an entry."""
 
 
 class GaussMarkovState(msgspec.Struct, frozen=True):
     """A state of the filter: dx/dt = -x / τ + w with w of density q; x_k = phi x_{k-1} + noise of s2."""
 
-    sigma_dps: Estimate
-    tau_s: Estimate
-    q_dps2_per_s: float
+    sigma: Interval
+    tau_s: Interval
+    q: float
     """2 σ² / τ."""
     phi: float
-    s2_dps2: float
+    s2: float
 
 
 class NavigationAxis(msgspec.Struct, frozen=True):
-    """One axis. A part that is None was not found; an end of an interval that is None is not known."""
+    """One axis, in `unit`. What is null was not found; an end of an interval that is null is not known."""
 
+    unit: str
     model: str
-    N_dps_per_sqrt_hz: Estimate
-    N_deg_per_sqrt_h: float
-    K_dps_per_sqrt_s: Estimate | None
-    Q_deg: Estimate | None
+    N: Interval
+    """Per √Hz."""
+    K: Interval
+    """Per √s."""
+    Q: Interval
+    """Times s."""
     gauss_markov: tuple[GaussMarkovState, ...]
-    drift_dps_per_s: Estimate | None
+    others: tuple[Estimated, ...]
+    """Parts and filters that are no state of such a filter."""
+    drift_rate: Interval
+    """Per s."""
     from_hz: float
     """Nothing is known of what is slower."""
-    low_pass_hz: float | None
-    """The parts are those before this filter."""
-
-
-class AccelGaussMarkovState(msgspec.Struct, frozen=True):
-    """The same as `GaussMarkovState`, for an accelerometer."""
-
-    sigma_ms2: Estimate
-    tau_s: Estimate
-    q_ms2_2_per_s: float
-    phi: float
-    s2_ms2_2: float
-
-
-class NavigationAccelAxis(msgspec.Struct, frozen=True):
-    """The same as `NavigationAxis`, for an accelerometer, in m/s²."""
-
-    model: str
-    N_ms2_per_sqrt_hz: Estimate
-    K_ms2_per_sqrt_s: Estimate | None
-    Q_ms: Estimate | None
-    gauss_markov: tuple[AccelGaussMarkovState, ...]
-    drift_ms2_per_s: Estimate | None
-    from_hz: float
-    low_pass_hz: float | None
+    knee_hz: float | None
+    """Where N is null, since white noise cannot be told from the fastest part: the corner of that."""
+    knee_density: float | None
+    """The density there, as N."""
+    without_order: SentenceSummary | None
+    """Where the noise has an order, which is no state: the best sentence without one, for a filter."""
 
 
 class NavigationModels(msgspec.Struct, frozen=True):
@@ -74,57 +66,48 @@ class NavigationModels(msgspec.Struct, frozen=True):
     h_s: float
     source: str
     axes: dict[str, NavigationAxis]
-    accel_axes: dict[str, NavigationAccelAxis]
+    accel_axes: dict[str, NavigationAxis]
     fltea: str = __version__
     format: str = FORMAT
     version: int = VERSION
 
 
-def navigation_axis(found: Composite) -> NavigationAxis:
-    """Return the entry of an axis whose samples y are in deg/s."""
+def navigation_axis(found: AxisResult, unit: str) -> NavigationAxis:
+    """Return the entry of an axis whose samples are in `unit`."""
+    quantisation = [part.values["Q"] for part in found.parts if part.part == "quantisation"]
     return NavigationAxis(
-        model=found.name,
-        N_dps_per_sqrt_hz=found.N,
-        N_deg_per_sqrt_h=found.N.value * SQRT_HOUR,
-        K_dps_per_sqrt_s=found.K,
-        Q_deg=found.Q,
+        unit=unit,
+        model=found.made_of,
+        N=found.level.N,
+        K=found.level.K,
+        Q=quantisation[0] if quantisation else Interval(),
         gauss_markov=tuple(
-            GaussMarkovState(part.sigma, part.tau_s, part.q, part.phi, part.s2) for part in found.gauss_markov
+            _state(part, 1 / found.rate_hz) for part in found.parts if part.part == "relaxation"
         ),
-        drift_dps_per_s=found.drift_rate,
-        from_hz=found.from_hz,
-        low_pass_hz=found.low_pass_hz,
+        others=tuple(part for part in found.parts if part.part not in STATES),
+        drift_rate=found.drift_rate,
+        from_hz=found.band.from_hz,
+        knee_hz=found.level.knee_hz,
+        knee_density=found.level.knee_density,
+        without_order=found.sentences["plain"] if found.stands == "order" else None,
     )
 
 
-def navigation_accel_axis(found: Composite) -> NavigationAccelAxis:
-    """Return the entry of an axis whose samples y are in m/s²."""
-    return NavigationAccelAxis(
-        model=found.name,
-        N_ms2_per_sqrt_hz=found.N,
-        K_ms2_per_sqrt_s=found.K,
-        Q_ms=found.Q,
-        gauss_markov=tuple(
-            AccelGaussMarkovState(part.sigma, part.tau_s, part.q, part.phi, part.s2)
-            for part in found.gauss_markov
-        ),
-        drift_ms2_per_s=found.drift_rate,
-        from_hz=found.from_hz,
-        low_pass_hz=found.low_pass_hz,
-    )
-
-
-def write_navigation(path: Path, axes: Mapping[str, Composite], rate_hz: float, source: str) -> None:
+def write_navigation(path: Path, axes: Mapping[str, AxisReport], rate_hz: float, source: str) -> None:
     """Write the file; it appears whole or not at all.
 
     Raises:
         FlteaError: it cannot be written.
     """
-    models = NavigationModels(
-        rate_hz,
-        1 / rate_hz,
-        source,
-        {name: navigation_axis(found) for name, found in axes.items() if name not in ACCEL_AXES},
-        {name: navigation_accel_axis(found) for name, found in axes.items() if name in ACCEL_AXES},
+    entries = {name: navigation_axis(axis.result, axis.unit) for name, axis in axes.items()}
+    accel = {name: entry for name, entry in entries.items() if name in ACCEL_AXES}
+    gyro = {name: entry for name, entry in entries.items() if name not in accel}
+    write_json(path, NavigationModels(rate_hz, 1 / rate_hz, source, gyro, accel))
+
+
+def _state(part: Estimated, h: float) -> GaussMarkovState:
+    sigma, tau = part.value("sigma"), part.value("tau_s")
+    s2 = -(sigma**2) * math.expm1(-2 * h / tau)
+    return GaussMarkovState(
+        part.values["sigma"], part.values["tau_s"], 2 * sigma**2 / tau, math.exp(-h / tau), s2
     )
-    write_text(path, msgspec.json.format(msgspec.json.encode(models), indent=2).decode() + "\n")

@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fltea.identification.allan import averaging_factors, overlapping, overlapping_stretches
-from fltea.identification.noise_model import AxisModel, check_stationary, draws
+from fltea.identification.allan import averaging_factors, overlapping
+from fltea.identification.noise_model import AxisModel, check_possible, draws
 
 Array = NDArray[np.float64]
 
@@ -67,14 +67,14 @@ def reproduction(
         ValueError: the model has no finite variance, or the axis is constant.
     """
     y = np.ascontiguousarray(y_dps, dtype=np.float64)
-    check_stationary(model, h)
+    check_possible(model, h)
     stretches = stretches or [y]
     factors = averaging_factors(max(map(len, stretches)))
     mean_of = -(-len(y) // LONGEST)
     if mean_of > 1:
         whole = mean_of * np.rint(factors / mean_of).astype(np.int64)
         factors = np.unique(np.where(factors < FEWEST_MEANS * mean_of, factors, whole))
-    data = overlapping_stretches(stretches, factors)
+    data = overlapping(stretches, factors)
     if not data.all():
         raise ValueError("the axis is constant: there is nothing to compare with")
     rng = np.random.default_rng(seed)
@@ -118,7 +118,7 @@ def _logs(
 ) -> Array:
     """Return log(simulated / measured Allan deviation), (simulations, factors), of n means each."""
     noises = itertools.islice(draws(model, h, n, rng, mean_of), simulations)
-    drawn = np.array([overlapping(noise, factors // mean_of) for noise, _ in noises])
+    drawn = np.array([overlapping([noise], factors // mean_of) for noise, _ in noises])
     return np.asarray(np.log(np.maximum(drawn, np.finfo(np.float64).tiny) / data))
 
 

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from fltea.identification.allan import Allan, allan_of_stretches, with_white_noise
-from fltea.identification.axis import AxisResult, IdentifyOptions, identify_axis, with_copies
+from fltea.identification.allan import Allan, allan, with_level
+from fltea.identification.axis import AxisResult, IdentifyOptions, identified, look, with_copies
 from fltea.identification.curves import Curves, curves
-from fltea.identification.gaps import bridged, longest_epoch
+from fltea.identification.gaps import longest_epoch
 from fltea.identification.load import Loaded, Request, Series, Unreadable, load
-from fltea.identification.noise_model import AxisModel, identified
+from fltea.identification.noise_model import AxisModel, modelled
 from fltea.identification.reproduction import Reproduction, reproduction
 from fltea.identification.shuffled import Copies, estimate, groups
 from fltea.identification.traps import Trap, axis_traps
@@ -27,6 +27,7 @@ from fltea.identification.workers import Workers
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
+from fltea.spectrum.wording import duration
 
 CHECK_S = 5.0
 """Seconds between two looks at whether the workers are still there."""
@@ -295,20 +296,35 @@ def identify_series(series: Series, h: float, options: IdentifyOptions, figures:
     Raises:
         ValueError: it is too short or constant.
     """
-    result = identify_axis(series.y, h, series.lsb, options, series.gaps)
-    model = identified(
-        result.rivals, result.verdict.kind, result.peaks, result.std, h, composite=result.composite
-    )
+    looked = look(series.y, h, options, series.gaps)
+    result = identified(looked, series.lsb, options)
+    model = modelled(looked.figures.sentence, result.peaks, result.std, h)
     found, drawn, reason = None, None, ""
     try:
-        stretches = [np.asarray(one.y, dtype=np.float64) for one in bridged(series.y, series.gaps)]
-        found = with_white_noise(allan_of_stretches(stretches, h, series.unit), result.composite.N)
+        stretches = [np.asarray(one.y, dtype=np.float64) for one in looked.stretches]
+        found = with_level(allan(stretches, h, series.unit), result.level)
         drawn = reproduction(series.y, h, model, seed=options.seed, stretches=stretches)
     except ValueError as error:
         reason = str(error)
-    traps = axis_traps(series.y, h, series.lsb, result.peaks, series.unit, series.gaps)
-    shown = curves(series.y, h, series.lsb, options, result, series.gaps) if figures else None
+    traps = axis_traps(
+        looked.y,
+        h,
+        series.lsb,
+        result.peaks,
+        series.unit,
+        series.gaps,
+        moved=looked.motion,
+        longer=_longer(result),
+    )
+    shown = curves(looked, series.lsb, options, result) if figures else None
     return AxisReport(series.unit, series.lsb, result, model, found, drawn, reason, traps, shown)
+
+
+def _longer(result: AxisResult) -> str:
+    """Return how long a record should be, as the verdict has it."""
+    if not result.verdict.has_order:
+        return "ten minutes or more"
+    return "as long as can be" if result.decides_s is None else f"some {duration(result.decides_s)}"
 
 
 def _text(error: Any) -> str:

@@ -1,9 +1,11 @@
 """Writes simulated noise and its true state to a file that `replay:` reads."""
 
+import contextlib
 import csv
 import math
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +14,16 @@ from fltea.noise.simulation import FractionalNoise, quantise
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import AXES
 from fltea.records.whole_file import text_of, whole_file
+
+Array = NDArray[np.float64]
+
+
+class AsSensor(NamedTuple):
+    """What a sensor adds to its noise: an offset and, if it counts, counts within its range."""
+
+    lsb_per_dps: float | None
+    range_dps: float
+    offset_dps: float
 
 
 def write_simulation(
@@ -39,25 +51,24 @@ def write_simulation(
         UsageError: impossible parameters, or an ending that is neither .csv nor .npz.
         FlteaError: the file cannot be written, or the noise grew beyond all bounds.
     """
-    _check_name(out)
-    if n < 1 or not 1 <= axes <= len(AXES) or rate_hz <= 0:
-        raise UsageError("simulate needs --samples ≥ 1, --axes 1 to 3 and --rate > 0.")
-    for name, value in (("--alpha", alpha), ("--alpha-end", alpha_end), ("--offset", offset_dps)):
+    sensor = AsSensor(lsb_per_dps, range_dps, offset_dps)
+    _check(out, n, sensor)
+    if not 1 <= axes <= len(AXES) or rate_hz <= 0:
+        raise UsageError("simulate needs --axes 1 to 3 and --rate > 0.")
+    for name, value in (("--alpha", alpha), ("--alpha-end", alpha_end)):
         if not math.isfinite(value):
             raise UsageError(f"simulate: {name} has to be a finite number, not {value}.")
-    try:
+    with _impossible():
         orders = np.linspace(alpha, alpha_end, n)
-        y, x = np.empty((n, axes)), np.empty((n, axes))
-        for i in range(axes):
-            rng = np.random.default_rng((seed, i))
-            noise = FractionalNoise(orders, f, Q, R, 1.0 / rate_hz, window, rng)
-            y[:, i], x[:, i] = noise.samples(n)
+
+    def draw(axis: int) -> tuple[Array, Array]:
+        rng = np.random.default_rng((seed, axis))
+        y, x = FractionalNoise(orders, f, Q, R, 1.0 / rate_hz, window, rng).samples(n)
         if not np.isfinite(y).all():
             raise FlteaError(f"α = {alpha:g}, f = {f:g} is not stationary: the noise grew beyond all bounds.")
-        y, counts = _as_sensor(y, offset_dps, lsb_per_dps, range_dps)
-    except (ValueError, MemoryError) as error:
-        raise UsageError(f"simulate: {error}.") from error
-    _write(out, y, x, orders, rate_hz, counts, lsb_per_dps)
+        return y, x
+
+    _simulate(out, draw, axes, orders, rate_hz, sensor)
 
 
 def write_model_simulation(
@@ -81,90 +92,74 @@ def write_model_simulation(
     from fltea.identification.model_file import read_models
     from fltea.identification.noise_model import draw
 
-    _check_name(out)
+    sensor = AsSensor(lsb_per_dps, range_dps, offset_dps)
+    _check(out, n, sensor)
     models = read_models(model)
     if not models.axes:
         raise UsageError(f"{model}: has no axis of a gyroscope, and nothing else is simulated.")
-    if n < 1 or not math.isfinite(offset_dps):
-        raise UsageError("simulate needs --samples ≥ 1 and a finite --offset.")
+
+    def drawn(axis: int) -> tuple[Array, Array]:
+        return draw(models.axes[AXES[axis]], models.h_s, n, np.random.default_rng((seed, axis)))
+
+    _simulate(out, drawn, len(models.axes), None, models.rate_hz, sensor)
+
+
+@contextlib.contextmanager
+def _impossible() -> Iterator[None]:
+    """Tell what cannot be drawn, or takes more memory than there is."""
     try:
-        y, x = np.empty((n, len(models.axes))), np.empty((n, len(models.axes)))
-        for i, axis in enumerate(AXES[: len(models.axes)]):
-            rng = np.random.default_rng((seed, i))
-            y[:, i], x[:, i] = draw(models.axes[axis], models.h_s, n, rng)
-        y, counts = _as_sensor(y, offset_dps, lsb_per_dps, range_dps)
+        yield
     except (ValueError, MemoryError) as error:
         raise UsageError(f"simulate: {error}.") from error
-    _write(out, y, x, None, models.rate_hz, counts, lsb_per_dps)
 
 
-def _check_name(out: Path) -> None:
+def _check(out: Path, n: int, sensor: AsSensor) -> None:
     if out.suffix.lower() not in (".csv", ".npz"):
         raise UsageError(f"{out}: give a name that ends in .csv or .npz.")
+    if n < 1:
+        raise UsageError("simulate needs --samples ≥ 1.")
+    if not math.isfinite(sensor.offset_dps):
+        raise UsageError(f"simulate: --offset has to be a finite number, not {sensor.offset_dps}.")
 
 
-def _as_sensor(
-    y: NDArray[np.float64], offset_dps: float, lsb_per_dps: float | None, range_dps: float
-) -> tuple[NDArray[np.float64], NDArray[np.int16] | None]:
-    """Return the samples with their offset in deg/s and, if they are quantised, in counts."""
-    y = y + offset_dps
-    if lsb_per_dps is None:
-        return y, None
-    counts = quantise(y, lsb_per_dps, range_dps)
-    return counts / lsb_per_dps, counts
-
-
-def _write(
+def _simulate(
     out: Path,
-    y: NDArray[np.float64],
-    x: NDArray[np.float64],
-    orders: NDArray[np.float64] | None,
+    draw: Callable[[int], tuple[Array, Array]],
+    axes: int,
+    orders: Array | None,
     rate_hz: float,
-    counts: NDArray[np.int16] | None,
-    lsb_per_dps: float | None,
+    sensor: AsSensor,
 ) -> None:
+    """Draw samples and states of each axis, and write them with the order of each sample, if it is known."""
+    with _impossible():
+        y, x = (np.stack(one, axis=1) for one in zip(*map(draw, range(axes)), strict=True))
+        y, counts = y + sensor.offset_dps, None
+        if sensor.lsb_per_dps is not None:
+            counts = quantise(y, sensor.lsb_per_dps, sensor.range_dps)
+            y = counts / sensor.lsb_per_dps
     with whole_file(out) as file:
         if out.suffix.lower() == ".csv":
             _write_csv(file, y, x, orders, rate_hz)
+            return
+        data: dict[str, ArrayLike] = {"fs_hz": rate_hz, "true_state_dps": x}
+        if orders is not None:
+            data["true_alpha"] = orders
+        if counts is None:
+            data["gyro_dps"] = y
         else:
-            _write_npz(file, y, x, orders, rate_hz, counts, lsb_per_dps)
+            data["gyro_raw"], data["lsb_per_dps"] = counts, float(sensor.lsb_per_dps or 0.0)
+        np.savez_compressed(file, allow_pickle=False, **data)
 
 
-def _write_csv(
-    file: BinaryIO,
-    y: NDArray[np.float64],
-    x: NDArray[np.float64],
-    orders: NDArray[np.float64] | None,
-    rate_hz: float,
-) -> None:
+def _write_csv(file: BinaryIO, y: Array, x: Array, orders: Array | None, rate_hz: float) -> None:
     names = AXES[: y.shape[1]]
     header = ["time_s", *[f"{a}_dps" for a in names], *[f"true_state_{a}_dps" for a in names]]
     columns = [y, x]
     if orders is not None:
         header.append("true_alpha")
         columns.append(orders[:, np.newaxis])
-    table = np.hstack(columns)
     with text_of(file) as text:
         rows = csv.writer(text)
         rows.writerow(header)
-        for k, row in enumerate(table):
+        for k, row in enumerate(np.hstack(columns)):
             rows.writerow([repr(k / rate_hz), *row.tolist()])
-
-
-def _write_npz(
-    file: BinaryIO,
-    y: NDArray[np.float64],
-    x: NDArray[np.float64],
-    orders: NDArray[np.float64] | None,
-    rate_hz: float,
-    counts: NDArray[np.int16] | None,
-    lsb_per_dps: float | None,
-) -> None:
-    data: dict[str, ArrayLike] = {"fs_hz": rate_hz, "true_state_dps": x}
-    if orders is not None:
-        data["true_alpha"] = orders
-    if counts is None:
-        data["gyro_dps"] = y
-    else:
-        data["gyro_raw"], data["lsb_per_dps"] = counts, float(lsb_per_dps or 0.0)
-    np.savez_compressed(file, allow_pickle=False, **data)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,8 @@ AT_ONCE = 1 << 18
 """Samples, so that of a long file little is in memory."""
 LEAST_SHARE = 0.5
 """The least share of samples in the longest stretch; with less, lines are sought in the sums of all."""
+NOTHING = 1e-20
+"""The density of what rounding leaves of numbers, over their variance."""
 
 
 def octaves_of(y: Array) -> Octaves:
@@ -156,6 +159,15 @@ def left_in(whole: Periodogram, from_hz: float, notch: Bands) -> Periodogram:
     return whole.without(from_hz, notch) if from_hz > 0 or notch else whole
 
 
+class Summed(NamedTuple):
+    """What the spectrum of an axis says, and what it was made from."""
+
+    seen: Spectral
+    octaves: Octaves
+    lines: Periodogram
+    """All of them, those that the user left out, too."""
+
+
 def examined(
     y: Array, h: float, from_hz: float = 0.0, notch: Bands = (), gaps: Gaps | None = None
 ) -> Spectral:
@@ -167,25 +179,39 @@ def examined(
     Raises:
         ValueError: y is not finite, constant, or too short.
     """
-    return examined_stretches(bridged(y, gaps or no_gaps()), len(y), h, from_hz, notch)
+    return examined_stretches(bridged(y, gaps or no_gaps()), len(y), h, from_hz, notch).seen
 
 
 def examined_stretches(
     stretches: Sequence[Stretch], samples: int, h: float, from_hz: float = 0.0, notch: Bands = ()
-) -> Spectral:
+) -> Summed:
     """Return what `examined` says of stretches with so many samples; arguments as there.
 
     Raises:
         ValueError: as `examined`.
     """
-    peaks: tuple[Peak, ...] | None = None
+    sums = octaves_of_stretches(stretches)
+    lines, drift = lines_of_stretches(stretches, sums, h)
     longest = max((one.y for one in stretches), key=len)
+    _check_noise(lines, longest)
+    peaks: tuple[Peak, ...] | None = None
     if len(stretches) == 1 or len(longest) >= LEAST_SHARE * samples:
         # At the full resolution.
         peaks = find_peaks(periodogram(limited(longest), h, from_hz=from_hz, notch=notch))
-    sums = octaves_of_stretches(stretches)
-    lines, drift = lines_of_stretches(stretches, sums, h)
-    return examined_sums(lines, drift, sums, samples, h, from_hz, notch, peaks)
+    return Summed(examined_sums(lines, drift, sums, samples, h, from_hz, notch, peaks), sums, lines)
+
+
+def _check_noise(lines: Periodogram, y: Array) -> None:
+    """Check that there is more in y (n,) than what repeats itself exactly, or a line.
+
+    Raises:
+        ValueError: there is not.
+    """
+    if float(np.median(lines.power)) < NOTHING * float(np.mean((y - y.mean()) ** 2)):
+        raise ValueError(
+            "there is no noise in the samples to identify: they repeat themselves exactly, as 1, 2, 1, 2 …, "
+            "or lie on a line"
+        )
 
 
 def examined_sums(

@@ -34,7 +34,7 @@ def show(console: Console, report: FileReport, first: bool = True) -> None:
     if good:
         for line in dict.fromkeys(findings.method(axis.result) for axis in good.values()):
             console.print(_shown(f"{line}."))
-        for line in findings.not_described(good):
+        for line in findings.remarks(good):
             console.print(_shown(line))
     for name, axis in report.axes.items():
         console.print(_verdict(name, axis))

@@ -4,7 +4,7 @@ Each trap is looked for with a threshold that clean noise, white or coloured, ha
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal
 
 import msgspec
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fltea.identification.gaps import Gaps, no_gaps
+from fltea.identification.motion import Motion, told
 from fltea.identification.repeated import repeats
 from fltea.records.kinds import ERROR_KINDS
 from fltea.spectrum.lines import Peak
@@ -57,24 +58,29 @@ class Trap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def axis_traps(
-    y: ArrayLike,
+    y: Array,
     h: float,
     lsb: float | None = None,
     peaks: Sequence[Peak] = (),
     unit: str = "deg/s",
     gaps: Gaps | None = None,
+    *,
+    moved: Motion | None = None,
+    longer: str = "ten minutes or more",
 ) -> tuple[Trap, ...]:
     """Look at one axis (n,), at a sampling period of h s.
 
     lsb: one count in the unit of y, if known. peaks: those found in its spectrum. gaps: where samples are
-    missing.
+    missing. moved: when the sensor was moved. longer: how long a record should be.
     """
     gaps = gaps or no_gaps()
     samples = np.ascontiguousarray(y, dtype=np.float64)
+    short = _too_short(len(samples), h, longer)
     if len(samples) < 2 * BLOCKS or np.ptp(samples) == 0:
-        return (*_too_short(len(samples), h), *_stuck(samples))
+        return (*short, *_stuck(samples))
     return (
-        *_too_short(len(samples), h),
+        *_motion(moved, len(samples) * h),
+        *short,
         *_offset_and_drift(samples, h, unit),
         *_quantisation(samples, lsb, unit),
         *_outliers(samples, h, lsb, unit, gaps),
@@ -119,9 +125,8 @@ def timing_traps(
     rate_hz: float,
     clock_ppm: float | None,
     bridged: int = 0,
-) -> tuple[Trap, ...]:
+) -> Iterator[Trap]:
     """Look at what became of time: `identify.load.Counts`, and the device's clock against the host's."""
-    found = []
     if lost or gaps or stretches > 1:
         share = lost / max(samples + lost, 1)
         done = [f"{used} of {samples} samples, in {stretches} stretches, are used."]
@@ -131,59 +136,52 @@ def timing_traps(
             )
         if used < samples:
             done.append("The others are of another rate or scale.")
-        found.append(
-            Trap(
-                "gaps",
-                "warning" if used < 0.5 * samples or share > 0.01 else "note",
-                f"{lost} samples ({share:.2%}) are missing in {gaps} gaps. {' '.join(done)}",
-                "Look at what the recording says of the link (`fltea info`); record again without losses.",
-            )
+        yield Trap(
+            "gaps",
+            "warning" if used < 0.5 * samples or share > 0.01 else "note",
+            f"{lost} samples ({share:.2%}) are missing in {gaps} gaps. {' '.join(done)}",
+            "Look at what the recording says of the link (`fltea info`); record again without losses.",
         )
     if clock_ppm is not None and abs(clock_ppm) > RATE_PPM:
         true_hz = rate_hz * (1 + clock_ppm * 1e-6)
-        found.append(
-            Trap(
-                "sample rate",
-                "bad" if abs(clock_ppm) > 0.05 * 1e6 else "warning",
-                f"The samples come {clock_ppm:+.0f} ppm off the stated rate: {true_hz:.6g} Hz by the host's "
-                f"clock, not {rate_hz:.6g}.",
-                f"f, N and all frequencies are off in proportion; give the true rate (--rate {true_hz:.6g} "
-                "for CSV).",
-            )
+        yield Trap(
+            "sample rate",
+            "bad" if abs(clock_ppm) > 0.05 * 1e6 else "warning",
+            f"The samples come {clock_ppm:+.0f} ppm off the stated rate: {true_hz:.6g} Hz by the host's "
+            f"clock, not {rate_hz:.6g}.",
+            f"f, N and all frequencies are off in proportion; give the true rate (--rate {true_hz:.6g} "
+            "for CSV).",
         )
-    return tuple(found)
 
 
-def _too_short(n: int, h: float) -> tuple[Trap, ...]:
+def _motion(moved: Motion | None, duration_s: float) -> Iterator[Trap]:
+    if moved is not None:
+        yield Trap("motion", "bad", told(moved, duration_s), "Record at rest, or cut the motion out.")
+
+
+def _too_short(n: int, h: float, longer: str) -> Iterator[Trap]:
     seconds = n * h
-    if seconds >= SHORT_S:
-        return ()
-    return (
-        Trap(
+    if seconds < SHORT_S:
+        yield Trap(
             "short",
             "note",
             f"{seconds:.3g} s, {n} samples: too short to tell fractional noise from a sum of relaxations.",
-            "Record ten minutes or more, at rest; hours for bias instability and rate random walk.",
-        ),
-    )
+            f"Record {longer}, at rest; bias instability and rate random walk show even later.",
+        )
 
 
-def _offset_and_drift(y: Array, h: float, unit: str) -> list[Trap]:
-    found = []
+def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[Trap]:
     block = len(y) // BLOCKS
     means = y[: block * BLOCKS].reshape(BLOCKS, block).mean(axis=1)
     noise = _scale(_thin(np.diff(y))) / math.sqrt(2) or float(y.std())
-    mean = float(y.mean())
-    std = float(y.std())
+    mean, std = float(y.mean()), float(y.std())
     error = max(float(means.std(ddof=1)), noise / math.sqrt(block)) / math.sqrt(BLOCKS)
     if abs(mean) > max(OFFSET_SHARE * std, SIGNIFICANT * error):
-        found.append(
-            Trap(
-                "offset",
-                "note",
-                f"Offset {mean:.4g} {unit}, {abs(mean) / std:.3g} times the standard deviation.",
-                '`bias = "startup"` takes it off; never run with `bias = "none"`.',
-            )
+        yield Trap(
+            "offset",
+            "note",
+            f"Offset {mean:.4g} {unit}, {abs(mean) / std:.3g} times the standard deviation.",
+            '`bias = "startup"` takes it off; never run with `bias = "none"`.',
         )
     k = np.arange(BLOCKS) - (BLOCKS - 1) / 2
     slope = float(k @ means / (k @ k))
@@ -193,37 +191,30 @@ def _offset_and_drift(y: Array, h: float, unit: str) -> list[Trap]:
     t = slope * math.sqrt(float(k @ k)) / residual
     change = slope * BLOCKS
     if abs(t) > SIGNIFICANT and abs(change) > DRIFT_SHARE * noise:
-        found.append(
-            Trap(
-                "drift",
-                "warning",
-                f"Drift of {change:+.3g} {unit} over {len(y) * h:.3g} s ({abs(t):.0f} standard errors).",
-                "Let the sensor warm up and keep its temperature steady; --from-hz 0.02 leaves drift out.",
-            )
+        yield Trap(
+            "drift",
+            "warning",
+            f"Drift of {change:+.3g} {unit} over {len(y) * h:.3g} s ({abs(t):.0f} standard errors).",
+            "Let the sensor warm up and keep its temperature steady; --from-hz 0.02 leaves drift out.",
         )
-    return found
 
 
-def _quantisation(y: Array, lsb: float | None, unit: str) -> list[Trap]:
+def _quantisation(y: Array, lsb: float | None, unit: str) -> Iterator[Trap]:
     step = lsb or _step(y)
-    if step is None:
-        return []
-    sigma = float(y.std()) / step
-    if sigma >= COARSE_LSB:
-        return []
+    if step is None or (sigma := float(y.std()) / step) >= COARSE_LSB:
+        return
     share = min(1 / 12 / sigma**2, 1.0)
-    return [
-        Trap(
-            "quantisation",
-            "bad" if sigma < TOO_COARSE_LSB else "warning",
-            f"σ is {sigma:.2g} LSB: rounding makes up {share:.0%} of the variance"
-            + (", and is not white." if sigma < TOO_COARSE_LSB else "."),
-            f"Choose a smaller range of the sensor ({FINER.get(unit, FINER['deg/s'])}).",
-        )
-    ]
+    coarse = sigma < TOO_COARSE_LSB
+    yield Trap(
+        "quantisation",
+        "bad" if coarse else "warning",
+        f"σ is {sigma:.2g} LSB: rounding makes up {share:.0%} of the variance"
+        + (", and is not white." if coarse else "."),
+        f"Choose a smaller range of the sensor ({FINER.get(unit, FINER['deg/s'])}).",
+    )
 
 
-def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> list[Trap]:
+def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> Iterator[Trap]:
     # Against the mean of both neighbours, which a drift or slow noise does not move.
     r = y[:-2] + y[2:]
     r /= 2
@@ -239,59 +230,48 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> l
     is_top[:-1] &= size[:-1] >= size[1:]
     at = np.flatnonzero(is_top) + 1
     if not at.size:
-        return []
+        return
+    first = f"the first at {gaps.place(int(at[0])) * h:.4g} s"
     torn = 0
     if lsb is not None:
         torn = int((np.abs(size[at - 1] / lsb - TORN_COUNTS) < 4 * scale / lsb).sum())
-    found = []
     if torn:
-        found.append(
-            Trap(
-                "torn reads",
-                "bad",
-                f"{torn} jumps of ±256 LSB for one sample (the first at {_first(at, h, gaps)}): bytes of two "
-                "measurements mixed.",
-                "Read all bytes of a sample in one burst, after the data-ready signal or with the shadow "
-                "registers on.",
-            )
+        yield Trap(
+            "torn reads",
+            "bad",
+            f"{torn} jumps of ±256 LSB for one sample ({first}): bytes of two measurements mixed.",
+            "Read all bytes of a sample in one burst, after the data-ready signal or with the shadow "
+            "registers on.",
         )
     if (others := int(at.size) - torn) > 0:
         largest = float(size[at - 1].max())
-        found.append(
-            Trap(
-                "outliers",
-                "bad" if others > 1e-3 * len(y) else "warning",
-                f"{others} samples stand out from both neighbours, by up to {largest:.3g} {unit} or "
-                f"{largest / scale:.0f} standard deviations (the first at {_first(at, h, gaps)}).",
-                "Was the sensor touched, or is the link at fault? Leave that part out, or record again.",
-            )
+        yield Trap(
+            "outliers",
+            "bad" if others > 1e-3 * len(y) else "warning",
+            f"{others} samples stand out from both neighbours, by up to {largest:.3g} {unit} or "
+            f"{largest / scale:.0f} standard deviations ({first}).",
+            "Was the sensor touched, or is the link at fault? Leave that part out, or record again.",
         )
-    return found
 
 
-def _saturation(y: Array, lsb: float | None) -> list[Trap]:
-    if lsb is None:
-        return []
-    ends = int((np.abs(y) / lsb >= FULL_SCALE_COUNTS - 0.5).sum())
-    if not ends:
-        return []
-    return [
-        Trap(
+def _saturation(y: Array, lsb: float | None) -> Iterator[Trap]:
+    ends = 0 if lsb is None else int((np.abs(y) / lsb >= FULL_SCALE_COUNTS - 0.5).sum())
+    if ends:
+        yield Trap(
             "saturation",
             "bad",
             f"{ends} samples are at the end of the sensor's range.",
             "The sensor was moved, or its offset is too large: record at rest, or choose a larger range.",
         )
-    ]
 
 
-def _stuck(y: Array) -> list[Trap]:
-    """Return the trap of a value that stays the same for longer than by chance."""
+def _stuck(y: Array) -> Iterator[Trap]:
+    """Yield the trap of a value that stays the same for longer than by chance."""
     n = len(y)
     same = np.concatenate([[False], y[1:] == y[:-1], [False]])
     edges = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
     if not len(edges):
-        return []
+        return
     lengths = edges[:, 1] - edges[:, 0]
     longest, first = int(lengths.max()), int(edges[lengths.argmax(), 0])
     # The run itself is no evidence of how often chance repeats a value.
@@ -299,21 +279,18 @@ def _stuck(y: Array) -> list[Trap]:
     commonest = np.unique(others, return_counts=True)[1].max(initial=1) / (len(others) if n > LONG else n)
     share = min(max((lengths.sum() - longest) / n, commonest), 0.999)
     by_chance = 1 + math.log(n / 1e-6) / -math.log(share)
-    if longest < max(SHORTEST_RUN, by_chance):
-        return []
-    return [
-        Trap(
+    if longest >= max(SHORTEST_RUN, by_chance):
+        yield Trap(
             "stuck",
             "bad",
             f"One value stands for {longest + 1} samples, from number {first} on.",
             "The sensor stopped measuring, or reads failed: look at the supply, the wires and the log.",
         )
-    ]
 
 
-def _peaks(peaks: Sequence[Peak]) -> list[Trap]:
-    return [
-        Trap(
+def _peaks(peaks: Sequence[Peak]) -> Iterator[Trap]:
+    for peak in peaks:
+        yield Trap(
             peak.kind,
             "warning" if peak.power_share > LINE_SHARE else "note",
             f"A {'narrow line' if peak.kind == 'line' else 'broad resonance'} at {peak.frequency_hz:.4g} Hz, "
@@ -321,8 +298,6 @@ def _peaks(peaks: Sequence[Peak]) -> list[Trap]:
             "It is no memory: the fits leave it out. Look for a fan, mains or a resonance of the mounting; "
             f"--notch {peak.notch_hz[0]:.4g}-{peak.notch_hz[1]:.4g} leaves it out of the null test too.",
         )
-        for peak in peaks
-    ]
 
 
 def _scale(values: Array) -> float:
@@ -344,7 +319,3 @@ def _step(y: Array) -> float | None:
 def _thin(values: Array) -> Array:
     """Return all values, or every k-th of more than LONG, which show well enough what is typical."""
     return values[:: -(-len(values) // LONG)] if len(values) > LONG else values
-
-
-def _first(at: NDArray[np.intp], h: float, gaps: Gaps) -> str:
-    return f"{gaps.place(int(at[0])) * h:.4g} s"

@@ -1,0 +1,110 @@
+"""What users came upon: each was wrong once."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from composite_noise import Truth, noise
+from fltea.identification import findings
+from fltea.identification.axis import IdentifyOptions, identify_axis
+from fltea.identification.load import GYRO_UNIT, Series
+from fltea.identification.model_file import NoiseModels, read_models, write_json
+from fltea.identification.noise_model import AxisModel, draw
+from fltea.identification.run import AxisReport, identify_series
+from fltea.noise.parts import Order, White
+from identify_files import QUICK
+from identify_support import H, ar, white
+
+OPTIONS = IdentifyOptions(QUICK, shuffles=0)
+
+
+def identified(y: np.ndarray) -> AxisReport:
+    return identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
+
+
+def traps(found: AxisReport) -> dict[str, str]:
+    return {trap.kind: f"{trap.severity}: {trap.text} {trap.remedy}" for trap in found.traps}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_relaxations_with_quantisation_are_not_fractional(seed: int) -> None:
+    """Any rise made every sum of relaxations lose."""
+    truth = Truth(0.005, ((0.0175, 1.0), (0.0175, 0.1), (0.0175, 0.02)), Q=1.4e-4)
+    assert identify_axis(noise(truth, 60_000, H, seed), H, None, OPTIONS).verdict.kind != "fractional"
+
+
+def test_a_model_that_is_exported_is_read_again(tmp_path: Path) -> None:
+    found = identified(ar((0.9,), 6000, 1, 1)[0] + white(6000, 1, 2)[0])
+    models = NoiseModels(100.0, H, "a", {"gyro_x": found.model})
+    write_json(tmp_path / "m.json", models)
+    assert read_models(tmp_path / "m.json") == models
+
+
+def test_an_axis_that_is_constant_at_first_is_judged() -> None:
+    """Only FLTEA cannot begin, since its start-up window says nothing."""
+    y = np.concatenate([np.full(500, 0.3), white(59_500, 1, 1)[0]])
+    found = identified(y)
+    assert found.result.verdict.kind == "white"
+    assert (found.result.fltea, found.result.fltea_other) == (None, None)
+    assert "constant in the start-up window" in found.result.fltea_reason
+    assert "FLTEA was not run: the axis is constant" in findings.settings(found)
+    assert "stuck" in traps(found)
+    assert not any(label.startswith("FLTEA") for label, _ in findings.rows(found))
+
+
+@pytest.mark.parametrize("hz", [0.05, 1.0, 0.0])
+def test_a_sensor_that_was_moved(hz: float) -> None:
+    """Rocked at 30 deg/s for 30 of 120 s, or turned: no line, no mains, no motor."""
+    t = np.arange(12_000) * H
+    y = 0.1 * white(12_000, 1, 3)[0]
+    moved = (t >= 40) & (t < 70)
+    y[moved] += 30 * (np.sin(2 * np.pi * hz * (t[moved] - 40)) if hz else 1.0)
+    found = identified(y)
+    verdict = found.result.verdict
+    assert verdict.kind == "not stationary"
+    assert verdict.text.startswith("The sensor was moved, from 40 to 70 s of 2 min")
+    assert traps(found)["motion"].startswith("bad: The sensor was moved, from 40 to 70 s")
+
+
+@pytest.mark.parametrize("kind", ["walk", "warming up", "bursts", "heavy tails", "slow"])
+def test_noise_at_rest_is_no_motion(kind: str) -> None:
+    n = 120_000
+    y = {
+        "walk": lambda: np.cumsum(white(n, 1, 1)[0]),
+        "warming up": lambda: 30 * np.exp(-np.arange(n) / 10_000) + 0.1 * white(n, 1, 2)[0],
+        "bursts": lambda: white(n, 1, 3)[0] * np.where(np.arange(n) // 10_000 % 3 == 1, 8.0, 1.0),
+        "heavy tails": lambda: np.random.default_rng(4).standard_t(3, n),
+        "slow": lambda: ar((0.999,), n, 1, 5)[0],
+    }[kind]()
+    assert "motion" not in traps(identified(y))
+
+
+def test_what_is_undefined_is_null() -> None:
+    for seed in range(5):
+        found = identified(white(3000, 1, seed)[0])
+        order = json.loads(json.dumps(findings._axis(found)))["order"]
+        null = {"value": None, "low": None, "high": None}
+        assert [order[name] for name in ("alpha", "f", "F", "s2", "R")] == [null] * 5
+
+
+def test_the_null_test_says_its_level() -> None:
+    assert "level 0.05" in identified(white(3000, 1, 1)[0]).result.verdict.text
+
+
+def test_one_record_is_said_to_be_long_enough() -> None:
+    """Some 60 minutes by the verdict, and ten by the trap "short"."""
+    found = identified(white(6000, 1, 1)[0])
+    assert "Record ten minutes or more" in traps(found)["short"]
+    y = draw(AxisModel((White(1.0), Order(0.5, -1.0, 10.0))), H, 20_000, np.random.default_rng(0))[0]
+    found = identified(y)
+    assert found.result.decides_s is not None
+    assert "ten minutes" not in traps(found)["short"]
+    told = traps(found)["short"].split("Record ")[1].split(",")[0]
+    assert f"A record of {told} would tell" in found.result.verdict.text
+
+
+@pytest.mark.parametrize("y", [np.tile([1.0, 2.0], 3000), np.arange(6000.0)], ids=["alternating", "a line"])
+def test_samples_without_noise(y: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="there is no noise in the samples to identify"):
+        identify_axis(y, H, None, OPTIONS)

@@ -1,0 +1,256 @@
+"""What other programs take from a verdict: a navigation filter's file, imu.yaml; one result in all."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from composite_noise import Truth, noise
+from fltea.documents.imu_yaml import AxisNoise, Inflation, Shown, axis_noise, imu_yaml
+from fltea.identification.axis import AxisResult, IdentifyOptions, identify_axis
+from fltea.identification.findings import _axis, document, side_by_side
+from fltea.identification.load import GYRO_UNIT, Request, Series
+from fltea.identification.model_file import read_models
+from fltea.identification.navigation_file import navigation_axis
+from fltea.identification.noise_model import AxisModel, draw, model_spectrum
+from fltea.identification.run import AxisReport, FileReport, identify_all, identify_series
+from fltea.identification.workers import Here
+from fltea.noise.parts import (
+    AnyPart,
+    LowPass,
+    Notch,
+    Order,
+    Quantisation,
+    Relaxation,
+    Sharpening,
+    Walk,
+    White,
+)
+from fltea.records.errors import FlteaError
+from host_support import fltea
+from hypothesis import HealthCheck, given
+from hypothesis import settings as random
+from hypothesis import strategies as st
+from identify_files import QUICK, settings
+from identify_support import H, long_recursion, white
+
+NAVIGABLE = Truth(0.005, ((0.03, 1.0), (0.03, 0.05)), K=0.01)
+OPTIONS = IdentifyOptions(QUICK, shuffles=0)
+
+
+def saved(path: Path, *axes: np.ndarray) -> Path:
+    raw = np.rint(np.stack(axes, axis=1) * 5000).astype(np.int32)
+    np.savez(path, gyro_raw=raw, lsb_per_dps=5000.0, fs_hz=100.0)
+    return path
+
+
+@pytest.fixture(scope="module")
+def known() -> AxisResult:
+    return identify_axis(noise(NAVIGABLE, 200_000, H, 3), H, None, OPTIONS)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """gyro_x with two parts and quantisation noise, gyro_y white, gyro_z of an order."""
+    n = 60_000
+    return saved(
+        tmp_path_factory.mktemp("exports") / "rest.npz",
+        noise(NAVIGABLE._replace(K=0.0, Q=5e-4), n, H, 3),
+        noise(Truth(0.005), n, H, 4),
+        0.02 * long_recursion(0.6, -0.19, n, 2) + 0.05 * white(n, 1, 9)[0],
+    )
+
+
+@pytest.fixture(scope="module")
+def report(recording: Path) -> FileReport:
+    (found,) = identify_all([Request((recording,))], settings(shuffles=0), Here())
+    return found
+
+
+def test_what_a_filter_reads(known: AxisResult) -> None:
+    found = navigation_axis(known, "deg/s")
+    assert found.N.low is not None
+    assert found.N.high is not None
+    assert found.N.low < 0.005 < found.N.high
+    slow, fast = found.gauss_markov
+    assert slow.tau_s.value == pytest.approx(1.0, rel=0.3)
+    assert fast.tau_s.value == pytest.approx(0.05, rel=0.2)
+    assert found.K.value == pytest.approx(0.01, rel=0.3)
+    assert (found.others, found.without_order) == ((), None)
+    for state in (slow, fast):
+        assert state.sigma.value == pytest.approx(0.03, rel=0.1)
+        variance, tau = (state.sigma.value or 0) ** 2, state.tau_s.value or 1
+        assert state.q == pytest.approx(2 * variance / tau)
+        assert state.phi == pytest.approx(np.exp(-H / tau))
+        assert state.s2 == pytest.approx(variance * (1 - state.phi**2))
+
+
+def test_white_noise_that_a_fast_part_took_in_is_not_near_nothing() -> None:
+    """As N 1e-8 a filter would be a million times too sure: null, with the density that there is."""
+    found = identify_axis(noise(Truth(0.0, ((0.05, 0.0055),)), 60_000, H, 1), H, None, OPTIONS)
+    entry = navigation_axis(found, "deg/s")
+    assert entry.N.value is None
+    assert entry.knee_hz == pytest.approx(1 / (2 * np.pi * 0.0055), rel=0.5)
+    # The density of such a part at its corner, half of that at rest: σ √(2 τ) / √2.
+    assert entry.knee_density == pytest.approx(0.05 * np.sqrt(0.0055), rel=0.5)
+    assert "cannot be told from what else is fast" in found.level.reason
+    assert axis_noise(found.level).N.reason == found.level.reason
+
+
+def test_tables_and_json(report: FileReport) -> None:
+    axes = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
+    rows = dict(side_by_side({name: axes[name] for name in ("gyro_x", "gyro_y")}))
+    assert rows["made of"][1] == "white"
+    assert rows["  relaxation 1 τ [s]"][0] != ""
+    assert rows["  relaxation 1 τ [s]"][1] == ""
+    assert rows["order α"][1] == "undefined"
+    labels = list(rows)
+    assert labels.index("made of") < labels.index("  relaxation 1 τ [s]") < labels.index("innovations' NIS")
+    told = document([report])["files"][0]["axes"]["gyro_y"]
+    assert told["level"]["N"]["low"] < 0.005 < told["level"]["N"]["high"]
+    assert told["drift_rate"]["low"] < 0 < told["drift_rate"]["high"]
+    assert {one["value"] for name, one in told["order"].items() if name != "arfima"} == {None}
+    json.dumps(told, allow_nan=False)
+
+
+@pytest.mark.parametrize("axis", ["gyro_x", "gyro_y", "gyro_z"])
+def test_one_result_wherever_it_is_read(axis: str, report: FileReport) -> None:
+    found = report.axes[axis]
+    assert isinstance(found, AxisReport)
+    assert_one_result(found)
+
+
+def assert_one_result(found: AxisReport) -> None:
+    """Text, table, JSON, model, curve and filter have the same parts, N, K and order."""
+    r = found.result
+    assert found.model.parts == r.sentences[r.stands].parts
+    named = {str(part.__struct_config__.tag): part for part in found.model.parts}
+    told = {part.part: part.values for part in r.parts}
+    assert set(named) == set(told)
+    for kind, part in named.items():
+        if [one.part for one in r.parts].count(kind) == 1:
+            assert {name: one.value for name, one in told[kind].items()} == pytest.approx(
+                {name: getattr(part, name) for name in told[kind]}
+            )
+    assert found.allan is not None
+    for name in ("N", "K"):
+        one = getattr(r.level, name)
+        curve = getattr(found.allan, name)
+        assert (one.value, one.low, one.high) == (curve.value, curve.low, curve.high)
+        assert getattr(navigation_axis(r, "deg/s"), name) == one
+        assert getattr(axis_noise(r.level), name).value == one.value
+    if r.level.N.value is not None and not {"resonance", "alternating"} & set(named):
+        assert r.level.N.value**2 / H == pytest.approx(named["white"].R)
+    if not r.verdict.has_order:
+        assert {value.value for value in (r.order.alpha, r.order.f, r.order.F, r.order.R)} == {None}
+    elif r.order.alpha.value is not None:
+        assert f"order {r.order.alpha.value:.2f}" in r.verdict.text
+    rows = dict(side_by_side({"gyro_x": found}))
+    assert rows["made of"] == [r.made_of]
+    (shown,) = rows["order α"]
+    defined = r.order.alpha.value is not None and None not in (r.order.alpha.low, r.order.alpha.high)
+    assert (shown == "undefined") != defined
+    if defined and r.order.alpha.value is not None:
+        assert shown.startswith(f"{r.order.alpha.value:.2f}")
+
+
+def random_parts(share: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[AnyPart, ...]]:
+    """White noise of variance 1, one or two parts beside it, and perhaps a filter behind all."""
+    beside = st.one_of(
+        st.builds(Relaxation, sigma=share, tau_s=st.floats(0.02, 3.0)),
+        st.builds(Walk, K=st.floats(0.05, 0.5)),
+        st.builds(Order, alpha=st.floats(0.3, 0.7), f=st.floats(-2.0, -0.5), Q=st.floats(1.0, 10.0)),
+        st.builds(Quantisation, Q=st.floats(0.002, 0.01)),
+    )
+    filters = st.one_of(
+        st.builds(LowPass, corner_hz=st.floats(10, 40), poles=st.floats(1.5, 4.0)),
+        st.builds(Sharpening, s=st.floats(-0.2, 0.2)),
+        st.builds(Notch, frequency_hz=st.floats(5, 40), width_hz=st.floats(2, 8)),
+    )
+    return st.tuples(st.lists(beside, max_size=2), st.lists(filters, max_size=1)).map(
+        lambda found: (White(1.0), *found[0], *found[1])
+    )
+
+
+@random(max_examples=12, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@given(random_parts(st.floats(0.1, 2.0)), st.integers(0, 10**6))
+def test_all_say_the_same_of_any_noise(parts: tuple[AnyPart, ...], seed: int) -> None:
+    """Text, table, JSON and model, whose α was 0.40 in one and 0.72 in the other."""
+    y = draw(AxisModel(parts), H, 6000, np.random.default_rng(seed))[0]
+    found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
+    assert_one_result(found)
+    told = json.loads(json.dumps(_axis(found), allow_nan=False))
+    assert told["order"]["alpha"]["value"] == found.result.order.alpha.value
+    assert [part["part"] for part in told["model"]["parts"]] == [
+        str(part.__struct_config__.tag) for part in found.model.parts
+    ]
+
+
+LEVELS = {
+    "gyro_x": AxisNoise(Shown(0.01), Shown(None, "no walk")),
+    "gyro_y": AxisNoise(Shown(0.02), Shown(None, "no walk")),
+}
+
+
+def test_imu_yaml() -> None:
+    """The worst axis counts; what is not known is a comment, and hostile names do no harm."""
+    hostile = 'a: b # "c'
+    assert yaml.safe_load(imu_yaml(LEVELS, 100.0, "rest.npz", rostopic=hostile))["rostopic"] == hostile
+    assert "\nx:" not in imu_yaml(LEVELS, 100.0, "rest.npz", rostopic="/imu\nx: 1")
+    text = imu_yaml(LEVELS, 99.32, "rest\n.npz", rostopic="/imu7")
+    found = yaml.safe_load(text)
+    assert set(found) == {"gyroscope_noise_density", "update_rate", "rostopic"}
+    assert found["gyroscope_noise_density"] == pytest.approx(np.radians(0.02))
+    assert (found["update_rate"], found["rostopic"]) == (99.32, "/imu7")
+    assert "of gyro_y" in text
+    assert "# gyroscope_random_walk:  # rad/s^2/sqrt(Hz); not known: no walk" in text
+    assert "# accelerometer_noise_density:" in text
+
+
+def test_imu_yaml_of_both_sensors() -> None:
+    """Four entries in the units of Kalibr, and what inflation makes of them."""
+    gyro = {"gyro_x": AxisNoise(Shown(0.02), Shown(0.5))}
+    accel = {"accel_y": AxisNoise(Shown(0.03), Shown(0.05))}
+    found = yaml.safe_load(imu_yaml(gyro, 100.0, "rest.npz", accel=accel))
+    assert len(found) == 6
+    assert found["accelerometer_noise_density"] == pytest.approx(0.03)
+    assert found["accelerometer_random_walk"] == pytest.approx(0.05)
+    assert found["gyroscope_random_walk"] == pytest.approx(np.radians(0.5), rel=1e-5)
+    text = imu_yaml(gyro, 100.0, "rest.npz", accel=accel, inflation=Inflation(5.0, 10.0))
+    assert "# Inflated: noise densities 5 times and random walks 10 times" in text
+    assert f"5 times the measured {found['accelerometer_noise_density']:.6e}" in text
+    larger = yaml.safe_load(text)
+    for key, value in found.items():
+        factor = 5 if "density" in key else 10 if "walk" in key else 1
+        assert larger[key] == (pytest.approx(factor * value, rel=1e-5) if factor > 1 else value)
+    only = imu_yaml({}, 100.0, "rest.npz", accel=accel)
+    assert "# gyroscope_noise_density:  # rad/s/sqrt(Hz); not known: no axis was analysed" in only
+
+
+@pytest.mark.slow
+def test_there_and_back(recording: Path, tmp_path: Path) -> None:
+    """Noise that is drawn of an exported model has that model."""
+    model, navigation = tmp_path / "m.json", tmp_path / "n.json"
+    flags = ["--shuffles", "0", "--channels", "gyro_x", "--export-model", model, "--gauss-markov", navigation]
+    done = fltea("identify", recording, *flags)
+    assert (done.returncode, done.stderr) == (0, "")
+    lam = np.geomspace(0.01, np.pi, 30)
+    expected = model_spectrum(read_models(model).axes["gyro_x"], lam, H)
+    done = fltea("simulate", tmp_path / "a.npz", "--model", model, "-n", "60000", "--seed", "4")
+    assert (done.returncode, done.stderr) == (0, "")
+    again = tmp_path / "again.json"
+    done = fltea("identify", tmp_path / "a.npz", "--shuffles", "0", "--json", "--export-model", again)
+    found = model_spectrum(read_models(again).axes["gyro_x"], lam, H)
+    np.testing.assert_allclose(np.log(found / expected), 0, atol=0.3)
+    before: dict[str, Any] = json.loads(navigation.read_text())["axes"]["gyro_x"]
+    after = json.loads(done.stdout)["files"][0]["axes"]["gyro_x"]
+    assert after["level"]["N"]["value"] == pytest.approx(before["N"]["value"], rel=0.1)
+
+
+def test_a_file_that_cannot_be_written(report: FileReport, tmp_path: Path) -> None:
+    from fltea.cli.exports import Files, write
+
+    with pytest.raises(FlteaError, match="cannot be written"):
+        write(report, Files(None, None, tmp_path / "no" / "a.json", (1.0, 1.0)))
