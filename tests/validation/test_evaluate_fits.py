@@ -2,16 +2,14 @@
 
 import numpy as np
 import pytest
-from fltea.spectrum.models import FULL
-from fltea.spectrum.profile import fractional_fit
-from fltea.spectrum.whittle import fit
+from fltea.spectrum.periodogram import periodogram
 
 from tools.validation.evaluate.cases import POWER, Case, H, samples
 from tools.validation.evaluate.fits import (
     QUANTITIES,
     fitted_variances,
     live_readings,
-    live_spectra,
+    published,
     truths,
     whole_reading,
 )
@@ -33,38 +31,41 @@ def test_up_to_three_thousand_samples_live_is_the_whole_record() -> None:
     y = samples(STRONG, 3, 3_000)
     truth = truths(STRONG)
     (live,), whole = live_readings(y, H, (3_000,), truth), whole_reading(y, H, truth)
+    # Above the tenth ordinate f is known to a factor of two, and moves by a fifth of itself.
+    for name, most in (("alpha", 0.03), ("F", 0.03), ("s2", 0.1), ("f", 0.25)):
+        np.testing.assert_allclose(live.estimates[name], whole.estimates[name], rtol=most, atol=1e-3)
     for name in QUANTITIES:
-        np.testing.assert_allclose(live.estimates[name], whole.estimates[name], rtol=0.03, atol=1e-3)
         np.testing.assert_array_equal(live.covered[name], whole.covered[name])
-    np.testing.assert_array_equal(live.rejected, whole.rejected)
+    np.testing.assert_array_equal(live.published, whole.published)
 
 
 def test_strong_noise_is_found_and_its_intervals_hold() -> None:
-    """20 series of 20,000 samples: 95 % of the intervals hold the truth; 16 or fewer have a chance of 2 %."""
+    """60 series of 20,000 samples: 95 % of the intervals hold the truth; 51 or fewer have a chance of 1 %."""
     truth = truths(STRONG)
-    _, found = live_readings(samples(STRONG, 20, 20_000), H, (3_000, 20_000), truth)
-    assert found.rejected.all()
+    _, found = live_readings(samples(STRONG, 60, 20_000), H, (3_000, 20_000), truth)
+    assert found.published.all()
     assert found.estimates["alpha"].mean() == pytest.approx(0.8, abs=0.02)
     assert np.median(found.estimates["f"]) == pytest.approx(-1, abs=0.3)
     for name in QUANTITIES:
-        assert found.covered[name].mean() >= 0.85, name
+        assert found.covered[name].sum() >= 51, name
     (wrong,) = live_readings(samples(STRONG, 2, 3_000), H, (3_000,), truth | {"alpha": 0.1, "f": -30.0})
     assert not wrong.covered["alpha"].any()
     assert not wrong.covered["f"].any()
 
 
-def test_ends_stay_within_what_is_possible() -> None:
-    """A series of faint noise on which the search for an end once left its bracket."""
-    y = samples(Case(0.2, -0.3, 0.03), 10, 60_000)[:, 9:]
-    ((data,),) = live_spectra(y, H, (60_000,))
-    found = fractional_fit(data, fit(data, FULL), H)
-    for one in (found.F, found.alpha, found.g, found.f, found.s2, found.R):
-        assert one.low is None or one.low <= one.value <= one.high
+@pytest.mark.parametrize("case", [STRONG, Case(0.4, -1.0, 3.0), Case(0.8, -10.0, 3.0)])
+def test_ends_are_around_the_value(case: Case) -> None:
+    for y in samples(case, 3, 20_000).T:
+        found = published(periodogram(y, H))
+        for one in (found.alpha, found.f, found.F, found.s2, found.R):
+            if one.value is not None:
+                assert one.low is None or one.low <= one.value
+                assert one.high is None or one.value <= one.high
 
 
-def test_white_noise_is_not_rejected_and_has_no_truth() -> None:
+def test_white_noise_has_no_order_and_no_truth() -> None:
     found = whole_reading(samples(Case(), 12, 1_000), H, {})
-    assert found.rejected.sum() <= 3
+    assert found.published.sum() <= 1
     assert found.covered == {}
 
 

@@ -19,12 +19,12 @@ def test_three_answers_to_the_same_series() -> None:
         assert 0.5 <= found[f"{fit}_coverage"] <= 1
 
 
-def test_only_series_that_both_fits_call_coloured_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_series_of_which_both_publish_an_order_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     whole, live = fits.whole_reading, fits.live_readings
     first, all_of_them = np.array([True, False]), np.array([True, True])
-    monkeypatch.setattr(fits, "whole_reading", lambda *given: whole(*given)._replace(rejected=first))
+    monkeypatch.setattr(fits, "whole_reading", lambda *given: whole(*given)._replace(published=first))
     monkeypatch.setattr(
-        fits, "live_readings", lambda *given: [one._replace(rejected=all_of_them) for one in live(*given)]
+        fits, "live_readings", lambda *given: [one._replace(published=all_of_them) for one in live(*given)]
     )
     assert judge(Case(0.8, -10.0, 30.0), 2, 300)[0]["series"] == 1
 

@@ -154,7 +154,8 @@ def test_states_stay_stationary_at_slow_rates() -> None:
         for part in noise.parts:
             if isinstance(part, Fractional):
                 for rate_hz in (5.0, 100.0, 1_000.0):
-                    assert -(2**part.alpha) < part.g(rate_hz) <= 0
+                    assert -(2**part.alpha) < part.g(rate_hz)
+                    assert part.g(rate_hz) < part._weights().sum() if part.window else part.g(rate_hz) <= 0
 
 
 @pytest.mark.parametrize("parts", [(Flicker(1.0),), ladder(1e-4, 1e3, 8, 1.0)])

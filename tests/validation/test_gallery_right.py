@@ -45,7 +45,8 @@ def test_shortfall_is_the_mean_of_the_likelihood_ratio() -> None:
         (contrast.walk, "random walk"),
         (contrast.low_pass, "1 pole, 5 Hz"),
         (contrast.rising, "differenced"),
-        (contrast.six_relaxations, "3 relaxations"),
+        (contrast.order_and_rise, "state 0.35, -4, 3"),
+        (contrast.without_order, "3 relaxations"),
     ],
 )
 def test_a_family_has_its_own_members(family: object, name: str) -> None:
@@ -103,6 +104,10 @@ def test_every_record_has_a_right_verdict(name: str) -> None:
         ("random walk", 100, 600, {"drift", "fractional or relaxations"}),
         ("random walk", 100, 10_800, {"drift"}),
         ("ramp", 5, 30, {"drift"}),
+        ("state 0.35, -4, 3", 100, 10_800, {"fractional", "fractional or relaxations"}),
+        ("3 relaxations, angle", 100, 10_800, {"relaxations"}),
+        ("walk, angle", 100, 600, {"drift"}),
+        ("notch", 100, 600, {"notch"}),
         ("2 poles, 600 Hz", 100, 600, {"white", "low-pass"}),
         ("2 poles, 20 Hz", 100, 30, {"low-pass"}),
         ("2 poles, 20 Hz, walk", 100, 10_800, {"drift"}),

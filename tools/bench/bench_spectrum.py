@@ -1,4 +1,4 @@
-"""What the live spectrum and the Allan deviation cost alone: sums a sample, curves, fits of models."""
+"""What the live spectrum and the Allan deviation cost alone: sums a sample, curves, looks at an axis."""
 
 import statistics
 from collections.abc import Callable
@@ -10,27 +10,33 @@ from fltea._native import AllanSums
 from fltea.noise import spectra
 from fltea.noise.allan_deviation import model_adev
 from fltea.spectrum.allan_curve import live_allan
-from fltea.spectrum.models import AR1, AR2, FULL, TWO_AR1, UP_TO_ONE, WHITE
+from fltea.spectrum.evidence import ANYTIME_LEVEL, Evidence
+from fltea.spectrum.frontier import Frontier
+from fltea.spectrum.intervals import order_fit
 from fltea.spectrum.octaves import LANE_BYTES, Octaves
-from fltea.spectrum.periodogram import Binned, binned
-from fltea.spectrum.profile import fractional_fit
-from fltea.spectrum.whittle import fit
+from fltea.spectrum.periodogram import binned
+from fltea.spectrum.spectral import Looks, examine
+from fltea.spectrum.verdict import decide
 
 from tools.bench.measured import cpu_seconds, in_turns
+from tools.validation.gallery.noises import NOISES as GALLERY
+from tools.validation.gallery.parts import Part
 
 H = 0.01
 REPETITIONS = 9
 LANES, ROWS, SINGLE_ROWS = 3, 200_000, 20_000
 SAMPLES, MEMORY_SAMPLES = 1_000_000, 60_000.0
-BINS = 130
-MODELS = (WHITE, AR1, UP_TO_ONE, FULL, AR2, TWO_AR1)
-CASES = ((0.3, -1.5, 3.0), (0.6, -3.0, 3.0), (0.8, -1.0, 0.3), (0.8, -10.0, 3.0))
-"""α, f and s2/R of the spectra that are fitted."""
+LENGTHS = (3_000, 60_000, 1_000_000)
+USUAL = LENGTHS[1]
+NOISES = {
+    name: GALLERY[name].parts
+    for name in ("white", "state 0.8, -1, 3", "1/f, 1 Hz", "3 relaxations", "3 relaxations, angle")
+}
 
 
 def measure() -> dict[str, Any]:
     """Bytes of memory, and of each work the processor time: the median and the largest of the rounds."""
-    works = [*_octaves(), *_allan(), *_fits()]
+    works = [*_octaves(), *_allan(), *_sentences(), *_looks()]
     times = in_turns({name: partial(cpu_seconds, run) for name, _, _, run in works}, REPETITIONS)
     timed = [
         {
@@ -43,7 +49,22 @@ def measure() -> dict[str, Any]:
     ]
     sums = AllanSums()
     sums.add(np.random.default_rng(1).standard_normal(SAMPLES))
-    return {"works": timed, "lane_bytes": LANE_BYTES, "allan_bytes_saved": len(sums.save())}
+    return {
+        "works": timed,
+        "looks_ms": _medians(timed),
+        "lane_bytes": LANE_BYTES,
+        "allan_bytes_saved": len(sums.save()),
+    }
+
+
+def _medians(timed: list[dict[str, Any]]) -> dict[str, float]:
+    """Of the noises, for each kind of look and length."""
+    looks: dict[str, list[float]] = {}
+    for one in timed:
+        kind, _, noise = one["work"].partition(": ")
+        if noise in NOISES:
+            looks.setdefault(kind, []).append(one["median"])
+    return {kind: round(statistics.median(each), 2) for kind, each in looks.items()}
 
 
 def text(figures: dict[str, Any]) -> str:
@@ -52,7 +73,8 @@ def text(figures: dict[str, Any]) -> str:
     lines = [f"{r['work']:<52}{r['median']:>9.2f} ({r['largest']:.2f}) {r['unit']}" for r in figures["works"]]
     lane, saved = figures["lane_bytes"], figures["allan_bytes_saved"]
     sizes = f"bytes: a lane's spectrum {lane:,}, saved Allan sums {saved:,}"
-    return "\n".join([head, *lines, sizes])
+    looks = ", ".join(f"{kind} {ms:.2f}" for kind, ms in figures["looks_ms"].items())
+    return "\n".join([head, *lines, f"median of the noises, ms: {looks}", sizes])
 
 
 Work = tuple[str, str, float, Callable[[], object]]
@@ -98,30 +120,58 @@ def _allan() -> list[Work]:
     ]
 
 
-def _fits() -> list[Work]:
-    axes = [_axis(*case, seed) for seed, case in enumerate(CASES)]
-    found = [(axis, [fit(axis, model) for model in MODELS]) for axis in axes]
-
-    def intervals() -> None:
-        for axis, fits in found:
-            fractional_fit(axis, next(one for one in fits if one.model is FULL), H)
-
+def _sentences() -> list[Work]:
+    """Of an axis of each noise what is native of a look, mostly."""
+    found = [_Axis(parts, USUAL).look().frontier for parts in NOISES.values()]
+    each = 1e3 / len(found)
     return [
-        (f"fit of an axis: {len(MODELS)} models from the last answer", "ms", 1e3 / len(axes), lambda: [
-            fit(axis, one.model, warm=one.theta + 0.02) for axis, fits in found for one in fits
+        ("sentences of an axis: a search", "ms", each, lambda: [
+            Frontier(one.data, H, USUAL) for one in found
         ]),
-        (f"fit of an axis: {len(MODELS)} models from the grid", "ms", 1e3 / len(axes), lambda: [
-            fit(axis, model) for axis in axes for model in MODELS
+        ("sentences of an axis: fitted again", "ms", each, lambda: [
+            Frontier(one.data, H, USUAL, one.fits) for one in found
         ]),
-        ("fit of an axis: intervals of 6 parameters", "ms", 1e3 / len(axes), intervals),
+        ("sentences of an axis: intervals of the order", "ms", each, lambda: [
+            order_fit(one, one.order) for one in found if one.order is not None
+        ]),
     ]  # fmt: skip
 
 
-def _axis(alpha: float, f: float, ratio: float, seed: int) -> Binned:
-    """Bins that grow with the frequency, as those of the live spectrum after ten minutes."""
-    edges = np.geomspace(4e-4, np.pi, BINS + 1)
-    lam = (edges[1:] + edges[:-1]) / 2
-    counts = np.maximum(1.0, np.diff(edges) * 60_000 / (2 * np.pi))
-    shape = ratio * spectra.fractional(lam, alpha, H**alpha * f) + 1
-    power = shape * np.random.default_rng(seed).gamma(counts) / counts
-    return Binned(lam, counts, power[np.newaxis])
+def _looks() -> list[Work]:
+    """Looks at axes that have not grown, and that are searched for anew, with verdict and intervals."""
+    works: list[Work] = []
+    for samples in LENGTHS:
+        for name, parts in NOISES.items():
+            axis = _Axis(parts, samples)
+            axis.look()
+            works.append((f"look again, {samples:,} samples: {name}", "ms", 1e3, axis.look))
+            works.append((f"whole search, {samples:,} samples: {name}", "ms", 1e3, axis.search))
+    return works
+
+
+class _Axis:
+    """An axis as the live fit looks at it."""
+
+    def __init__(self, parts: tuple[Part, ...], samples: int) -> None:
+        rng = np.random.default_rng(samples)
+        y = sum(part.draw(samples, 1 / H, rng) for part in parts)
+        self._samples, self._sums, self._looks = samples, Octaves(1), Looks()
+        self._sums.add(np.asarray(y)[:, np.newaxis])
+
+    def search(self) -> None:
+        self._looks.forget()
+        self.look()
+
+    def look(self) -> Evidence:
+        whole, drift = self._sums.lines_and_drift(0, H)
+        found = examine(
+            whole,
+            self._samples * H,
+            self._samples,
+            cells=self._sums.cells(0, H),
+            drift=drift,
+            level=ANYTIME_LEVEL,
+            looks=self._looks,
+        ).evidence
+        decide(found)
+        return found

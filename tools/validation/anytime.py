@@ -1,7 +1,8 @@
-"""How often white sensors are ever called anything else in 24 hours, for `verdict.ANYTIME_LEVEL`.
+"""How often white sensors are ever called anything else in 24 hours, for `evidence.ANYTIME_LEVEL`.
 
 Axis-days at 100 Hz are looked at whenever they have grown by 5 %: between such looks next to nothing changes.
-For each rule and level: the share of axes for which it ever speaks. Noises that relax are not white, and of
+For each rule and level: the share of axes for which it ever speaks; of the verdict, at its own level, the
+share of axes that it ever calls anything but white. Noises that relax are not white, and of
 no order: of these it is counted how often they are ever called fractional.
 """
 
@@ -10,14 +11,14 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
+from fltea.spectrum.drift import FALSE_ALARM as FALSE_DRIFT
+from fltea.spectrum.evidence import ANYTIME_LEVEL, APART, LEVEL, Evidence
 from fltea.spectrum.lines import FALSE_ALARM
 from fltea.spectrum.octave_lines import find_octave_peaks
 from fltea.spectrum.octaves import Octaves
-from fltea.spectrum.spectral import examine
+from fltea.spectrum.spectral import Looks, examine
 from fltea.spectrum.stationarity import find_change
 from fltea.spectrum.verdict import decide
-from fltea.spectrum.warm import Warm
 from numpy.typing import NDArray
 
 from tools.validation.recursions import Stream
@@ -75,7 +76,7 @@ def tasks(options: Options) -> list[Task]:
 def axis(noise: str, samples: int, seed: int) -> list[Row]:
     """Return the highest level at which each rule is silent all the time."""
     draw = NOISES[noise](np.random.default_rng((seed, samples)))
-    sums, warm, taken, look = Octaves(1), Warm(), 0, float(FIRST)
+    sums, looks, taken, look = Octaves(1), Looks(), 0, float(FIRST)
     lowest: dict[str, float] = {}
     while taken < samples:
         until = min(round(look), samples)
@@ -83,18 +84,28 @@ def axis(noise: str, samples: int, seed: int) -> list[Row]:
             part = min(until - taken, AT_ONCE)
             sums.add(np.ascontiguousarray(draw(part)[:, np.newaxis]))
             taken += part
-        for rule, p in (_look if noise in WHITE else _claim)(sums, warm, taken).items():
+        for rule, p in (_look if noise in WHITE else _claim)(sums, looks, taken).items():
             lowest[rule] = min(lowest.get(rule, 1.0), p)
         look *= GROWTH
     if noise in WHITE:
-        lowest["any"] = min(lowest.values())
+        lowest["any rule"] = min(level for rule, level in lowest.items() if rule != "verdict")
     return [{"noise": noise, "samples": samples, "lowest": lowest}]
 
 
-def _look(sums: Octaves, warm: Warm, taken: int) -> dict[str, float]:
+def _evidence(sums: Octaves, looks: Looks, taken: int) -> Evidence:
+    whole, drift = sums.lines_and_drift(0, H)
+    cells = sums.cells(0, H)
+    return examine(
+        whole, taken * H, taken, cells=cells, drift=drift, level=ANYTIME_LEVEL, looks=looks
+    ).evidence
+
+
+def _look(sums: Octaves, looks: Looks, taken: int) -> dict[str, float]:
     """The levels from which on the rules speak now."""
     whole = sums.periodogram(0, H)
-    e = examine(whole, taken * H, taken, peaks=(), warm=warm).evidence
+    e = _evidence(sums, looks, taken)
+    f = e.frontier
+    bic = min(f.bic(one) for one in (f.plain, f.ordered) if one is not None)
     by_level = FALSE_ALARM / LEVEL
     found: list[float] = []
     if find_octave_peaks(whole, LEVELS[0] * by_level):
@@ -102,18 +113,20 @@ def _look(sums: Octaves, warm: Warm, taken: int) -> dict[str, float]:
     change = find_change(sums.cells(0, H), H, LEVELS[0] * by_level)
     return {
         "null test": e.p_all,
-        # Believed if BIC < -2 log(LEVEL / level).
-        "broad resonance": min(LEVEL * math.exp(e.contest.models["ar2"].bic / 2), 1.0),
+        # Better than white noise if -BIC > APART + 2 log(LEVEL / level).
+        "sentences": min(LEVEL * math.exp((bic + APART) / 2), 1.0),
+        "drift": next(
+            (level * 0.999 for level in LEVELS[::-1] if e.slow.is_drift(FALSE_DRIFT * level / LEVEL)), 1.0
+        ),
         "peaks": found[-1] * 0.999 if found else 1.0,
         "not stationary": change.p / by_level if change else 1.0,
+        "verdict": 1.0 if decide(e).kind == "white" else 0.0,
     }
 
 
-def _claim(sums: Octaves, warm: Warm, taken: int) -> dict[str, float]:
+def _claim(sums: Octaves, looks: Looks, taken: int) -> dict[str, float]:
     """Whether the noise is called fractional now: below every level, or below none."""
-    whole, cells = sums.periodogram(0, H), sums.cells(0, H)
-    seen = examine(whole, taken * H, taken, cells=cells, level=ANYTIME_LEVEL, warm=warm)
-    return {"fractional": 0.0 if decide(seen.evidence).kind == "fractional" else 1.0}
+    return {"fractional": 0.0 if decide(_evidence(sums, looks, taken)).kind == "fractional" else 1.0}
 
 
 def tables(rows: list[Row]) -> list[Table | str]:

@@ -2,7 +2,7 @@
 
 First table: two normal estimates with the correlation ρ, of which the second, R, cannot be below 0, and has
 its best value there while the first is held at its truth. The 95 % point of the ratio of likelihoods then
-depends on ρ alone. What `spectrum.profile.AT_BOUND` was chosen by, with the correlations that the information
+depends on ρ alone. `spectrum.intervals.AT_BOUND` was chosen by it, with the correlations that the information
 gives for 35 noises without white noise (second table).
 
 Third table: ordinates are drawn from the spectra of those noises, and the truth is inside if 2 log L there is
@@ -12,12 +12,13 @@ within the critical value of the best: no search for ends, no leakage.
 from typing import Any
 
 import numpy as np
+from fltea._native import Sentences
 from fltea.noise import spectra as spectrum
 from fltea.noise.information import log_slopes
-from fltea.spectrum.models import FULL, held, share
+from fltea.noise.parts import CODES, Order, White
+from fltea.spectrum.frontier import native
+from fltea.spectrum.intervals import AT_BOUND, BY_F, BY_PARAMETER, CRITICAL
 from fltea.spectrum.periodogram import Binned, Periodogram, binned, used_ordinates
-from fltea.spectrum.profile import AT_BOUND, CRITICAL, NO_WHITE
-from fltea.spectrum.whittle import fit
 from numpy.typing import NDArray
 
 from tools.validation.runner import Options, Row, Task
@@ -36,6 +37,11 @@ NAMES = ("alpha", "f", "F")
 CRITICAL_VALUES = (CRITICAL, 4.4, 4.6, 4.8, 5.1, 5.5, 6.0)
 CORRELATIONS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 1.0)
 DRAWN = 1_000_000
+ORDER = CODES.index(Order)
+HELD = {"alpha": (ORDER, 1), "f": (BY_PARAMETER, 2), "F": (BY_F, 1)}
+"""The order's number by other coordinates, and which of all coordinates is held."""
+LITTLE_WHITE, NO_WHITE = (-2.0, -6.0), -6.9
+"""Logarithms of R over s2: fits begin at the first; below the second there is none."""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -71,16 +77,32 @@ def count(alpha: float, g: float, n: int, series: int) -> list[Row]:
     layout = binned(Periodogram(lam, np.ones(len(lam)), 1.0, n))
     rng = np.random.default_rng([n, round(100 * alpha), round(-1000 * g)])
     drawn = rng.gamma(layout.counts, size=(series, len(layout.lam))) / layout.counts
-    data = Binned(layout.lam, layout.counts, spectrum.fractional(layout.lam, alpha, g) * drawn)
-    best = fit(data, FULL)
+    fits = [
+        native(Binned(layout.lam, layout.counts, power[np.newaxis]), H, n)
+        for power in spectrum.fractional(layout.lam, alpha, g) * drawn
+    ]
+    f, logit = spectrum.f_of(alpha, g, H), np.log(-g / (2**alpha + g))
+    best = [_fit(one, ORDER, [alpha, logit])[1] for one in fits]
     rows: list[Row] = [{"samples": n, "parameter": "s2", "correlation": by_name["s2"], "held": None}]
-    for name, value in zip(NAMES, (alpha, spectrum.f_of(alpha, g, H), alpha + g), strict=True):
-        found = fit(data, held(name, value, H))
-        weight = share(found.theta[:, -1])
-        ratio, at = 2 * (found.nll - best.nll), (1 - weight) < NO_WHITE * weight
+    for name, start in (
+        ("alpha", [alpha, logit]),
+        ("f", [alpha, np.log(-f)]),
+        ("F", [alpha + g, np.log(-g)]),
+    ):
+        code, index = HELD[name]
+        found = [_fit(one, code, start, index) for one in fits]
+        at = np.array([eta[0] < eta[3] + NO_WHITE for eta, _ in found])
+        ratio = 2 * (np.array([nll for _, nll in found]) - best)
         shares = [float(np.mean(ratio <= np.where(at, one, CRITICAL))) for one in CRITICAL_VALUES]
         rows.append({"samples": n, "parameter": name, "correlation": by_name[name], "held": shares})
     return rows
+
+
+def _fit(fits: Sentences, code: int, order: list[float], held: int = -1) -> tuple[list[float], float]:
+    """Return the best coordinates and -log L of an order in white noise, of variances near 1 and 0."""
+    codes = [CODES.index(White), code]
+    found = [fits.fit(codes, [white, *order, 0.0], held=held) for white in LITTLE_WHITE]
+    return min(found, key=lambda one: one[1])
 
 
 def correlations(alpha: float, g: float, n: int) -> dict[str, float]:

@@ -2,8 +2,8 @@
 
 Estimates: float over integers against the host's engine in double, with the same settings over a memory of
 nine digits without an end, on recordings of real sensors where they are at hand, and on noise of known kinds.
-Fits: of twenty fractional noises in white noise, against the host's live fit of the same counts, which keeps
-more of them.
+Fits: of twenty fractional noises in white noise, against the host's fit of the same to the same counts, of
+which it keeps more.
 """
 
 import sys
@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 from fltea.noise.simulation import quantise
-from fltea.spectrum.likelihood_ratio import null_fits, p_value
-from fltea.spectrum.models import FULL
+from fltea.spectrum.frontier import Frontier, order_in_white
+from fltea.spectrum.intervals import order_fit
+from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import binned
-from fltea.spectrum.profile import fractional_fit
-from fltea.spectrum.whittle import fit
 from numpy.typing import NDArray
 
 from tools.validation.recursions import FractionalState
@@ -134,15 +133,15 @@ def compare(counts: Counts) -> dict[str, Any]:
     octaves = Octaves(1)
     octaves.add(counts[:, np.newaxis].astype(np.float64))
     spectra = octaves.periodogram(0, H)
-    data = binned(spectra)
-    null = null_fits(data)
-    white = p_value(float(null.likelihood_ratio[0]), spectra.ordinates) >= LEVEL
-    order = fractional_fit(data, fit(data, FULL, null.alternative.theta[np.newaxis]), H, white=white).alpha
+    frontier = Frontier(binned(spectra), H, len(counts))
+    white = p_value(frontier.ratio_white, spectra.ordinates) >= LEVEL
+    best = order_in_white(frontier.native)
+    order = order_fit(frontier, best).alpha
     half = (order.high - order.low) / 2 if order.low is not None and order.high is not None else None
     return {
         "board": found.alpha,
-        "host": order.value,
-        "half_widths": None if half is None else abs(found.alpha - order.value) / half,
+        "host": best.eta[1],
+        "half_widths": None if half is None else abs(found.alpha - best.eta[1]) / half,
         "same_verdict": white == (found.verdict == 1),
     }
 

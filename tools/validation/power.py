@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 from fltea.identification.sums import lines_of, octaves_of
+from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.lines import find_peaks
-from fltea.spectrum.periodogram import binned, periodogram
+from fltea.spectrum.periodogram import periodogram
+from fltea.spectrum.spectral import null_ratio
 from numpy.typing import NDArray
 
-from tools.validation.evaluate.fits import rejects
 from tools.validation.recursions import FractionalState
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped, share_within
@@ -68,8 +69,8 @@ def count(name: str, length: str, series: int) -> list[Row]:
         y = WHITE[name](samples, rng) if white else _in_white(state, share, samples, rng)
         whole = periodogram(y, H)
         for spectrum, lines in zip(counts, (lines_of(octaves_of(y), H), whole), strict=False):
-            five, one = rejects(binned(lines), 0.05, 0.01)
-            counts[spectrum].update({"at 5 %": five, "at 1 %": one})
+            p = p_value(null_ratio(lines), lines.ordinates)
+            counts[spectrum].update({"at 5 %": p < 0.05, "at 1 %": p < 0.01})
         peaks += white and bool(find_peaks(whole))
     record = {"noise": name, "length": length, "series": series, "peaks": peaks}
     return [record | {"spectrum": spectrum, **found} for spectrum, found in counts.items()]

@@ -5,15 +5,16 @@ unlimited: how far back the noise remembers is its own matter, and a shorter win
 error that its user has too.
 """
 
+import math
 from collections.abc import Sequence
 
 import msgspec
 import numpy as np
-from fltea.identification import noise_model
 from fltea.noise import spectra as spectrum
 from numpy.typing import NDArray
 
 from tools.validation.evaluate.cramer_rao import LAM, mean
+from tools.validation.recursions import FractionalState
 from tools.validation.runner import Row
 
 Array = NDArray[np.float64]
@@ -79,15 +80,6 @@ class Noise(msgspec.Struct, frozen=True):
     """of the power of y"""
 
 
-def model(case: Case) -> noise_model.AxisModel:
-    """The same as `fltea simulate --model` takes it."""
-    noise = case.noise
-    if case.alpha is None or case.f is None:
-        return noise_model.AxisModel(noise_model.White(R_dps2=noise.R))
-    Q = spectrum.noise_variance(case.alpha, noise.s2, H)
-    return noise_model.AxisModel(noise_model.Fractional(R_dps2=noise.R, alpha=case.alpha, f=case.f, Q=Q))
-
-
 def grid(orders: Sequence[float], fs: Sequence[float], ratios: Sequence[float]) -> tuple[Case, ...]:
     """White noise, and all combinations that are stationary, and not barely so."""
     inside = [
@@ -100,14 +92,14 @@ def samples(case: Case, seeds: int, n: int, record: int = 0) -> Array:
     """Draw y of all seeds, (n, seeds); the samples of a seed do not depend on how many there are.
 
     record: another number gives other samples of the same noise.
-
-    They come from a circle of at least four records (`noise_model.draw`), so x is stationary from the first
-    sample on, without a warm-up.
     """
-    one = model(case)
-    y = np.empty((n, seeds))
+    noise, y = case.noise, np.empty((n, seeds))
+    state = None if case.alpha is None else FractionalState(case.alpha, noise.g, n)
     for seed in range(seeds):
-        y[:, seed], _ = noise_model.draw(one, H, n, np.random.default_rng([seed, record, *_key(case)]))
+        rng = np.random.default_rng([seed, record, *_key(case)])
+        y[:, seed] = math.sqrt(noise.R) * rng.standard_normal(n)
+        if state is not None:
+            y[:, seed] += math.sqrt(noise.s2) * state.draw(rng)
     return y
 
 

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 from fltea.noise import spectra as spectrum
-from fltea.spectrum.periodogram import binned, periodogram
+from fltea.spectrum.periodogram import periodogram
 
 from tools.validation.evaluate.cases import POWER, H
-from tools.validation.evaluate.fits import QUANTITIES, fitted
+from tools.validation.evaluate.fits import QUANTITIES, holds, published
 from tools.validation.recursions import FractionalState
 from tools.validation.runner import Row
 
@@ -46,10 +46,10 @@ POINTS = (
 
 
 def count_coverage(point: Point, samples: int, series: int, seed: int) -> list[Row]:
-    """Fit the whole records of some series; seed: another one is another set of series.
+    """Judge the whole records of some series; seed: another one is another set of series.
 
-    held: how many intervals hold the truth; one without ends holds everything. undefined: how many have no
-    ends, since white noise is not rejected or the data do not define the parameter.
+    held: how many intervals hold the truth, of those that are published. undefined: how many are not, since
+    the verdict has no order or the data do not define the parameter; they hold everything.
     """
     g = spectrum.g_of(point.alpha, point.f, H)
     noise = FractionalState(point.alpha, g, samples)
@@ -60,11 +60,11 @@ def count_coverage(point: Point, samples: int, series: int, seed: int) -> list[R
     rng = np.random.default_rng([seed, samples, *point.name.encode()])
     for _ in range(series):
         y = math.sqrt(s2) * noise.draw(rng) + math.sqrt(R) * rng.standard_normal(samples)
-        found, _ = fitted(binned(periodogram(y, H)), H)
+        found = published(periodogram(y, H))
         for name, value in truth.items():
-            interval = getattr(found, name)
-            undefined[name] += not interval.defined
-            held[name] += not interval.defined or interval.low <= value <= interval.high
+            none = getattr(found, name).value is None
+            undefined[name] += none
+            held[name] += none or holds(found, name, value)
     case: Row = {"kind": "coverage", "noise": point.name, "samples": samples, "series": series}
     return [
         case | {"quantity": name, "held": held[name], "undefined": undefined[name]} for name in QUANTITIES

@@ -1,24 +1,24 @@
 """The fractional state in white noise by exact maximum likelihood, beginning at Whittle's answer.
 
-The search is scipy's quasi-Newton one, in the coordinates of `fltea.spectrum.models`, in which nothing has
-bounds. Its first curvature is that of Whittle's likelihood, so that few of the dear exact ones are needed.
+The search is scipy's quasi-Newton one, in α, logit(-g / 2^α) and log s2/R. Its first curvature is that of
+Whittle's likelihood, so that few of the dear exact ones are needed.
 """
 
-from collections.abc import Callable
+import math
 from typing import NamedTuple
 
 import numpy as np
-from fltea.spectrum.models import FULL, parameters
+from fltea.noise import spectra
+from fltea.noise.parts import g_of_eta
+from fltea.spectrum.frontier import native, order_in_white
+from fltea.spectrum.intervals import CRITICAL
 from fltea.spectrum.periodogram import binned, periodogram
-from fltea.spectrum.profile import CRITICAL
-from fltea.spectrum.whittle import fit, negative_log_likelihood
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from tools.validation.evaluate.exact_likelihood import of_spectrum
+from tools.validation.evaluate.exact_likelihood import Likelihood, of_spectrum
 
 Array = NDArray[np.float64]
-Cost = Callable[[Array], float]
 
 STEPS = 12
 SLOPE = 0.05
@@ -27,8 +27,9 @@ DIFFERENCE = 1e-5
 """Step of the slopes, which are differences."""
 LEAST_CURVATURE = 0.02
 """A direction that is flatter is taken to be as curved as this: steps of a few units at most."""
+ORDERS = 0.01, 1.99
 IMPOSSIBLE = 1e9
-"""-log L so near a bound that rounding decides."""
+"""-log L beyond these orders, or so near a bound that rounding decides."""
 
 
 class ExactFit(NamedTuple):
@@ -47,15 +48,17 @@ class ExactSeries:
 
     def __init__(self, y: Array, h: float) -> None:
         self._y = np.asarray(y, dtype=np.float64)
-        self._data = binned(periodogram(self._y, h))
-        self.whittle = fit(self._data, FULL).theta[0]
+        data = binned(periodogram(self._y, h))
+        self._fits, self._counts = native(data, h, len(y)), data.counts
+        found = order_in_white(self._fits)
+        self._codes, (R, alpha, logit, s2) = list(found.codes), found.eta
+        self.whittle = np.array([alpha, logit, s2 - R])
 
     def fit(self, *starts: Array) -> ExactFit:
         """The best of all; starts: coordinates (3,) to begin at beside Whittle's."""
         theta, nll = min((self._search(one) for one in (self.whittle, *starts)), key=lambda one: one[1])
-        p = parameters(theta)
-        scale = of_spectrum(lambda lam: FULL.shape(lam, theta[np.newaxis])[0], self._y).scale
-        return ExactFit(float(p.alpha), float(p.weight) * scale, (1 - float(p.weight)) * scale, nll, theta)
+        R = self._likelihood(theta).scale
+        return ExactFit(float(theta[0]), R * math.exp(theta[2]), R, nll, theta)
 
     def covers(self, alpha: float, found: ExactFit) -> tuple[bool, ExactFit]:
         """Whether an order is in the 95 % interval of the profile, and a better fit, should one turn up."""
@@ -65,38 +68,37 @@ class ExactSeries:
         return 2 * (nll - found.nll) <= CRITICAL, found
 
     def nll(self, theta: Array) -> float:
-        """The exact -log L at coordinates (3,)."""
+        """The exact -log L at coordinates (3,), at the best scale."""
+        if not ORDERS[0] <= theta[0] <= ORDERS[1]:
+            return IMPOSSIBLE
         try:
-            return of_spectrum(lambda lam: FULL.shape(lam, theta[np.newaxis])[0], self._y).nll
+            return self._likelihood(theta).nll
         except ValueError:
             return IMPOSSIBLE
 
-    def _approximate(self, theta: Array) -> float:
-        shape = FULL.shape(self._data.lam, theta[np.newaxis])
-        return float(negative_log_likelihood(self._data, shape, np.zeros(1, dtype=np.intp))[0][0])
+    def _likelihood(self, theta: Array) -> Likelihood:
+        alpha, ratio, g = float(theta[0]), math.exp(theta[2]), g_of_eta(theta.tolist())
+        return of_spectrum(lambda lam: 1 + ratio * spectra.fractional(lam, alpha, g), self._y)
+
+    def inverse_curvature(self, theta: Array, first: int = 0) -> Array:
+        """The inverse of Whittle's information of the coordinates from `first` on, the scale not known."""
+        rows = np.empty((4, len(self._counts)))
+        self._fits.slopes(self._codes, [0.0, *theta], np.empty(len(self._counts)), rows)
+        rows[0] += rows[3]  # R with s2: the scale
+        whole = (rows * self._counts) @ rows.T
+        rest = whole[1:, 1:] - np.outer(whole[1:, 0], whole[0, 1:]) / whole[0, 0]
+        values, vectors = np.linalg.eigh(rest[first:, first:])
+        half = vectors / np.sqrt(np.maximum(values, LEAST_CURVATURE))
+        return np.asarray(half @ half.T)
 
     def _search(self, start: Array, alpha: float | None = None) -> tuple[Array, float]:
         """Coordinates (3,) and -log L of the best fit near `start`; alpha: held, if it is given."""
         held = [] if alpha is None else [alpha]
-        free = start[len(held) :]
-        inverse = inverse_curvature(lambda x: self._approximate(np.append(held, x)), free)
+        inverse = self.inverse_curvature(np.append(held, start[len(held) :]), len(held))
         found = minimize(
             lambda x: self.nll(np.append(held, x)),
-            free,
+            start[len(held) :],
             method="BFGS",
             options={"maxiter": STEPS, "gtol": SLOPE, "eps": DIFFERENCE, "hess_inv0": inverse},
         )
         return np.append(held, found.x), float(found.fun)
-
-
-def inverse_curvature(cost: Cost, x: Array, size: float = 0.03) -> Array:
-    """Inverse (p, p) of the second derivatives of `cost` at x, concave and flat directions made convex."""
-    steps = size * np.eye(len(x))
-    second = np.empty((len(x), len(x)))
-    for i, a in enumerate(steps):
-        for j, b in enumerate(steps):
-            corners = cost(x + a + b) - cost(x + a - b) - cost(x - a + b) + cost(x - a - b)
-            second[i, j] = corners / (4 * size * size)
-    values, vectors = np.linalg.eigh((second + second.T) / 2)
-    half = vectors / np.sqrt(np.maximum(np.abs(values), LEAST_CURVATURE))
-    return np.asarray(half @ half.T)

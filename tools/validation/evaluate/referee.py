@@ -27,7 +27,7 @@ CASES: tuple[Case, ...] = (
 def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Row]:
     """Fit every series three times.
 
-    Errors of α and shares of its intervals that hold it are of series in which both fits reject white noise.
+    Errors of α and shares of its intervals that hold it are of series of which both publish an order.
     """
     y, truth = cases.samples(case, seeds, samples), fits.truths(case)
     whole = fits.whole_reading(y, H, truth)
@@ -37,7 +37,7 @@ def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Row]:
         series = ExactSeries(y[:, i], H)
         covered[i], found = series.covers(truth["alpha"], series.fit())
         exact[i] = found.alpha
-    both = whole.rejected & live.rejected
+    both = whole.published & live.published
     row = {"kind": "referee", **case.columns, "samples": samples, "series": int(both.sum())}
     for name, alpha, holds in (
         ("exact", exact, covered),

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.validation.evaluate import cases, coverage, cramer_rao, fits, referee, settings, shifts
+from tools.validation.evaluate import cases, composites, coverage, cramer_rao, fits, referee, settings, shifts
 from tools.validation.evaluate.cases import Case, H
 from tools.validation.evaluate.coverage import Point
 from tools.validation.evaluate.online import Reading, read
@@ -32,6 +32,8 @@ SEEDS, QUICK_SEEDS = 20, 10
 """Series of each noise. Of fewer, all intervals have to hold the truth for a figure to be called right."""
 FITS_TO_FILTERS = 4
 """A fit costs less than a filter, and a ratio of errors needs more series than an error."""
+MIXED_TO_FILTERS, CLAIMS_TO_FILTERS = 10, 15
+"""Series of each composite noise, and mixtures of each length."""
 COVERAGE_TO_FILTERS = 50
 """A share of 95 % needs most."""
 
@@ -58,6 +60,10 @@ class Plan(NamedTuple):
     """noises that change"""
     coverage: tuple[Point, ...] = coverage.POINTS
     """noises whose intervals are counted"""
+    mixed: tuple[str, ...] = tuple(composites.COMPOSITES)
+    """noises without an order whose intervals are counted"""
+    claimed: tuple[int, ...] = composites.LENGTHS
+    """lengths of mixtures that nobody may call fractional"""
 
 
 def plan_of(seeds: int, *, quick: bool = False) -> Plan:
@@ -74,6 +80,8 @@ def plan_of(seeds: int, *, quick: bool = False) -> Plan:
         fitted_samples=cases.LENGTHS[1],
         refereed=referee.CASES[:1],
         coverage=coverage.POINTS[2:4],
+        mixed=("two relaxations", "relaxation, angle"),
+        claimed=composites.LENGTHS[:2],
     )
 
 
@@ -96,6 +104,11 @@ def plan_tasks(plan: Plan) -> list[Task]:
             for one in plan.coverage
             for n in coverage.LENGTHS
             for number in range(max(1, plan.coverage_series // coverage.AT_ONCE))
+        ),
+        *(Task(one, composites.count_composite, (one, MIXED_TO_FILTERS * seeds)) for one in plan.mixed),
+        *(
+            Task(f"{n:,} samples", composites.count_claims, (n, CLAIMS_TO_FILTERS * seeds))
+            for n in plan.claimed
         ),
         *(Task(one.name, changed_case, (one, *changes)) for one in plan.changed_on),
     ]
@@ -136,7 +149,7 @@ def changed_case(
 def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
     """Score the fits of one noise, of the whole records and live.
 
-    A pair has the errors of α of both, on the series in which both reject white noise.
+    A pair has the errors of α of both, on the series of which both publish an order.
     """
     y, truth = cases.samples(case, seeds, lengths[-1]), fits.truths(case)
     rows: list[Row] = []
@@ -146,7 +159,7 @@ def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
             _row("rows", case, n, name, quantity)
             | score(
                 one.estimates[quantity],
-                one.rejected,
+                one.published,
                 truth=truth.get(quantity),
                 covered=one.covered.get(quantity),
                 bound=limits.get(quantity),
@@ -155,7 +168,7 @@ def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
             for quantity in fits.QUANTITIES
         ]
         if truth:
-            both = live.rejected & whole.rejected
+            both = live.published & whole.published
             errors = [referee.rms(one.estimates["alpha"][both] - truth["alpha"]) for one in (live, whole)]
             pair = {"series": int(both.sum()), "live_rmse": errors[0], "whole_rmse": errors[1]}
             rows.append({"kind": "pairs", **case.columns, "samples": n, **pair})

@@ -44,6 +44,8 @@ def tables(rows: list[Row]) -> list[Table | str]:
         ratios(frame(rows, "pairs"), scores),
         coverages(scores),
         held(frame(rows, "coverage")),
+        parts(frame(rows, "composites")),
+        claims(frame(rows, "claims")),
         referee(frame(rows, "referee")),
         shifts(frame(rows, "shifts")),
         summary(scores),
@@ -126,6 +128,31 @@ def _held(series: int, held: int, undefined: int) -> str:
         return share
     others = f", else {(held - undefined) / (series - undefined):.1%}" if undefined < series else ""
     return f"{share}, {undefined / series:.0%} undefined{others}"
+
+
+def parts(counts: DataFrame) -> Table:
+    """Intervals of the parts of composite noises, of the series whose sentence is of the same parts."""
+    cells = [
+        (
+            *(one.noise, one.quantity, f"{one.same} of {one.series}"),
+            *(share_within(one.held, one.same), f"{one.told}"),
+        )
+        for one in counts.itertuples()
+    ]
+    headings = ("composite noise", "quantity", "same parts", "held", "with two ends")
+    return Table("Intervals of parts", headings, cells)
+
+
+def claims(counts: DataFrame) -> Table:
+    """Verdicts on mixtures of relaxations and something that rises."""
+    cells = [
+        (
+            *(f"{one.samples:,}", f"{one.series}", f"{one.verdicts.get('fractional', 0)}"),
+            ", ".join(f"{n} {what}" for what, n in one.verdicts.items()),
+        )
+        for one in counts.itertuples()
+    ]
+    return Table("Mixtures with a rise", ("samples", "mixtures", "called fractional", "verdicts"), cells)
 
 
 def referee(judged: DataFrame) -> Table:

@@ -24,8 +24,8 @@ DEEPEST = 1e-6
 """Of the highest density: a filter's zeros are no deeper in any periodogram."""
 FLOOR = -3.0
 """Logarithm of the largest white noise behind a low-pass, over what passes."""
-POINTS, STARTS = 15, 6
-"""Points of a grid along each parameter, and searches."""
+POINTS, MOST_POINTS, STARTS = 15, 3_400, 6
+"""Points of a grid along each parameter, at most in all, and searches."""
 RELAXATIONS = 6
 
 
@@ -67,7 +67,8 @@ def shortfall(bins: Bins, models: Array) -> Array:
 
 def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
     """Return the least shortfall over a box of parameters: searches begin in the valleys of a grid."""
-    grid = np.stack(np.meshgrid(*(np.linspace(*side, POINTS) for side in box), indexing="ij"))
+    points = min(POINTS, int(MOST_POINTS ** (1 / len(box))))
+    grid = np.stack(np.meshgrid(*(np.linspace(*side, points) for side in box), indexing="ij"))
     flat = grid.reshape(len(box), -1)
     found = shortfall(bins, family(flat, bins.lam))
 
@@ -99,6 +100,12 @@ def order(bins: Bins) -> float:
     return min(state, least(bins, _arfima, (0.15, 0.85), (-7.0, 1.5), (-14.0, 10.0)))
 
 
+def order_and_rise(bins: Bins) -> float:
+    """The same state, and a power of the frequency up to its fourth, in white noise."""
+    box = (0.15, 0.85), (-9.0, 0.5), (-14.0, 10.0), (-10.0, 10.0), (0.1, 2.0)
+    return least(bins, _state_and_rise, *box)
+
+
 def one_relaxation(bins: Bins) -> float:
     """AR(1) in white noise."""
     return least(bins, _one_relaxation, (-7.0, 2.0), (-8.0, 10.0))
@@ -107,6 +114,11 @@ def one_relaxation(bins: Bins) -> float:
 def walk(bins: Bins) -> float:
     """A random walk in white noise."""
     return least(bins, _walk, (-14.0, 14.0))
+
+
+def walk_and_rise(bins: Bins) -> float:
+    """A random walk and a power of the frequency up to its fourth, in white noise."""
+    return least(bins, _walk_and_rise, (-14.0, 14.0), (-10.0, 10.0), (0.1, 2.0))
 
 
 def walk_and_relaxation(bins: Bins) -> float:
@@ -124,35 +136,42 @@ def rising(bins: Bins) -> float:
     return least(bins, _rising, (0.0, 2.0), (-6.0, 6.0))
 
 
-def six_relaxations(bins: Bins) -> float:
-    """Six relaxations of any corners and sizes in white noise; log corners begin evenly apart."""
+def without_order(bins: Bins) -> float:
+    """Six relaxations, an alternating one, a random walk and quantisation, of any sizes, in white noise.
+
+    Logarithms of the relaxations' corners begin evenly apart.
+    """
     bottom, top = float(np.log(bins.lam[0])), float(np.log(np.pi))
     starts = [(low, high) for low in (bottom - 2, bottom, bottom + 2) for high in (top - 2, top, top + 1.5)]
     return min(_mixed(bins, np.linspace(low, max(high, low + 0.5), RELAXATIONS)) for low, high in starts)
 
 
 def _mixed(bins: Bins, log_corners: Array) -> float:
-    """The least shortfall of relaxations in white noise that begin with these corners."""
+    """The least shortfall of such parts that begin with these corners."""
     half = 4 * np.sin(bins.lam / 2) ** 2
+    halves = np.stack([half] * RELAXATIONS + [4 - half])  # one is mirrored
+    fixed = np.stack([1 / half, half, np.ones_like(half)])
+    poles = len(halves)
 
     def behind(p: Array) -> tuple[float, Array]:
         """Of logarithms of corners and sizes, with its slopes."""
-        corner = np.exp(p[:RELAXATIONS, np.newaxis])
+        corner = np.exp(p[:poles, np.newaxis])
         pole, rest = np.exp(-corner), -np.expm1(-corner)
-        below = rest**2 + pole * half
-        parts = np.concatenate(
-            [np.exp(p[RELAXATIONS:-1, np.newaxis]) * rest**2 / below, np.full((1, len(half)), np.exp(p[-1]))]
-        )
+        below = rest**2 + pole * halves
+        parts = np.exp(p[poles:, np.newaxis]) * np.concatenate([rest**2 / below, fixed])
         model = parts.sum(axis=0)
         slope = 2 * bins.weight * (model - bins.truth) / model**2
-        by_pole = -2 / rest - (half - 2 * rest) / below
-        of_corners = parts[:-1] * by_pole * -corner * pole
+        by_pole = -2 / rest - (halves - 2 * rest) / below
+        of_corners = parts[:poles] * by_pole * -corner * pole
         value = 2 * bins.weight @ (np.log(model / bins.truth) + bins.truth / model - 1)
         return float(value), np.concatenate([of_corners @ slope, parts @ slope])
 
-    sizes = np.full(RELAXATIONS + 1, np.log(np.median(bins.truth) / (RELAXATIONS + 1)))
-    start = np.concatenate([log_corners, sizes])
-    limits = Bounds(start - 25, np.concatenate([np.full(RELAXATIONS, 3.0), np.full(RELAXATIONS + 1, 40.0)]))
+    level = np.log(np.median(bins.truth) / (RELAXATIONS + 1))
+    sizes = np.full(poles + len(fixed), level)
+    sizes[-len(fixed) - 1 : -1] = level - 5  # what is mirrored, the walk and the rise begin small
+    sizes[-len(fixed)] += 2 * np.log(bins.lam[0])
+    start = np.concatenate([log_corners, [0.0], sizes])
+    limits = Bounds(start - 25, np.concatenate([np.full(poles, 3.0), np.full(len(sizes), 40.0)]))
     found = minimize(
         behind,
         start,
@@ -183,6 +202,18 @@ def _state(p: Array, lam: Array) -> Array:
     g = np.maximum(g, -0.98 * 2**alpha)
     z = np.exp(-1j * lam)
     return _with_floor(_scaled(1 / np.abs((1 - z) ** alpha - g * z) ** 2), p[2])
+
+
+def _state_and_rise(p: Array, lam: Array) -> Array:
+    return np.asarray(_state(p, lam) + _rise(p[3], p[4], lam))
+
+
+def _walk_and_rise(p: Array, lam: Array) -> Array:
+    return np.asarray(_walk(p, lam) + _rise(p[1], p[2], lam))
+
+
+def _rise(log_size: Array, delta: Array, lam: Array) -> Array:
+    return np.asarray(np.exp(log_size)[:, np.newaxis] * np.sin(lam / 2) ** (2 * delta[:, np.newaxis]))
 
 
 def _arfima(p: Array, lam: Array) -> Array:

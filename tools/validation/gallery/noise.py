@@ -22,6 +22,7 @@ Truth = Literal[
     "resonance",
     "walk",
     "low-pass",
+    "notch",
     "filtered order",
     "held",
 ]

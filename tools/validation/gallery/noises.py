@@ -25,6 +25,7 @@ from tools.validation.gallery.parts import (
     Held,
     Jittered,
     LowPass,
+    Notched,
     Part,
     Relaxation,
     Resonance,
@@ -62,6 +63,18 @@ def _flicker_before(name: str, words: str, low_pass: LowPass) -> Noise:
     words = f"white and 1/f from 1 Hz down ({A_DECADE} relaxations a decade) through {words}"
     part = Through(low_pass, ladder(1e-4, 2 * low_pass.hz, A_DECADE, 1.0))
     return Noise(name, words, "filtered order", (part,))
+
+
+def _state(alpha: float, f: float, ratio: float, window: int = 0) -> Noise:
+    name, words = f"state {alpha:g}, {f:g}, {ratio:g}", ""
+    if window:
+        name, words = f"{name}, {window}", f", which remembers {window} samples"
+    return Noise(
+        name,
+        f"D^α x = f x + ω in white: α = {alpha:g}, f = {f:g}, s2/R = {ratio:g}{words}",
+        "order",
+        (W, Fractional(alpha, f, ratio, window)),
+    )
 
 
 def _rounded(sigma: float) -> Noise:
@@ -111,12 +124,7 @@ ORDERS = (
     Noise("ARFIMA(1, .4, 1)", "φ = 0.6, θ = 0.2 in white", "order", (W, Arfima(0.4, 1.0, 0.6, 0.2))),
     Noise("ARFIMA(1, -.3, 1)", "φ = -0.3, θ = -0.2 in white", "rising", (W, Arfima(-0.3, 3.0, -0.3, -0.2))),
     *(
-        Noise(
-            f"state {alpha:g}, {f:g}, {ratio:g}",
-            f"D^α x = f x + ω in white: α = {alpha:g}, f = {f:g}, s2/R = {ratio:g}",
-            "order",
-            (W, Fractional(alpha, f, ratio)),
-        )
+        _state(alpha, f, ratio)
         for alpha, f in ((0.4, -1.0), (0.8, -1.0), (0.8, -10.0), (0.5, 0.0))
         for ratio in (0.3, 3.0)
     ),
@@ -201,5 +209,33 @@ ODD = (
     ),
 )
 
-NOISES = {one.name: one for one in (*WHITE, *RELAXATIONS, *ORDERS, *SLOW, *LOW_PASSES, *PEAKS, *ODD)}
+ANGLE = Differenced(0.08)
+"""Quantisation of an angle, of which differences are read."""
+CLOSE = Relaxation(0.16, 24.0), Relaxation(1.6, 2.4), Relaxation(8.0, 0.5)
+SHARPENING = LowPass(taps=(-0.04, 1.08, -0.04))
+RISING = (
+    *(_state(0.35, -4.0, ratio) for ratio in (0.5, 3.0)),
+    _state(0.3, -1.8, 1.0),
+    _state(0.35, 0.3, 3.0, window=300),
+    _relaxing(
+        "3 relaxations, angle", "0.16, 1.6 and 8 Hz in white, of an angle that is rounded", *CLOSE, ANGLE
+    ),
+    Noise(
+        "3 relaxations, sharpened",
+        "0.05, 0.5 and 5 Hz in white, all through -0.04, 1.08, -0.04",
+        "relaxations",
+        (Through(SHARPENING, MEMS),),
+    ),
+    _relaxing("relaxation, MA", "one at 0.5 Hz in white and differences of white", MEMS[1], Differenced(0.2)),
+    Noise(
+        "relaxation, AR(-.2)",
+        "one at 0.5 Hz in AR(1) of the coefficient -0.2",
+        "relaxations",
+        (MEMS[1], AR1(-0.2, 1.0)),
+    ),
+    Noise("walk, angle", "random walk, of an angle that is rounded", "walk", (Walk(0.1), Differenced(1.0))),
+    Noise("notch", "white through a notch of Q = 5 at 0.25 of the rate", "notch", (Notched(0.25, 5.0),)),
+)
+
+NOISES = {one.name: one for one in (*WHITE, *RELAXATIONS, *ORDERS, *SLOW, *LOW_PASSES, *PEAKS, *ODD, *RISING)}
 """All, by name."""

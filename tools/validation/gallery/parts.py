@@ -10,14 +10,14 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import firwin, freqz, lfilter
+from scipy.signal import firwin, freqz, iirnotch, lfilter
 
 from tools.validation.recursions import (
     Stream,
     convolved,
     fractional_difference,
     fractional_noise,
-    state_response,
+    inverse_series,
 )
 
 Array = NDArray[np.float64]
@@ -141,15 +141,33 @@ class Arfima(NamedTuple):
 
 
 class Fractional(NamedTuple):
-    """The project's own state, D^α x = f x + ω with f in s^-α and a variance `step` of a whole step."""
+    """The project's own state, D^α x = f x + ω with f in s^-α and a variance `step` of a whole step.
+
+    window: samples that it remembers; 0: all. Only with such a memory may f be above 0.
+    """
 
     alpha: float
     f: float
     step: float
+    window: int = 0
 
     def g(self, rate_hz: float) -> float:
-        """Return h^α f; where a slow rate would make x grow, f is what gives half of the least g, -2^α."""
-        return max(float(rate_hz**-self.alpha) * self.f, -float(2.0**self.alpha) / 2)
+        """Return h^α f; where a slow rate would make x grow, what is half of the least g, or of the most."""
+        g = float(rate_hz**-self.alpha) * self.f
+        most = float(self._weights().sum()) / 2 if self.window else 0.0
+        return min(max(g, -float(2.0**self.alpha) / 2), most)
+
+    def _weights(self) -> Array:
+        """Return those of the samples that it remembers, its own first."""
+        return fractional_difference(-self.alpha, self.window + 1)
+
+    def _series(self, rate_hz: float, length: int) -> Array:
+        """Return what makes ω of x."""
+        series = fractional_difference(-self.alpha, length)
+        if self.window:
+            series[self.window + 1 :] = 0
+        series[1] -= self.g(rate_hz)
+        return series
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         """See `Part`."""
@@ -158,11 +176,14 @@ class Fractional(NamedTuple):
             response = fractional_difference(self.alpha, n + 1)
         else:
             length = min(LONGEST_MEMORY, 1 << (max(n, 1 << 16) - 1).bit_length())
-            response = state_response(self.alpha, self.g(rate_hz), length)
+            response = inverse_series(self._series(rate_hz, length))
         return math.sqrt(self.step) * convolved(rng.standard_normal(n + len(response) - 1), response, n)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`."""
+        if self.window:
+            series = self._series(rate_hz, self.window + 1)
+            return np.asarray(self.step / np.abs(freqz(series, worN=lam)[1]) ** 2)
         z = np.exp(-1j * lam)
         return np.asarray(self.step / np.abs((1 - z) ** self.alpha - self.g(rate_hz) * z) ** 2)
 
@@ -224,6 +245,24 @@ class Resonance(NamedTuple):
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
         """See `Part`."""
         return np.asarray(np.abs(freqz(*self._coefficients, worN=lam)[1]) ** 2)
+
+
+class Notched(NamedTuple):
+    """White noise through a filter that stops a share of the sample rate; q: centre over width."""
+
+    share: float
+    q: float
+
+    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
+        """See `Part`."""
+        before = int(40 * self.q / self.share)
+        return np.asarray(lfilter(*iirnotch(2 * self.share, self.q), rng.standard_normal(n + before)))[
+            before:
+        ]
+
+    def spectrum(self, lam: Array, rate_hz: float) -> Array:
+        """See `Part`."""
+        return np.asarray(np.abs(freqz(*iirnotch(2 * self.share, self.q), worN=lam)[1]) ** 2)
 
 
 class Differenced(NamedTuple):

@@ -1,7 +1,7 @@
 """The verdicts of `fltea identify` on records of the gallery's noises, and whether they are right.
 
 Figures that count: verdicts that are right; records of noises without an order that are called fractional;
-and claims of an order with a sum of relaxations within `MARGIN` in 2 log L, of which there should be none.
+and claims of an order with a sentence without one within `MARGIN` in 2 log L, of which there should be none.
 """
 
 import zlib
@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from fltea.identification.sums import examined
-from fltea.spectrum.evidence import LEVEL
-from fltea.spectrum.profile import fractional_fit
 from fltea.spectrum.verdict import decide
 from numpy.typing import NDArray
 
@@ -36,7 +34,7 @@ LENGTHS_S = (30.0, 600.0, 10_800.0)
 QUICK = (100.0, 600.0)
 """Rate and length of the quick run."""
 MARGIN = 6.0
-"""In 2 log L, by which a claim of an order has to be ahead of every sum of relaxations."""
+"""In 2 log L, by which a claim of an order has to be ahead of every sentence without one."""
 COLOURS = {"right": "#4c9f70", "cannot be told": "#e9c46a", "wrong": "#d1495b"}
 SIGNS = {"right": "", "cannot be told": "?", "wrong": "✗"}
 """Beside a verdict, and for those who do not see the colours."""
@@ -79,22 +77,22 @@ def look(name: str, rate_hz: float, duration_s: float, number: int) -> list[Row]
 def _seen(y: Array, h: float) -> Row:
     """Return all that the program says of y: the one place of the gallery that asks it.
 
-    alpha: value and ends. ahead: 2 log L of the best fractional order over the best sum of relaxations;
-    None: not compared.
+    alpha: value and ends. ahead: 2 log L of the best sentence with an order over the richest without one;
+    None: there is none.
     """
     if (y == y[0]).all():
         text = "All samples are the same."
         return {"kind": "constant", "text": text, "alpha": None, "lines_hz": [], "ahead": None}
     spectral = examined(y, h)
-    evidence, fits = spectral.evidence, spectral.fits
+    evidence, frontier = spectral.evidence, spectral.evidence.frontier
     verdict = decide(evidence)
-    alpha = fractional_fit(fits.data, fits.full, h, white=evidence.p_clean >= LEVEL).alpha
+    alpha = verdict.order.alpha
     return {
         "kind": verdict.kind,
         "text": verdict.text,
         "alpha": [alpha.value, alpha.low, alpha.high],
         "lines_hz": [peak.frequency_hz for peak in evidence.peaks],
-        "ahead": evidence.contest.order_gain - evidence.contest.sum_gain,
+        "ahead": None if frontier.ordered is None else frontier.lead_over_rich,
     }
 
 
@@ -151,8 +149,8 @@ def summary(rows: list[Row]) -> list[str]:
         f"({share(false, without)}).",
         f'Of {len(with_order)} records of noises with an order {len(true_claims)} are called "fractional", '
         f"{len(called)} of the {len(tellable)} whose length tells it from relaxations.",
-        f'Of {len(claims)} claims of "fractional" {len(close)} have a sum of relaxations within '
-        f"{MARGIN:g} in 2 log L.",
+        f'Of {len(claims)} claims of "fractional" {len(close)} have a sentence without an order '
+        f"within {MARGIN:g} in 2 log L.",
     ]
 
 

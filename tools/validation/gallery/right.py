@@ -15,7 +15,7 @@ from fltea.records.fit import VerdictKind
 from tools.validation.gallery import contrast
 from tools.validation.gallery.contrast import Bins
 from tools.validation.gallery.noise import Noise
-from tools.validation.gallery.parts import Resonance, Through
+from tools.validation.gallery.parts import Differenced, Notched, Resonance, Through, White
 
 SAME = 6.0
 """In expected 2 log L, below which two spectra are the same for everybody."""
@@ -23,8 +23,9 @@ UNSEEN = 2.0
 """The same against white noise."""
 LUCK = 2.0
 """Standard deviations that chance may take from 2 log L, whose spread is 2 √(expected)."""
-MORE = 9.0
-"""Parameters of six relaxations over those of an order: by so much they fit better by chance alone."""
+MORE = 13.0
+"""Parameters of parts without an order over those of one: by so much they fit better by chance alone."""
+WITHOUT_ORDER = "a sum of relaxations, a walk and a rise"
 SLOW_ORDINATES = 9
 DRIFTS = 1.5
 """Expected power of the slowest ordinates over white noise, from which on there is some drift."""
@@ -86,7 +87,7 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
     elif noise.truth != "white":
         notes.right.add(_RULES[noise.truth][0])
         _RULES[noise.truth][1](notes, noise, bins, rate_hz, n)
-        if bins.truth[-1] > bins.truth[0]:  # what folds at half the rate may make it rise
+        if bins.truth[-1] > bins.truth.min():  # what folds at half the rate may make it rise
             notes.may("anti-persistent", contrast.rising(bins), "a power that rises with frequency")
     if noise.drift is not None and (not seen or noise.truth == "white"):
         notes.right = {"drift"}
@@ -105,7 +106,8 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
 
 
 def _peaks(noise: Noise) -> list[tuple[float, float]]:
-    found = [part for part in noise.parts if isinstance(part, Resonance)]
+    """Where peaks and notches are, and their widths."""
+    found = [part for part in noise.parts if isinstance(part, Resonance | Notched)]
     return [(2 * math.pi * one.share, 2 * math.pi * one.share / one.q) for one in found]
 
 
@@ -129,9 +131,15 @@ def _nearly_white(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: in
 
 
 def _relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    several = 3.0 * max(2 * min(len(noise.parts) - 1, 6) - 3, 0)
-    notes.may(EITHER, contrast.order(bins), "an order between 0.15 and 0.85", several)
-    notes.may("drift", contrast.walk(bins), "a random walk")
+    inner = [one for part in noise.parts if isinstance(part, Through) for one in part.inner]
+    slow = len(inner) + sum(not isinstance(part, White | Differenced | Through) for part in noise.parts)
+    several = 3.0 * max(2 * min(slow, 6) - 3, 0)
+    rises = bins.truth[-1] > bins.truth.min()
+    order, walk = contrast.order, contrast.walk
+    if rises:
+        order, walk = contrast.order_and_rise, contrast.walk_and_rise
+    notes.may(EITHER, order(bins), "an order between 0.15 and 0.85", several)
+    notes.may("drift", walk(bins), "a random walk")
     notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
     if "drift" not in notes.right:
         with_one = contrast.walk_and_relaxation(bins)
@@ -143,13 +151,16 @@ def _order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> N
     nearest = contrast.order(bins)
     if nearest > SAME:
         notes.accepted["undecided"] = f"of no model here; the nearest order is {nearest:.0f} behind"
-    notes.may(EITHER, contrast.six_relaxations(bins), "a sum of six relaxations", MORE)
+    notes.may(EITHER, contrast.without_order(bins), WITHOUT_ORDER, MORE)
+    if EITHER in notes.right | set(notes.accepted) and bins.truth[-1] > bins.truth.min():
+        notes.accepted["undecided"] = "what looks the same rises with frequency"
     notes.may("drift", contrast.walk(bins), "a random walk")
     notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
 
 
-def _nothing(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    pass
+def _rising(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
+    """An order with F < 0 has a spectrum that rises, too."""
+    notes.may("undecided", contrast.order(bins), "an order between 0.15 and 0.85")
 
 
 def _walk(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
@@ -195,6 +206,10 @@ def _relaxation_or_order(notes: _Notes, bins: Bins) -> None:
         notes.may(EITHER, contrast.order(bins), "an order between 0.15 and 0.85")
 
 
+def _notch(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
+    notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
+
+
 def _filtered_order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     passed = _passed(noise, bins, rate_hz)
     inside = contrast.white(passed)
@@ -205,7 +220,7 @@ def _filtered_order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: 
         return
     notes.right |= {"low-pass", "fractional"}
     notes.may("drift", contrast.walk(passed), "a random walk")
-    notes.may(EITHER, contrast.six_relaxations(passed), "a sum of six relaxations", MORE)
+    notes.may(EITHER, contrast.without_order(passed), WITHOUT_ORDER, MORE)
 
 
 def _passed(noise: Noise, bins: Bins, rate_hz: float) -> Bins:
@@ -281,10 +296,11 @@ def _changes(notes: _Notes, n: int) -> None:
 _RULES: dict[str, tuple[VerdictKind, Callable[[_Notes, Noise, Bins, float, int], None]]] = {
     "relaxations": ("relaxations", _relaxations),
     "order": ("fractional", _order),
-    "rising": ("anti-persistent", _nothing),
+    "rising": ("anti-persistent", _rising),
     "walk": ("drift", _walk),
     "resonance": ("resonance", _resonance),
     "low-pass": ("low-pass", _low_pass),
+    "notch": ("notch", _notch),
     "filtered order": ("fractional", _filtered_order),
     "held": ("low-pass", _held),
 }

@@ -1,0 +1,118 @@
+"""Noises without an order: whether intervals of their parts hold the truth, and false claims of an order.
+
+Composite noises have parts whose corners and sizes are on no grid; intervals are those of the sentence that
+won, counted where it has all parts of the truth and no other. Mixtures are of relaxations and something that
+rises, drawn at random.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from fltea.identification.sums import examined
+from fltea.noise import parts as grammar
+from fltea.spectrum.intervals import Estimated, estimated
+from fltea.spectrum.verdict import decide, winner
+from numpy.typing import NDArray
+
+from tools.validation.evaluate.cases import H
+from tools.validation.gallery.parts import AR1, Differenced, LowPass, Part, Relaxation, Through, Walk, White
+from tools.validation.runner import Row
+
+Array = NDArray[np.float64]
+
+RATE_HZ = 1 / H
+LENGTHS = (3_000, 8_000, 20_000, 60_000)
+OF_INTERVALS = 60_000
+COMPOSITES: dict[str, tuple[Part, ...]] = {
+    "relaxation": (White(), Relaxation(0.37, 17.0)),
+    "two relaxations": (White(), Relaxation(0.083, 61.0), Relaxation(3.1, 4.3)),
+    "walk": (White(), Walk(0.21)),
+    "walk, relaxation": (White(), Walk(0.043), Relaxation(2.3, 6.7)),
+    "relaxation, angle": (White(), Relaxation(0.71, 13.0), Differenced(0.37)),
+    "walk, angle": (Walk(0.13), Differenced(0.77)),
+}
+
+
+def truth_of(parts: Sequence[Part]) -> list[grammar.Part]:
+    """The parts in the units of the grammar."""
+    found: list[grammar.Part] = []
+    for part in parts:
+        match part:
+            case White():
+                found.append(grammar.White(1.0))
+            case Relaxation():
+                sampled = part.sampled(RATE_HZ)
+                sigma = sampled.size / math.sqrt(1 - sampled.pole**2)
+                found.append(grammar.Relaxation(sigma, 1 / (2 * math.pi * part.hz)))
+            case Walk():
+                found.append(grammar.Walk(2 * math.pi * part.corner_hz * math.sqrt(H)))
+            case Differenced():
+                found.append(grammar.Quantisation(H * math.sqrt(part.power)))
+    return found
+
+
+def drawn(parts: Sequence[Part], n: int, rng: np.random.Generator) -> Array:
+    """One record."""
+    return np.asarray(sum(part.draw(n, RATE_HZ, rng) for part in parts))
+
+
+def count_composite(name: str, series: int) -> list[Row]:
+    """Count the intervals of each parameter that hold the truth; an end that is not known holds all."""
+    rng = np.random.default_rng([OF_INTERVALS, *name.encode()])
+    truth = sorted(truth_of(COMPOSITES[name]), key=_place)
+    held: Counter[str] = Counter()
+    told: Counter[str] = Counter()
+    same = 0
+    for _ in range(series):
+        e = examined(drawn(COMPOSITES[name], OF_INTERVALS, rng), H).evidence
+        found = sorted(_without_nothing(estimated(e.frontier, winner(e, decide(e)))), key=_at)
+        if [one.part for one in found] != [str(one.__struct_config__.tag) for one in truth]:
+            continue
+        same += 1
+        for number, (one, true) in enumerate(zip(found, truth, strict=True)):
+            for parameter, interval in one.values.items():
+                low, high, value = interval.low, interval.high, getattr(true, parameter)
+                key = f"{parameter} of {one.part} {number}"
+                told[key] += low is not None and high is not None
+                held[key] += (low is None or low <= value) and (high is None or value <= high)
+    row: Row = {"kind": "composites", "noise": name, "samples": OF_INTERVALS, "series": series, "same": same}
+    return [row | {"quantity": key, "held": held[key], "told": told[key]} for key in held]
+
+
+def count_claims(samples: int, series: int) -> list[Row]:
+    """Count verdicts on mixtures."""
+    rng = np.random.default_rng([samples, 28])
+    kinds = Counter(
+        str(decide(examined(drawn(mixture(rng), samples, rng), H).evidence).kind) for _ in range(series)
+    )
+    return [{"kind": "claims", "samples": samples, "series": series, "verdicts": dict(kinds.most_common())}]
+
+
+def mixture(rng: np.random.Generator) -> tuple[Part, ...]:
+    """One to three relaxations, and white noise, with something that rises beside them or behind all."""
+    slow = tuple(
+        Relaxation(corner, float(np.exp(rng.uniform(0, 3))) * 10 / (1 + corner))
+        for corner in np.exp(rng.uniform(math.log(0.05), math.log(10), rng.integers(1, 4))).tolist()
+    )
+    sharp = float(rng.uniform(0.02, 0.08))
+    rises: tuple[Callable[[], tuple[Part, ...]], ...] = (
+        lambda: (White(), *slow, Differenced(float(np.exp(rng.uniform(-3, 0))))),
+        lambda: (AR1(-float(rng.uniform(0.1, 0.4)), 1.0), *slow),
+        lambda: (Through(LowPass(taps=(-sharp, 1 + 2 * sharp, -sharp)), slow),),
+    )
+    return rises[rng.integers(len(rises))]()
+
+
+def _without_nothing(found: Sequence[Estimated]) -> list[Estimated]:
+    """All parts but white noise of which there may be none."""
+    return [one for one in found if one.part != "white" or one.values["R"].low not in (None, 0.0)]
+
+
+def _place(part: grammar.Part) -> tuple[str, float]:
+    return str(part.__struct_config__.tag), getattr(part, "tau_s", 0.0)
+
+
+def _at(one: Estimated) -> tuple[str, float]:
+    return one.part, one.value("tau_s") if "tau_s" in one.values else 0.0
