@@ -26,7 +26,7 @@ from tools.validation.runner import Options, read_rows, run
 from tools.validation.tables import Table
 
 PARTS = {
-    "gallery": ("gallery.records", "verdicts on 77 noises, at three rates and three lengths"),
+    "gallery": ("gallery.records", "verdicts on 87 noises, at three rates and three lengths"),
     "evaluate": ("evaluate.run", "what the live fit and the filters are worth, noise by noise"),
     "power": ("power", "how often the null test of `identify` rejects, white noise and other"),
     "anytime": ("anytime", "how often white sensors are ever called anything else in a day"),

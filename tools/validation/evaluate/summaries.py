@@ -256,7 +256,7 @@ def conclusion(scores: DataFrame) -> str:
     for some, what in ((of["joint"][strong], "at least"), (of["joint"][~strong], "less than")):
         if len(some):
             text += f"Where x has {what} {STRONG:.0%} of the power joint is right in {_of_all(some.right)}. "
-    return text + "No filter knows white noise from noise with an order: the live fit's null test does."
+    return text + "No filter knows white noise from noise with an order: the live fit's verdict does."
 
 
 def _of_order(scores: DataFrame) -> DataFrame:
