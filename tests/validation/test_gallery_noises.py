@@ -14,19 +14,10 @@ from hypothesis import strategies as st
 from scipy.signal import welch
 
 from tools.validation import recursions
+from tools.validation.gallery.filters import CONSTANT_DELAY_MS, MPU9250_DLPF, LowPass, mpu9250
 from tools.validation.gallery.noise import Drift, Line, bursts, outliers, rounded, step, wander
 from tools.validation.gallery.noises import NOISES
-from tools.validation.gallery.parts import (
-    CONSTANT_DELAY_MS,
-    MPU9250_DLPF,
-    Flicker,
-    Fractional,
-    LowPass,
-    Part,
-    Relaxation,
-    ladder,
-    mpu9250,
-)
+from tools.validation.gallery.parts import Flicker, Fractional, Part, Relaxation, ladder
 from tools.validation.recursions import (
     FractionalState,
     Stream,

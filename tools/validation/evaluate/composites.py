@@ -17,7 +17,8 @@ from fltea.spectrum.verdict import decide, winner
 from numpy.typing import NDArray
 
 from tools.validation.evaluate.cases import H
-from tools.validation.gallery.parts import AR1, Differenced, LowPass, Part, Relaxation, Through, Walk, White
+from tools.validation.gallery.filters import LowPass, Through
+from tools.validation.gallery.parts import AR1, Differenced, Part, Relaxation, Walk, White
 from tools.validation.runner import Row
 
 Array = NDArray[np.float64]

@@ -2,6 +2,16 @@
 
 from typing import Any
 
+from tools.validation.gallery.filters import (
+    MPU9250_DLPF,
+    Held,
+    Jittered,
+    LowPass,
+    Through,
+    moving_average,
+    mpu9250,
+    windowed_sinc,
+)
 from tools.validation.gallery.noise import (
     Accepted,
     Drift,
@@ -17,25 +27,17 @@ from tools.validation.gallery.noise import (
 from tools.validation.gallery.parts import (
     A_DECADE,
     AR1,
-    MPU9250_DLPF,
     Arfima,
     Differenced,
     Flicker,
     Fractional,
-    Held,
-    Jittered,
-    LowPass,
     Notched,
     Part,
     Relaxation,
     Resonance,
-    Through,
     Walk,
     White,
     ladder,
-    moving_average,
-    mpu9250,
-    windowed_sinc,
 )
 
 W = White()

@@ -14,8 +14,9 @@ from fltea.records.fit import VerdictKind
 
 from tools.validation.gallery import contrast
 from tools.validation.gallery.contrast import Bins
+from tools.validation.gallery.filters import Through
 from tools.validation.gallery.noise import Noise
-from tools.validation.gallery.parts import Differenced, Notched, Resonance, Through, White
+from tools.validation.gallery.parts import Differenced, Notched, Resonance, White
 
 SAME = 6.0
 """In expected 2 log L, below which two spectra are the same for everybody."""

@@ -1,0 +1,164 @@
+"""What noises go through before they are read: filters before the output, values that are held, jitter."""
+
+import cmath
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import firwin, freqz
+
+from tools.validation.gallery.parts import Array, Relaxation
+from tools.validation.recursions import (
+    Stream,
+)
+
+AT_ONCE = 1 << 22
+"""Samples before a filter that are drawn at once, so that of a long record little is in memory."""
+OVER_CORNER = 8.0
+"""Rate within a filter over its corner, at least."""
+MPU9250_DLPF = {250: 0.97, 184: 2.9, 92: 3.9, 41: 5.9, 20: 9.9, 10: 17.85, 5: 33.48}
+"""Bandwidths in Hz and delays in ms of the gyroscope's low-passes, from the register map."""
+CONSTANT_DELAY_MS = 1.9
+"""What these delays have beyond that of one pole, 0.159 / bandwidth: so the filter is one pole."""
+
+
+class LowPass(NamedTuple):
+    """A low-pass as chips have them, with a gain of 1 at low frequencies.
+
+    It has `poles` (one, or a Butterworth's two) at hz, mapped by exp(s / inner rate); or only `taps`, at the
+    output's own rate. inner_hz: at which it runs; 0: several times the corner.
+    """
+
+    hz: float = 0.0
+    poles: int = 1
+    inner_hz: float = 0.0
+    taps: tuple[float, ...] = ()
+
+    def every(self, rate_hz: float) -> int:
+        """Return the number of samples within to one that is kept."""
+        wanted = self.inner_hz or OVER_CORNER * self.hz
+        return max(1, math.ceil(wanted / rate_hz - 1e-9))
+
+    def coefficients(self, inner_hz: float) -> tuple[list[float], list[float]]:
+        """Return b and a."""
+        if self.taps:
+            return [*self.taps], [1.0]
+        corner = 2 * math.pi * self.hz / inner_hz
+        if self.poles == 1:
+            pole = math.exp(-corner)
+            return [1 - pole], [1.0, -pole]
+        two = cmath.exp(corner * cmath.exp(0.75j * math.pi))
+        return [abs(1 - two) ** 2], [1.0, -2 * two.real, abs(two) ** 2]
+
+    def power(self, lam: Array, inner_hz: float) -> Array:
+        """Return its gain, squared, at λ in rad a sample within."""
+        return np.asarray(np.abs(freqz(*self.coefficients(inner_hz), worN=lam)[1]) ** 2)
+
+
+def moving_average(taps: int) -> LowPass:
+    """Return the mean of the last samples."""
+    return LowPass(taps=(1 / taps,) * taps)
+
+
+def windowed_sinc(cut: float, taps: int = 31) -> LowPass:
+    """Return a sinc in Hamming's window; cut: share of the sample rate."""
+    return LowPass(taps=tuple(firwin(taps, 2 * cut).tolist()))
+
+
+def mpu9250(bandwidth_hz: int) -> LowPass:
+    """Return the sensor's own, as its delays say; within it runs at 1 kHz, or at 8 kHz with 250 Hz."""
+    return LowPass(bandwidth_hz, 1, 8_000.0 if bandwidth_hz == 250 else 1_000.0)
+
+
+class Through(NamedTuple):
+    """White noise, and relaxations, that have gone through a filter, of which every m-th sample is kept."""
+
+    low_pass: LowPass
+    inner: tuple[Relaxation, ...] = ()
+
+    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
+        """See `Part`."""
+        m = self.low_pass.every(rate_hz)
+        stream = Stream(*self.low_pass.coefficients(m * rate_hz))
+        stream.run(rng.standard_normal(1 << 14))  # so that it has forgotten its start
+        slow = [(part.size, part.stream(rng)) for part in (one.sampled(m * rate_hz) for one in self.inner)]
+        out, piece = np.empty(n), max(1, AT_ONCE // m)
+        for at in range(0, n, piece):
+            count = min(piece, n - at) * m
+            e = rng.standard_normal(count)
+            for size, one in slow:
+                e += one.run(size * rng.standard_normal(count))
+            # m times the variance is the same density below the corner.
+            out[at : at + count // m] = stream.run(math.sqrt(m) * e)[::m]
+        return out
+
+    def spectrum(self, lam: Array, rate_hz: float) -> Array:
+        """See `Part`; folded at half the rate as often as it is."""
+        m = self.low_pass.every(rate_hz)
+        found = np.zeros_like(lam)
+        for k in range(m):
+            inside = (lam + 2 * np.pi * k) / m
+            before = 1.0 + sum(one.spectrum(inside, m * rate_hz) for one in self.inner)
+            found += before * self.low_pass.power(inside, m * rate_hz)
+        return found
+
+
+class Held(NamedTuple):
+    """White noise of a chip of whose `fresh` values in a round the readings have those of the pattern."""
+
+    pattern: tuple[int, ...]
+    fresh: int
+
+    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
+        """See `Part`."""
+        turn, reading = np.divmod(np.arange(n), len(self.pattern))
+        values = rng.standard_normal((n // len(self.pattern) + 1) * self.fresh)
+        return np.asarray(values[turn * self.fresh + np.array(self.pattern)[reading]])
+
+    def spectrum(self, lam: Array, rate_hz: float) -> Array:
+        """See `Part`; the mean over the readings of a round: 1 + 2 Σ (share that is repeated) cos(lag λ)."""
+        count = len(self.pattern)
+        at = np.concatenate([self.pattern, np.array(self.pattern) + self.fresh])
+        found = np.ones_like(lam)
+        for lag in range(1, count):
+            found += 2 * float((at[:count] == at[lag : lag + count]).mean()) * np.cos(lag * lam)
+        return found
+
+
+class Jittered(NamedTuple):
+    """A relaxation read up to half a period late, each time another time, in white noise of the reader.
+
+    steps: of time in a period.
+    """
+
+    hz: float
+    height: float
+    steps: int = 16
+
+    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
+        """See `Part`."""
+        source = Relaxation(self.hz, self.height * self._scale(rate_hz)).sampled(self.steps * rate_hz)
+        stream = source.stream(rng)
+        y, piece = rng.standard_normal(n), 1 << 18
+        for at in range(0, n, piece):
+            count = min(piece, n - at)
+            fine = stream.run(source.size * rng.standard_normal(count * self.steps))
+            late = rng.integers(0, self.steps // 2, count)
+            y[at : at + count] += fine[np.arange(count) * self.steps + late]
+        return y
+
+    def spectrum(self, lam: Array, rate_hz: float) -> Array:
+        """See `Part`; from the autocorrelation, whose lags are spread by the jitter."""
+        a = 2 * math.pi * self.hz / rate_hz
+        late = np.arange(self.steps // 2) / self.steps
+        spread = float(np.exp(-a * late).mean() * np.exp(a * late).mean())
+        pole, fine = math.exp(-a), math.exp(-a / self.steps)
+        ar1 = (1 - pole**2) / ((1 - pole) ** 2 + 4 * pole * np.sin(lam / 2) ** 2)
+        variance = self.height * self._scale(rate_hz) * (1 - fine) / (1 + fine)
+        return np.asarray(1 + variance * (1 - spread + spread * ar1))
+
+    def _scale(self, rate_hz: float) -> float:
+        """So that the density is `height` at low frequencies, as sampled without jitter."""
+        pole = math.exp(-2 * math.pi * self.hz / rate_hz)
+        fine = math.exp(-2 * math.pi * self.hz / (self.steps * rate_hz))
+        return (1 - pole) / (1 + pole) * (1 + fine) / (1 - fine)
