@@ -75,9 +75,14 @@ class _Questions:
 
 
 def winner(e: Evidence, verdict: Verdict) -> Sentence:
-    """Return the sentence that stands for the noise: what it is made of, for filters and simulations."""
+    """Return the sentence that stands for the noise, for curves, figures, filters and simulations.
+
+    Where the data do not tell whether there is an order, it is the one of lower BIC.
+    """
     f = e.frontier
-    return f.order if verdict.kind == "fractional" and f.order is not None else f.plain
+    if f.order is not None and verdict.has_order and (verdict.kind == "fractional" or f.lead > 0):
+        return f.order
+    return f.plain
 
 
 def decide(e: Evidence) -> Verdict:
