@@ -11,6 +11,7 @@ from fltea.machine.devices import NATIVE, PROGRAMMING, find_buses, find_ports, i
 from fltea.machine.host_system import Holder, System, permission_remedy
 from fltea.wire.permission import Group
 from fltea.wire.transport import DUE_NATIVE_PORT
+from support import wait_until
 
 
 def test_boards_come_first_and_each_port_says_what_it_is(system: FakeSystem) -> None:
@@ -66,6 +67,8 @@ def test_of_this_machine_it_knows_who_opened_a_file_but_leaves_itself_out(tmp_pa
         assert System().holders(str(file)) == []
         child = subprocess.Popen(["sleep", "60"], pass_fds=[opened.fileno()])
         try:
+            arguments = Path(f"/proc/{child.pid}/cmdline")
+            wait_until(lambda: arguments.read_bytes() == b"sleep\x0060\x00", "the program to be the child's")
             assert System().holders(str(file)) == [Holder(child.pid, "sleep 60")]
         finally:
             child.kill()
