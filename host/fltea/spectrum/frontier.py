@@ -163,11 +163,15 @@ def native(data: Binned, h: float, samples: int) -> _native.Sentences:
         ValueError: no spectrum can be fitted to the data.
     """
     lam = np.ascontiguousarray(data.lam, dtype=np.float64)
-    level = max(0, math.ceil(math.log2(max(samples, 1) / WHOLE)))
-    leaks = lam < JOIN / 2**level if level else np.ones(len(lam), dtype=np.bool_)
-    walk = (1 + np.where(leaks, LEAK_OF_CUBIC, 0.0)) / (4 * np.sin(lam / 2) ** 2)
+    walk = (1 + np.where(leaking(lam, samples), LEAK_OF_CUBIC, 0.0)) / (4 * np.sin(lam / 2) ** 2)
     counts, power = (np.ascontiguousarray(a, dtype=np.float64) for a in (data.counts, data.power[0]))
     return _native.Sentences(lam, counts, power, walk, h)
+
+
+def leaking(lam: Array, samples: int) -> NDArray[np.bool_]:
+    """Return which bins of a record of so many samples are of its lowest octave, into which a walk leaks."""
+    level = max(0, math.ceil(math.log2(max(samples, 1) / WHOLE)))
+    return np.asarray(lam < JOIN / 2**level if level else np.ones(len(lam), dtype=np.bool_))
 
 
 def order_in_white(fits: _native.Sentences) -> Sentence:

@@ -42,8 +42,7 @@ from fltea.noise.parts import (
 )
 from fltea.noise.spectra import f_of
 from fltea.records.fit import Interval
-from fltea.spectrum.frontier import LEAK_OF_CUBIC, Frontier, Sentence
-from fltea.spectrum.octaves import JOIN, WHOLE
+from fltea.spectrum.frontier import LEAK_OF_CUBIC, Frontier, Sentence, leaking
 
 Array = NDArray[np.float64]
 
@@ -218,9 +217,15 @@ def angle_walk(f: Frontier, sentence: Sentence) -> Interval:
 
 def information_of(f: Frontier, sentence: Sentence) -> Array:
     """Return Fisher's information of a sentence's coordinates, (p, p)."""
+    rows = _slopes(f, sentence)
+    return np.asarray((rows * f.data.counts) @ rows.T)
+
+
+def _slopes(f: Frontier, sentence: Sentence) -> Array:
+    """Return the slopes of the logarithm of the spectrum by the coordinates, (p, bins)."""
     total, rows = np.empty(len(f.data.lam)), np.empty((len(sentence.eta), len(f.data.lam)))
     f.native.slopes(list(sentence.codes), list(sentence.eta), total, rows)
-    return np.asarray((rows * f.data.counts) @ rows.T)
+    return rows
 
 
 def _is(code: int, *kinds: type[Part]) -> bool:
@@ -330,11 +335,8 @@ def _wider(f: Frontier, sentence: Sentence, at: int, value: float, end: float | 
     """Return an end of K: what leaks of a walk hangs on one step, and is the same at all frequencies."""
     if end is None:
         return None
-    total, rows = np.empty(len(f.data.lam)), np.empty((len(sentence.eta), len(f.data.lam)))
-    f.native.slopes(list(sentence.codes), list(sentence.eta), total, rows)
-    own = rows[at] ** 2 * f.data.counts
-    level = max(0, math.ceil(math.log2(max(f.samples, 1) / WHOLE)))
-    leaks = f.data.lam < JOIN / 2**level if level else np.ones(len(f.data.lam), dtype=np.bool_)
+    own = _slopes(f, sentence)[at] ** 2 * f.data.counts
+    leaks = leaking(f.data.lam, f.samples)
     share = float(own[leaks].sum() / own.sum())
     # χ² of one degree has √2 for standard deviation; K goes with the root of the variance.
     more = NORMAL * share * math.sqrt(2) * LEAK_OF_CUBIC / (1 + LEAK_OF_CUBIC) / 2

@@ -14,7 +14,6 @@ import numpy as np
 from fltea.noise.parts import (
     CODES,
     Alternating,
-    Floor,
     LowPass,
     Mean,
     Notch,
@@ -25,7 +24,6 @@ from fltea.noise.parts import (
     Rise,
     Sharpening,
     Walk,
-    White,
     free_of,
     part_of,
 )
@@ -126,11 +124,6 @@ def read(f: Frontier, from_hz: float, peaks: Sequence[Peak] = (), apart: float =
         rises=rises,
         coloured=low_pass is not None or any(isinstance(part, kinds) for part in parts),
     )
-
-
-def described(sentence: Sentence, h: float) -> list[Part]:
-    """Return all parts but white noise and the floor, as the sentence has them."""
-    return [part for part in sentence.parts(h) if not isinstance(part, White | Floor)]
 
 
 def _filter(parts: Sequence[Part], h: float) -> LowPass | None:
