@@ -13,6 +13,8 @@ from fltea.records.errors import UsageError
 
 PACKET_BYTES = 64
 """What the bridge hands to the host in one piece of USB."""
+TIOCPKT = 0x5420
+TIOCPKT_FLUSHREAD = 1
 TCGETS2 = 0x802C542A
 TERMIOS2 = struct.Struct("4I20s2I")
 
@@ -32,7 +34,9 @@ class PtyPort:
         if not held:
             os.close(slave)
         os.set_blocking(self.master, False)
+        fcntl.ioctl(self.master, TIOCPKT, struct.pack("i", 1))
         self._unsent = b""
+        self._emptied = False
         self._link: Path | None = None
         if link is not None:
             self.show_as(link)
@@ -104,10 +108,25 @@ class PtyPort:
     def heard(self) -> bytes:
         """What programs have sent to the board."""
         found = b""
-        with contextlib.suppress(BlockingIOError):
+        with contextlib.suppress(OSError):  # nothing more, or nobody has the port open
             while chunk := os.read(self.master, 4096):
-                found += chunk
+                if chunk[0]:
+                    self._emptied |= bool(chunk[0] & TIOCPKT_FLUSHREAD)
+                else:
+                    found += chunk[1:]
         return found
+
+    def was_emptied(self) -> bool:
+        """Whether a program has thrown away what waited for it since this was asked last.
+
+        Each does while it opens the port. What programs have sent is lost.
+        """
+        poll = select.poll()
+        poll.register(self.master, select.POLLPRI)
+        if any(flags & select.POLLPRI for _, flags in poll.poll(0)):
+            self.heard()
+        emptied, self._emptied = self._emptied, False
+        return emptied
 
     def fill(self) -> None:
         """Put idle bytes, which mean nothing, on the line until there is no more room."""

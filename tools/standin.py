@@ -1,8 +1,9 @@
 """A device without hardware: protocol frames at 100 Hz on a pseudo-terminal, noise of known order.
 
-It boots whenever a program opens the port, as a Due does: 0x00, HELLO, then samples. What leaves it
-is quantised like an MPU-9250 at ±2000 deg/s. With --estimate it sends estimates of its own too. Its first
-line on stdout names the port.
+It boots whenever a program opens the port, as a Due does: 0x00, HELLO, then samples. A Due takes longer to
+boot than a program to open; this one boots again if the program empties the port after it has begun. What
+leaves it is quantised like an MPU-9250 at ±2000 deg/s. With --estimate it sends estimates of its own too.
+Its first line on stdout names the port.
 """
 
 import argparse
@@ -135,10 +136,11 @@ def main() -> int:
 
 
 def serve(port: PtyPort, device: Device, limit: int) -> None:
-    """Send at the pace of the device's clock until the client leaves."""
+    """Send at the pace of the device's clock until the client leaves, or has thrown away how it began."""
+    port.was_emptied()
     begin_s = time.monotonic()
     port.send(device.boot())
-    while port.is_open:
+    while port.is_open and not port.was_emptied():
         if limit and device.samples >= limit:
             time.sleep(POLL_S)
             continue

@@ -1,9 +1,47 @@
 """A device that estimates by itself and the real command, over a pseudo-terminal."""
 
+import os
+import select
+import termios
 from pathlib import Path
 
 import pytest
-from support import Processes
+from fltea.wire import layout as wire
+from fltea.wire.messages import Frame
+from plain_decoder import decoded
+from support import Processes, wait_until
+
+
+def test_the_stand_in_begins_again_for_a_program_that_empties_the_port_late(
+    processes: Processes, tmp_path: Path
+) -> None:
+    """As pyserial does, late on a busy machine: what the device said before is lost."""
+    link = tmp_path / "device"
+    processes.stand_in(link, "--estimate")
+    port = os.open(link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        wait_until(lambda: has_input(port), "the first beginning")
+        termios.tcflush(port, termios.TCIFLUSH)
+        heard = b""
+
+        def begins() -> bool:
+            nonlocal heard
+            heard += os.read(port, 4096) if has_input(port) else b""
+            return any(isinstance(message, wire.Hello) for message in messages(heard))
+
+        wait_until(begins, "the second beginning")
+    finally:
+        os.close(port)
+    after = messages(heard[heard.index(b"\0\0") if b"\0\0" in heard else 0 :])
+    assert isinstance(after[0], wire.Hello)
+
+
+def messages(heard: bytes) -> list[wire.Message]:
+    return [one.item.message for one in decoded(heard) if isinstance(one.item, Frame)]
+
+
+def has_input(port: int) -> bool:
+    return bool(select.select([port], [], [], 0)[0])
 
 
 def test_both_stand_side_by_side(processes: Processes, tmp_path: Path) -> None:
