@@ -9,6 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+_V = NDArray[np.float64]
+
 SCHEMA_HASH: int
 
 def crc32(data: bytes) -> int: ...
@@ -216,6 +218,37 @@ OCTAVES_LINES: tuple[int, int]
 def half_band_gain(angle: float) -> float: ...
 
 # The running spectra of several lanes; see fltea.spectrum.octaves.
+TRACKER_COORDINATES: int
+
+# pairs, then a, b, Q, c, the state's and the bias's coordinates, P0, R: fltea.noise.system.System.
+class Tracker:
+    # ValueError for no lanes.
+    def __init__(self, offsets: list[float | None]) -> None: ...
+
+    # y (rows, lanes) float64; out (5, rows, lanes): state, state_std, bias, bias_std, innovation; moving uint8.
+    def run(self, y: NDArray[np.float64], out: NDArray[np.float64], moving: NDArray[np.uint8]) -> None: ...
+    def skip(self, count: float) -> None: ...
+    def set(
+        self,
+        lane: int,
+        absolute: bool,
+        pairs: int,
+        a: _V,
+        b: _V,
+        Q: _V,
+        c: _V,
+        state: _V,
+        bias: _V,
+        P0: _V,
+        R: float,
+    ) -> None: ...
+    def likelihood(
+        self, lane: int, pairs: int, a: _V, b: _V, Q: _V, c: _V, state: _V, bias: _V, P0: _V, R: float
+    ) -> float: ...
+    def stats(self) -> list[tuple[int, int, float, float, float, int]]: ...
+    def save(self) -> bytes: ...
+    def load(self, bytes: bytes) -> None: ...
+
 class Octaves:
     # ValueError for no lanes, and for a memory that is neither 0 nor 256 to 10^12 samples.
     def __init__(self, lanes: int, memory: float) -> None: ...

@@ -161,4 +161,5 @@ NB_MODULE(_native, m) {
     bind_sentences(m);
     bind_allan(m);
     bind_octaves(m);
+    bind_tracker(m);
 }

@@ -1,0 +1,105 @@
+"""The tracker says what the bias of each axis is now, with its σ: the filter of the noise that was found.
+
+The bias is the sensor's offset and the state of its noise. Until the noise is known, a bank of random walks
+and relaxations stands for it (host/native/walk_bank.hpp). The samples that a filter remembers are filtered
+again when the noise is found to be another one, so that the state is that of the newest model from then on.
+Where a sensor is moved, it predicts.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fltea import _native
+from fltea.noise.system import System
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class Tracks(NamedTuple):
+    """What is known after every sample, (n, axes); NaN where nothing is yet."""
+
+    state: Array
+    state_std: Array
+    bias: Array
+    """offset and state"""
+    bias_std: Array
+    innovation: Array
+    """measurement minus prediction"""
+    moving: Mask
+
+
+class TrackerFigures(NamedTuple):
+    """How the tracker of an axis gets on; figures of innovations are None before there are enough."""
+
+    moved: int
+    """samples in motion"""
+    begun: int
+    """how often it began again, at an offset that had changed"""
+    lag1: float | None
+    nis: float | None
+    ljung_box: float | None
+    innovations: int
+
+
+class Tracker:
+    """Tracks the biases of the axes of one sensor.
+
+    offsets: what the sensor adds to each axis, None where that is not known.
+    """
+
+    def __init__(self, offsets: Sequence[float | None]) -> None:
+        self._offsets = list(offsets)
+        self._native = _native.Tracker(self._offsets)
+
+    def run(self, y: ArrayLike) -> Tracks:
+        """Take n samples of every axis, (n, axes): the same, to the bit, however they are cut into blocks.
+
+        Raises ValueError, and changes nothing, for a wrong shape, and for numbers that are not finite or
+        beyond all measure.
+        """
+        rows = np.ascontiguousarray(y, dtype=np.float64)
+        out, moving = np.empty((5, *rows.shape)), np.empty(rows.shape, dtype=np.uint8)
+        self._native.run(rows, out, moving)
+        return Tracks(*out, moving.view(np.bool_))
+
+    def skip(self, count: int) -> None:
+        """Predict over lost samples of all axes."""
+        self._native.skip(count)
+
+    def set(self, lane: int, system: System) -> None:
+        """Take this for the noise of an axis, from the next sample on.
+
+        Raises ValueError, and changes nothing, if no filter can work with it.
+        """
+        self._native.set(lane, system.walks, *self._numbers(lane, system))
+
+    def likelihood(self, lane: int, system: System) -> float:
+        """Return 2 log L of the samples that are remembered, but for a constant; NaN without a filter."""
+        return self._native.likelihood(lane, *self._numbers(lane, system))
+
+    def figures(self) -> list[TrackerFigures]:
+        """Tell how each axis gets on."""
+        return [
+            TrackerFigures(moved, begun, *(x if math.isfinite(x) else None for x in numbers), n)
+            for moved, begun, *numbers, n in self._native.stats()
+        ]
+
+    def save(self) -> bytes:
+        """Return what `load` takes."""
+        return self._native.save()
+
+    def load(self, saved: bytes) -> None:
+        """Go on from there. Raises ValueError, and changes nothing, for what cannot be one's own."""
+        self._native.load(saved)
+
+    def _numbers(
+        self, lane: int, system: System
+    ) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
+        s = system if system.walks or self._offsets[lane] is not None else system.with_offset()
+        biased = np.maximum(s.signal, (s.c == 1.0) & (s.a == 1.0))
+        return s.pairs, s.a, s.b, s.Q, s.c, s.signal, biased, s.P0, s.R

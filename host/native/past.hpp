@@ -1,0 +1,100 @@
+// The samples of an axis so far, for a filter that begins again with another system: the newest one by one, the
+// older ones as means, the longer the older. Constant memory; half a month at 100 Hz and the mean of all before.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+namespace fltea {
+namespace track {
+
+// A number within ±most, or NaN.
+template <typename Io>
+void visit_known(Io& io, float& value, double most) {
+    const bool known = !std::isnan(value);
+    double one = known ? double(value) : 2 * most;
+    io.real(one, -most, 2 * most);
+    value = one > most ? __builtin_nanf("") : float(one);
+}
+
+// `size` newest numbers, a multiple of kGroup; NaN: nothing is known then.
+template <int size>
+class Newest {
+  public:
+    int count() const { return count_; }
+    bool full() const { return count_ == size; }
+    // i = 0 is the oldest.
+    double operator[](int i) const { return double(values_[(first_ + i) % size]); }
+    void push(float value) {
+        values_[(first_ + count_) % size] = value;
+        ++count_;
+    }
+    // Takes the oldest `group` of them out; returns the mean of those that are known, NaN if that is less than
+    // half.
+    float pop(int group) {
+        double sum = 0;
+        int known = 0;
+        for (int i = 0; i < group; ++i) {
+            const double one = (*this)[i];
+            if (std::isnan(one)) continue;
+            sum += one;
+            ++known;
+        }
+        first_ = (first_ + group) % size;
+        count_ -= group;
+        return 2 * known >= group ? float(sum / known) : __builtin_nanf("");
+    }
+    void clear() { first_ = count_ = 0; }
+
+    template <typename Io>
+    void visit(Io& io, double most) {
+        io.number(first_, 0, size - 1);
+        io.number(count_, 0, size);
+        for (int i = 0; i < count_ && io.sound(); ++i) visit_known(io, values_[(first_ + i) % size], most);
+    }
+
+  private:
+    float values_[size];
+    int first_ = 0, count_ = 0;
+};
+
+class Past {
+  public:
+    enum { kGroup = 32, kSingle = 2048, kMeans = 512, kLevels = 3 };
+
+    // kGroup successive samples.
+    void add(const float* y) {
+        if (single_.full()) lift(single_.pop(kGroup), 0);
+        for (int i = 0; i < kGroup; ++i) single_.push(y[i]);
+    }
+    void clear() {
+        single_.clear();
+        for (Newest<kMeans>& one : means_) one.clear();
+    }
+    const Newest<kSingle>& single() const { return single_; }
+    // Means of kGroup^(level + 1) samples.
+    const Newest<kMeans>& means(int level) const { return means_[level]; }
+
+    template <typename Io>
+    void visit(Io& io, double most) {
+        single_.visit(io, most);
+        for (Newest<kMeans>& one : means_) one.visit(io, most);
+    }
+
+  private:
+    void lift(float mean, int level) {
+        Newest<kMeans>& to = means_[level];
+        if (to.full()) {
+            const float older = to.pop(kGroup);
+            if (level + 1 < kLevels) lift(older, level + 1);
+        }
+        to.push(mean);
+    }
+
+    Newest<kSingle> single_;
+    Newest<kMeans> means_[kLevels];
+};
+
+}  // namespace track
+}  // namespace fltea

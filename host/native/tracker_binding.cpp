@@ -1,0 +1,175 @@
+// fltea._native.Tracker: the biases of all axes of a sensor for Python (host/fltea/estimator/tracker.py).
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <cstring>
+#include <mutex>
+#include <optional>
+#include <tuple>
+#include <vector>
+
+#include "engine_binding.hpp"
+#include "number_io.hpp"
+#include "tracker.hpp"
+
+namespace nb = nanobind;
+
+namespace {
+
+using Lane = fltea::track::Tracker;
+using System = fltea::track::System<fltea::track::kMost>;
+using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Matrix = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+constexpr double kLargestSample = kLargestInput / 2;
+enum { kColumns = 5 };
+
+void copy(const Vector& from, double* to, size_t n) {
+    if (from.shape(0) != n) throw nb::value_error("the system's columns differ in length");
+    for (size_t i = 0; i < n; ++i) to[i] = from.data()[i];
+}
+
+void copy(const Matrix& from, double* to, size_t n) {
+    if (from.shape(0) != n || from.shape(1) != n)
+        throw nb::value_error("the system's matrices differ in size");
+    for (size_t i = 0; i < n * n; ++i) to[i] = from.data()[i];
+}
+
+System system_of(int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state, Vector bias, Matrix P0, double R) {
+    const size_t n = a.shape(0);
+    if (n > static_cast<size_t>(fltea::track::kMost)) throw nb::value_error("the system has too many coordinates");
+    if (pairs < 0 || 2 * static_cast<size_t>(pairs) > n) throw nb::value_error("the system has too many pole pairs");
+    if (!(R > 0)) throw nb::value_error("R must be positive");
+    System s = System();
+    s.n = static_cast<int>(n);
+    s.pairs = pairs;
+    s.R = R;
+    copy(a, s.a, n);
+    copy(b, s.b, n);
+    copy(c, s.c, n);
+    copy(state, s.state, n);
+    copy(bias, s.bias, n);
+    copy(Q, s.Q, n);
+    copy(P0, s.P0, n);
+    return s;
+}
+
+class Tracker {
+  public:
+    explicit Tracker(const std::vector<std::optional<double>>& offsets) : offsets_(offsets) {
+        if (offsets.empty()) throw nb::value_error("there must be at least one lane");
+        make(lanes_);
+    }
+
+    // out: (columns, rows, lanes); moving: (rows, lanes).
+    void run(Rows y, nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu> out,
+             nb::ndarray<uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> moving) {
+        const size_t rows = y.shape(0), lanes = lanes_.size(), all = rows * lanes;
+        if (y.shape(1) != lanes || out.shape(0) != static_cast<size_t>(kColumns) || out.shape(1) != rows ||
+            out.shape(2) != lanes || moving.shape(0) != rows || moving.shape(1) != lanes)
+            throw nb::value_error("y must have shape (rows, lanes)");
+        check_numbers("y", y.data(), rows, lanes, nullptr, kLargestSample);
+        double* const to = out.data();
+        uint8_t* const flags = moving.data();
+        nb::gil_scoped_release release;
+        const std::lock_guard<std::mutex> alone(mutex_);
+        for (size_t lane = 0; lane < lanes; ++lane) {
+            for (size_t i = lane; i < all; i += lanes) {
+                const fltea::track::Tracked one = lanes_[lane].next(y.data()[i]);
+                to[i] = one.state;
+                to[all + i] = one.state_std;
+                to[2 * all + i] = one.bias;
+                to[3 * all + i] = one.bias_std;
+                to[4 * all + i] = one.innovation;
+                flags[i] = one.moving ? 1 : 0;
+            }
+        }
+    }
+
+    void skip(double count) {
+        if (!(count >= 0 && count <= 1e15)) throw nb::value_error("no such number of samples can be lost");
+        const std::lock_guard<std::mutex> alone(mutex_);
+        for (Lane& lane : lanes_) lane.skip(static_cast<uint64_t>(count));
+    }
+
+    void set(size_t lane, bool absolute, int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state, Vector bias,
+             Matrix P0, double R) {
+        const System system = system_of(pairs, a, b, Q, c, state, bias, P0, R);
+        const std::lock_guard<std::mutex> alone(mutex_);
+        if (!at(lane).set(system, absolute)) throw nb::value_error("no filter can work with such a system");
+    }
+
+    double likelihood(size_t lane, int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state, Vector bias,
+                      Matrix P0, double R) {
+        const System system = system_of(pairs, a, b, Q, c, state, bias, P0, R);
+        const std::lock_guard<std::mutex> alone(mutex_);
+        return at(lane).likelihood(system);
+    }
+
+    // Of each lane: samples in motion, how often it began again, lag1, nis, Ljung and Box's statistic and of how
+    // many innovations it is.
+    std::vector<std::tuple<uint64_t, uint64_t, double, double, double, int>> stats() const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        std::vector<std::tuple<uint64_t, uint64_t, double, double, double, int>> all;
+        for (const Lane& lane : lanes_) {
+            const fltea::Whiteness& white = lane.whiteness();
+            const fltea::Whiteness::LjungBox test = white.ljung_box();
+            all.emplace_back(lane.counts().moved, lane.counts().begun, white.lag1(), white.nis(), test.value,
+                             test.n);
+        }
+        return all;
+    }
+
+    nb::bytes save() const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        std::vector<double> numbers;
+        fltea::NumberSaver saver(numbers);
+        for (const Lane& lane : lanes_) const_cast<Lane&>(lane).visit(saver);
+        return nb::bytes(numbers.data(), numbers.size() * sizeof(double));
+    }
+
+    void load(nb::bytes bytes) {
+        std::vector<double> numbers(bytes.size() / sizeof(double));
+        if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * sizeof(double));
+        std::vector<Lane> lanes;
+        make(lanes);
+        fltea::NumberLoader loader(numbers.data(), numbers.data() + numbers.size());
+        for (Lane& lane : lanes) lane.visit(loader);
+        if (!loader.sound() || !loader.at_end() || bytes.size() % sizeof(double) != 0)
+            throw nb::value_error("what the tracker has seen cannot be read");
+        const std::lock_guard<std::mutex> alone(mutex_);
+        lanes_ = std::move(lanes);
+    }
+
+  private:
+    void make(std::vector<Lane>& lanes) const {
+        lanes.clear();
+        for (const std::optional<double>& one : offsets_) lanes.emplace_back(one ? &*one : nullptr);
+    }
+    Lane& at(size_t lane) {
+        if (lane >= lanes_.size()) throw nb::index_error("no such lane");
+        return lanes_[lane];
+    }
+
+    std::vector<std::optional<double>> offsets_;
+    std::vector<Lane> lanes_;
+    mutable std::mutex mutex_;
+};
+
+}  // namespace
+
+void bind_tracker(nb::module_& m) {
+    m.attr("TRACKER_COORDINATES") = static_cast<int>(fltea::track::kMost);
+    nb::class_<Tracker>(m, "Tracker")
+        .def(nb::init<const std::vector<std::optional<double>>&>(), nb::arg("offsets"))
+        .def("run", &Tracker::run, nb::arg("y"), nb::arg("out"), nb::arg("moving"))
+        .def("skip", &Tracker::skip, nb::arg("count"))
+        .def("set", &Tracker::set)
+        .def("likelihood", &Tracker::likelihood)
+        .def("stats", &Tracker::stats)
+        .def("save", &Tracker::save)
+        .def("load", &Tracker::load, nb::arg("bytes"));
+}
