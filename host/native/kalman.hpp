@@ -1,4 +1,5 @@
-// The Kalman filter of a system: x is the mean after the newest sample, P the covariance of the next prediction.
+// The Kalman filter of a system: x is the mean after the newest sample, P the covariance of the next
+// prediction.
 #pragma once
 
 #include "linear_system.hpp"

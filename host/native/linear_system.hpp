@@ -1,5 +1,5 @@
-// A noise as a linear system (host/fltea/noise/system.py), and how the covariance of a filter's prediction goes
-// on over a number of samples at once.
+// A noise as a linear system (host/fltea/noise/system.py), and how the covariance of a filter's prediction
+// goes on over a number of samples at once.
 #pragma once
 
 #include <cmath>
@@ -12,8 +12,8 @@ namespace track {
 
 enum { kMost = 24 };  // coordinates
 
-// Room for N of them. Matrices are (n, n), row after row, in the first n * n places. `pairs` pole pairs come first; a coordinate is
-// part of the state with state[i], of what is subtracted from a sample with bias[i].
+// Room for N of them. Matrices are (n, n), row after row, in the first n * n places. `pairs` pole pairs come
+// first; a coordinate is part of the state with state[i], of what is subtracted from a sample with bias[i].
 template <int N>
 struct System {
     int n, pairs;

@@ -1,5 +1,6 @@
-// The samples of an axis so far, for a filter that begins again with another system: the newest one by one, the
-// older ones as means, the longer the older. Constant memory; half a month at 100 Hz and the mean of all before.
+// The samples of an axis so far, for a filter that begins again with another system: the newest one by one,
+// the older ones as means, the longer the older. Constant memory; half a month at 100 Hz and the mean of all
+// before.
 #pragma once
 
 #include <cmath>
@@ -30,8 +31,8 @@ class Newest {
         values_[(first_ + count_) % size] = value;
         ++count_;
     }
-    // Takes the oldest `group` of them out; returns the mean of those that are known, NaN if that is less than
-    // half.
+    // Takes the oldest `group` of them out; returns the mean of those that are known, NaN if that is less
+    // than half.
     float pop(int group) {
         double sum = 0;
         int known = 0;

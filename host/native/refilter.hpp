@@ -73,7 +73,8 @@ class Likelihood {
 
 // Means of m samples go through the filter of the slow part; x and P of all of it are before and after.
 template <int size>
-void through(const System<kMost>& s, const Newest<size>& means, double m, double* x, double* P, Likelihood& fits) {
+void through(const System<kMost>& s, const Newest<size>& means, double m, double* x, double* P,
+             Likelihood& fits) {
     if (means.count() == 0) return;
     Coarse part;
     coarsen(s, m, part);
@@ -101,8 +102,8 @@ void through(const System<kMost>& s, const Newest<size>& means, double m, double
 }  // namespace refilter
 
 // `rest`: the last samples, fewer than a group, that are not in the past yet; NaN where nothing is known.
-inline double filter_again(const System<kMost>& s, const RiccatiMap<kMost>& map, const Past& past, const float* rest, int count,
-                           Kalman<kMost>& filter) {
+inline double filter_again(const System<kMost>& s, const RiccatiMap<kMost>& map, const Past& past,
+                           const float* rest, int count, Kalman<kMost>& filter) {
     double x[kMost] = {0}, P[kMost * kMost];
     std::memcpy(P, s.P0, sizeof(double) * std::size_t(s.n * s.n));
     refilter::Likelihood fits;

@@ -1,10 +1,10 @@
-// Whether a sensor is at rest, by the innovations of its filter. The rules are those of the gate of the live fit
-// (firmware/core/engine/gate.hpp), on shorter chunks and with what the filter knows of the noise.
+// Whether a sensor is at rest, by the innovations of its filter. The rules are those of the gate of the live
+// fit (firmware/core/engine/gate.hpp), on shorter chunks and with what the filter knows of the noise.
 //
 // A chunk of 32 is a knock if the power of its innovations, the largest not counted, is sixteen times that of
 // the noise, if one of them alone is a hundred deviations away, or if their mean is eight of its deviations
-// away. Rest is back after two chunks that are none. After 32 chunks in a row that lie still elsewhere, there is
-// where the offset is now.
+// away. Rest is back after two chunks that are none. After 32 chunks in a row that lie still elsewhere, there
+// is where the offset is now.
 #pragma once
 
 #include <cmath>

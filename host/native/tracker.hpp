@@ -1,5 +1,5 @@
-// What the bias of one axis is now, and how sure that is: the filter of the noise that was found, from a bank of
-// walks until it is found, while the sensor is at rest. Nothing depends on how samples are put together.
+// What the bias of one axis is now, and how sure that is: the filter of the noise that was found, from a bank
+// of walks until it is found, while the sensor is at rest. Nothing depends on how samples are put together.
 #pragma once
 
 #include <memory>
@@ -20,8 +20,8 @@ struct Tracked {
 };
 
 struct TrackerCounts {
-    std::uint64_t moved;   // samples in motion
-    std::uint64_t begun;   // how often it had to begin again, at an offset that has changed
+    std::uint64_t moved;  // samples in motion
+    std::uint64_t begun;  // how often it had to begin again, at an offset that has changed
 };
 
 class Tracker {

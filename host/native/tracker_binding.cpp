@@ -38,10 +38,13 @@ void copy(const Matrix& from, double* to, size_t n) {
     for (size_t i = 0; i < n * n; ++i) to[i] = from.data()[i];
 }
 
-System system_of(int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state, Vector bias, Matrix P0, double R) {
+System system_of(int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state, Vector bias, Matrix P0,
+                 double R) {
     const size_t n = a.shape(0);
-    if (n > static_cast<size_t>(fltea::track::kMost)) throw nb::value_error("the system has too many coordinates");
-    if (pairs < 0 || 2 * static_cast<size_t>(pairs) > n) throw nb::value_error("the system has too many pole pairs");
+    if (n > static_cast<size_t>(fltea::track::kMost))
+        throw nb::value_error("the system has too many coordinates");
+    if (pairs < 0 || 2 * static_cast<size_t>(pairs) > n)
+        throw nb::value_error("the system has too many pole pairs");
     if (!(R > 0)) throw nb::value_error("R must be positive");
     System s = System();
     s.n = static_cast<int>(n);
@@ -95,22 +98,22 @@ class Tracker {
         for (Lane& lane : lanes_) lane.skip(static_cast<uint64_t>(count));
     }
 
-    void set(size_t lane, bool absolute, int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state, Vector bias,
-             Matrix P0, double R) {
+    void set(size_t lane, bool absolute, int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state,
+             Vector bias, Matrix P0, double R) {
         const System system = system_of(pairs, a, b, Q, c, state, bias, P0, R);
         const std::lock_guard<std::mutex> alone(mutex_);
         if (!at(lane).set(system, absolute)) throw nb::value_error("no filter can work with such a system");
     }
 
-    double likelihood(size_t lane, int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state, Vector bias,
-                      Matrix P0, double R) {
+    double likelihood(size_t lane, int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state,
+                      Vector bias, Matrix P0, double R) {
         const System system = system_of(pairs, a, b, Q, c, state, bias, P0, R);
         const std::lock_guard<std::mutex> alone(mutex_);
         return at(lane).likelihood(system);
     }
 
-    // Of each lane: samples in motion, how often it began again, lag1, nis, Ljung and Box's statistic and of how
-    // many innovations it is.
+    // Of each lane: samples in motion, how often it began again, lag1, nis, Ljung and Box's statistic and of
+    // how many innovations it is.
     std::vector<std::tuple<uint64_t, uint64_t, double, double, double, int>> stats() const {
         const std::lock_guard<std::mutex> alone(mutex_);
         std::vector<std::tuple<uint64_t, uint64_t, double, double, double, int>> all;

@@ -65,7 +65,7 @@ class Tracker:
         rows = np.ascontiguousarray(y, dtype=np.float64)
         out, moving = np.empty((5, *rows.shape)), np.empty(rows.shape, dtype=np.uint8)
         self._native.run(rows, out, moving)
-        return Tracks(*out, moving.view(np.bool_))
+        return Tracks._make((*out, moving.view(np.bool_)))
 
     def skip(self, count: int) -> None:
         """Predict over lost samples of all axes."""
@@ -84,10 +84,11 @@ class Tracker:
 
     def figures(self) -> list[TrackerFigures]:
         """Tell how each axis gets on."""
-        return [
-            TrackerFigures(moved, begun, *(x if math.isfinite(x) else None for x in numbers), n)
-            for moved, begun, *numbers, n in self._native.stats()
-        ]
+        found = []
+        for moved, begun, lag1, nis, ljung_box, n in self._native.stats():
+            known = (x if math.isfinite(x) else None for x in (lag1, nis, ljung_box))
+            found.append(TrackerFigures._make((moved, begun, *known, n)))
+        return found
 
     def save(self) -> bytes:
         """Return what `load` takes."""

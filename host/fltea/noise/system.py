@@ -85,7 +85,10 @@ class System(NamedTuple):
         Q[:n, :n], P0[:n, :n] = self.Q, self.P0
         P0[n, n] = DIFFUSE * (self.R + float(self.c @ self.P0 @ self.c))
         a, b, c, signal = (
-            np.append(x, end) for x, end in zip(self[1:3] + (self.c, self.signal), (1.0, 0.0, 1.0, 0.0))
+            np.append(self.a, 1.0),
+            np.append(self.b, 0.0),
+            np.append(self.c, 1.0),
+            np.append(self.signal, 0.0),
         )
         return System(self.pairs, a, b, Q, c, signal, P0, self.R, self.walks)
 
@@ -234,7 +237,7 @@ def _resonating(part: Resonance, h: float) -> _Block:
 
 
 def _low_passed(corner_hz: float, n: int, R: float, h: float) -> _Block:
-    """Return white noise behind Butterworth's filter of n poles, sampled: the coordinates of its own poles."""
+    """Return white noise behind Butterworth's filter of n poles, sampled, by its own poles."""
     corner = 2 * math.pi * corner_hz * h
     angles = np.pi * (2 * np.arange(1, n + 1) + n - 1) / (2 * n)
     p = corner * np.exp(1j * angles)
@@ -298,7 +301,7 @@ def _fitted(wanted: Array, around: float, poles: Array, lam: Array, *, signal: b
 
 
 def nonnegative(matrix: Array, target: Array) -> Array:
-    """Return x ≥ 0 that minimises |matrix x - target|², by the active set (Lawson and Hanson, 1974, ch. 23)."""
+    """Return x ≥ 0 that minimises |matrix x - target|², by the active set (Lawson & Hanson, 1974, 23)."""
     norms = np.sqrt((matrix**2).sum(axis=0))
     A = matrix / norms
     gram, right = A.T @ A, A.T @ target
