@@ -4,8 +4,10 @@ import hashlib
 from collections.abc import Iterator
 
 import numpy as np
+from fltea.noise.parts import Relaxation, White
 from fltea.records.fit import AxisFit, FitSpectrum, Interval
 from fltea.settings.live import LiveConfig
+from fltea.spectrum.live_axes import Noise
 from numpy.typing import NDArray
 
 
@@ -16,6 +18,7 @@ class QuickAxes:
         self, axes: tuple[str, ...], h: float, settings: LiveConfig, unit: str, saved: bytes | None = None
     ) -> None:
         self.axes, self.unit = axes, unit
+        self.noises: dict[str, Noise] = {}
         self.samples = 0
         self.lost: list[tuple[int, int]] = []
         self._seen = b""
@@ -50,6 +53,7 @@ class QuickAxes:
     def _fit(self, axis: str, spectrum: FitSpectrum | None, end: str) -> AxisFit:
         digest = hashlib.sha256(self._seen + axis.encode()).digest()
         p, alpha = max(0.0, digest[0] / 127 - 1), digest[1] / 200
+        self.noises[axis] = Noise((White(1e-2), Relaxation(0.1, 0.1 + alpha)), p < 0.01, self.samples)
         s2, R = 1e-3 + digest[2] * 1e-5, 1e-2 + digest[3] * 1e-4
         return AxisFit(
             "white" if p >= 0.05 else "fractional",

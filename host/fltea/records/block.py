@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.records.events import Ints
+from fltea.records.fit import Interval, VerdictKind
 from fltea.records.records import AxisEstimate, Estimate, Sample
 
 Array = NDArray[np.float64]
@@ -63,6 +64,29 @@ class AxisColumns(NamedTuple):
         return map(dict, zip(*by_axis, strict=True))
 
 
+class TrackedColumns(NamedTuple):
+    """What the biases of one sensor's axes are after n samples, (n, axes), in `unit`; NaN: not known yet.
+
+    bias: offset and state. verdict, alpha, f: of the newest fit that stands, one an axis.
+    """
+
+    axes: tuple[str, ...]
+    unit: str
+    state: Array
+    state_std: Array
+    bias: Array
+    bias_std: Array
+    innovation: Array
+    moving: Bools
+    verdict: tuple[VerdictKind | None, ...]
+    alpha: tuple[Interval, ...]
+    f: tuple[Interval, ...]
+
+    def rows(self, begin: int, end: int) -> "TrackedColumns":
+        """Return the block of some of its rows."""
+        return TrackedColumns._make((*self[:2], *(column[begin:end] for column in self[2:8]), *self[8:]))
+
+
 _WORDS = {False: "not rejected", True: "rejected"}
 
 
@@ -84,8 +108,8 @@ class Block:
 
     seq, device_us: unwrapped; host_ns: Unix time. gyro_dps (n, axes); accel_ms2 (n, 3), temperature_c (n,)
     and flags (n,) are None where there are none. estimates: of each sensor that has any; empty while the
-    start-up window fills. variant: that of the estimates. every: there are records of samples whose number
-    is a multiple of it.
+    start-up window fills. tracked: the biases of each sensor. variant: that of the estimates. every: there
+    are records of samples whose number is a multiple of it.
     """
 
     device: str | None
@@ -100,6 +124,7 @@ class Block:
     variant: str = ""
     estimates: tuple[AxisColumns, ...] = ()
     every: int = 1
+    tracked: tuple[TrackedColumns, ...] = ()
 
     def __len__(self) -> int:
         return len(self.seq)
@@ -118,7 +143,9 @@ class Block:
         """Return the block of some of its rows."""
         columns = {name: getattr(self, name) for name in COLUMNS}
         cut = {name: column[begin:end] for name, column in columns.items() if column is not None}
-        return replace(self, **cut, estimates=tuple(one.rows(begin, end) for one in self.estimates))
+        estimates = tuple(one.rows(begin, end) for one in self.estimates)
+        tracked = tuple(one.rows(begin, end) for one in self.tracked)
+        return replace(self, **cut, estimates=estimates, tracked=tracked)
 
     def due(self, every: int) -> slice:
         """Return the rows whose number is a multiple of `every`.

@@ -136,6 +136,8 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     the offset, lasting changes of the noise's power.
     low_pass: a filter that was found; the parameters are then those of the noise that went into it.
     allan, spectrum: null between times (at most every 10 s).
+    stable: the verdict is one that two fits in a row have agreed on, of which the later one has a tenth more
+    samples, or is that of a whole recording.
     """
 
     rate_left_out: list[tuple[float, float]] = []
@@ -143,3 +145,4 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     breaks: dict[str, int] = {}
     low_pass: FitLowPass | None = None
     until_s: Until | None = None
+    stable: bool = False

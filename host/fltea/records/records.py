@@ -224,6 +224,22 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     before_hello: int
 
 
+class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How the tracker of an axis's bias gets on.
+
+    model: the noise that it goes by, in words. nis: mean normalised innovation squared, which is 1 of a right
+    model, and lag1 the correlation of neighbouring innovations, 0; holds: whether they are white; null before
+    there are enough. moved: samples in motion. restarts: how often it began again, at another offset.
+    """
+
+    model: str
+    nis: float | None
+    lag1: float | None
+    holds: bool | None
+    moved: int
+    restarts: int
+
+
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the start-up window gave an axis, and how often it had to start again.
 
@@ -242,6 +258,7 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Q: float | None = None
     tuned: bool = False
     describes_noise: bool | None = None
+    tracker: TrackerStats | None = None
 
 
 class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

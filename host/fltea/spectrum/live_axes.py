@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from fltea.noise.parts import Part
 from fltea.records.fit import AxisFit, FitLowPass, FitSpectrum, Interval, Until
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
@@ -31,6 +33,14 @@ FEWEST_SAMPLES = 2 * (FEWEST + LOWEST)
 """So many ordinates are left of them."""
 REMEMBERED = 2
 """Times the time constant: what is older is in no figure."""
+
+
+class Noise(NamedTuple):
+    """The parts that a fit found in so many samples; drifts: there is drift that none of them says."""
+
+    parts: tuple[Part, ...]
+    drifts: bool
+    samples: int
 
 
 class _Saved(msgspec.Struct, array_like=True, forbid_unknown_fields=True):
@@ -58,6 +68,8 @@ class LiveAxes:
         self._memory = 0.0 if settings.memory_s is None else max(settings.memory_s / h, SHORTEST_MEMORY)
         self._octaves = self._restored(saved) if saved else Octaves(len(axes), self._memory)
         self._looks = [Looks() for _ in axes]
+        self.noises: dict[str, Noise] = {}
+        """Of the newest fit of each axis that found any."""
 
     @property
     def samples(self) -> int:
@@ -143,6 +155,7 @@ class LiveAxes:
         e, f = seen.evidence, seen.evidence.frontier
         verdict = decide(e)
         noise = winner(e, verdict)
+        self.noises[self.axes[lane]] = Noise(noise.parts(self.h), e.drifts, octaves.counts(lane).used)
         order, seconds = verdict.order, None
         if order.alpha.value is not None and f.order is not None:
             longest_s = REMEMBERED * self._memory * self.h if self._memory else None

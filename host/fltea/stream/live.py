@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from fltea.records.block import Block
@@ -23,10 +24,12 @@ from fltea.records.fit import AxisFit
 from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello, Whiteness
 from fltea.settings.config import Config
 from fltea.spectrum.evidence import ANYTIME_LEVEL
-from fltea.spectrum.live_axes import LiveAxes
+from fltea.spectrum.live_axes import LiveAxes, Noise
 from fltea.stream.fit_times import CURVES_S, Done, FitLoad, FitTimes, Turns, period_s, turns
 from fltea.stream.stages import Beginning, Item, Moment, Saved, SavedFits, Stage, Standing
 
+NO_VERDICT = ("too few samples",)
+"""Kinds that say nothing of the noise."""
 BREAK = 9
 """Lost samples that are not bridged: where nobody knows how many are missing, so many are counted."""
 
@@ -35,11 +38,24 @@ class SettledFit(NamedTuple):
     """The live fit that estimates of an axis go by; null_p to three digits, None before the first fit.
 
     A fit that is begun elsewhere, as that of a replay is, may differ in the last digits of its figures.
+    stands: the newest whose verdict is stable, which is one that two settled fits in a row have agreed on.
     """
 
     null_p: float | None = None
     whiteness: Whiteness | None = None
     fit: AxisFit | None = None
+    stands: AxisFit | None = None
+    noise: Noise | None = None
+
+    def followed_by(self, fit: AxisFit, noise: Noise | None) -> "SettledFit":
+        """Return the next one."""
+        agreed = self.fit is not None and self.fit.verdict == fit.verdict and fit.verdict not in NO_VERDICT
+        stands = fit if agreed or (self.stands and self.stands.verdict == fit.verdict) else self.stands
+        if fit.null_p is None:
+            return SettledFit(fit=fit, stands=stands, noise=noise)
+        p = float(f"{fit.null_p:.3g}")
+        whiteness: Whiteness = "rejected" if p < ANYTIME_LEVEL else "not rejected"
+        return SettledFit(p, whiteness, fit, stands, noise)
 
 
 class _Sensor(NamedTuple):
@@ -158,6 +174,10 @@ class LiveFits(Stage):
             found: dict[str, AxisFit] = {}
             for sensor in self._sensors.values():
                 found |= sensor.live.fit(curves=True, last=not self._prompt)
+            if self._prompt:
+                found = {axis: self._with_stability(axis, one) for axis, one in found.items()}
+            else:
+                found = {axis: replace(one, stable=True) for axis, one in found.items()}
             fit = Fit(*self._at, self._samples, found, device=self._config.name)
             self._at = None
             yield fit
@@ -233,18 +253,23 @@ class LiveFits(Stage):
         if len(begun.found) == axes:
             self._begun = None
             if begun.done.settles:
-                self._settled = {axis: _settled_of(one) for axis, one in begun.found.items()}
-            yield Fit(*begun.moment, begun.samples, begun.found, device=self._config.name)
+                self._settle(begun.found)
+            found = {axis: self._with_stability(axis, one) for axis, one in begun.found.items()}
+            yield Fit(*begun.moment, begun.samples, found, device=self._config.name)
+
+    def _settle(self, found: dict[str, AxisFit]) -> None:
+        noises = {axis: one for s in self._sensors.values() for axis, one in s.live.noises.items()}
+        before = self._settled
+        self._settled = {
+            axis: before.get(axis, NO_FIT).followed_by(fit, noises.get(axis)) for axis, fit in found.items()
+        }
+
+    def _with_stability(self, axis: str, fit: AxisFit) -> AxisFit:
+        stands = self.settled(axis).stands
+        return replace(fit, stable=stands is not None and stands.verdict == fit.verdict)
 
 
 NO_FIT = SettledFit()
-
-
-def _settled_of(fit: AxisFit) -> SettledFit:
-    if fit.null_p is None:
-        return SettledFit(fit=fit)
-    p = float(f"{fit.null_p:.3g}")
-    return SettledFit(p, "rejected" if p < ANYTIME_LEVEL else "not rejected", fit)
 
 
 def settled_by(fits: LiveFits | None) -> Callable[[str], SettledFit]:

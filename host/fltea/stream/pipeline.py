@@ -46,7 +46,8 @@ from fltea.stream.snapshot import (
     sensor_of,
     why_unused,
 )
-from fltea.stream.stages import Beginning, Item, Notice, SavedFits, Stage, Standing
+from fltea.stream.stages import Beginning, Item, Notice, SavedFits, SavedTracks, Stage, Standing
+from fltea.stream.tracking import Tracking
 
 Output = AnyRecord | Block
 
@@ -58,7 +59,7 @@ def no_outputs() -> dict[str, OutputStats]:
 
 def stages_of(config: Config, fits: LiveFits | None) -> list[Stage]:
     """What samples go through, in order: the live fit, then this computer's filters, the board's, or both."""
-    first: list[Stage] = [] if fits is None else [fits]
+    first: list[Stage] = [*([] if fits is None else [fits]), Tracking(config, fits)]
     if config.estimator.estimate_on not in BY_DEVICE:
         return [*first, HostEstimates(config, lambda: config.estimator, fits)]
     board = BoardEstimates(config, fits)
@@ -128,6 +129,7 @@ class Pipeline:
         if hello is None or sample_ns is None or filters is None:
             return None
         fits = next((found.fits for found in saved if found.fits), SavedFits(None, None))
+        tracks = next((found.tracks for found in saved if found.tracks), SavedTracks(None, None))
         unix_ns = sample_ns + self._source.unix_offset_ns  # the epoch's own would keep a date set since
         return DeviceState(
             sensor_of(hello, self._config),
@@ -137,6 +139,8 @@ class Pipeline:
             fits.gyro,
             fits.accel,
             self._last,
+            tracks.gyro,
+            tracks.accel,
         )
 
     @property
@@ -229,7 +233,10 @@ class Pipeline:
             samples=SampleStats(
                 place.delivered, place.lost, place.gaps, place.duplicates, place.before_hello
             ),
-            axes=standing.axes,
+            axes={
+                axis: msgspec.structs.replace(one, tracker=standing.tracker.get(axis))
+                for axis, one in standing.axes.items()
+            },
             board=self._board,
             outputs=self._outputs() if self._source.prompt else {},
             device_estimator=standing.device,
@@ -254,6 +261,7 @@ class Pipeline:
                 whole.accel or one.accel,
                 whole.device or one.device,
                 whole.fit_period_s or one.fit_period_s,
+                one.tracker | whole.tracker,
             )
         return whole
 

@@ -14,7 +14,7 @@ from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US
 from fltea.records.records import Hello
 from fltea.settings.config import Config
 from fltea.stream.place import CLOCK_TOLERANCE
-from fltea.stream.stages import Saved, SavedFits
+from fltea.stream.stages import Saved, SavedFits, SavedTracks
 
 LONGEST_WRAP_S = 30 * 60.0
 """Beyond it the wraps of device time (71.6 minutes) cannot be counted."""
@@ -31,8 +31,9 @@ class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class DeviceState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The estimators of one device. sensor: what has to be the same; unix_ns: time of the last sample.
 
-    gyro_fit, accel_fit: sums of the live fits; None where nothing was fitted. last: by which it is known how
-    many samples are missing if the device has gone on; else by the time.
+    gyro_fit, accel_fit: sums of the live fits; gyro_track, accel_track: what the trackers know; None where
+    there is none. last: by which it is known how many samples are missing if the device has gone on; else by
+    the time.
     """
 
     sensor: dict[str, str]
@@ -42,11 +43,17 @@ class DeviceState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gyro_fit: bytes | None = None
     accel_fit: bytes | None = None
     last: LastSample | None = None
+    gyro_track: bytes | None = None
+    accel_track: bytes | None = None
 
     @property
     def estimators(self) -> Saved:
         """The estimators of both sensors."""
-        return Saved(self.gyro, self.accel, SavedFits(self.gyro_fit, self.accel_fit))
+        fits, tracks = (
+            SavedFits(self.gyro_fit, self.accel_fit),
+            SavedTracks(self.gyro_track, self.accel_track),
+        )
+        return Saved(self.gyro, self.accel, fits, tracks)
 
 
 def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float) -> int:

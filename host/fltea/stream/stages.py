@@ -15,6 +15,7 @@ from fltea.records.records import (
     DeviceEstimatorStats,
     EstimatorInfo,
     Hello,
+    TrackerStats,
 )
 
 
@@ -68,12 +69,20 @@ class SavedFits(NamedTuple):
     accel: bytes | None
 
 
+class SavedTracks(NamedTuple):
+    """What the trackers of both sensors know; None where there is none."""
+
+    gyro: bytes | None
+    accel: bytes | None
+
+
 class Saved(NamedTuple):
     """What the estimators and fits of a device need to go on; None where there is none."""
 
     gyro: OnlineState | None
     accel: OnlineState | None
     fits: SavedFits | None = None
+    tracks: SavedTracks | None = None
 
 
 @dataclass
@@ -86,6 +95,7 @@ class Standing:
     accel: EstimatorInfo | None = None
     device: DeviceEstimatorStats | None = None
     fit_period_s: float | None = None
+    tracker: dict[str, TrackerStats] = field(default_factory=dict)
 
 
 class Stage:

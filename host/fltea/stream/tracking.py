@@ -1,0 +1,177 @@
+"""The stage that says what the bias of each axis is now, by the noise that the live fit has found.
+
+It stands behind the live fit, whose settled answers count from the sample with which they are there, and has
+estimates from the first samples on: until an answer is stable, or half a minute long, a bank of random walks
+stands for the noise.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from msgspec.structs import replace as with_fields
+
+from fltea.estimator.tracker import Tracker
+from fltea.noise.parts import Part, Walk
+from fltea.noise.system import System, system
+from fltea.records.block import Array, Block, TrackedColumns
+from fltea.records.events import Ints
+from fltea.records.fit import Interval
+from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, TrackerStats
+from fltea.settings.config import Config
+from fltea.settings.estimator import EstimatorConfig
+from fltea.spectrum.innovation_whiteness import describes
+from fltea.spectrum.wording import names
+from fltea.stream.live import LiveFits, SettledFit, settled_by
+from fltea.stream.stages import Beginning, Item, Saved, SavedTracks, Stage, Standing
+
+ENOUGH_S = 30.0
+"""A fit of so many seconds counts before its verdict is stable."""
+WALKS = tuple(10.0**k for k in range(-8, 0))
+"""A drift that has no other model is a walk with one of these step variances, over the white noise's."""
+DIGITS = 3
+"""Of the figures of a fit: the last ones differ between a run and its replay."""
+UNDEFINED = Interval()
+
+
+class _Sensor:
+    """The axes of one sensor, which are the columns `places` of a block's samples."""
+
+    def __init__(self, axes: Mapping[str, int], config: EstimatorConfig, h: float, unit: str) -> None:
+        self.names, self._places, self._h, self.unit = tuple(axes), list(axes.values()), h, unit
+        self._tracker = Tracker(_offsets(config, len(self.names)))
+        self._known: dict[str, SettledFit] = {}
+        self._parts: dict[str, tuple[Part, ...]] = {}
+
+    def run(self, values: Array) -> TrackedColumns:
+        own = values if len(self._places) == values.shape[1] else values[:, self._places]
+        found = self._tracker.run(own)
+        stands = [self._known[axis].stands if axis in self._known else None for axis in self.names]
+        return TrackedColumns(
+            self.names,
+            self.unit,
+            found.state,
+            found.state_std,
+            found.bias,
+            found.bias_std,
+            found.innovation,
+            found.moving,
+            tuple(one.verdict if one else None for one in stands),
+            tuple(one.alpha if one else UNDEFINED for one in stands),
+            tuple(one.f if one else UNDEFINED for one in stands),
+        )
+
+    def skip(self, count: int) -> None:
+        self._tracker.skip(count)
+
+    def learn(self, axis: str, settled: SettledFit) -> None:
+        """Take what the live fit has found for the noise of an axis, if it is new and sure enough."""
+        if settled is self._known.get(axis):
+            return
+        self._known[axis] = settled
+        noise = settled.noise
+        if noise is None or (settled.stands is None and noise.samples * self._h < ENOUGH_S):
+            return
+        parts = tuple(_rounded(part) for part in noise.parts)
+        drifts = noise.drifts and not any(isinstance(part, Walk) for part in parts)
+        if parts == self._parts.get(axis) and not drifts:
+            return
+        lane, samples = self.names.index(axis), 2 ** math.ceil(math.log2(noise.samples))
+        try:
+            found = system(parts, self._h, samples)
+            if drifts:
+                found, parts = self._drifting(lane, parts, samples, found)
+            self._tracker.set(lane, found)
+        except ValueError:  # at the edge of what is stationary: the last one goes on
+            return
+        self._parts[axis] = parts
+
+    def stats(self) -> Iterator[tuple[str, TrackerStats]]:
+        for axis, one in zip(self.names, self._tracker.figures(), strict=True):
+            holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
+            words = names(self._parts[axis]) if axis in self._parts else "walks"
+            yield axis, TrackerStats(words, one.nis, one.lag1, holds, one.moved, one.begun)
+
+    def save(self) -> bytes:
+        return self._tracker.save()
+
+    def load(self, saved: bytes) -> None:
+        self._tracker.load(saved)
+
+    def _drifting(
+        self, lane: int, parts: tuple[Part, ...], samples: int, found: System
+    ) -> tuple[System, tuple[Part, ...]]:
+        """Return the same noise with the random walk that makes the samples likeliest, if one does."""
+        best, best_parts, most = found, parts, self._tracker.likelihood(lane, found)
+        for share in WALKS:
+            tried = (*parts, Walk(float(f"{math.sqrt(share * found.R / self._h):.3g}")))
+            walking = system(tried, self._h, samples)
+            likely = self._tracker.likelihood(lane, walking)
+            if likely > most:
+                best, best_parts, most = walking, tried, likely
+        return best, best_parts
+
+
+class Tracking(Stage):
+    """Tracks the biases of both sensors. fits: the live fits; without them the bank of walks goes on."""
+
+    def __init__(self, config: Config, fits: LiveFits | None) -> None:
+        self._config, self._settled = config, settled_by(fits)
+        self._sensors: dict[str, _Sensor] = {}
+
+    def begin(self, beginning: Beginning) -> None:
+        """Begin an epoch, from what was saved if it fits."""
+        hello, saved = beginning.hello, beginning.saved
+        gyro, accel = beginning.axes(self._config.channels)
+        h, kept = 1 / hello.rate_hz, (saved.tracks if saved else None) or SavedTracks(None, None)
+        self._sensors = {}
+        for name, axes, config, unit, data in (
+            ("gyro", gyro, self._config.estimator, GYRO_UNIT, kept.gyro),
+            ("accel", accel, self._config.accel, ACCEL_UNIT, kept.accel),
+        ):
+            if axes:
+                self._sensors[name] = sensor = _Sensor(axes, config, h, unit)
+                if data is not None:
+                    sensor.load(data)
+
+    def bridge(self, count: int) -> None:
+        """Predict over the time for which the program stood still."""
+        for sensor in self._sensors.values():
+            sensor.skip(count)
+
+    def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
+        """Give the samples on with their biases."""
+        tracked = []
+        for name, values in (("gyro", block.gyro_dps), ("accel", block.accel_ms2)):
+            sensor = self._sensors.get(name)
+            if sensor is None or values is None:
+                continue
+            if missing:
+                sensor.skip(missing)
+            for axis in sensor.names:
+                sensor.learn(axis, self._settled(axis))
+            tracked.append(sensor.run(values))
+        yield replace(block, tracked=tuple(tracked)) if tracked else block
+
+    def standing(self) -> Standing:
+        """How the trackers get on."""
+        return Standing(tracker={axis: one for s in self._sensors.values() for axis, one in s.stats()})
+
+    def save(self) -> Saved | None:
+        """What the trackers of both sensors know."""
+        found = {name: sensor.save() for name, sensor in self._sensors.items()}
+        return Saved(None, None, tracks=SavedTracks(found.get("gyro"), found.get("accel"))) if found else None
+
+
+def _offsets(config: EstimatorConfig, axes: int) -> list[float | None]:
+    """Return the offsets that the settings give."""
+    bias = config.bias
+    if isinstance(bias, str):
+        return [None] * axes
+    return list(bias) if isinstance(bias, list) else [bias] * axes
+
+
+def _rounded(part: Part) -> Part:
+    return with_fields(
+        part, **{name: float(f"{getattr(part, name):.{DIGITS}g}") for name in part.__struct_fields__}
+    )
