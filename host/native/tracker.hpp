@@ -67,6 +67,11 @@ class Tracker {
         return 2 * refilter(model);
     }
 
+    // The same of the bank, for as long as there is one.
+    double likelihood() const {
+        return banks_ != nullptr && banks_->bank.knows() ? banks_->bank.likelihood() : __builtin_nan("");
+    }
+
     Tracked next(double y) {
         if (!has_origin_) {
             if (!fixed_) origin_ = y;

@@ -112,6 +112,11 @@ class Tracker {
         return at(lane).likelihood(system);
     }
 
+    double likelihood_of_walks(size_t lane) {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        return at(lane).likelihood();
+    }
+
     // Of each lane: samples in motion, how often it began again, lag1, nis, Ljung and Box's statistic and of
     // how many innovations it is.
     std::vector<std::tuple<uint64_t, uint64_t, double, double, double, int>> stats() const {
@@ -172,6 +177,7 @@ void bind_tracker(nb::module_& m) {
         .def("skip", &Tracker::skip, nb::arg("count"))
         .def("set", &Tracker::set)
         .def("likelihood", &Tracker::likelihood)
+        .def("likelihood_of_walks", &Tracker::likelihood_of_walks, nb::arg("lane"))
         .def("stats", &Tracker::stats)
         .def("save", &Tracker::save)
         .def("load", &Tracker::load, nb::arg("bytes"));

@@ -66,6 +66,9 @@ class WalkBank {
         return all;
     }
 
+    // 2 log L of the samples by the likeliest member, but for a constant.
+    double likelihood() const { return -2 * minus_log(best_) - count_; }
+
     template <typename Io>
     void visit(Io& io) {
         io.number(count_, 0, 1e9);

@@ -82,6 +82,10 @@ class Tracker:
         """Return 2 log L of the samples that are remembered, but for a constant; NaN without a filter."""
         return self._native.likelihood(lane, *self._numbers(lane, system))
 
+    def likelihood_of_walks(self, lane: int) -> float:
+        """Return the same of the bank of walks; NaN before it knows enough, and once a system is set."""
+        return self._native.likelihood_of_walks(lane)
+
     def figures(self) -> list[TrackerFigures]:
         """Tell how each axis gets on."""
         found = []
@@ -101,6 +105,6 @@ class Tracker:
     def _numbers(
         self, lane: int, system: System
     ) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
-        s = system if system.walks or self._offsets[lane] is not None else system.with_offset()
+        s = system
         biased = np.maximum(s.signal, (s.c == 1.0) & (s.a == 1.0))
         return s.pairs, s.a, s.b, s.Q, s.c, s.signal, biased, s.P0, s.R

@@ -78,19 +78,23 @@ class System(NamedTuple):
             result[i, i + 1], result[i + 1, i] = self.b[i], -self.b[i]
         return result
 
-    def with_offset(self) -> "System":
-        """Return the same with a constant of which nothing is known, as its last coordinate."""
+    def with_offset(self, q: float = 0.0, *, of_state: bool = False) -> "System":
+        """Return the same with an offset of which nothing is known, as its last coordinate.
+
+        It walks by steps of variance q. of_state: what walks is part of the state.
+        """
         n = len(self.a)
         Q, P0 = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
         Q[:n, :n], P0[:n, :n] = self.Q, self.P0
+        Q[n, n] = q
         P0[n, n] = DIFFUSE * (self.R + float(self.c @ self.P0 @ self.c))
         a, b, c, signal = (
             np.append(self.a, 1.0),
             np.append(self.b, 0.0),
             np.append(self.c, 1.0),
-            np.append(self.signal, 0.0),
+            np.append(self.signal, float(of_state)),
         )
-        return System(self.pairs, a, b, Q, c, signal, P0, self.R, self.walks)
+        return System(self.pairs, a, b, Q, c, signal, P0, self.R, self.walks or of_state)
 
     def spectrum(self, lam: Array) -> Array:
         """Return the spectrum of y at λ > 0, in rad a sample: what the system makes of its parts."""

@@ -8,7 +8,7 @@ from typing import Literal
 import msgspec
 
 from fltea.records.device_fit import DeviceAxisFit
-from fltea.records.fit import AxisFit
+from fltea.records.fit import AxisFit, Interval
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 """Names of the gyroscope's axes, in the order of every tuple of rates."""
@@ -230,6 +230,7 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     model: the noise that it goes by, in words. nis: mean normalised innovation squared, which is 1 of a right
     model, and lag1 the correlation of neighbouring innovations, 0; holds: whether they are white; null before
     there are enough. moved: samples in motion. restarts: how often it began again, at another offset.
+    K: random walk of the offset, per s and √s, that the samples show in time and the model does not hold.
     """
 
     model: str
@@ -238,6 +239,7 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     holds: bool | None
     moved: int
     restarts: int
+    K: Interval = Interval()
 
 
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -155,7 +155,8 @@ class LiveAxes:
         e, f = seen.evidence, seen.evidence.frontier
         verdict = decide(e)
         noise = winner(e, verdict)
-        self.noises[self.axes[lane]] = Noise(noise.parts(self.h), e.drifts, octaves.counts(lane).used)
+        tracked = f.order if f.order is not None and verdict.has_order else noise
+        self.noises[self.axes[lane]] = Noise(tracked.parts(self.h), e.drifts, octaves.counts(lane).used)
         order, seconds = verdict.order, None
         if order.alpha.value is not None and f.order is not None:
             longest_s = REMEMBERED * self._memory * self.h if self._memory else None

@@ -11,8 +11,9 @@ from dataclasses import replace
 
 from msgspec.structs import replace as with_fields
 
+from fltea.estimator.offset_walk import offset_walk
 from fltea.estimator.tracker import Tracker
-from fltea.noise.parts import Part, Walk
+from fltea.noise.parts import Arfima, Order, Part
 from fltea.noise.system import System, system
 from fltea.records.block import Array, Block, TrackedColumns
 from fltea.records.events import Ints
@@ -21,14 +22,15 @@ from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, TrackerStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import describes
+from fltea.spectrum.live_axes import Noise
 from fltea.spectrum.wording import names
 from fltea.stream.live import LiveFits, SettledFit, settled_by
 from fltea.stream.stages import Beginning, Item, Saved, SavedTracks, Stage, Standing
 
-ENOUGH_S = 30.0
-"""A fit of so many seconds counts before its verdict is stable."""
-WALKS = tuple(10.0**k for k in range(-8, 0))
-"""A drift that has no other model is a walk with one of these step variances, over the white noise's."""
+ENOUGH = 3000
+"""Samples: a fit of fewer knows too little of what is slow, and the bank of walks goes on."""
+FEWEST = 300
+"""Samples, from which on a fit counts that makes them likelier than the bank does, after BIC's price."""
 DIGITS = 3
 """Of the figures of a fit: the last ones differ between a run and its replay."""
 UNDEFINED = Interval()
@@ -39,7 +41,9 @@ class _Sensor:
 
     def __init__(self, axes: Mapping[str, int], config: EstimatorConfig, h: float, unit: str) -> None:
         self.names, self._places, self._h, self.unit = tuple(axes), list(axes.values()), h, unit
-        self._tracker = Tracker(_offsets(config, len(self.names)))
+        self._offsets = _offsets(config, len(self.names))
+        self._tracker = Tracker(self._offsets)
+        self._walks = [UNDEFINED] * len(self.names)
         self._known: dict[str, SettledFit] = {}
         self._parts: dict[str, tuple[Part, ...]] = {}
 
@@ -70,46 +74,46 @@ class _Sensor:
             return
         self._known[axis] = settled
         noise = settled.noise
-        if noise is None or (settled.stands is None and noise.samples * self._h < ENOUGH_S):
+        if noise is None or noise.samples < FEWEST:
             return
         parts = tuple(_rounded(part) for part in noise.parts)
-        drifts = noise.drifts and not any(isinstance(part, Walk) for part in parts)
-        if parts == self._parts.get(axis) and not drifts:
-            return
-        lane, samples = self.names.index(axis), 2 ** math.ceil(math.log2(noise.samples))
+        lane = self.names.index(axis)
         try:
-            found = system(parts, self._h, samples)
-            if drifts:
-                found, parts = self._drifting(lane, parts, samples, found)
+            found = self._system(lane, parts, noise)
+            if axis not in self._parts and noise.samples < ENOUGH:
+                price = math.log(noise.samples) * sum(len(part.__struct_fields__) for part in parts)
+                if not self._tracker.likelihood(lane, found) - price > self._tracker.likelihood_of_walks(
+                    lane
+                ):
+                    return
             self._tracker.set(lane, found)
         except ValueError:  # at the edge of what is stationary: the last one goes on
             return
         self._parts[axis] = parts
 
+    def _system(self, lane: int, parts: tuple[Part, ...], noise: Noise) -> System:
+        """Return the system of a noise, with the offset that it leaves open."""
+        found = system(parts, self._h, 2 ** math.ceil(math.log2(noise.samples)))
+        self._walks[lane] = UNDEFINED
+        if found.walks or self._offsets[lane] is not None:
+            return found
+        if any(isinstance(part, Order | Arfima) for part in parts) and not noise.drifts:
+            return found.with_offset()  # what is slow is the order's
+        walk = offset_walk(found, noise.samples, lambda one: self._tracker.likelihood(lane, one))
+        self._walks[lane] = walk.K(self._h)
+        return found.with_offset(walk.q, of_state=walk.is_certain)
+
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
-        for axis, one in zip(self.names, self._tracker.figures(), strict=True):
+        for axis, one, K in zip(self.names, self._tracker.figures(), self._walks, strict=True):
             holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
             words = names(self._parts[axis]) if axis in self._parts else "walks"
-            yield axis, TrackerStats(words, one.nis, one.lag1, holds, one.moved, one.begun)
+            yield axis, TrackerStats(words, one.nis, one.lag1, holds, one.moved, one.begun, K)
 
     def save(self) -> bytes:
         return self._tracker.save()
 
     def load(self, saved: bytes) -> None:
         self._tracker.load(saved)
-
-    def _drifting(
-        self, lane: int, parts: tuple[Part, ...], samples: int, found: System
-    ) -> tuple[System, tuple[Part, ...]]:
-        """Return the same noise with the random walk that makes the samples likeliest, if one does."""
-        best, best_parts, most = found, parts, self._tracker.likelihood(lane, found)
-        for share in WALKS:
-            tried = (*parts, Walk(float(f"{math.sqrt(share * found.R / self._h):.3g}")))
-            walking = system(tried, self._h, samples)
-            likely = self._tracker.likelihood(lane, walking)
-            if likely > most:
-                best, best_parts, most = walking, tried, likely
-        return best, best_parts
 
 
 class Tracking(Stage):
