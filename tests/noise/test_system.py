@@ -1,0 +1,176 @@
+"""A noise as a linear system: its spectrum is that of its parts."""
+
+import math
+
+import numpy as np
+import pytest
+from fltea import _native
+from fltea.noise import parts as p
+from fltea.noise.spectra import stationary
+from fltea.noise.system import System, relaxing, system, walk, white
+from hypothesis import given
+from hypothesis import strategies as st
+from identify_support import H
+
+N = 10**6
+LAM = np.geomspace(4 * math.pi / N, math.pi, 1000)
+LOW = LAM < 1
+
+
+def ratio(parts: list[p.Part], samples: int = N) -> np.ndarray:
+    """Of spectra at LAM: the system's over the parts' own, but for the zeros of a filter."""
+    wanted = p.spectrum(parts, LAM, H)
+    found: np.ndarray = 1 + (system(parts, H, samples).spectrum(LAM) - wanted) / np.maximum(
+        wanted, 0.003 * np.median(wanted)
+    )
+    return found
+
+
+def order(alpha: float, f: float, s2: float) -> p.Order:
+    return p.Order(alpha, f, s2 / H ** (2 * alpha))
+
+
+WHITE = p.White(1.0)
+EXACT: dict[str, list[p.Part]] = {
+    "white": [WHITE],
+    "walk": [WHITE, p.Walk(0.05)],
+    "relaxation": [WHITE, p.Relaxation(1.0, 0.5), p.Relaxation(0.5, 0.003)],
+    "alternating": [WHITE, p.Alternating(1.0, 0.02)],
+    "resonance": [WHITE, p.Resonance(5.0, 20.0, 1.0)],
+    "floor": [WHITE, p.Floor(0.1)],
+    "low-pass 2": [WHITE, p.LowPass(10.0, 2.0)],
+    "low-pass 3": [WHITE, p.LowPass(20.0, 3.0)],
+    "low-pass 4": [WHITE, p.LowPass(40.0, 4.0)],
+    "low-pass, above": [WHITE, p.LowPass(90.0, 2.0)],
+    "low-pass, walk": [WHITE, p.Walk(0.1), p.LowPass(10.0, 2.0)],
+    "low-pass, floor": [WHITE, p.LowPass(10.0, 2.0), p.Floor(0.01)],
+}
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_what_has_poles_of_its_own_is_exact(name: str) -> None:
+    np.testing.assert_allclose(ratio(EXACT[name])[LOW], 1, atol=3e-3)
+
+
+NEARLY: dict[str, tuple[list[p.Part], float]] = {
+    "1/f": ([WHITE, p.Arfima(0.5, 1e-6, 0.3)], 0.015),
+    "arfima": ([WHITE, p.Arfima(0.4, 0.5, 0.3)], 0.01),
+    "arfima, steep": ([WHITE, p.Arfima(0.9, 0.9, 0.01)], 0.1),
+    "rise": ([WHITE, p.Rise(5.0, 0.6)], 0.03),
+    "quantisation": ([p.White(0.01), p.Quantisation(H)], 0.01),
+    "sharpening": ([WHITE, p.Sharpening(0.3)], 0.01),
+    "smoothing": ([WHITE, p.Sharpening(-0.2)], 0.015),
+    "notch": ([WHITE, p.Notch(25.0, 5.0)], 0.005),
+    "notch below": ([WHITE, p.Notch(5.0, 5.0)], 0.03),
+    "mean of 2": ([WHITE, p.Mean(2)], 0.02),
+    "mean of 4": ([WHITE, p.Mean(4)], 0.02),
+    "mean of 8": ([WHITE, p.Mean(8)], 0.02),
+    "mean of 8, floor": ([WHITE, p.Mean(8), p.Floor(0.01)], 0.02),
+    "low-pass of 3.5": ([WHITE, p.LowPass(25.0, 3.5)], 0.005),
+    "low-pass, relaxation": ([WHITE, p.Relaxation(1.0, 5.0), p.LowPass(10.0, 2.0)], 0.03),
+    "low-pass, fast relaxation": ([WHITE, p.Relaxation(1.0, 0.02), p.LowPass(10.0, 2.0)], 0.01),
+    "low-pass, order": ([WHITE, order(0.7, -1, 0.3), p.LowPass(10.0, 2.0)], 0.01),
+    "low-pass, resonance": ([WHITE, p.Resonance(5.0, 20.0, 1.0), p.LowPass(10.0, 2.0)], 0.01),
+    "mean of 4, order": ([WHITE, order(0.7, -1, 0.3), p.Mean(4)], 0.05),
+}
+
+
+@pytest.mark.parametrize("name", NEARLY)
+def test_what_has_none_is_nearly_right_at_low_frequencies(name: str) -> None:
+    parts, apart = NEARLY[name]
+    np.testing.assert_allclose(ratio(parts)[LOW], 1, atol=apart)
+
+
+@pytest.mark.parametrize("alpha", [0.15, 0.3, 0.5, 0.7, 0.95, 1.5, 1.9])
+@pytest.mark.parametrize("f", [-10.0, -2.0, -1.0, -0.1])
+@pytest.mark.parametrize("samples", [10**4, N, 10**7])
+def test_orders_are_right_to_a_per_cent(alpha: float, f: float, samples: int) -> None:
+    if not stationary(alpha, f * H**alpha):
+        return
+    for parts in ([p.White(0.0), order(alpha, f, 1.0)], [WHITE, order(alpha, f, 0.3)]):
+        seen = LOW & (4 * math.pi / samples < LAM)
+        np.testing.assert_allclose(ratio(parts, samples)[seen], 1, atol=0.02)
+
+
+positive = st.floats(0.01, 100)
+hz = st.floats(0.3, 45.0)
+
+
+def any_order(alpha: float, share: float, Q: float) -> p.Order:
+    return p.Order(alpha, -share * 2**alpha / H**alpha, Q)
+
+
+WORDS: list[st.SearchStrategy[p.Part]] = [
+    st.builds(p.Relaxation, positive, st.floats(0.002, 100)),
+    st.builds(p.Alternating, positive, st.floats(0.002, 10)),
+    st.builds(p.Walk, positive),
+    st.builds(any_order, st.floats(0.05, 1.95), st.floats(0.001, 0.95), positive),
+    st.builds(p.Arfima, st.floats(0.05, 0.95), st.floats(0.0, 0.99), positive),
+    st.builds(p.Resonance, positive, hz, st.floats(0.1, 5)),
+    st.builds(p.Quantisation, positive),
+    st.builds(p.Rise, positive, st.floats(0.1, 2)),
+    st.builds(p.Floor, positive),
+    st.builds(p.LowPass, st.floats(1, 90), st.floats(1.01, 20)),
+    st.builds(p.Sharpening, st.floats(-0.24, 1)),
+    st.builds(p.Notch, hz, st.floats(0.5, 10)),
+    st.builds(p.Mean, st.integers(2, 10)),
+]
+sentences = st.lists(st.one_of(WORDS), max_size=7).map(lambda parts: [p.White(1.0), *parts])
+
+
+def check(s: System) -> None:
+    n = len(s.a)
+    assert n <= _native.TRACKER_COORDINATES
+    for one in (s.Q, s.P0):
+        assert one.shape == (n, n)
+        np.testing.assert_array_equal(one, one.T)
+        if n:
+            values = np.linalg.eigvalsh(one)
+            assert values.min() >= -1e-9 * max(values.max(), 1e-300)
+    assert s.R > 0
+    assert np.count_nonzero(s.b[2 * s.pairs :]) == 0
+    assert np.all(s.b[: 2 * s.pairs] != 0)
+    assert np.all(np.hypot(s.a, s.b) <= 1)
+
+
+@given(sentences, st.integers(64, 10**7))
+def test_any_sentence_is_a_system(parts: list[p.Part], samples: int) -> None:
+    s = system(parts, H, samples)
+    check(s)
+    check(s.with_offset())
+    # P0 is the stationary covariance of all that has one.
+    still = np.hypot(s.a, s.b) < 1
+    apart = s.A @ s.P0 @ s.A.T + s.Q - s.P0
+    np.testing.assert_allclose(apart[np.ix_(still, still)], 0, atol=1e-9 * np.abs(s.P0).max(initial=1.0))
+    _native.Tracker([0.0]).set(
+        0, s.walks, s.pairs, s.a, s.b, s.Q, s.c, s.signal, s.signal, s.P0, s.R
+    )  # which a filter can work with
+
+
+def test_the_state_is_what_is_no_coloured_noise() -> None:
+    s = system([WHITE, p.Relaxation(1.0, 0.5), p.Resonance(5.0, 20.0, 1.0)], H, N)
+    assert s.pairs == 1
+    np.testing.assert_array_equal(s.signal, [0, 0, 1])
+    assert not s.walks
+    assert system([WHITE, p.Walk(0.1)], H, N).walks
+
+
+def test_an_offset_is_one_coordinate_more() -> None:
+    s = relaxing(1.0, 0.9, 2.0).with_offset()
+    np.testing.assert_array_equal(s.a, [0.9, 1.0])
+    np.testing.assert_array_equal(s.signal, [1.0, 0.0])
+    assert s.P0[1, 1] == pytest.approx(3e4)
+
+
+def test_short_ones_are_those_of_their_words() -> None:
+    for short, parts in (
+        (white(2.0), [p.White(2.0)]),
+        (walk(1.0, 0.25 * H), [WHITE, p.Walk(0.5)]),
+        (relaxing(1.0, math.exp(-0.02), 4.0), [WHITE, p.Relaxation(2.0, 0.5)]),
+    ):
+        np.testing.assert_allclose(short.spectrum(LAM), system(parts, H, 1).spectrum(LAM), rtol=1e-9)
+
+
+def test_what_is_not_stationary_is_refused() -> None:
+    with pytest.raises(ValueError, match="not stationary"):
+        system([WHITE, p.Order(0.5, 3.0, 1.0)], H, N)
