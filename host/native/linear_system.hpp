@@ -13,7 +13,7 @@ namespace track {
 enum { kMost = 24 };  // coordinates
 
 // Room for N of them. Matrices are (n, n), row after row, in the first n * n places. `pairs` pole pairs come
-// first; a coordinate is part of the state with state[i], of what is subtracted from a sample with bias[i].
+// first; a coordinate is in a sample with c[i], in the state with state[i], in what is subtracted with bias[i].
 template <int N>
 struct System {
     int n, pairs;

@@ -286,8 +286,8 @@ class Tracker {
             io.real(s.a[i], -1, 1);
             io.real(s.b[i], -1, 1);
             io.real(s.c[i], -1e100, 1e100);
-            io.number(s.state[i], 0, 1);
-            io.number(s.bias[i], 0, 1);
+            io.real(s.state[i], -1e100, 1e100);
+            io.real(s.bias[i], -1e100, 1e100);
         }
         for (int i = 0; i < s.n * s.n; ++i) {
             io.real(s.Q[i], -1e200, 1e200);

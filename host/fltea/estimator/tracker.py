@@ -106,5 +106,5 @@ class Tracker:
         self, lane: int, system: System
     ) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
         s = system
-        biased = np.maximum(s.signal, (s.c == 1.0) & (s.a == 1.0))
-        return s.pairs, s.a, s.b, s.Q, s.c, s.signal, biased, s.P0, s.R
+        biased = np.maximum(s.signal, s.a == 1.0)
+        return s.pairs, s.a, s.b, s.Q, s.c, s.signal * s.c, biased * s.c, s.P0, s.R

@@ -196,20 +196,24 @@ def fitted(
 
 
 def driven(z: Complex, share: Complex, *, signal: bool) -> Block:
-    """Return y = 2 Re Σ share ξ, ξ' = z ξ + white noise of variance 1, one for all, as real coordinates."""
-    hermitian, plain = 1 / (1 - z[:, None] * z.conj()), 1 / (1 - z[:, None] * z)
-    n = len(z)
-    P0, Q = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 2 * n))
-    P0[0::2, 0::2] = (hermitian + plain).real / 2
-    P0[1::2, 1::2] = (hermitian - plain).real / 2
-    P0[0::2, 1::2] = (plain - hermitian).imag / 2
-    P0[1::2, 0::2] = (plain + hermitian).imag / 2
-    Q[0::2, 0::2] = 1.0
-    a, b, c = np.repeat(z.real, 2), np.repeat(-z.imag, 2), np.zeros(2 * n)
-    # Re ξ' = Re z Re ξ - Im z Im ξ
-    c[0::2], c[1::2] = 2 * share.real, -2 * share.imag
+    """Return y = Re Σ ξ, ξ' = z ξ + 2 share w, with one white noise w of variance 1, as real coordinates."""
+    m = 2 * share
+    hermitian, plain = m[:, None] * m.conj(), m[:, None] * m
     # A real pole has no imaginary coordinate.
     keep = np.repeat(z.imag != 0, 2)
     keep[0::2] = True
-    square = np.ix_(keep, keep)
-    return Block(a[keep], b[keep], Q[square], c[keep], ((P0 + P0.T) / 2)[square], signal)
+    # Re ξ' = Re z Re ξ - Im z Im ξ
+    a, b, c = np.repeat(z.real, 2), np.repeat(-z.imag, 2), np.tile([1.0, 0.0], len(z))
+    Q = _real_covariance(hermitian, plain, keep)
+    P0 = _real_covariance(hermitian / (1 - z[:, None] * z.conj()), plain / (1 - z[:, None] * z), keep)
+    return Block(a[keep], b[keep], Q, c[keep], P0, signal)
+
+
+def _real_covariance(hermitian: Complex, plain: Complex, keep: NDArray[np.bool_]) -> Array:
+    """Return the covariance of real and imaginary parts, by turns, of E ξ ξ* and E ξ ξ'."""
+    result = np.empty((len(keep), len(keep)))
+    result[0::2, 0::2] = (hermitian + plain).real / 2
+    result[1::2, 1::2] = (hermitian - plain).real / 2
+    result[0::2, 1::2] = (plain - hermitian).imag / 2
+    result[1::2, 0::2] = (plain + hermitian).imag / 2
+    return np.asarray(((result + result.T) / 2)[np.ix_(keep, keep)])
