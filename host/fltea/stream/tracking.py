@@ -31,6 +31,10 @@ ENOUGH = 3000
 """Samples: a fit of fewer knows too little of what is slow, and the bank of walks goes on."""
 FEWEST = 300
 """Samples, from which on a fit counts that makes them likelier than the bank does, after BIC's price."""
+OF_WALKS = 2
+"""Parameters of the bank: scale, and which member."""
+GROWTH, STEP = 1.5, 0.05
+"""A filter is made again for a record that is so much longer, or for a figure that has moved by so much."""
 DIGITS = 3
 """Of the figures of a fit: the last ones differ between a run and its replay."""
 UNDEFINED = Interval()
@@ -45,7 +49,7 @@ class _Sensor:
         self._tracker = Tracker(self._offsets)
         self._walks = [UNDEFINED] * len(self.names)
         self._known: dict[str, SettledFit] = {}
-        self._parts: dict[str, tuple[Part, ...]] = {}
+        self._learned: dict[str, Noise] = {}
 
     def run(self, values: Array) -> TrackedColumns:
         own = values if len(self._places) == values.shape[1] else values[:, self._places]
@@ -76,20 +80,22 @@ class _Sensor:
         noise = settled.noise
         if noise is None or noise.samples < FEWEST:
             return
-        parts = tuple(_rounded(part) for part in noise.parts)
-        lane = self.names.index(axis)
+        before = self._learned.get(axis)
+        if before is not None and _says_the_same(noise, before):
+            return
+        parts, lane = tuple(_rounded(part) for part in noise.parts), self.names.index(axis)
         try:
             found = self._system(lane, parts, noise)
-            if axis not in self._parts and noise.samples < ENOUGH:
-                price = math.log(noise.samples) * sum(len(part.__struct_fields__) for part in parts)
-                if not self._tracker.likelihood(lane, found) - price > self._tracker.likelihood_of_walks(
-                    lane
-                ):
+            if before is None and noise.samples < ENOUGH:
+                more = sum(len(part.__struct_fields__) for part in parts) - OF_WALKS
+                price = math.log(noise.samples) * more
+                likely = self._tracker.likelihood(lane, found) - price
+                if not likely > self._tracker.likelihood_of_walks(lane):
                     return
             self._tracker.set(lane, found)
         except ValueError:  # at the edge of what is stationary: the last one goes on
             return
-        self._parts[axis] = parts
+        self._learned[axis] = noise
 
     def _system(self, lane: int, parts: tuple[Part, ...], noise: Noise) -> System:
         """Return the system of a noise, with the offset that it leaves open."""
@@ -106,7 +112,7 @@ class _Sensor:
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
         for axis, one, K in zip(self.names, self._tracker.figures(), self._walks, strict=True):
             holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
-            words = names(self._parts[axis]) if axis in self._parts else "walks"
+            words = names(self._learned[axis].parts) if axis in self._learned else "walks"
             yield axis, TrackerStats(words, one.nis, one.lag1, holds, one.moved, one.begun, K)
 
     def save(self) -> bytes:
@@ -173,6 +179,19 @@ def _offsets(config: EstimatorConfig, axes: int) -> list[float | None]:
     if isinstance(bias, str):
         return [None] * axes
     return list(bias) if isinstance(bias, list) else [bias] * axes
+
+
+def _says_the_same(noise: Noise, before: Noise) -> bool:
+    """Return whether so little is new that the filter is not made again."""
+    if noise.samples > GROWTH * before.samples or noise.drifts != before.drifts:
+        return False
+    if [type(part) for part in noise.parts] != [type(part) for part in before.parts]:
+        return False
+    return all(
+        abs(getattr(now, name) - getattr(then, name)) <= STEP * abs(getattr(then, name))
+        for now, then in zip(noise.parts, before.parts, strict=True)
+        for name in then.__struct_fields__
+    )
 
 
 def _rounded(part: Part) -> Part:

@@ -1,0 +1,184 @@
+"""The stage of the tracker: what it goes by, what it says of motion, and what it keeps."""
+
+import math
+
+import numpy as np
+import pytest
+from blocks import of
+from fltea.estimator.offset_walk import offset_walk
+from fltea.estimator.tracker import Tracker
+from fltea.noise.parts import Relaxation, Walk, White
+from fltea.noise.system import system
+from fltea.records.block import Block, TrackedColumns
+from fltea.records.events import RawBlock
+from fltea.records.fit import AxisFit, Interval, VerdictKind
+from fltea.records.records import Stats
+from fltea.settings.estimator import EstimatorConfig
+from fltea.spectrum.live_axes import Noise
+from fltea.stream.live import NO_FIT, SettledFit
+from fltea.stream.tracking import _Sensor
+from host_support import hello
+from numpy.typing import NDArray
+from walk_support import raw, walk
+
+H = 0.01
+LSB_DPS = 1 / 16.4
+
+
+def pushed(first: int, last: int, counts: int) -> RawBlock:
+    """Samples of a sensor that is turned between two of them."""
+    still = raw(range(1300))
+    gyro = still.gyro.copy()
+    gyro[first:last, 0] += counts
+    return still._replace(gyro=gyro)
+
+
+def column(items: list[object], name: str) -> NDArray[np.float64]:
+    tracked = [block.tracked[0] for block in of(Block, items)]
+    return np.concatenate([getattr(one, name) for one in tracked])
+
+
+def sensor(bias: float | str = "startup") -> _Sensor:
+    return _Sensor({"gyro_x": 0}, EstimatorConfig(bias=bias), H, "deg/s")
+
+
+def settled(verdict: VerdictKind, noise: Noise | None = None) -> SettledFit:
+    fit = AxisFit(verdict, "", "deg/s", 1e-9)
+    return NO_FIT.followed_by(fit, noise).followed_by(fit, noise)
+
+
+def test_each_sample_has_its_bias_from_the_sixteenth_on() -> None:
+    items, _ = walk([hello(), raw(range(1300))], live__on=False)
+    bias, std = column(items, "bias"), column(items, "bias_std")
+    assert np.isnan(bias[:15]).all()
+    assert np.isfinite(bias[16:]).all()
+    truth = np.array([3, -40, 0]) * LSB_DPS
+    assert (np.abs(bias[-1] - truth) < 3 * std[-1]).all()
+    assert (std[-1] < 0.3 * 8 * LSB_DPS).all()
+
+
+def test_in_motion_it_predicts_and_at_rest_it_goes_on() -> None:
+    items, pipeline = walk([hello(), pushed(700, 900, 4000)])
+    moving, bias, std = (column(items, name)[:, 0] for name in ("moving", "bias", "bias_std"))
+    assert moving[700:900].all()
+    assert not moving[:700].any()
+    assert not moving[1000:].any()
+    assert abs(bias[899] - bias[699]) < 3 * std[699]
+    assert std[899] >= std[640]
+    assert abs(bias[-1] - 3 * LSB_DPS) < 3 * std[-1]
+    stats = pipeline.stats().axes["gyro_x"].tracker
+    assert stats is not None
+    assert stats.moved == moving.sum()
+    other = pipeline.stats().axes["gyro_y"].tracker
+    assert other is not None
+    assert other.moved == 0
+
+
+def test_a_given_bias_is_the_offset() -> None:
+    items, _ = walk([hello(), raw(range(1300))], estimator__bias=[3 * LSB_DPS, -40 * LSB_DPS, 0.0])
+    state, bias = column(items, "state"), column(items, "bias")
+    assert np.allclose(bias[20:] - state[20:], np.array([3, -40, 0]) * LSB_DPS)
+
+
+def test_a_saved_tracker_goes_on_to_the_bit() -> None:
+    y = raw(range(1300)).gyro / 16.4
+    whole, first, second = (Tracker([None] * 3) for _ in range(3))
+    expected = whole.run(y)
+    first.run(y[:700])
+    second.load(first.save())
+    for found, known in zip(second.run(y[700:]), expected, strict=True):
+        np.testing.assert_array_equal(found, known[700:])
+
+
+def test_a_walk_goes_on_from_what_the_pipeline_saved() -> None:
+    whole, _ = walk([hello(), raw(range(1300))], prompt=False, live__on=False)
+    _, pipeline = walk([hello(), raw(range(700))], prompt=False, live__on=False)
+    rest, _ = walk([hello(), raw(range(700, 1300))], pipeline.save(), prompt=False, live__on=False)
+    expected, found = column(whole, "bias")[700:], column(rest, "bias")
+    # The time between is bridged, by none or one sample.
+    assert np.allclose(found, expected, atol=0.05 * column(whole, "bias_std")[700:].max())
+
+
+@pytest.mark.parametrize(
+    ("kinds", "stands"),
+    [
+        (["white"], None),
+        (["white", "white"], "white"),
+        (["drift", "fractional", "drift", "fractional"], None),
+        (["white", "white", "drift"], "white"),
+        (["white", "white", "drift", "drift"], "drift"),
+        (["too few samples", "too few samples"], None),
+    ],
+)
+def test_a_verdict_stands_once_two_fits_agree(kinds: list[VerdictKind], stands: str | None) -> None:
+    found = NO_FIT
+    for kind in kinds:
+        found = found.followed_by(AxisFit(kind, "", "deg/s", 0.5), None)
+    assert (found.stands.verdict if found.stands else None) == stands
+
+
+def test_what_stands_is_what_the_columns_say() -> None:
+    one = sensor()
+    one.learn(
+        "gyro_x",
+        settled("fractional")._replace(stands=AxisFit("fractional", "", "deg/s", alpha=Interval(0.5))),
+    )
+    found = one.run(np.zeros((3, 1)) + np.arange(3)[:, None])
+    assert isinstance(found, TrackedColumns)
+    assert (found.verdict, found.alpha) == (("fractional",), (Interval(0.5),))
+
+
+def drifting(n: int, step: float) -> NDArray[np.float64]:
+    rng = np.random.default_rng(4)
+    return np.asarray(np.cumsum(rng.normal(0, step, n)) + rng.normal(0, 0.14, n))[:, None]
+
+
+def test_a_short_fit_counts_only_if_it_makes_the_samples_likelier_than_the_walks_do() -> None:
+    one = sensor()
+    one.run(drifting(1000, 0.01))
+    one.learn("gyro_x", settled("white", Noise((White(0.5),), False, 1000)))
+    assert dict(one.stats())["gyro_x"].model == "walks"
+    one.learn("gyro_x", settled("drift", Noise((White(0.02), Walk(0.1)), False, 1000)))
+    assert dict(one.stats())["gyro_x"].model != "walks"
+
+
+def test_an_offset_walks_where_the_fit_has_no_part_for_it() -> None:
+    one = sensor()
+    y = drifting(6000, 0.001)
+    one.run(y)
+    one.learn("gyro_x", settled("white", Noise((White(0.02),), False, 6000)))
+    K = dict(one.stats())["gyro_x"].K
+    assert K.low is not None
+    assert K.high is not None
+    assert K.low < 0.001 / math.sqrt(H) < K.high
+    assert K.high < 30 * K.low
+
+
+def test_a_constant_offset_does_not_walk() -> None:
+    tracker = Tracker([None])
+    tracker.run(drifting(6000, 0.0))
+    found = offset_walk(system((White(0.0196),), H, 6000), 6000, lambda one: tracker.likelihood(0, one))
+    assert not found.is_certain
+    assert found.K(H) == Interval()
+
+
+def test_a_model_that_is_the_same_is_not_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[int] = []
+    known = Tracker.set
+    monkeypatch.setattr(Tracker, "set", lambda self, lane, one: (made.append(lane), known(self, lane, one)))
+    one = sensor()
+    one.run(drifting(4000, 0.0))
+    parts = (White(0.02), Relaxation(0.1, 0.5))
+    for samples, sigma in ((4000, 0.1), (4400, 0.101), (4400, 0.12), (9000, 0.12)):
+        one.learn("gyro_x", settled("relaxations", Noise((parts[0], Relaxation(sigma, 0.5)), False, samples)))
+    assert len(made) == 3
+
+
+def test_without_a_live_fit_the_walks_go_on() -> None:
+    items, pipeline = walk([hello(), raw(range(1300))], live__on=False)
+    stats = pipeline.stats()
+    assert isinstance(stats, Stats)
+    tracker = stats.axes["gyro_x"].tracker
+    assert tracker is not None
+    assert tracker.model == "walks"
+    assert np.isfinite(column(items, "bias")[-1]).all()
