@@ -21,6 +21,7 @@ from fltea.records.fit import Interval
 from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, TrackerStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
+from fltea.spectrum.frontier import AHEAD
 from fltea.spectrum.innovation_whiteness import describes
 from fltea.spectrum.live_axes import Noise
 from fltea.spectrum.wording import names
@@ -90,7 +91,7 @@ class _Sensor:
                 more = sum(len(part.__struct_fields__) for part in parts) - OF_WALKS
                 price = math.log(noise.samples) * more
                 likely = self._tracker.likelihood(lane, found) - price
-                if not likely > self._tracker.likelihood_of_walks(lane):
+                if not likely > self._tracker.likelihood_of_walks(lane) - AHEAD:
                     return
             self._tracker.set(lane, found)
         except ValueError:  # at the edge of what is stationary: the last one goes on
