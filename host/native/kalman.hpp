@@ -15,10 +15,30 @@ struct Known {
 template <int N>
 class Kalman {
   public:
-    // Gains are exact for so many samples after a start or a gap, and then one for every kHeld samples.
-    enum { kExact = 512, kHeld = RiccatiMap<N>::kSamples };
+    // Gains are exact for so many samples after a start or a gap; then one serves for every kHeld samples, that
+    // of the last of them.
+    enum { kExact = 512, kHeld = RiccatiMap<N>::kSamples, kStep = 32 };
     // An innovation of more deviations counts as one of so many.
     static constexpr double kClip = 6;
+
+    Kalman() {}
+    Kalman(const Kalman& other) { *this = other; }
+    Kalman& operator=(const Kalman& other) {
+        system_ = other.system_;
+        map_ = other.map_;
+        exact_ = other.exact_;
+        held_ = other.held_;
+        now_ = other.now_;
+        from_ = other.from_;
+        to_ = other.to_;
+        S = other.S;
+        if (system_ == nullptr) return *this;
+        const std::size_t n = std::size_t(system_->n);
+        std::memcpy(x, other.x, n * sizeof(double));
+        std::memcpy(K, other.K, n * sizeof(double));
+        std::memcpy(P, other.P, n * n * sizeof(double));
+        return *this;
+    }
 
     void start(const System<N>* system, const RiccatiMap<N>* map) {
         start(system, map, system->P0);
@@ -49,44 +69,34 @@ class Kalman {
 
     // The next sample has this innovation; without a measurement `take` is false.
     void go_on(double e, bool take) {
-        const System<N>& s = *system_;
-        const int n = s.n;
+        const int n = system_->n;
         if (take) {
             const double most = kClip * std::sqrt(S);
             const double used = e > most ? most : e < -most ? -most : e;
             for (int i = 0; i < n; ++i) x[i] += K[i] * used;
-        } else if (exact_ == 0) {
-            exact_ = kExact;
-            held_ = 0;
-        }
-        if (exact_ > 0) {
-            if (take) {
-                for (int i = 0; i < n; ++i) {
-                    const double share = K[i] * S;
-                    double* const row = P + i * n;
-                    for (int j = 0; j < n; ++j) row[j] -= share * K[j];
-                }
-                --exact_;
+            if (exact_ == 0) {
+                hold_on();
+                return;
             }
-            note_variances(P);
-            s.step_covariance(P);
-            find_gain();
-        } else if (++held_ == kHeld) {
-            held_ = 0;
-            map_->apply(P);
-            find_gain();
-            // Of what is known after a measurement, for the samples until the next gain.
-            double after[N * N];
             for (int i = 0; i < n; ++i) {
-                for (int j = 0; j < n; ++j) after[i * n + j] = P[i * n + j] - K[i] * S * K[j];
+                const double share = K[i] * S;
+                double* const row = P + i * n;
+                for (int j = 0; j < n; ++j) row[j] -= share * K[j];
             }
-            note_variances(after);
+            --exact_;
+        } else {
+            if (exact_ == 0) let_go();
+            for (int i = 0; i < n; ++i) x[i] = std::fabs(x[i]) < kNothing ? 0 : x[i];
         }
+        now_ = variances(P);
+        system_->step_covariance(P);
+        find_gain();
+        if (exact_ == 0) hold();
     }
 
     Known known(double e) const {
         const System<N>& s = *system_;
-        return Known{dot(s.state, x, s.n), state_variance_, dot(s.bias, x, s.n), bias_variance_, e, S};
+        return Known{dot(s.state, x, s.n), now_.state, dot(s.bias, x, s.n), now_.bias, e, S};
     }
 
     template <typename Io>
@@ -96,8 +106,10 @@ class Kalman {
         io.number(held_, 0, kHeld - 1);
         for (int i = 0; i < n; ++i) io.real(x[i], -1e150, 1e150);
         for (int i = 0; i < n * n; ++i) io.real(P[i], -1e300, 1e300);
-        io.real(state_variance_, 0, 1e300);
-        io.real(bias_variance_, 0, 1e300);
+        for (Variances* one : {&now_, &from_, &to_}) {
+            io.real(one->state, 0, 1e300);
+            io.real(one->bias, 0, 1e300);
+        }
         if (io.sound()) find_gain();
         io.require(S > 0);
     }
@@ -105,12 +117,14 @@ class Kalman {
     double x[N], P[N * N], K[N], S = 1;
 
   private:
-    static double positive(double value) { return value > 0 ? value : 0; }
+    struct Variances {
+        double state, bias;
+    };
 
-    void note_variances(const double* after) {
+    Variances variances(const double* of) const {
         const System<N>& s = *system_;
-        state_variance_ = positive(form(s.state, after, s.state, s.n));
-        bias_variance_ = positive(form(s.bias, after, s.bias, s.n));
+        const double state = form(s.state, of, s.state, s.n), bias = form(s.bias, of, s.bias, s.n);
+        return Variances{state > 0 ? state : 0, bias > 0 ? bias : 0};
     }
 
     void find_gain() {
@@ -121,10 +135,50 @@ class Kalman {
         for (int i = 0; i < s.n; ++i) K[i] /= S;
     }
 
+    // P is from here on that of the end of the time for which the gain is held.
+    void hold() {
+        const int n = system_->n;
+        held_ = 0;
+        from_ = now_;
+        map_->apply(P);
+        find_gain();
+        double after[N * N];
+        for (int i = 0; i < n; ++i) {
+            for (int j = 0; j < n; ++j) after[i * n + j] = P[i * n + j] - K[i] * S * K[j];
+        }
+        to_ = variances(after);
+    }
+
+    void hold_on() {
+        if (++held_ == kHeld) {
+            now_ = to_;
+            hold();
+        }
+        if (held_ % kStep != 0) return;
+        // Knowledge grows evenly: what is constant is known by 1 over the number of samples.
+        const double share = double(held_ + kStep / 2) / kHeld;
+        now_.state = between(from_.state, to_.state, share);
+        now_.bias = between(from_.bias, to_.bias, share);
+    }
+    static double between(double from, double to, double share) {
+        const double whole = to + (from - to) * share;
+        return whole > 0 ? from * to / whole : 0;
+    }
+
+    // The covariance of now.
+    void let_go() {
+        const double ahead = to_.bias > 0 ? now_.bias / to_.bias : 1;
+        if (ahead > 1) {
+            for (int i = 0; i < system_->n * system_->n; ++i) P[i] *= ahead;
+        }
+        find_gain();
+        exact_ = kExact;
+    }
+
     const System<N>* system_ = nullptr;
     const RiccatiMap<N>* map_ = nullptr;
     int exact_ = 0, held_ = 0;
-    double state_variance_ = 0, bias_variance_ = 0;
+    Variances now_ = Variances(), from_ = Variances(), to_ = Variances();
 };
 
 template <int N>

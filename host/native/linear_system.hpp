@@ -11,6 +11,8 @@ namespace fltea {
 namespace track {
 
 enum { kMost = 24 };  // coordinates
+// Numbers below all measure cost a processor a hundred times as much.
+constexpr double kNothing = 1e-200;
 
 // Room for N of them. Matrices are (n, n), row after row, in the first n * n places. `pairs` pole pairs come
 // first; a coordinate is in a sample with c[i], in the state with state[i], in what is subtracted with bias[i].
@@ -54,6 +56,7 @@ struct System {
             double* const row = P + i * n;
             for (int j = 0; j < 2 * pairs; ++j) row[j] = of_row * row[j] + Q[i * n + j];
             for (int j = 2 * pairs; j < n; ++j) row[j] = of_row * a[j] * row[j] + Q[i * n + j];
+            for (int j = 0; j < n; ++j) row[j] = std::fabs(row[j]) < kNothing ? 0 : row[j];
         }
     }
 };

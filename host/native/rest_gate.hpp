@@ -49,7 +49,7 @@ class RestGate {
             still && has_place_ && std::fabs(place - place_) < kMean * deviation * std::sqrt(2.0 / kChunk);
         place_ = place;
         has_place_ = still;
-        stood_ = same ? stood_ + 1 : 0;
+        stood_ = moving_ && same ? stood_ + 1 : 0;
         quiet_ = knock ? 0 : quiet_ + 1;
         clear_chunk();
         if (!moving_) {

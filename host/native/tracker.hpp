@@ -126,6 +126,7 @@ class Tracker {
         io.number(kept_, 0, kRecent - 1);
         io.number(counts_.moved, 0, 1e15);
         io.number(counts_.begun, 0, 1e15);
+        white_.visit(io);
         gate_.visit(io);
         io.require(gate_.fill() == kept_ % RestGate::kChunk);
         past_.visit(io, 2 * kLargest);

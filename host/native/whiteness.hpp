@@ -58,11 +58,33 @@ class Whiteness {
         return LjungBox{total * all.n * (all.n + 2.0), all.n};
     }
 
+    template <typename Io>
+    void visit(Io& io) {
+        io.number(kept_, 0, kBlocks);
+        io.number(before_, 0, kLags);
+        for (int i = 0; i < kept_ && io.sound(); ++i) {
+            blocks_[i].visit(io);
+            io.require(blocks_[i].n == kBlock);
+        }
+        now_.visit(io);
+        io.require(now_.n < kBlock);
+        for (int lag = 0; lag < before_ && io.sound(); ++lag) io.real(last_[lag], -kMost, kMost);
+    }
+
   private:
     static const int kLags = 20;
+    static constexpr double kMost = 1e150;
     struct Sums {
         int n = 0;
         double products[kLags] = {}, squares = 0, normalised = 0;
+
+        template <typename Io>
+        void visit(Io& io) {
+            io.number(n, 0, kBlock);
+            for (double& one : products) io.real(one, -kMost * kMost, kMost * kMost);
+            io.real(squares, 0, kMost * kMost);
+            io.real(normalised, 0, kMost * kMost);
+        }
     };
     static const int kBlock = 100, kBlocks = 9, kFewest = 200;
 
