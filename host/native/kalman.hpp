@@ -15,7 +15,7 @@ struct Known {
 template <int N>
 class Kalman {
   public:
-    // Gains are exact for so many samples after a start or a gap; then one serves for every kHeld samples, that
+    // Gains are exact for so many samples after a start or a gap; then one serves for kHeld samples, that
     // of the last of them.
     enum { kExact = 512, kHeld = RiccatiMap<N>::kSamples, kStep = 32 };
     // An innovation of more deviations counts as one of so many.

@@ -15,13 +15,31 @@ enum { kMost = 24 };  // coordinates
 constexpr double kNothing = 1e-200;
 
 // Room for N of them. Matrices are (n, n), row after row, in the first n * n places. `pairs` pole pairs come
-// first; a coordinate is in a sample with c[i], in the state with state[i], in what is subtracted with bias[i].
+// first; a coordinate is in a sample by c[i], in the state by state[i], in what is subtracted by bias[i].
 template <int N>
 struct System {
     int n, pairs;
     double a[N], b[N], c[N], state[N], bias[N];
     double Q[N * N], P0[N * N];
     double R;
+
+    template <typename Io>
+    void visit(Io& io) {
+        io.number(n, 0, N);
+        io.number(pairs, 0, N / 2);
+        if (!io.sound()) return;
+        io.require(2 * pairs <= n);
+        for (int i = 0; i < n; ++i) {
+            io.real(a[i], -1, 1);
+            io.real(b[i], -1, 1);
+            for (double* one : {c, state, bias}) io.real(one[i], -1e100, 1e100);
+        }
+        for (int i = 0; i < n * n; ++i) {
+            io.real(Q[i], -1e200, 1e200);
+            io.real(P0[i], -1e200, 1e200);
+        }
+        io.real(R, 1e-300, 1e200);
+    }
 
     // x <- A x.
     void step(double* x) const {

@@ -279,22 +279,7 @@ class Tracker {
         Model& m = *filter_;
         System<kMost>& s = m.system;
         io.number(m.absolute, 0, 1);
-        io.number(s.n, 0, kMost);
-        io.number(s.pairs, 0, kMost / 2);
-        if (!io.sound()) return;
-        io.require(2 * s.pairs <= s.n);
-        for (int i = 0; i < s.n; ++i) {
-            io.real(s.a[i], -1, 1);
-            io.real(s.b[i], -1, 1);
-            io.real(s.c[i], -1e100, 1e100);
-            io.real(s.state[i], -1e100, 1e100);
-            io.real(s.bias[i], -1e100, 1e100);
-        }
-        for (int i = 0; i < s.n * s.n; ++i) {
-            io.real(s.Q[i], -1e200, 1e200);
-            io.real(s.P0[i], -1e200, 1e200);
-        }
-        io.real(s.R, 1e-300, 1e200);
+        s.visit(io);
         if (io.sound()) io.require(m.map.set(s));
         if (!io.sound()) return;
         for (Kalman<kMost>* one : {&m.filter, &m.before[0], &m.before[1]}) {

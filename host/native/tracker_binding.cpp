@@ -45,7 +45,6 @@ System system_of(int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state
         throw nb::value_error("the system has too many coordinates");
     if (pairs < 0 || 2 * static_cast<size_t>(pairs) > n)
         throw nb::value_error("the system has too many pole pairs");
-    if (!(R > 0)) throw nb::value_error("R must be positive");
     System s = System();
     s.n = static_cast<int>(n);
     s.pairs = pairs;
@@ -57,6 +56,13 @@ System system_of(int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state
     copy(bias, s.bias, n);
     copy(Q, s.Q, n);
     copy(P0, s.P0, n);
+    // What could not be loaded cannot be set.
+    std::vector<double> numbers;
+    fltea::NumberSaver saver(numbers);
+    s.visit(saver);
+    fltea::NumberLoader loader(numbers.data(), numbers.data() + numbers.size());
+    s.visit(loader);
+    if (!loader.sound()) throw nb::value_error("no filter can work with such a system");
     return s;
 }
 

@@ -60,7 +60,8 @@ class WalkBank {
         }
         all.bias /= weights;
         const double variance = squares / weights - all.bias * all.bias;
-        all.bias_variance = variance > 0 ? variance : 0;
+        // Of an axis that has never changed there is no scale.
+        all.bias_variance = variance > kNothing ? variance : 0;
         all.state = all.bias;
         all.state_variance = all.bias_variance;
         return all;

@@ -1,0 +1,219 @@
+"""The tracker when a sensor moves, changes its offset, rounds, or when its noise is found to be another."""
+
+import math
+
+import numpy as np
+import pytest
+from fltea.estimator.tracker import Tracker, Tracks
+from fltea.noise.system import System, walk, white
+from scipy.signal import butter, lfilter
+from tracker_support import SYSTEMS, Array, fixed, kalman, run, simulated, tracker
+
+N, AT = 12_000, 4000
+KINDS = [None, "white", "walk", "relaxation", "order", "low-pass", "quantisation, walk"]
+kinds = pytest.mark.parametrize("name", KINDS, ids=str)
+
+
+def measured(name: str | None) -> tuple[Array, float]:
+    """Return noise, and its deviation."""
+    y, _ = simulated(SYSTEMS[name or "walk"], N, 5)
+    return y + 3, float(y.std())
+
+
+def made(name: str | None) -> Tracker:
+    return tracker(SYSTEMS[name] if name else None)
+
+
+def apart(found: Tracks, clean: Tracks) -> Array:
+    """How far two biases are, in deviations."""
+    return np.abs(found.bias - clean.bias) / clean.bias_std
+
+
+@kinds
+def test_it_predicts_while_the_sensor_turns(name: str | None) -> None:
+    y, level = measured(name)
+    clean = run(made(name), y)
+    turned = y.copy()
+    turned[AT : AT + 300] += 50 * level * np.sin(np.arange(300) / 30)
+    one = made(name)
+    found = run(one, turned)
+    assert not clean.moving.any()
+    moving = np.flatnonzero(found.moving)
+    assert AT <= moving[0] <= AT + 32
+    assert AT + 300 <= moving[-1] <= AT + 400
+    assert found.moving.sum() == one.figures()[0].moved == moving[-1] - moving[0] + 1
+    # What it has seen of the turn before it knew is undone; the bias goes on from before.
+    still = slice(moving[0] + 1, moving[-1])
+    before, during = found.bias_std[AT - 10], found.bias_std[still]
+    assert np.all(np.diff(during) >= -1e-12)
+    if name not in (None, "walk", "quantisation, walk"):
+        assert np.ptp(found.bias[moving[-1] - 100 : moving[-1]]) < 0.5 * before
+    else:
+        assert np.ptp(found.bias[still]) < 1e-12
+        assert during[-1] > 1.5 * before
+    assert apart(found, clean)[AT + 1000 :].max() < 1
+    np.testing.assert_allclose(found.bias_std[-1], clean.bias_std[-1], rtol=0.05)
+    assert one.figures()[0].begun == 0
+
+
+@kinds
+def test_a_knock_and_a_spike_leave_nothing_behind(name: str | None) -> None:
+    y, level = measured(name)
+    clean = run(made(name), y)
+    for size, length in ((1000, 1), (40, 12)):
+        knocked, one = y.copy(), made(name)
+        knocked[AT : AT + length] += size * level * np.random.default_rng(8).standard_normal(length)
+        found = run(one, knocked)
+        assert 1 <= found.moving.sum() <= 128
+        assert apart(found, clean)[AT + 500 :].max() < 1
+        assert one.figures()[0].begun == 0
+
+
+@kinds
+def test_where_the_offset_changes_it_begins_again(name: str | None) -> None:
+    y, level = measured(name)
+    clean = run(made(name), y)
+    stepped, one = y.copy(), made(name)
+    stepped[AT:] += 20 * level
+    found = run(one, stepped)
+    assert one.figures()[0].begun == 1
+    moving = np.flatnonzero(found.moving)
+    assert 1000 <= moving[-1] - AT <= 1100
+    errors = (found.bias - 20 * level - clean.bias) / found.bias_std
+    assert np.abs(errors[AT + 2000 :]).max() < 3
+    # What was known of the offset before is not any more.
+    assert found.bias_std[moving[-1] + 20] > 1.01 * found.bias_std[AT - 10]
+
+
+@pytest.mark.parametrize("name", [None, "walk", "white", "low-pass"], ids=str)
+def test_heavy_tails_are_no_motion(name: str | None) -> None:
+    rng, n = np.random.default_rng(9), 40_000
+    state = np.cumsum(rng.standard_normal(n)) * math.sqrt(1e-3)
+    if name == "low-pass":
+        a = math.exp(-0.02)
+        state = lfilter([0.5 * math.sqrt(1 - a * a)], [1, -a], rng.standard_normal(n))
+    elif name == "white":
+        state = np.zeros(n)
+    errors = []
+    for v in (rng.standard_normal(n), rng.standard_t(4, n) / math.sqrt(2)):
+        noise = lfilter(*butter(2, 0.2), v) if name == "low-pass" else v
+        one = made(name)
+        found = run(one, state + noise)
+        assert found.moving.mean() < 0.01
+        assert one.figures()[0].begun == 0
+        late = slice(6000, None)
+        errors.append(np.sqrt(np.mean((found.bias - state)[late] ** 2)))
+        if name != "white":  # one offset, one answer
+            assert 0.93 < np.mean(np.abs(found.bias - state)[late] < 2 * found.bias_std[late]) < 0.98
+    assert errors[1] < 1.05 * errors[0] or name == "white"
+    assert max(errors) < 3 / math.sqrt(6000) or name != "white"
+
+
+@kinds
+@pytest.mark.parametrize("axis", ["constant", "stepping once", "rounded", "rarely another"])
+def test_axes_that_hardly_change(name: str | None, axis: str) -> None:
+    at = np.arange(3000)
+    y = {
+        "constant": np.full(3000, 2.5),
+        "stepping once": np.where(at < 2000, 2.5, 2.6),
+        "rounded": 2.5 + 0.1 * np.round(0.4 * np.random.default_rng(1).standard_normal(3000)),
+        "rarely another": 2.5 + 0.1 * (at % 500 == 7),
+    }[axis]
+    one = made(name)
+    found = run(one, y)
+    assert one.figures()[0].moved == 0
+    seen = found.bias[20:]
+    assert np.all(np.isfinite(seen))
+    assert seen.min() > 2.38
+    assert seen.max() < 2.62
+    assert np.all(np.isfinite(found.bias_std[20:]))
+
+
+def test_of_an_axis_that_never_changes_the_bias_is_the_sample() -> None:
+    found = run(Tracker([None]), np.full(100, 2.5))
+    assert np.isnan(found.bias[:15]).all()
+    np.testing.assert_array_equal(found.bias[15:], 2.5)
+    np.testing.assert_array_equal(found.bias_std[15:], 0)
+
+
+def test_an_offset_that_is_given_is_part_of_the_bias_not_of_the_state() -> None:
+    s = walk(1.0, 1e-3)
+    y, _ = simulated(s, 2000, 3)
+    one, other = Tracker([5.0]), Tracker([0.0])
+    for each in (one, other):
+        each.set(0, s)
+    found, plain = run(one, y + 5), run(other, y)
+    np.testing.assert_allclose(found.state, plain.state, atol=1e-9)
+    np.testing.assert_allclose(found.bias, plain.bias + 5, atol=1e-9)
+    free = Tracker([None])
+    free.set(0, s)
+    np.testing.assert_allclose(run(free, y + 5).state[1000:], found.bias[1000:], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("n", [0, 1, 20, 2000, 2500, 5000, 30_000])
+def test_a_system_found_late_is_as_good_as_one_found_before(name: str, n: int) -> None:
+    s = SYSTEMS[name]
+    y, _ = simulated(s, n + 1, 6)
+    late, before = Tracker([0.0 if fixed(s) else None]), tracker(s)
+    run(late, y[:-1] + 0.7)
+    run(before, y[:-1] + 0.7)
+    late.set(0, s)
+    found, expected = run(late, y[-1:] + 0.7), run(before, y[-1:] + 0.7)
+    assert abs(found.bias - expected.bias)[0] < 0.15 * expected.bias_std[0] + 1e-9
+    np.testing.assert_allclose(found.bias_std, expected.bias_std, rtol=0.05)
+    np.testing.assert_allclose(found.state_std, expected.state_std, rtol=0.05, atol=1e-9)
+
+
+@pytest.mark.parametrize("s", [white(1.0).with_offset(), white(1.0).with_offset(1e-10), walk(1.0, 1e-4)])
+def test_a_system_found_after_hours(s: System) -> None:
+    y = np.random.default_rng(7).standard_normal(10**6) + 0.7
+    late, before = Tracker([None]), tracker(s)
+    run(late, y)
+    run(before, y)
+    late.set(0, s)
+    found, expected = run(late, np.ones(1)), run(before, np.ones(1))
+    assert abs(found.bias - expected.bias)[0] < 0.1 * expected.bias_std[0]
+    np.testing.assert_allclose(found.bias_std, expected.bias_std, rtol=0.05)
+
+
+def test_likelihood_is_that_of_the_innovations() -> None:
+    s = SYSTEMS["low-pass"]
+    y, _ = simulated(s, 500, 8)
+    y[0] = 0
+    one = Tracker([None])
+    run(one, y)
+    exact = kalman_likelihood(s, y)
+    assert one.likelihood(0, s) == pytest.approx(exact, rel=1e-6)
+    assert one.likelihood(0, white(float(y.var())).with_offset()) < exact - 50
+    assert math.isnan(Tracker([None]).likelihood_of_walks(0))
+
+
+def kalman_likelihood(s: System, y: Array) -> float:
+    found = kalman(s, y)
+    return float(-np.sum(found["innovation"] ** 2 / found["S"] + np.log(found["S"])))
+
+
+def test_systems_of_which_no_filter_can_be_made_change_nothing() -> None:
+    one = tracker(SYSTEMS["walk"])
+    run(one, np.arange(100) % 7)
+    before, good = one.save(), walk(1.0, 1e-3)
+    bad = [
+        good._replace(R=0.0),
+        good._replace(R=math.nan),
+        good._replace(c=np.ones(2)),
+        good._replace(Q=np.ones((2, 2))),
+        good._replace(pairs=1),
+        good._replace(Q=np.full((1, 1), math.nan)),
+        good._replace(P0=np.full((1, 1), math.inf)),
+        good._replace(a=np.array([math.nan])),
+        good._replace(a=np.array([1.5])),
+    ]
+    many = np.ones(25)
+    bad.append(good._replace(a=many, b=0 * many, c=many, signal=many, Q=np.eye(25), P0=np.eye(25)))
+    for s in bad:
+        with pytest.raises(ValueError, match="system"):
+            one.set(0, s)
+    with pytest.raises(IndexError):
+        one.set(1, good)
+    assert one.save() == before

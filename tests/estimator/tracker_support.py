@@ -1,0 +1,86 @@
+"""Systems, measurements of them and a plain Kalman filter, for the tests of the tracker."""
+
+import math
+
+import numpy as np
+from fltea.estimator.tracker import Tracker, Tracks
+from fltea.noise import parts as p
+from fltea.noise.system import System, relaxing, system, walk, white
+from numpy.typing import NDArray
+
+H = 0.01
+Array = NDArray[np.float64]
+
+
+def kalman(s: System, y: Array) -> dict[str, Array]:
+    """Run the textbook's filter; NaN is a lost sample."""
+    x, P, A = np.zeros(len(s.a)), s.P0.copy(), s.A
+    of_state, of_bias = s.signal * s.c, np.maximum(s.signal, s.a == 1) * s.c
+    rows = []
+    for one in y:
+        e, S = one - s.c @ x, s.c @ P @ s.c + s.R
+        if not math.isnan(one):
+            x, P = x + P @ s.c / S * e, P - np.outer(P @ s.c, P @ s.c) / S
+        rows.append((of_state @ x, of_state @ P @ of_state, of_bias @ x, of_bias @ P @ of_bias, e, S))
+        x, P = A @ x, A @ P @ A.T + s.Q
+    state, state_var, bias, bias_var, e, S = np.array(rows).T
+    return {
+        "state": state,
+        "state_std": np.sqrt(np.maximum(state_var, 0)),
+        "bias": bias,
+        "bias_std": np.sqrt(np.maximum(bias_var, 0)),
+        "innovation": e,
+        "S": S,
+    }
+
+
+def simulated(s: System, n: int, seed: int) -> tuple[Array, Array]:
+    """Return measurements, and the state in them; from the stationary state."""
+    rng = np.random.default_rng(seed)
+    moving = np.hypot(s.a, s.b) < 1
+    P0 = np.where(np.outer(moving, moving), s.P0, 0)
+    x = rng.multivariate_normal(np.zeros(len(s.a)), P0, method="eigh")
+    w = rng.multivariate_normal(np.zeros(len(s.a)), s.Q, n, method="eigh")
+    y, state, A = np.empty(n), np.empty(n), s.A
+    for k in range(n):
+        y[k], state[k] = s.c @ x, (s.signal * s.c) @ x
+        x = A @ x + w[k]
+    return y + rng.normal(0, math.sqrt(s.R), n), state
+
+
+def of(*parts: p.Part, samples: int = 10**5) -> System:
+    return system([p.White(1.0), *parts], H, samples)
+
+
+SYSTEMS = {
+    "white": white(1.0).with_offset(),
+    "walk": walk(1.0, 1e-3),
+    "walking offset": white(1.0).with_offset(1e-4, of_state=True),
+    "relaxation": relaxing(1.0, 0.95, 1.0).with_offset(),
+    "relaxation, fixed offset": relaxing(1.0, 0.95, 1.0),
+    "order": of(p.Order(0.7, -1.0, 0.3 / H**1.4)).with_offset(),
+    "anti-persistent order": of(p.Order(0.3, -2.0, 1.0 / H**0.6)).with_offset(),
+    "low-pass": of(p.Relaxation(0.5, 0.5), p.LowPass(10.0, 2.0)).with_offset(),
+    "resonance": of(p.Relaxation(0.5, 0.5), p.Resonance(5.0, 20.0, 1.0)).with_offset(),
+    "quantisation, walk": of(p.Quantisation(H), p.Walk(0.1)),
+}
+
+
+def fixed(s: System) -> bool:
+    """Whether nothing in the system stands for an offset."""
+    return not np.any((s.a == 1) & (s.c == 1))
+
+
+def tracker(s: System | None = None, offset: float | None = None) -> Tracker:
+    one = Tracker([0.0 if s is not None and fixed(s) else offset])
+    if s is not None:
+        one.set(0, s)
+    return one
+
+
+def run(one: Tracker, y: Array) -> Tracks:
+    return Tracks._make(column[:, 0] for column in one.run(np.asarray(y, dtype=float)[:, None]))
+
+
+def lanes(found: Tracks) -> Array:
+    return np.array([np.asarray(column, dtype=float) for column in found])
