@@ -1,0 +1,117 @@
+// The noises of which a bank of filters is made (walk_bank.hpp), in units of their white noise.
+#pragma once
+
+#include <complex>
+
+#include "kalman.hpp"
+
+namespace fltea {
+namespace track {
+
+class BankMembers {
+  public:
+    enum { kMost = 4, kRoom = 320 };  // coordinates, members
+
+    static const BankMembers& all() {
+        static const BankMembers one;
+        return one;
+    }
+
+    int count() const { return count_; }
+    const System<kMost>& system(int i) const { return systems_[i]; }
+    const RiccatiMap<kMost>& map(int i) const { return maps_[i]; }
+
+  private:
+    // White noise, behind a low-pass of two poles with this corner in rad a sample if it is not 0; an offset
+    // that walks by steps of variance q; relaxations of these times, in samples, and variances.
+    struct Noise {
+        double corner, q;
+        int n;
+        double times[3], powers[3];
+    };
+
+    BankMembers() {
+        const double walks[] = {0,    1e-8, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5,
+                                1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1,  0.3};
+        for (double q : walks) add(Noise{0, q, 0, {}, {}});
+        for (double time : {1.5, 3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 200.0, 400.0}) {
+            for (double power : {0.03, 0.1, 0.3, 1.0, 3.0, 10.0}) add(Noise{0, 0, 1, {time}, {power}});
+        }
+        for (double time : {2.0, 8.0, 30.0}) {
+            for (double power : {0.1, 1.0, 10.0}) {
+                for (double q : {1e-6, 1e-4}) add(Noise{0, q, 1, {time}, {power}});
+            }
+        }
+        // Like 1/f over a decade or two, from the shortest time on.
+        for (double time : {0.4, 1.0, 4.0}) {
+            for (double apart : {4.0, 10.0}) {
+                for (double tilt : {0.5, 1.0, 3.0}) {
+                    for (double power : {0.03, 0.1, 0.3, 1.0, 3.0}) {
+                        const double slower = time * apart;
+                        add(Noise{
+                            0, 0, 3, {time, slower, slower * apart}, {power * tilt, power, power / tilt}});
+                    }
+                }
+            }
+        }
+        for (double corner : {0.3, 0.6, 1.2, 2.0}) {
+            for (double q : {0.0, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2}) add(Noise{corner, q, 0, {}, {}});
+            for (double time : {15.0, 30.0, 60.0, 120.0, 240.0}) {
+                for (double power : {0.03, 0.1, 0.3, 1.0, 3.0}) add(Noise{corner, 0, 1, {time}, {power}});
+            }
+        }
+    }
+
+    void add(const Noise& noise) {
+        System<kMost>& s = systems_[count_];
+        s = System<kMost>();
+        s.pairs = noise.corner > 0 ? 1 : 0;
+        s.n = 2 * s.pairs + 1 + noise.n;
+        s.R = s.pairs == 0 ? 1 : kBehindFilter;
+        if (s.pairs > 0) low_pass(noise.corner, s);
+        const int offset = 2 * s.pairs;
+        double power = 1;
+        for (int k = 0; k < noise.n; ++k) {
+            const int i = offset + 1 + k;
+            s.a[i] = std::exp(-1 / noise.times[k]);
+            s.P0[i * s.n + i] = noise.powers[k];
+            s.Q[i * s.n + i] = noise.powers[k] * (1 - s.a[i] * s.a[i]);
+            power += noise.powers[k];
+        }
+        s.a[offset] = 1;
+        s.Q[offset * s.n + offset] = noise.q;
+        s.P0[offset * s.n + offset] = 1e4 * power;
+        for (int i = offset; i < s.n; ++i) s.c[i] = s.bias[i] = 1;
+        maps_[count_++].set(s);
+    }
+
+    // White noise of variance 1 through a pair of poles, as system.py's.
+    static void low_pass(double corner, System<kMost>& s) {
+        typedef std::complex<double> Complex;
+        const Complex z = std::exp(corner * std::polar(1.0, 2.356194490192345)), m = z / (z - std::conj(z));
+        const double hermitian = std::norm(m) / (1 - std::norm(z));
+        const Complex plain = m * m / (1.0 - z * z);
+        const double level = 1 / (hermitian + plain.real());
+        covariance(level * hermitian, level * plain, s.n, s.P0);
+        covariance(level * std::norm(m), level * m * m, s.n, s.Q);
+        s.a[0] = s.a[1] = z.real();
+        s.b[0] = s.b[1] = -z.imag();
+        s.c[0] = 1;
+    }
+
+    // Of real and imaginary part of ξ, from E |ξ|² and E ξ².
+    static void covariance(double hermitian, std::complex<double> plain, int n, double* to) {
+        to[0] = hermitian + plain.real();
+        to[n + 1] = hermitian - plain.real();
+        to[1] = to[n] = plain.imag();
+    }
+
+    static constexpr double kBehindFilter = 1e-3;
+
+    int count_ = 0;
+    System<kMost> systems_[kRoom];
+    RiccatiMap<kMost> maps_[kRoom];
+};
+
+}  // namespace track
+}  // namespace fltea
