@@ -10,11 +10,17 @@
 namespace fltea {
 namespace track {
 
-// A number within ±most, or NaN.
+// What is remembered of a sample: no sensor has more.
+constexpr float kMostKnown = 1e37f;
+inline float remembered(double y) {
+    return y > kMostKnown ? kMostKnown : y < -kMostKnown ? -kMostKnown : float(y);
+}
+
+// A number that is remembered, or NaN.
 template <typename Io>
-void visit_known(Io& io, float& value, double most) {
-    const bool known = !std::isnan(value);
-    double one = known ? double(value) : 2 * most;
+void visit_known(Io& io, float& value) {
+    const double most = kMostKnown;
+    double one = std::isnan(value) ? 2 * most : double(value);
     io.real(one, -most, 2 * most);
     value = one > most ? __builtin_nanf("") : float(one);
 }
@@ -49,10 +55,10 @@ class Newest {
     void clear() { first_ = count_ = 0; }
 
     template <typename Io>
-    void visit(Io& io, double most) {
+    void visit(Io& io) {
         io.number(first_, 0, size - 1);
         io.number(count_, 0, size);
-        for (int i = 0; i < count_ && io.sound(); ++i) visit_known(io, values_[(first_ + i) % size], most);
+        for (int i = 0; i < count_ && io.sound(); ++i) visit_known(io, values_[(first_ + i) % size]);
     }
 
   private:
@@ -78,9 +84,9 @@ class Past {
     const Newest<kMeans>& means(int level) const { return means_[level]; }
 
     template <typename Io>
-    void visit(Io& io, double most) {
-        single_.visit(io, most);
-        for (Newest<kMeans>& one : means_) one.visit(io, most);
+    void visit(Io& io) {
+        single_.visit(io);
+        for (Newest<kMeans>& one : means_) one.visit(io);
     }
 
   private:

@@ -24,12 +24,13 @@ class RestGate {
     // An innovation in its deviations; y: the sample, deviation: of the noise of one. True if it is one of
     // motion by itself.
     bool add(double z, double y, double deviation) {
+        z = bounded(z);
         const double power = z * z;
         sum_ += z;
         powers_ += power;
         if (power > largest_) largest_ = power;
         if (known_ == 0) first_ = y;
-        const double apart = (y - first_) / deviation;
+        const double apart = bounded((y - first_) / deviation);
         own_ += apart;
         own_powers_ += apart * apart;
         ++known_;
@@ -84,6 +85,9 @@ class RestGate {
     }
 
   private:
+    // Whose square is a number.
+    static double bounded(double x) { return x > 1e100 ? 1e100 : x < -1e100 ? -1e100 : x; }
+
     void clear_chunk() {
         fill_ = known_ = 0;
         sum_ = powers_ = largest_ = own_ = own_powers_ = 0;

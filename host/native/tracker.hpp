@@ -91,7 +91,7 @@ class Tracker {
         } else if (filter_ != nullptr) {
             white_.add(e, std::sqrt(filter_->filter.S));
         }
-        recent_[kept_++] = moving ? __builtin_nanf("") : float(apart);
+        recent_[kept_++] = moving ? __builtin_nanf("") : remembered(apart);
         Tracked result = tracked(e, moving);
         end_sample(deviation);
         return result;
@@ -129,8 +129,8 @@ class Tracker {
         white_.visit(io);
         gate_.visit(io);
         io.require(gate_.fill() == kept_ % RestGate::kChunk);
-        past_.visit(io, 2 * kLargest);
-        for (int i = 0; i < kept_ && io.sound(); ++i) visit_known(io, recent_[i], 2 * kLargest);
+        past_.visit(io);
+        for (int i = 0; i < kept_ && io.sound(); ++i) visit_known(io, recent_[i]);
         if (!io.sound()) return;
         if (has_system) {
             if (filter_ == nullptr) filter_.reset(new Model);

@@ -9,6 +9,7 @@ from fltea.estimator.tracker import Tracker
 from fltea.noise.system import white
 from hypothesis import given
 from hypothesis import strategies as st
+from tiers import slow
 from tracker_support import SYSTEMS, Array, kalman, lanes, run, simulated, tracker
 
 EXACT = 512
@@ -77,7 +78,7 @@ def pair(modelled: bool) -> Tracker:
     return one
 
 
-@pytest.mark.parametrize("modelled", [False, True], ids=["bank", "system"])
+@pytest.mark.parametrize("modelled", [slow(False), True], ids=["bank", "system"])
 @given(cuts=st.lists(st.integers(0, 4000), max_size=8), lost=st.integers(0, 3))
 def test_cuts_change_no_bit(modelled: bool, cuts: list[int], lost: int) -> None:
     y, whole, cut = disturbed(), pair(modelled), pair(modelled)
@@ -96,7 +97,7 @@ def test_cuts_change_no_bit(modelled: bool, cuts: list[int], lost: int) -> None:
     assert whole.figures() == cut.figures()
 
 
-@pytest.mark.parametrize("modelled", [False, True], ids=["bank", "system"])
+@pytest.mark.parametrize("modelled", [slow(False), True], ids=["bank", "system"])
 @given(
     at=st.one_of(
         st.integers(0, 4000), st.integers(690, 960), st.integers(1490, 1600), st.integers(2000, 3100)

@@ -20,6 +20,7 @@ LONG = ",".join(
     [
         *("sliced fit: answers*", "sliced fit: the interval*", "sliced fit: from the last*", "searches end*"),
         *("octaves: snapshots of strangers*", "octaves: a merge of any two*", "count spectrum: its lines*"),
+        *("tracker: snapshots*", "tracker: what was saved*"),
     ]
 )
 """Four fifths of all test cases' time."""

@@ -1,0 +1,268 @@
+// The tracker's parts. Its numbers are judged in tests/estimator, against a filter in numpy; here it is
+// memory, undefined behaviour, what strangers' snapshots can do, and the parts that have rules of their own.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "noise.h"
+#include "number_io.hpp"
+#include "tracker.hpp"
+
+using namespace fltea;
+using namespace fltea::track;
+
+namespace {
+
+typedef System<kMost> Any;
+
+const double kNone = std::numeric_limits<double>::quiet_NaN();
+
+// A pair of poles, relaxations and an offset: n coordinates in all, more than 3.
+Any system_of(int n, unsigned long long seed) {
+    Noise random(seed);
+    Any s = Any();
+    s.n = n;
+    s.pairs = 1;
+    s.R = 1;
+    const double size = 0.5 + 0.4 * random.next(), turn = 3 * random.next();
+    s.a[0] = s.a[1] = size * std::cos(turn);
+    s.b[0] = s.b[1] = size * std::sin(turn);
+    for (int i = 0; i < n; ++i) {
+        if (i >= 2) s.a[i] = i == n - 1 ? 1 : 1 - std::pow(10, -3 * random.next());
+        s.c[i] = s.bias[i] = 1;
+        s.state[i] = i == n - 1 ? 0 : 1;
+        s.Q[i * n + i] = i == n - 1 ? 0 : 0.01 + 0.1 * random.next();
+        s.P0[i * n + i] = i == n - 1 ? 1e4 : 1;
+    }
+    return s;
+}
+
+std::vector<double> saved(Tracker& one) {
+    std::vector<double> numbers;
+    NumberSaver saver(numbers);
+    one.visit(saver);
+    return numbers;
+}
+
+bool load(Tracker& one, const std::vector<double>& numbers) {
+    NumberLoader loader(numbers.data(), numbers.data() + numbers.size());
+    one.visit(loader);
+    return loader.sound() && loader.at_end();
+}
+
+// Rest, knocks, motion and a step of the offset.
+double sample(Noise& random, int i) {
+    double y = random();
+    if (i % 400 == 50) y += 1e4;
+    if (i % 1000 > 700 && i % 1000 < 800) y += 100 * std::sin(i * 0.1);
+    return i > 600 ? y + 50 : y;
+}
+
+bool sane(const Tracked& one) {
+    const auto fine = [](double x) { return std::isnan(x) || std::fabs(x) < 1e300; };
+    return fine(one.bias) && fine(one.bias_std) && fine(one.state) && fine(one.state_std) &&
+           fine(one.innovation) && !(one.bias_std < 0) && !(one.state_std < 0);
+}
+
+std::unique_ptr<Tracker> made(bool modelled, const double* offset = nullptr) {
+    std::unique_ptr<Tracker> one(new Tracker(offset));
+    if (modelled) CHECK(one->set(system_of(6, 1), false));
+    return one;
+}
+
+}  // namespace
+
+TEST_CASE("tracker: a map is so many single steps") {
+    for (int n : {3, 4, 8, 16, 24}) {
+        std::unique_ptr<Any> s(new Any(system_of(n, static_cast<unsigned long long>(n))));
+        std::unique_ptr<RiccatiMap<kMost>> map(new RiccatiMap<kMost>);
+        REQUIRE(map->set(*s));
+        std::vector<double> P(s->P0, s->P0 + n * n), by_map(P);
+        map->apply(by_map.data());
+        for (int k = 0; k < RiccatiMap<kMost>::kSamples; ++k) {
+            std::vector<double> K(static_cast<std::size_t>(n));
+            for (int i = 0; i < n; ++i)
+                K[static_cast<std::size_t>(i)] = dot(&P[static_cast<std::size_t>(i * n)], s->c, n);
+            const double S = dot(K.data(), s->c, n) + s->R;
+            for (int i = 0; i < n; ++i) {
+                for (int j = 0; j < n; ++j) {
+                    P[static_cast<std::size_t>(i * n + j)] -=
+                        K[static_cast<std::size_t>(i)] * K[static_cast<std::size_t>(j)] / S;
+                }
+            }
+            s->step_covariance(P.data());
+        }
+        for (std::size_t i = 0; i < P.size(); ++i) CHECK(by_map[i] == doctest::Approx(P[i]).epsilon(1e-6));
+    }
+}
+
+TEST_CASE("tracker: a system without coordinates") {
+    Tracker one;
+    Any s = Any();
+    s.R = 2;
+    REQUIRE(one.set(s, false));
+    Noise random;
+    for (int i = 0; i < 2000; ++i) {
+        const Tracked found = one.next(random());
+        CHECK(found.state == 0);
+        CHECK(found.bias_std == 0);
+    }
+}
+
+TEST_CASE("tracker: what is singular is solved, or not") {
+    double M[4] = {0, 2, 3, 0}, Y[2] = {4, 6};
+    CHECK(solve(M, Y, 2, 1));
+    CHECK(Y[0] == 2);
+    CHECK(Y[1] == 2);
+    double none[4] = {1, 2, 2, 4};
+    CHECK(!solve(none, Y, 2, 1));
+}
+
+TEST_CASE("tracker: the past keeps means, and what is not known is not in them") {
+    std::unique_ptr<Past> past(new Past);
+    float group[Past::kGroup];
+    const int groups = 600000 / Past::kGroup;
+    for (int k = 0; k < groups; ++k) {
+        for (int i = 0; i < Past::kGroup; ++i) group[i] = k % 2 == 0 && i < 20 ? NAN : float(k);
+        past->add(group);
+    }
+    CHECK(past->single().full());
+    CHECK(past->single()[Past::kSingle - 1] == groups - 1);
+    int kept = past->single().count(), size = Past::kGroup;
+    for (int level = 0; level < Past::kLevels; ++level, size *= Past::kGroup) {
+        const Newest<Past::kMeans>& means = past->means(level);
+        kept += means.count() * size;
+        for (int i = 2; i < means.count(); ++i) {
+            // Of a group of which more than half is not known nothing is.
+            if (level == 0 && std::isnan(means[i])) CHECK(std::isnan(means[i - 2]));
+            if (level == 0 && !std::isnan(means[i])) CHECK(means[i] == means[i - 2] + 2);
+            if (level > 0) CHECK(means[i] > means[i - 1]);
+        }
+    }
+    CHECK(kept == groups * Past::kGroup);
+}
+
+TEST_CASE("tracker: the gate sees knocks, spikes and a new place") {
+    RestGate gate;
+    Noise random;
+    const auto chunk = [&](double mean, double scale) {
+        RestGate::Verdict verdict = RestGate::kGoesOn;
+        for (int i = 0; i < RestGate::kChunk; ++i) {
+            const double y = mean + scale * random();
+            gate.add(y, y, 1);
+            verdict = gate.next(1);
+        }
+        return verdict;
+    };
+    for (int k = 0; k < 1000; ++k) REQUIRE(chunk(0, 1) == RestGate::kGoesOn);
+    CHECK(chunk(0, 9) == RestGate::kBegins);
+    CHECK(chunk(0, 1) == RestGate::kGoesOn);
+    CHECK(chunk(0, 1) == RestGate::kEnds);
+    CHECK(gate.add(101, 101, 1));
+    CHECK(!gate.add(99, 99, 1));
+    gate = RestGate();
+    CHECK(chunk(5, 1) == RestGate::kBegins);
+    int more = 1;
+    while (chunk(5, 1) == RestGate::kGoesOn) ++more;
+    CHECK(more == RestGate::kStill);
+    CHECK(!gate.moving());
+}
+
+TEST_CASE("tracker: what was saved goes on to the bit") {
+    for (bool modelled : {false, true}) {
+        for (int at : {0, 1, 15, 16, 40, 52, 66, 330, 705, 750, 801, 1000, modelled ? 3000 : 1100}) {
+            Noise random(3);
+            std::unique_ptr<Tracker> one = made(modelled), other = made(false);
+            for (int i = 0; i < at; ++i) one->next(sample(random, i));
+            REQUIRE(load(*other, saved(*one)));
+            for (int i = at; i < at + 200; ++i) {
+                if (i % 150 == 149) {
+                    one->skip(3);
+                    other->skip(3);
+                }
+                const double y = sample(random, i);
+                one->next(y);
+                other->next(y);
+            }
+            CHECK(saved(*one) == saved(*other));
+        }
+    }
+}
+
+TEST_CASE("tracker: snapshots of strangers are refused, or are such as can go on") {
+    for (bool modelled : {false, true}) {
+        Noise random(5), noise(6);
+        std::unique_ptr<Tracker> one = made(modelled);
+        for (int i = 0; i < (modelled ? 3000 : 700); ++i) one->next(sample(noise, i));
+        const std::vector<double> good = saved(*one);
+        const double values[] = {kNone, INFINITY, -1,    0,    0.5,   1,     2,
+                                 31,    1e9,      -1e99, 1e99, 1e150, 1e200, 1e308};
+        int accepted = 0;
+        const int runs = modelled ? 2000 : 300;
+        for (int k = 0; k < runs; ++k) {
+            std::vector<double> hostile = good;
+            const std::size_t changes = 1 + random.below(3);
+            for (std::size_t i = 0; i < changes; ++i) {
+                const bool early = random.next() < 0.7;
+                hostile[random.below(early ? 1100 : hostile.size())] = values[random.below(14)];
+            }
+            if (k % 10 == 9) hostile.resize(random.below(hostile.size()));
+            std::unique_ptr<Tracker> other = made(false);
+            if (!load(*other, hostile)) continue;
+            ++accepted;
+            for (int i = 0; i < 80; ++i) other->next(sample(noise, i));
+            other->skip(70);
+            other->set(system_of(5, 2), false);
+            for (int i = 0; i < 40; ++i) other->next(sample(noise, i));
+            saved(*other);
+        }
+        CHECK(accepted > 0);
+        CHECK(accepted < runs);
+    }
+}
+
+TEST_CASE("tracker: numbers at the ends of their range stay finite") {
+    for (bool modelled : {false, true}) {
+        const double offset = 3;
+        std::unique_ptr<Tracker> one = made(modelled, modelled ? nullptr : &offset);
+        Noise random(9);
+        for (double scale : {1e99, 1e-300, 1.0, 1e30, 0.0, -1e99, 1e-40}) {
+            for (int i = 0; i < 200; ++i) CHECK(sane(one->next(scale * random())));
+            one->skip(random.below(100));
+        }
+        std::unique_ptr<Tracker> other = made(false);
+        CHECK(load(*other, saved(*one)));
+    }
+}
+
+TEST_CASE("tracker: another system is no jump of what does not depend on it") {
+    Noise random(11);
+    std::unique_ptr<Tracker> one = made(false);
+    for (int i = 0; i < 1000; ++i) one->next(5 + random());
+    for (int n : {3, 6, 24, 4}) {
+        REQUIRE(one->set(system_of(n, 7), false));
+        for (int i = 0; i < 100; ++i) {
+            const Tracked found = one->next(5 + random());
+            CHECK(sane(found));
+            CHECK(found.bias == doctest::Approx(5).epsilon(0.5));
+        }
+        CHECK(std::isfinite(one->likelihood(system_of(n, 8))));
+    }
+    CHECK(std::isnan(one->likelihood()));
+}
+
+TEST_CASE("tracker: gaps of every length") {
+    for (bool modelled : {false, true}) {
+        std::unique_ptr<Tracker> one = made(modelled);
+        one->skip(100);  // before the first sample
+        Noise random(13);
+        for (std::uint64_t lost : {0, 1, 31, 32, 33, 500, 3000, 100001}) {
+            for (int i = 0; i < 100; ++i) CHECK(sane(one->next(random())));
+            if (modelled || lost < 600 || lost > Tracker::kLongestGap) one->skip(lost);
+        }
+        CHECK(one->counts().begun == 0);
+    }
+}
