@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstring>
 
 namespace fltea {
 
@@ -12,10 +13,18 @@ namespace fltea {
 class Whiteness {
   public:
     void add(double innovation, double std) {
-        for (int lag = 0; lag < before_; ++lag) now_.products[lag] += innovation * last_[lag];
-        for (int lag = kLags - 1; lag > 0; --lag) last_[lag] = last_[lag - 1];
-        last_[0] = innovation;
-        if (before_ < kLags) ++before_;
+        const double* const last = window_ + at_;  // newest first
+        if (before_ == kLags) {
+            for (int lag = 0; lag < kLags; ++lag) now_.products[lag] += innovation * last[lag];
+        } else {
+            for (int lag = 0; lag < before_; ++lag) now_.products[lag] += innovation * last[lag];
+            ++before_;
+        }
+        if (at_ == 0) {
+            std::memmove(window_ + kBlock, window_, kLags * sizeof(double));
+            at_ = kBlock;
+        }
+        window_[--at_] = innovation;
         if (std > 0) now_.normalised += (innovation / std) * (innovation / std);
         now_.squares += innovation * innovation;
         if (++now_.n < kBlock) return;
@@ -68,7 +77,7 @@ class Whiteness {
         }
         now_.visit(io);
         io.require(now_.n < kBlock);
-        for (int lag = 0; lag < before_ && io.sound(); ++lag) io.real(last_[lag], -kMost, kMost);
+        for (int lag = 0; lag < before_ && io.sound(); ++lag) io.real(window_[at_ + lag], -kMost, kMost);
     }
 
   private:
@@ -104,8 +113,8 @@ class Whiteness {
     Sums blocks_[kBlocks];  // oldest first
     Sums now_;
     int kept_ = 0;
-    double last_[kLags] = {};  // newest first
-    int before_ = 0;           // of them, those that nothing is missing behind
+    double window_[kBlock + kLags] = {};  // the last ones are kLags from at_ on
+    int at_ = kBlock, before_ = 0;        // of them, those that nothing is missing behind
 };
 
 }  // namespace fltea

@@ -17,7 +17,15 @@ class Mode(NamedTuple):
     options: tuple[str, ...] = ()
 
 
-USUAL = Mode("", ("tools.bench.bench_decode", "tools.bench.bench_spectrum", "fltea.lab.bench"))
+USUAL = Mode(
+    "",
+    (
+        "tools.bench.bench_decode",
+        "tools.bench.bench_spectrum",
+        "tools.bench.bench_tracker",
+        "fltea.lab.bench",
+    ),
+)
 DAEMON = Mode("measure the running daemon too: some minutes", ("tools.bench.bench_daemon",))
 MODES = {
     "device": Mode(
