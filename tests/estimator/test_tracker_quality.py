@@ -14,6 +14,7 @@ import pytest
 from fltea.estimator.tracker import Tracker
 from fltea.noise import parts as p
 from fltea.noise.system import system
+from fltea.spectrum.innovation_whiteness import describes
 from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.linalg import solve_toeplitz
@@ -191,3 +192,37 @@ def test_the_bank_is_good_from_six_seconds_on(name: str) -> None:
     assert not found.over_best > most, found
     assert covered < found.covered, found
     assert found.over_y < (1.05 if name in HARD else 1), found
+
+
+SENTENCES: dict[str, list[p.AnyPart]] = {
+    "alternating": [p.Alternating(0.14, 0.02)],
+    "resonance": [p.Resonance(5 * R, 20.0, 1.0)],
+    "quantisation": [p.Quantisation(0.1 * H)],
+    "rise": [p.Rise(5 * R, 0.6)],
+    "sharpening": [p.Relaxation(0.1, 0.5), p.Sharpening(0.3)],
+    "notch": [p.Relaxation(0.1, 0.5), p.Notch(25.0, 5.0)],
+    "mean of 4": [p.Mean(4)],
+    "low-pass of 3.5 poles": [p.LowPass(25.0, 3.5), p.Floor(0.01 * R)],
+    "low-pass, relaxations": [p.Relaxation(0.1, 5.0), p.Relaxation(0.1, 0.02), p.LowPass(10.0, 2.0)],
+    "low-pass, order": [*order(0.7, -1, 0.3).parts[1:], p.LowPass(10.0, 2.0)],
+    "anti-persistent order": list(order(0.5, -10, 1).parts[1:]),
+    "oscillating order": list(order(1.5, -10, 0.3).parts[1:]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SENTENCES)
+def test_innovations_of_any_noise_are_white_and_as_small_as_can_be(name: str) -> None:
+    parts, n, lanes = [WHITE, *SENTENCES[name]], 10_000, 12
+    y = made(lambda lam: p.spectrum(parts, lam, H), n, np.random.default_rng(1))[:lanes]
+    one = Tracker([None] * lanes)
+    for lane in range(lanes):
+        one.set(lane, system(parts, H, n).with_offset())
+    innovations = one.run(y.T).innovation[2000:]
+    figures = one.figures()
+    assert np.mean([each.nis or 0 for each in figures]) == pytest.approx(1, abs=0.06)
+    assert sum(describes(each.innovations, each.ljung_box or math.inf) for each in figures) >= lanes - 1
+    # Kolmogorov's bound: the geometric mean of the spectrum.
+    lam = np.pi * (np.arange(4096) + 0.5) / 4096
+    bound = math.exp(np.mean(np.log(p.spectrum(parts, lam, H))))
+    assert np.mean(innovations**2) < 1.03 * bound

@@ -20,7 +20,6 @@ from fltea.noise.parts import (
     Alternating,
     Arfima,
     Floor,
-    LowPass,
     Order,
     Part,
     Relaxation,
@@ -50,8 +49,8 @@ MOST = 23
 POINTS_A_DECADE = 16
 LEAST_WHITE = 1e-4
 """White noise of a measurement, over all noise: a filter cannot do without any."""
-SLOW = 3.0
-"""A relaxation whose corner is so many times below that of a filter goes through it unchanged."""
+NO_MATTER = 0.02
+"""Of a spectrum: what may be wrong with a relaxation that goes past a filter."""
 DIFFUSE = 1e4
 """Variance before the first sample of what is not known then, over that of the noise."""
 TINY = 1e-300
@@ -124,23 +123,22 @@ def system(parts: Sequence[Part], h: float, samples: int) -> System:
         ValueError: a part is not stationary.
     """
     filters = [part for part in parts if isinstance(part, FILTERS)]
-    corner_hz = min(
-        (one.corner_hz if isinstance(one, LowPass) else 0.25 / h for one in filters), default=math.inf
-    )
+    lam = _grid(samples)
+    total = spectrum(parts, lam, h)
+    stopped = np.abs(1 - spectrum([White(1.0), *filters], lam, h)) / (total + NO_MATTER * np.median(total))
     exact: list[Block] = []
     by_fit: list[Part] = []
     noise: list[Part] = []
     for part in parts:
         if isinstance(part, Walk):
             exact.append(_real(1.0, part.K**2 * h, 0.0))
-        elif isinstance(part, Relaxation) and SLOW / (2 * math.pi * part.tau_s) < corner_hz:
+        elif isinstance(part, Relaxation) and (stopped * spectrum([part], lam, h) < NO_MATTER).all():
+            # It is too slow for the filters.
             exact.append(_relaxing(math.exp(-h / part.tau_s), part.sigma**2, signal=True))
         elif isinstance(part, Relaxation | Order | Arfima):
             by_fit.append(part)
         elif not isinstance(part, FILTERS):
             noise.append(part)
-    lam = _grid(samples)
-    total = spectrum(parts, lam, h)
     behind = filter_poles(filters, h)
     blocks, R = _of_noise(noise, filters, behind, total, lam, h, MOST - len(exact) - 4 * len(by_fit))
     room = MOST - len(exact) - sum(len(one.a) for one in blocks)
