@@ -312,8 +312,10 @@ class Sentences:
     # nothing.
     def null_test(self, last: list[float]) -> tuple[float, list[float]]: ...
 
-    # The end of an interval to one side; NaN if there is none before the limit. usual, at_bound: the fall of
-    # 2 log L there, and where white noise is nothing beside coordinate white_over (-1: never asked).
+    # The end of an interval to one side, NaN if there is none before the limit, and by how much the
+    # coordinates there differ from eta. usual, at_bound: the fall of 2 log L there, and where white noise is
+    # nothing beside coordinate white_over (-1: never asked). last: these differences of an earlier look, or
+    # nothing.
     def end(
         self,
         codes: list[int],
@@ -326,7 +328,8 @@ class Sentences:
         usual: float,
         at_bound: float,
         white_over: int,
-    ) -> float: ...
+        last: list[float],
+    ) -> tuple[float, list[float]]: ...
 
     # Fills in the spectrum (bins,) and the slopes (p, bins) of its logarithm.
     def slopes(

@@ -181,13 +181,19 @@ inline void substitute(int n, const double (*a)[kMostFree], double* b, bool both
     }
 }
 
+constexpr double kLongest = 3;  // of a step
+
 struct Patience {
     int steps = 60;
     double converged = 1e-5;  // the gain of -log L in a step
     double slowest = 1;       // corners are where the data are, or so many times slower
+    // Information about a coordinate that is as good as not there: its steps have no end, and make no other
+    // shorter. A search does without, so that it is slow to take a relaxation for a filter of one pole.
+    double nothing = 0;
 
     Patience() = default;
-    Patience(int most, double gain, double slower) : steps(most), converged(gain), slowest(slower) {}
+    Patience(int most, double gain, double slower)
+        : steps(most), converged(gain), slowest(slower), nothing(1e-4) {}
 };
 
 // Moves eta to the best that is reached from there; -log L. `held` keeps its value, -1: none does.
@@ -226,14 +232,16 @@ inline double score(const Bins& bins, const Words& words, double* eta, int held,
             }
             if (!factor(count, damped)) continue;
             substitute(count, damped, move, true);
-            double longest = 1e-300;
-            for (int a = 0; a < count; ++a) longest = std::fmax(longest, std::fabs(move[a]));
             // A step of a factor of e³ is as far as slopes are to be trusted.
-            const double shorter = std::fmin(1.0, 3.0 / longest);
+            double longest = kLongest;
+            for (int a = 0; a < count; ++a)
+                if (information[index[a]][index[a]] > patience.nothing)
+                    longest = std::fmax(longest, std::fabs(move[a]));
             std::copy(eta, eta + free, trial);
             for (int a = 0; a < count; ++a) {
                 const int i = index[a];
-                trial[i] = std::fmin(std::fmax(eta[i] - shorter * move[a], low[i]), high[i]);
+                const double step = std::fmax(-kLongest, std::fmin(kLongest, move[a] * kLongest / longest));
+                trial[i] = std::fmin(std::fmax(eta[i] - step, low[i]), high[i]);
             }
             found = there.at(words, trial);
             if (found <= nll) {

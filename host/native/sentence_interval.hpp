@@ -18,46 +18,91 @@ struct Critical {
     int white_over;  // the parameter that white noise is compared with, or -1
 };
 
+// A value that was tried, with the coordinates of the best fit that has it.
+struct Tried {
+    double value, excess;  // in 2 log L
+    std::vector<double> eta;
+};
+
+// Where the best fit goes with parameter i, and how far it is to the end, if log L were a parabola.
+inline double direction(const Bins& bins, const Words& words, const std::vector<double>& best, int i,
+                        std::vector<double>& by) {
+    const int free = free_of(words);
+    double gradient[kMostFree], information[kMostFree][kMostFree], row[kMostFree] = {};
+    Spectrum here(bins);
+    by.assign(best.size(), 0.0);
+    if (!std::isfinite(here.at(words, best.data()))) return 0;
+    here.derivatives(free, gradient, information);
+    for (int k = 0; k < free; ++k) information[k][k] = information[k][k] * (1 + 1e-9) + 1e-9;
+    if (!factor(free, information)) return 0;
+    row[i] = 1;
+    substitute(free, information, row, true);
+    for (int k = 0; k < free; ++k) by[static_cast<std::size_t>(k)] = row[k] / row[i];
+    return std::sqrt(row[i]);
+}
+
+constexpr double kNear = 3e-3;  // of the distance to an end, to which it is found
+
+// A step of a coordinate, no longer than slopes are to be trusted.
+inline double near(double step) { return std::fmin(std::fmax(step, -1.0), 1.0); }
+
+// `end`: by how much the coordinates at the end that an earlier look found differed from the best ones, or
+// nothing; becomes that of this end, if there is one.
 inline double interval_end(const Bins& bins, const Words& words, const std::vector<double>& best, double nll,
                            int i, int side, double limit, double step, const Critical& critical,
-                           const Patience& patience) {
-    const double at = best[static_cast<std::size_t>(i)];
-    double inside = at, inside_excess = 0, outside = 0, outside_excess = 0;
-    bool bracketed = false;
+                           const Patience& patience, std::vector<double>& end) {
+    const std::size_t at = static_cast<std::size_t>(i);
+    const double middle = best[at], root = std::sqrt(critical.usual);
+    Tried inside{middle, 0, best}, outside{limit, 0, {}};
+    double trial;
     std::vector<double> eta = best;
-    for (int look = 0; look < 40; ++look) {
-        double trial;
-        if (!bracketed) {
-            trial = inside + side * step;
-            step *= 1.6;
-            if (side * (trial - limit) >= 0) trial = limit;
-        } else {
-            // The excess is about quadratic, so its root is about straight.
-            const double a = std::sqrt(std::fmax(inside_excess, 0.0)),
-                         b = std::sqrt(std::fmax(outside_excess, 0.0));
-            const double share = (std::sqrt(critical.usual) - a) / std::fmax(b - a, 1e-12);
-            trial = inside + std::fmin(std::fmax(share, 0.1), 0.9) * (outside - inside);
-        }
-        std::vector<double> there = eta;
-        there[static_cast<std::size_t>(i)] = trial;
-        const double found = score(bins, words, there.data(), i, patience);
-        double excess = std::isfinite(found) ? 2 * (found - nll) : 1e6;
-        if (critical.white_over >= 0 && there[0] < there[static_cast<std::size_t>(critical.white_over)] - 6.9)
-            excess *= critical.usual / critical.at_bound;
-        if (std::fabs(excess - critical.usual) < 0.02) return trial;
-        if (excess < critical.usual) {
-            if (trial == limit) return std::numeric_limits<double>::quiet_NaN();
-            inside = trial;
-            inside_excess = excess;
-            eta = there;
-        } else {
-            bracketed = true;
-            outside = trial;
-            outside_excess = excess;
-        }
-        if (bracketed && std::fabs(outside - inside) < 1e-4) break;
+    if (end.size() == best.size() && side * end[at] > 0 && side * (limit - middle - end[at]) > 0) {
+        trial = middle + end[at];
+        for (std::size_t k = 0; k < eta.size(); ++k) eta[k] += end[k];
+    } else {
+        std::vector<double> by;
+        const double far = root * direction(bins, words, best, i, by);
+        const double first = std::fmin(std::fmax(far, step), 8 * step);
+        trial = middle + side * std::fmin(first, side * (limit - middle));
+        for (std::size_t k = 0; k < eta.size(); ++k) eta[k] += near(by[k] * (trial - middle));
     }
-    return bracketed ? outside : std::numeric_limits<double>::quiet_NaN();
+    end.clear();
+    for (int look = 0; look < 40; ++look) {
+        eta[at] = trial;
+        const double found = score(bins, words, eta.data(), i, patience);
+        double excess = std::isfinite(found) ? 2 * (found - nll) : 1e6;
+        if (critical.white_over >= 0 && eta[0] < eta[static_cast<std::size_t>(critical.white_over)] - 6.9)
+            excess *= critical.usual / critical.at_bound;
+        const bool close = std::fabs(excess - critical.usual) < 0.02;
+        if (!close && excess < critical.usual) {
+            if (trial == limit) return std::numeric_limits<double>::quiet_NaN();
+            inside = Tried{trial, excess, eta};
+        } else {
+            outside = Tried{trial, excess, eta};
+        }
+        if (close || (!outside.eta.empty() && std::fabs(outside.value - inside.value) <
+                                                  kNear * std::fabs(outside.value - middle)))
+            break;
+        // The excess is about quadratic, so its root is about straight.
+        const double a = std::sqrt(std::fmax(inside.excess, 0.0));
+        if (outside.eta.empty()) {
+            const double wider = std::fmin(std::fmax(1.05 * root / std::fmax(a, 1e-3), 1.1), 2.6);
+            trial = middle + wider * (inside.value - middle);
+            if (side * (trial - limit) >= 0) trial = limit;
+            eta = inside.eta;
+            for (std::size_t k = 0; k < eta.size(); ++k) eta[k] += near((wider - 1) * (eta[k] - best[k]));
+        } else {
+            const double share = (root - a) / std::fmax(std::sqrt(outside.excess) - a, 1e-12);
+            const double part = std::fmin(std::fmax(share, 0.1), 0.9);
+            trial = inside.value + part * (outside.value - inside.value);
+            eta = inside.eta;
+            for (std::size_t k = 0; k < eta.size(); ++k) eta[k] += near(part * (outside.eta[k] - eta[k]));
+        }
+    }
+    if (outside.eta.empty()) return std::numeric_limits<double>::quiet_NaN();
+    end = outside.eta;
+    for (std::size_t k = 0; k < end.size(); ++k) end[k] -= best[k];
+    return outside.value;
 }
 
 }  // namespace sentence

@@ -244,12 +244,18 @@ TEST_CASE("sentence: an order is found beside none, and its interval holds it") 
         CAPTURE(alpha);
         REQUIRE(found.ordered.same_words(Sentence{words, {}, 0}));
         CHECK(found.ordered.nll < found.plain.nll);
-        Patience patience;
-        patience.converged = 1e-3;
         double ends[2];
-        for (int side : {-1, 1})
-            ends[side > 0] = interval_end(bins, words, found.ordered.eta, found.ordered.nll, 1, side,
-                                          side > 0 ? 1.9 : 0, 0.03, Critical{3.841, 3.841, -1}, patience);
+        for (int side : {-1, 1}) {
+            std::vector<double> away;
+            const auto end = [&] {
+                return interval_end(bins, words, found.ordered.eta, found.ordered.nll, 1, side,
+                                    side > 0 ? 1.9 : 0, 0.03, Critical{3.841, 3.841, -1}, Patience(), away);
+            };
+            ends[side > 0] = end();
+            CHECK(away[1] == ends[side > 0] - found.ordered.eta[1]);
+            // From there on it is found at once.
+            CHECK(end() == ends[side > 0]);
+        }
         CHECK(ends[0] < found.ordered.eta[1]);
         CHECK(found.ordered.eta[1] < ends[1]);
         // 3.3 of its deviations.

@@ -123,6 +123,32 @@ def test_the_order_s_interval_is_that_of_the_slow_profile() -> None:
         assert interval.low < interval.value < interval.high
 
 
+@pytest.mark.parametrize("n", [3_000, 60_000])
+def test_a_later_look_finds_the_ends_that_a_first_one_finds(n: int) -> None:
+    first = Frontier(bins(NOISES["order"], n, H, 1), H, n)
+    assert first.order is not None
+    order_fit(first, first.order)
+    more = bins(NOISES["order"], n, H, 2)
+    power = (first.data.power + 0.05 * more.power) / 1.05
+    data = more._replace(counts=1.05 * more.counts, power=power)
+    later, fresh = Frontier(data, H, n, first.fits), Frontier(data, H, n)
+    assert later.order is not None
+    assert fresh.order is not None
+    found, anew = order_fit(later, later.order), order_fit(fresh, fresh.order)
+    for name in ("alpha", "F", "s2", "R"):
+        one, other = getattr(found, name), getattr(anew, name)
+        assert one.low == pytest.approx(other.low, abs=0.02 * (other.high - other.low))
+        assert one.high == pytest.approx(other.high, abs=0.02 * (other.high - other.low))
+
+
+def test_a_parameter_that_is_as_good_as_not_there_stops_no_fit() -> None:
+    parts = (p.White(1.0), p.Order(0.5, -1e-5, 0.06 / H))
+    f, best = fitted(parts, bins(parts, 1_000_000, H, None), 0)
+    away = [best.eta[0], best.eta[1] + 0.05, -16.0, best.eta[3]]
+    _, nll = f.native.fit(list(best.codes), away)
+    assert nll == pytest.approx(best.nll, abs=0.01)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["relaxation", "two relaxations", "walk", "quantisation", "resonance"])
 def test_intervals_hold_the_truth(name: str) -> None:

@@ -9,14 +9,16 @@ import numpy as np
 from fltea._native import AllanSums
 from fltea.noise import spectra
 from fltea.noise.allan_deviation import model_adev
+from fltea.settings.live import LiveConfig
 from fltea.spectrum.allan_curve import live_allan
-from fltea.spectrum.evidence import ANYTIME_LEVEL, Evidence
+from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.frontier import Frontier
 from fltea.spectrum.intervals import order_fit
+from fltea.spectrum.live_axes import LiveAxes
 from fltea.spectrum.octaves import LANE_BYTES, Octaves
 from fltea.spectrum.periodogram import binned
-from fltea.spectrum.spectral import Looks, examine
-from fltea.spectrum.verdict import decide
+from fltea.spectrum.spectral import examine
+from numpy.typing import NDArray
 
 from tools.bench.measured import cpu_seconds, in_turns
 from tools.validation.gallery.noises import NOISES as GALLERY
@@ -122,7 +124,12 @@ def _allan() -> list[Work]:
 
 def _sentences() -> list[Work]:
     """Of an axis of each noise what is native of a look, mostly."""
-    found = [_Axis(parts, USUAL).look().frontier for parts in NOISES.values()]
+    found = []
+    for parts in NOISES.values():
+        sums = Octaves(1)
+        sums.add(_drawn(parts, USUAL))
+        lines = sums.periodogram(0, H)
+        found.append(examine(lines, USUAL * H, USUAL, level=ANYTIME_LEVEL).evidence.frontier)
     each = 1e3 / len(found)
     return [
         ("sentences of an axis: a search", "ms", each, lambda: [
@@ -142,36 +149,15 @@ def _looks() -> list[Work]:
     works: list[Work] = []
     for samples in LENGTHS:
         for name, parts in NOISES.items():
-            axis = _Axis(parts, samples)
-            axis.look()
-            works.append((f"look again, {samples:,} samples: {name}", "ms", 1e3, axis.look))
-            works.append((f"whole search, {samples:,} samples: {name}", "ms", 1e3, axis.search))
+            axis = LiveAxes(("x",), H, LiveConfig(), "deg/s")
+            axis.add(_drawn(parts, samples))
+            axis.fit(curves=False)
+            again, search = (partial(axis.fit, curves=False, fresh=fresh) for fresh in (False, True))
+            works.append((f"look again, {samples:,} samples: {name}", "ms", 1e3, again))
+            works.append((f"whole search, {samples:,} samples: {name}", "ms", 1e3, search))
     return works
 
 
-class _Axis:
-    """An axis as the live fit looks at it."""
-
-    def __init__(self, parts: tuple[Part, ...], samples: int) -> None:
-        rng = np.random.default_rng(samples)
-        y = sum(part.draw(samples, 1 / H, rng) for part in parts)
-        self._samples, self._sums, self._looks = samples, Octaves(1), Looks()
-        self._sums.add(np.asarray(y)[:, np.newaxis])
-
-    def search(self) -> None:
-        self._looks.forget()
-        self.look()
-
-    def look(self) -> Evidence:
-        whole, drift = self._sums.lines_and_drift(0, H)
-        found = examine(
-            whole,
-            self._samples * H,
-            self._samples,
-            cells=self._sums.cells(0, H),
-            drift=drift,
-            level=ANYTIME_LEVEL,
-            looks=self._looks,
-        ).evidence
-        decide(found)
-        return found
+def _drawn(parts: tuple[Part, ...], samples: int) -> NDArray[np.float64]:
+    rng = np.random.default_rng(samples)
+    return np.asarray(sum(part.draw(samples, 1 / H, rng) for part in parts))[:, np.newaxis]

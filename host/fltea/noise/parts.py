@@ -309,7 +309,7 @@ AnyPart = (
     | Notch
     | Mean
 )
-CODES: tuple[type[Part] | None, ...] = (
+CODES: tuple[type[Part], ...] = (
     White,
     Relaxation,
     Walk,
@@ -320,7 +320,7 @@ CODES: tuple[type[Part] | None, ...] = (
     LowPass,
     Sharpening,
     Notch,
-    None,
+    Mean,
     Alternating,
     Floor,
     Arfima,
@@ -331,6 +331,11 @@ FREE = (1, 2, 1, 3, 3, 1, 2, 2, 1, 2, 0, 2, 1, 3)
 FILTERS = (LowPass, Sharpening, Notch, Mean)
 SIGNED = ("f", "s", "d")
 """Parameters that may be below 0."""
+
+
+def kind_of(code: int) -> type[Part]:
+    """Return the kind of a part."""
+    return Mean if code >= MEAN_FROM else CODES[code]
 
 
 def free_of(code: int) -> int:
@@ -345,11 +350,7 @@ def g_of_eta(eta: Sequence[float]) -> float:
 
 def part_of(code: int, eta: Sequence[float], h: float) -> Part:
     """Return a part of its number and coordinates."""
-    if code >= MEAN_FROM:
-        return Mean(code - MEAN_FROM)
-    kind = CODES[code]
-    assert kind is not None
-    return kind.of_eta(eta, h)
+    return Mean(code - MEAN_FROM) if code >= MEAN_FROM else CODES[code].of_eta(eta, h)
 
 
 def spectrum(parts: Iterable[Part], lam: Array, h: float) -> Array:

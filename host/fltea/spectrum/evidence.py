@@ -6,6 +6,7 @@ from typing import NamedTuple
 from fltea.spectrum.drift import FALSE_ALARM, SlowPower
 from fltea.spectrum.frontier import Frontier
 from fltea.spectrum.lines import Peak
+from fltea.spectrum.reading import Reading
 from fltea.spectrum.stationarity import Change
 
 LEVEL = 0.05
@@ -32,6 +33,8 @@ class Evidence(NamedTuple):
     peaks: tuple[Peak, ...]
     frontier: Frontier
     """The sentences on the clean ordinates."""
+    reading: Reading
+    """What the best of them without an order says."""
     from_hz: float
     to_hz: float
     """The clean ordinates are between."""
@@ -52,9 +55,9 @@ class Evidence(NamedTuple):
     @property
     def apart(self) -> float:
         """The difference in 2 log L from which on two sentences differ, at the level of this look."""
-        return APART + more_than_once(self.level)
+        return apart(self.level)
 
 
-def more_than_once(level: float) -> float:
-    """Return how much more 2 log L has to gain than in one look, if a claim shall hold for all looks."""
-    return -2 * math.log(level / LEVEL)
+def apart(level: float) -> float:
+    """Return the same: at more than one look 2 log L has to gain more, if a claim shall hold for all."""
+    return APART - 2 * math.log(level / LEVEL)

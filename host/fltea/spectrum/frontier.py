@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 from fltea import _native
 from fltea.noise.parts import (
     CODES,
-    MEAN_FROM,
     Arfima,
+    Mean,
     Notch,
     Order,
     Part,
     White,
     free_of,
+    kind_of,
     part_of,
     spectrum_of,
 )
@@ -60,8 +61,13 @@ class Sentence(NamedTuple):
     @property
     def parameters(self) -> int:
         """The number of parameters, as BIC counts them: m of a mean, and a notch's place, were sought too."""
-        sought = sum(code >= MEAN_FROM or CODES[code] is Notch for code in self.codes)
+        sought = sum(kind in (Mean, Notch) for kind in self.kinds)
         return sum(map(free_of, self.codes)) + sought
+
+    @property
+    def kinds(self) -> tuple[type[Part], ...]:
+        """The kinds of the parts."""
+        return tuple(map(kind_of, self.codes))
 
     def words(self) -> Iterator[tuple[int, int]]:
         """Yield the number of each part, and the place of its first coordinate."""
@@ -80,17 +86,21 @@ class Sentence(NamedTuple):
 
     def place(self, *kinds: type[Part]) -> int | None:
         """Return where the coordinates of the first part of these kinds begin."""
-        return next((at for code, at in self.words() if code < MEAN_FROM and CODES[code] in kinds), None)
+        return next((at for code, at in self.words() if kind_of(code) in kinds), None)
 
 
 class Fits:
     """What a later look at the same axis begins at, without the data.
 
-    elsewhere: fits of the reported order that belong to its interval, near or far; None: not looked for yet.
+    raw: of the sentences. elsewhere: fits of the reported order that belong to its interval, near or far;
+    None: not looked for yet. ends: how the fit at an end of a coordinate's interval differs from the
+    best, by codes, place and side.
     """
 
-    def __init__(self, raw: list[Raw], elsewhere: list[list[float]] | None) -> None:
-        self.raw, self.elsewhere = raw, elsewhere
+    def __init__(self, raw: list[Raw], last: "Fits | None" = None) -> None:
+        self.raw = raw
+        self.elsewhere: list[list[float]] | None = None if last is None else last.elsewhere
+        self.ends: dict[tuple[tuple[int, ...], int, int], list[float]] = {} if last is None else last.ends
 
 
 class Frontier:
@@ -109,7 +119,7 @@ class Frontier:
         self.native = native(data, h, samples)
         self.ordinates = float(data.counts.sum())
         found = self.native.search(last.raw if last is not None else [])
-        self.fits = Fits(found, None if last is None else last.elsewhere)
+        self.fits = Fits(found, last)
         self.white, self.null, self.plain, self.rich = (_sentence(one) for one in found[:4])
         self.pure, self.ordered = (_sentence(one) if one[0] else None for one in found[4:])
 
@@ -145,12 +155,12 @@ class Frontier:
         """Return BIC above that of white noise: the lower, the better."""
         return math.log(self.ordinates) * (one.parameters - 1) - self.gain(one)
 
-    @property
+    @cached_property
     def lead(self) -> float:
         """By how much the best with an order is ahead of the best without one, after BIC's price."""
         return -math.inf if self.ordered is None else self.bic(self.plain) - self.bic(self.ordered)
 
-    @property
+    @cached_property
     def lead_over_rich(self) -> float:
         """By how much its 2 log L is ahead of the sentence at the lower price."""
         return -math.inf if self.ordered is None else self.gain(self.ordered) - self.gain(self.rich)

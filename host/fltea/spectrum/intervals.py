@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from fltea.noise.parts import (
     CODES,
     FILTERS,
-    MEAN_FROM,
     Arfima,
     LowPass,
     Mean,
@@ -37,12 +36,14 @@ from fltea.noise.parts import (
     White,
     free_of,
     g_of_eta,
+    kind_of,
     part_of,
     spectrum_of,
 )
 from fltea.noise.spectra import f_of
 from fltea.records.fit import Interval
 from fltea.spectrum.frontier import LEAK_OF_CUBIC, Frontier, Sentence, leaking
+from fltea.spectrum.reading import NO_WHITE
 
 Array = NDArray[np.float64]
 
@@ -55,6 +56,7 @@ That of two normal estimates with the correlation ρ, of which the second cannot
 the first is held: 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (the law is Self & Liang's,
 *JASA* 82, 1987). Nine tenths of 35 noises with R = 0 have, by the information, up to 0.9 between f and R,
 0.95 between α and R, 0.99 for F and 1 for s2 (tools/validation/bound.py)."""
+NO_BOUND = CRITICAL, -1
 LEAST = 7.0
 """Below this power of e under its best value a variance is 0."""
 SLOWEST = 300.0
@@ -64,12 +66,8 @@ WIDEST_ORDER = 0.9
 NORMAL = 1.96
 NOTHING = 1e-4
 """Information about a coordinate that is as good as none."""
-NO_WHITE = 0.03
-"""White noise over the density at half the rate, below which it is as good as none."""
 HARDLY_KNOWN = 2.0
 """Half the width of the interval of a density's logarithm, from which on it is not known."""
-STEP = 1e-4
-"""Of a coordinate, for slopes."""
 SLOW_PARTS = (Relaxation, Walk, Order, Arfima)
 BY_F, BY_PARAMETER = len(CODES), len(CODES) + 1
 """Numbers of the order by other coordinates: F and log -g, α and log -f, in place of α and logit(-g /
@@ -148,7 +146,7 @@ def estimated(f: Frontier, sentence: Sentence) -> tuple[Estimated, ...]:
                 None if end is None else _at(code, sentence.eta[at : at + free], k, end, f.h, name)
                 for end in (low, high)
             ]
-            if CODES[code] is Walk:
+            if kind_of(code) is Walk:
                 ends = [_wider(f, sentence, at, value, end) for end in ends]
             if _falls(ends, value):
                 ends.reverse()
@@ -175,11 +173,17 @@ def order_fit(f: Frontier, sentence: Sentence) -> OrderFit:
     by_f = _other(sentence, at, BY_PARAMETER, [here[at], log_f])
     highest = 2 * math.log(2) - 2 * min(math.log(f.h), 0.0)
     minus_f = _interval(f, by_f, at + 1, "f", s2_at, (log_f - LEAST, highest)).exp()
-    for eta in _second_maxima(f, sentence, at):
-        there = g_of_eta(eta[at : at + 2])
-        alpha, F = alpha.including(eta[at]), F.including(eta[at] + there)
-        minus_f = minus_f.including(-f_of(eta[at], there, f.h))
-        s2, R = s2.including(math.exp(eta[s2_at])), R.including(math.exp(eta[0]))
+    found = [alpha, F, minus_f, s2, R]
+    second = _second_maxima(f, sentence, at)
+    f.fits.elsewhere = []
+    for eta in second:
+        g = g_of_eta(eta[at : at + 2])
+        there = eta[at], eta[at] + g, -f_of(eta[at], g, f.h), math.exp(eta[s2_at]), math.exp(eta[0])
+        wider = [one.including(value) for one, value in zip(found, there, strict=True)]
+        if wider != found:
+            f.fits.elsewhere.append(eta)
+        found = wider
+    alpha, F, minus_f, s2, R = found
     order = _if_known(alpha)
     parameter = Interval() if order.value is None else Interval(*minus_f.negative())
     return OrderFit(order, parameter, Interval(*F), Interval(*s2), Interval(*R))
@@ -198,16 +202,14 @@ def angle_walk(f: Frontier, sentence: Sentence) -> Interval:
     others = (*SLOW_PARTS, *FILTERS, Quantisation, Rise) + (() if filtered else (Resonance,))
     fast = [(code, at) for code, at in words if not _is(code, *others)]
     relaxing = [(code, at) for code, at in words if _is(code, White, Relaxation)]
-    value = _density(f, sentence.eta, fast, float(f.data.lam[0]))
+    places = [at + k for code, at in fast for k in range(free_of(code))]
+    total, rows = _slopes(f, [code for code, _ in fast], [sentence.eta[i] for i in places])
+    value = float(total[0])
     if value < NO_WHITE * _density(f, sentence.eta, relaxing, math.pi):
         return Interval()
-    eta = np.array(sentence.eta)
-    slope = np.zeros(len(eta))
-    for i in range(len(eta)):
-        moved = eta.copy()
-        moved[i] += STEP
-        slope[i] = math.log(_density(f, moved, fast, float(f.data.lam[0])) / value) / STEP
-    information = information_of(f, sentence) + 1e-9 * np.eye(len(eta))
+    slope = np.zeros(len(sentence.eta))
+    slope[places] = rows[:, 0]
+    information = information_of(f, sentence) + 1e-9 * np.eye(len(slope))
     deviation = NORMAL * math.sqrt(max(float(slope @ np.linalg.solve(information, slope)), 0.0))
     if not deviation < HARDLY_KNOWN:
         return Interval()
@@ -217,19 +219,19 @@ def angle_walk(f: Frontier, sentence: Sentence) -> Interval:
 
 def information_of(f: Frontier, sentence: Sentence) -> Array:
     """Return Fisher's information of a sentence's coordinates, (p, p)."""
-    rows = _slopes(f, sentence)
+    _, rows = _slopes(f, sentence.codes, sentence.eta)
     return np.asarray((rows * f.data.counts) @ rows.T)
 
 
-def _slopes(f: Frontier, sentence: Sentence) -> Array:
-    """Return the slopes of the logarithm of the spectrum by the coordinates, (p, bins)."""
-    total, rows = np.empty(len(f.data.lam)), np.empty((len(sentence.eta), len(f.data.lam)))
-    f.native.slopes(list(sentence.codes), list(sentence.eta), total, rows)
-    return rows
+def _slopes(f: Frontier, codes: Sequence[int], eta: Sequence[float]) -> tuple[Array, Array]:
+    """Return a spectrum (bins,) and the slopes of its logarithm by the coordinates, (p, bins)."""
+    total, rows = np.empty(len(f.data.lam)), np.empty((len(eta), len(f.data.lam)))
+    f.native.slopes(list(codes), list(eta), total, rows)
+    return total, rows
 
 
 def _is(code: int, *kinds: type[Part]) -> bool:
-    return issubclass(Mean if code >= MEAN_FROM else CODES[code] or Mean, kinds)
+    return kind_of(code) in kinds
 
 
 def _density(
@@ -266,20 +268,18 @@ def _interval(
     step: float = 0.1,
 ) -> Ends:
     """Return coordinate i with its interval; an end beyond the limits is the limit."""
-    ends = []
-    for side, limit in zip((-1, 1), limits, strict=True):
-        end = f.native.end(
-            list(sentence.codes), list(sentence.eta), sentence.nll, i, side, limit, step,
-            CRITICAL, AT_BOUND.get(name, CRITICAL), s2_at if name in AT_BOUND else -1,
-        )  # fmt: skip
-        ends.append(limit if math.isnan(end) else end)
-    return Ends(sentence.eta[i], *ends)
+    bound = (AT_BOUND[name], s2_at) if name in AT_BOUND else NO_BOUND
+    ends = [
+        _end(f, sentence, i, side, limit, step, bound) for side, limit in zip((-1, 1), limits, strict=True)
+    ]
+    low, high = (limit if end is None else end for end, limit in zip(ends, limits, strict=True))
+    return Ends(sentence.eta[i], low, high)
 
 
 def _second_maxima(f: Frontier, sentence: Sentence, at: int) -> list[list[float]]:
     """Return the coordinates of fits with the order held that belong to the interval, wherever they are.
 
-    All orders are looked at once for each search; after that those again that belonged to it.
+    All orders are looked at once for each search; after that those again that made an interval wider.
     """
     starts = f.fits.elsewhere
     if starts is None:
@@ -289,14 +289,12 @@ def _second_maxima(f: Frontier, sentence: Sentence, at: int) -> list[list[float]
             for logit in (-6.0, 0.0)
         ]
     fitted = [f.native.fit(list(sentence.codes), one, held=at, converged=1e-2, steps=20) for one in starts]
-    f.fits.elsewhere = [eta for eta, nll in fitted if 2 * (nll - sentence.nll) < CRITICAL]
-    return f.fits.elsewhere
+    return [eta for eta, nll in fitted if 2 * (nll - sentence.nll) < CRITICAL]
 
 
 def _limits(f: Frontier, code: int, k: int, here: float, side: int) -> tuple[float, float]:
     """Return where the search for an end stops, and its first step."""
-    kind = CODES[code] if code < len(CODES) else None
-    name = "" if kind is None else kind.__struct_fields__[k]
+    name = kind_of(code).__struct_fields__[k]
     if name == "tau_s":
         lowest = float(f.data.lam[0])
         return (math.log(lowest / SLOWEST) if side < 0 else math.log(math.pi)), 0.2
@@ -310,11 +308,21 @@ def _limits(f: Frontier, code: int, k: int, here: float, side: int) -> tuple[flo
     return here + side * LEAST, 0.1
 
 
-def _end(f: Frontier, sentence: Sentence, i: int, side: int, limit: float, step: float) -> float | None:
+def _end(
+    f: Frontier,
+    sentence: Sentence,
+    i: int,
+    side: int,
+    limit: float,
+    step: float,
+    bound: tuple[float, int] = NO_BOUND,
+) -> float | None:
+    """Return an end of coordinate i; bound: as `at_bound` and `white_over` of the native search for it."""
     if side * (limit - sentence.eta[i]) <= 0:
         return None
-    end = f.native.end(
-        list(sentence.codes), list(sentence.eta), sentence.nll, i, side, limit, step, CRITICAL, CRITICAL, -1
+    last = f.fits.ends.get((sentence.codes, i, side), [])
+    end, f.fits.ends[sentence.codes, i, side] = f.native.end(
+        list(sentence.codes), list(sentence.eta), sentence.nll, i, side, limit, step, CRITICAL, *bound, last
     )
     return None if math.isnan(end) else end
 
@@ -335,7 +343,7 @@ def _wider(f: Frontier, sentence: Sentence, at: int, value: float, end: float | 
     """Return an end of K: what leaks of a walk hangs on one step, and is the same at all frequencies."""
     if end is None:
         return None
-    own = _slopes(f, sentence)[at] ** 2 * f.data.counts
+    own = _slopes(f, sentence.codes, sentence.eta)[1][at] ** 2 * f.data.counts
     leaks = leaking(f.data.lam, f.samples)
     share = float(own[leaks].sum() / own.sum())
     # χ² of one degree has √2 for standard deviation; K goes with the root of the variance.
@@ -346,7 +354,7 @@ def _wider(f: Frontier, sentence: Sentence, at: int, value: float, end: float | 
 
 def _other(sentence: Sentence, at: int, code: int, two: list[float]) -> Sentence:
     """Return the same spectrum with the order's first two coordinates given by others."""
-    codes = [code if 0 <= one < len(CODES) and CODES[one] is Order else one for one in sentence.codes]
+    codes = [code if kind_of(one) is Order else one for one in sentence.codes]
     eta = [*sentence.eta[:at], *two, *sentence.eta[at + 2 :]]
     return sentence._replace(codes=tuple(codes), eta=tuple(eta))
 

@@ -19,7 +19,6 @@ from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.intervals import angle_walk
 from fltea.spectrum.octaves import BandCells, Counts, Octaves
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram, binned
-from fltea.spectrum.reading import read
 from fltea.spectrum.spectral import Looks, Spectral, examine
 from fltea.spectrum.verdict import decide, winner
 
@@ -161,7 +160,7 @@ class LiveAxes:
         if order.alpha.value is not None and f.order is not None:
             longest_s = REMEMBERED * self._memory * self.h if self._memory else None
             seconds = seconds_more(f, f.order, self._target, longest_s)
-        low_pass = read(f, e.from_hz, e.peaks).low_pass
+        low_pass = e.reading.low_pass
         N = angle_walk(f, noise)
         allan = spectrum = None
         if drawn is not None:

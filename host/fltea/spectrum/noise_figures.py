@@ -90,4 +90,4 @@ def summaries(f: Frontier) -> dict[str, SentenceSummary]:
 def _summary(f: Frontier, one: Sentence) -> SentenceSummary:
     parts = one.parts(f.h)
     bic = round(f.bic(one), 6) + 0.0  # not -0
-    return SentenceSummary(names(parts), cast(tuple[AnyPart, ...], parts), one.parameters, -one.nll, bic)
+    return SentenceSummary(names(one.kinds), cast(tuple[AnyPart, ...], parts), one.parameters, -one.nll, bic)

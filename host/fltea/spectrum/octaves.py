@@ -259,10 +259,16 @@ def put_together(parts: Sequence[Lines], h: float, n: int) -> Periodogram:
 
 
 def _welch_lines(level: int, power: Array, blocks: float, effective: float) -> Lines:
-    own = np.asarray(2 * np.pi / BLOCK * (_FIRST_LINE + np.arange(len(power))), dtype=np.float64)
-    scale = 2.0**level / (_HANN_POWER * blocks) / _passed(own, level)
+    lam, gain = _welch_gain(level, len(power))
     weight = effective / (1 + _HALF_OVERLAP * (1 - 1 / max(effective, 1))) / _HANN_LINES
-    return own / 2**level, power * scale, np.full(len(power), weight)
+    return lam, power * (gain / blocks), np.full(len(power), weight)
+
+
+@functools.cache
+def _welch_gain(level: int, lines: int) -> tuple[Array, Array]:
+    """Return the frequencies of the lines of a level's blocks, and what makes a power of their sums."""
+    own = np.asarray(2 * np.pi / BLOCK * (_FIRST_LINE + np.arange(lines)), dtype=np.float64)
+    return own / 2**level, 2.0**level / _HANN_POWER / _passed(own, level)
 
 
 def _drift(values: Array) -> tuple[Array, Array]:
@@ -341,9 +347,10 @@ def _passed_on_grid(level: int) -> Array:
 
 def in_order(lam: Array, power: Array, weight: Array) -> Lines:
     """Return the lines rising in frequency; those at the same one become their average."""
+    order = np.argsort(lam)
+    lam, power, weight = lam[order], power[order], weight[order]
+    if (lam[1:] > lam[:-1]).all():
+        return lam, power, weight
     unique, place = np.unique(lam, return_inverse=True)
-    if len(unique) == len(lam):
-        order = np.argsort(lam)
-        return lam[order], power[order], weight[order]
     total = np.bincount(place, weight).astype(np.float64)
     return unique, np.bincount(place, weight * power) / total, total

@@ -190,7 +190,8 @@ def binned(p: Periodogram) -> Binned:
 
 def bin_starts(lam: Array, n: int, wider: float = 1.0) -> NDArray[np.intp]:
     """Return where in `lam` each bin begins; the edges depend on n only, whatever is left out."""
-    return np.unique(np.searchsorted(lam, _edges(n, wider), side="left").clip(max=len(lam) - 1))
+    starts = np.searchsorted(lam, _edges(n, wider), side="left").clip(max=len(lam) - 1)
+    return starts[np.diff(starts, prepend=-1) > 0]
 
 
 @functools.lru_cache(maxsize=16)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.spectrum.drift import drift_hz, slow_power
-from fltea.spectrum.evidence import APART, LEVEL, Evidence
+from fltea.spectrum.evidence import APART, LEVEL, Evidence, apart
 from fltea.spectrum.frontier import Frontier, Sentence, native
 from fltea.spectrum.how_long import seconds_to_tell
 from fltea.spectrum.likelihood_ratio import p_value
@@ -22,6 +22,7 @@ from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.octaves import BandCells, Drift
 from fltea.spectrum.periodogram import AT_ONCE, FEWEST, Periodogram, binned
+from fltea.spectrum.reading import read
 from fltea.spectrum.residuals import farthest
 from fltea.spectrum.stationarity import Change, find_change
 
@@ -173,6 +174,7 @@ def examine(
         p_clean=p_clean,
         peaks=peaks,
         frontier=frontier,
+        reading=read(frontier, clean_from_hz, peaks, apart(level)),
         from_hz=clean_from_hz,
         to_hz=to_hz,
         slow=slow_power(

@@ -15,7 +15,7 @@ from fltea.spectrum import wording
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.frontier import BY_CHANCE, Sentence, order_of
 from fltea.spectrum.intervals import OrderFit, order_fit
-from fltea.spectrum.reading import ONE_POLE, SLOW, Reading, read
+from fltea.spectrum.reading import ONE_POLE, SLOW, Reading
 from fltea.spectrum.residuals import kolmogorov
 
 LEAST_RESIDUAL_LEVEL = 0.01
@@ -111,7 +111,7 @@ def decide(e: Evidence) -> Verdict:
     coloured = q.ask(
         f"Is any sentence better than white noise by more than {e.apart:.0f} after BIC's price?",
         -f.bic(best) > e.apart,
-        f"{wording.names(best.parts(f.h))}: {-f.bic(best):+.1f}",
+        f"{wording.names(best.kinds)}: {-f.bic(best):+.1f}",
     )
     if not coloured:
         return _white(e, q, wording.null_test(e))
@@ -129,12 +129,12 @@ def _claimed(e: Evidence, q: _Questions) -> bool:
     ahead = q.ask(
         f"Is an order ahead of the best sentence without one by more than {e.apart:.0f}, after BIC's price?",
         f.lead > e.apart,
-        f"{f.lead:+.1f}, of {wording.names(f.plain.parts(f.h))}",
+        f"{f.lead:+.1f}, of {wording.names(f.plain.kinds)}",
     )
     rich = q.ask(
         f"Is it ahead of the richest sentence without one by more than {e.apart:.0f} in 2 log L?",
         f.lead_over_rich > e.apart,
-        f"{f.lead_over_rich:+.1f}, of {wording.names(f.rich.parts(f.h))}",
+        f"{f.lead_over_rich:+.1f}, of {wording.names(f.rich.kinds)}",
     )
     if not (ahead and rich):
         return False
@@ -162,14 +162,14 @@ def _either(e: Evidence, q: _Questions) -> bool:
     if q.ask(
         f"Is an order in place of all slow parts at most {allowed:.0f} behind in 2 log L?",
         more >= -1 and behind < allowed,
-        f"{-behind:+.1f}, of {wording.names(f.pure.parts(f.h))}",
+        f"{-behind:+.1f}, of {wording.names(f.pure.kinds)}",
     ):
         return True
     allowed = e.apart + BY_CHANCE * max(f.rich.parameters - f.ordered.parameters, 0)
     return q.ask(
         f"Is an order beside other parts at most {e.apart:.0f} behind by BIC, and {allowed:.0f} in 2 log L?",
         f.lead > -e.apart and -f.lead_over_rich < allowed and order_of(f.ordered) is not None,
-        f"{f.lead:+.1f} and {f.lead_over_rich:+.1f}, of {wording.names(f.ordered.parts(f.h))}",
+        f"{f.lead:+.1f} and {f.lead_over_rich:+.1f}, of {wording.names(f.ordered.kinds)}",
     )
 
 
@@ -191,7 +191,7 @@ def _fractional(e: Evidence, q: _Questions) -> Verdict:
 def _without_order(e: Evidence, q: _Questions) -> Verdict:
     """Return the verdict where no order is claimed, by what the best sentence without one says."""
     f = e.frontier
-    found = read(f, e.from_hz, e.peaks, e.apart)
+    found = e.reading
     said = wording.sentence(f.plain.parts(f.h), e)
     q.ask("Are there relaxations in the band?", bool(found.relaxations), said)
     if found.relaxations:

@@ -1,7 +1,8 @@
 """What a verdict says in words: what the noise is, how sure that is, and what to do next (pure)."""
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 
 from fltea.noise.parts import (
     Alternating,
@@ -18,7 +19,6 @@ from fltea.noise.parts import (
     Rise,
     Sharpening,
     Walk,
-    White,
 )
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.intervals import OrderFit
@@ -216,17 +216,9 @@ def null_test(e: Evidence) -> str:
     return f"The null test {rejects} white noise (p = {e.p_clean:.2g}, level {level}{why})"
 
 
-def names(parts: Sequence[Part]) -> str:
-    """Return a short name of a sentence, for tables."""
-    short = {
-        White: "white",
-        Relaxation: "relaxation",
-        Walk: "walk",
-        Arfima: "order (ARFIMA)",
-        Quantisation: "quantisation",
-    }
-    counted: dict[str, int] = {}
-    for part in parts:
-        name = short.get(type(part), str(part.__struct_config__.tag))
-        counted[name] = counted.get(name, 0) + 1
+def names(kinds: Iterable[type[Part]]) -> str:
+    """Return a short name of a sentence with parts of these kinds, for tables."""
+    counted = Counter(
+        "order (ARFIMA)" if kind is Arfima else str(kind.__struct_config__.tag) for kind in kinds
+    )
     return " + ".join(name if count == 1 else f"{count} {name}s" for name, count in counted.items())

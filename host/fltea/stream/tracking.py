@@ -113,7 +113,7 @@ class _Sensor:
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
         for axis, one, K in zip(self.names, self._tracker.figures(), self._walks, strict=True):
             holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
-            words = names(self._learned[axis].parts) if axis in self._learned else "walks"
+            words = names(map(type, self._learned[axis].parts)) if axis in self._learned else "walks"
             yield axis, TrackerStats(words, one.nis, one.lag1, holds, one.moved, one.begun, K)
 
     def save(self) -> bytes:
