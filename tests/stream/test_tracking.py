@@ -7,7 +7,7 @@ import pytest
 from blocks import of
 from fltea.estimator.offset_walk import offset_walk
 from fltea.estimator.tracker import Tracker
-from fltea.noise.parts import Relaxation, Walk, White
+from fltea.noise.parts import Mean, Order, Part, Relaxation, Walk, White
 from fltea.noise.system import system
 from fltea.records.block import Block, TrackedColumns
 from fltea.records.events import RawBlock
@@ -55,6 +55,14 @@ def test_each_sample_has_its_bias_from_the_sixteenth_on() -> None:
     truth = np.array([3, -40, 0]) * LSB_DPS
     assert (np.abs(bias[-1] - truth) < 3 * std[-1]).all()
     assert (std[-1] < 0.3 * 8 * LSB_DPS).all()
+
+
+@pytest.mark.parametrize("part", [Mean(10), Order(0.0, -0.5, 0.01)], ids=str)
+def test_whatever_a_fit_finds_is_tracked_or_leaves_what_was(part: Part) -> None:
+    one, y = sensor(), np.random.default_rng(1).standard_normal((1000, 1))
+    one.run(y)
+    one.learn("gyro_x", settled("white", Noise((White(1.0), part), drifts=False, samples=1000)))
+    assert np.isfinite(one.run(y).bias).all()
 
 
 def test_in_motion_it_predicts_and_at_rest_it_goes_on() -> None:

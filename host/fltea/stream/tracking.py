@@ -94,7 +94,7 @@ class _Sensor:
                 if not likely > self._tracker.likelihood_of_walks(lane) - AHEAD:
                     return
             self._tracker.set(lane, found)
-        except ValueError:  # at the edge of what is stationary: the last one goes on
+        except (ValueError, ArithmeticError):  # at the edge of what is stationary: the last one goes on
             return
         self._learned[axis] = noise
 
@@ -196,6 +196,7 @@ def _says_the_same(noise: Noise, before: Noise) -> bool:
 
 
 def _rounded(part: Part) -> Part:
-    return with_fields(
-        part, **{name: float(f"{getattr(part, name):.{DIGITS}g}") for name in part.__struct_fields__}
-    )
+    figures = ((name, getattr(part, name)) for name in part.__struct_fields__)
+    # A number of samples stays a whole one.
+    rounded = {name: x if isinstance(x, int) else float(f"{x:.{DIGITS}g}") for name, x in figures}
+    return with_fields(part, **rounded)
