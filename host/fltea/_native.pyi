@@ -142,10 +142,14 @@ def moments(y: NDArray[np.float64], resolution: float) -> list[tuple[float, floa
 class Bank:
     def __init__(self, axes: int) -> None: ...
 
-    # y (rows, axes) float64; fills out (7, rows, axes) float64, the columns of Lanes, and valid
+    # y (rows, axes) float64; fills out (7, rows, axes) float64, the columns of Lanes, and valid and white
     # (rows, axes) uint8.
     def run(
-        self, y: NDArray[np.float64], out: NDArray[np.float64], valid: NDArray[np.uint8]
+        self,
+        y: NDArray[np.float64],
+        out: NDArray[np.float64],
+        valid: NDArray[np.uint8],
+        white: NDArray[np.uint8],
     ) -> list[tuple[int, int, Literal["runaway", "bound"]]]: ...
     def skip(self, count: int) -> list[tuple[int, int, Literal["runaway", "bound"]]]: ...
 
@@ -168,17 +172,30 @@ class Bank:
 
     # As Engine.retune.
     def retune(self, settings: NDArray[np.float64]) -> None: ...
+
+    # An axis goes on with α and f (`joint`: α and β), which have such variances.
+    def believe(
+        self,
+        axis: int,
+        alpha: float,
+        parameter: float,
+        alpha_variance: float,
+        covariance: float,
+        parameter_variance: float,
+    ) -> None: ...
     def restarts(self) -> list[int]: ...
     def counts(self, out: NDArray[np.int32]) -> None: ...
 
     # (lag 1, NIS) of each axis, NaN while not known.
     def whiteness(self) -> list[tuple[float, float, float, int]]: ...
 
-    # Engine, supervisors.
-    def save(self) -> tuple[bytes, bytes]: ...
+    # Engine, supervisors, whiteness.
+    def save(self) -> tuple[bytes, bytes, bytes]: ...
 
     # ValueError for bytes that cannot come from `save`.
-    def load(self, engine: bytes, supervisors: bytes | None, restarts: list[int]) -> None: ...
+    def load(
+        self, engine: bytes, supervisors: bytes | None, restarts: list[int], whiteness: bytes | None
+    ) -> None: ...
 
 # Sums of the overlapping Allan variance of one axis (host/native/allan_sums.hpp).
 class AllanSums:

@@ -18,6 +18,7 @@ namespace fltea {
 struct BankBlock {
     double* columns[kLaneColumns];  // NaN where not valid
     std::uint8_t* valid;            // 0 or 1
+    std::uint8_t* white;            // 0 or 1: Whiteness::is_white
 };
 
 class AxisBank {
@@ -42,6 +43,7 @@ class AxisBank {
 
     LaneRunner* lanes() { return lanes_.get(); }
     const Whiteness& whiteness(std::size_t axis) const { return white_[axis]; }
+    std::vector<Whiteness>& whiteness() { return white_; }
 
     // Takes rows of y (rows, axes), all finite; what became invalid with one of them is added to `lost`.
     void run(const double* y, std::size_t rows, const BankBlock& out, std::vector<Lost>& lost) {
@@ -69,7 +71,7 @@ class AxisBank {
         const std::vector<std::uint8_t> missing(kSlab * axes_, 1);
         std::vector<double> unread(kLaneColumns * kSlab * axes_);
         std::vector<std::uint8_t> valid(kSlab * axes_);
-        BankBlock out = {{}, valid.data()};
+        BankBlock out = {{}, valid.data(), nullptr};
         for (std::size_t i = 0; i < kLaneColumns; ++i) out.columns[i] = unread.data() + i * kSlab * axes_;
         for (std::size_t first = 0; first < count; first += kSlab) {
             run_lanes(missing.data(), std::min(std::size_t(kSlab), count - first), out, first, lost);
@@ -84,6 +86,7 @@ class AxisBank {
         BankBlock result = out;
         for (double*& column : result.columns) column += place;
         result.valid += place;
+        result.white += place;
         return result;
     }
 
@@ -91,6 +94,7 @@ class AxisBank {
         for (std::size_t i = 0; i < rows * axes_; ++i) window_[i % axes_].add(y[i]);
         for (double* column : out.columns) std::fill(column, column + rows * axes_, __builtin_nan(""));
         std::fill(out.valid, out.valid + rows * axes_, std::uint8_t(0));
+        std::fill(out.white, out.white + rows * axes_, std::uint8_t(0));
     }
 
     void run_lanes(const std::uint8_t* missing, std::size_t rows, const BankBlock& out, std::size_t first,
@@ -113,6 +117,7 @@ class AxisBank {
             } else {
                 white.skip();
             }
+            out.white[i] = white.is_white();
         }
     }
 

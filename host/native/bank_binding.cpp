@@ -1,19 +1,19 @@
 // fltea._native.Bank: all axes of a sensor for Python, on plain arrays
 // (host/fltea/estimator/bank.py).
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <cmath>
+#include <cstring>
 #include <mutex>
 #include <optional>
 #include <tuple>
-#include <utility>
 
 #include "axis_bank.hpp"
 #include "engine_binding.hpp"
+#include "number_io.hpp"
 
 namespace nb = nanobind;
 
@@ -51,18 +51,20 @@ class Bank {
   public:
     explicit Bank(size_t axes) : bank_(checked(axes)) {}
 
-    // out: (columns of the lanes, rows, axes); valid: (rows, axes).
-    nb::list run(Rows y, Results out, Places valid) {
+    // out: (columns of the lanes, rows, axes); valid, white: (rows, axes).
+    nb::list run(Rows y, Results out, Places valid, Places white) {
         const size_t rows = y.shape(0), axes = bank_.axes();
         const size_t columns = fltea::kLaneColumns;
         if (y.shape(1) != axes || out.shape(0) != columns || out.shape(1) != rows || out.shape(2) != axes ||
-            valid.shape(0) != rows || valid.shape(1) != axes) {
-            throw nb::value_error("y and valid must have shape (rows, axes), out (columns, rows, axes)");
+            valid.shape(0) != rows || valid.shape(1) != axes || white.shape(0) != rows ||
+            white.shape(1) != axes) {
+            throw nb::value_error("y, valid and white must have shape (rows, axes), out (columns, rows, axes)");
         }
         check_numbers("y", y.data(), rows, axes, nullptr, kLargestOffset);
         fltea::BankBlock block;
         for (size_t i = 0; i < columns; ++i) block.columns[i] = out.data() + i * rows * axes;
         block.valid = valid.data();
+        block.white = white.data();
         std::vector<Lost> lost;
         {
             nb::gil_scoped_release release;
@@ -116,6 +118,19 @@ class Bank {
         lanes().retune(table);
     }
 
+    void believe(size_t axis, double alpha, double parameter, double alpha_variance, double covariance,
+                 double parameter_variance) {
+        const fltea::engine::Belief belief = {alpha, parameter, alpha_variance, covariance,
+                                              parameter_variance};
+        const double all = alpha + parameter + alpha_variance + covariance + parameter_variance;
+        const std::lock_guard<std::mutex> alone(mutex_);
+        if (axis >= bank_.axes() || !std::isfinite(all) || alpha < 0 || alpha > 2 || alpha_variance < 0 ||
+            parameter_variance < 0 || covariance * covariance > alpha_variance * parameter_variance) {
+            throw nb::value_error("an axis cannot believe this");
+        }
+        lanes().believe(axis, belief);
+    }
+
     std::vector<uint64_t> restarts() const {
         const std::lock_guard<std::mutex> alone(mutex_);
         return lanes().restarts();
@@ -140,14 +155,20 @@ class Bank {
         return result;
     }
 
-    // Engine, supervisors.
-    std::pair<nb::bytes, nb::bytes> save() const {
+    // Engine, supervisors, whiteness.
+    std::tuple<nb::bytes, nb::bytes, nb::bytes> save() const {
         const std::lock_guard<std::mutex> alone(mutex_);
-        return {as_bytes(lanes().save()), as_bytes(lanes().save_supervisors())};
+        std::vector<double> numbers;
+        fltea::NumberSaver saver(numbers);
+        for (fltea::Whiteness& one : bank_.whiteness()) one.visit(saver);
+        return {as_bytes(lanes().save()), as_bytes(lanes().save_supervisors()),
+                nb::bytes(numbers.data(), numbers.size() * sizeof(double))};
     }
 
-    void load(nb::bytes engine, std::optional<nb::bytes> supervisors, const std::vector<uint64_t>& restarts) {
+    void load(nb::bytes engine, std::optional<nb::bytes> supervisors, const std::vector<uint64_t>& restarts,
+              std::optional<nb::bytes> whiteness) {
         const std::lock_guard<std::mutex> alone(mutex_);
+        if (whiteness) load_whiteness(*whiteness);
         if (restarts.size() != bank_.axes()) throw nb::value_error("restarts must have one entry an axis");
         if (!lanes().load(data_of(engine), engine.size())) {
             throw nb::value_error("its numbers cannot come from an engine of this kind");
@@ -159,6 +180,18 @@ class Bank {
     }
 
   private:
+    void load_whiteness(const nb::bytes& bytes) {
+        std::vector<double> numbers(bytes.size() / sizeof(double));
+        if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * sizeof(double));
+        std::vector<fltea::Whiteness> loaded(bank_.axes());
+        fltea::NumberLoader loader(numbers.data(), numbers.data() + numbers.size());
+        for (fltea::Whiteness& one : loaded) one.visit(loader);
+        if (!loader.sound() || !loader.at_end() || bytes.size() % sizeof(double) != 0) {
+            throw nb::value_error("what its innovations were like cannot be read");
+        }
+        bank_.whiteness() = loaded;
+    }
+
     static size_t checked(size_t axes) {
         if (axes == 0) throw nb::value_error("a bank has at least one axis");
         return axes;
@@ -180,16 +213,20 @@ void bind_bank(nb::module_& m) {
     m.def("moments", &moments, nb::arg("y"), nb::arg("resolution"));
     nb::class_<Bank>(m, "Bank")
         .def(nb::init<size_t>(), nb::arg("axes"))
-        .def("run", &Bank::run, nb::arg("y"), nb::arg("out"), nb::arg("valid"))
+        .def("run", &Bank::run, nb::arg("y"), nb::arg("out"), nb::arg("valid"),
+             nb::arg("white"))
         .def("skip", &Bank::skip, nb::arg("count"))
         .def("window", &Bank::window, nb::arg("resolution"))
         .def("start", &Bank::start, nb::arg("instruction_set"), nb::arg("joint"), nb::arg("guard"),
              nb::arg("compressed"), nb::arg("accuracy"), nb::arg("window"), nb::arg("settings"),
              nb::arg("bias"), nb::arg("live"))
         .def("retune", &Bank::retune, nb::arg("settings"))
+        .def("believe", &Bank::believe, nb::arg("axis"), nb::arg("alpha"), nb::arg("parameter"),
+             nb::arg("alpha_variance"), nb::arg("covariance"), nb::arg("parameter_variance"))
         .def("restarts", &Bank::restarts)
         .def("counts", &Bank::counts, nb::arg("out"))
         .def("whiteness", &Bank::whiteness)
         .def("save", &Bank::save)
-        .def("load", &Bank::load, nb::arg("engine"), nb::arg("supervisors").none(), nb::arg("restarts"));
+        .def("load", &Bank::load, nb::arg("engine"), nb::arg("supervisors").none(), nb::arg("restarts"),
+             nb::arg("whiteness").none());
 }

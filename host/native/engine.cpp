@@ -47,6 +47,14 @@ struct Retune {
         engine.retune(settings);
     }
 };
+struct Believe {
+    std::size_t lane;
+    const Belief& belief;
+    template <class P>
+    void operator()(P engine) {
+        engine.believe(lane, belief);
+    }
+};
 struct Run {
     const Block& block;
     template <class P>
@@ -112,6 +120,10 @@ void retune(void* engine, const EngineShape& shape, const LaneSettings* settings
     Retune action = {settings};
     with_packs(engine, shape, action);
 }
+void believe(void* engine, const EngineShape& shape, std::size_t lane, const Belief& belief) {
+    Believe action = {lane, belief};
+    with_packs(engine, shape, action);
+}
 void run(void* engine, const EngineShape& shape, const Block& block) {
     Run action = {block};
     with_packs(engine, shape, action);
@@ -153,6 +165,7 @@ const Backend FLTEA_JOIN(engine_, FLTEA_INSTRUCTION_SET) = {FLTEA_STRING(FLTEA_I
                                                             storage,
                                                             start,
                                                             retune,
+                                                            believe,
                                                             run,
                                                             watch,
                                                             reset,

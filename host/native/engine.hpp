@@ -30,6 +30,13 @@ struct LaneSettings {
     double gate;
 };
 
+// What a lane takes for granted of its order and its parameter, which is f of `triple` and beta of `joint`: the
+// means, their variances, and (joint only) how they go together.
+struct Belief {
+    double alpha, parameter;
+    double alpha_variance, covariance, parameter_variance;
+};
+
 // Columns of an estimate.
 enum Column : int {
     kAlpha,
@@ -75,6 +82,8 @@ struct Backend {
     void (*start)(void* storage, const EngineShape& shape, const LaneSettings* settings);
     // Other settings from the next sample on, one entry a lane; all that the lanes remember stays.
     void (*retune)(void* storage, const EngineShape& shape, const LaneSettings* settings);
+    // One lane goes on with this in place of what it has found; its state and its memory stay.
+    void (*believe)(void* storage, const EngineShape& shape, std::size_t lane, const Belief& belief);
     void (*run)(void* storage, const EngineShape& shape, const Block& block);
     void (*watch)(void* storage, const EngineShape& shape, const Block& block, const Watch& watch);
     // Lanes whose mask is not 0 begin again.

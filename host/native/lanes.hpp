@@ -43,6 +43,8 @@ class LaneRunner {
     // From the next row on; settings: one entry a lane.
     void retune(const engine::LaneSettings* settings) { engine_.retune(settings); }
 
+    void believe(std::size_t lane, const engine::Belief& belief) { engine_.believe(lane, belief); }
+
     // Rows of all lanes, one after the other. y: finite where not missing. missing: (rows, lanes), or null.
     // valid: (rows, lanes), 0 or 1. What was lost is added to `lost`, row after row; `first` is the number
     // of this block's first row there.

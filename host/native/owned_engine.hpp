@@ -33,6 +33,10 @@ class OwnedEngine {
 
     // From the next row on; settings: one entry a lane.
     void retune(const engine::LaneSettings* settings) { backend_.retune(storage_, shape_, settings); }
+    // From the next row on.
+    void believe(std::size_t lane, const engine::Belief& belief) {
+        backend_.believe(storage_, shape_, lane, belief);
+    }
     void run(const engine::Block& block) { backend_.run(storage_, shape_, block); }
     void watch(const engine::Block& block, const engine::Watch& under) {
         backend_.watch(storage_, shape_, block, under);

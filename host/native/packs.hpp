@@ -68,6 +68,20 @@ inline bool sound(const Joint<Number>& filters, int lane, Guard guard) {
            filters.P.bb[lane] >= 0 && filters.Q.aa[lane] >= 0 && filters.Q.bb[lane] >= 0;
 }
 
+inline void believe(Triple<Number>& filters, int lane, const Belief& belief) {
+    set_lane(filters.order.mean, lane, belief.alpha);
+    set_lane(filters.order.P, lane, belief.alpha_variance);
+    set_lane(filters.parameter.mean, lane, belief.parameter);
+    set_lane(filters.parameter.P, lane, belief.parameter_variance);
+}
+inline void believe(Joint<Number>& filters, int lane, const Belief& belief) {
+    set_lane(filters.alpha, lane, belief.alpha);
+    set_lane(filters.beta, lane, belief.parameter);
+    set_lane(filters.P.aa, lane, belief.alpha_variance);
+    set_lane(filters.P.ab, lane, belief.covariance);
+    set_lane(filters.P.bb, lane, belief.parameter_variance);
+}
+
 // An engine of one variant and memory: its packs one after another, each a Lane and the storage of its
 // memory.
 template <class Variant, class Kind>
@@ -99,6 +113,10 @@ class Packs {
             gather_tuning(settings, i, tuning);
             lane(i).retune(tuning);
         }
+    }
+
+    void believe(std::size_t k, const Belief& belief) {
+        engine::believe(lane(k / kLanesInPack).state().filters, static_cast<int>(k % kLanesInPack), belief);
     }
 
     void run(const Block& block) {

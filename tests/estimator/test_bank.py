@@ -12,6 +12,7 @@ from fltea.estimator.baseline import Baseline
 from fltea.settings.estimator import EstimatorConfig
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.signal import butter, lfilter
 
 LSB = 1 / 16.4
 
@@ -109,6 +110,28 @@ def test_any_cut_of_the_rows_gives_the_same_to_the_bit(
         y[:, 2] = 1.0
     whole = by_bank(y, config(**changes), LSB, gaps)
     assert_same(by_bank(y, config(**changes), LSB, gaps, cuts), whole)
+
+
+def test_each_row_tells_whether_the_innovations_are_white_however_rows_are_cut() -> None:
+    """As of the last hundred that were full: behind a low-pass, white, and coloured for a while."""
+    y = noise(4000, quantised=False)
+    y[:, 0] = lfilter(*butter(2, 20.0, fs=1 / H), y[:, 0])
+    y[1500:2100, 2] = lfilter(*butter(2, 20.0, fs=1 / H), y[1500:2100, 2])
+    settled = config(startup=100, variant="triple", guard="faithful", R=0.02)
+    one, many = Bank(AXES, settled, H, None), Bank(AXES, settled, H, None)
+    one.run(y[:100]), many.run(y[:100])
+    whole, parts, asked = one.run(y[100:]).white, [], []
+    for begin in range(100, 4000, 50):
+        block = many.run(y[begin : begin + 50])
+        assert block.white is not None
+        parts.append(block.white)
+        asked.append([bool(white) for white in many.is_white.values()])
+    assert whole is not None
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+    np.testing.assert_array_equal(whole[99::100], asked[1::2])
+    assert not whole[:199].any()
+    assert whole[-1].tolist() == [False, True, True]
+    assert not whole[1999, 2]
 
 
 def test_the_start_up_window_takes_no_more_than_it_needs() -> None:

@@ -10,6 +10,7 @@ import pytest
 from bank_support import AXES, COLUMNS, Array, H
 from fltea.estimator import snapshot
 from fltea.estimator.bank import Bank
+from fltea.estimator.belief import Belief
 from fltea.estimator.snapshot import OnlineState
 from fltea.settings.estimator import EstimatorConfig
 from hypothesis import given
@@ -110,6 +111,11 @@ def test_nothing_is_kept_of_a_start_up_window_or_with_a_constant_axis() -> None:
         ({"restarts": {"gyro_x": 1 << 60}}, "restarts of gyro_x"),
         ({"restarts": {"mag_x": 0}}, "restarts of 'mag_x'"),
         ({"engine": b""}, "not a snapshot of an engine"),
+        ({"whiteness": b""}, "innovations"),
+        ({"whiteness": b"\xff" * 8}, "innovations"),
+        ({"whiteness": bytes(3 * 8 * 25)}, "innovations"),
+        ({"beliefs": {"gyro_x": Belief(0.5, 0.1, 0.4, 0.1, -1.0, 0.1)}}, "gyro_x cannot go on with"),
+        ({"tuned": ("gyro_x",), "beliefs": {"gyro_x": Belief(2.5, 0, 0, 0, 0, 0)}}, "gyro_x cannot go on"),
         ({"supervisors": b""}, "supervisors"),
         ({"supervisors": b"\xff" * 84}, "supervisors"),
         ({"supervisors": bytes(27) + b"\1" + bytes(56)}, "supervisors"),

@@ -55,13 +55,13 @@ def test_correlation_and_size_of_innovations_are_found(rho: float) -> None:
     n = BLOCK * (BLOCKS - 1)
     assert found.lag1 == pytest.approx(rho, abs=4 * math.sqrt((1 - rho**2) / n))
     assert found.nis == pytest.approx(1 / (1 - rho**2) / 4, rel=0.25)
-    assert found.describes_noise is (rho == 0)
+    assert found.is_white is (rho == 0)
 
 
 def test_a_later_lag_is_seen_where_the_first_is_not() -> None:
     found = whiteness(autoregression(2, 0.5, 1000))
     assert abs(found.lag1 or 0) < 0.15
-    assert found.describes_noise is False
+    assert found.is_white is False
 
 
 def test_few_innovations_the_past_and_neighbours_of_a_gap_do_not_count() -> None:

@@ -1,10 +1,15 @@
 """Filters whose Q and R change while they run: nothing of what they remember is lost."""
 
+import math
+from typing import Literal
+
+import msgspec
 import numpy as np
 import pytest
 from bank_support import AXES, COLUMNS, H
 from engine_cases import GYROSCOPE, Array, reference_run, run_changing, same, white, with_
 from fltea.estimator.bank import Bank, Variances
+from fltea.estimator.belief import Belief
 from fltea.estimator.engine import Engine, instruction_sets
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.settings.estimator import EstimatorConfig
@@ -79,9 +84,9 @@ def test_what_no_filter_can_work_with_changes_nothing(changes: dict[str, object]
 # --- the bank ---
 
 
-def begun(samples: int = 400) -> tuple[Bank, Array]:
+def begun(samples: int = 400, variant: Literal["joint", "triple"] = "joint") -> tuple[Bank, Array]:
     y = np.random.default_rng(1).standard_normal((samples + 50, 3)) * 0.153 + 0.7
-    bank = Bank(AXES, CONFIG, H, None)
+    bank = Bank(AXES, msgspec.structs.replace(CONFIG, variant=variant), H, None)
     bank.run(y[:50])
     return bank, y[50:]
 
@@ -102,11 +107,12 @@ def test_a_bank_goes_on_with_what_one_axis_was_told() -> None:
 def test_a_saved_bank_goes_on_with_what_it_was_told() -> None:
     bank, y = begun()
     bank.run(y)
-    bank.retune({"gyro_y": Variances(0.003, 0.011)})
+    bank.retune({"gyro_y": Variances(0.003, 0.011), "gyro_z": Variances(0.004, 0.012)}, {"gyro_z": BELIEF})
     state = bank.save()
     assert state is not None
-    other = Bank(AXES, CONFIG, H, None, state)
+    other = Bank(AXES, CONFIG, H, None, msgspec.convert(msgspec.to_builtins(state), type(state)))
     assert (other.variances, other.tuned) == (bank.variances, bank.tuned)
+    assert other.beliefs == bank.beliefs == {"gyro_z": BELIEF}
     assert other.save() == state
     a, b = bank.run(y), other.run(y)
     for name in COLUMNS:
@@ -132,6 +138,66 @@ def test_a_bank_refuses_what_cannot_be(variances: dict[str, Variances], reason: 
 def test_a_bank_in_its_start_up_window_cannot_be_told() -> None:
     with pytest.raises(ValueError, match="the start-up window is not full"):
         Bank(AXES, CONFIG, H, None).retune({})
+
+
+BELIEF = Belief(0.7, 0.05, 0.6, 0.02, -2.5, 0.8)
+
+
+@pytest.mark.parametrize("variant", ["joint", "triple"])
+def test_an_axis_goes_on_with_the_order_that_belongs_to_its_variances(
+    variant: Literal["joint", "triple"],
+) -> None:
+    """With its state and its memory; where α is certain, it stays; the others do not notice."""
+    certain = BELIEF._replace(alpha_std=1e-6, F_std=1e-6, f_std=1e-6)
+    (told, y), (plain, _) = begun(variant=variant), begun(variant=variant)
+    a, b = told.run(y[:300]), plain.run(y[:300])
+    told.retune({"gyro_y": Variances(0.003, 0.011)}, {"gyro_y": certain})
+    plain.retune({"gyro_y": Variances(0.003, 0.011)})
+    a, b = told.run(y[300:301]), plain.run(y[300:301])
+    np.testing.assert_array_equal(a.alpha[:, [0, 2]], b.alpha[:, [0, 2]])
+    np.testing.assert_allclose(
+        [a.alpha[0, 1], a.f[0, 1]], [0.7, -2.5 if variant == "triple" else -0.1 / H**0.7], rtol=1e-2
+    )
+    assert abs(b.alpha[0, 1] - 0.7) > 0.05
+    assert abs(a.x[0, 1] - b.x[0, 1]) < 0.05
+
+
+def test_deviations_count_what_the_fit_leaves_open_and_how_far_the_filter_has_gone_from_it() -> None:
+    bank, y = begun()
+    bank.retune({"gyro_y": Variances(0.003, 0.011)}, {"gyro_y": BELIEF})
+    other, _ = begun()
+    other.retune({"gyro_y": Variances(0.003, 0.011)}, {"gyro_y": BELIEF})
+    other.beliefs.clear()  # its columns are the filters' own
+    found, own = bank.run(y), other.run(y)
+    for std, own_std, value, believed, open_ in (
+        (found.alpha_std, own.alpha_std, own.alpha, 0.7, 0.05),
+        (found.f_std, own.f_std, own.f, -2.5, 0.8),
+    ):
+        gone = value[:, 1] - believed
+        np.testing.assert_array_equal(std[:, 1], np.sqrt(np.maximum(own_std[:, 1], open_) ** 2 + gone**2))
+        np.testing.assert_array_equal(std[:, [0, 2]], own_std[:, [0, 2]])
+    assert bank.found("gyro_y") == (own.alpha[-1, 1], own.alpha_std[-1, 1])
+    bank.retune({"gyro_y": Variances(0.003, 0.011)})
+    assert not bank.beliefs
+
+
+@pytest.mark.parametrize(
+    "belief",
+    [
+        BELIEF._replace(alpha=2.1),
+        BELIEF._replace(alpha=-0.1),
+        BELIEF._replace(F_std=-1.0),
+        BELIEF._replace(f=math.inf),
+        BELIEF._replace(alpha_std=math.nan),
+    ],
+)
+def test_a_bank_refuses_a_belief_that_cannot_be(belief: Belief) -> None:
+    bank, _ = begun()
+    before = dict(bank.variances)
+    for axis in ("gyro_x", "gyro_y"):
+        with pytest.raises(ValueError, match="cannot go on with"):
+            bank.retune({"gyro_x": Variances(0.1, 0.1)}, {axis: belief if axis == "gyro_x" else BELIEF})
+    assert (bank.variances, bank.beliefs) == (before, {})
 
 
 def test_a_constant_axis_cannot_be_told() -> None:

@@ -1,11 +1,15 @@
 """The filters behind a low-pass: an α that says nothing is never given with a small σ alone."""
 
+import math
+
 import numpy as np
 import pytest
 from fltea.estimator.bank import Bank
+from fltea.identification.axis import identify_axis
 from fltea.identification.fltea_fit import fltea_fit
+from fltea.records.fit import Interval
 from fltea.settings.estimator import EstimatorConfig
-from fltea.spectrum.innovation_whiteness import describes
+from fltea.spectrum.innovation_whiteness import describes, describes_order
 from identify_support import H, white
 from scipy.signal import butter, lfilter
 
@@ -28,11 +32,37 @@ def test_no_alpha_behind_a_low_pass_goes_unmarked(name: str) -> None:
 
 
 def test_what_the_filter_describes_is_not_marked() -> None:
-    """White noise, and AR(1), which is a fractional state of order 1."""
+    """AR(1), which is a fractional state of order 1."""
     phi, rng = 0.6, np.random.default_rng(3)
     ar1 = lfilter([1.0], [1.0, -phi], 0.14 * rng.standard_normal(20_000))
-    for y in (0.14 * white(20_000, 1, 4)[0], ar1):
-        assert fltea_fit(y, H, EstimatorConfig(variant="joint"))[0].describes_noise is True
+    one = Interval(1.0, 0.9, 1.1)
+    assert fltea_fit(ar1, H, EstimatorConfig(variant="joint"), order=one)[0].describes_noise is True
+
+
+@pytest.mark.parametrize("walk", [0.0, 2e-4])
+def test_white_innovations_do_not_make_an_order(walk: float) -> None:
+    """White noise, alone or in a walk of the offset: no order is there, and the innovations are white."""
+    y, rng = 0.14 * white(20_000, 1, 4)[0], np.random.default_rng(3)
+    y = y + walk * rng.standard_normal(len(y)).cumsum()
+    found, innovations = fltea_fit(y, H, EstimatorConfig(variant="joint"))
+    assert innovations is not None
+    assert describes(innovations.samples, innovations.ljung_box)
+    assert found.describes_noise is None, "nobody says whether there is one"
+    judged = identify_axis(y, H).fltea
+    assert judged is not None
+    assert judged.describes_noise is False
+
+
+def test_an_order_that_is_not_the_fits_does_not_describe_the_noise() -> None:
+    fit = Interval(0.5, 0.4, 0.6)
+    for alpha, allowed in ((0.5, True), (0.38, True), (0.35, False), (0.62, True), (0.65, False)):
+        assert describes_order(True, alpha, 0.02, fit) is allowed
+    assert describes_order(True, math.nan, math.nan, fit) is None
+    for order in (None, fit):
+        assert describes_order(False, 0.5, 0.02, order) is False
+        assert describes_order(None, 0.5, 0.02, order) is None
+    assert describes_order(True, 0.5, 0.02, None) is None
+    assert describes_order(True, 0.5, 0.02, Interval()) is False
 
 
 @pytest.mark.parametrize("name", FILTERS)
@@ -42,9 +72,9 @@ def test_live_it_is_marked_too(name: str) -> None:
     y = np.column_stack([behind(name, 1), 0.14 * white(N, 1, 9)[0]])
     bank = Bank(("gyro_x", "gyro_y"), config, H, None)
     bank.run(y[: config.startup_needed])
-    assert bank.describes_noise == {"gyro_x": None, "gyro_y": None}
+    assert bank.is_white == {"gyro_x": None, "gyro_y": None}
     bank.run(y[config.startup_needed :])
-    assert bank.describes_noise == {"gyro_x": False, "gyro_y": True}
+    assert bank.is_white == {"gyro_x": False, "gyro_y": True}
     if name == "two poles, 41 Hz":
         assert abs(bank.lag1["gyro_x"] or 0) < 0.1
 

@@ -17,7 +17,7 @@ from sample_by_sample import LanesBySample, baseline, whiteness
 Array = NDArray[np.float64]
 H = 0.01
 AXES = ("gyro_x", "gyro_y", "gyro_z")
-COLUMNS = LaneBlock._fields[:-1]
+COLUMNS = LaneBlock._fields[: LaneBlock._fields.index("lost")]
 """All of the columns."""
 
 
@@ -31,7 +31,7 @@ class Walked(NamedTuple):
     interventions: dict[str, dict[str, int]]
     lag1: dict[str, float | None]
     nis: dict[str, float | None]
-    describes_noise: dict[str, bool | None]
+    is_white: dict[str, bool | None]
     bias: tuple[float, ...]
     R: tuple[float, ...]
     constant: tuple[str, ...]
@@ -114,7 +114,7 @@ def by_bank(
         bank.interventions,
         bank.lag1,
         bank.nis,
-        bank.describes_noise,
+        bank.is_white,
         *bank.baseline,
     )
 
@@ -165,7 +165,7 @@ def assert_close(found: Walked, expected: Walked, tolerance: float = 1e-9) -> No
     assert found.lost == expected.lost
     assert found.restarts == expected.restarts
     assert found.interventions == expected.interventions
-    assert found.describes_noise == expected.describes_noise
+    assert found.is_white == expected.is_white
     for mine, others in ((found.lag1, expected.lag1), (found.nis, expected.nis)):
         for axis, value in others.items():
             ours = mine[axis]

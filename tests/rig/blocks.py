@@ -82,6 +82,7 @@ def block_of_records(sample: Sample, estimate: Estimate | None = None) -> Block:
                 np.array([values["valid"]]),
                 np.array([values["null_p"]], dtype=np.float64),
                 np.array([[axis.whiteness == "rejected" for axis in found.values()]]),
+                np.zeros((1, len(found)), dtype=bool),
             )
         )
     return replace(block, variant=estimate.variant, estimates=tuple(columns))

@@ -61,6 +61,7 @@ class QuickAxes:
             self.unit,
             p,
             Interval(alpha, alpha - 0.1, alpha + 0.1),
+            Interval(-1.0, -1.5, -0.5),
             F=Interval(0.5, 0.4, 0.6),
             s2=Interval(s2, 0.8 * s2, 1.2 * s2),
             R=Interval(R, 0.9 * R, 1.1 * R),

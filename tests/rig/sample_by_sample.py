@@ -127,7 +127,7 @@ class Whiteness(NamedTuple):
 
     lag1: float | None
     nis: float | None
-    describes_noise: bool | None
+    is_white: bool | None
 
 
 def whiteness(rows: Sequence[tuple[float, float] | None]) -> Whiteness:

@@ -1,14 +1,19 @@
 """Filters tuned by the live fit: what it hands over, and from which sample on."""
 
+from typing import Literal
+
 import msgspec
 import numpy as np
 import pytest
 from blocks import of, records_of
 from fltea.estimator.bank import Bank, Variances
+from fltea.estimator.belief import Belief
 from fltea.records.block import Block
 from fltea.records.events import RawSample, block_of
-from fltea.records.fit import AxisFit, Interval
+from fltea.records.fit import AxisFit, FitLowPass, Interval
 from fltea.records.records import Estimate, Fit
+from fltea.settings.estimator import EstimatorConfig
+from fltea.settings.live import LiveConfig
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
@@ -19,12 +24,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from walk_support import raw, walk
 
+from tools.validation.evaluate.cases import Case, H, samples
+
 KNOWN = AxisFit(
     "fractional",
     "",
     "deg/s",
     1e-9,
-    F=Interval(0.5),
+    alpha=Interval(0.80041, 0.6, 0.9),
+    f=Interval(-1.0, -2.0, 0.5),
+    F=Interval(0.775, 0.7, 0.85),
     s2=Interval(0.010004, 0.008, 0.012),
     R=Interval(0.02, 0.018, 0.022),
 )
@@ -36,26 +45,36 @@ def with_(**changes: Interval) -> AxisFit:
 
 
 def test_s2_and_r_are_handed_over_to_three_digits() -> None:
-    assert handed_over(KNOWN, None) == Variances(0.01, 0.02)
+    """With the order that goes with them, whose deviations are those of the wider sides of the intervals."""
+    belief = Belief(0.8, 0.102, 0.775, 0.0383, -1.0, 0.765)
+    assert handed_over(KNOWN, None) == (Variances(0.01, 0.02), belief)
+    # More white noise and less of the state, or the other way round: the data hardly tell, and need not.
+    open_ = with_(s2=Interval(0.01, 0.001, 0.1), R=Interval(0.02, 0.0, None))
+    assert handed_over(open_, None) == (Variances(0.01, 0.02), belief)
+    assert handed_over(with_(R=Interval(0.0, 0.0, 0.01)), None) == (Variances(0.01, 1e-8), belief)
 
 
 @pytest.mark.parametrize(
     "unknown",
     [
-        Interval(0.01),
-        Interval(0.01, None, 0.012),
-        Interval(0.01, 0.004, 0.0081),
-        Interval(0.01, 0.0, 0.012),
-        Interval(None, 0.008, 0.012),
-        Interval(float("inf"), 0.008, float("inf")),
+        Interval(0.7),
+        Interval(0.7, None, 0.8),
+        Interval(0.7, 0.6),
+        Interval(None, 0.6, 0.8),
+        Interval(float("inf"), 0.6, float("inf")),
         Interval(float("nan"), float("nan"), float("nan")),
     ],
     ids=str,
 )
 def test_what_is_not_known_well_enough_is_not(unknown: Interval) -> None:
-    assert handed_over(with_(s2=unknown), None) is None
-    assert handed_over(with_(R=unknown), None) is None
-    assert handed_over(with_(F=Interval()), None) is None
+    for name in ("alpha", "f", "F"):
+        assert handed_over(with_(**{name: unknown}), None) is None
+    assert handed_over(with_(alpha=Interval(0.8, 0.49, 0.85)), None) is None, "known to ± 0.31"
+    assert handed_over(with_(alpha=Interval(2.1, 2.0, 2.2)), None) is None, "no filter goes so far"
+    for value in (None, float("inf"), float("nan")):
+        assert handed_over(with_(s2=Interval(value)), None) is None
+        assert handed_over(with_(R=Interval(value)), None) is None
+    assert handed_over(msgspec.structs.replace(KNOWN, low_pass=FitLowPass(20.0, 2.0)), None) is None
 
 
 @given(st.floats(0.8, 1.25), st.floats(0.8, 1.25))
@@ -92,12 +111,56 @@ def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
             handed = handed_over(one, before)
             assert one.null_p is not None
             if one.null_p < ANYTIME_LEVEL and handed is not None:
-                bank.retune({axis: handed})
+                bank.retune({axis: handed.variances}, {axis: handed.belief})
                 told += 1
     assert told > 3
     for axis, stats in pipeline.stats().axes.items():
         assert bank.variances[axis] == (stats.Q, stats.R)
         assert stats.tuned == (axis in bank.tuned)
+
+
+@pytest.mark.parametrize("tuning", ["live", "startup"])
+def test_an_axis_is_settled_once_it_is_tuned_if_it_is_to_be_and_its_innovations_are_white(
+    tuning: str,
+) -> None:
+    items, pipeline = walk([hello(), raw(range(900))], estimator__tuning=tuning)
+    columns = [one.estimates[0] for one in items if isinstance(one, Block) and one.estimates]
+    settled = np.concatenate([one.settled for one in columns])
+    assert not settled[:199].any()
+    tuned = [one.tuned for one in pipeline.stats().axes.values()]
+    bank = Bank(("gyro_x", "gyro_y", "gyro_z"), pipeline._config.estimator, 0.01, 1 / 16.4)
+    if tuning == "startup":
+        y = raw(range(900)).gyro / 16.4
+        bank.run(y[:20])
+        np.testing.assert_array_equal(settled, bank.run(y[20:]).white)
+        assert settled.any()
+    else:
+        assert any(tuned)
+        assert (settled.any(axis=0) <= tuned).all()
+        assert settled[-1].any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", ["joint", "triple"])
+def test_tuned_filters_know_how_sure_they_are(variant: Literal["joint", "triple"]) -> None:
+    """Twelve axes of α = 0.5, f = -2 in as much white noise, whose s2 and R hardly anything tells apart."""
+    case, axes = Case(0.5, -2.0, 1.0), tuple(f"axis {i}" for i in range(12))
+    y = samples(case, len(axes), 25_000)
+    bank = Bank(axes, EstimatorConfig(variant=variant), H, None)
+    fits = LiveAxes(axes, H, LiveConfig(), "deg/s")
+    bank.run(y[:500])
+    fits.add(y[:500])
+    for begin in range(500, len(y), 1500):
+        rows = y[begin : begin + 1500]
+        found = bank.run(rows)
+        fits.add(rows)
+        for axis, fit in fits.fit(curves=False, fresh=True).items():
+            handed = handed_over(fit, bank.variances[axis] if axis in bank.tuned else None)
+            if handed is not None:
+                bank.retune({axis: handed.variances}, {axis: handed.belief})
+    assert bank.tuned == set(axes)
+    for value, std, truth in ((found.alpha, found.alpha_std, 0.5), (found.f, found.f_std, -2.0)):
+        assert np.count_nonzero(np.abs(value[-1] - truth) <= 1.96 * std[-1]) >= 10
 
 
 def test_by_default_the_filters_are_as_at_the_start() -> None:

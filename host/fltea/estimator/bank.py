@@ -9,11 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fltea import _native
 from fltea.estimator import snapshot
 from fltea.estimator.baseline import Baseline, BaselineRule, Moments
+from fltea.estimator.belief import Belief, unsure
 from fltea.estimator.engine import CAUSES, instruction_sets, interventions_of
 from fltea.estimator.lane_settings import LaneSettings, native_table
 from fltea.estimator.lanes import LaneBlock, Lost
@@ -39,7 +40,7 @@ class Bank:
 
     axes: names, at least one. h: sampling period in s. resolution: one LSB in the sensor's unit, None where
     unknown. state: what `save` returned, to go on from there without a start-up window. `variances` has those
-    in use for each axis, `tuned` the axes whose variances came by `retune`.
+    in use for each axis, `tuned` the axes whose variances came by `retune`, `beliefs` what came with them.
 
     Raises:
         ValueError: settings that no filter can work with, or a state that does not fit them or is not wholly
@@ -61,10 +62,12 @@ class Bank:
         self._rule = BaselineRule(self.axes, config, resolution)
         self.startup_remaining = self._rule.needed
         self._native = _native.Bank(len(self.axes))
+        self._last = np.full((2, len(self.axes)), np.nan)
         self._instruction_set = instruction_sets()[0]
         self._settings: LaneSettings | None = None
         self.variances: dict[str, Variances] = {}
         self.tuned: set[str] = set()
+        self.beliefs: dict[str, Belief] = {}
         if state is not None:
             self._resume(state)
         elif not self.startup_remaining:
@@ -87,14 +90,18 @@ class Bank:
         if fills and n > self.startup_remaining:
             raise ValueError(f"{n} samples, but the start-up window takes {self.startup_remaining} more")
         out = np.empty((7, n, len(self.axes)))
-        valid = np.empty((n, len(self.axes)), dtype=bool)
-        lost = self._native.run(rows, out, valid.view(np.uint8))
+        valid, white = np.empty((2, n, len(self.axes)), dtype=bool)
+        lost = self._native.run(rows, out, valid.view(np.uint8), white.view(np.uint8))
+        if n:
+            self._last = out[:2, -1].copy()
+        if self.beliefs:
+            self._widen(out)
         if fills:
             self.startup_remaining -= n
             if not self.startup_remaining:
                 window = [Moments(*axis) for axis in self._native.window(self._rule.resolution)]
                 self._begin(self._rule.baseline_of(window))
-        return LaneBlock._make((*out, valid, [Lost(*one) for one in lost]))
+        return LaneBlock._make((*out, valid, [Lost(*one) for one in lost], white))
 
     def on_missing(self, count: int) -> list[Lost]:
         """Bridge lost samples by prediction alone; within the start-up window they do not matter.
@@ -103,22 +110,40 @@ class Bank:
         """
         return [Lost(*one) for one in self._native.skip(count)]
 
-    def retune(self, variances: Mapping[str, Variances]) -> None:
+    def retune(self, variances: Mapping[str, Variances], beliefs: Mapping[str, Belief] | None = None) -> None:
         """Give axes other variances, from the next sample on and for where they begin again.
 
-        All that the filters remember stays. Raises ValueError in the start-up window, for axes that are not
-        there or constant, and for variances that no filter can work with; nothing changes then.
+        The states and what the filters remember of them stay. beliefs: orders and parameters with which some
+        of these axes go on, since those that they have found belong to other variances. Raises ValueError in
+        the start-up window, for axes that are not there or constant, and for variances and beliefs that no
+        filter can work with; nothing changes then.
         """
+        beliefs = beliefs or {}
         if self.baseline is None or self._settings is None:
             raise ValueError("the start-up window is not full")
         for axis in variances:
             if axis not in self.axes or axis in self.baseline.constant_axes:
                 raise ValueError(f"{axis} is not estimated")
+        for axis, belief in beliefs.items():
+            if axis not in variances or not belief.is_sound:
+                raise ValueError(f"{axis} cannot go on with {belief}")
         in_use = {**self.variances, **variances}
         settings = self._settings_of([in_use[axis] for axis in self.axes])
         self._native.retune(native_table(settings.table(len(self.axes))))
         self._settings, self.variances = settings, in_use
         self.tuned |= set(variances)
+        for axis, belief in beliefs.items():
+            joint = self._config.variant == "joint"
+            numbers = belief.of_joint() if joint else belief.of_triple()
+            self._native.believe(self.axes.index(axis), *numbers)
+        self._believe(
+            {axis: one for axis, one in self.beliefs.items() if axis not in variances} | {**beliefs}
+        )
+
+    def found(self, axis: str) -> tuple[float, float]:
+        """Return the order of the last sample and the filter's own deviation of it; NaN where not valid."""
+        alpha, std = self._last[:, self.axes.index(axis)].tolist()
+        return alpha, std
 
     @property
     def restarts(self) -> dict[str, int]:
@@ -142,7 +167,7 @@ class Bank:
         return self._of_innovations(lambda lag1, nis, ljung_box, samples: _finite(nis))
 
     @property
-    def describes_noise(self) -> dict[str, bool | None]:
+    def is_white(self) -> dict[str, bool | None]:
         """Tell whether the last innovations of each axis are white enough; None before there are enough."""
         return self._of_innovations(
             lambda lag1, nis, ljung_box, samples: (
@@ -155,7 +180,7 @@ class Bank:
         base, settings = self.baseline, self._settings
         if base is None or settings is None or base.constant_axes:
             return None
-        state, supervisors = self._native.save()
+        state, supervisors, whiteness = self._native.save()
         table = settings.table(len(self.axes))
         engine = snapshot.pack(len(self.axes), settings, self._instruction_set, table, state)
         Q, R = zip(*(self.variances[axis] for axis in self.axes), strict=True)
@@ -168,7 +193,21 @@ class Bank:
             supervisors,
             Q,
             tuple(axis for axis in self.axes if axis in self.tuned),
+            self.beliefs,
+            whiteness,
         )
+
+    def _believe(self, beliefs: dict[str, Belief]) -> None:
+        """Note what the deviations of α and of f rest on from here."""
+        self.beliefs = beliefs
+        self._believers = [self.axes.index(axis) for axis in beliefs]
+        self._believed = np.array([(b.alpha, b.alpha_std, b.f, b.f_std) for b in beliefs.values()]).T
+
+    def _widen(self, out: NDArray[np.float64]) -> None:
+        """Make deviations of what is known (columns, rows, axes) of those that are the filters' own."""
+        lanes, (alpha, alpha_std, f, f_std) = self._believers, self._believed
+        out[1][:, lanes] = unsure(out[0][:, lanes], out[1][:, lanes], alpha, alpha_std)
+        out[3][:, lanes] = unsure(out[2][:, lanes], out[3][:, lanes], f, f_std)
 
     def _settings_of(self, variances: Sequence[Variances]) -> LaneSettings:
         Q, R = zip(*variances, strict=True)
@@ -213,10 +252,11 @@ class Bank:
         self._instruction_set = saved.instruction_set
         self._begin(Baseline(state.bias_dps, state.R, ()), state.Q)
         self.tuned = set(state.tuned)
+        self._believe(state.beliefs)
         assert self._settings is not None
         saved.check(self._settings)
         restarts = [state.restarts.get(axis, 0) for axis in self.axes]
-        self._native.load(saved.state, state.supervisors, restarts)
+        self._native.load(saved.state, state.supervisors, restarts, state.whiteness)
 
 
 def _finite(value: float) -> float | None:

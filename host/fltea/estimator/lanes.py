@@ -51,6 +51,8 @@ class LaneBlock(NamedTuple):
     valid: Mask
     lost: list[Lost]
     """row after row"""
+    white: Mask | None
+    """of a bank: the innovations are white, as of the last hundred that were full"""
 
 
 class Lanes:
@@ -76,7 +78,7 @@ class Lanes:
         out = np.empty((7, *measured.shape))
         valid = np.empty(measured.shape, dtype=bool)
         lost = self._native.run(measured, gone, out, valid.view(np.uint8))
-        return LaneBlock._make((*out, valid, [Lost(*one) for one in lost]))
+        return LaneBlock._make((*out, valid, [Lost(*one) for one in lost], None))
 
     @property
     def restarts(self) -> NDArray[np.int64]:

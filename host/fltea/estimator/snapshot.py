@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea import _native
+from fltea.estimator.belief import Belief
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.settings.estimator import LARGEST
 
@@ -96,8 +97,9 @@ def _hash(settings: LaneSettings, table: Array) -> str:
 class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Holds a saved baseline, and the filters that go on from it.
 
-    R, Q: variances in use. tuned: axes whose variances are of a fit. engine: the filters with their memory.
-    supervisors: what the supervisors have seen.
+    R, Q: variances in use. tuned: axes whose variances are of a fit; beliefs: what came with them. engine:
+    the filters with their memory. whiteness: what the innovations were like. supervisors: what the
+    supervisors have seen.
     """
 
     axes: tuple[str, ...]
@@ -108,6 +110,8 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     supervisors: bytes | None = None
     Q: tuple[float, ...] | None = None
     tuned: tuple[str, ...] = ()
+    beliefs: dict[str, Belief] = {}
+    whiteness: bytes | None = None
 
     def check(self, axes: tuple[str, ...]) -> None:
         """Raise ValueError, with what is wrong, unless its plain numbers are sound and of these axes."""
@@ -127,6 +131,9 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         for axis in self.tuned:
             if axis not in axes:
                 raise ValueError(f"it has a tuning of {axis!r}, which is none of its axes")
+        for axis, belief in self.beliefs.items():
+            if axis not in self.tuned or not belief.is_sound:
+                raise ValueError(f"{axis} cannot go on with {belief}")
         for axis, count in self.restarts.items():
             if axis not in axes:
                 raise ValueError(f"it has restarts of {axis!r}, which is none of its axes")

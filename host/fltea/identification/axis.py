@@ -188,7 +188,12 @@ def identified(looked: Looked, lsb: float | None, options: IdentifyOptions | Non
     for variant in (config.variant, OTHER[config.variant]):
         try:
             fits[variant], innovations[variant] = fltea_fit(
-                y, h, msgspec.structs.replace(config, variant=variant), lsb, looked.gaps
+                y,
+                h,
+                msgspec.structs.replace(config, variant=variant),
+                lsb,
+                looked.gaps,
+                looked.verdict.order.alpha,
             )
         except ConstantStartup as error:
             fits[variant], innovations[variant], reason = None, None, str(error)

@@ -225,7 +225,8 @@ def remarks(axes: Mapping[str, AxisReport]) -> list[str]:
             if fit is not None and fit.describes_noise is False:
                 text = (
                     f"FLTEA {fit.variant} does not describe the noise of {{}}: its innovations are not "
-                    "white, so its α and f say nothing there, however small their ±."
+                    "white, or the noise has no order or another one, so its α and f say nothing there, "
+                    "however small their ±."
                 )
                 names.setdefault(text, []).append(name)
         if axis.result.level.reason:

@@ -12,8 +12,9 @@ from fltea.estimator.engine import CAUSES
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
 from fltea.identification.gaps import Gaps, Mask, longest_epoch, no_gaps, spread
+from fltea.records.fit import Interval
 from fltea.settings.estimator import EstimatorConfig
-from fltea.spectrum.innovation_whiteness import Innovations, InnovationSums, describes
+from fltea.spectrum.innovation_whiteness import Innovations, InnovationSums, describes, describes_order
 
 Array = NDArray[np.float64]
 
@@ -58,14 +59,19 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     converged: bool
     """The drift of α is less than its standard deviation or 0.02."""
     describes_noise: bool | None
-    """False: the innovations of the last two thirds are not white, so that α and f, and their deviations, say
-    nothing of the noise; None: there are too few."""
+    """False: the innovations of the last two thirds are not white, or the noise has no order or another one,
+    so that α and f, and their deviations, say nothing of it; None: there are too few, or no verdict."""
     settings: EstimatorConfig
     """All of them: window, start-up, tuning."""
 
 
 def fltea_fit(
-    y: Array, h: float, config: EstimatorConfig, lsb: float | None = None, gaps: Gaps | None = None
+    y: Array,
+    h: float,
+    config: EstimatorConfig,
+    lsb: float | None = None,
+    gaps: Gaps | None = None,
+    order: Interval | None = None,
 ) -> tuple[FlteaFit, Innovations | None]:
     """Run the variant and guard of `config` over one axis, (n,), at a period of h s.
 
@@ -74,7 +80,8 @@ def fltea_fit(
 
     Returns the last estimates, and the test of the innovations of the last two thirds.
 
-    lsb: one count in the unit of y, if known; the variance of rounding is the least R.
+    lsb: one count in the unit of y, if known; the variance of rounding is the least R. order: the noise's by
+    the verdict, without ends if it has none; None where there is no verdict.
 
     Raises:
         ConstantStartup: the axis is constant in the start-up window.
@@ -100,6 +107,8 @@ def fltea_fit(
     alpha, alpha_std, f, f_std = (_number(value) if run.valid else None for value in run.last)
     alpha_drift, f_drift = run.alpha.value(), run.f.value()
     tested = run.innovations
+    white = None if tested is None else describes(tested.samples, tested.ljung_box)
+    last_alpha, last_std, *_ = run.last
     result = FlteaFit(
         variant=config.variant,
         guard=config.guard,
@@ -119,7 +128,7 @@ def fltea_fit(
         alpha_drift=alpha_drift,
         f_drift=f_drift,
         converged=alpha_drift is not None and abs(alpha_drift) <= max(alpha_std or 0.0, 0.02),
-        describes_noise=None if tested is None else describes(tested.samples, tested.ljung_box),
+        describes_noise=describes_order(white, last_alpha, last_std, order),
         settings=config,
     )
     return result, tested

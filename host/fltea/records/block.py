@@ -24,7 +24,7 @@ class AxisColumns(NamedTuple):
     """Estimates of the axes of one sensor after n samples, all (n, axes); NaN where there is no number.
 
     state, innovation: in `unit`. null_p: of the newest fit, NaN while there is none; white_rejected: what it
-    says then.
+    says then. settled: the innovations are white, and if the fit is to tune it has.
     """
 
     axes: tuple[str, ...]
@@ -38,6 +38,7 @@ class AxisColumns(NamedTuple):
     valid: Bools
     null_p: Array
     white_rejected: Bools
+    settled: Bools
 
     def rows(self, begin: int, end: int) -> "AxisColumns":
         """Return the block of some of its rows."""

@@ -246,8 +246,8 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the start-up window gave an axis, and how often it had to start again.
 
     bias: in `unit`; R, Q: variances in use, in its square; Q is null where a device estimates. tuned: they
-    are those of the live fit. describes_noise: false where the innovations are not white, so that the
-    filter's α and f, and their deviations, say nothing of the noise.
+    are those of the live fit. describes_noise: false where the innovations are not white, or the fit
+    that stands has no order or another one: the filter's α and f, and their deviations, say nothing then.
     """
 
     bias: float | None

@@ -5,10 +5,10 @@ from typing import Annotated
 from fltea.settings.duration import in_seconds
 from fltea.settings.setting import Setting, Table
 
-TUNED_WITHIN = 2.0
-"""The fit hands s2 and R to the filters where the upper end of each one's 95 % interval is at most so many
-times the lower: filters that have believed a worse figure for a while do not come back
-(host/docs/evaluation/live.md)."""
+TUNED_WITHIN = 0.3
+"""The fit hands its answer to the filters once α's 95 % interval reaches no further to either side. Where it
+knows less, a filter that starts in the middle is nearer by luck; a stricter limit lets those pass first whose
+interval is too narrow by chance (host/docs/evaluation/live.md)."""
 
 
 class LiveConfig(Table, frozen=True):

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.noise.distributions import chi2_tail
+from fltea.records.fit import Interval
+from fltea.spectrum.intervals import NORMAL
 
 Array = NDArray[np.float64]
 
@@ -78,9 +80,27 @@ def innovations(innovation: Array, std: Array) -> Innovations | None:
     return sums.result()
 
 
-def describes(samples: int, ljung_box: float) -> bool:
-    """Tell whether a filter with such innovations describes the noise: they are about white.
+def describes_order(
+    white: bool | None, alpha: float, alpha_std: float, order: Interval | None
+) -> bool | None:
+    """Tell whether the order that a filter has found, and its own deviation of it, describe the noise.
 
-    Where they are not, neither its α and f nor their deviations say anything of the noise.
+    White innovations are not enough: of white noise, and of white noise with a drift, any order up to 1 has
+    them. The noise has to have an order by the likelihood of all of it, and the filter's has to be there.
+    white: whether the innovations are. order: the fit's, without an end where there is none; None while
+    nobody knows; then, and without an estimate, it is None too unless they are not white.
+    """
+    if not white or order is None or not math.isfinite(alpha):
+        return False if white is False else None
+    if order.low is None or order.high is None:
+        return False
+    reach = NORMAL * alpha_std
+    return order.low - reach <= alpha <= order.high + reach
+
+
+def describes(samples: int, ljung_box: float) -> bool:
+    """Tell whether such innovations are about white.
+
+    Where they are not, neither the filter's α and f nor their deviations say anything of the noise.
     """
     return chi2_tail(ljung_box, LAGS) > COLOURED_P or math.sqrt(ljung_box / samples) <= COLOURED

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.estimator.bank import Bank, Variances
+from fltea.estimator.bank import Bank
 from fltea.estimator.lanes import Reason
 from fltea.estimator.snapshot import OnlineState
 from fltea.records.block import AxisColumns, Block, Bools
@@ -17,9 +17,10 @@ from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, GYRO_UNIT, AxisStats, 
 from fltea.records.repeat import OnceAMinute
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
+from fltea.spectrum.innovation_whiteness import describes_order
 from fltea.stream.live import LiveFits, SettledFit, settled_by
 from fltea.stream.stages import Beginning, Item, Notice, Saved, Stage, Standing
-from fltea.stream.tuning import handed_over
+from fltea.stream.tuning import HandedOver, handed_over
 from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
 Array = NDArray[np.float64]
@@ -74,6 +75,7 @@ class Channels:
         found = self._bank.run(own)
         if fills:
             return None, []
+        assert found.white is not None
         columns = AxisColumns(
             self._names,
             self._unit,
@@ -85,6 +87,7 @@ class Channels:
             found.innovation,
             found.valid,
             *self._null(found.valid.shape),
+            found.white & [not self._tuned or axis in self._bank.tuned for axis in self._names],
         )
         return columns, [(row, self._names[lane], why) for row, lane, why in found.lost]
 
@@ -92,7 +95,7 @@ class Channels:
         """Hand what the fit knows of the noise to the filters."""
         if not self._tuned or self.startup_remaining:
             return
-        new: dict[str, Variances] = {}
+        new: dict[str, HandedOver] = {}
         for axis in self._names:
             settled = self._settled(axis)
             if settled is self._known.get(axis):
@@ -105,7 +108,10 @@ class Channels:
             if handed is not None:
                 new[axis] = handed
         if new:
-            self._bank.retune(new)
+            self._bank.retune(
+                {axis: one.variances for axis, one in new.items()},
+                {axis: one.belief for axis, one in new.items()},
+            )
 
     def _is_constant(self, axis: str) -> bool:
         return self._bank.baseline is None or axis in self._bank.baseline.constant_axes
@@ -162,13 +168,14 @@ class Channels:
         """Statistics of every axis."""
         bank = self._bank
         baseline, restarts, interventions = bank.baseline, bank.restarts, bank.interventions
-        lag1, nis, describes_noise = bank.lag1, bank.nis, bank.describes_noise
+        lag1, nis, is_white = bank.lag1, bank.nis, bank.is_white
         for i, name in enumerate(self._names):
             if baseline is None:
                 yield name, AxisStats(None, None, 0, {}, unit=self._unit)
                 continue
             Q, R = bank.variances[name]
             constant = name in baseline.constant_axes
+            stands = self._settled(name).stands
             yield (
                 name,
                 AxisStats(
@@ -181,7 +188,7 @@ class Channels:
                     self._unit,
                     None if constant else Q,
                     name in bank.tuned,
-                    describes_noise[name],
+                    describes_order(is_white[name], *bank.found(name), stands.alpha if stands else None),
                 ),
             )
 

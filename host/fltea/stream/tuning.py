@@ -1,41 +1,68 @@
 """What the live fit hands to the filters of an axis, and when (pure)."""
 
+from typing import NamedTuple
+
 from fltea.estimator.bank import Variances
+from fltea.estimator.belief import Belief
 from fltea.records.fit import AxisFit, Interval
 from fltea.settings.estimator import LARGEST
 from fltea.settings.live import TUNED_WITHIN
+from fltea.spectrum.intervals import NORMAL
 
 STEP = 0.1
 """Of its interval: a figure that has moved by less is the same."""
+LEAST_R = 1e-6
+"""Of s2: the data cannot tell less from none, and a filter needs some."""
 
 
-def handed_over(fit: AxisFit, in_use: Variances | None) -> Variances | None:
-    """s2 and R of a fit that has an order, to three digits; None where they are not known well enough.
+class HandedOver(NamedTuple):
+    """The answer of one fit: its parts go together, and no filter is told one of them without the others."""
 
-    Behind a low-pass, whose output no Q and R describe, they are never handed over, and an order that no F
-    describes is none that the filters know. in_use: what it handed over before, if anything; None too where
-    both are still the same.
+    variances: Variances
+    belief: Belief
+
+
+def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
+    """s2 and R of a fit that has an order, and that order, to three digits; None where it is not known.
+
+    s2 and R may each be open by a factor of ten where α is known: more white noise and less of the state
+    look nearly the same, and only the α and f of the same fit go with them. Behind a low-pass, whose output
+    no Q and R describe, nothing is handed over, nor is an order beyond what filters take. in_use: the
+    variances that it handed over before, if any; None too where both are still the same.
     """
-    s2, R = fit.s2, fit.R
-    if not (_is_known(s2) and _is_known(R)) or fit.F.value is None or fit.low_pass is not None:
-        return None  # of a filter's input, while the filters see its output
-    if in_use is not None and not (_has_moved(s2, in_use.Q) or _has_moved(R, in_use.R)):
+    s2, R = fit.s2.value, fit.R.value
+    belief = _belief(fit)
+    if belief is None or s2 is None or R is None:
         return None
-    return Variances(_rounded(s2), _rounded(R))
+    if not (1 / LARGEST < LEAST_R * s2 < LEAST_R * LARGEST and 0 <= R < LARGEST):
+        return None
+    if in_use is not None and not (_has_moved(fit.s2, in_use.Q) or _has_moved(fit.R, in_use.R)):
+        return None
+    return HandedOver(Variances(_rounded(s2), _rounded(max(R, LEAST_R * s2))), belief)
 
 
-def _is_known(p: Interval) -> bool:
+def _belief(fit: AxisFit) -> Belief | None:
+    alpha, F, f = _with_std(fit.alpha), _with_std(fit.F), _with_std(fit.f)
+    if fit.low_pass is not None or alpha is None or F is None or f is None:
+        return None  # a low-pass: these are of a filter's input, while the filters see its output
+    belief = Belief(*alpha, *F, *f)
+    return belief if belief.is_sound and NORMAL * belief.alpha_std <= TUNED_WITHIN else None
+
+
+def _with_std(p: Interval) -> tuple[float, float] | None:
+    """A figure and its deviation, by the wider side of its interval; None where one of the ends is open."""
     if p.value is None or p.low is None or p.high is None:
-        return False
-    return 1 / LARGEST < p.low <= p.value <= p.high <= min(TUNED_WITHIN * p.low, LARGEST)
+        return None
+    return _rounded(p.value), _rounded(max(p.high - p.value, p.value - p.low) / NORMAL)
 
 
 def _has_moved(p: Interval, before: float) -> bool:
-    if p.value is None or p.low is None or p.high is None:
+    if p.value is None:
         return False
-    return abs(p.value - before) > STEP * (p.high - p.low)
+    width = 0.0 if p.low is None or p.high is None else p.high - p.low
+    return abs(_rounded(p.value) - before) > STEP * width
 
 
-def _rounded(p: Interval) -> float:
+def _rounded(value: float) -> float:
     """The last digits of a fit depend on where it was begun, which differs between a run and its replay."""
-    return float(f"{p.value:.3g}")
+    return float(f"{value:.3g}")

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from fltea.estimator.bank import Bank, Variances
+from fltea.estimator.belief import Belief
 from fltea.settings.estimator import EstimatorConfig
 from numpy.typing import NDArray
 
@@ -26,11 +27,15 @@ class Reading(NamedTuple):
 
 
 class Tuning(NamedTuple):
-    """What takes the place of the filters' variances after so many samples, (seeds,); NaN: they stay."""
+    """What takes the place of the filters' variances after so many samples, (seeds,); NaN: they stay.
+
+    beliefs: with what they go on, one a series if any.
+    """
 
     samples: int
     Q: Array
     R: Array
+    beliefs: Sequence[Belief | None] = ()
 
 
 def read(
@@ -76,5 +81,7 @@ def _tune(bank: Bank, tuning: Tuning) -> None:
     changed = {}
     for axis, Q, R in zip(bank.axes, tuning.Q.tolist(), tuning.R.tolist(), strict=True):
         now = bank.variances[axis]
-        changed[axis] = Variances(now.Q if np.isnan(Q) else Q, now.R if np.isnan(R) else R)
-    bank.retune(changed)
+        if not (np.isnan(Q) and np.isnan(R)):
+            changed[axis] = Variances(now.Q if np.isnan(Q) else Q, now.R if np.isnan(R) else R)
+    beliefs = zip(bank.axes, tuning.beliefs, strict=bool(tuning.beliefs))
+    bank.retune(changed, {axis: one for axis, one in beliefs if one is not None})

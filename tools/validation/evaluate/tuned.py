@@ -1,15 +1,13 @@
 """The online filters with the Q and R that the live fit hands to them: `estimator.tuning = "live"`.
 
-A fit of what has come so far is made whenever the record has grown by 30 %. Where there is an order,
-and s2 and R are known well enough, they take the place of the filters' Q and R, and the filters go on with
-all that they remember. Early fits must not do so: an s2 of a few hundred samples may be off by a factor of
-ten, and a filter that has believed it for a while does not come back.
+A fit of what has come so far is made whenever the record has grown by 30 %. Where there is an order, the
+fit's s2 and R take the place of the filters' Q and R, and the filters go on with its α and f, as live.
 """
 
 import numpy as np
-from fltea.records.fit import Interval
-from fltea.settings.live import TUNED_WITHIN
+from fltea.records.fit import AxisFit
 from fltea.spectrum.periodogram import Periodogram
+from fltea.stream.tuning import HandedOver, handed_over
 from numpy.typing import NDArray
 
 from tools.validation.evaluate.fits import live_spectra, published
@@ -27,25 +25,20 @@ def tunings(y: Array, h: float, last: int) -> list[Tuning]:
     """What the live fits of y (n, seeds), before its sample `last`, hand over; h in s."""
     points = fit_points(FIRST, last)
     return [
-        Tuning(n, *np.transpose([handed_over(one) for one in lanes]))
+        _tuning(n, [_handed(one) for one in lanes])
         for n, lanes in zip(points, live_spectra(y, h, points), strict=True)
     ]
 
 
-def handed_over(p: Periodogram) -> tuple[float, float]:
-    """The s2 and R of the fit of one series, or NaN and NaN."""
+def _handed(p: Periodogram) -> HandedOver | None:
     found = published(p)
-    if found.s2.value is None or found.R.value is None or not (_known(found.s2) and _known(found.R)):
-        return np.nan, np.nan
-    return found.s2.value, found.R.value
+    figures = found.alpha, found.f, found.F, found.s2, found.R
+    return handed_over(AxisFit("fractional", "", "deg/s", None, *figures), None)
 
 
-def _known(variance: Interval) -> bool:
-    return (
-        variance.low is not None
-        and variance.high is not None
-        and variance.high <= TUNED_WITHIN * variance.low
-    )
+def _tuning(samples: int, handed: list[HandedOver | None]) -> Tuning:
+    Q, R = np.transpose([(np.nan, np.nan) if one is None else one.variances for one in handed])
+    return Tuning(samples, Q, R, [one and one.belief for one in handed])
 
 
 def fit_points(first: int, last: int) -> list[int]:

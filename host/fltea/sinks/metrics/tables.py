@@ -93,7 +93,9 @@ STATS = (
 INTERVENTIONS = "Samples since the axis's last start in which the guard stepped in, by cause."
 LAG1 = "Correlation of an innovation with the one before; near 0 if the model fits."
 NIS = "Mean square of the innovations over their predicted variance; near 1 if the model fits."
-DESCRIBES = "1: the innovations are about white; 0: alpha and f of the filter do not describe the noise."
+DESCRIBES = (
+    "1: the innovations are white and the order is the fit's; 0: alpha and f say nothing of the noise."
+)
 
 AXIS_STATS = (
     counter("restarts", "Times that the axis began again in this epoch."),

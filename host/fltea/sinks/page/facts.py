@@ -86,7 +86,11 @@ def _axis(
     rows = [
         ["α ± σ", with_std(e.alpha, e.alpha_std) if e else "–"],
         ["f ± σ", f"{with_std(e.f, e.f_std)} s^-α" if e else "–"],
-        *([["these do not describe the noise", "innovations are not white"]] if not_described else []),
+        *(
+            [["these do not describe the noise", "no order, another, or coloured innovations"]]
+            if not_described
+            else []
+        ),
         ["state x̂", quantity(e.state if e else None, unit, 4)],
         ["offset removed", quantity(bias, unit, 4)],
         ["R", quantity(R, f"({unit})²", 3, significant=True)],
