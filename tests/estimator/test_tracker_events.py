@@ -69,6 +69,26 @@ def test_a_knock_and_a_spike_leave_nothing_behind(name: str | None) -> None:
         assert one.figures()[0].begun == 0
 
 
+def test_what_was_known_when_motion_began_is_known_in_it() -> None:
+    y = np.random.default_rng(2).standard_normal(700)
+    y[600] = 1000
+    found = run(made("white"), y)
+    assert found.moving[600]
+    # Gains are held at this time, but not what is known.
+    np.testing.assert_allclose(found.bias_std[600:650], found.bias_std[599], rtol=0.03)
+    assert abs(found.bias[650] - y[:600].mean()) < 0.02
+
+
+def test_an_outlier_counts_as_six_deviations() -> None:
+    y = np.random.default_rng(3).standard_normal(2000)
+    clean = run(made("white"), y)
+    spiked = y.copy()
+    spiked[1000] = 30
+    found = run(made("white"), spiked)
+    assert not found.moving.any()
+    assert 4 / 1300 < (found.bias - clean.bias)[1001] < 9 / 1000
+
+
 @kinds
 def test_where_the_offset_changes_it_begins_again(name: str | None) -> None:
     y, level = measured(name)
