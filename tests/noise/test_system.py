@@ -105,6 +105,7 @@ WORDS: list[st.SearchStrategy[p.Part]] = [
     st.builds(p.Alternating, positive, st.floats(0.002, 10)),
     st.builds(p.Walk, positive),
     st.builds(any_order, st.floats(0.05, 1.95), st.floats(0.001, 0.95), positive),
+    st.builds(any_order, st.floats(1e-3, 1.999), st.floats(1e-12, 0.9999), positive),
     st.builds(p.Arfima, st.floats(0.05, 0.95), st.floats(0.0, 0.99), positive),
     st.builds(p.Resonance, positive, hz, st.floats(0.1, 5)),
     st.builds(p.Quantisation, positive),
@@ -145,6 +146,12 @@ def test_any_sentence_is_a_system(parts: list[p.Part], samples: int) -> None:
     _native.Tracker([0.0]).set(
         0, s.walks, s.pairs, s.a, s.b, s.Q, s.c, s.signal, s.signal, s.P0, s.R
     )  # which a filter can work with
+
+
+@pytest.mark.parametrize("alpha", [1e-6, 0.1, 0.49])
+def test_an_order_without_f_is_a_system(alpha: float) -> None:
+    seen = LOW & (LAM > 1e-4)
+    np.testing.assert_allclose(ratio([WHITE, p.Order(alpha, 0.0, 1.0)])[seen], 1, atol=0.02)
 
 
 def test_the_state_is_what_is_no_coloured_noise() -> None:

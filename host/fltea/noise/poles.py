@@ -132,21 +132,25 @@ def own_poles(part: Part, lam: Array, h: float, room: int) -> list[complex]:
     if isinstance(part, Arfima):
         return [part.phi, 0.0, *_spread(float(lam[0]) / 2, room - 2)]
     if isinstance(part, Order):
-        g, alpha = g_of(part.alpha, part.f, h), part.alpha
-        own = (-g) ** (1 / alpha)
-        if alpha > 1:
-            w = 1 - own * complex(np.exp(1j * math.pi / alpha))
-            for _ in range(20):
-                w -= ((1 - w) ** alpha - g * w) / (-alpha * (1 - w) ** (alpha - 1) - g)
-            found = [1 / w]
-        else:
-            # Nearly one below an order of 1, and one at half the sample rate.
-            v = 1.0
-            for _ in range(40):
-                v = min((1 + v) ** alpha / -g, 1e6)
-            found = [math.exp(-max(own, float(lam[0]) / 2)), -1 / v]
-        return [*found, 0.0, *_spread(float(lam[0]) / 2, room - 1 - size(found))]
+        slowest = float(lam[0]) / 2
+        found = [*_poles_of_order(part.alpha, g_of(part.alpha, part.f, h), slowest), 0.0]
+        return [*found, *_spread(slowest, room - size(found))]
     return []
+
+
+def _poles_of_order(alpha: float, g: float, slowest: float) -> list[complex]:
+    """Return the poles z of (1 - 1/z)^α = g / z, or one that is nearly one; none slower than this."""
+    rate = (-g) ** (1 / alpha) if g < 0 < alpha else 0.0
+    if alpha > 1:
+        w = 1 - rate * complex(np.exp(1j * math.pi / alpha))
+        for _ in range(20 if rate > slowest else 0):
+            w -= ((1 - w) ** alpha - g * w) / (-alpha * (1 - w) ** (alpha - 1) - g)
+        return [1 / w] if abs(w) > 1 + slowest else []
+    v = 1.0
+    for _ in range(40 if g < 0 else 0):
+        v = min((1 + v) ** alpha / -g, 1e6)
+    found = [math.exp(-rate)] if rate > slowest else []
+    return [*found, -1 / v] if v > 1 else found
 
 
 def pole_of(part: Resonance, h: float) -> complex:
