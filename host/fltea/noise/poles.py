@@ -149,7 +149,7 @@ def _poles_of_order(alpha: float, g: float, slowest: float) -> list[complex]:
     v = 1.0
     for _ in range(40 if g < 0 else 0):
         v = min((1 + v) ** alpha / -g, 1e6)
-    found = [math.exp(-rate)] if rate > slowest else []
+    found: list[complex] = [math.exp(-rate)] if rate > slowest else []
     return [*found, -1 / v] if v > 1 else found
 
 
