@@ -9,12 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fltea import _native
 from fltea.estimator import snapshot
 from fltea.estimator.baseline import Baseline, BaselineRule, Moments
-from fltea.estimator.belief import Belief, unsure
+from fltea.estimator.belief import Belief, Known
 from fltea.estimator.engine import CAUSES, instruction_sets, interventions_of
 from fltea.estimator.lane_settings import LaneSettings, native_table
 from fltea.estimator.lanes import LaneBlock, Lost
@@ -95,7 +95,7 @@ class Bank:
         if n:
             self._last = out[:2, -1].copy()
         if self.beliefs:
-            self._widen(out)
+            self._known.widen(out[0:4:2], out[1:4:2])
         if fills:
             self.startup_remaining -= n
             if not self.startup_remaining:
@@ -200,14 +200,7 @@ class Bank:
     def _believe(self, beliefs: dict[str, Belief]) -> None:
         """Note what the deviations of α and of f rest on from here."""
         self.beliefs = beliefs
-        self._believers = [self.axes.index(axis) for axis in beliefs]
-        self._believed = np.array([(b.alpha, b.alpha_std, b.f, b.f_std) for b in beliefs.values()]).T
-
-    def _widen(self, out: NDArray[np.float64]) -> None:
-        """Make deviations of what is known (columns, rows, axes) of those that are the filters' own."""
-        lanes, (alpha, alpha_std, f, f_std) = self._believers, self._believed
-        out[1][:, lanes] = unsure(out[0][:, lanes], out[1][:, lanes], alpha, alpha_std)
-        out[3][:, lanes] = unsure(out[2][:, lanes], out[3][:, lanes], f, f_std)
+        self._known = Known.of([beliefs.get(axis) for axis in self.axes])
 
     def _settings_of(self, variances: Sequence[Variances]) -> LaneSettings:
         Q, R = zip(*variances, strict=True)
