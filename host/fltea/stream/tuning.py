@@ -11,7 +11,7 @@ from fltea.spectrum.intervals import NORMAL
 
 STEP = 0.1
 """Of its interval: a figure that has moved by less is the same."""
-LEAST_R = 1e-6
+LEAST_R = 1e-3
 """Of s2: the data cannot tell less from none, and a filter needs some."""
 
 
