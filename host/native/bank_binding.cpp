@@ -58,7 +58,8 @@ class Bank {
         if (y.shape(1) != axes || out.shape(0) != columns || out.shape(1) != rows || out.shape(2) != axes ||
             valid.shape(0) != rows || valid.shape(1) != axes || white.shape(0) != rows ||
             white.shape(1) != axes) {
-            throw nb::value_error("y, valid and white must have shape (rows, axes), out (columns, rows, axes)");
+            throw nb::value_error(
+                "y, valid and white must have shape (rows, axes), out (columns, rows, axes)");
         }
         check_numbers("y", y.data(), rows, axes, nullptr, kLargestOffset);
         fltea::BankBlock block;
@@ -213,8 +214,7 @@ void bind_bank(nb::module_& m) {
     m.def("moments", &moments, nb::arg("y"), nb::arg("resolution"));
     nb::class_<Bank>(m, "Bank")
         .def(nb::init<size_t>(), nb::arg("axes"))
-        .def("run", &Bank::run, nb::arg("y"), nb::arg("out"), nb::arg("valid"),
-             nb::arg("white"))
+        .def("run", &Bank::run, nb::arg("y"), nb::arg("out"), nb::arg("valid"), nb::arg("white"))
         .def("skip", &Bank::skip, nb::arg("count"))
         .def("window", &Bank::window, nb::arg("resolution"))
         .def("start", &Bank::start, nb::arg("instruction_set"), nb::arg("joint"), nb::arg("guard"),

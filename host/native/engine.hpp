@@ -30,8 +30,8 @@ struct LaneSettings {
     double gate;
 };
 
-// What a lane takes for granted of its order and its parameter, which is f of `triple` and beta of `joint`: the
-// means, their variances, and (joint only) how they go together.
+// What a lane takes for granted of its order and its parameter, which is f of `triple` and beta of `joint`:
+// the means, their variances, and (joint only) how they go together.
 struct Belief {
     double alpha, parameter;
     double alpha_variance, covariance, parameter_variance;

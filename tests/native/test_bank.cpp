@@ -35,9 +35,13 @@ std::unique_ptr<LaneRunner> lanes_of(std::size_t lanes, int guard, double R = 0.
 // Room for a block of estimates.
 struct Room {
     Room(std::size_t rows, std::size_t lanes)
-        : numbers(kLaneColumns * rows * lanes, -1), flags(rows * lanes, 7), size(rows * lanes) {
+        : numbers(kLaneColumns * rows * lanes, -1),
+          flags(rows * lanes, 7),
+          whites(rows * lanes, 7),
+          size(rows * lanes) {
         for (std::size_t i = 0; i < kLaneColumns; ++i) block.columns[i] = numbers.data() + i * size;
         block.valid = flags.data();
+        block.white = whites.data();
     }
     Room(const Room&) = delete;  // its pointers would be those of the other
     Room(Room&&) = default;
@@ -46,15 +50,16 @@ struct Room {
         BankBlock result = block;
         for (double*& column : result.columns) column += from * lanes;
         result.valid += from * lanes;
+        result.white += from * lanes;
         return result;
     }
     bool operator==(const Room& other) const {
-        return flags == other.flags &&
+        return flags == other.flags && whites == other.whites &&
                std::memcmp(numbers.data(), other.numbers.data(), numbers.size() * sizeof(double)) == 0;
     }
 
     std::vector<double> numbers;
-    std::vector<std::uint8_t> flags;
+    std::vector<std::uint8_t> flags, whites;
     std::size_t size;
     BankBlock block;
 };
