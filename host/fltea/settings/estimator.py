@@ -74,7 +74,7 @@ Tuning = Literal["live", "startup"]
 """Who sets the filters' Q and R while they run."""
 
 DEFAULT_TUNING: Tuning = "live"
-"""It is right for every noise that was tried (host/docs/evaluation/live.md, Tuned live)."""
+"""It errs less on most noises, and its σ covers (host/docs/evaluation/live.md, Tuned live)."""
 
 BY_DEVICE = ("device", "both")
 """Those of `EstimateOn` for which the device estimates by itself."""
