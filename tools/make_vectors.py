@@ -20,7 +20,7 @@ HELLO, SAMPLE, STATUS, FAULT, ESTIMATE, ESTIMATOR, FIT, SPECTRUM, UNKNOWN = 1, 2
 LAYOUTS = layouts()
 
 DEVICE = bytes(range(0xA0, 0xB0))
-TYPICAL_HELLO = (1, 4, HASH, 0x12345678, DEVICE, "fltea 0.1.0", 0x71, 3, 100_000, 2000, 164, 2, 16384, 184, 0)
+TYPICAL_HELLO = (1, 5, HASH, 0x12345678, DEVICE, "fltea 0.1.0", 0x71, 3, 100_000, 2000, 164, 2, 16384, 184, 0)
 TYPICAL_SAMPLE = (12, -7, 3, -120, 85, 16390, -1042, 0)
 TYPICAL_STATUS = (2, 1, 0, 3, 5, 4, 1734, 8120)
 TYPICAL_FIT = (1, 2, 1, 31, 12000, 11904, 12, 5210.5, 0.4375, 0.031, -1.25, 0.0003, 0.0231, 91.5, 12.25)
@@ -29,8 +29,8 @@ TYPICAL_SPECTRUM = (
     *(0.125, 1.0, 0.0021, 0.25, 1.875, 0.0013, 0.5, 3.75, 0.00075, 1.0, 7.5, 0.0005, 2.0, 15.25, 0.00046),
 )
 TYPICAL_ESTIMATE = (
-    *(1, 1, 3999, 3000, 0.4375, 0.031, -1.25, 0.18, -0.0123, 0.0042),
-    *(0, 3, 0, 17, 1, 0, 29, 2, 0),
+    *(1, 33, 3999, 3000, 0.4375, 0.031, -1.25, 0.18, -0.0123, 0.0042),
+    *(0, 3, 0, 17, 1, 0, 29, 2, 0, -0.4713, 0.0021, 0.0113, 0.0019),
 )
 SETTINGS = (0.0, 0.01, 0.15, 0.5, 0.06, 0.0, 0.0, -0.1, 0.06, 0.0, 0.0, 3.0)
 FILLING = (1, 2, 1000, 200, 1, 1000, 1, 300, 0, 0, 0, 0, *(0,) * 3, *(0.0,) * 6, *SETTINGS)
@@ -68,17 +68,20 @@ GOOD = [
     (
         "estimate, an axis that never changed: all zero but for its flag",
         (ESTIMATE, 0, 0),
-        (0, 2, 0, 0, *(0.0,) * 6, *(0,) * 9),
+        (0, 2, 0, 0, *(0.0,) * 6, *(0,) * 9, *(0.0,) * 4),
     ),
     (
         "estimate, largest counts, f32 at the ends of its range, an axis that no version names",
         (ESTIMATE, U16, U32),
-        (255, 255, U16, U32, LARGEST, SMALLEST, -LARGEST, NORMAL, -0.0, -SMALLEST, *(U32,) * 9),
+        (
+            *(255, 255, U16, U32, LARGEST, SMALLEST, -LARGEST, NORMAL, -0.0, -SMALLEST, *(U32,) * 9),
+            *(-LARGEST, LARGEST, -0.0, SMALLEST),
+        ),
     ),
     (
         "estimate with numbers that no device sends",
         (ESTIMATE, 1, 2),
-        (2, 1, 3, 4, math.nan, math.inf, -math.inf, 1.0, -1.0, 0.1, *range(9)),
+        (2, 1, 3, 4, math.nan, math.inf, -math.inf, 1.0, -1.0, 0.1, *range(9), math.inf, math.nan, 0.5, -1.0),
     ),
     ("estimator, its start-up window filling", (ESTIMATOR, 0, 1000), FILLING),
     ("estimator, after the window", (ESTIMATOR, 40, 41_000_000), ESTIMATING),

@@ -23,6 +23,8 @@ from fltea.wire import layout as wire
 
 CONFIG = Config()
 SETTINGS = CONFIG.estimator
+NOT_TRACKED = (0.0,) * 4
+"""It never fits, so it has no tracker."""
 
 
 def f32(value: float) -> float:
@@ -111,7 +113,8 @@ class OwnEstimator:
                 flags |= wire.EstimateFlags.MISSING
             alpha, alpha_std, f, f_std, x, innovation = map(float, numbers)
             place = axis, flags, sample, self._age
-            found.append(wire.Estimate(*place, alpha, alpha_std, f, f_std, x, innovation, *causes))
+            numbers = alpha, alpha_std, f, f_std, x, innovation
+            found.append(wire.Estimate._make([*place, *numbers, *causes, *NOT_TRACKED]))
         return found
 
     def _begin(self) -> None:

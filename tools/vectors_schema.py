@@ -69,6 +69,10 @@ field parameter_variance u32
 field parameter_gate u32
 field state_bound u32
 field memory_order u32
+field tracker_bias f32 unit deg/s
+field tracker_bias_std f32 unit deg/s
+field tracker_state f32 unit deg/s
+field tracker_state_std f32 unit deg/s
 message 6 ESTIMATOR
 field variant u8 enum estimator_variant
 field guard u8 enum estimator_guard
@@ -171,6 +175,7 @@ bit 1 constant
 bit 2 missing
 bit 3 skipped
 bit 4 tuned
+bit 5 tracked
 flags fit_flags
 bit 0 alpha_defined
 bit 1 searched

@@ -92,6 +92,7 @@ class Estimation {
         if (due) {
             message = Estimate();
             axes_[axis_].report(message);
+            if (settings::kFit) noise_.track(axis_, message);
             message.axis = static_cast<Axis>(axis_);
             if (skipped_since_) message.flags |= estimate_flags::skipped;
             message.sample = item.sequence;

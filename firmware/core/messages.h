@@ -9,8 +9,8 @@
 namespace fltea {
 
 constexpr uint8_t kProtocolMajor = 1;
-constexpr uint8_t kProtocolMinor = 4;
-constexpr uint32_t kSchemaHash = 0x72FB870E;
+constexpr uint8_t kProtocolMinor = 5;
+constexpr uint32_t kSchemaHash = 0xFC5D01AB;
 
 constexpr uint32_t kBaud = 250000;
 constexpr size_t kMaxPayload = 240;
@@ -120,6 +120,8 @@ constexpr uint8_t missing = 1u << 2;
 constexpr uint8_t skipped = 1u << 3;
 // Q and R are those of a FIT, no longer those that ESTIMATOR and the start-up window gave
 constexpr uint8_t tuned = 1u << 4;
+// the tracker's figures are there: a FIT of the axis has found its noise
+constexpr uint8_t tracked = 1u << 5;
 }  // namespace estimate_flags
 
 namespace fit_flags {
@@ -292,7 +294,7 @@ struct Fault {
 struct Estimate {
     static constexpr uint8_t type() { return 5; }
     // Bytes of payload.
-    static constexpr size_t size() { return 68; }
+    static constexpr size_t size() { return 84; }
 
     // whose estimate this is
     Axis axis;
@@ -332,6 +334,15 @@ struct Estimate {
     uint32_t state_bound;
     // the memory was asked for an order out of its range
     uint32_t memory_order;
+    // of a sample, by the filter of the noise that FIT tells of: offset and tracker_state; it and all that
+    // follow are 0 without tracked [deg/s]
+    float tracker_bias;
+    // its standard deviation [deg/s]
+    float tracker_bias_std;
+    // the coloured part of the noise, without the offset: 0 of white noise [deg/s]
+    float tracker_state;
+    // its standard deviation [deg/s]
+    float tracker_state_std;
 
     // Calls visitor(name, field) for every field in the order of the wire; Self may be const.
     template <typename Self, typename Visitor>
@@ -355,6 +366,10 @@ struct Estimate {
         visitor("parameter_gate", self.parameter_gate);
         visitor("state_bound", self.state_bound);
         visitor("memory_order", self.memory_order);
+        visitor("tracker_bias", self.tracker_bias);
+        visitor("tracker_bias_std", self.tracker_bias_std);
+        visitor("tracker_state", self.tracker_state);
+        visitor("tracker_state_std", self.tracker_state_std);
     }
 };
 

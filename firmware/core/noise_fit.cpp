@@ -5,6 +5,7 @@
 #include "engine/count_spectrum.hpp"
 #include "engine/fit_bins.hpp"
 #include "engine/sliced_fit.hpp"
+#include "engine/tracked_state.hpp"
 #include "mpu9250.h"
 
 namespace fltea {
@@ -28,6 +29,7 @@ struct NoiseFit::Axis {
     explicit Axis(size_t i) : memory(4 * static_cast<int>(i)) {}
     Octaves octaves;
     whittle::FitMemory memory;
+    whittle::TrackedState tracked;
     uint16_t fits = 0;
 };
 
@@ -36,6 +38,7 @@ struct NoiseFit::Parts {
     Octaves::Passage passage;
     Bins bins;
     whittle::SlicedFit<Bins> fit;
+    whittle::FilterDesign design;
 };
 
 NoiseFit::NoiseFit() {
@@ -62,7 +65,9 @@ void NoiseFit::start(size_t i) {
 void NoiseFit::skip(uint16_t lost) {
     age_ += lost;
     for (size_t i = 0; i < kAxes; ++i) {
-        if (is_started(i)) axis(i).octaves.skip(lost);
+        if (!is_started(i)) continue;
+        axis(i).octaves.skip(lost);
+        axis(i).tracked.skip(lost);
     }
 }
 
@@ -71,6 +76,7 @@ void NoiseFit::add(size_t i, int16_t count) {
     if (!is_started(i)) return;
     Octaves::Passage& passage = parts().passage;
     axis(i).octaves.add(count, passage);
+    axis(i).tracked.next(count);
     passing_ = passage.n > 0 || passage.cut;
     if (passing_) ++passages_;
     passing_axis_ = i;
@@ -112,6 +118,13 @@ NoiseFit::Told NoiseFit::work(Fit& fit, Spectrum& spectrum) {
             return Told::nothing;
         case Stage::fitting:
             if (!parts().fit.work(bins)) return Told::nothing;
+            parts().design.begin(axis(axis_).memory.figures());
+            stage_ = Stage::designing;
+            return Told::nothing;
+        case Stage::designing:
+            if (!parts().design.work()) return Told::nothing;
+            if (axis(axis_).memory.figures().verdict != whittle::Verdict::none)
+                axis(axis_).tracked.set(parts().design.filter());
             tell(fit);
             told_ = fit.number % settings::kSpectrumEvery == 1 ? 0 : bins.size();
             stage_ = Stage::telling;
@@ -121,6 +134,16 @@ NoiseFit::Told NoiseFit::work(Fit& fit, Spectrum& spectrum) {
             begin_axis(axis_ + 1);
             return Told::nothing;
     }
+}
+
+void NoiseFit::track(size_t i, Estimate& message) {
+    if (!is_started(i) || !axis(i).tracked.known()) return;
+    const whittle::TrackedState::Figures found = axis(i).tracked.figures();
+    message.flags |= estimate_flags::tracked;
+    message.tracker_bias = found.bias / kLsb;
+    message.tracker_bias_std = found.bias_std / kLsb;
+    message.tracker_state = found.state / kLsb;
+    message.tracker_state_std = found.state_std / kLsb;
 }
 
 void NoiseFit::tell(Fit& fit) {

@@ -1,6 +1,6 @@
 // The noise of each axis by maximum likelihood: a running spectrum of its counts, and every few seconds the
-// fit of a model to it. All in slices of at most a millisecond or so, of which none waits for another, so
-// that sampling never waits for a fit. Its work is in noise_fit.cpp.
+// fit of a model to it, whose filter tracks the axis from then on. All in slices of at most a millisecond or
+// so, of which none waits for another, so that sampling never waits for a fit. Its work is in noise_fit.cpp.
 #pragma once
 
 #include <stddef.h>
@@ -34,6 +34,9 @@ class NoiseFit {
     bool passing() const { return passing_; }
     void pass();
 
+    // Fills in the tracker's figures of an axis, if there are any.
+    void track(size_t axis, Estimate& message);
+
     // A fit is due or on its way.
     bool busy() const { return stage_ != Stage::idle || (started_ != 0 && is_due()); }
     // What a slice has led to: what is to be sent before the next one.
@@ -44,7 +47,7 @@ class NoiseFit {
     // Spectra, bins and fit: of the engine, which is compiled once, in noise_fit.cpp.
     struct Parts;
     struct Axis;
-    enum class Stage { idle, gathering, fitting, telling };
+    enum class Stage { idle, gathering, fitting, designing, telling };
 
     Parts& parts() { return *reinterpret_cast<Parts*>(storage_); }
     Axis& axis(size_t i);
@@ -56,7 +59,7 @@ class NoiseFit {
     void tell(Fit& fit);
     bool tell(Spectrum& spectrum);
 
-    static constexpr size_t kBytes = 40288;
+    static constexpr size_t kBytes = 41512;
     alignas(8) unsigned char storage_[kBytes];
     Stage stage_ = Stage::idle;
     size_t axis_ = 0;        // that is being fitted

@@ -11,6 +11,8 @@ from fltea.records.records import DeviceEstimates, DeviceFits
 from fltea.wire import layout as wire
 from spectrum_probe import BoardSpectrum
 
+from tools.due_run import Arrival
+
 # The probe is compiled first.
 pytestmark = pytest.mark.timeout(300)
 
@@ -23,6 +25,42 @@ def steps(run: DueRun, but_at_s: float = -1.0) -> set[int]:
     samples = [frame for frame in frames if abs(frame.device_us * 1e-6 - but_at_s) > 0.05]
     assert not any(frame.message.flags & wire.SampleFlags.LATE for frame in samples)
     return {b.device_us - a.device_us for a, b in pairwise(samples) if b.sequence == a.sequence + 1}
+
+
+def track_as_a_pc_does(run: DueRun, fit_at: Arrival) -> list[wire.Estimate]:
+    """Hold what the board tracks from the first fit of an axis to the next to a PC's; return it."""
+    fit = fit_at.frame.message
+    axis = wire.Axis(fit.axis).name.lower()
+    samples = run.of(wire.Sample)
+    counts = np.array([getattr(one.frame.message, axis) for one in samples], dtype=np.int16)[STARTUP:]
+    first = samples[STARTUP].frame.sequence
+    fits = [one for one in run.of(wire.Fit) if one.frame.message.axis == fit.axis]
+    ends = [one.at_s for one in fits if one.at_s > fit_at.at_s]
+    until_s = min([*ends, run.arrivals[-1].at_s]) - 0.2
+    sent = [
+        message
+        for one in run.of(wire.Estimate)
+        if isinstance(message := one.frame.message, wire.Estimate)
+        and message.axis == fit.axis
+        and one.at_s < until_s
+    ]
+    tracked = [one for one in sent if one.flags & wire.EstimateFlags.TRACKED]
+    untracked = [one for one in sent if not one.flags & wire.EstimateFlags.TRACKED]
+    assert {one[-4:] for one in untracked} == {(0.0,) * 4}
+    assert tracked[0].sample - untracked[-1].sample == 10
+    # Between those two it has begun, at a sample that nothing tells.
+    wanted = [one[-4:] for one in tracked]
+    found = []
+    for begin in range(untracked[-1].sample - first + 1, tracked[0].sample - first + 1):
+        pc = BoardSpectrum()
+        pc.add(counts[: fit.age])
+        pc.fit()
+        pc.track(counts[:begin])
+        pc.retrack()
+        after = (pc.track(counts[begin:]).astype(np.float32) / np.float32(16.4)).astype(float)
+        found.append([tuple(after[one.sample - first - begin]) for one in tracked] == wanted)
+    assert found.count(True) == 1
+    return tracked
 
 
 @pytest.mark.slow
@@ -59,6 +97,12 @@ def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
     variance = float(np.var(counts[STARTUP : STARTUP + fit.age] / 16.4))
     assert power == pytest.approx(variance, rel=0.2)
 
+    told = run.of(wire.Fit)[0]
+    assert {one.tracker_state for one in track_as_a_pc_does(run, told)} == {0.0}, "it is white"
+    newest = [record for record in run.records if isinstance(record, DeviceEstimates)][-1].axes
+    assert newest["gyro_y"].tracker_bias is None
+    assert newest["gyro_x"].tracker_bias == run.of(wire.Estimate)[-3].frame.message.tracker_bias
+
     # 6 % of the time for fits; an instruction takes a cycle here.
     while_searching = [a.frame.message.cpu_share for a in run.of(wire.Status) if 17 < a.at_s < 24]
     assert len(while_searching) == 7
@@ -94,6 +138,9 @@ def test_a_build_that_tunes_hands_its_fit_to_its_filters(tmp_path: Path) -> None
         if arrival.at_s < fits[0].at_s - 0.3 or message.axis != fit.axis or is_tuned:
             assert (message.flags & wire.EstimateFlags.TUNED > 0) == is_tuned
     assert run.of(wire.Estimator)[-1].frame.message.r_x == fit.r
+    tracked = track_as_a_pc_does(run, fits[0])
+    assert len(tracked) > 25
+    assert len({one.tracker_state for one in tracked}) > 25
     # Fitted here of the same bins, the order is the same.
     whole = [record for record in run.records if isinstance(record, DeviceFits)][-1].axes["gyro_x"]
     assert whole.spectrum is not None

@@ -9,6 +9,7 @@
 #include "engine/count_spectrum.hpp"
 #include "engine/fit_bins.hpp"
 #include "engine/sliced_fit.hpp"
+#include "engine/tracked_state.hpp"
 #include "estimation.h"
 #include "mpu9250.h"
 #include "noise_fit.h"
@@ -426,6 +427,52 @@ TEST_CASE("noise fit: samples that found the queue full are lost to the spectrum
     estimation->report(report);
     CHECK(report.skipped == 7);
     CHECK(report.fit_every == settings::kFitEvery);
+}
+
+TEST_CASE("noise fit: an axis is tracked by its newest fit, lost samples predicted") {
+    Fitting f;
+    whittle::TrackedState alone[3];
+    size_t set = 0;
+    for (int k = 0; k < 4000; ++k) {
+        if (k == 1500 || k == 2500) {
+            const uint16_t lost = k == 1500 ? 3 : 70;
+            f.skip(lost);
+            for (whittle::TrackedState& one : alone) one.skip(lost);
+        }
+        std::vector<Counts> same = f.noise;
+        f.add();
+        for (size_t i = 0; i < 3; ++i) alone[i].next(same[i]());
+        f.work();
+        for (; set < f.fits.size(); ++set) {
+            const size_t i = static_cast<size_t>(f.fits[set].axis);
+            whittle::FilterDesign design;
+            design.begin(f.at_once(i));
+            while (!design.work()) {
+            }
+            alone[i].set(design.filter());
+        }
+        for (size_t i = 0; i < 3; ++i) {
+            fltea::Estimate message = {};
+            f.fit->track(i, message);
+            REQUIRE(((message.flags & fltea::estimate_flags::tracked) != 0) == alone[i].known());
+            if (!alone[i].known()) {
+                REQUIRE(message.tracker_bias == 0);
+                continue;
+            }
+            const whittle::TrackedState::Figures expected = alone[i].figures();
+            REQUIRE(message.tracker_bias == expected.bias / kCountsPerDps);
+            REQUIRE(message.tracker_bias_std == expected.bias_std / kCountsPerDps);
+            REQUIRE(message.tracker_state == expected.state / kCountsPerDps);
+            REQUIRE(message.tracker_state_std == expected.state_std / kCountsPerDps);
+        }
+    }
+    CHECK(set >= 3 * 9);
+    // What begins again is not known.
+    f.fit->begin();
+    f.fit->start(0);
+    fltea::Estimate message = {};
+    f.fit->track(0, message);
+    CHECK((message.flags & fltea::estimate_flags::tracked) == 0);
 }
 
 // --- within the device ---

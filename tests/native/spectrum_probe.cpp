@@ -1,11 +1,13 @@
-// The device's running spectrum and fit of one axis behind a C interface, for tests in Python: a shared
-// library.
+// The device's running spectrum, fit and tracked state of one axis behind a C interface, for tests in Python:
+// a shared library.
 #include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <new>
 
 #include "fit_bins.hpp"
 #include "sliced_fit.hpp"
+#include "tracked_state.hpp"
 
 namespace {
 
@@ -17,7 +19,16 @@ struct Axis {
     Bins bins;
     fltea::whittle::SlicedFit<Bins> fit;
     fltea::whittle::FitMemory memory;
+    fltea::whittle::TrackedState tracked;
 };
+
+void design(Axis* axis, const fltea::whittle::FitFigures& figures) {
+    fltea::whittle::FilterDesign design;
+    design.begin(figures);
+    while (!design.work()) {
+    }
+    axis->tracked.set(design.filter());
+}
 
 }  // namespace
 
@@ -51,4 +62,26 @@ void spectrum_fit(Axis* axis, double* out) {
                              static_cast<float>(axis->fit.evaluations())};
     for (float one : numbers) *out++ = static_cast<double>(one);
 }
+// From the next tracked sample on the filter is that of the last fit.
+void spectrum_retrack(Axis* axis) { design(axis, axis->memory.figures()); }
+// The same of a fit that is given: verdict; α, g, s2, R, or 1 - φ, variance, R.
+void spectrum_design(Axis* axis, const double* given) {
+    fltea::whittle::FitFigures figures = fltea::whittle::FitFigures();
+    figures.verdict = static_cast<fltea::whittle::Verdict>(static_cast<int>(given[0]));
+    figures.alpha = figures.relaxation_fall = static_cast<float>(given[1]);
+    figures.g = figures.relaxation_variance = static_cast<float>(given[2]);
+    figures.s2 = figures.relaxation_R = static_cast<float>(given[3]);
+    figures.R = static_cast<float>(given[4]);
+    design(axis, figures);
+}
+// Bias, its deviation, state and its deviation after each count: four numbers each, 0 without a filter.
+void spectrum_track(Axis* axis, std::size_t n, const std::int16_t* counts, double* out) {
+    for (std::size_t k = 0; k < n; ++k) {
+        axis->tracked.next(counts[k]);
+        fltea::whittle::TrackedState::Figures f = fltea::whittle::TrackedState::Figures();
+        if (axis->tracked.known()) f = axis->tracked.figures();
+        for (float one : {f.bias, f.bias_std, f.state, f.state_std}) *out++ = static_cast<double>(one);
+    }
+}
+void spectrum_lose(Axis* axis, std::size_t lost) { axis->tracked.skip(static_cast<std::uint32_t>(lost)); }
 }

@@ -51,7 +51,7 @@ def test_numbers_that_do_not_fit_raise(value: int) -> None:
         encode(wire.Sample(value, 0, 0, 0, 0, 0, 0, 0), 0, 0)
 
 
-FLOATS = wire.Estimate(0, 1, 2, 3, *(0.0,) * 6, *(0,) * 9)
+FLOATS = wire.Estimate(0, 1, 2, 3, *(0.0,) * 6, *(0,) * 9, *(0.0,) * 4)
 BEYOND = 2.0**128 - 2.0**103
 """Half-way between the largest f32 and the next that there would be."""
 

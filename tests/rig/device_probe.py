@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 VARIANTS = ("joint", "triple")
-FIELDS = Estimate._fields
+FIELDS = Estimate._fields[: Estimate._fields.index("tracker_bias")]
+"""What the estimator says; the tracker is that of the fits (spectrum_probe)."""
 
 COUNTS = np.ctypeslib.ndpointer(np.int16, flags="C")
 BYTES = np.ctypeslib.ndpointer(np.uint8, flags="C")

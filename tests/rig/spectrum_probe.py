@@ -41,6 +41,10 @@ def library() -> ctypes.CDLL:
         ("spectrum_add", None, pointer, size, COUNTS),
         ("spectrum_skip", None, pointer, size),
         ("spectrum_fit", None, pointer, DOUBLES),
+        ("spectrum_retrack", None, pointer),
+        ("spectrum_design", None, pointer, DOUBLES),
+        ("spectrum_track", None, pointer, size, COUNTS, DOUBLES),
+        ("spectrum_lose", None, pointer, size),
     )
     return shared_library(SOURCES, BUILD, "spectrum_probe", functions)
 
@@ -67,3 +71,22 @@ class BoardSpectrum:
         out = np.empty(len(BoardFit._fields))
         library().spectrum_fit(self._axis, out)
         return BoardFit(*out.tolist())
+
+    def retrack(self) -> None:
+        """Track the next samples by the last fit."""
+        library().spectrum_retrack(self._axis)
+
+    def track_by(self, verdict: int, *numbers: float) -> None:
+        """Track the next samples by a fit: α, g, s2 and R, or of a relaxation 1 - φ, variance and R."""
+        given = np.array([verdict, *numbers, *[0.0] * (4 - len(numbers))])
+        library().spectrum_design(self._axis, given)
+
+    def track(self, counts: NDArray[np.int16]) -> NDArray[np.float64]:
+        """Return bias, its deviation, state and its deviation after each count, (n, 4)."""
+        out = np.empty((len(counts), 4))
+        library().spectrum_track(self._axis, len(counts), np.ascontiguousarray(counts), out)
+        return out
+
+    def lose(self, lost: int) -> None:
+        """Let the tracker take note that so many samples were lost before the next one."""
+        library().spectrum_lose(self._axis, lost)

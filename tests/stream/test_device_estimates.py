@@ -77,6 +77,32 @@ def rounded(one: wire.Estimate) -> tuple[float, ...]:
     return back.alpha, back.alpha_std, back.f, back.f_std, back.state, back.innovation
 
 
+def test_what_the_device_tracks_is_published_from_its_first_fit_on() -> None:
+    numbers = {
+        "tracker_bias": 0.5,
+        "tracker_bias_std": 0.25,
+        "tracker_state": -0.125,
+        "tracker_state_std": 1.0,
+    }
+    sent = [*Board().run(noise(200))]
+    fitted = changed(
+        sent,
+        wire.Estimate,
+        lambda one: one.at >= 150 and one.message.axis == wire.Axis.GYRO_Y,
+        flags=wire.EstimateFlags.VALID | wire.EstimateFlags.TRACKED,
+        **numbers,
+    )
+    compared = of(DeviceEstimates, feed(pipeline("both"), events(fitted)))
+    for e in compared:
+        for axis, a in e.axes.items():
+            known = e.seq >= 150 and axis == "gyro_y"
+            assert [getattr(a, name) for name in numbers] == [x if known else None for x in numbers.values()]
+    assert compared[-1].seq == 199
+    beyond = changed(sent, wire.Estimate, flags=wire.EstimateFlags.TRACKED, tracker_state_std=math.nan)
+    last = of(DeviceEstimates, feed(pipeline("both"), events(beyond)))[-1].axes["gyro_x"]
+    assert (last.tracker_bias, last.tracker_state_std) == (0.0, None)
+
+
 def test_the_device_says_bias_r_restarts_and_interventions() -> None:
     sent = [*Board().run(noise(201))]
     sent = list(changed(sent, wire.Estimate, order_gate=3))

@@ -136,7 +136,7 @@ SMALL = f32(0.01)
         (wire.Status(1, 2, 3, 4, 5, 255, 6, 7), "255 (unknown)", "  longest_step 7"),
         (wire.Status(1, 2, 3, 4, 5, 77, 6, 7), "  reset_cause 77  ", "  longest_step 7"),
         (
-            wire.Estimate(1, 9, 7, 8, *[0.1] * 6, *[0] * 9),
+            wire.Estimate(1, 9, 7, 8, *[0.1] * 6, *[0] * 9, *[0.1] * 4),
             "  axis 1 (gyro_y)  flags 9 (valid|skipped)  sample 7  age 8  alpha 0.1  ",
             "",
         ),

@@ -27,10 +27,12 @@ DUE = (
 )
 MOST_S = 600
 """Of the emulated board's time, at its slow clock after reset."""
-PHASES = ("sample", "level", "bins", "first fit", "next fit")
-LAYOUT = struct.Struct("<2I4f9I" + 3 * f"{len(PHASES)}I")
+PHASES = ("sample", "level", "bins", "first fit", "next fit", "filter", "track")
+LAYOUT = struct.Struct("<2I4f10I" + 3 * f"{len(PHASES)}I")
 NOISES = ("kSlow", "kWhite", "kFast", "kFullScale", "kConstant")
 """That the program makes; its Kind says what they are."""
+FILTERS = 3
+"""That the program makes."""
 FIT_EVERY_S = 3.0
 """Assumed for the share of the processor."""
 
@@ -53,8 +55,9 @@ class Found(NamedTuple):
     levels: int
     evaluations: tuple[int, int]
     """of the first fit and of the next"""
-    bytes: tuple[int, int, int, int]
-    """of an axis's spectrum, of the bins, of a fit, and of what is kept of an axis from fit to fit"""
+    bytes: tuple[int, int, int, int, int]
+    """of an axis's spectrum, of the bins, of a fit, of what is kept of an axis from fit to fit, and of its
+    tracker"""
     phases: dict[str, Phase]
 
 
@@ -109,8 +112,10 @@ def measure(samples: int = 60_000) -> dict[str, Any]:
     """Both runs, and the share of the processor that three axes take."""
     due, pc = on_due(samples), on_pc(samples)
     taken = due.phases["sample"].instructions + due.phases["level"].instructions
-    a_fit = due.phases["bins"].instructions + due.phases["next fit"].instructions
-    a_second = AXES * (taken / samples * RATE_HZ + a_fit / FIT_EVERY_S)
+    track = due.phases["track"].instructions / due.phases["track"].calls
+    a_filter = due.phases["filter"].instructions / FILTERS
+    a_fit = due.phases["bins"].instructions + due.phases["next fit"].instructions + a_filter
+    a_second = AXES * ((taken / samples + track) * RATE_HZ + a_fit / FIT_EVERY_S)
     return {
         "samples": samples,
         "same_bits_as_on_a_pc": due.hash == pc.hash,
@@ -118,6 +123,8 @@ def measure(samples: int = 60_000) -> dict[str, Any]:
         "instructions_of_bins": due.phases["bins"].instructions,
         "instructions_of_the_first_fit": due.phases["first fit"].instructions,
         "instructions_of_the_next_fit": due.phases["next fit"].instructions,
+        "instructions_of_a_filter": round(a_filter),
+        "instructions_of_the_tracker_a_sample": round(track),
         "evaluations": list(due.evaluations),
         "longest_slice": {name: phase.longest for name, phase in due.phases.items()},
         "share_percent": round(100 * a_second * CYCLES / CLOCK_HZ, 1),
@@ -127,7 +134,7 @@ def measure(samples: int = 60_000) -> dict[str, Any]:
 
 def text(found: dict[str, Any]) -> str:
     """The figures for people."""
-    spectrum, bins, fit, kept = found["bytes"]
+    spectrum, bins, fit, kept, tracked = found["bytes"]
     return "\n".join(
         [
             f"spectrum and fit of an axis, {found['samples']:,} samples on the emulated Due: instructions",
@@ -135,10 +142,12 @@ def text(found: dict[str, Any]) -> str:
             f"{'bins for a fit':36} {found['instructions_of_bins']:>12,}",
             f"{'first fit, from a grid':36} {found['instructions_of_the_first_fit']:>12,}",
             f"{'next fit, from the last answer':36} {found['instructions_of_the_next_fit']:>12,}",
+            f"{'filter of a fit':36} {found['instructions_of_a_filter']:>12,}",
+            f"{'tracker, a sample':36} {found['instructions_of_the_tracker_a_sample']:>12,}",
             f"three axes at 100 Hz, fitted every {FIT_EVERY_S:g} s: {found['share_percent']} % of an 84 MHz "
             f"processor, if an instruction takes {CYCLES} cycles",
             "longest slices: " + ", ".join(f"{name} {n:,}" for name, n in found["longest_slice"].items()),
-            f"bytes: {spectrum:,} and {kept:,} an axis, {bins:,} and {fit:,} for bins and fit",
+            f"bytes: {spectrum:,}, {kept:,} and {tracked:,} an axis, {bins:,} and {fit:,} for bins and fit",
             f"the same bits as on this machine: {'yes' if found['same_bits_as_on_a_pc'] else 'NO'}",
         ]
     )
@@ -146,8 +155,8 @@ def text(found: dict[str, Any]) -> str:
 
 def _read(data: bytes) -> Found:
     values = LAYOUT.unpack(data)
-    _, hash_, alpha, alpha_std, _, _, _, cold, warm, bins, levels, spectrum, *of_fit = values[:15]
-    counts = values[15:]
+    _, hash_, alpha, alpha_std, _, _, _, cold, warm, bins, levels, spectrum, *of_fit = values[:16]
+    counts = values[16:]
     n = len(PHASES)
     phases = {name: Phase(counts[i], counts[n + i], counts[2 * n + i]) for i, name in enumerate(PHASES)}
     return Found(hash_, alpha, alpha_std, bins, levels, (cold, warm), (spectrum, *of_fit), phases)

@@ -1,12 +1,13 @@
-// The device's running spectrum and fit of one axis on noise of its own making: on the emulated Due, where it
-// counts its instructions, and on a PC, where the same bits must come out (spectrum_cost.py, which defines
-// SAMPLES and NOISE, one of Kind). All noise is in integers.
+// The device's running spectrum, fit and tracked state of one axis on noise of its own making: on the
+// emulated Due, where it counts its instructions, and on a PC, where the same bits must come out
+// (spectrum_cost.py, which defines SAMPLES and NOISE, one of Kind). All noise is in integers.
 #include <stdint.h>
 
 #include <new>
 
 #include "fit_bins.hpp"
 #include "sliced_fit.hpp"
+#include "tracked_state.hpp"
 
 namespace {
 
@@ -15,14 +16,14 @@ typedef fltea::engine::FitBins<Octaves> Bins;
 typedef fltea::whittle::SlicedFit<Bins> Fit;
 typedef fltea::whittle::FitMemory Memory;
 
-enum Phase { kSample, kLevel, kBins, kColdFit, kWarmFit, kPhases };
+enum Phase { kSample, kLevel, kBins, kColdFit, kWarmFit, kDesign, kTrack, kPhases };
 
 struct Results {
     uint32_t done;
     uint32_t hash;  // of all sums, bins and figures
     float alpha, alpha_std, ratio_white, ratio_ar1;
     uint32_t verdict, evaluations_cold, evaluations_warm, bins, depth;
-    uint32_t octaves_bytes, bins_bytes, fit_bytes, memory_bytes;
+    uint32_t octaves_bytes, bins_bytes, fit_bytes, memory_bytes, tracked_bytes;
     uint32_t calls[kPhases], instructions[kPhases], longest[kPhases];
 };
 
@@ -32,6 +33,8 @@ alignas(8) unsigned char octaves_storage[sizeof(Octaves)];
 alignas(8) unsigned char bins_storage[sizeof(Bins)];
 alignas(8) unsigned char fit_storage[sizeof(Fit)];
 alignas(8) unsigned char memory_storage[sizeof(Memory)];
+alignas(8) unsigned char design_storage[sizeof(fltea::whittle::FilterDesign)];
+alignas(8) unsigned char tracked_storage[sizeof(fltea::whittle::TrackedState)];
 
 #if defined(__arm__)
 volatile uint32_t& at(uint32_t address) { return *reinterpret_cast<volatile uint32_t*>(address); }
@@ -108,6 +111,39 @@ void fit_once(const Bins& bins, Fit& fit, Memory& memory, Phase phase) {
     }
 }
 
+// Track some of the same noise by the fit, by an order, and again by the fit.
+void track(const fltea::whittle::FitFigures& found) {
+    fltea::whittle::FilterDesign& design = *new (design_storage) fltea::whittle::FilterDesign;
+    fltea::whittle::TrackedState& tracked = *new (tracked_storage) fltea::whittle::TrackedState;
+    fltea::whittle::FitFigures order = fltea::whittle::FitFigures();
+    order.verdict = fltea::whittle::Verdict::fractional;
+    order.alpha = 0.7f, order.g = -0.08f, order.s2 = 4.0f, order.R = 12.0f;
+    const fltea::whittle::FitFigures* const figures[] = {&found, &order, &found};
+    Noise noise;
+    for (int k = 0; k < 1200; ++k) {
+        if (k % 300 == 0 && k > 0) {
+            design.begin(*figures[k / 300 - 1]);
+            for (bool done = false; !done;) {
+                const uint32_t begun = now();
+                done = design.work();
+                count(kDesign, begun);
+            }
+            tracked.set(design.filter());
+            tracked.skip(3);
+        }
+        const int16_t sample = noise();
+        const uint32_t begun = now();
+        tracked.next(sample);
+        count(kTrack, begun);
+        if (k % 10 != 0 || !tracked.known()) continue;
+        const fltea::whittle::TrackedState::Figures now_known = tracked.figures();
+        mix(now_known.bias);
+        mix(now_known.bias_std);
+        mix(now_known.state);
+        mix(now_known.state_std);
+    }
+}
+
 void run() {
     Octaves& octaves = *new (octaves_storage) Octaves;
     Bins& bins = *new (bins_storage) Bins;
@@ -152,6 +188,7 @@ void run() {
     const fltea::whittle::FitFigures& figures = memory.figures();
     const float told[] = {figures.alpha, figures.alpha_std, figures.g, figures.s2, figures.R};
     for (float one : told) mix(one);
+    if (figures.verdict != fltea::whittle::Verdict::none) track(figures);
     results.alpha = figures.alpha;
     results.alpha_std = figures.alpha_std;
     results.ratio_white = figures.ratio_white;
@@ -163,6 +200,7 @@ void run() {
     results.bins_bytes = sizeof(Bins);
     results.fit_bytes = sizeof(Fit);
     results.memory_bytes = sizeof(Memory);
+    results.tracked_bytes = sizeof(fltea::whittle::TrackedState);
     results.done = 1;
 }
 

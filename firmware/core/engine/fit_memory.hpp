@@ -18,13 +18,15 @@ enum class Verdict : int {
 
 struct FitFigures {
     Verdict verdict;
-    // Of white noise all of them are 0, but R.
+    // Of white noise all of them are 0, but R and the relaxation's.
     // alpha_std: α ± 1.96 of it holds the 95 % interval of the likelihood; 0 if it is not known.
     float alpha, alpha_std;
     float g;            // h^α f
     float s2, R;        // in the squared unit of the bins' powers
     float ratio_white;  // 2 log L of orders up to 1 above white noise
     float ratio_ar1;    // 2 log L of the fractional model above AR(1)
+    // The relaxation: 1 - φ, its variance, and that of the white noise with it.
+    float relaxation_fall, relaxation_variance, relaxation_R;
     float ordinates;
     bool alpha_defined;  // the interval of α is not nearly all that is possible
 };
@@ -58,6 +60,16 @@ class FitMemory {
         bool known;
         unsigned char look;  // the place on the grid to look at next
     };
+    void note_relaxation(float unit) {
+        const Answer& answer = answers_[kRelaxation];
+        if (!answer.known) return;
+        // Near 0 the logit's other side has all digits.
+        const float fall = 2.0f * Share<float>(-answer.theta[0]).value, power = answer.scale * unit;
+        figures_.relaxation_fall = fall;
+        figures_.relaxation_variance = Share<float>(answer.theta[1]).value * power / (fall * (2.0f - fall));
+        figures_.relaxation_R = Share<float>(-answer.theta[1]).value * power;
+    }
+
     Answer answers_[kModels];
     OrderEnds ends_;
     FitFigures figures_;

@@ -329,6 +329,7 @@ class SlicedFit {
         f.ordinates = target_.ordinates;
         f.ratio_white = 2.0f * (memory_->answers_[kWhiteNoise].nll - memory_->answers_[kUpToOne].nll);
         f.ratio_ar1 = 2.0f * (memory_->answers_[kRelaxation].nll - best_.nll);
+        memory_->note_relaxation(target_.unit());
         // The best fractional model of white noise may give its power to the state.
         if (f.ratio_white < null_quantile(level_, f.ordinates)) {
             f.verdict = Verdict::white;

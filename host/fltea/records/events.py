@@ -109,11 +109,21 @@ def block_of(samples: Sequence[RawSample]) -> RawBlock:
     )
 
 
+class DeviceTracker(NamedTuple):
+    """What the device tracks of one axis by the filter of its own fit, as it is, finite or not."""
+
+    bias_dps: float
+    bias_std_dps: float
+    state_dps: float
+    state_std_dps: float
+
+
 class DeviceAxis(NamedTuple):
     """What the device itself makes of one axis after one sample.
 
     sequence: of the message; sample: of the sample, both may wrap. age: steps since the start-up window, the
     first one is 1. The numbers are the device's as they are: meaningless where not valid, finite or not.
+    tracker: None before the device's first fit of the axis.
     """
 
     sequence: int
@@ -133,6 +143,7 @@ class DeviceAxis(NamedTuple):
     state_dps: float
     innovation_dps: float
     interventions: dict[str, int]
+    tracker: DeviceTracker | None = None
 
 
 class DeviceEstimator(NamedTuple):

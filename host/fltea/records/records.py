@@ -121,10 +121,14 @@ class DeviceAxisEstimate(AxisEstimate, frozen=True, forbid_unknown_fields=True, 
 
     age: steps since the device's start-up window, the first one is 1. The differences are the device's
     estimate minus the host's after the same sample; null where the two cannot be compared, and why_not says
-    why.
+    why. tracker_*: bias and state by the filter of the device's own fit; null before its first fit.
     """
 
     age: int
+    tracker_bias: float | None = None
+    tracker_bias_std: float | None = None
+    tracker_state: float | None = None
+    tracker_state_std: float | None = None
     alpha_difference: float | None = None
     f_difference: float | None = None
     state_difference: float | None = None

@@ -1,6 +1,7 @@
 """A board's estimate of an axis as records state it, alone or with its difference from the host's (pure)."""
 
 import math
+from typing import TypedDict
 
 from fltea.records.events import DeviceAxis
 from fltea.records.records import AxisEstimate, DeviceAxisEstimate, WhyNot
@@ -30,7 +31,9 @@ def compare(
         same_settings=same_settings and not e.tuned,
     )
     if why_not is not None or host is None or host.alpha is None or host.f is None or host.state is None:
-        return DeviceAxisEstimate(*numbers, valid, age=e.age, why_not=why_not or "host_not_valid")
+        return DeviceAxisEstimate(
+            *numbers, valid, age=e.age, why_not=why_not or "host_not_valid", **_tracked(e)
+        )
     return DeviceAxisEstimate(
         *numbers,
         valid,
@@ -38,6 +41,7 @@ def compare(
         alpha_difference=finite(e.alpha - host.alpha),
         f_difference=finite(e.f - host.f),
         state_difference=finite(e.state_dps - host.state),
+        **_tracked(e),
     )
 
 
@@ -66,6 +70,25 @@ def why_not_comparable(
     if device_skipped:
         return "device_skipped"
     return None if same_settings else "other_settings"
+
+
+class _Tracked(TypedDict, total=False):
+    tracker_bias: float | None
+    tracker_bias_std: float | None
+    tracker_state: float | None
+    tracker_state_std: float | None
+
+
+def _tracked(e: DeviceAxis) -> _Tracked:
+    if e.tracker is None:
+        return {}
+    bias, bias_std, state, state_std = map(finite, e.tracker)
+    return {
+        "tracker_bias": bias,
+        "tracker_bias_std": bias_std,
+        "tracker_state": state,
+        "tracker_state_std": state_std,
+    }
 
 
 _Six = tuple[float | None, float | None, float | None, float | None, float | None, float | None]

@@ -16,8 +16,8 @@ from struct import Struct
 from typing import Any, ClassVar, Final, NamedTuple, Self, TypeAlias
 
 PROTOCOL_MAJOR: Final = 1
-PROTOCOL_MINOR: Final = 4
-SCHEMA_HASH: Final = 0x72FB870E
+PROTOCOL_MINOR: Final = 5
+SCHEMA_HASH: Final = 0xFC5D01AB
 
 BAUD: Final = 250000
 MAX_PAYLOAD: Final = 240
@@ -187,6 +187,8 @@ class EstimateFlags(IntFlag):
     """Since the start-up window samples were skipped: no host can give the same estimate."""
     TUNED = 1 << 4
     """Q and R are those of a FIT, no longer those that ESTIMATOR and the start-up window gave."""
+    TRACKED = 1 << 5
+    """The tracker's figures are there: a FIT of the axis has found its noise."""
 
 
 class FitFlags(IntFlag):
@@ -381,10 +383,19 @@ class _EstimateFields(NamedTuple):
     """The innovation of the state exceeded 4 sigma, or a prediction went beyond all that was seen."""
     memory_order: int
     """The memory was asked for an order out of its range."""
+    tracker_bias: float
+    """Of a sample, by the filter of the noise that FIT tells of: offset and tracker_state; it and all that
+    follow are 0 without tracked [deg/s]."""
+    tracker_bias_std: float
+    """Its standard deviation [deg/s]."""
+    tracker_state: float
+    """The coloured part of the noise, without the offset: 0 of white noise [deg/s]."""
+    tracker_state_std: float
+    """Its standard deviation [deg/s]."""
 
 
-class Estimate(_EstimateFields, _Packed, type=5, layout="<BBHIffffffIIIIIIIII"):
-    """Message ESTIMATE: type 5, 68 bytes of payload.
+class Estimate(_EstimateFields, _Packed, type=5, layout="<BBHIffffffIIIIIIIIIffff"):
+    """Message ESTIMATE: type 5, 84 bytes of payload.
 
     What the device itself makes of one axis after one sample. Counts of the guard run since the axis last
     began, and say how often it stepped in.

@@ -2,12 +2,13 @@
 
 from enum import IntEnum
 
-from fltea.records.events import DeviceAxis, DeviceBins, DeviceEstimator, DeviceFit
+from fltea.records.events import DeviceAxis, DeviceBins, DeviceEstimator, DeviceFit, DeviceTracker
 from fltea.records.records import DeviceStatus, Hello
 from fltea.wire import layout as wire
 from fltea.wire.sensors import sensor_name
 
-CAUSES = wire.Estimate._fields[wire.Estimate._fields.index("order_box") :]
+_FIELDS = wire.Estimate._fields
+CAUSES = _FIELDS[_FIELDS.index("order_box") : _FIELDS.index("tracker_bias")]
 """Fields of ESTIMATE that count what the guard did; the host's engine has the same names."""
 
 BINS = sum(field.startswith("frequency_") for field in wire.Spectrum._fields)
@@ -75,6 +76,9 @@ def axis_event(e: wire.Estimate, sequence: int, host_ns: int) -> DeviceAxis:
         state_dps=e.state,
         innovation_dps=e.innovation,
         interventions={cause: n for cause in CAUSES if (n := getattr(e, cause))},
+        tracker=DeviceTracker(e.tracker_bias, e.tracker_bias_std, e.tracker_state, e.tracker_state_std)
+        if e.flags & flags.TRACKED
+        else None,
     )
 
 

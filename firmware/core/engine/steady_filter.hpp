@@ -1,0 +1,270 @@
+// The filter of the noise that the device's fit has found: relaxations in white noise, and the steady gains
+// of their Kalman filter, a slice at a time. An order is a sum of relaxations with poles that are given.
+//
+// With relaxations only there is no Riccati equation to be solved: the spectrum
+// R + Σ q_i / |1 - a_i e^-iλ|² is a function of s = -|1 - e^-iλ|² whose poles and zeros are real, one zero b
+// beside each pole a, so that S Π|1 - b_i e^-iλ|² / Π|1 - a_i e^-iλ|² is found by bisection, and the gains
+// are residues of that.
+#ifndef FLTEA_STEADY_FILTER_HPP
+#define FLTEA_STEADY_FILTER_HPP
+
+#include "fit_memory.hpp"
+#include "whittle_shapes.hpp"
+
+namespace fltea {
+namespace whittle {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+// x_i <- a_i x_i; e = y - Σ x_i; x_i <- x_i + K_i e.
+struct SteadyFilter {
+    // The first place is that of a relaxation that was found; the others stand for orders.
+    enum { kPlaces = 8 };
+
+    float fall[kPlaces];      // 1 - a
+    float variance[kPlaces];  // of the part; 0: it is not there
+    float gain[kPlaces];      // K
+    float R, S;               // of the white noise, and of the innovations
+    float of_state;           // variance of the state, given all samples and the offset
+    float answer;             // of the innovations to a constant of 1, once all has settled
+};
+
+class FilterDesign {
+  public:
+    enum { kPlaces = SteadyFilter::kPlaces };
+
+    // Of a fit that has found something.
+    void begin(const FitFigures& figures) {
+        filter_ = SteadyFilter();
+        for (int i = 0; i < kPlaces; ++i) filter_.fall[i] = fall_of(i);
+        filter_.R = figures.R;
+        step_ = kZeros;
+        if (figures.verdict == Verdict::relaxation) {
+            filter_.fall[0] = figures.relaxation_fall;
+            filter_.variance[0] = figures.relaxation_variance;
+            filter_.R = figures.relaxation_R;
+        } else if (figures.verdict == Verdict::fractional) {
+            begin_order(figures);
+        }
+    }
+
+    // A slice. True when it is done.
+    bool work() {
+        if (step_ < kRows) {
+            add_row();
+        } else if (step_ < kZeros) {
+            sweep();
+        } else if (step_ < kGains) {
+            if (!find_zero(step_ - kZeros)) return false;
+        } else if (step_ < kDone) {
+            find_gain(step_ - kGains);
+        } else {
+            conclude();
+            return true;
+        }
+        ++step_;
+        return false;
+    }
+
+    const SteadyFilter& filter() const { return filter_; }
+
+  private:
+    enum {
+        kRows = 12,  // frequencies, at which relaxations have to be what an order is
+        kSweeps = 12,
+        kZeros = kRows + kSweeps,
+        kGains = kZeros + kPlaces,
+        kDone = kGains + kPlaces,
+        kBisections = 8,  // a slice
+        kSame = 8         // units of the last place
+    };
+    static constexpr float kLowest = 3e-4f, kRatio = 2.2977f;  // of the frequencies, in rad a sample
+    // Of white noise's power: what is weaker than that is made up less exactly.
+    static constexpr float kMatters = 0.3f;
+
+    static float fall_of(int place) {
+        static const float falls[kPlaces] = {1,         1,          0.75f,       1.0f / 8,
+                                             1.0f / 64, 1.0f / 512, 1.0f / 4096, 1.75f};
+        return falls[place];
+    }
+
+    // A frequency as the shapes of spectra want it.
+    struct Frequency {
+        explicit Frequency(float lam) : lam_(lam), size_(2.0f * math::sin_pi(lam * 0.1591549431f)) {}
+        float ln_size(std::size_t) const { return math::log(size_); }
+        float quarter(std::size_t) const { return (3.1415926536f - lam_) * 0.5f; }
+        float turn(std::size_t) const { return lam_; }
+        float square() const { return size_ * size_; }
+
+      private:
+        float lam_, size_;
+    };
+
+    void begin_order(const FitFigures& figures) {
+        shape_.shape[0] = figures.alpha;
+        shape_.shape[1] = figures.g;
+        s2_ = figures.s2;
+        lam_ = kLowest;
+        for (int i = 0; i < kPlaces; ++i) {
+            right_[i] = 0;
+            for (int j = 0; j < kPlaces; ++j) gram_[i][j] = 0;
+        }
+        step_ = 0;
+    }
+
+    // Least squares for the variances, of relative distances: another frequency.
+    void add_row() {
+        const Frequency at(lam_);
+        lam_ *= kRatio;
+        float part = 0, shape[kPlaces];
+        Fractional<float>(shape_).parts(at, 0, &part);
+        const float wanted = s2_ * part, weight = 1.0f / (wanted + kMatters * filter_.R);
+        for (int i = 1; i < kPlaces; ++i) {
+            const float fall = filter_.fall[i], square = at.square();
+            shape[i] = weight * fall * (2.0f - fall) / (fall * fall + (1.0f - fall) * square);
+            right_[i] += shape[i] * (weight * wanted);
+            for (int j = 1; j <= i; ++j) gram_[i][j] += shape[i] * shape[j];
+        }
+    }
+
+    // None of them is negative.
+    void sweep() {
+        for (int i = 1; i < kPlaces; ++i) {
+            float rest = right_[i];
+            for (int j = 1; j < kPlaces; ++j) {
+                if (j != i) rest -= (j < i ? gram_[i][j] : gram_[j][i]) * filter_.variance[j];
+            }
+            filter_.variance[i] = math::fmax(rest / gram_[i][i], 0);
+        }
+    }
+
+    bool there(int i) const { return filter_.variance[i] > 0; }
+    // White for the next sample, though it is part of the state.
+    bool white(int i) const { return filter_.fall[i] == 1.0f; }
+    bool coloured(int i) const { return there(i) && !white(i); }
+    bool turns(int i) const { return filter_.fall[i] > 1.0f; }
+    // |a| and 1 - |a|.
+    float size(int i) const { return turns(i) ? filter_.fall[i] - 1.0f : 1.0f - filter_.fall[i]; }
+    float short_of_one(int i) const { return turns(i) ? 2.0f - filter_.fall[i] : filter_.fall[i]; }
+    // Where the pole of a part is: |s| of it, or beyond -4.
+    float pole(int i) const { return short_of_one(i) * short_of_one(i) / size(i); }
+
+    // The zero beside a pole: by how much it is farther from 0.
+    bool find_zero(int i) {
+        if (!coloured(i)) return true;
+        if (low_ == high_) begin_zero(i);
+        for (int k = 0; k < kBisections && high_ - low_ > kSame; ++k) {
+            const std::uint32_t middle = (low_ + high_) / 2;
+            (beyond(i, of_bits(middle)) > 0 ? high_ : low_) = middle;
+        }
+        if (high_ - low_ > kSame) return false;
+        apart_[i] = of_bits(low_);
+        low_ = high_ = 0;
+        const float at = pole(i) + apart_[i], root = math::sqrt(at * at + 4.0f * at);
+        zero_[i] = 2.0f / (2.0f + at + root);
+        zero_short_of_one_[i] = (at + root) / (2.0f + at + root);
+        return true;
+    }
+
+    void begin_zero(int i) {
+        measured_ = filter_.R;
+        float all = 0;
+        for (int j = 0; j < kPlaces; ++j) {
+            if (there(j) && white(j)) measured_ += filter_.variance[j];
+            if (!coloured(j)) continue;
+            poles_[j] = pole(j);
+            strength_[j] = filter_.variance[j] * filter_.fall[j] * (2.0f - filter_.fall[j]) / size(j);
+            if (turns(j) == turns(i)) all += strength_[j];
+        }
+        float most = all / measured_;
+        for (int j = 0; j < kPlaces; ++j) {
+            if (coloured(j) && turns(j) == turns(i) && poles_[j] > poles_[i])
+                most = math::fmin(most, poles_[j] - poles_[i]);
+        }
+        low_ = 0x00800000;
+        high_ = bits_of(most);
+        if (high_ < low_) high_ = low_ + 1;
+    }
+
+    // The spectrum so far beyond the pole.
+    float beyond(int i, float d) const {
+        float sum = measured_;
+        for (int j = 0; j < kPlaces; ++j) {
+            if (!coloured(j)) continue;
+            sum += strength_[j] /
+                   (turns(j) == turns(i) ? poles_[j] - poles_[i] - d : 4.0f + poles_[j] + poles_[i] + d);
+        }
+        return sum;
+    }
+
+    // The residue of Π(1 - b z) / Π(1 - a z) at a pole, over a.
+    void find_gain(int i) {
+        if (!coloured(i)) return;
+        float gain = apart_[i] * zero_[i] / between(size(i), short_of_one(i), i);
+        for (int j = 0; j < kPlaces; ++j) {
+            if (j == i || !coloured(j)) continue;
+            if (turns(i) != turns(j)) {
+                gain *= (size(i) + zero_[j]) / (size(i) + size(j));
+                continue;
+            }
+            const float gap = poles_[j] - poles_[i];
+            const float of_poles = short_of_one(i) + short_of_one(j) * size(i);
+            gain *= (gap + apart_[j]) / gap * (zero_[j] / size(j)) *
+                    (of_poles / between(size(i), short_of_one(i), j));
+        }
+        filter_.gain[i] = gain;
+    }
+
+    // 1 - a b_j of a pole and a zero on the same side.
+    float between(float a, float short_of_one, int j) const {
+        return short_of_one + a * zero_short_of_one_[j];
+    }
+
+    void conclude() {
+        // S over the white noise of the measurements is Π a/b; less 1, so that little is not lost.
+        float more = 0, slow = 0, now = 0;
+        float measured = filter_.R;
+        for (int i = 0; i < kPlaces; ++i) {
+            if (!there(i)) continue;
+            if (white(i)) {
+                now += filter_.variance[i];
+                continue;
+            }
+            const float of_one = apart_[i] * size(i) / between(size(i), short_of_one(i), i);
+            more += of_one + more * of_one;
+            slow += filter_.gain[i] * (1.0f - filter_.fall[i]) / filter_.fall[i];
+        }
+        measured += now;
+        const float predicted = now + measured * more;
+        filter_.S = filter_.R + predicted;
+        for (int i = 0; i < kPlaces; ++i) {
+            if (there(i) && white(i)) filter_.gain[i] = filter_.variance[i] / filter_.S;
+        }
+        filter_.of_state = filter_.R * predicted / filter_.S;
+        filter_.answer = 1.0f / (1.0f + slow);
+    }
+
+    static std::uint32_t bits_of(float x) {
+        std::uint32_t bits = 0;
+        std::memcpy(&bits, &x, sizeof bits);
+        return bits;
+    }
+    static float of_bits(std::uint32_t bits) {
+        float x = 0;
+        std::memcpy(&x, &bits, sizeof x);
+        return x;
+    }
+
+    SteadyFilter filter_;
+    int step_ = 0;
+    Natural<float> shape_;
+    float s2_, lam_, gram_[kPlaces][kPlaces], right_[kPlaces];
+    std::uint32_t low_ = 0, high_ = 0;  // the bits of a zero's distance lie between them
+    float measured_, poles_[kPlaces], strength_[kPlaces];
+    float apart_[kPlaces], zero_[kPlaces], zero_short_of_one_[kPlaces];
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace whittle
+}  // namespace fltea
+
+#endif
