@@ -10,6 +10,7 @@ from fltea.noise import parts as p
 from fltea.spectrum.frontier import Frontier, Sentence, native, order_in_white, order_of
 from fltea.spectrum.intervals import CRITICAL, estimated, order_fit
 from fltea.spectrum.periodogram import Binned
+from fltea.spectrum.reading import read
 from identify_support import H
 from scipy.optimize import minimize
 from sentence_support import bins, closed_form
@@ -245,3 +246,12 @@ def test_what_is_no_sentence_is_refused(codes: list[int]) -> None:
     fits = native(bins([p.White(1.0)], 5000, H, 1), H, 0)
     with pytest.raises(ValueError, match=r"sentence|part|eta"):
         fits.fit(codes, [0.0] * 3)
+
+
+def test_what_is_left_at_the_zero_of_a_mean_is_no_rise() -> None:
+    f = Frontier(bins([p.White(1.0), p.Mean(4), p.Floor(1e-3)], 200_000, H, 1), H, 0)
+    mean_of_4, alternating = p.MEAN_FROM + 4, p.CODES.index(p.Alternating)
+    f.plain = Sentence((0, mean_of_4, alternating), (0.0, 2.2, -11.5), f.plain.nll)
+    found = read(f, 0.01)
+    assert found.low_pass is not None
+    assert not found.rises

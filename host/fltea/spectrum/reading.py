@@ -53,8 +53,8 @@ STANDS_OUT, ASIDE = 1.2, 3.0
 """The density of a resonance over that on both sides, at so many times its frequency and a part of it."""
 SMOOTHS = -0.15
 """s of a short filter that is a low-pass."""
-RISES = 1.05
-"""The density at the highest frequencies over that at the lowest."""
+RISES, HIGHEST = 1.05, 0.85
+"""The density at the highest frequencies, from so much of half the rate on, over that at the lowest."""
 
 
 class Reading(NamedTuple):
@@ -86,7 +86,7 @@ def read(f: Frontier, from_hz: float, peaks: Sequence[Peak] = (), apart: float =
     """
     sentence, h = f.plain, f.h
     parts = [part for part in sentence.parts(h) if not _is_skirt(part, peaks)]
-    first, last = _ends(sentence, h, from_hz)
+    first, last = _ends(f, from_hz)
     relaxations = sorted((p for p in parts if isinstance(p, Relaxation)), key=corner_hz)
     low_pass = _filter(parts, h)
     if low_pass is None and relaxations:
@@ -167,11 +167,15 @@ def _stands_out(sentence: Sentence, part: Resonance, h: float) -> bool:
     return bool(top > STANDS_OUT * max(sides))
 
 
-def _ends(sentence: Sentence, h: float, from_hz: float) -> tuple[float, float]:
-    """Return the density at the lowest frequency, and the mean of the highest ones."""
-    lam = np.concatenate([[max(2 * np.pi * from_hz * h, 1e-3)], np.linspace(0.85, 1.0, 8) * np.pi])
-    density = sentence.spectrum(np.minimum(lam, np.pi), h)
-    return float(density[0]), float(density[1:].mean())
+def _ends(f: Frontier, from_hz: float) -> tuple[float, float]:
+    """Return the density of the best sentence at the lowest frequency, and the mean of the highest ones.
+
+    These are the fitted ones, since a filter's zeros are filled by what lies between neighbours.
+    """
+    low = np.array([min(max(2 * np.pi * from_hz * f.h, 1e-3), np.pi)])
+    high = f.data.lam >= min(HIGHEST * np.pi, f.data.lam[-1])
+    density = f.plain.spectrum(f.data.lam, f.h)[high]
+    return float(f.plain.spectrum(low, f.h)[0]), float(np.average(density, weights=f.data.counts[high]))
 
 
 def _lowest(part: Relaxation, h: float) -> float:
