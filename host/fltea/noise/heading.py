@@ -1,0 +1,120 @@
+"""How far a heading is off some time after the last sample at rest, by the system of a rate's noise (pure).
+
+A heading is the integral of the rate minus its prediction, which is made of nothing but the samples at rest.
+Times are taken in samples, by squaring: an hour costs as little as a second.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.noise.system import System
+
+Array = NDArray[np.float64]
+
+LONGEST_REST_S = 86400.0
+NEAR = 1.01
+"""A time to rest is found within this factor."""
+
+
+class Ahead(NamedTuple):
+    """The angle after some samples: what x makes of it, and the covariance of what comes on top."""
+
+    row: Array
+    """The angle is row @ x, and noise, where x is that of the last sample at rest; (n,)."""
+    variance: float
+    """Of that noise."""
+
+    def std(self, P: Array) -> float:
+        """Return the standard deviation of the angle; P: covariance of x after the last sample at rest."""
+        return math.sqrt(max(float(self.row @ P @ self.row) + self.variance, 0.0))
+
+
+class Rest(NamedTuple):
+    """How long to rest, in s; None, for a reason, if no rest is enough."""
+
+    rest_s: float | None
+    reason: str = ""
+
+
+def ahead(system: System, h: float, t_s: float) -> Ahead:
+    """Return the angle t_s after the last sample at rest; h: sampling period in s."""
+    n = len(system.a)
+    driven = system.c @ system.Q
+    F, Q = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
+    F[:n, :n], F[n, :n], F[n, n] = system.A, h * (system.c @ system.A), 1.0
+    Q[:n, :n], Q[n, :n], Q[:n, n] = system.Q, h * driven, h * driven
+    Q[n, n] = h * h * (float(driven @ system.c) + system.R)
+    to, noise = np.eye(n + 1), np.zeros((n + 1, n + 1))
+    count = max(round(t_s / h), 1)
+    while count:
+        if count & 1:
+            to, noise = F @ to, F @ noise @ F.T + Q
+        F, Q, count = F @ F, F @ Q @ F.T + Q, count >> 1
+    return Ahead(to[n, :n], float(noise[n, n]))
+
+
+def heading_std(system: System, P: Array, h: float, t_s: float) -> float:
+    """Return the standard deviation of the heading, in deg for a rate in deg/s; arguments as of `ahead`.
+
+    P: covariance of x after the last sample at rest, as `rested` gives it.
+    """
+    return ahead(system, h, t_s).std(P)
+
+
+def rested(system: System, samples: int) -> Array:
+    """Return the covariance of x after so many samples at rest, of which the first is the first ever."""
+    s, n = system, len(system.a)
+    if not n:
+        return np.zeros((0, 0))
+    P, one, count = s.P0, np.eye(n), max(samples, 1) - 1
+    # X goes to H + A X (1 + G X)^-1 A^T in 1, 2, 4 … samples.
+    A, G, H = s.A, np.outer(s.c, s.c) / s.R, s.Q
+    while count:
+        if count & 1:
+            P = H + A @ P @ np.linalg.solve(one + G @ P, A.T)
+            P = (P + P.T) / 2
+        left = np.linalg.solve(one + H @ G, np.hstack([A, H]))
+        A, G, H = A @ left[:, :n], G + A.T @ G @ left[:, :n], H + A @ left[:, n:] @ A.T
+        G, H, count = (G + G.T) / 2, (H + H.T) / 2, count >> 1
+    return updated(s, P)
+
+
+def updated(system: System, P: Array) -> Array:
+    """Return the covariance after a sample; P: before it."""
+    gain = P @ system.c
+    return np.asarray(P - np.outer(gain, gain) / (float(gain @ system.c) + system.R))
+
+
+def bias_std(system: System, P: Array) -> float:
+    """Return the standard deviation of the bias, which is the state and the offset; P as of `heading_std`."""
+    row = np.maximum(system.signal, system.a == 1.0) * system.c
+    return math.sqrt(max(float(row @ P @ row), 0.0))
+
+
+def heading_stds(system: System, P: Array, h: float, times_s: Sequence[float]) -> list[float]:
+    """Return the same as `heading_std` for several times."""
+    return [heading_std(system, P, h, t_s) for t_s in times_s]
+
+
+def rest_for(system: System, h: float, t_s: float, within: float) -> Rest:
+    """Return how long to rest so that the heading's standard deviation is at most `within` after t_s."""
+    at = ahead(system, h, t_s)
+
+    def std(rest_s: float) -> float:
+        return at.std(rested(system, max(round(rest_s / h), 1)))
+
+    best = std(LONGEST_REST_S)
+    if best > within:
+        # 2 digits of what is possible, for a person.
+        return Rest(None, f"No rest is enough: after {t_s:g} s the heading is good to ± {best:.2g} at best.")
+    low, high = h, LONGEST_REST_S
+    if std(low) <= within:
+        return Rest(low)
+    while high / low > NEAR:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if std(middle) <= within else (middle, high)
+    return Rest(high)

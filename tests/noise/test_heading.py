@@ -1,0 +1,78 @@
+"""How far a heading is off after a rest."""
+
+import numpy as np
+import pytest
+from fltea.noise.heading import heading_std, rest_for, rested
+from fltea.noise.parts import Relaxation, Walk, White
+from fltea.noise.system import System, system
+
+H = 0.01
+NOISES = {
+    "white": (White(0.01),),
+    "walk": (White(0.01), Walk(0.02)),
+    "relaxation": (White(0.01), Relaxation(0.05, 2.0)),
+}
+
+
+def _system(name: str) -> System:
+    found = system(NOISES[name], H, 60000)
+    return found if found.walks else found.with_offset()
+
+
+def _filtered(s: System, samples: int) -> np.ndarray:
+    P = s.P0
+    for k in range(samples):
+        gain = P @ s.c
+        after = P - np.outer(gain, gain) / (gain @ s.c + s.R)
+        P = s.A @ after @ s.A.T + s.Q if k < samples - 1 else after
+    return P
+
+
+@pytest.mark.parametrize("name", NOISES)
+@pytest.mark.parametrize("samples", [1, 7, 1000])
+def test_the_covariance_after_a_rest_is_that_of_one_sample_after_another(name: str, samples: int) -> None:
+    s = _system(name)
+    assert rested(s, samples) == pytest.approx(_filtered(s, samples), rel=1e-5, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", NOISES)
+def test_headings_of_many_simulated_sensors_spread_as_is_said(name: str) -> None:
+    s, rest, more, many = _system(name), 300, 137, 4000
+    rng = np.random.default_rng(29)
+    root = np.linalg.cholesky(s.Q + 1e-30 * np.eye(len(s.a)))
+    # What is not known before is of this much, lest the true bias be large.
+    x = rng.normal(size=(many, len(s.a))) * np.sqrt(np.diag(s.P0))
+    mean, P, angle = np.zeros_like(x), s.P0, np.zeros(many)
+    for k in range(rest + more):
+        y = x @ s.c + rng.normal(size=many) * np.sqrt(s.R)
+        if k < rest:
+            gain = P @ s.c / (s.c @ P @ s.c + s.R)
+            mean = mean + np.outer(y - mean @ s.c, gain)
+            P = P - np.outer(gain, s.c @ P)
+        else:
+            angle += H * (y - mean @ s.c)
+        x = x @ s.A.T + rng.normal(size=x.shape) @ root.T
+        mean, P = mean @ s.A.T, s.A @ P @ s.A.T + s.Q
+    expected = heading_std(s, rested(s, rest), H, more * H)
+    assert angle.std() == pytest.approx(expected, rel=0.04)  # 3.5 deviations of a spread of 4000
+
+
+def test_the_heading_of_white_noise_is_its_random_walk_and_that_of_its_mean() -> None:
+    s, n, t = _system("white"), 6000, 60.0
+    expected = np.sqrt(0.01 * H * t + t**2 * 0.01 / n)
+    assert heading_std(s, rested(s, n), H, t) == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_rest_is_as_long_as_the_heading_needs() -> None:
+    s = _system("white")
+    found = rest_for(s, H, 60.0, 0.1)
+    assert found.rest_s is not None
+    n = found.rest_s / H
+    assert heading_std(s, rested(s, round(n)), H, 60.0) <= 0.1
+    assert heading_std(s, rested(s, round(n / 1.05)), H, 60.0) > 0.1
+
+
+def test_no_rest_is_enough_for_a_heading_better_than_the_noise_of_its_own_minute() -> None:
+    found = rest_for(_system("walk"), H, 60.0, 0.1)
+    assert found.rest_s is None
+    assert "No rest is enough" in found.reason
