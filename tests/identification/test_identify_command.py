@@ -119,7 +119,7 @@ def test_both_sensors_in_one_command(
     path = npz(tmp_path / "a.npz", counts(900), accel_raw=accel, accel_lsb_per_g=16384.0)
     imu, model, filter_ = (tmp_path / name for name in ("imu.yaml", "model.json", "filter.json"))
     files = ("--imu-yaml", imu, "--export-model", model, "--gauss-markov", filter_)
-    assert here(monkeypatch, path, *files, "--inflate", "5,10") == 0
+    assert here(monkeypatch, path, *files, "--inflate", "5,10", "--details") == 0
     out = capsys.readouterr().out
     for text in ("accel_x: white", "accel_z: white", "N [deg/√h]", "N [m/s²/√Hz]"):
         assert text in out
@@ -132,7 +132,7 @@ def test_both_sensors_in_one_command(
     assert list(read_models(model).accel_axes) == ["accel_x", "accel_z"]
     found = json.loads(filter_.read_text())["accel_axes"]["accel_z"]
     assert found["N"]["value"] == pytest.approx(16 * 9.80665 / 16384 / 10, rel=0.1)
-    assert here(monkeypatch, path, "--channels", "accel_x") == 0
+    assert here(monkeypatch, path, "--channels", "accel_x", "--details") == 0
     out = capsys.readouterr().out
     assert "gyro_x" not in out
     assert "over last third" in out
@@ -145,9 +145,10 @@ def test_table_files_and_notch(
     """With the line left out both are white; models and imu.yaml are what their readers want."""
     model, yaml = tmp_path / "model.json", tmp_path / "imu.yaml"
     flags = ("--notch", "20±0.5", "--variant", "triple", "--export-model", model, "--imu-yaml", yaml)
-    assert here(monkeypatch, recording, *flags) == 0
+    assert here(monkeypatch, recording, *flags, "--details") == 0
     out = capsys.readouterr().out
-    assert out.count(": white. White noise. The null test does not reject") == 2
+    assert out.count(": white · α undefined · f undefined · bias ") == 2
+    assert out.count("\n  White noise. The null test does not reject") == 2
     for text in ("3,000 samples, 30.0 s", "FLTEA triple α", "FLTEA joint α", "shuffled gives", "undefined"):
         assert text in out
     assert out.index("FLTEA triple α") < out.index("FLTEA joint α")  # the one asked for first
@@ -163,7 +164,7 @@ def test_what_was_found_is_told_before_a_file_fails(
     flags = ("--channels", "gyro_x", "--export-model", tmp_path / "no" / "model.json")
     assert here(monkeypatch, recording, *flags) == 1
     said = capsys.readouterr()
-    assert "gyro_x: white." in said.out
+    assert "gyro_x: white ·" in said.out
     assert "model.json: cannot be written" in said.err
 
 
@@ -186,7 +187,7 @@ def test_a_bad_file_among_others(
     assert here(monkeypatch, tmp_path / "away.npz", recording, bad, "--channels", "gyro_x") == 2
     said = capsys.readouterr()
     assert "away.npz: there is no such file." in said.out
-    assert "gyro_x: white." in said.out
+    assert "gyro_x: white ·" in said.out
     assert "Summary" in said.out
     assert said.out.count("failed") == 2
     lines = said.err.splitlines()

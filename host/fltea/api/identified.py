@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from fltea.api._html import axis_html, page
 from fltea.api._tables import ByAxis, frame, row
 from fltea.identification.axis import AxisResult
+from fltea.identification.forecast import Forecast, Now
 from fltea.records.fit import FitSpectrum, FittedAxis
 
 if TYPE_CHECKING:
@@ -24,6 +25,10 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     std: float
     """Standard deviation."""
     spectrum: FitSpectrum
+    now: Now | None
+    """The bias at the end of the record, and how far the heading is off after a minute."""
+    forecast: Forecast | None
+    """With `forecast=True`."""
     details: AxisResult
     """All figures of `fltea identify`: parts, N, K, sentences that did not win, peaks, FLTEA."""
 

@@ -93,7 +93,9 @@ class Recording(Mapping[str, Array]):
         """What is wrong with the recording as a whole; empty where nothing is."""
         return self._loaded.traps
 
-    def identify(self, *, from_hz: float = 0.0, notch_hz: Sequence[tuple[float, float]] = ()) -> Report:
+    def identify(
+        self, *, from_hz: float = 0.0, notch_hz: Sequence[tuple[float, float]] = (), forecast: bool = False
+    ) -> Report:
         """Tell what the noise of each axis is; arguments as of `fltea.identify`.
 
         Raises:
@@ -103,7 +105,7 @@ class Recording(Mapping[str, Array]):
         h, found = self._loaded.h, {}
         for name, series in self._loaded.axes.items():
             try:
-                found[name] = of_series(name, series, h, options)
+                found[name] = of_series(name, series, h, options, forecast=forecast)
             except ValueError as error:
                 raise ValueError(f"{self.name}, {name}: {error}") from error
         return Report(found)

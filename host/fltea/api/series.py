@@ -9,6 +9,7 @@ from fltea.api._check import one_axis, period_s
 from fltea.api.identified import Identified
 from fltea.identification.axis import IdentifyOptions, identified, look
 from fltea.identification.load import Series
+from fltea.identification.run import forecasts
 from fltea.spectrum.fit_allan import fit_allan
 from fltea.spectrum.live_axes import spectrum_of
 
@@ -22,6 +23,7 @@ def identify(
     lsb: float | None = None,
     from_hz: float = 0.0,
     notch_hz: Sequence[tuple[float, float]] = (),
+    forecast: bool = False,
 ) -> Identified:
     """Tell what the noise of one axis of a resting sensor is.
 
@@ -33,16 +35,19 @@ def identify(
         lsb: one count in the unit of y, if it is known.
         from_hz: leave out what is slower, in Hz.
         notch_hz: bands (low, high) in Hz that are left out.
+        forecast: tell how far the heading is off by time, too, with the second half as judge.
 
     Raises:
         ValueError: y is not finite, not (n,), constant or too short; a rate or band that is impossible.
     """
     h = period_s(rate_hz)
     options = IdentifyOptions(from_hz=from_hz, notch_hz=tuple((low, high) for low, high in notch_hz))
-    return of_series(axis, Series(one_axis(y), unit, lsb), h, options)
+    return of_series(axis, Series(one_axis(y), unit, lsb), h, options, forecast=forecast)
 
 
-def of_series(axis: str, series: Series, h: float, options: IdentifyOptions) -> Identified:
+def of_series(
+    axis: str, series: Series, h: float, options: IdentifyOptions, *, forecast: bool = False
+) -> Identified:
     """Return the same of an axis of a recording."""
     looked = look(series.y, h, options, series.gaps)
     found = identified(looked, series.lsb, options)
@@ -51,6 +56,7 @@ def of_series(axis: str, series: Series, h: float, options: IdentifyOptions) -> 
     curve = fit_allan(tuple(sums), samples, h, series.unit, noise, found.level.N.value)
     if curve is not None:
         curve = replace(curve, K=found.level.K.value)
+    bias, ahead = forecasts(looked, options, series.unit, forecast=forecast)
     return Identified(
         axis=axis,
         unit=series.unit,
@@ -68,5 +74,7 @@ def of_series(axis: str, series: Series, h: float, options: IdentifyOptions) -> 
         R=found.order.R,
         allan=curve,
         spectrum=spectrum_of(looked.summed.lines, noise),
+        now=bias,
+        forecast=ahead,
         details=found,
     )

@@ -41,6 +41,15 @@ def identify(
         typer.Option(metavar="DIR", help="Write report.html, complete in itself, and its figures as PNG."),
     ] = None,
     config: ConfigFile = None,
+    details: Annotated[bool, typer.Option("--details", help="Show the table of all figures, too.")] = False,
+    forecast: Annotated[
+        bool,
+        typer.Option(
+            "--forecast",
+            help="Tell how far the heading is off by time, and let the second half of the recording judge "
+            "what the first half's model says.",
+        ),
+    ] = False,
     shuffles: Annotated[
         int, typer.Option(metavar="N", min=0, help="Shuffled copies that are estimated beside the data.")
     ] = 200,
@@ -173,7 +182,7 @@ def identify(
     ]
     if len(requests) > 1 and files_wanted.any:
         raise UsageError("--export-model, --imu-yaml and --gauss-markov are for one recording.")
-    by = run.Settings(options, chosen.estimator, chosen.accel, figures=report is not None)
+    by = run.Settings(options, chosen.estimator, chosen.accel, figures=report is not None, forecast=forecast)
     reports = _run(requests, by, jobs, dask)
     # First of all, lest a file that cannot be written costs what took minutes to compute.
     if as_json:
@@ -181,7 +190,7 @@ def identify(
             json_module.dumps(findings.document(reports), ensure_ascii=False, allow_nan=False) + "\n"
         )
     else:
-        _show(reports)
+        _show(reports, details=details)
     if report is not None:
         written = page.write(report, reports)
         say(f"fltea: {written[0]}, and {len(written) - 1} figures")
@@ -248,7 +257,7 @@ def _workers(jobs: int | None, dask: str | None) -> "Workers":
     return workers
 
 
-def _show(reports: "Sequence[FileReport]") -> None:
+def _show(reports: "Sequence[FileReport]", *, details: bool) -> None:
     """Write tables on stdout."""
     from rich.console import Console
 
@@ -257,7 +266,7 @@ def _show(reports: "Sequence[FileReport]") -> None:
     text = io.StringIO()  # rich itself ends the program if stdout cannot be written
     console = Console(file=text, force_terminal=sys.stdout.isatty() or None)
     for number, one in enumerate(reports):
-        show(console, one, first=number == 0)
+        show(console, one, first=number == 0, details=details)
     if len(reports) > 1:
         summary(console, reports)
     print_result(text.getvalue())

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from fltea.identification.allan import scales
 from fltea.identification.curves import Curves
+from fltea.identification.forecast import WITHIN, integral
 from fltea.identification.run import AxisReport
 from fltea.noise.parts import spectrum
 from fltea.spectrum.allan_coefficients import FLICKER
@@ -35,6 +36,8 @@ def draw(axis: AxisReport) -> dict[str, bytes]:
 
 
 def _has(name: str, axis: AxisReport) -> bool:
+    if name == "forecast":
+        return axis.forecast is not None
     if name == "allan":
         return axis.allan is not None
     return name not in ("trajectory", "innovations") or axis.result.fltea is not None
@@ -169,6 +172,22 @@ def _allan(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     axes.legend(fontsize=8, loc="best")
 
 
+def _forecast(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
+    axes, f, unit = figure.subplots(), axis.forecast, integral(axis.unit).strip()
+    assert f is not None
+    axes.plot(f.t_s, f.heading_std, label="from the end of the recording", **OWN)
+    if f.judged:
+        t, said, seen, count = np.array([(p.t_s, p.said, p.seen, p.pieces) for p in f.judged]).T
+        # Of a root mean square of so many, Wilson & Hilferty (1931).
+        middle, spread = 1 - 2 / (9 * count), WITHIN * np.sqrt(2 / (9 * count))
+        low, high = (said * np.maximum(middle + way * spread, 0) ** 1.5 for way in (-1, 1))
+        axes.fill_between(t, low, high, color=BAND, alpha=0.7, linewidth=0, label="95 % of what is seen")
+        axes.plot(t, said, label="said by the first half", **RIVAL)
+        axes.plot(t, seen, ".", label="seen in the second half", **DATA)
+    axes.set(xscale="log", yscale="log", xlabel="time after rest [s]", ylabel=f"heading, σ [{unit}]")
+    axes.legend(fontsize=8, loc="best")
+
+
 def _innovations(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     axes, rho = figure.subplots(), curves.autocorrelation
     lags = np.arange(1, len(rho) + 1)
@@ -186,6 +205,7 @@ _PAINTERS = {
     "profile": _profile,
     "trajectory": _path,
     "allan": _allan,
+    "forecast": _forecast,
     "innovations": _innovations,
 }
 
@@ -210,6 +230,11 @@ TITLES = {
         "Allan deviation",
         "Dashed, with the 5 to 95 % of its simulations: noise drawn from the sentence of the verdict and the "
         "peaks beside it. Where it leaves the data, the model does not reproduce the sensor.",
+    ),
+    "forecast": (
+        "How far the heading is off",
+        "Points outside of the grey band: the model of the first half does not hold in the second. "
+        "Pieces of one length do not overlap; those of several lengths are the same samples.",
     ),
     "innovations": (
         "Autocorrelation of FLTEA's innovations",

@@ -1,5 +1,6 @@
 """What was found out, as rows for people (terminal and page) and as one JSON object for programs."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -8,6 +9,7 @@ import msgspec
 from fltea.identification.allan import scales
 from fltea.identification.axis import AxisResult
 from fltea.identification.fltea_fit import FlteaFit
+from fltea.identification.forecast import SAID_S, integral
 from fltea.identification.load import GYRO_UNIT
 from fltea.identification.run import AxisReport, Failure, FileReport
 from fltea.identification.shuffled import ShuffledBand
@@ -67,7 +69,52 @@ def _axis(axis: AxisReport | Failure) -> dict[str, Any]:
         "reproduction": msgspec.to_builtins(axis.reproduction),
         "allan_reason": axis.allan_reason,
         "traps": msgspec.to_builtins(axis.traps),
+        "now": msgspec.to_builtins(axis.now),
+        "forecast": msgspec.to_builtins(axis.forecast),
     }
+
+
+def lead(axis: AxisReport) -> str:
+    """Return what comes first of an axis: verdict, order, the bias at the end, and the heading."""
+    r, now = axis.result, axis.now
+    found = [r.verdict.kind, f"α {_interval(r.order.alpha)}", f"f {_interval(r.order.f)}"]
+    if now is not None:
+        end = " at the end" if r.level.K.value is not None else ""
+        found += [
+            f"bias{end} {rounded(now.bias, now.bias_std)} {axis.unit}",
+            f"{'heading' if axis.unit == GYRO_UNIT else 'integral'} ± {now.heading_std:.2g}"
+            f"{integral(axis.unit)} after {SAID_S:g} s",
+        ]
+    return " · ".join(found)
+
+
+def rounded(value: float, std: float) -> str:
+    """Return a figure with its deviation, which has two digits."""
+    if not std > 0:
+        return f"{value:.4g} ± {std:.2g}"
+    places = max(1 - math.floor(math.log10(std)), 0)
+    return f"{value:.{places}f} ± {std:.{places}f}"
+
+
+def forecast_rows(axis: AxisReport) -> list[tuple[str, ...]]:
+    """Return what was said and seen by time, under `FORECAST_HEADINGS`."""
+    if axis.forecast is None:
+        return []
+    its = integral(axis.unit)
+    return [
+        (
+            f"{one.t_s:g} s",
+            f"{one.said:.2g}{its}",
+            f"{one.seen:.2g}{its}",
+            f"{100 * one.within:.0f} %",
+            f"{one.pieces}",
+            "fails" if one.fails else "holds",
+        )
+        for one in axis.forecast.judged
+    ]
+
+
+FORECAST_HEADINGS = ("after", "said", "seen", "within 95 %", "pieces", "")
 
 
 def heading(report: FileReport) -> str:

@@ -103,7 +103,7 @@ def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Itera
     for name, axis in report.axes.items():
         if isinstance(axis, AxisReport):
             text = escape(axis.result.verdict.text)
-            yield f'<p class="verdict"><b>{name}: {escape(axis.result.verdict.kind)}.</b> {text}</p>'
+            yield f'<p class="verdict"><b>{name}: {escape(findings.lead(axis))}.</b> {text}</p>'
         else:
             yield f'<p class="verdict"><b>{name}</b>: <span class="bad">{escape(axis.error)}</span></p>'
     yield from map(_table, findings.by_sensor(good))
@@ -116,6 +116,7 @@ def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Itera
         yield f'<p class="faint">{escape(findings.settings(axis))}</p>'
         if axis.reproduction is not None:
             yield f'<p class="faint">{escape(axis.reproduction.text)}</p>'
+        yield _forecast(axis)
         yield '<div class="figures">'
         for kind, png in pictures.get(name, {}).items():
             title, meaning = figures.TITLES[kind]
@@ -126,6 +127,18 @@ def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Itera
             )
         yield "</div>"
     yield "</section>"
+
+
+def _forecast(axis: AxisReport) -> str:
+    if axis.forecast is None:
+        return ""
+    text = f"<h3>Forecast of the heading</h3><p>{escape(axis.forecast.text)}</p>"
+    head = "".join(f"<th>{escape(one)}</th>" for one in findings.FORECAST_HEADINGS)
+    lines = [
+        "<tr>" + "".join(f"<td>{escape(one)}</td>" for one in row) + "</tr>"
+        for row in findings.forecast_rows(axis)
+    ]
+    return text + (wide_table(f"<thead><tr>{head}</tr></thead>", lines) if lines else "")
 
 
 def _table(axes: dict[str, AxisReport]) -> str:

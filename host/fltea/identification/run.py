@@ -12,10 +12,19 @@ from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from fltea.identification.allan import Allan, allan, with_level
-from fltea.identification.axis import AxisResult, IdentifyOptions, identified, look, with_copies
+from fltea.identification.axis import (
+    AxisResult,
+    IdentifyOptions,
+    Looked,
+    identified,
+    look,
+    with_copies,
+)
 from fltea.identification.curves import Curves, curves
+from fltea.identification.forecast import Forecast, Now, SentenceParts, found
 from fltea.identification.gaps import longest_epoch
 from fltea.identification.load import Loaded, Request, Series, Unreadable, load
 from fltea.identification.noise_model import AxisModel, modelled
@@ -27,7 +36,7 @@ from fltea.identification.workers import Workers
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
-from fltea.spectrum.wording import duration
+from fltea.spectrum.wording import duration, names
 
 CHECK_S = 5.0
 """Seconds between two looks at whether the workers are still there."""
@@ -60,6 +69,9 @@ class AxisReport(msgspec.Struct, frozen=True):
     allan_reason: str
     traps: tuple[Trap, ...]
     curves: Curves | None
+    now: Now | None = None
+    """The bias at the end of the longest stretch."""
+    forecast: Forecast | None = None
 
 
 @dataclass
@@ -81,6 +93,7 @@ class Settings(msgspec.Struct, frozen=True):
     accel: AccelConfig = AccelConfig()
     figures: bool = False
     """Make what figures are drawn from."""
+    forecast: bool = False
 
     def of_axis(self, axis: str, channels: Sequence[str]) -> IdentifyOptions:
         """Return the options of one axis of those that are identified."""
@@ -267,7 +280,7 @@ class _Loop:
                 report.axes[name] = Failure(str(error))
                 continue
             axis = _Axis(name)
-            arguments = (series, h, options, self._settings.figures)
+            arguments = (series, h, options, self._settings.figures, self._settings.forecast)
             axes.append(_Task(report, axis, identify_series, arguments))
             epoch = longest_epoch(len(series.y), series.gaps)
             for part, group in enumerate(groups(epoch[1] - epoch[0], options.shuffles)):
@@ -290,7 +303,9 @@ class _Loop:
         self._workers.renew()
 
 
-def identify_series(series: Series, h: float, options: IdentifyOptions, figures: bool) -> AxisReport:
+def identify_series(
+    series: Series, h: float, options: IdentifyOptions, figures: bool, forecast: bool = False
+) -> AxisReport:
     """Return all that is found out about one axis, but for its shuffled copies.
 
     Raises:
@@ -299,10 +314,10 @@ def identify_series(series: Series, h: float, options: IdentifyOptions, figures:
     looked = look(series.y, h, options, series.gaps)
     result = identified(looked, series.lsb, options)
     model = modelled(looked.figures.sentence, result.peaks, result.std, h)
-    found, drawn, reason = None, None, ""
+    curve, drawn, reason = None, None, ""
     try:
         stretches = [np.asarray(one.y, dtype=np.float64) for one in looked.stretches]
-        found = with_level(allan(stretches, h, series.unit), result.level)
+        curve = with_level(allan(stretches, h, series.unit), result.level)
         drawn = reproduction(series.y, h, model, seed=options.seed, stretches=stretches)
     except ValueError as error:
         reason = str(error)
@@ -317,7 +332,23 @@ def identify_series(series: Series, h: float, options: IdentifyOptions, figures:
         longer=_longer(result),
     )
     shown = curves(looked, series.lsb, options, result) if figures else None
-    return AxisReport(series.unit, series.lsb, result, model, found, drawn, reason, traps, shown)
+    bias, ahead = forecasts(looked, options, series.unit, forecast=forecast)
+    return AxisReport(series.unit, series.lsb, result, model, curve, drawn, reason, traps, shown, bias, ahead)
+
+
+def forecasts(
+    looked: Looked, options: IdentifyOptions, unit: str, *, forecast: bool
+) -> tuple[Now | None, Forecast | None]:
+    """Return the bias now of an axis that was looked at, and the forecast if it is wanted."""
+    h = looked.h
+
+    def first(y: NDArray[np.float64]) -> SentenceParts:
+        parts = look(y, h, options).figures.sentence.parts(h)
+        return parts, names(map(type, parts))
+
+    longest = max((one.y for one in looked.stretches), key=len)
+    y = np.ascontiguousarray(longest, dtype=np.float64)
+    return found(looked.figures.sentence.parts(h), y, h, unit, first if forecast else None)
 
 
 def _longer(result: AxisResult) -> str:

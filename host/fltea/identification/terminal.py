@@ -17,8 +17,8 @@ WIDTHS = (7, 9, 18, 9, 21)
 COLOURS = {"bad": "bold red", "warning": "yellow", "note": "dim"}
 
 
-def show(console: Console, report: FileReport, first: bool = True) -> None:
-    """Show one recording: a table with a column an axis, the verdicts, and the traps."""
+def show(console: Console, report: FileReport, first: bool = True, *, details: bool = False) -> None:
+    """Show one recording: the verdicts, forecasts and traps, and with details a table of all figures."""
     if not first:
         console.print()
     console.print(_shown(report.name, style="bold"), _shown(findings.heading(report)), soft_wrap=True)
@@ -26,18 +26,13 @@ def show(console: Console, report: FileReport, first: bool = True) -> None:
         console.print(_shown(str(report.failure), style="red"))
         return
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
-    for axes in findings.by_sensor(good):
-        table = Table("", *axes, box=box.SIMPLE_HEAD, pad_edge=False)
-        for label, values in findings.side_by_side(axes):
-            table.add_row(*(_shown(text) for text in (label, *values)))
-        console.print(table)
-    if good:
-        for line in dict.fromkeys(findings.method(axis.result) for axis in good.values()):
-            console.print(_shown(f"{line}."))
-        for line in findings.remarks(good):
-            console.print(_shown(line))
     for name, axis in report.axes.items():
         console.print(_verdict(name, axis))
+    for name, axis in good.items():
+        if axis.forecast is not None:
+            _forecast(console, name, axis, axis.forecast.text)
+    if details:
+        _details(console, good)
     for line in dict.fromkeys(axis.allan_reason for axis in good.values() if axis.allan_reason):
         console.print(_shown(f"{line[0].upper()}{line[1:].removesuffix('.')}."))
     for where, trap in findings.traps(report):
@@ -50,11 +45,33 @@ def show(console: Console, report: FileReport, first: bool = True) -> None:
         console.print(_shown(doubt))
 
 
+def _details(console: Console, good: dict[str, AxisReport]) -> None:
+    for axes in findings.by_sensor(good):
+        table = Table("", *axes, box=box.SIMPLE_HEAD, pad_edge=False)
+        for label, values in findings.side_by_side(axes):
+            table.add_row(*(_shown(text) for text in (label, *values)))
+        console.print(table)
+    if good:
+        for line in dict.fromkeys(findings.method(axis.result) for axis in good.values()):
+            console.print(_shown(f"{line}."))
+        for line in findings.remarks(good):
+            console.print(_shown(line))
+
+
+def _forecast(console: Console, name: str, axis: AxisReport, text: str) -> None:
+    console.print(_shown(f"{name}, forecast: {text}"))
+    if found := findings.forecast_rows(axis):
+        table = Table(*findings.FORECAST_HEADINGS, box=box.SIMPLE_HEAD, pad_edge=False)
+        for row in found:
+            table.add_row(*map(_shown, row))
+        console.print(table)
+
+
 def _verdict(name: str, axis: AxisReport | Failure) -> Text:
     if isinstance(axis, Failure):
         return _shown(f"{name}: {axis.error}", style="red")
-    text = _shown(f"{name}: {axis.result.verdict.kind}. ", style="bold")
-    return text.append(axis.result.verdict.text, style="not bold")
+    text = _shown(f"{name}: {findings.lead(axis)}", style="bold")
+    return text.append(f"\n  {visible_lines(axis.result.verdict.text)}", style="not bold")
 
 
 def summary(console: Console, reports: Sequence[FileReport]) -> None:
