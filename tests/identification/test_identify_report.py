@@ -30,7 +30,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[FileRepor
     """The report of white noise, an accelerometer's among it, and of a file that is none."""
     folder = tmp_path_factory.mktemp("report")
     path = npz(folder / NAME, counts(2000, 1), accel_raw=counts(2000, 3, seed=5), accel_lsb_per_g=16384.0)
-    settings = Settings(IdentifyOptions(shuffles=5), QUICK, figures=True)
+    settings = Settings(IdentifyOptions(shuffles=5), QUICK, figures=True, forecast=True)
     requests = [
         Request((path,), ("gyro_x", "accel_z")),
         Unreadable("gone.mcap", UsageError("gone.mcap: <nothing> there.")),

@@ -113,7 +113,7 @@ def identify(
 
     What the noise is made of, with intervals, and whether it has an order; FLTEA beside what white noise
     gives; a null test; the Allan deviation; and what in the data can mislead.
-    host/docs/guide/verdict.md explains every figure.
+    host/docs/guide/verdict.md explains every figure, host/docs/guide/bias_and_heading.md the forecast.
 
     For example:
 
