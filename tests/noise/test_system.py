@@ -81,7 +81,7 @@ def test_what_has_none_is_nearly_right_at_low_frequencies(name: str) -> None:
     np.testing.assert_allclose(ratio(parts)[LOW], 1, atol=apart)
 
 
-@pytest.mark.parametrize("alpha", [0.15, 0.3, 0.5, 0.7, 0.95, 1.5, 1.9])
+@pytest.mark.parametrize("alpha", [0.0, 0.15, 0.3, 0.5, 0.7, 0.95, 1.5, 1.9])
 @pytest.mark.parametrize("f", [-10.0, -2.0, -1.0, -0.1])
 @pytest.mark.parametrize("samples", [10**4, N, 10**7])
 def test_orders_are_right_to_a_per_cent(alpha: float, f: float, samples: int) -> None:

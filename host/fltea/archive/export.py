@@ -23,7 +23,7 @@ from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from fltea.records.events import Values
 from fltea.records.fit import AxisFit, Interval
-from fltea.records.records import ACCEL_AXES, AXES, AxisEstimate, DeviceAxisEstimate
+from fltea.records.records import ACCEL_AXES, AXES
 from fltea.records.whole_file import text_of, whole_file
 from fltea.settings.duration import Duration
 from fltea.settings.how import AS_IT_SAYS, How
@@ -39,6 +39,24 @@ Axis = Annotated[str, msgspec.Meta(pattern=f"^({'|'.join(AXES + ACCEL_AXES)})$")
 Array = NDArray[np.float64]
 What = Literal["samples", "estimates", "device_estimates", "fits"]
 OF_AN_AXIS = {
+    "bias": "bias_{axis}_{unit}",
+    "bias_std": "bias_std_{axis}_{unit}",
+    "state": "state_{axis}_{unit}",
+    "state_std": "state_std_{axis}_{unit}",
+    "innovation": "innovation_{axis}_{unit}",
+    "moving": "moving_{axis}",
+    "null_p": "null_p_{axis}",
+    "whiteness": "not_white_{axis}",
+    "fltea.alpha": "fltea_alpha_{axis}",
+    "fltea.alpha_std": "fltea_alpha_std_{axis}",
+    "fltea.f": "fltea_f_{axis}_s^-alpha",
+    "fltea.f_std": "fltea_f_std_{axis}_s^-alpha",
+    "fltea.state": "fltea_state_{axis}_{unit}",
+    "fltea.innovation": "fltea_innovation_{axis}_{unit}",
+    "fltea.valid": "fltea_valid_{axis}",
+    "fltea.settled": "fltea_settled_{axis}",
+}
+OF_A_DEVICE_AXIS = {
     "alpha": "alpha_{axis}",
     "alpha_std": "alpha_std_{axis}",
     "f": "f_{axis}_s^-alpha",
@@ -46,8 +64,6 @@ OF_AN_AXIS = {
     "state": "state_{axis}_{unit}",
     "innovation": "innovation_{axis}_{unit}",
     "valid": "valid_{axis}",
-    "null_p": "null_p_{axis}",
-    "whiteness": "not_white_{axis}",
     "age": "age_{axis}",
     "tracker_bias": "tracker_bias_{axis}_{unit}",
     "tracker_bias_std": "tracker_bias_std_{axis}_{unit}",
@@ -263,22 +279,28 @@ def published_table(paths: Sequence[Path], what: What, limits: Limits = DEFAULT_
     columns = ["time_s", *OF_ALL]
     if isinstance(first, _Fit):
         columns += ["samples", *(name for axis, unit in units.items() for name in _fit_columns(axis, unit))]
-    kind = DeviceAxisEstimate if what == "device_estimates" else AxisEstimate
-    places = [(axis, field) for axis in units for field in kind.__struct_fields__ if field in OF_AN_AXIS]
+    named = OF_A_DEVICE_AXIS if what == "device_estimates" else OF_AN_AXIS
+    places = [(axis, field) for axis in units for field in named]
     if isinstance(first, _Estimate):
-        columns += [OF_AN_AXIS[field].format(axis=axis, unit=units[axis]) for axis, field in places]
+        columns += [named[field].format(axis=axis, unit=units[axis]) for axis, field in places]
 
     def rows() -> Iterator[list[Any]]:
         for record in chain([first], records):
             time_s = round((record.host_ns - first.host_ns) * 1e-9, 9)
             row = [time_s, *(getattr(record, name) for name in OF_ALL)]
             if isinstance(record, _Estimate):
-                row += [_number(record.axes.get(axis, {}).get(field)) for axis, field in places]
+                row += [_number(_of_axis(record.axes.get(axis), field)) for axis, field in places]
             else:
                 row += [record.samples, *(x for axis in units for x in _fit_values(record.axes.get(axis)))]
             yield row
 
     return Table(columns, rows())
+
+
+def _of_axis(found: Any, path: str) -> Any:
+    for name in path.split("."):
+        found = found.get(name) if isinstance(found, dict) else None
+    return found
 
 
 def _fit_columns(axis: str, unit: str) -> list[str]:
@@ -316,7 +338,7 @@ class _Published(msgspec.Struct, frozen=True):
 
 
 class _Estimate(_Published, frozen=True):
-    axes: dict[Axis, dict[str, int | float | bool | str | None]] = {}
+    axes: dict[Axis, dict[str, int | float | bool | str | dict[str, Any] | None]] = {}
 
 
 class _Fit(_Published, frozen=True):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fltea.records.events import Ints
 from fltea.records.fit import Interval, VerdictKind
-from fltea.records.records import AxisEstimate, Estimate, Sample
+from fltea.records.records import AxisEstimate, Estimate, FlteaEstimate, Sample
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -44,25 +44,21 @@ class AxisColumns(NamedTuple):
         """Return the block of some of its rows."""
         return AxisColumns._make((self.axes, self.unit, *(column[begin:end] for column in self[2:])))
 
-    def at(self, row: int) -> dict[str, AxisEstimate]:
-        """Return the estimates after one sample."""
-        return next(self.of_rows(slice(row, row + 1)))
-
-    def of_rows(self, chosen: slice) -> Iterator[dict[str, AxisEstimate]]:
-        """Return the estimates after each of the chosen samples, by axis."""
-        k = len(self.axes)
+    def of_rows(
+        self, chosen: slice, tracked: "TrackedColumns | None" = None
+    ) -> Iterator[dict[str, AxisEstimate]]:
+        """Return the estimates after each of the chosen samples, by axis; tracked: of the same axes."""
         # All axes of a column at once: of a block of one row most of the cost is that of the calls.
         numbers = [_nullable(column[chosen]) for column in self[2:8]]
+        flags = [column[chosen].ravel().tolist() for column in (self.valid, self.settled)]
         p = _nullable(self.null_p[chosen])
         rejected: list[bool] = self.white_rejected[chosen].ravel().tolist()
         whiteness = [None if q is None else _WORDS[bad] for q, bad in zip(p, rejected, strict=True)]
-        valid = self.valid[chosen].ravel().tolist()
-        flat: list[Sequence[Any]] = [*numbers, valid, p, whiteness, [self.unit] * len(valid)]
-        by_axis = [
-            [(axis, AxisEstimate(*row)) for row in zip(*(values[i::k] for values in flat), strict=True)]
-            for i, axis in enumerate(self.axes)
-        ]
-        return map(dict, zip(*by_axis, strict=True))
+        of_paper = list(map(FlteaEstimate, *numbers, *flags))
+        known = _tracked(tracked, chosen, len(of_paper), len(self.axes))
+        flat = zip(*known, p, whiteness, [self.unit] * len(p), of_paper, strict=True)
+        rows = iter(list(map(AxisEstimate, *zip(*flat, strict=True)))) if of_paper else iter(())
+        return (dict(zip(self.axes, row, strict=True)) for row in zip(*[rows] * len(self.axes), strict=True))
 
 
 class TrackedColumns(NamedTuple):
@@ -86,6 +82,18 @@ class TrackedColumns(NamedTuple):
     def rows(self, begin: int, end: int) -> "TrackedColumns":
         """Return the block of some of its rows."""
         return TrackedColumns._make((*self[:2], *(column[begin:end] for column in self[2:8]), *self[8:]))
+
+
+def _tracked(tracked: TrackedColumns | None, chosen: slice, size: int, axes: int) -> Iterator[Sequence[Any]]:
+    """Return the columns verdict to moving of `AxisEstimate`, all axes of a row after one another."""
+    if tracked is None:
+        nothing = (None, Interval(), Interval(), *[None] * 5, False)
+        return ([one] * size for one in nothing)
+    rows = size // axes
+    of_fit = [list(one) * rows for one in (tracked.verdict, tracked.alpha, tracked.f)]
+    numbers = (tracked.bias, tracked.bias_std, tracked.state, tracked.state_std, tracked.innovation)
+    flags = tracked.moving[chosen].ravel().tolist()
+    return iter([*of_fit, *(_nullable(column[chosen]) for column in numbers), flags])
 
 
 _WORDS = {False: "not rejected", True: "rejected"}
@@ -155,6 +163,21 @@ class Block:
         """
         return slice(-int(self.seq[0]) % every, None, every)
 
+    def estimates_at(self, row: int, unit: str) -> dict[str, AxisEstimate]:
+        """Return what is known of the axes in this unit after one sample, with or without the filters."""
+        chosen = slice(row, row + 1)
+        tracked = next((one for one in self.tracked if one.unit == unit), None)
+        own = next((one for one in self.estimates if one.unit == unit), None)
+        if own is not None:
+            return next(own.of_rows(chosen, tracked))
+        if tracked is None:
+            return {}
+        known = zip(*_tracked(tracked, chosen, len(tracked.axes), len(tracked.axes)), strict=True)
+        return {
+            axis: AxisEstimate(*(*one, None, None, unit, FlteaEstimate()))
+            for axis, one in zip(tracked.axes, known, strict=True)
+        }
+
     def last_estimate(self) -> Estimate | None:
         """Return the newest of which there is a record; None where there is none."""
         rows = self.due_rows
@@ -190,7 +213,8 @@ class Block:
         if not self.estimates:
             return
         epoch, variant, device = self.epoch, self.variant, self.device
-        first, *others = (columns.of_rows(chosen) for columns in self.estimates)
+        tracked = {one.unit: one for one in self.tracked}
+        first, *others = (one.of_rows(chosen, tracked.get(one.unit)) for one in self.estimates)
         axes = first if not others else (a | b for a, b in zip(first, *others, strict=True))
         for seq, device_us, host_ns, found in zip(*self._places(chosen), axes, strict=True):
             yield Estimate(seq, epoch, device_us, host_ns, variant, found, device=device)

@@ -8,7 +8,7 @@ from typing import Literal
 import msgspec
 
 from fltea.records.device_fit import DeviceAxisFit
-from fltea.records.fit import AxisFit, Interval
+from fltea.records.fit import AxisFit, Interval, VerdictKind
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 """Names of the gyroscope's axes, in the order of every tuple of rates."""
@@ -90,23 +90,45 @@ class Sample(Placed, frozen=True, tag="sample"):
     flags: int = 0
 
 
-class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The estimate of one axis after one sample; null where not valid.
+class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the paper's filters make of one axis after one sample; null where not valid.
 
-    state, innovation: in `unit`. null_p and whiteness are of the fit that the record `fit` tells of, the
-    newest one before the sample, so also where the estimate is not valid; null before the first.
+    state, innovation: in the unit of the axis. settled: the filters work with variances that are known, and
+    their innovations are white; until then the figures say little of the noise.
     """
 
-    alpha: float | None
-    alpha_std: float | None
-    f: float | None
-    f_std: float | None
+    alpha: float | None = None
+    alpha_std: float | None = None
+    f: float | None = None
+    f_std: float | None = None
+    state: float | None = None
+    innovation: float | None = None
+    valid: bool = False
+    settled: bool = False
+
+
+class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What is known of one axis after one sample; null where nothing is.
+
+    verdict, alpha, f: of the newest fit whose verdict is stable. bias: what to subtract from the sample, the
+    offset and the state of the noise; the deviations are those of the tracker. innovation: measurement minus
+    prediction. All in `unit`. moving: the sensor is, so it predicts. null_p and whiteness are of the fit that
+    the record `fit` tells of, the newest one before the sample. fltea: the paper's filters.
+    """
+
+    verdict: VerdictKind | None
+    alpha: Interval
+    f: Interval
+    bias: float | None
+    bias_std: float | None
     state: float | None
+    state_std: float | None
     innovation: float | None
-    valid: bool
-    null_p: float | None = None
-    whiteness: Whiteness | None = None
-    unit: str = GYRO_UNIT
+    moving: bool
+    null_p: float | None
+    whiteness: Whiteness | None
+    unit: str
+    fltea: FlteaEstimate
 
 
 class Estimate(Placed, frozen=True, tag="estimate"):
@@ -116,14 +138,16 @@ class Estimate(Placed, frozen=True, tag="estimate"):
     axes: dict[str, AxisEstimate]
 
 
-class DeviceAxisEstimate(AxisEstimate, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class DeviceAxisEstimate(FlteaEstimate, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The device's own estimate of one axis after one sample; null where not valid.
 
     age: steps since the device's start-up window, the first one is 1. The differences are the device's
-    estimate minus the host's after the same sample; null where the two cannot be compared, and why_not says
-    why. tracker_*: bias and state by the filter of the device's own fit; null before its first fit.
+    estimate minus that of the host's filters after the same sample; null where the two cannot be compared,
+    and why_not says why. tracker_*: bias and state by the filter of the device's own fit; null before its
+    first fit.
     """
 
+    unit: str = GYRO_UNIT
     age: int
     tracker_bias: float | None = None
     tracker_bias_std: float | None = None

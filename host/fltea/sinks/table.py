@@ -165,9 +165,9 @@ class DeviceView:
                 self._estimate = record
                 for name, axis in record.axes.items():
                     alpha, f = self._trends.setdefault(name, (Trend(), Trend()))
-                    if axis.alpha is not None and axis.f is not None:
-                        alpha.add(axis.alpha, record.host_ns)
-                        f.add(axis.f, record.host_ns)
+                    if axis.fltea.alpha is not None and axis.fltea.f is not None:
+                        alpha.add(axis.fltea.alpha, record.host_ns)
+                        f.add(axis.fltea.f, record.host_ns)
             case DeviceEstimates():
                 self._of_device = record
             case DeviceFits():
@@ -233,15 +233,16 @@ class DeviceView:
             table.add_column("f, last seconds", min_width=TREND_WIDTH)
         for name, axis in self._estimate.axes.items():
             bars = map(str, self._trends[name]) if wide else ()
-            if not axis.valid:
+            own = axis.fltea
+            if not own.valid:
                 table.add_row(name, "not valid", "", "", "", *bars)
                 continue
             table.add_row(
                 name,
-                with_std(axis.alpha, axis.alpha_std) + self._mark(name),
-                with_std(axis.f, axis.f_std) + self._mark(name),
-                _rate(axis.state),
-                _rate(axis.innovation),
+                with_std(own.alpha, own.alpha_std) + self._mark(name),
+                with_std(own.f, own.f_std) + self._mark(name),
+                _rate(own.state),
+                _rate(own.innovation),
                 *bars,
             )
         return table

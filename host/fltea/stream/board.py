@@ -188,7 +188,8 @@ class BoardEstimates(Stage):
             return
         ordered = [axis for axis in self._axes if axis in group]
         if self.alone:
-            found = {axis: estimate_of(group[axis], self._settled(axis)) for axis in ordered}
+            known = sample.estimates()
+            found = {axis: estimate_of(group[axis], self._settled(axis), known[axis]) for axis in ordered}
             yield Estimate(*sample.moment(), variant, found, device=self._config.name)
             return
         same = self._settings is not None and self._settings == self._in_use

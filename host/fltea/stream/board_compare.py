@@ -3,19 +3,22 @@
 import math
 from typing import TypedDict
 
+import msgspec
+
 from fltea.records.events import DeviceAxis
-from fltea.records.records import AxisEstimate, DeviceAxisEstimate, WhyNot
+from fltea.records.records import AxisEstimate, DeviceAxisEstimate, FlteaEstimate, WhyNot
 from fltea.stream.live import SettledFit
 
 
-def estimate_of(e: DeviceAxis, fit: SettledFit) -> AxisEstimate:
-    """Return the board's estimate in place of the host's; fit: what the live fit found of the axis."""
+def estimate_of(e: DeviceAxis, fit: SettledFit, known: AxisEstimate) -> AxisEstimate:
+    """Return what is known of an axis, with the board's estimate in place of the host's filters."""
     valid, numbers = _numbers(e)
-    return AxisEstimate(*numbers, valid, fit.null_p, fit.whiteness)
+    of_board = FlteaEstimate(*numbers, valid, e.tuned)
+    return msgspec.structs.replace(known, null_p=fit.null_p, whiteness=fit.whiteness, fltea=of_board)
 
 
 def compare(
-    e: DeviceAxis, host: AxisEstimate | None, host_age: int, same_settings: bool
+    e: DeviceAxis, host: FlteaEstimate | None, host_age: int, same_settings: bool
 ) -> DeviceAxisEstimate:
     """Return the board's estimate, and its difference from the host's or why there is none.
 
@@ -32,11 +35,12 @@ def compare(
     )
     if why_not is not None or host is None or host.alpha is None or host.f is None or host.state is None:
         return DeviceAxisEstimate(
-            *numbers, valid, age=e.age, why_not=why_not or "host_not_valid", **_tracked(e)
+            *numbers, valid, e.tuned, age=e.age, why_not=why_not or "host_not_valid", **_tracked(e)
         )
     return DeviceAxisEstimate(
         *numbers,
         valid,
+        e.tuned,
         age=e.age,
         alpha_difference=finite(e.alpha - host.alpha),
         f_difference=finite(e.f - host.f),

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from fltea.records.block import Block
 from fltea.records.events import SEQUENCE_WRAP
-from fltea.records.records import GYRO_UNIT, AxisEstimate
+from fltea.records.records import GYRO_UNIT, AxisEstimate, FlteaEstimate
 from fltea.stream.stages import Moment
 
 REMEMBERED = 256
@@ -24,10 +24,15 @@ class RecentSample(NamedTuple):
         block, row = self.block, self.row
         return Moment(self.seq, block.epoch, int(block.device_us[row]), int(block.host_ns[row]))
 
-    def host_estimates(self) -> dict[str, AxisEstimate]:
-        """Return the host's estimates after it; none in its start-up window, or if it makes none."""
-        found = [columns for columns in self.block.estimates if columns.unit == GYRO_UNIT]
-        return found[0].at(self.row) if found else {}
+    def estimates(self) -> dict[str, AxisEstimate]:
+        """Return what this computer knows after it; of its filters nothing where they estimate nothing."""
+        return self.block.estimates_at(self.row, GYRO_UNIT)
+
+    def host_estimates(self) -> dict[str, FlteaEstimate]:
+        """Return those of this computer's filters; none in their start-up window, or if they make none."""
+        if not any(columns.unit == GYRO_UNIT for columns in self.block.estimates):
+            return {}
+        return {axis: one.fltea for axis, one in self.estimates().items()}
 
 
 class RecentSamples:

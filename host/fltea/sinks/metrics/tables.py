@@ -103,6 +103,9 @@ AXIS_STATS = (
     gauge("innovation_lag1", LAG1),
     gauge("innovation_nis", NIS),
     gauge("describes_noise", DESCRIBES),
+    gauge("tracker_nis", NIS, lambda axis: axis.tracker and axis.tracker.nis),
+    gauge("tracker_lag1", LAG1, lambda axis: axis.tracker and axis.tracker.lag1),
+    counter("moved_samples", "Samples in motion.", lambda axis: axis.tracker and axis.tracker.moved),
 )
 
 BOARD = (
@@ -156,11 +159,25 @@ NOT_WHITE = (
 )
 
 ESTIMATE = (
-    gauge("valid", "1: the estimate holds; 0: it ran away, or was held."),
-    gauge("alpha", "Order of the noise."),
-    gauge("alpha_std", "The order filter's own standard deviation."),
-    gauge("f", "Parameter f of the noise, in s^-alpha."),
-    gauge("f_std", "The parameter filter's own standard deviation, in s^-alpha."),
+    gauge("bias", "What to subtract from a sample: offset and state of the noise, in the unit of the axis."),
+    gauge("bias_std", "Standard deviation of the bias."),
+    gauge("state", "State of the noise, without the offset."),
+    gauge("state_std", "Standard deviation of the state."),
+    gauge("moving", "1: the sensor is moving, so the bias is predicted; 0: it is at rest."),
+    gauge(
+        "fltea_valid",
+        "1: the estimate of the paper's filters holds; 0: it ran away, or was held.",
+        "fltea.valid",
+    ),
+    gauge(
+        "fltea_settled",
+        "1: their variances are known and their innovations white; 0: settling.",
+        "fltea.settled",
+    ),
+    gauge("fltea_alpha", "Order of the noise by the paper's filters.", "fltea.alpha"),
+    gauge("fltea_alpha_std", "The order filter's own standard deviation.", "fltea.alpha_std"),
+    gauge("fltea_f", "Parameter f by the paper's filters, in s^-alpha.", "fltea.f"),
+    gauge("fltea_f_std", "The parameter filter's own standard deviation, in s^-alpha.", "fltea.f_std"),
     gauge("null_p", "How often white noise would look at least as unlike white as the samples."),
     gauge("not_white", NOT_WHITE, lambda axis: axis.whiteness and axis.whiteness == "rejected"),
 )

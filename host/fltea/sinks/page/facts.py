@@ -49,7 +49,7 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
         return "wait", f"start-up: {to_go} samples to go; keep the sensor at rest ({begun})"
     if facts_of_device.silent(history):
         return "wait", f"{facts_of_device.NOTHING_YET} ({begun})"
-    lost = [name for name, axis in history.newest.items() if not axis.valid]
+    lost = [name for name, axis in history.newest.items() if not axis.fltea.valid]
     if lost:
         return "bad", f"{', '.join(lost)} not valid ({begun})"
     age_ns = history.sample.host_ns - epoch.host_ns if history.sample else 0
@@ -79,11 +79,16 @@ def _axis(
     history: DeviceHistory, name: str, estimate: AxisEstimate | None, stats: AxisStats | None
 ) -> dict[str, Any]:
     unit = unit_of(name)
-    e = estimate if estimate is not None and estimate.valid else None
+    e = estimate.fltea if estimate is not None and estimate.fltea.valid else None
     bias, R = (None, None) if stats is None else (stats.bias, stats.R)
     off = history.stats is not None and history.stats.fit_period_s is None
     not_described = stats is not None and stats.describes_noise is False
+    tracker = stats.tracker if stats else None
     rows = [
+        *_tracked(estimate, unit),
+        ["model of the bias", tracker.model if tracker else "–"],
+        ["its innovations, NIS", quantity(tracker.nis if tracker else None, "", 3)],
+        ["FLTEA (paper)", "–" if e is None else "settled" if e.settled else "settling"],
         ["α ± σ", with_std(e.alpha, e.alpha_std) if e else "–"],
         ["f ± σ", f"{with_std(e.f, e.f_std)} s^-α" if e else "–"],
         *(
@@ -91,7 +96,7 @@ def _axis(
             if not_described
             else []
         ),
-        ["state x̂", quantity(e.state if e else None, unit, 4)],
+        ["state x̂ (paper)", quantity(e.state if e else None, unit, 4)],
         ["offset removed", quantity(bias, unit, 4)],
         ["R", quantity(R, f"({unit})²", 3, significant=True)],
         ["innovations, lag 1", quantity(stats.innovation_lag1 if stats else None, "", 3)],
@@ -106,6 +111,19 @@ def _axis(
         "rows": rows,
         "guard": guard_words(stats.interventions if stats else {}),
     }
+
+
+def _tracked(estimate: AxisEstimate | None, unit: str) -> list[list[str]]:
+    """Return the rows of what the tracker knows."""
+    if estimate is None or estimate.bias is None or estimate.state is None:
+        return [["bias", "–"]]
+    return [
+        [
+            "bias",
+            f"{with_std(estimate.bias, estimate.bias_std)} {unit}" + (", moving" if estimate.moving else ""),
+        ],
+        ["state", f"{with_std(estimate.state, estimate.state_std)} {unit}"],
+    ]
 
 
 def fitted(history: DeviceHistory) -> str:

@@ -159,7 +159,8 @@ class DeviceHistory:
         self.newest.update(found)
         if self.tables.estimate_on == "device" and any(axis in AXES for axis in found):
             # The device's own estimates come at a pace of their own.
-            self.tables.add("own", record.host_ns, found, record.seq)
+            own = {axis: (self.offset(axis), one) for axis, one in found.items()}
+            self.tables.add("own", record.host_ns, own, record.seq)
         else:
             self._commit(record)
 
@@ -180,7 +181,7 @@ class DeviceHistory:
             return
         self._written_seq = sample.seq
         estimates = estimate.axes if estimate is not None and estimate.seq == sample.seq else {}
-        found = {axis: (_value(sample, axis) - self.offset(axis), estimates.get(axis)) for axis in self.axes}
+        found = {axis: (self.offset(axis), _value(sample, axis), estimates.get(axis)) for axis in self.axes}
         self.tables.follow(sample.host_ns)
         self.tables.add("rows", sample.host_ns, found, sample.seq, sample.temperature_c)
 

@@ -48,13 +48,19 @@ f_apart: how far its f is from the host's."""
 
 Numbers = Sequence[float | None]
 
-_of_estimate = attrgetter(*ESTIMATE)
+
+def _of_estimate(found: tuple[float, AxisEstimate]) -> Numbers:
+    """What is known of an axis, without the offset that is drawn as 0."""
+    offset, e = found
+    state = None if e.bias is None else e.bias - offset
+    return [state, e.fltea.alpha, e.fltea.alpha_std, e.fltea.f, e.fltea.f_std]
 
 
-def _of_sample(found: tuple[float, AxisEstimate | None]) -> Numbers:
+def _of_sample(found: tuple[float, float, AxisEstimate | None]) -> Numbers:
     """A sample without its offset, and its estimate."""
-    y, e = found
-    return [y, y, y, *(_of_estimate(e) if e else [None] * len(ESTIMATE))]
+    offset, value, e = found
+    y = value - offset
+    return [y, y, y, *(_of_estimate((offset, e)) if e else [None] * len(ESTIMATE))]
 
 
 def _of_fit(found: AxisFit) -> Numbers:

@@ -1,5 +1,6 @@
 """Numbers as the page writes them (pure)."""
 
+import math
 from collections.abc import Mapping
 from typing import Literal
 
@@ -31,10 +32,13 @@ def quantity(value: float | None, unit: str, digits: int, *, significant: bool =
 
 
 def with_std(value: float | None, std: float | None) -> str:
-    """A number with its standard deviation, a dash for none."""
+    """A number with its standard deviation, to two digits of that; a dash for none."""
     if value is None:
         return "–"
-    return figure(value, 3) + ("" if std is None else f" ± {figure(std, 3)}")
+    if std is None or not std > 0:
+        return figure(value, 3) + (" ± 0" if std == 0 else "")
+    places = min(max(0, 1 - math.floor(math.log10(std))), 9)
+    return f"{figure(value, places)} ± {figure(std, places)}"
 
 
 def signed(value: float) -> str:
