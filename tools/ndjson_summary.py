@@ -1,7 +1,9 @@
-"""NDJSON of `fltea run` as one line a second: the start-up count, or α and f of each axis."""
+"""NDJSON of `fltea run` as one line a second: what is known of each axis, or the start-up count."""
 
 import json
 from typing import Any
+
+from fltea.sinks.page.words import with_std
 
 
 class Summary:
@@ -44,6 +46,15 @@ class Summary:
 
 
 def _axis(axis: dict[str, Any]) -> str:
-    if axis["alpha"] is None or axis["f"] is None:
-        return "no estimate"
-    return f"α {axis['alpha']:.3f} f {axis['f']:.3f}"
+    """The verdict, α and f with their intervals where there is an order, and the bias."""
+    verdict = axis["verdict"] or "no stable verdict yet"
+    order = [f"{name} {p}" for name in ("alpha", "f") if (p := _interval(axis[name]))]
+    words = [verdict, *(text.replace("alpha", "α") for text in order)]
+    if axis["bias"] is not None and axis["bias_std"] is not None:
+        words.append(f"bias {with_std(axis['bias'], axis['bias_std'])} {axis['unit']}")
+    return ", ".join(words) + (", moving" if axis["moving"] else "")
+
+
+def _interval(p: dict[str, float | None]) -> str:
+    value, low, high = p["value"], p["low"], p["high"]
+    return "" if value is None or low is None or high is None else f"{value:.2f} [{low:.2f}, {high:.2f}]"

@@ -7,9 +7,9 @@ from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
-from fltea.records.block import AxisColumns, Block
+from fltea.records.block import AxisColumns, Block, TrackedColumns
 from fltea.records.events import LinkDown, RawBlock, RawSample, block_of
-from fltea.records.records import AnyRecord, Estimate, Hello, Sample
+from fltea.records.records import AnyRecord, AxisEstimate, Estimate, Hello, Sample
 from fltea.stream.place import Piece, Place
 from hypothesis import strategies as st
 from place_one_by_one import Placed
@@ -68,26 +68,43 @@ def block_of_records(sample: Sample, estimate: Estimate | None = None) -> Block:
     )
     if estimate is None:
         return block
-    columns = []
+    columns, tracked = [], []
     for unit in dict.fromkeys(axis.unit for axis in estimate.axes.values()):
         found = {name: axis for name, axis in estimate.axes.items() if axis.unit == unit}
         values = {
-            name: [getattr(axis, name) for axis in found.values()] for name in ("valid", "null_p", *NUMBERS)
+            name: [getattr(axis.fltea, name) for axis in found.values()]
+            for name in ("valid", "settled", *NUMBERS)
         }
+        tracked.append(tracked_columns(unit, found))
         columns.append(
             AxisColumns(
                 tuple(found),
                 unit,
                 *(np.array([values[name]], dtype=np.float64) for name in NUMBERS),
                 np.array([values["valid"]]),
-                np.array([values["null_p"]], dtype=np.float64),
+                np.array([[axis.null_p for axis in found.values()]], dtype=np.float64),
                 np.array([[axis.whiteness == "rejected" for axis in found.values()]]),
-                np.zeros((1, len(found)), dtype=bool),
+                np.array([values["settled"]]),
             )
         )
-    return replace(block, variant=estimate.variant, estimates=tuple(columns))
+    return replace(block, variant=estimate.variant, estimates=tuple(columns), tracked=tuple(tracked))
 
 
+def tracked_columns(unit: str, found: dict[str, AxisEstimate]) -> TrackedColumns:
+    """What one sample's estimates say of biases."""
+    axes = found.values()
+    return TrackedColumns(
+        tuple(found),
+        unit,
+        *(np.array([[getattr(one, name) for one in axes]], dtype=np.float64) for name in TRACKED),
+        np.array([[one.moving for one in axes]]),
+        tuple(one.verdict for one in axes),
+        tuple(one.alpha for one in axes),
+        tuple(one.f for one in axes),
+    )
+
+
+TRACKED = ("state", "state_std", "bias", "bias_std", "innovation")
 NUMBERS = ("alpha", "alpha_std", "f", "f_std", "state", "innovation")
 
 

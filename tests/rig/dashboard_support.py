@@ -177,10 +177,11 @@ def both(
 
 
 def _of_device(e: AxisEstimate, age: int, apart: float | None, why_not: WhyNot) -> DeviceAxisEstimate:
-    assert e.alpha is not None
-    assert e.f is not None
+    own = e.fltea
+    assert own.alpha is not None
+    assert own.f is not None
     d = apart or 0.0
-    numbers = e.alpha + d, e.alpha_std, e.f - 3 * d, e.f_std, e.state, e.innovation
+    numbers = own.alpha + d, own.alpha_std, own.f - 3 * d, own.f_std, own.state, own.innovation
     if apart is None:
         return DeviceAxisEstimate(*numbers, True, age=age, why_not=why_not)
     differences = {"alpha_difference": d, "f_difference": -3 * d, "state_difference": d / 2}

@@ -1,17 +1,44 @@
 """Records in which every field has a value of its own, for the tests of what outputs make of them."""
 
+from typing import Any
+
+from fltea.records.fit import Interval
 from fltea.records.records import (
     ACCEL_UNIT,
+    GYRO_UNIT,
     AxisEstimate,
     AxisStats,
     DeviceStatus,
+    FlteaEstimate,
     LinkStats,
     SampleStats,
     Stats,
 )
 
-GOOD = AxisEstimate(0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, 0.312, "not rejected")
-INVALID = AxisEstimate(None, None, None, None, None, None, False)
+
+def axis_estimate(*of_filters: Any, unit: str = GYRO_UNIT, **known: Any) -> AxisEstimate:
+    """An estimate of these figures of the paper's filters; known: other fields of it."""
+    given = {
+        "verdict": "fractional",
+        "alpha": Interval(0.51, 0.42, 0.6),
+        "f": Interval(-1.2, -2.5, -0.7),
+        "bias": 0.2345,
+        "bias_std": 0.0123,
+        "state": 0.1345,
+        "state_std": 0.0113,
+        "innovation": -0.0432,
+        "moving": False,
+        "null_p": None,
+        "whiteness": None,
+    }
+    return AxisEstimate(**(given | known), unit=unit, fltea=FlteaEstimate(*of_filters))
+
+
+GOOD = axis_estimate(
+    0.412, 0.031, -2.125, 0.25, 0.1234, -0.0567, True, True, null_p=0.312, whiteness="not rejected"
+)
+UNKNOWN = dict.fromkeys(("verdict", "bias", "bias_std", "state", "state_std", "innovation"))
+INVALID = axis_estimate(*[None] * 6, False, alpha=Interval(), f=Interval(), **UNKNOWN)
 STATS = Stats(
     epoch=3,
     host_ns=9_500_000_000,

@@ -40,12 +40,12 @@ def test_device_alone_is_drawn_as_published_at_a_pace_of_its_own(late: int) -> N
     assert history.tables.estimator("gyro_y") == "device"
     shown, samples = columns(history, "own", "gyro_y"), columns(history, "rows", "gyro_y")
     expected = [
-        (e.host_ns * 1e-6, e.seq, y.alpha, y.alpha_std, y.f, y.f_std, y.state)
+        (e.host_ns * 1e-6, e.seq, y.fltea.alpha, y.fltea.alpha_std, y.fltea.f, y.fltea.f_std)
         for e in found
         if isinstance(e, Estimate)
         for y in (e.axes["gyro_y"],)
     ]
-    names = ("time", "seq", "alpha", "alpha_std", "f", "f_std", "state")
+    names = ("time", "seq", "alpha", "alpha_std", "f", "f_std")
     got = list(zip(*(shown[name] for name in names), strict=True))
     assert len(got) >= 50
     assert got == expected[-len(got) :]

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 from dashboard_support import records, told, with_breaks
 from fltea.records import clock
-from fltea.records.records import AnyRecord, Error, Estimate, LinkStats, OutputStats, Stats
+from fltea.records.records import AnyRecord, Error, Estimate, FlteaEstimate, LinkStats, OutputStats, Stats
 from fltea.sinks.page import facts
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.words import duration, figure, with_std
@@ -56,7 +56,7 @@ def test_status_names_the_axis_that_is_not_valid() -> None:
     history = told(records("n=200"))
     assert history.estimate is not None
     x = history.estimate.axes["gyro_x"]
-    gone = msgspec.structs.replace(x, alpha=None, f=None, state=None, valid=False)
+    gone = msgspec.structs.replace(x, fltea=FlteaEstimate())
     estimate = msgspec.structs.replace(history.estimate, axes={**history.estimate.axes, "gyro_x": gone})
     history.write(estimate)
     assert later(history, 0)[0] == "bad"
@@ -69,13 +69,17 @@ def test_status_names_the_axis_that_is_not_valid() -> None:
 def test_axis_is_what_its_records_say() -> None:
     found = records("n=600&offset_dps=1.5")
     history = told(found)
-    last = next(r for r in reversed(found) if isinstance(r, Estimate)).axes["gyro_y"]
+    whole = next(r for r in reversed(found) if isinstance(r, Estimate)).axes["gyro_y"]
+    last = whole.fltea
     shown = facts.axes(history, 0)[1]
     assert (shown["name"], shown["running"]) == ("gyro_y", {"alpha": last.alpha, "f": last.f})
     rows = dict(shown["rows"])
-    assert rows["α ± σ"] == f"{last.alpha:.3f} ± {last.alpha_std:.3f}"
+    assert rows["α ± σ"] == with_std(last.alpha, last.alpha_std)
     assert rows["offset removed"].startswith("1.5")
-    assert rows["state x̂"].endswith("deg/s")
+    assert rows["state x̂ (paper)"].endswith("deg/s")
+    assert rows["bias"] == f"{with_std(whole.bias, whole.bias_std)} deg/s"
+    assert rows["bias"].startswith("1.5")
+    assert rows["FLTEA (paper)"] in ("settled", "settling")
     assert rows["R"].endswith("(deg/s)²")
 
 

@@ -147,7 +147,7 @@ def test_figures_hold_the_estimates_and_only_the_new_ones_are_sent() -> None:
     browser.choose(window=0)
     told_now = browser.update()
     assert told_first["seq"] == told_now["seq"] == last.seq
-    x = last.axes["gyro_x"]
+    x = last.axes["gyro_x"].fltea
     assert (rows.data["alpha"][-1], rows.data["f"][-1]) == (x.alpha, x.f)
     assert rows.data["alpha_high"][-1] == x.alpha + x.alpha_std
     assert rows.data["alpha_low"][-1] == x.alpha - x.alpha_std

@@ -27,7 +27,8 @@ def test_rows_are_the_estimates_to_the_bit() -> None:
             i, e = by_seq[estimate.seq], estimate.axes[axis]
             assert shown["time"][i] == estimate.host_ns * 1e-6
             got = tuple(shown[name][i] for name in ("alpha", "alpha_std", "f", "f_std", "state"))
-            assert got == (e.alpha, e.alpha_std, e.f, e.f_std, e.state)
+            own, state = e.fltea, None if e.bias is None else e.bias - history.offset(axis)
+            assert got == (own.alpha, own.alpha_std, own.f, own.f_std, state)
 
 
 def test_samples_are_shown_without_the_offset_that_the_estimator_removes() -> None:

@@ -10,14 +10,13 @@ from typing import Any
 import msgspec
 import pytest
 from blocks import as_items
-from example_records import GOOD, INVALID, STATS
+from example_records import GOOD, INVALID, STATS, axis_estimate
 from fit_support import FRACTIONAL, UNDECIDED, WHITE
 from fltea.records.errors import FlteaError
 from fltea.records.identities import MOST
 from fltea.records.ports import LATENCY_BOUNDS_MS, Item, Sink
 from fltea.records.records import (
     ACCEL_UNIT,
-    AxisEstimate,
     Epoch,
     Error,
     Estimate,
@@ -41,7 +40,9 @@ from prometheus_client.parser import text_string_to_metric_families
 AXES = {
     "gyro_x": GOOD,
     "gyro_y": INVALID,
-    "accel_z": AxisEstimate(0.5, 0.1, -1.0, 0.2, 9.8, 0.0, True, 1e-9, "rejected", ACCEL_UNIT),
+    "accel_z": axis_estimate(
+        0.5, 0.1, -1.0, 0.2, 9.8, 0.0, True, null_p=1e-9, whiteness="rejected", unit=ACCEL_UNIT
+    ),
 }
 ESTIMATE = Estimate(7, 3, 70_000, 7, "joint", AXES, device="due")
 INFO = EstimatorInfo("joint", "host", "compressed", "consistent", 9, 9, "none", "auto")
@@ -145,17 +146,31 @@ fltea_axis_interventions_total{device="due",axis="gyro_x",reason="order_box"} 13
 fltea_axis_interventions_total{device="due",axis="gyro_x",reason="held"} 1
 fltea_axis_innovation_lag1{device="due",axis="gyro_x"} 0.25
 fltea_axis_innovation_nis{device="due",axis="gyro_x"} 1.5
-fltea_axis_valid{device="due",axis="gyro_x"} 1
-fltea_axis_valid{device="due",axis="gyro_y"} 0
-fltea_axis_valid{device="due",axis="accel_z"} 1
-fltea_axis_alpha{device="due",axis="gyro_x"} 0.412
-fltea_axis_alpha{device="due",axis="accel_z"} 0.5
-fltea_axis_alpha_std{device="due",axis="gyro_x"} 0.031
-fltea_axis_alpha_std{device="due",axis="accel_z"} 0.1
-fltea_axis_f{device="due",axis="gyro_x"} -2.125
-fltea_axis_f{device="due",axis="accel_z"} -1
-fltea_axis_f_std{device="due",axis="gyro_x"} 0.25
-fltea_axis_f_std{device="due",axis="accel_z"} 0.2
+fltea_axis_bias{device="due",axis="gyro_x"} 0.2345
+fltea_axis_bias{device="due",axis="accel_z"} 0.2345
+fltea_axis_bias_std{device="due",axis="gyro_x"} 0.0123
+fltea_axis_bias_std{device="due",axis="accel_z"} 0.0123
+fltea_axis_state{device="due",axis="gyro_x"} 0.1345
+fltea_axis_state{device="due",axis="accel_z"} 0.1345
+fltea_axis_state_std{device="due",axis="gyro_x"} 0.0113
+fltea_axis_state_std{device="due",axis="accel_z"} 0.0113
+fltea_axis_moving{device="due",axis="gyro_x"} 0
+fltea_axis_moving{device="due",axis="gyro_y"} 0
+fltea_axis_moving{device="due",axis="accel_z"} 0
+fltea_axis_fltea_valid{device="due",axis="gyro_x"} 1
+fltea_axis_fltea_valid{device="due",axis="gyro_y"} 0
+fltea_axis_fltea_valid{device="due",axis="accel_z"} 1
+fltea_axis_fltea_settled{device="due",axis="gyro_x"} 1
+fltea_axis_fltea_settled{device="due",axis="gyro_y"} 0
+fltea_axis_fltea_settled{device="due",axis="accel_z"} 0
+fltea_axis_fltea_alpha{device="due",axis="gyro_x"} 0.412
+fltea_axis_fltea_alpha{device="due",axis="accel_z"} 0.5
+fltea_axis_fltea_alpha_std{device="due",axis="gyro_x"} 0.031
+fltea_axis_fltea_alpha_std{device="due",axis="accel_z"} 0.1
+fltea_axis_fltea_f{device="due",axis="gyro_x"} -2.125
+fltea_axis_fltea_f{device="due",axis="accel_z"} -1
+fltea_axis_fltea_f_std{device="due",axis="gyro_x"} 0.25
+fltea_axis_fltea_f_std{device="due",axis="accel_z"} 0.2
 fltea_axis_null_p{device="due",axis="gyro_x"} 0.312
 fltea_axis_null_p{device="due",axis="accel_z"} 1e-9
 fltea_axis_not_white{device="due",axis="gyro_x"} 0
@@ -225,7 +240,7 @@ def test_fit_and_estimate_of_an_earlier_epoch_are_not_shown(serve: Serve) -> Non
 
     def shown() -> list[float | None]:
         found = scrape(sink.url)
-        return [value(found, name, **x) for name in ("fltea_axis_alpha", "fltea_fit_alpha")]
+        return [value(found, name, **x) for name in ("fltea_axis_fltea_alpha", "fltea_fit_alpha")]
 
     assert shown() == [0.412, FRACTIONAL.alpha.value]
     sink.write(EPOCH)
@@ -238,7 +253,7 @@ def test_old_estimate_is_not_shown_as_if_it_were_live(serve: Serve, monkeypatch:
     monkeypatch.setattr("fltea.sinks.metrics.families.host_ns", lambda: now_ns)
     sink = serve(ESTIMATE)
     now_ns += 4 * 10**9
-    assert any(name == "fltea_axis_alpha" for name, _ in scrape(sink.url))
+    assert any(name == "fltea_axis_fltea_alpha" for name, _ in scrape(sink.url))
     now_ns += 2 * 10**9
     assert not any(name.startswith("fltea_axis") for name, _ in scrape(sink.url))
 

@@ -11,11 +11,13 @@ from estimating_board import ESTIMATOR, Board, Sent, changed, events, exact, noi
 from fltea.records.events import Event, LinkDown, RawBlock, host_ns_of
 from fltea.records.records import (
     AnyRecord,
+    DeviceAxisEstimate,
     DeviceEstimates,
     Epoch,
     Error,
     Estimate,
     EstimatorInfo,
+    FlteaEstimate,
     Sample,
     Stats,
 )
@@ -50,6 +52,11 @@ def estimates_of(who: str, records: Iterable[AnyRecord]) -> list[Any]:
     return of(Estimate if who == "device" else DeviceEstimates, records)
 
 
+def of_filters(e: Estimate | DeviceEstimates) -> list[FlteaEstimate]:
+    """The board's own estimates of a sample, whichever record they are in."""
+    return [a if isinstance(a, DeviceAxisEstimate) else a.fltea for a in e.axes.values()]
+
+
 def reasons(compared: Iterable[DeviceEstimates], *axes: str) -> set[str | None]:
     """Why axes, by default all, are not compared."""
     return {a.why_not for e in compared for name, a in e.axes.items() if name in (axes or AXES)}
@@ -66,7 +73,7 @@ def test_the_device_alone_is_published_as_it_is() -> None:
     assert {e.variant for e in estimates} == {"joint"}
     places = {s.seq: (s.epoch, s.device_us, s.host_ns) for s in of(Sample, records)}
     assert all((e.epoch, e.device_us, e.host_ns) == places[e.seq] for e in estimates)
-    got = [msgspec.structs.astuple(e.axes[axis])[:7] for e in estimates for axis in AXES]
+    got = [msgspec.structs.astuple(e.axes[axis].fltea)[:7] for e in estimates for axis in AXES]
     assert got == [(*rounded(one), True) for one in said]
     settings = EstimatorInfo("joint", "device", "compressed", "consistent", 0, STARTUP, "startup", "auto")
     assert of(Epoch, records)[0].estimator == settings
@@ -153,7 +160,7 @@ def test_both_over_the_wire_differ_by_single_precision() -> None:
     differences = []
     for e in compared:
         for axis, a in e.axes.items():
-            host = hosts[e.seq].axes[axis]
+            host = hosts[e.seq].axes[axis].fltea
             assert a.alpha_difference == a.alpha - host.alpha
             assert a.f_difference == a.f - host.f
             assert a.state_difference == a.state - host.state
@@ -302,7 +309,7 @@ def test_a_constant_axis_is_null_and_told_once() -> None:
         assert len(told) == 1, who
         assert "gyro_y" in told[0].message
         for e in estimates_of(who, records):
-            assert [a.valid for a in e.axes.values()] == [True, False, True]
+            assert [a.valid for a in of_filters(e)] == [True, False, True]
             assert e.axes["gyro_y"].alpha is None
         assert of(Stats, records)[-1].axes["gyro_y"].R is None
     compared = of(DeviceEstimates, records)
@@ -321,7 +328,7 @@ def test_a_device_that_says_that_an_axis_is_lost_is_believed() -> None:
     )
     records = feed(pipeline("device"), events(lost))
     assert [e.kind for e in of(Error, records)] == ["axis_bound"], "once a minute"
-    invalid = {e.seq for e in of(Estimate, records) if not e.axes["gyro_z"].valid}
+    invalid = {e.seq for e in of(Estimate, records) if not e.axes["gyro_z"].fltea.valid}
     assert invalid == {30, 50, 70, 90}
 
 
@@ -334,7 +341,7 @@ def test_what_is_not_finite_is_published_as_null(who: str, field: str) -> None:
         found = estimates_of(who, records)
         assert len(found) == 60 - STARTUP
         for e in found:
-            for a in e.axes.values():
+            for a in of_filters(e):
                 assert a.valid == (field == "innovation")
                 assert a.innovation is None
                 assert (a.alpha is None) == (field != "innovation")
@@ -419,4 +426,4 @@ def test_a_step_without_a_measurement_has_no_innovation(who: str) -> None:
     records = feed(pipeline(who), events(changed(Board().run(noise(50)), wire.Estimate, flags=flags)))
     found = estimates_of(who, records)
     assert len(found) == 50 - STARTUP
-    assert all(a.valid and a.innovation is None for e in found for a in e.axes.values())
+    assert all(a.valid and a.innovation is None for e in found for a in of_filters(e))

@@ -91,7 +91,7 @@ def test_a_recording_of_raw_frames_replays_with_the_estimates_of_the_device(reco
     assert [e.seq for e in compared] == list(range(30, 160))
     assert all(e.comparable for e in compared)
     for one, e in zip(of(alone, Estimate), compared, strict=True):
-        assert [a.alpha for a in one.axes.values()] == [a.alpha for a in e.axes.values()]
+        assert [a.fltea.alpha for a in one.axes.values()] == [a.alpha for a in e.axes.values()]
 
 
 def test_records_of_both_ride_along_with_a_schema_and_can_be_exported(tmp_path: Path) -> None:

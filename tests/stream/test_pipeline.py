@@ -140,7 +140,7 @@ def test_a_constant_axis_is_invalid_and_the_others_go_on() -> None:
     assert [e.kind for e in of(Error, records)] == ["constant_axis"]
     assert "gyro_y" in of(Error, records)[0].message
     for estimate in of(Estimate, records):
-        assert [estimate.axes[a].valid for a in ("gyro_x", "gyro_y", "gyro_z")] == [True, False, True]
+        assert [estimate.axes[a].fltea.valid for a in ("gyro_x", "gyro_y", "gyro_z")] == [True, False, True]
         assert estimate.axes["gyro_y"].alpha is None
     last = pipeline.stats().axes
     assert last["gyro_y"].R is None
@@ -155,7 +155,7 @@ def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:
     lines = msgspec.json.encode(records)
     assert b"NaN" not in lines
     assert b"Infinity" not in lines
-    invalid = [e for e in of(Estimate, records) if not e.axes["gyro_x"].valid]
+    invalid = [e for e in of(Estimate, records) if not e.axes["gyro_x"].fltea.valid]
     assert invalid, "this case is there to diverge"
     assert all(v is None for e in invalid for v in msgspec.structs.astuple(e.axes["gyro_x"])[:6])
     assert pipeline.stats().axes["gyro_x"].restarts == len(invalid)
@@ -198,7 +198,7 @@ def test_the_walk_gives_the_estimates_of_the_reference(memory: str, tolerance: f
         settings = LaneSettings(estimator, 0.01, stats.R)
         missing = np.isnan(y[:, i])
         expected = reference_run(settings, y[:, i] - stats.bias, np.zeros(len(y)), missing)
-        ours = [(one.axes[axis].alpha, one.axes[axis].f, one.axes[axis].state) for one in found]
+        ours = [(one.alpha, one.f, one.state) for one in (e.axes[axis].fltea for e in found)]
         theirs = expected[~missing][:, [ESTIMATES.index(name) for name in ("alpha", "f", "x")]]
         np.testing.assert_allclose(ours, theirs, rtol=tolerance, atol=tolerance)
 

@@ -102,7 +102,7 @@ def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
         end = int(sample.seq[-1]) + 1
         columns = bank.run(y[at:end])
         for row, seq in enumerate(range(at, end)):
-            published = [(axis.alpha, axis.state) for axis in found[seq].values()]
+            published = [(axis.fltea.alpha, axis.fltea.state) for axis in found[seq].values()]
             expected = np.column_stack([columns.alpha[row], columns.x[row]])
             np.testing.assert_array_equal(np.array(published, dtype=np.float64), expected)
         at = end

@@ -145,4 +145,4 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     breaks: dict[str, int] = {}
     low_pass: FitLowPass | None = None
     until_s: Until | None = None
-    stable: bool = False
+    stable: bool = True

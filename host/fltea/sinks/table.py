@@ -4,6 +4,7 @@ import time
 from collections import deque
 from collections.abc import Mapping
 
+from rich import box
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.table import Table
@@ -16,6 +17,7 @@ from fltea.records.fit import AxisFit
 from fltea.records.ports import Item, Sink, SinkClosed
 from fltea.records.records import (
     AnyRecord,
+    AxisEstimate,
     DeviceEstimates,
     DeviceFits,
     Epoch,
@@ -186,8 +188,8 @@ class DeviceView:
         """The view, for a terminal of so many columns."""
         wide = width >= WIDE_COLUMNS
         lines: list[RenderableType] = [Text(self._head(), style="bold")]
-        if self._fit is not None:
-            lines.append(_fit_rows(self._fit, wide=width >= F_COLUMNS))
+        if self._fit is not None or self._estimate is not None:
+            lines.append(self._answers(wide=width >= F_COLUMNS))
         lines.append(self._table(wide=wide))
         if not wide and self._estimate is not None:
             lines.append(self._rows_below(self._estimate))
@@ -222,29 +224,47 @@ class DeviceView:
         if self._estimate is None:
             remaining = self._stats.startup_remaining if self._stats else 0
             return Text(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
-        table = Table(expand=False)
-        table.add_column("axis")
-        units = dict.fromkeys(axis.unit.replace("^2", "²") for axis in self._estimate.axes.values())
-        unit = f"[{', '.join(units)}]"
-        for title in ("FLTEA: α", "f [s^-α]", f"state {unit}", f"innovation {unit}"):
-            table.add_column(Text(title), justify="right")  # as plain text: [deg/s] is no markup
-        if wide:
-            table.add_column("α, last seconds", min_width=TREND_WIDTH)
-            table.add_column("f, last seconds", min_width=TREND_WIDTH)
+        unit = f"[{', '.join(dict.fromkeys(_unit(axis) for axis in self._estimate.axes.values()))}]"
+        # As plain text: [deg/s] is no markup.
+        titles = map(Text, ("FLTEA: α", "f [s^-α]", f"state {unit}", f"innov. {unit}", ""))
+        table = _grid("", *titles, *(("α, last seconds", "f, last seconds") if wide else ()))
         for name, axis in self._estimate.axes.items():
             bars = map(str, self._trends[name]) if wide else ()
             own = axis.fltea
             if not own.valid:
-                table.add_row(name, "not valid", "", "", "", *bars)
+                table.add_row(name, "not valid", "", "", "", "", *bars)
                 continue
             table.add_row(
                 name,
                 with_std(own.alpha, own.alpha_std) + self._mark(name),
-                with_std(own.f, own.f_std) + self._mark(name),
+                with_std(own.f, own.f_std),
                 _rate(own.state),
                 _rate(own.innovation),
+                "" if own.settled else "settling",
                 *bars,
             )
+        return table
+
+    def _answers(self, *, wide: bool) -> Table:
+        """What the noise of each axis is, its order where it has one, the bias now, and how long yet."""
+        fits = self._fit.axes if self._fit else {}
+        known = self._estimate.axes if self._estimate else {}
+        targets = [fit.until_s.target for fit in fits.values() if fit.until_s]
+        table = Table(expand=False, box=box.SIMPLE_HEAD, pad_edge=False)
+        units = ", ".join(dict.fromkeys(_unit(axis) for axis in known.values()))
+        bias = f"bias [{units}]" if units else "bias"
+        for title in ("", "noise", "α, 95 %", *(["f [s^-α], 95 %"] if wide else []), bias):
+            table.add_column(Text(title), no_wrap=title != "noise")
+        if targets:
+            table.add_column(Text(f"α ± {targets[0]:g} in"))
+        for name in {**fits, **known}:
+            fit, axis = fits.get(name), known.get(name)
+            found = answer(fit)
+            alpha, f = (
+                "" if p is None else f"{p[0]} ({p[1].replace('…', 'to')})" for p in (found.alpha, found.f)
+            )
+            until = [] if not targets or fit is None else [_until(fit)]
+            table.add_row(name, found.head, alpha, *([f] if wide else []), _bias_words(axis), *until)
         return table
 
     def _mark(self, axis: str) -> str:
@@ -288,23 +308,20 @@ def _grid(*titles: RenderableType) -> Table:
     return rows
 
 
-def _fit_rows(record: Fit, *, wide: bool) -> Table:
-    """What the noise of each axis is: in words, with its order where it has one, and how long yet."""
-    targets = [axis.until_s.target for axis in record.axes.values() if axis.until_s]
-    until = f"α ± {targets[0]:g} in" if targets else ""
-    rows = _grid("", "noise", "α, 95 %", *([Text("f [s^-α], 95 %")] if wide else []), until)
-    for name, axis in record.axes.items():
-        found = answer(axis)
-        alpha, f = (
-            "" if p is None else f"{p[0]} ({p[1].replace('…', 'to')})" for p in (found.alpha, found.f)
-        )
-        rows.add_row(name, found.head, alpha, *([f] if wide else []), _until(axis))
-    return rows
+def _bias_words(axis: AxisEstimate | None) -> str:
+    """The bias with its deviation; a dash where nothing is known."""
+    if axis is None or axis.bias is None:
+        return "–"
+    return with_std(axis.bias, axis.bias_std) + (", moving" if axis.moving else "")
+
+
+def _unit(axis: AxisEstimate) -> str:
+    return axis.unit.replace("^2", "²")
 
 
 def _until(fit: AxisFit) -> str:
     """How long it takes until the order is known well enough; empty where nobody can say."""
-    if fit.verdict not in WITH_ORDER or fit.until_s is None or fit.until_s.seconds is None:
+    if fit.verdict not in WITH_ORDER or not fit.stable or fit.until_s is None or fit.until_s.seconds is None:
         return ""
     return duration(fit.until_s.seconds) if fit.until_s.seconds > 0 else "reached"
 

@@ -123,12 +123,6 @@ class Channels:
         rejected = np.array([one.whiteness == "rejected" for one in settled])
         return np.broadcast_to(p, shape), np.broadcast_to(rejected, shape)
 
-    def _filters_settled(self) -> Bools:
-        """Return of each axis whether its filters know their variances, and describe the noise."""
-        white = self._bank.describes_noise
-        tuned = self._bank.tuned if self._tuned else set(self._names)
-        return np.array([axis in tuned and white[axis] is True for axis in self._names])
-
     def on_missing(self, count: int) -> list[tuple[str, Reason]]:
         """Bridge lost samples; the axes that became invalid meanwhile, and why."""
         self._tune()

@@ -27,6 +27,9 @@ HEADS: dict[VerdictKind, str] = {
 WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
 """Verdicts that leave room for an order; all others say that there is none to speak of."""
 
+SAYS_NOTHING = ("constant", "too few samples")
+UNSTABLE = "No stable verdict yet"
+NOT_YET = "Two fits have to agree, the later one of a tenth more samples. The newest one says: {}."
 NO_FIT = "It comes within seconds of the first samples."
 OFF = "Nothing is fitted: live.on is false."
 
@@ -74,6 +77,8 @@ def answer(fit: AxisFit | None, *, off: bool = False) -> Answer:
     """Put a fit into words. off: nothing is fitted."""
     if fit is None:
         return Answer("", "No fit" if off else "No fit yet", OFF if off else NO_FIT, None, None, "", "", "")
+    if not fit.stable and fit.verdict not in SAYS_NOTHING:
+        return Answer("", UNSTABLE, NOT_YET.format(HEADS[fit.verdict]), None, None, "", "", _left_out(fit))
     alpha, f = order(fit)
     return Answer(
         fit.verdict,
@@ -88,8 +93,8 @@ def answer(fit: AxisFit | None, *, off: bool = False) -> Answer:
 
 
 def order(fit: AxisFit) -> tuple[Interval | None, Interval | None]:
-    """α and f, each only if the verdict leaves room for an order and the data define it."""
-    if fit.verdict not in WITH_ORDER:
+    """α and f, each only if a stable verdict leaves room for an order and the data define it."""
+    if fit.verdict not in WITH_ORDER or not fit.stable:
         return None, None
     alpha, f = (p if _defined(p) else None for p in (fit.alpha, fit.f))
     return alpha, f
@@ -124,7 +129,7 @@ def _fixed(value: float, digits: int) -> str:
 def _until(fit: AxisFit) -> str:
     """How long it takes until the order is known well enough."""
     until = fit.until_s
-    if until is None or fit.verdict in ("constant", "too few samples"):
+    if until is None or fit.verdict in SAYS_NOTHING:
         return ""
     target = f"α ± {until.target:g}"
     if until.seconds is None:

@@ -6,6 +6,8 @@ from typing import Literal
 
 Level = Literal["good", "wait", "bad", "plain"]
 
+LARGE = 1e6
+"""From here on, powers of ten: what a diverging filter can give."""
 CAUSE_WORDS = {
     "order_box": "α held inside [0, 2]",
     "order_sigma": "a sigma point of α held",
@@ -23,7 +25,7 @@ def figure(value: float, digits: int, *, significant: bool = False) -> str:
     """Fixed point, or powers of ten for what a diverging filter can give."""
     if significant:
         return f"{value:.{digits}g}"
-    return f"{value:.{digits}f}" if abs(value) < 1e6 else f"{value:.{digits}e}"
+    return f"{value:.{digits}f}" if abs(value) < LARGE else f"{value:.{digits}e}"
 
 
 def quantity(value: float | None, unit: str, digits: int, *, significant: bool = False) -> str:
@@ -37,6 +39,8 @@ def with_std(value: float | None, std: float | None) -> str:
         return "–"
     if std is None or not std > 0:
         return figure(value, 3) + (" ± 0" if std == 0 else "")
+    if max(abs(value), std) >= LARGE:
+        return f"{figure(value, 3)} ± {figure(std, 3)}"
     places = min(max(0, 1 - math.floor(math.log10(std))), 9)
     return f"{figure(value, places)} ± {figure(std, places)}"
 
