@@ -7,16 +7,21 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from due_support import ROOT
+from example_records import GOOD, STATS
 from fltea.noise.spectra import g_of, step_variance
+from fltea.records.records import Estimate
 from fltea.settings.device_name import device_name
+from fltea.sinks.page.words import with_std
 from fltea.sources.synthetic import parse_noise
 from host_support import fltea_here
 
 from tools import demo
 from tools.due_emulator.pace import Pace
+from tools.ndjson_summary import Summary
 from tools.validation.evaluate.cramer_rao import bound
 
 SAMPLES = 450
@@ -37,7 +42,20 @@ def test_a_run_becomes_one_line_for_each_second_of_it(
     assert "start-up: " in lines[0]
     last = [json.loads(line) for line in records.splitlines() if '"class":"estimate"' in line][-1]
     for name, axis in last["axes"].items():
-        assert f"{name} α {axis['alpha']:.3f} f {axis['f']:.3f}" in lines[-1]
+        verdict = axis["verdict"] or "no stable verdict yet"
+        assert f"{name} {verdict}, bias {with_std(axis['bias'], axis['bias_std'])} deg/s" in lines[-1]
+
+
+def test_an_order_is_shown_with_its_intervals_and_motion_is_told() -> None:
+    estimate = Estimate(
+        1, 1, 1, 1, "joint", {"gyro_x": msgspec.structs.replace(GOOD, moving=True)}, device="due"
+    )
+    summary = Summary()
+    for record in (estimate, STATS):
+        line = summary.line(msgspec.json.encode(record).decode())
+    assert line is not None
+    assert "gyro_x fractional, α 0.51 [0.42, 0.60], f -1.20 [-2.50, -0.70]" in line
+    assert "bias 0.234 ± 0.012 deg/s, moving" in line
 
 
 def test_what_is_no_record_is_shown_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:

@@ -119,6 +119,6 @@ def test_alone_its_estimates_are_what_is_published() -> None:
     sent = {(m.sample, m.axis): m for m in (a.frame.message for a in run.of(wire.Estimate))}
     for record in found:
         for i, axis in enumerate(AXES):
-            assert record.axes[axis].alpha == sent[record.seq, i].alpha
-            assert record.axes[axis].f == sent[record.seq, i].f
+            assert record.axes[axis].fltea.alpha == sent[record.seq, i].alpha
+            assert record.axes[axis].fltea.f == sent[record.seq, i].f
             assert record.axes[axis].null_p is None or 0 <= record.axes[axis].null_p <= 1

@@ -79,9 +79,9 @@ def test_every_sample_arrives_and_every_estimate_is_finite(run: Run) -> None:
     assert [e["seq"] for e in estimates] == list(range(50, 50 + len(estimates)))
     for estimate in estimates:
         for axis in estimate["axes"].values():
-            assert axis["valid"]
-            known = {key: value for key, value in axis.items() if key not in ("null_p", "whiteness", "unit")}
-            assert all(math.isfinite(v) for v in known.values())
+            assert axis["fltea"]["valid"]
+            assert all(math.isfinite(v) for v in axis["fltea"].values())
+            assert all(math.isfinite(axis[name]) for name in ("bias", "bias_std", "state", "state_std"))
     assert [r["class"] for r in run.records()[:2]] == ["hello", "epoch"]
     last = run.of("stats")[-1]
     assert last["samples"]["delivered"] == len(run.of("sample")) == 50 + len(estimates)

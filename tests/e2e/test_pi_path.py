@@ -89,7 +89,7 @@ def test_the_same_noise_gives_the_same_estimates() -> None:
     assert n > (SECONDS - 1) * 100 - 500
     for one, other in zip(due[:n], pi[:n], strict=True):
         assert one.axes == other.axes
-    last = pi[n - 1].axes["gyro_x"]
+    last = pi[n - 1].axes["gyro_x"].fltea
     assert last.valid
     assert last.alpha is not None
 
@@ -139,7 +139,7 @@ def test_the_command(processes: Processes) -> None:
     samples = command.of("sample")
     assert [s["seq"] for s in samples] == list(range(len(samples)))
     assert all(a["host_ns"] < b["host_ns"] for a, b in pairwise(samples))
-    assert command.of("estimate")[-1]["axes"]["gyro_z"]["valid"]
+    assert command.of("estimate")[-1]["axes"]["gyro_z"]["fltea"]["valid"]
     stats = command.of("stats")[-1]
     assert stats["board"]["i2c_errors"] == stats["board"]["overruns"] == 0
     assert stats["samples"]["lost"] == 0

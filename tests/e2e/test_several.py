@@ -152,9 +152,10 @@ def test_a_restarted_daemon_goes_on_where_it_stopped(processes: Processes, tmp_p
     begin = second.of("estimate")[0]
     assert begin["seq"] == epoch["seq"]  # no start-up window
     for axis, estimate in begin["axes"].items():
-        before = last["axes"][axis]
-        assert abs(estimate["alpha"] - before["alpha"]) < before["alpha_std"]
-        assert estimate["alpha_std"] <= 1.5 * before["alpha_std"]
+        before, own = last["axes"][axis], estimate["fltea"]
+        assert abs(own["alpha"] - before["fltea"]["alpha"]) < before["fltea"]["alpha_std"]
+        assert own["alpha_std"] <= 1.5 * before["fltea"]["alpha_std"]
+        assert abs(estimate["bias"] - before["bias"]) < 3 * before["bias_std"]
 
 
 def test_without_a_reader_of_stdout_other_outputs_go_on(processes: Processes, tmp_path: Path) -> None:

@@ -189,7 +189,7 @@ def test_scale_of_the_accelerometer_makes_its_axes_usable(tmp_path: Path) -> Non
     assert found.returncode == 0
     last = [r for r in strict_records(found.stdout) if isinstance(r, Estimate)][-1]
     assert [*last.axes] == ["accel_y"]
-    assert last.axes["accel_y"].valid
+    assert last.axes["accel_y"].fltea.valid
     assert last.axes["accel_y"].unit == "m/s^2"
     np.savez(path, **counts, lsb_per_dps=16.4, fs_hz=100.0)
     told = fltea_here("run", "-s", f"replay:{path}", "--once", *QUICK, "--channels", "accel_y,gyro_x")

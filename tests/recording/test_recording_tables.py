@@ -15,7 +15,7 @@ from fltea.cli import record as cli_record
 from fltea.recording.recovery import recover
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Chunk, Failed
-from fltea.records.records import Epoch, Estimate, Fit, Gap, Hello, Sample
+from fltea.records.records import Epoch, Estimate, Fit, FlteaEstimate, Gap, Hello, Sample
 from fltea.sinks import record as record_module
 from fltea.stream.decode import Decoded, Decoder
 from mcap.reader import make_reader
@@ -109,19 +109,26 @@ def test_estimates_are_those_that_were_published(tmp_path: Path) -> None:
     """And what the test of whiteness said."""
     live, _ = record(tmp_path / "rec", transport(samples=1_100))
     rows, data = exported(tmp_path, "estimates")
-    first = ["time_s", "epoch", "seq", "device_us", "host_ns", "alpha_gyro_x", "alpha_std_gyro_x"]
+    first = ["time_s", "epoch", "seq", "device_us", "host_ns", "bias_gyro_x_dps", "bias_std_gyro_x_dps"]
     assert [*rows[0]][:7] == first
-    assert {"f_gyro_x_s^-alpha", "f_std_gyro_z_s^-alpha", "state_gyro_y_dps", "valid_gyro_z"} < set(rows[0])
+    names = {
+        "fltea_f_gyro_x_s^-alpha",
+        "fltea_f_std_gyro_z_s^-alpha",
+        "state_gyro_y_dps",
+        "fltea_valid_gyro_z",
+    }
+    assert names < set(rows[0])
     estimates = of(live, Estimate)
     assert len(rows) == len(estimates) == 1_077
     for row, estimate in zip(rows, estimates, strict=True):
         assert int(row["seq"]) == estimate.seq
         for axis, e in estimate.axes.items():
-            assert float(row[f"alpha_{axis}"]) == e.alpha
-            assert float(row[f"f_{axis}_s^-alpha"]) == e.f
+            assert float(row[f"bias_{axis}_dps"]) == e.bias
             assert float(row[f"state_{axis}_dps"]) == e.state
-            assert row[f"valid_{axis}"] == str(int(e.valid))
-    assert data["alpha_gyro_x"].tolist() == [e.axes["gyro_x"].alpha for e in estimates]
+            assert float(row[f"fltea_alpha_{axis}"]) == e.fltea.alpha
+            assert float(row[f"fltea_f_{axis}_s^-alpha"]) == e.fltea.f
+            assert row[f"fltea_valid_{axis}"] == str(int(e.fltea.valid))
+    assert data["fltea_alpha_gyro_x"].tolist() == [e.axes["gyro_x"].fltea.alpha for e in estimates]
     assert data["host_ns"].tolist() == [e.host_ns for e in estimates]
     last = estimates[-1].axes["gyro_y"]
     rejected = last.whiteness == "rejected"
@@ -157,7 +164,7 @@ def test_what_was_not_valid_stays_empty(tmp_path: Path, monkeypatch: pytest.Monk
 
     def invalid(one: msgspec.Struct) -> bytes:
         if isinstance(one, Estimate) and one.seq == 40:
-            axis = msgspec.structs.replace(one.axes["gyro_x"], alpha=None, valid=False)
+            axis = msgspec.structs.replace(one.axes["gyro_x"], fltea=FlteaEstimate())
             one = msgspec.structs.replace(one, axes={**one.axes, "gyro_x": axis})
         return encode(one)
 
@@ -165,9 +172,9 @@ def test_what_was_not_valid_stays_empty(tmp_path: Path, monkeypatch: pytest.Monk
     record(tmp_path / "rec", transport(samples=60))
     rows, data = exported(tmp_path, "estimates")
     (row,) = [row for row in rows if row["seq"] == "40"]
-    assert (row["alpha_gyro_x"], row["valid_gyro_x"]) == ("", "0")
-    assert row["alpha_gyro_y"]
-    assert np.flatnonzero(np.isnan(data["alpha_gyro_x"])).tolist() == [20]
+    assert (row["fltea_alpha_gyro_x"], row["fltea_valid_gyro_x"]) == ("", "0")
+    assert row["fltea_alpha_gyro_y"]
+    assert np.flatnonzero(np.isnan(data["fltea_alpha_gyro_x"])).tolist() == [20]
 
 
 def test_exports_of_other_recordings(tmp_path: Path) -> None:

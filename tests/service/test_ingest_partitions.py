@@ -131,7 +131,7 @@ class Worker:
         for block in of(Block, self.sink.items):
             for record in block.estimate_records() if block.estimates else ():
                 assert record.seq not in found, "twice"
-                x = record.axes["gyro_x"]
+                x = record.axes["gyro_x"].fltea
                 found[record.seq] = (x.alpha, x.f, x.state, x.innovation, x.valid)
         return found
 

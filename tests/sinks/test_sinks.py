@@ -272,7 +272,8 @@ def test_the_fit_of_each_axis_stands_in_words_with_its_intervals_and_how_long_ye
     assert ("f [s^-α], 95 %" in text) == (width >= 96)
     assert rows["gyro_x"].split()[-1] == "reached"
     assert rows["gyro_y"].rstrip().endswith("7 min")
-    assert rows["gyro_z"].split() == ["gyro_z", "White", "noise:", "order", "undefined", "–"]
+    assert rows["gyro_z"].split()[:3] == ["gyro_z", "White", "noise:"]
+    assert rows["gyro_z"].split()[-1] == "–"
 
 
 @pytest.mark.parametrize(

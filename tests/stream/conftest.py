@@ -7,7 +7,7 @@ from fltea.stream import live
 from quick_fit import QuickAxes
 
 
-@pytest.fixture(scope="package", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def quick_fits() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "LiveAxes", QuickAxes)

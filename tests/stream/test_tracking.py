@@ -150,6 +150,14 @@ def test_a_short_fit_counts_only_if_it_makes_the_samples_likelier_than_the_walks
     assert dict(one.stats())["gyro_x"].model != "walks"
 
 
+def test_a_mean_of_samples_is_a_noise_that_it_can_go_by() -> None:
+    """The number of them is no figure to be rounded."""
+    one = sensor()
+    one.run(drifting(4000, 0.0))
+    one.learn("gyro_x", settled("low-pass", Noise((White(0.02), Mean(4)), False, 4000)))
+    assert dict(one.stats())["gyro_x"].model != "walks"
+
+
 def test_an_offset_walks_where_the_fit_has_no_part_for_it() -> None:
     one = sensor()
     y = drifting(6000, 0.001)
