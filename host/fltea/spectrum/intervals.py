@@ -42,7 +42,7 @@ from fltea.noise.parts import (
 )
 from fltea.noise.spectra import f_of
 from fltea.records.fit import Interval
-from fltea.spectrum.frontier import LEAK_OF_CUBIC, Frontier, Sentence, leaking
+from fltea.spectrum.frontier import AT_A_LIMIT, LEAK_OF_CUBIC, Frontier, Sentence, leaking
 from fltea.spectrum.reading import NO_WHITE
 
 Array = NDArray[np.float64]
@@ -161,6 +161,8 @@ def order_fit(f: Frontier, sentence: Sentence) -> OrderFit:
     at = sentence.place(Order, Arfima)
     assert at is not None
     s2_at, here = at + 2, list(sentence.eta)
+    if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:  # it stands for what is beyond
+        return OrderFit()
     alpha = _interval(f, sentence, at, "alpha", s2_at, (0.0, 1.0 if arfima else HIGHEST_ORDER), 0.03)
     s2 = _interval(f, sentence, s2_at, "s2", s2_at, _around(f, here[s2_at])).exp()
     R = _interval(f, sentence, 0, "R", -1, _around(f, here[0])).exp()
