@@ -80,8 +80,8 @@ inline double interval_end(const Bins& bins, const Words& words, const std::vect
         } else {
             outside = Tried{trial, excess, eta};
         }
-        if (close || (!outside.eta.empty() && std::fabs(outside.value - inside.value) <
-                                                  kNear * std::fabs(outside.value - middle)))
+        if (close || (!outside.eta.empty() &&
+                      std::fabs(outside.value - inside.value) < kNear * std::fabs(outside.value - middle)))
             break;
         // The excess is about quadratic, so its root is about straight.
         const double a = std::sqrt(std::fmax(inside.excess, 0.0));

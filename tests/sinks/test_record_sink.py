@@ -221,7 +221,7 @@ def test_an_error_of_another_output_may_come_first(tmp_path: Path) -> None:
 
 
 def test_channels_that_there_are_not() -> None:
-    with pytest.raises(UsageError, match=r'record\.channels must be a list of "device_estimate", '):
+    with pytest.raises(UsageError, match=r'record\.channels must be a list of "corrected", '):
         load_config(None, {"record.channels": ["samples"]})
 
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from blocks import of
+from blocks import of, records_of
 from fltea.estimator.offset_walk import offset_walk
 from fltea.estimator.tracker import Tracker
 from fltea.noise.parts import Mean, Order, Part, Relaxation, Walk, White
@@ -12,7 +12,7 @@ from fltea.noise.system import system
 from fltea.records.block import Block, TrackedColumns
 from fltea.records.events import RawBlock
 from fltea.records.fit import AxisFit, Interval, VerdictKind
-from fltea.records.records import Stats
+from fltea.records.records import Corrected, CorrectedAxis, Estimate, Sample, Stats
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.live_axes import Noise
 from fltea.stream.live import NO_FIT, SettledFit
@@ -198,3 +198,27 @@ def test_without_a_live_fit_the_walks_go_on() -> None:
     assert tracker is not None
     assert tracker.model == "walks"
     assert np.isfinite(column(items, "bias")[-1]).all()
+
+
+def test_corrected_rates_are_samples_less_their_biases() -> None:
+    items, _ = walk([hello(), pushed(700, 900, 4000)], output__corrected=True, output__every=3)
+    records = records_of(items)
+    found = of(Corrected, records)
+    samples = {one.seq: one for one in of(Sample, records)}
+    assert [one.seq for one in found] == list(range(0, 1300, 3))
+    assert found[0].axes["gyro_x"] == CorrectedAxis(None, None, False)
+    for one in found:
+        assert list(one.axes) == ["gyro_x", "gyro_y", "gyro_z"]
+    estimates = {one.seq: one for one in of(Estimate, records)}
+    for seq, estimate in estimates.items():
+        x, axis = next(one for one in found if one.seq == seq).axes["gyro_x"], estimate.axes["gyro_x"]
+        assert axis.bias is not None
+        assert (x.rate, x.rate_std) == (samples[seq].gyro_dps[0] - axis.bias, axis.bias_std)
+    turned = next(one for one in found if one.seq == 801).axes["gyro_x"]
+    assert turned.moving
+    assert turned.rate == pytest.approx(4000 * LSB_DPS, abs=10 * LSB_DPS)
+
+
+def test_without_being_asked_for_there_are_no_corrected_rates() -> None:
+    items, _ = walk([hello(), raw(range(300))])
+    assert not of(Corrected, records_of(items))

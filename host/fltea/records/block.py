@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 
 from fltea.records.events import Ints
 from fltea.records.fit import Interval, VerdictKind
-from fltea.records.records import AxisEstimate, Estimate, FlteaEstimate, Sample
+from fltea.records.records import (
+    AXES,
+    GYRO_UNIT,
+    AxisEstimate,
+    Corrected,
+    CorrectedAxis,
+    Estimate,
+    FlteaEstimate,
+    Sample,
+)
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -118,7 +127,7 @@ class Block:
     seq, device_us: unwrapped; host_ns: Unix time. gyro_dps (n, axes); accel_ms2 (n, 3), temperature_c (n,)
     and flags (n,) are None where there are none. estimates: of each sensor that has any; empty while the
     start-up window fills. tracked: the biases of each sensor. variant: that of the estimates. every: there
-    are records of samples whose number is a multiple of it.
+    are records of samples whose number is a multiple of it. corrected: there are records of corrected rates.
     """
 
     device: str | None
@@ -133,6 +142,7 @@ class Block:
     variant: str = ""
     estimates: tuple[AxisColumns, ...] = ()
     every: int = 1
+    corrected: bool = False
     tracked: tuple[TrackedColumns, ...] = ()
 
     def __len__(self) -> int:
@@ -141,7 +151,7 @@ class Block:
     @cached_property
     def weight(self) -> int:
         """The number of records that it stands for."""
-        return len(self.due_rows) * (2 if self.estimates else 1)
+        return len(self.due_rows) * (1 + bool(self.estimates) + self._has_corrected)
 
     @property
     def due_rows(self) -> range:
@@ -183,16 +193,40 @@ class Block:
         rows = self.due_rows
         return next(self.estimate_records(slice(rows[-1], rows[-1] + 1)), None) if rows else None
 
-    def records(self, *, samples: bool = True, estimates: bool = True) -> Iterator[Sample | Estimate]:
+    def records(
+        self, *, samples: bool = True, estimates: bool = True, corrected: bool = True
+    ) -> Iterator[Sample | Estimate | Corrected]:
         """Yield the records of the rows that are due, in the order of the samples."""
         chosen = self.due(self.every)
-        if not (estimates and self.estimates):
-            yield from self.samples(chosen) if samples else ()
-        elif not samples:
-            yield from self.estimate_records(chosen)
+        kinds: list[Iterator[Sample | Estimate | Corrected]] = []
+        if samples:
+            kinds.append(self.samples(chosen))
+        if estimates and self.estimates:
+            kinds.append(self.estimate_records(chosen))
+        if corrected and self._has_corrected:
+            kinds.append(self.corrected_records(chosen))
+        if len(kinds) == 1:
+            yield from kinds[0]
         else:
-            for pair in zip(self.samples(chosen), self.estimate_records(chosen), strict=True):
-                yield from pair
+            for found in zip(*kinds, strict=True):
+                yield from found
+
+    @property
+    def _has_corrected(self) -> bool:
+        return self.corrected and any(one.unit == GYRO_UNIT for one in self.tracked)
+
+    def corrected_records(self, chosen: slice = slice(None)) -> Iterator[Corrected]:
+        """Yield a record for each of the chosen rows: the gyroscope's rates less their biases."""
+        tracked = next(one for one in self.tracked if one.unit == GYRO_UNIT)
+        places = [AXES.index(axis) for axis in tracked.axes]
+        rates = _nullable(self.gyro_dps[chosen][:, places] - tracked.bias[chosen])
+        found = map(
+            CorrectedAxis, rates, _nullable(tracked.bias_std[chosen]), tracked.moving[chosen].ravel().tolist()
+        )
+        rows = zip(*[found] * len(places), strict=True)
+        for seq, device_us, host_ns, row in zip(*self._places(chosen), rows, strict=True):
+            axes = dict(zip(tracked.axes, row, strict=True))
+            yield Corrected(seq, self.epoch, device_us, host_ns, axes, device=self.device)
 
     def samples(self, chosen: slice = slice(None)) -> Iterator[Sample]:
         """Yield a record for each of the chosen rows."""

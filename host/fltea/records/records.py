@@ -90,6 +90,20 @@ class Sample(Placed, frozen=True, tag="sample"):
     flags: int = 0
 
 
+class CorrectedAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The rate of one axis less its bias, and the deviation of that; null while the bias is not known."""
+
+    rate: float | None
+    rate_std: float | None
+    moving: bool
+
+
+class Corrected(Placed, frozen=True, tag="corrected"):
+    """The gyroscope's rates in deg/s less their biases, for those who integrate them (`output.corrected`)."""
+
+    axes: dict[str, CorrectedAxis]
+
+
 class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the paper's filters make of one axis after one sample; null where not valid.
 
@@ -358,4 +372,6 @@ class Error(Record, frozen=True, tag="error"):
     host_ns: int
 
 
-AnyRecord = Hello | Sample | Estimate | DeviceEstimates | DeviceFits | Fit | Gap | Epoch | Stats | Error
+AnyRecord = (
+    Hello | Sample | Corrected | Estimate | DeviceEstimates | DeviceFits | Fit | Gap | Epoch | Stats | Error
+)

@@ -11,6 +11,7 @@ Recorded = Literal[
     "epoch",
     "gap",
     "sample",
+    "corrected",
     "estimate",
     "device_estimate",
     "fit",
@@ -65,6 +66,14 @@ class OutputConfig(Table, frozen=True):
             metavar="N",
         ),
     ] = 1
+    corrected: Annotated[
+        bool,
+        Setting(
+            "Records `corrected`: the gyroscope's rates less their biases, with their deviations, for those "
+            "who integrate them.",
+            flags=("--corrected",),
+        ),
+    ] = False
 
 
 class RecordConfig(Table, frozen=True):

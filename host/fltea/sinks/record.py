@@ -12,7 +12,7 @@ from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.events import Chunk, Failed, LinkDown, Opened, TransportEvent
 from fltea.records.ports import Item, Report, Sink
-from fltea.records.records import AnyRecord, Estimate, Hello, Sample
+from fltea.records.records import AnyRecord, Corrected, Estimate, Hello, Sample
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer
 from fltea.sources.wire_events import WireEvents
@@ -81,7 +81,8 @@ class RecordSink(Sink):
         if isinstance(item, Opened | Chunk | Failed):
             self._on_wire(item)
         elif isinstance(item, Block):
-            for record in item.records(samples=Sample in self._topics, estimates=Estimate in self._topics):
+            wanted = (Sample in self._topics, Estimate in self._topics, Corrected in self._topics)
+            for record in item.records(samples=wanted[0], estimates=wanted[1], corrected=wanted[2]):
                 self._on_record(record)
         elif type(item) in self._topics:
             self._on_record(item)

@@ -10,6 +10,7 @@ from fltea.records.block import Block
 from fltea.records.events import Break, Event, LinkDown, RawBlock
 from fltea.records.records import EpochReason, Hello
 from fltea.settings.duration import Duration
+from fltea.settings.outputs import OutputConfig
 from fltea.stream.place import Piece, Place
 from fltea.stream.time import Timebase
 from fltea.wire.sample_scaling import accel_ms2, gyro_dps, temperatures_c
@@ -28,18 +29,22 @@ class Decoded(NamedTuple):
 class Decoder:
     """Turns the events of a source into samples.
 
-    unix_offset_ns: the source's. max_gap: as `link.max_gap` of the settings. device, every: as
+    unix_offset_ns: the source's. max_gap: as `link.max_gap` of the settings. device, output: as
     `Block` has them.
     """
 
     def __init__(
-        self, unix_offset_ns: Callable[[], int], max_gap: Duration, device: str | None = None, every: int = 1
+        self,
+        unix_offset_ns: Callable[[], int],
+        max_gap: Duration,
+        device: str | None = None,
+        output: OutputConfig | None = None,
     ) -> None:
         self.place = Place(max_gap)
         self.timebase: Timebase | None = None
         self.epoch = 0
         self._unix_offset_ns = unix_offset_ns
-        self._device, self._every = device, every
+        self._device, self._output = device, output or OutputConfig()
 
     def feed(self, event: Event) -> Iterator[Decoded | Hello]:
         """Take one event; samples that can be used, and a HELLO that states something new."""
@@ -71,6 +76,7 @@ class Decoder:
             accel_ms2(raw, hello),
             temperatures_c(raw, hello),
             raw.flags,
-            every=self._every,
+            every=self._output.every,
+            corrected=self._output.corrected,
         )
         return Decoded(block, raw, hello, missing, new_epoch)

@@ -88,8 +88,9 @@ class Pipeline:
     ) -> None:
         self._stats_ns, self._stats_offset_ns = stats_s * SECOND_NS, number % stats_s * SECOND_NS
         self._source, self._config, self._outputs, self._state = source, config, outputs, state
-        every = config.output.every
-        self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, config.name, every)
+        self._decoder = Decoder(
+            lambda: source.unix_offset_ns, config.link.max_gap, config.name, config.output
+        )
         self._refuse = refuse
         live = config.live.on
         self._fits = LiveFits(config, prompt=source.prompt, load=load, number=number) if live else None

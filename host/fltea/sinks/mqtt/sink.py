@@ -103,6 +103,8 @@ class MqttSink(Sink):
                 self._stream(next(block.samples(chosen)), qos)
             if block.estimates and self._is_due("estimate", seq, self._settings.estimate_every):
                 self._stream(next(block.estimate_records(chosen)), qos)
+                if block.corrected and block.tracked:
+                    self._stream(next(block.corrected_records(chosen)), qos)
 
     def _is_due(self, kind: str, seq: int, every: int) -> bool:
         """Whether it is the first in `every` samples; a device, or `output.every`, may leave none at it."""
