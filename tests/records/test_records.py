@@ -30,6 +30,9 @@ KINDS = {kind.__struct_config__.tag: kind for kind in typing.get_args(AnyRecord)
 # --- what the code can emit ---
 
 
+SYNTHETIC = ("-s", "synthetic:?n=300")
+
+
 def emitted_fields(struct: type[msgspec.Struct]) -> dict[str, bool]:
     """Path of every field to whether it can be null; keys of a dict are <axis>, <output>, or <reason>."""
     info = msgspec.inspect.type_info(struct)
@@ -161,7 +164,7 @@ CONSTANT = "time_s,gyro_x_dps,gyro_y_dps\n" + "".join(f"{k / 100},{k % 7},1\n" f
 def test_real_run_emits_only_what_its_structs_say(tmp_path: Path) -> None:
     (tmp_path / "rest.csv").write_text(CONSTANT)
     runs = [
-        fltea_here(*"run -s synthetic:?n=300 --pace fast --once --samples --corrected".split(), *QUICK),
+        fltea_here("run", *SYNTHETIC, "--pace", "fast", "--once", "--samples", "--corrected", *QUICK),
         fltea_here("run", "-s", f"replay:{tmp_path}/rest.csv", "--once", "--samples", *QUICK),
     ]
     found = [record for run in runs for record in strict_records(run.stdout)]

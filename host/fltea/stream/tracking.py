@@ -13,6 +13,7 @@ from msgspec.structs import replace as with_fields
 
 from fltea.estimator.offset_walk import offset_walk
 from fltea.estimator.tracker import Tracker
+from fltea.noise.heading import heading_std, rested
 from fltea.noise.parts import Arfima, Order, Part
 from fltea.noise.system import System, system
 from fltea.records.block import Array, Block, TrackedColumns
@@ -32,6 +33,7 @@ ENOUGH = 3000
 """Samples: a fit of fewer knows too little of what is slow, and the bank of walks goes on."""
 FEWEST = 300
 """Samples, from which on a fit counts that makes them likelier than the bank does, after BIC's price."""
+AHEAD_S = 60.0
 OF_WALKS = 2
 """Parameters of the bank: scale, and which member."""
 GROWTH, STEP = 1.5, 0.05
@@ -49,6 +51,7 @@ class _Sensor:
         self._offsets = _offsets(config, len(self.names))
         self._tracker = Tracker(self._offsets)
         self._walks = [UNDEFINED] * len(self.names)
+        self._headings: list[float | None] = [None] * len(self.names)
         self._known: dict[str, SettledFit] = {}
         self._learned: dict[str, Noise] = {}
 
@@ -94,6 +97,7 @@ class _Sensor:
                 if not likely > self._tracker.likelihood_of_walks(lane) - AHEAD:
                     return
             self._tracker.set(lane, found)
+            self._headings[lane] = self._heading(found, noise.samples)
         except (ValueError, ArithmeticError):  # at the edge of what is stationary: the last one goes on
             return
         self._learned[axis] = noise
@@ -110,11 +114,18 @@ class _Sensor:
         self._walks[lane] = walk.K(self._h)
         return found.with_offset(walk.q, of_state=walk.is_certain)
 
+    def _heading(self, found: System, samples: int) -> float | None:
+        """Return how far the heading is off AHEAD_S after a rest of so many samples; only rates have one."""
+        if self.unit != GYRO_UNIT:
+            return None
+        return heading_std(found, rested(found, samples), self._h, AHEAD_S)
+
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
-        for axis, one, K in zip(self.names, self._tracker.figures(), self._walks, strict=True):
+        figures = zip(self.names, self._tracker.figures(), self._walks, self._headings, strict=True)
+        for axis, one, K, heading in figures:
             holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
             words = names(map(type, self._learned[axis].parts)) if axis in self._learned else "walks"
-            yield axis, TrackerStats(words, one.nis, one.lag1, holds, one.moved, one.begun, K)
+            yield axis, TrackerStats(words, one.nis, one.lag1, holds, one.moved, one.begun, K, heading)
 
     def save(self) -> bytes:
         return self._tracker.save()

@@ -105,6 +105,11 @@ AXIS_STATS = (
     gauge("describes_noise", DESCRIBES),
     gauge("tracker_nis", NIS, lambda axis: axis.tracker and axis.tracker.nis),
     gauge("tracker_lag1", LAG1, lambda axis: axis.tracker and axis.tracker.lag1),
+    gauge(
+        "heading_std_degrees",
+        "Standard deviation of the heading a minute after the last sample at rest.",
+        lambda axis: axis.tracker and axis.tracker.heading_std,
+    ),
     counter("moved_samples", "Samples in motion.", lambda axis: axis.tracker and axis.tracker.moved),
 )
 

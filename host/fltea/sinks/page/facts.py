@@ -2,7 +2,16 @@
 
 from typing import Any
 
-from fltea.records.records import AXES, AxisEstimate, AxisStats, Epoch, EstimatorInfo, Hello, Stats
+from fltea.records.records import (
+    AXES,
+    AxisEstimate,
+    AxisStats,
+    Epoch,
+    EstimatorInfo,
+    Hello,
+    Stats,
+    TrackerStats,
+)
 from fltea.records.visible import visible, visible_lines
 from fltea.sinks.page import facts_of_device
 from fltea.sinks.page.answer import answer
@@ -106,11 +115,24 @@ def _axis(
     return {
         "name": name,
         "estimator": history.tables.estimator(name),
+        "bias": _bias(estimate, tracker, unit),
         "answer": answer(history.fits.axes.get(name), off=off)._asdict(),
         "running": {"alpha": e.alpha, "f": e.f} if e else {"alpha": None, "f": None},
         "rows": rows,
         "guard": guard_words(stats.interventions if stats else {}),
     }
+
+
+def _bias(estimate: AxisEstimate | None, tracker: TrackerStats | None, unit: str) -> str:
+    """Return the first figure after the verdict: the bias, and how far a heading is off in a minute."""
+    if estimate is None or estimate.bias is None:
+        return ""
+    bias = f"bias {with_std(estimate.bias, estimate.bias_std)} {unit}" + (
+        ", moving" if estimate.moving else ""
+    )
+    if tracker is None or tracker.heading_std is None:
+        return bias
+    return f"{bias}; heading ± {tracker.heading_std:.2g}° after a minute"
 
 
 def _tracked(estimate: AxisEstimate | None, unit: str) -> list[list[str]]:

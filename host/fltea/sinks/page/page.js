@@ -144,7 +144,7 @@ window.fltea = (() => {
   function card(axis) {
     const made = element("section", {class: "card", "data-axis": axis.name, "aria-label": axis.name})
     made.innerHTML = `<h2><button type="button" class="pick"></button></h2>
-      <p class="head"></p>
+      <p class="head"></p><p class="bias"></p>
       <dl class="order"><div><dt>α</dt><dd class="alpha"></dd></div>
         <div><dt>f</dt><dd class="f"></dd></div></dl>
       <p class="condition"></p><p class="text"></p><p class="until"></p><p class="left-out"></p>
@@ -169,6 +169,7 @@ window.fltea = (() => {
     made.dataset.alpha = axis.running.alpha ?? ""
     made.dataset.f = axis.running.f ?? ""
     for (const text of ["head", "text", "condition", "until", "left_out"]) set("." + text.replace("_", "-"), found[text])
+    set(".bias", axis.bias)
     made.querySelector(".order").hidden = !found.kind
     parameter(made.querySelector("dd.alpha"), found.alpha, [])
     parameter(made.querySelector("dd.f"), found.f, [" s", element("sup", {}, "−α")])
