@@ -65,8 +65,8 @@ def test_its_samples_arrive_before_the_next_is_due(quiet: DueRun) -> None:
     run = quiet
     sent = run.boots[0].bursts
     delays_s = [a.at_s - b.at_ps / 1e12 for a, b in zip(run.of(wire.Sample), sent, strict=True)]
-    # The frame takes 1.1 ms; a HELLO and a STATUS before it 3.2 and 1.4 ms.
-    assert max(delays_s) < 0.007
+    # The frame takes 1.1 ms; a HELLO and a STATUS before it 3.2 and 1.4 ms, an ESTIMATE 3.9 ms.
+    assert max(delays_s) < 0.008
 
 
 @pytest.mark.slow

@@ -181,3 +181,11 @@ def test_short_ones_are_those_of_their_words() -> None:
 def test_what_is_not_stationary_is_refused() -> None:
     with pytest.raises(ValueError, match="not stationary"):
         system([WHITE, p.Order(0.5, 3.0, 1.0)], H, N)
+
+
+@pytest.mark.parametrize("poles", [2.1215274861128472, 2.132277290972571, 2.0276815574736102])
+def test_coordinates_do_not_cancel_each_other(poles: float) -> None:
+    """Nearly the same pole twice once had powers 10⁷ times that of their sum, and the filter ran away."""
+    s = system([p.White(0.019), p.LowPass(21.0, poles), p.Walk(0.1164)], H, 4096)
+    of_noise = s.signal == 0
+    assert np.trace(s.P0[np.ix_(of_noise, of_noise)]) < 100 * 0.019

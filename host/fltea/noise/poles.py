@@ -43,6 +43,11 @@ SMALL = 0.005
 """What is wrong with a short filter, which needs no poles, because it has some: their size is its root."""
 FAST = 0.3
 """Weight of frequencies above 1 rad a sample, where less depends on the fit."""
+DISTINCT = 0.05
+"""Of two poles, over the distance of one from the circle: nearer ones would only cancel each other."""
+LEAST_SINGULAR, CANCELLING = (1e-8, 1e-6, 1e-4, 1e-2), 1e4
+"""Singular values that count, over the largest; and the power of all coordinates over that of their sum
+beyond which they cancel each other, which no filter's numbers survive."""
 DEEPEST = 1e-7
 """Of a spectrum, over its mean: the logarithm of a filter's zero."""
 
@@ -180,7 +185,8 @@ def fitted(
     chosen: list[complex] = []
     for one in poles:
         upper = complex(one.real, abs(one.imag)) if not _is_real(one) else complex(one.real)
-        if upper not in chosen and size(chosen) + size([upper]) <= room:
+        apart = all(abs(upper - known) > DISTINCT * (1 - abs(known)) for known in chosen)
+        if apart and size(chosen) + size([upper]) <= room:
             chosen.append(upper)
     z = np.array(chosen)
     real = z.imag == 0
@@ -191,12 +197,14 @@ def fitted(
     columns, target = columns * weight[:, None], wanted * weight
     columns = np.concatenate([columns.real, columns.imag])
     norms = np.sqrt((columns**2).sum(axis=0))
-    found = (
-        np.linalg.lstsq(columns / norms, np.concatenate([target.real, target.imag]), rcond=1e-10)[0] / norms
-    )
-    share = found[: len(z)].astype(complex)
-    share[~real] += 1j * found[len(z) :]
-    return driven(z, share, signal=signal)
+    for least in LEAST_SINGULAR:
+        found = np.linalg.lstsq(columns / norms, np.concatenate([target.real, target.imag]), rcond=least)[0]
+        share = (found / norms)[: len(z)].astype(complex)
+        share[~real] += 1j * (found / norms)[len(z) :]
+        block = driven(z, share, signal=signal)
+        if float(np.trace(block.P0)) < CANCELLING * float(block.c @ block.P0 @ block.c):
+            break
+    return block
 
 
 def driven(z: Complex, share: Complex, *, signal: bool) -> Block:

@@ -1,0 +1,166 @@
+"""What the tracker's bias is worth on known noises, beside a filter that knows the noise and the offset.
+
+Series at 100 Hz of white noise of 0.14 deg/s with a state of each kind, by recursions of the tool's own. Each
+goes the way of the live stage: samples, a settled fit whenever the record has grown by a tenth, the tracker.
+"""
+
+import math
+import zlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from fltea.estimator.tracker import Tracker
+from fltea.noise.parts import Arfima, LowPass, Order, Part, Relaxation, Walk, White
+from fltea.noise.system import system
+from fltea.settings.estimator import EstimatorConfig
+from fltea.settings.live import LiveConfig
+from fltea.spectrum.live_axes import LiveAxes
+from fltea.stream.live import NO_FIT
+from fltea.stream.tracking import _Sensor
+from numpy.typing import NDArray
+from scipy import signal
+
+from tools.validation.recursions import FractionalState, fractional_noise
+from tools.validation.runner import Options, Row, Task
+from tools.validation.tables import Table, grouped
+
+Array = NDArray[np.float64]
+
+SEEDS, QUICK_SEEDS = 60, 6
+"""Series of each noise."""
+H, R, N = 0.01, 0.02, 20_000
+SPANS = {"6–30 s": (600, 3_000), "60–200 s": (6_000, N)}
+OVERSAMPLED = 8
+"""For a low-pass as it is in a sensor, in front of the sampling."""
+
+Draw = Callable[[np.random.Generator], Array]
+
+
+def _walk(step: float) -> Draw:
+    return lambda rng: np.cumsum(rng.normal(0, step, N))
+
+
+def _relaxation(sigma: float, samples: float) -> Draw:
+    a, before = math.exp(-1 / samples), round(20 * samples)
+
+    def draw(rng: np.random.Generator) -> Array:
+        driven = rng.normal(0, sigma * math.sqrt(1 - a * a), N + before)
+        return np.asarray(signal.lfilter([1.0], [1.0, -a], driven)[before:])
+
+    return draw
+
+
+def _order(alpha: float, f: float, s2: float) -> Draw:
+    state = FractionalState(alpha, H**alpha * f, N)
+    return lambda rng: np.asarray(math.sqrt(s2) * state.draw(rng))
+
+
+def _sum(*draws: Draw) -> Draw:
+    return lambda rng: np.asarray(sum(one(rng) for one in draws))
+
+
+NOISES: dict[str, tuple[tuple[Part, ...], Draw]] = {
+    "white": ((), lambda rng: np.zeros(N)),
+    "walk, 0.002 a sample": ((Walk(0.002 / math.sqrt(H)),), _walk(0.002)),
+    "walk, 0.0003 a sample": ((Walk(0.0003 / math.sqrt(H)),), _walk(0.0003)),
+    "relaxation of 2 s": ((Relaxation(0.1, 2.0),), _relaxation(0.1, 200)),
+    "relaxations of 0.2 and 10 s": (
+        (Relaxation(0.1, 0.2), Relaxation(0.1, 10.0)),
+        _sum(_relaxation(0.1, 20), _relaxation(0.1, 1000)),
+    ),
+    "α .7, f -2, s2/R .3": ((Order(0.7, -2.0, 0.3 * R / H**1.4),), _order(0.7, -2.0, 0.3 * R)),
+    "α .5, f -2, s2/R 1": ((Order(0.5, -2.0, R / H),), _order(0.5, -2.0, R)),
+    "α .8, f -1, s2/R 3": ((Order(0.8, -1.0, 3 * R / H**1.6),), _order(0.8, -1.0, 3 * R)),
+    "α .35, f -4, s2/R 1 (F < 0)": ((Order(0.35, -4.0, R / H**0.7),), _order(0.35, -4.0, R)),
+    "1/f^0.9": (
+        (Arfima(0.45, 1e-9, 0.2 * R),),
+        lambda rng: math.sqrt(0.2 * R) * fractional_noise(0.45, N, rng),
+    ),
+    "low-pass of 20 Hz, relaxation of 1 s": (
+        (Relaxation(0.1, 1.0), LowPass(20.0, 2.0)),
+        _relaxation(0.1, 100),
+    ),
+}
+
+
+def tasks(options: Options) -> list[Task]:
+    """Return a task for each noise."""
+    return [Task(name, track, (name, options.seeds), N) for name in NOISES if options.wanted(name)]
+
+
+def track(name: str, series: int) -> list[Row]:
+    """Track series of one noise; mean squares of errors, and shares within 2 σ, by span."""
+    rng = np.random.default_rng((20261124, zlib.crc32(name.encode())))
+    parts, draw = NOISES[name]
+    x = np.stack([draw(rng) for _ in range(series)], axis=1)
+    y = x + np.stack([_white(parts, rng) for _ in range(series)], axis=1)
+    known = Tracker([0.0] * series)
+    for lane in range(series):
+        known.set(lane, system((White(R), *parts), H, N))
+    best = known.run(y).bias - x
+    bias, std, state = _live(y)
+    rows = []
+    for span, (begin, end) in SPANS.items():
+        e, s = (bias - x)[begin:end], std[begin:end]
+        rows.append(
+            {
+                "noise": name,
+                "span": span,
+                "series": series,
+                "y": _rms((y - x)[begin:end]),
+                "best": _rms(best[begin:end]),
+                "bias": _rms(e),
+                "state": _rms((state - x)[begin:end]),
+                "within": float((np.abs(e) <= 2 * s).mean()),
+            }
+        )
+    return rows
+
+
+def _rms(e: Array) -> float:
+    return math.sqrt(float((e**2).mean()))
+
+
+def _white(parts: tuple[Part, ...], rng: np.random.Generator) -> Array:
+    low = next((part for part in parts if isinstance(part, LowPass)), None)
+    if low is None:
+        return rng.normal(0, math.sqrt(R), N)
+    b, a = signal.butter(round(low.poles), low.corner_hz, fs=OVERSAMPLED / H)
+    fine = rng.normal(0, math.sqrt(R * OVERSAMPLED), (N + 500) * OVERSAMPLED)
+    return np.asarray(signal.lfilter(b, a, fine)[500 * OVERSAMPLED :: OVERSAMPLED])
+
+
+def _live(y: Array) -> tuple[Array, Array, Array]:
+    """Return bias, its deviation and the state, (n, series), as the live stage publishes them."""
+    n, series = y.shape
+    axes = {f"{lane}": lane for lane in range(series)}
+    live = LiveAxes(tuple(axes), H, LiveConfig(), "deg/s")
+    sensor = _Sensor(axes, EstimatorConfig(), H, "deg/s")
+    settled = dict.fromkeys(axes, NO_FIT)
+    found = []
+    at, due = 0, round(1 / H)
+    while at < n:
+        end = min(n, due)
+        live.add(y[at:end])
+        for axis in axes:
+            sensor.learn(axis, settled[axis])
+        found.append(sensor.run(y[at:end]))
+        at = end
+        if at == due:
+            fits = live.fit(curves=False, fresh=True)
+            settled = {axis: settled[axis].followed_by(fits[axis], live.noises.get(axis)) for axis in axes}
+            due = at + max(round(1 / H), math.ceil(at / 10))
+    columns = {name: [getattr(one, name) for one in found] for name in ("bias", "bias_std", "state")}
+    bias, std, state = (np.concatenate(column) for column in columns.values())
+    return bias, std, state
+
+
+def tables(rows: list[Row]) -> list[Table | str]:
+    """Return errors over the best possible, by span."""
+    cells: list[Any] = []
+    for name, both in grouped(rows, lambda row: row["noise"]).items():
+        errors = [f"{row['bias'] / (row['best'] if row['best'] > 1e-6 else row['y']):.3f}" for row in both]
+        cells.append((str(name), *errors, *(f"{100 * row['within']:.0f} %" for row in both)))
+    columns = ("noise", *(f"error, {span}" for span in SPANS), *(f"within 2 σ, {span}" for span in SPANS))
+    return [Table("Bias: RMS error over the best possible (white: over y's own)", columns, cells)]
