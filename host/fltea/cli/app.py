@@ -33,7 +33,10 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
-    help="Identify the fractional noise of a MEMS gyroscope online: state, order α and parameter f, live.",
+    help=(
+        "Say what the noise of a MEMS gyroscope is, live or from a recording: order α and parameter f with "
+        "intervals, the bias now, and how far its heading will be off (`fltea identify --forecast`)."
+    ),
     epilog=EXIT_CODES,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
