@@ -57,4 +57,6 @@ def _axis(axis: dict[str, Any]) -> str:
 
 def _interval(p: dict[str, float | None]) -> str:
     value, low, high = p["value"], p["low"], p["high"]
-    return "" if value is None or low is None or high is None else f"{value:.2f} [{low:.2f}, {high:.2f}]"
+    if value is None or low is None or high is None:
+        return ""
+    return f"{value:.2f} [{low:.2f}, {high:.2f}]".replace("-0.00", "0.00")

@@ -132,7 +132,7 @@ def _bias(estimate: AxisEstimate | None, tracker: TrackerStats | None, unit: str
     )
     if tracker is None or tracker.heading_std is None:
         return bias
-    return f"{bias}; heading ± {tracker.heading_std:.2g}° after a minute"
+    return f"{bias}; heading ± {float(f'{tracker.heading_std:.2g}'):g}° after a minute"
 
 
 def _tracked(estimate: AxisEstimate | None, unit: str) -> list[list[str]]:
