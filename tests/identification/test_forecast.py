@@ -1,9 +1,12 @@
 """The forecast of the heading, judged by the second half of a recording."""
 
+import math
+
 import numpy as np
 import pytest
-from fltea.identification.forecast import judged, now, said, tracked_system
+from fltea.identification.forecast import Goal, found, goal_of, judged, now, said, tracked_system
 from fltea.noise.parts import Walk, White
+from fltea.records.errors import UsageError
 
 H = 0.02
 
@@ -41,3 +44,28 @@ def test_the_bias_now_is_the_walk_at_the_end() -> None:
     y = _walking(0.02, 3)
     found = now(tracked_system((White(0.01), Walk(0.02)), y, H), y, H)
     assert found.bias == pytest.approx(y[-30:].mean(), abs=5 * found.bias_std)
+
+
+@pytest.mark.parametrize(
+    "text", ["x@60", "0.5", "0.5@", "@60", "0@60", "-1@60", "nan@60", "0.5@0", "0.5@7200"]
+)
+def test_what_is_no_goal_is_said_with_one_that_is(text: str) -> None:
+    with pytest.raises(UsageError, match=r"--rest-for 0\.5@60 asks how long"):
+        goal_of(text)
+
+
+def test_how_long_to_rest_is_as_long_as_white_noise_takes() -> None:
+    """σ² h t (1 + t / rest) for a rest: of white noise the bias is a mean."""
+    R, h, t_s = 0.02, 0.01, 60.0
+    y = np.random.default_rng(3).normal(0, math.sqrt(R), 60_000)
+    goal = Goal(0.2, t_s)
+    _, found_ = found([White(R)], y, h, "deg/s", lambda half: ([White(R)], "white"), goal)
+    assert found_ is not None
+    assert found_.rest_s is not None
+    expected = t_s / (goal.within**2 / (R * h * t_s) - 1)
+    assert found_.rest_s == pytest.approx(expected, rel=0.2)
+    assert "Rest for" in found_.text
+    _, none = found([White(R)], y, h, "deg/s", lambda half: ([White(R)], "white"), Goal(0.01, t_s))
+    assert none is not None
+    assert none.rest_s is None
+    assert "No rest is enough" in none.text

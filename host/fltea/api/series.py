@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from fltea.api._check import one_axis, period_s
 from fltea.api.identified import Identified
 from fltea.identification.axis import IdentifyOptions, identified, look
+from fltea.identification.forecast import Goal
 from fltea.identification.load import Series
 from fltea.identification.run import forecasts
 from fltea.spectrum.fit_allan import fit_allan
@@ -23,7 +24,7 @@ def identify(
     lsb: float | None = None,
     from_hz: float = 0.0,
     notch_hz: Sequence[tuple[float, float]] = (),
-    forecast: bool = False,
+    forecast: bool | Goal = False,
 ) -> Identified:
     """Tell what the noise of one axis of a resting sensor is.
 
@@ -35,7 +36,8 @@ def identify(
         lsb: one count in the unit of y, if it is known.
         from_hz: leave out what is slower, in Hz.
         notch_hz: bands (low, high) in Hz that are left out.
-        forecast: tell how far the heading is off by time, too, with the second half as judge.
+        forecast: tell how far the heading is off by time, too, with the second half as judge;
+            a `Goal`: and how long to rest for it.
 
     Raises:
         ValueError: y is not finite, not (n,), constant or too short; a rate or band that is impossible.
@@ -46,7 +48,7 @@ def identify(
 
 
 def of_series(
-    axis: str, series: Series, h: float, options: IdentifyOptions, *, forecast: bool = False
+    axis: str, series: Series, h: float, options: IdentifyOptions, *, forecast: bool | Goal = False
 ) -> Identified:
     """Return the same of an axis of a recording."""
     looked = look(series.y, h, options, series.gaps)

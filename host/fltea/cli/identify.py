@@ -50,6 +50,14 @@ def identify(
             "what the first half's model says.",
         ),
     ] = False,
+    rest_for: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DEG@S",
+            help="Tell how long to rest so that the heading is good to ± DEG after S seconds: 0.5@60. With "
+            "the forecast.",
+        ),
+    ] = None,
     shuffles: Annotated[
         int, typer.Option(metavar="N", min=0, help="Shuffled copies that are estimated beside the data.")
     ] = 200,
@@ -140,8 +148,10 @@ def identify(
     from fltea.identification import findings, run
     from fltea.identification import load as reading
     from fltea.identification.axis import IdentifyOptions
+    from fltea.identification.forecast import goal_of
     from fltea.settings.config import load_configs
 
+    goal = None if rest_for is None else goal_of(rest_for)
     configs = load_configs(config, settings)
     if len(configs) > 1:
         raise UsageError(f"{config}: sets up several devices; give one that sets up none, or --set.")
@@ -182,7 +192,8 @@ def identify(
     ]
     if len(requests) > 1 and files_wanted.any:
         raise UsageError("--export-model, --imu-yaml and --gauss-markov are for one recording.")
-    by = run.Settings(options, chosen.estimator, chosen.accel, figures=report is not None, forecast=forecast)
+    ahead = forecast if goal is None else goal
+    by = run.Settings(options, chosen.estimator, chosen.accel, figures=report is not None, forecast=ahead)
     reports = _run(requests, by, jobs, dask)
     # First of all, lest a file that cannot be written costs what took minutes to compute.
     if as_json:

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from fltea.estimator.offset_walk import offset_walk
 from fltea.estimator.tracker import Tracker
-from fltea.noise.heading import ahead, bias_std, heading_std, rested
+from fltea.noise.heading import ahead, bias_std, heading_std, rest_for, rested
 from fltea.noise.parts import Part
 from fltea.noise.system import System, system
+from fltea.records.errors import UsageError
+from fltea.spectrum.wording import duration
 
 Array = NDArray[np.float64]
 
@@ -53,6 +55,32 @@ class Piece(msgspec.Struct, frozen=True):
     fails: bool
 
 
+class Goal(msgspec.Struct, frozen=True):
+    """A heading that shall be good to ± `within` deg after t_s."""
+
+    within: float
+    t_s: float
+
+
+def goal_of(text: str) -> Goal:
+    """Return the goal of `DEG@SECONDS`.
+
+    Raises:
+        UsageError: it is none.
+    """
+    within, _, t_s = text.partition("@")
+    try:
+        goal = Goal(float(within), float(t_s))
+    except ValueError:
+        goal = Goal(math.nan, math.nan)
+    if not (0 < goal.within < math.inf and 0 < goal.t_s <= TIMES_S[-1]):
+        raise UsageError(
+            f"--rest-for {text}: has to be degrees and seconds, up to an hour: --rest-for 0.5@60 asks how "
+            "long to rest so that the heading is good to ± 0.5° a minute later."
+        )
+    return goal
+
+
 class Forecast(msgspec.Struct, frozen=True):
     """The curve of the whole recording's model, and what the second half says of the first half's."""
 
@@ -62,6 +90,9 @@ class Forecast(msgspec.Struct, frozen=True):
     made_of: str
     """the first half's noise"""
     text: str
+    goal: Goal | None = None
+    rest_s: float | None = None
+    """How long to rest for the goal; null if there is none, or no rest is enough."""
 
 
 def tracked_system(parts: Sequence[Part], y: Array, h: float) -> System:
@@ -76,7 +107,12 @@ def tracked_system(parts: Sequence[Part], y: Array, h: float) -> System:
 
 
 def found(
-    parts: Sequence[Part], y: Array, h: float, unit: str, first: Callable[[Array], SentenceParts] | None
+    parts: Sequence[Part],
+    y: Array,
+    h: float,
+    unit: str,
+    first: Callable[[Array], SentenceParts] | None,
+    goal: Goal | None = None,
 ) -> tuple[Now | None, Forecast | None]:
     """Return the bias now and, if `first` is given, the forecast; y: samples (n,) without a gap.
 
@@ -94,7 +130,8 @@ def found(
     half = y[: len(y) // 2]
     try:
         its, name = first(half)
-        return current, forecast(model, tracked_system(its, half, h), name, y, h, unit)
+        ahead_of_it = forecast(model, tracked_system(its, half, h), name, y, h, unit)
+        return current, ahead_of_it if goal is None else with_goal(ahead_of_it, model, h, goal, unit)
     except (ValueError, ArithmeticError) as error:
         curve = tuple(heading_std(model, rested(model, len(y)), h, t) for t in TIMES_S)
         return current, Forecast(TIMES_S, curve, (), "", f"The first half has no model to judge: {error}.")
@@ -175,6 +212,17 @@ def forecast(whole: System, first: System, made_of: str, y: Array, h: float, uni
     pieces = judged(first, y, len(y) // 2, h)
     curve = tuple(heading_std(whole, P, h, t) for t in TIMES_S)
     return Forecast(TIMES_S, curve, pieces, made_of, said(pieces, unit))
+
+
+def with_goal(found: Forecast, model: System, h: float, goal: Goal, unit: str) -> Forecast:
+    """Return the same forecast with how long to rest for the goal."""
+    rest, its = rest_for(model, h, goal.t_s, goal.within), integral(unit)
+    if rest.rest_s is None:
+        text = rest.reason
+    else:
+        good = f"± {goal.within:g}{its} {goal.t_s:g} s later"
+        text = f"Rest for {duration(rest.rest_s)}: the heading is good to {good}."
+    return msgspec.structs.replace(found, text=f"{found.text} {text}", goal=goal, rest_s=rest.rest_s)
 
 
 def integral(unit: str) -> str:

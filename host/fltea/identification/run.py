@@ -24,7 +24,7 @@ from fltea.identification.axis import (
     with_copies,
 )
 from fltea.identification.curves import Curves, curves
-from fltea.identification.forecast import Forecast, Now, SentenceParts, found
+from fltea.identification.forecast import Forecast, Goal, Now, SentenceParts, found
 from fltea.identification.gaps import longest_epoch
 from fltea.identification.load import Loaded, Request, Series, Unreadable, load
 from fltea.identification.noise_model import AxisModel, modelled
@@ -93,7 +93,7 @@ class Settings(msgspec.Struct, frozen=True):
     accel: AccelConfig = AccelConfig()
     figures: bool = False
     """Make what figures are drawn from."""
-    forecast: bool = False
+    forecast: bool | Goal = False
 
     def of_axis(self, axis: str, channels: Sequence[str]) -> IdentifyOptions:
         """Return the options of one axis of those that are identified."""
@@ -304,7 +304,7 @@ class _Loop:
 
 
 def identify_series(
-    series: Series, h: float, options: IdentifyOptions, figures: bool, forecast: bool = False
+    series: Series, h: float, options: IdentifyOptions, figures: bool, forecast: bool | Goal = False
 ) -> AxisReport:
     """Return all that is found out about one axis, but for its shuffled copies.
 
@@ -337,7 +337,7 @@ def identify_series(
 
 
 def forecasts(
-    looked: Looked, options: IdentifyOptions, unit: str, *, forecast: bool
+    looked: Looked, options: IdentifyOptions, unit: str, *, forecast: bool | Goal
 ) -> tuple[Now | None, Forecast | None]:
     """Return the bias now of an axis that was looked at, and the forecast if it is wanted."""
     h = looked.h
@@ -346,9 +346,10 @@ def forecasts(
         parts = look(y, h, options).figures.sentence.parts(h)
         return parts, names(map(type, parts))
 
+    goal = forecast if isinstance(forecast, Goal) else None
     longest = max((one.y for one in looked.stretches), key=len)
     y = np.ascontiguousarray(longest, dtype=np.float64)
-    return found(looked.figures.sentence.parts(h), y, h, unit, first if forecast else None)
+    return found(looked.figures.sentence.parts(h), y, h, unit, first if forecast else None, goal)
 
 
 def _longer(result: AxisResult) -> str:
