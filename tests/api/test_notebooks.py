@@ -19,8 +19,8 @@ NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 
 
-def test_there_are_two() -> None:
-    assert [path.stem for path in NOTEBOOKS] == ["noise_of_known_order", "resting_recording"]
+def test_there_are_three() -> None:
+    assert [path.stem for path in NOTEBOOKS] == ["bias_and_heading", "noise_of_known_order", "resting_recording"]
 
 
 @pytest.mark.slow
