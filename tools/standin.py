@@ -26,6 +26,8 @@ from tools.board_voice import HELLO, Voice
 from tools.pty_port import PtyPort
 
 POLL_S = 0.02
+OPENING_S = 0.3
+"""A program that has not emptied the port by then will not do it: a Due takes longer to boot."""
 ACCEL_1G = 16384
 TEMPERATURE_25C = round((25.0 - 21.0) * 333.87)
 
@@ -137,7 +139,9 @@ def main() -> int:
 
 def serve(port: PtyPort, device: Device, limit: int) -> None:
     """Send at the pace of the device's clock until the client leaves, or has thrown away how it began."""
-    port.was_emptied()
+    opened_s = time.monotonic()
+    while not port.was_emptied() and time.monotonic() < opened_s + OPENING_S:
+        time.sleep(POLL_S)
     begin_s = time.monotonic()
     port.send(device.boot())
     while port.is_open and not port.was_emptied():

@@ -20,7 +20,11 @@ NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 
 
 def test_there_are_three() -> None:
-    assert [path.stem for path in NOTEBOOKS] == ["bias_and_heading", "noise_of_known_order", "resting_recording"]
+    assert [path.stem for path in NOTEBOOKS] == [
+        "bias_and_heading",
+        "noise_of_known_order",
+        "resting_recording",
+    ]
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tools.validation import __main__ as program
-from tools.validation import anytime, bound, fleet, power
+from tools.validation import anytime, bound, fleet, power, states
 from tools.validation.runner import Options
 from tools.validation.tables import Table
 
@@ -21,11 +21,31 @@ def cells(tables: list[Any]) -> list[Any]:
 
 
 def test_tasks_differ() -> None:
-    for part in (anytime, bound, fleet, power):
+    for part in (anytime, bound, fleet, power, states):
         for quick in (False, True):
             keys = [one.key for one in part.tasks(Options(25, quick))]
             assert len(keys) == len(set(keys)) > 5
-    assert set(program.PARTS) == {"gallery", "evaluate", "power", "anytime", "bound", "device", "fleet"}
+    assert set(program.PARTS) == {
+        "gallery",
+        "evaluate",
+        "power",
+        "anytime",
+        "bound",
+        "device",
+        "fleet",
+        "states",
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "noise", ["walk, 0.002 a sample", "low-pass of 20 Hz, relaxation of 1 s", "α .8, f -1, s2/R 3"]
+)
+def test_the_bias_is_near_the_best_possible(noise: str) -> None:
+    early, late = states.track(noise, 6)
+    assert late["bias"] < 1.06 * late["best"]
+    assert early["bias"] < min(1.25 * early["best"], early["y"])
+    assert 0.9 < late["within"] < 0.99
 
 
 @pytest.mark.parametrize("noise", list(power.WHITE))
