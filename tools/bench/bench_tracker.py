@@ -2,6 +2,7 @@
 
 import statistics
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -44,8 +45,8 @@ def measure() -> list[dict[str, Any]]:
 
         again()
         works: dict[str, Callable[[], float]] = {
-            "set": lambda again=again: cpu_seconds(again),  # type: ignore[misc]
-            "run": lambda one=one: cpu_seconds(lambda: one.run(y)),  # type: ignore[misc]
+            "set": partial(cpu_seconds, again),
+            "run": partial(cpu_seconds, partial(one.run, y)),
         }
         found = {kind: statistics.median(times) for kind, times in in_turns(works, ROUNDS).items()}
         rows.append(

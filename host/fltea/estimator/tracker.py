@@ -53,8 +53,7 @@ class Tracker:
     """
 
     def __init__(self, offsets: Sequence[float | None]) -> None:
-        self._offsets = list(offsets)
-        self._native = _native.Tracker(self._offsets)
+        self._native = _native.Tracker(list(offsets))
 
     def run(self, y: ArrayLike) -> Tracks:
         """Take n samples of every axis, (n, axes): the same, to the bit, however they are cut into blocks.
@@ -76,11 +75,11 @@ class Tracker:
 
         Raises ValueError, and changes nothing, if no filter can work with it.
         """
-        self._native.set(lane, system.walks, *self._numbers(lane, system))
+        self._native.set(lane, system.walks, *self._numbers(system))
 
     def likelihood(self, lane: int, system: System) -> float:
         """Return 2 log L of the samples that are remembered, but for a constant; NaN without a filter."""
-        return self._native.likelihood(lane, *self._numbers(lane, system))
+        return self._native.likelihood(lane, *self._numbers(system))
 
     def likelihood_of_walks(self, lane: int) -> float:
         """Return the same of the bank of walks; NaN before it knows enough, and once a system is set."""
@@ -102,9 +101,5 @@ class Tracker:
         """Go on from there. Raises ValueError, and changes nothing, for what cannot be one's own."""
         self._native.load(saved)
 
-    def _numbers(
-        self, lane: int, system: System
-    ) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
-        s = system
-        biased = np.maximum(s.signal, s.a == 1.0)
-        return s.pairs, s.a, s.b, s.Q, s.c, s.signal * s.c, biased * s.c, s.P0, s.R
+    def _numbers(self, s: System) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
+        return s.pairs, s.a, s.b, s.Q, s.c, s.signal * s.c, s.bias, s.P0, s.R

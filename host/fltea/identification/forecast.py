@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fltea.estimator.offset_walk import offset_walk
 from fltea.estimator.tracker import Tracker
-from fltea.noise.heading import ahead, bias_std, heading_std, rest_for, rested
+from fltea.noise.heading import ahead, bias_std, heading_std, heading_stds, rest_for, rested
 from fltea.noise.parts import Part
 from fltea.noise.system import System, system
 from fltea.records.errors import UsageError
@@ -133,7 +133,7 @@ def found(
         ahead_of_it = forecast(model, tracked_system(its, half, h), name, y, h, unit)
         return current, ahead_of_it if goal is None else with_goal(ahead_of_it, model, h, goal, unit)
     except (ValueError, ArithmeticError) as error:
-        curve = tuple(heading_std(model, rested(model, len(y)), h, t) for t in TIMES_S)
+        curve = tuple(heading_stds(model, rested(model, len(y)), h, TIMES_S))
         return current, Forecast(TIMES_S, curve, (), "", f"The first half has no model to judge: {error}.")
 
 
@@ -210,7 +210,7 @@ def forecast(whole: System, first: System, made_of: str, y: Array, h: float, uni
     """Return the forecast of a recording y; first: the system of its first half, made of this."""
     P = rested(whole, len(y))
     pieces = judged(first, y, len(y) // 2, h)
-    curve = tuple(heading_std(whole, P, h, t) for t in TIMES_S)
+    curve = tuple(heading_stds(whole, P, h, TIMES_S))
     return Forecast(TIMES_S, curve, pieces, made_of, said(pieces, unit))
 
 

@@ -91,8 +91,7 @@ def updated(system: System, P: Array) -> Array:
 
 def bias_std(system: System, P: Array) -> float:
     """Return the standard deviation of the bias, which is the state and the offset; P as of `heading_std`."""
-    row = np.maximum(system.signal, system.a == 1.0) * system.c
-    return math.sqrt(max(float(row @ P @ row), 0.0))
+    return math.sqrt(max(float(system.bias @ P @ system.bias), 0.0))
 
 
 def heading_stds(system: System, P: Array, h: float, times_s: Sequence[float]) -> list[float]:

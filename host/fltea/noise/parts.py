@@ -13,6 +13,7 @@ Variances are in the square of the unit of y, deg/s for a gyroscope; h is the sa
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Self
 
 import msgspec
 import numpy as np
@@ -57,8 +58,8 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
         raise NotImplementedError
 
 
-class White(Part, frozen=True, tag="white"):
-    """White noise of variance R: the angle walks at random, by N = √(R h) a root second."""
+class _Level(Part, frozen=True):
+    """Noise of variance R."""
 
     R: float
 
@@ -67,13 +68,17 @@ class White(Part, frozen=True, tag="white"):
         return [_log(self.R)]
 
     @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "White":
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
         """Return the inverse."""
         return cls(math.exp(eta[0]))
 
 
-class Relaxation(Part, frozen=True, tag="relaxation"):
-    """A Gauss–Markov process of standard deviation σ and correlation time τ."""
+class White(_Level, frozen=True, tag="white"):
+    """White noise of variance R: the angle walks at random, by N = √(R h) a root second."""
+
+
+class _Decaying(Part, frozen=True):
+    """A process of standard deviation σ that forgets itself within τ."""
 
     sigma: float
     tau_s: float
@@ -83,23 +88,17 @@ class Relaxation(Part, frozen=True, tag="relaxation"):
         return [_log(self.sigma**2), _log(h / self.tau_s)]
 
     @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "Relaxation":
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
         """Return the inverse."""
         return cls(math.exp(eta[0] / 2), h * math.exp(-eta[1]))
 
 
-class Alternating(Part, frozen=True, tag="alternating"):
+class Relaxation(_Decaying, frozen=True, tag="relaxation"):
+    """A Gauss–Markov process of standard deviation σ and correlation time τ."""
+
+
+class Alternating(_Decaying, frozen=True, tag="alternating"):
     """The same of which every second sample has its sign changed: AR(1) of a negative coefficient."""
-
-    sigma: float
-    tau_s: float
-
-    eta = Relaxation.eta
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "Alternating":
-        """Return the inverse."""
-        return cls(math.exp(eta[0] / 2), h * math.exp(-eta[1]))
 
 
 class Walk(Part, frozen=True, tag="walk"):
@@ -215,17 +214,8 @@ class Rise(Part, frozen=True, tag="rise"):
         return cls(math.exp(eta[0]), eta[1])
 
 
-class Floor(Part, frozen=True, tag="floor"):
+class Floor(_Level, frozen=True, tag="floor"):
     """White noise that no filter has changed, as that of rounding."""
-
-    R: float
-
-    eta = White.eta
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "Floor":
-        """Return the inverse."""
-        return cls(math.exp(eta[0]))
 
 
 class LowPass(Part, frozen=True, tag="low-pass"):

@@ -85,6 +85,11 @@ class System(NamedTuple):
             result[i, i + 1], result[i + 1, i] = self.b[i], -self.b[i]
         return result
 
+    @property
+    def bias(self) -> Array:
+        """What the bias has of each coordinate, (n,): the state, and the constant of the offset."""
+        return np.asarray(np.maximum(self.signal, self.a == 1.0) * self.c)
+
     def with_offset(self, q: float = 0.0, *, of_state: bool = False) -> "System":
         """Return the same with an offset of which nothing is known, as its last coordinate.
 

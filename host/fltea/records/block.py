@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import starmap
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,8 +66,8 @@ class AxisColumns(NamedTuple):
         whiteness = [None if q is None else _WORDS[bad] for q, bad in zip(p, rejected, strict=True)]
         of_paper = list(map(FlteaEstimate, *numbers, *flags))
         known = _tracked(tracked, chosen, len(of_paper), len(self.axes))
-        flat = zip(*known, p, whiteness, [self.unit] * len(p), of_paper, strict=True)
-        rows = iter(list(map(AxisEstimate, *zip(*flat, strict=True)))) if of_paper else iter(())
+        columns = zip(*known, p, whiteness, [self.unit] * len(p), of_paper, strict=True)
+        rows = starmap(AxisEstimate, columns)
         return (dict(zip(self.axes, row, strict=True)) for row in zip(*[rows] * len(self.axes), strict=True))
 
 
@@ -93,16 +94,16 @@ class TrackedColumns(NamedTuple):
         return TrackedColumns._make((*self[:2], *(column[begin:end] for column in self[2:8]), *self[8:]))
 
 
-def _tracked(tracked: TrackedColumns | None, chosen: slice, size: int, axes: int) -> Iterator[Sequence[Any]]:
+def _tracked(tracked: TrackedColumns | None, chosen: slice, size: int, axes: int) -> list[Sequence[Any]]:
     """Return the columns verdict to moving of `AxisEstimate`, all axes of a row after one another."""
     if tracked is None:
         nothing = (None, Interval(), Interval(), *[None] * 5, False)
-        return ([one] * size for one in nothing)
+        return [[one] * size for one in nothing]
     rows = size // axes
     of_fit = [list(one) * rows for one in (tracked.verdict, tracked.alpha, tracked.f)]
     numbers = (tracked.bias, tracked.bias_std, tracked.state, tracked.state_std, tracked.innovation)
     flags = tracked.moving[chosen].ravel().tolist()
-    return iter([*of_fit, *(_nullable(column[chosen]) for column in numbers), flags])
+    return [*of_fit, *(_nullable(column[chosen]) for column in numbers), flags]
 
 
 _WORDS = {False: "not rejected", True: "rejected"}
