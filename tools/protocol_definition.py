@@ -10,9 +10,12 @@ import keyword
 import re
 import tomllib
 import zlib
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 from decimal import Decimal
-from typing import Any
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta, Struct
 
 INTEGERS = {"u8": ("B", 1), "u16": ("H", 2), "u32": ("I", 4), "i16": ("h", 2)}
 """Type -> (code of Python's struct, bytes)."""
@@ -22,8 +25,6 @@ NUMBERS = {**INTEGERS, "f32": ("f", 4)}
 HEADER_SIZE = 7
 CRC_SIZE = 4
 COBS_BLOCK = 254
-MAX_NAME = 23
-"""Keeps every generated line within the line length."""
 
 # Every reader must be able to name a version that it refuses, so these never move.
 FIXED_PREFIX = [("protocol_major", "u8"), ("protocol_minor", "u8"), ("schema_hash", "u32")]
@@ -39,22 +40,40 @@ RESERVED = set(
     """.split()
 )
 
+# 23 characters keep every generated line within the line length.
+Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*\Z", max_length=23)]
+# Quotes and backslashes would need escaping in two languages; no text has needed one.
+Text = Annotated[str, Meta(pattern=r'^[^"\\\n]+\Z')]
+Byte = Annotated[int, Meta(ge=0, le=255)]
+
 
 class DefinitionError(ValueError):
     """The definition is wrong; the text names the place and what was expected."""
 
 
-@dataclass(frozen=True)
-class Field:
+class Field(Struct, frozen=True, forbid_unknown_fields=True):
     """One field of a message."""
 
-    name: str
-    type: str
-    doc: str
-    unit: str
-    scale: Decimal | None
-    enum: str
-    flags: str
+    name: Name
+    type: Annotated[str, Meta(pattern=rf"^({'|'.join(NUMBERS)}|(bytes|text)[1-9]\d{{0,2}})\Z")]
+    doc: Text
+    unit: Text = ""
+    scale: Decimal | None = None
+    enum: str = ""
+    flags: str = ""
+
+    def __post_init__(self) -> None:
+        if self.scale is not None:
+            if self.type not in INTEGERS:
+                raise ValueError(f"a scale needs an integer type, not {self.type}")
+            if not self.unit:
+                raise ValueError("a scale needs a unit")
+            if not self.scale.is_finite() or self.scale <= 0:
+                raise ValueError(f"scale {self.scale} is not a number above 0")
+        if self.enum and self.flags:
+            raise ValueError("either enum or flags")
+        if (self.enum or self.flags) and self.type != "u8":
+            raise ValueError(f"enum and flags need type u8, not {self.type}")
 
     @property
     def size(self) -> int:
@@ -77,13 +96,12 @@ class Field:
         return self.type.startswith("text")
 
 
-@dataclass(frozen=True)
-class Message:
+class Message(Struct, frozen=True, forbid_unknown_fields=True, rename={"fields": "field"}):
     """One message: its fields lie in the payload in this order, without padding."""
 
-    name: str
-    id: int
-    doc: str
+    name: Annotated[str, Meta(pattern=r"^[A-Z][A-Z0-9_]*\Z", max_length=23)]
+    id: Annotated[int, Meta(ge=1, le=255)]
+    doc: Text
     fields: tuple[Field, ...]
 
     @property
@@ -92,8 +110,7 @@ class Message:
         return sum(field.size for field in self.fields)
 
 
-@dataclass(frozen=True)
-class Value:
+class Value(Struct, frozen=True):
     """One value of an enum, or one bit of a set of flags."""
 
     name: str
@@ -101,22 +118,23 @@ class Value:
     doc: str
 
 
-@dataclass(frozen=True)
-class Named:
+class Named(Struct, frozen=True):
     """An enum, or a set of flags."""
 
     name: str
     values: tuple[Value, ...]
 
 
-@dataclass(frozen=True)
-class Protocol:
+class _Constants(Struct, frozen=True, forbid_unknown_fields=True):
+    major: Byte
+    minor: Byte
+    max_payload: Annotated[int, Meta(ge=0, le=COBS_BLOCK - 1 - HEADER_SIZE - CRC_SIZE)]
+    baud: Annotated[int, Meta(ge=0, le=10_000_000)]
+
+
+class Protocol(_Constants, frozen=True):
     """The whole definition."""
 
-    major: int
-    minor: int
-    max_payload: int
-    baud: int
     messages: tuple[Message, ...]
     enums: tuple[Named, ...]
     flags: tuple[Named, ...]
@@ -156,158 +174,87 @@ class Protocol:
         return zlib.crc32(self.canonical.encode())
 
 
+class _Value(Struct, forbid_unknown_fields=True):
+    value: Byte
+    doc: Text
+
+
+class _Bit(Struct, forbid_unknown_fields=True, rename={"value": "bit"}):
+    value: Annotated[int, Meta(ge=0, le=7)]
+    doc: Text
+
+
+class _File(Struct, forbid_unknown_fields=True):
+    protocol: _Constants
+    message: tuple[Message, ...]
+    enum: dict[Name, Annotated[dict[Name, _Value], Meta(min_length=1)]] = {}
+    flags: dict[Name, Annotated[dict[Name, _Bit], Meta(min_length=1)]] = {}
+
+
 def load(text: str) -> Protocol:
     """Parse and check the definition; raises DefinitionError."""
     try:
         document = tomllib.loads(text, parse_float=Decimal)
+        file = msgspec.convert(document, _File)
     except tomllib.TOMLDecodeError as error:
         raise DefinitionError(f"not TOML: {error}") from None
-    _keys("top level", document, {"protocol", "message"}, {"enum", "flags"})
-    head = document["protocol"]
-    _keys("[protocol]", head, {"major", "minor", "max_payload", "baud"}, set())
-    limits = {"major": 255, "minor": 255, "max_payload": COBS_BLOCK - 1 - HEADER_SIZE - CRC_SIZE}
-    for key in ("major", "minor", "max_payload", "baud"):
-        _integer(f"[protocol] {key}", head[key], 0, limits.get(key, 10_000_000))
-    enums = tuple(_named("enum", name, body, "value", 255) for name, body in document.get("enum", {}).items())
-    flags = tuple(_named("flags", name, body, "bit", 7) for name, body in document.get("flags", {}).items())
-    names = {"enum": {e.name for e in enums}, "flags": {f.name for f in flags}}
-    for name in sorted(names["enum"] & names["flags"]):
-        raise DefinitionError(f"{name}: both an enum and a set of flags")
-    bodies = _tables("message", document["message"])
-    messages = tuple(_message(body, names, head["max_payload"]) for body in bodies)
-    _unique("message", [message.name for message in messages], "name")
-    _unique("message", [message.id for message in messages], "id")
-    _check_hello(messages)
-    _check_used(messages, names)
-    return Protocol(head["major"], head["minor"], head["max_payload"], head["baud"], messages, enums, flags)
-
-
-def _message(body: dict[str, Any], names: dict[str, set[str]], max_payload: int) -> Message:
-    place = f"message {body.get('name', '?')}"
-    _keys(place, body, {"name", "id", "doc", "field"}, set())
-    _name(place, body["name"], r"[A-Z][A-Z0-9_]*")
-    _integer(f"{place}: id", body["id"], 1, 255)
-    _text(f"{place}: doc", body["doc"])
-    fields = tuple(_field(place, field, names) for field in _tables(f"{place}: field", body["field"]))
-    _unique(place, [field.name for field in fields], "field")
-    message = Message(body["name"], body["id"], body["doc"], fields)
-    if message.size > max_payload:
-        raise DefinitionError(f"{place}: {message.size} bytes of payload; at most {max_payload} fit")
-    return message
-
-
-def _field(message: str, body: dict[str, Any], names: dict[str, set[str]]) -> Field:
-    place = f"{message}, field {body.get('name', '?')}"
-    _keys(place, body, {"name", "type", "doc"}, {"unit", "scale", "enum", "flags"})
-    _name(place, body["name"], r"[a-z][a-z0-9_]*")
-    for key in ("doc", "unit"):
-        _text(f"{place}: {key}", body.get(key, "-"))
-    kind = body["type"]
-    if not isinstance(kind, str) or (
-        kind not in NUMBERS and not re.fullmatch(r"(bytes|text)[1-9]\d{0,2}", kind)
-    ):
-        raise DefinitionError(f"{place}: unknown type {kind!r}; known: {', '.join(NUMBERS)}, bytesN, textN")
-    scale = body.get("scale")
-    if scale is not None:
-        if kind not in INTEGERS:
-            raise DefinitionError(f"{place}: a scale needs an integer type, not {kind}")
-        if "unit" not in body:
-            raise DefinitionError(f"{place}: a scale needs a unit")
-        if isinstance(scale, bool) or not isinstance(scale, int | Decimal):
-            raise DefinitionError(f"{place}: scale {scale!r} is not a number above 0")
-        scale = Decimal(scale)
-        if not scale.is_finite() or scale <= 0:
-            raise DefinitionError(f"{place}: scale {scale} is not a number above 0")
-    for key in ("enum", "flags"):
-        if key in body and body[key] not in names[key]:
-            raise DefinitionError(f"{place}: no [{key}.{body[key]}] in the file")
-        if key in body and kind != "u8":
-            raise DefinitionError(f"{place}: {key} needs type u8, not {kind}")
-    if "enum" in body and "flags" in body:
-        raise DefinitionError(f"{place}: either enum or flags")
-    return Field(
-        body["name"],
-        kind,
-        body["doc"],
-        body.get("unit", ""),
-        scale,
-        body.get("enum", ""),
-        body.get("flags", ""),
+    except msgspec.ValidationError as error:
+        raise DefinitionError(_with_names(str(error), document)) from None
+    protocol = Protocol(
+        **msgspec.structs.asdict(file.protocol),
+        messages=file.message,
+        enums=tuple(_named(file.enum)),
+        flags=tuple(_named(file.flags)),
     )
+    for problem in _problems(protocol):
+        raise DefinitionError(problem)
+    return protocol
 
 
-def _named(kind: str, name: str, body: dict[str, Any], key: str, limit: int) -> Named:
-    place = f"{kind} {name}"
-    _name(place, name, r"[a-z][a-z0-9_]*")
-    if not isinstance(body, dict):
-        raise DefinitionError(f"{place}: expected a table, not {body!r}")
-    values = []
-    for member, item in body.items():
-        _name(f"{place}, {member}", member, r"[a-z][a-z0-9_]*")
-        _keys(f"{place}, {member}", item, {key, "doc"}, set())
-        _integer(f"{place}, {member}: {key}", item[key], 0, limit)
-        _text(f"{place}, {member}: doc", item["doc"])
-        values.append(Value(member, item[key], item["doc"]))
-    if not values:
-        raise DefinitionError(f"{place}: no {key}")
-    _unique(place, [value.value for value in values], key)
-    return Named(name, tuple(values))
+def _with_names(error: str, document: dict[str, object]) -> str:
+    """The error with the names of message and field in its place."""
+    found: object = document
+    for key, place in re.findall(r"(message|field)\[(\d+)\]", error):
+        found = found[key][int(place)] if isinstance(found, dict) else {}
+        name = found.get("name") if isinstance(found, dict) else None
+        error = error.replace(f"{key}[{place}]", f"{key}[{name}]")
+    return error
 
 
-def _check_hello(messages: tuple[Message, ...]) -> None:
-    hello = next((message for message in messages if message.name == "HELLO"), None)
-    if hello is None or hello.id != 1:
-        raise DefinitionError("message HELLO with id 1 is missing: every version opens with it")
-    if [(field.name, field.type) for field in hello.fields[:3]] != FIXED_PREFIX:
+def _named(tables: dict[str, dict[str, _Value]] | dict[str, dict[str, _Bit]]) -> Iterator[Named]:
+    for name, members in tables.items():
+        yield Named(name, tuple(Value(key, one.value, one.doc) for key, one in members.items()))
+
+
+def _problems(protocol: Protocol) -> Iterator[str]:
+    """What is wrong beyond the fields by themselves."""
+    messages, fields = protocol.messages, [field for one in protocol.messages for field in one.fields]
+    yield from _twice("message: name", (one.name for one in messages))
+    yield from _twice("message: id", (one.id for one in messages))
+    for one in messages:
+        yield from _twice(f"message {one.name}: field", (field.name for field in one.fields))
+        if one.size > protocol.max_payload:
+            yield f"message {one.name}: {one.size} bytes of payload; at most {protocol.max_payload} fit"
+    named = [*protocol.enums, *protocol.flags]
+    yield from _twice("enum and flags:", (one.name for one in named))
+    for table in named:
+        yield from _twice(f"{table.name}: value", (value.value for value in table.values))
+    for kind, group in (("enum", protocol.enums), ("flags", protocol.flags)):
+        known, used = {one.name for one in group}, {getattr(field, kind) for field in fields} - {""}
+        yield from (f"no [{kind}.{name}] in the file" for name in sorted(used - known))
+        yield from (f"{kind} {name}: no field uses it" for name in sorted(known - used))
+    names = [one.name for one in messages] + [field.name for field in fields]
+    names += [name for table in named for name in (table.name, *(value.name for value in table.values))]
+    for name in names:
+        if name.lower() in RESERVED or "mpu" in name.lower().split("_"):
+            yield f"name '{name}' is reserved (a word of C++ or Python, or a vendor macro)"
+    if [(one.name, one.id) for one in messages[:1]] != [("HELLO", 1)]:
+        yield "message HELLO with id 1 is missing: every version opens with it"
+    elif [(field.name, field.type) for field in messages[0].fields[:3]] != FIXED_PREFIX:
         wanted = ", ".join(f"{name} {kind}" for name, kind in FIXED_PREFIX)
-        raise DefinitionError(f"message HELLO must begin with {wanted}: they never move in any version")
+        yield f"message HELLO must begin with {wanted}: they never move in any version"
 
 
-def _check_used(messages: tuple[Message, ...], names: dict[str, set[str]]) -> None:
-    fields = [field for message in messages for field in message.fields]
-    for key, used in (("enum", {f.enum for f in fields}), ("flags", {f.flags for f in fields})):
-        for name in sorted(names[key] - used):
-            raise DefinitionError(f"{key} {name}: no field uses it")
-
-
-def _tables(place: str, value: Any) -> list[dict[str, Any]]:
-    if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-        raise DefinitionError(f"{place}: expected [[tables]], not {value!r}")
-    return value
-
-
-def _keys(place: str, body: Any, required: set[str], optional: set[str]) -> None:
-    if not isinstance(body, dict):
-        raise DefinitionError(f"{place}: expected a table, not {body!r}")
-    for key in sorted(required - body.keys()):
-        raise DefinitionError(f"{place}: {key} is missing")
-    for key in sorted(body.keys() - required - optional):
-        raise DefinitionError(f"{place}: unknown key {key!r}")
-
-
-def _name(place: str, name: Any, pattern: str) -> None:
-    if not isinstance(name, str) or not re.fullmatch(pattern, name):
-        raise DefinitionError(f"{place}: name {name!r} does not match {pattern}")
-    if len(name) > MAX_NAME:
-        raise DefinitionError(f"{place}: name {name!r} is longer than {MAX_NAME} characters")
-    if name.lower() in RESERVED or "mpu" in name.lower().split("_"):
-        raise DefinitionError(
-            f"{place}: name {name!r} is reserved (a word of C++ or Python, or a vendor macro)"
-        )
-
-
-def _integer(place: str, value: Any, low: int, high: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-        raise DefinitionError(f"{place}: {value!r} is not an integer from {low} to {high}")
-
-
-def _text(place: str, value: Any) -> None:
-    # Quotes and backslashes would need escaping in two languages; no text has needed one.
-    if not isinstance(value, str) or not value or not re.fullmatch(r'[^"\\\n]+', value):
-        raise DefinitionError(f"{place}: {value!r} is not one line of text without quotes and backslashes")
-
-
-def _unique(place: str, values: list[Any], what: str) -> None:
-    for value in values:
-        if values.count(value) > 1:
-            raise DefinitionError(f"{place}: {what} {value} is there twice")
+def _twice(what: str, values: Iterable[object]) -> Iterator[str]:
+    seen = list(values)
+    yield from (f"{what} {value} is there twice" for value in dict.fromkeys(seen) if seen.count(value) > 1)
