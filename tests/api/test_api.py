@@ -25,7 +25,6 @@ def test_an_array_gets_the_verdict_of_the_command() -> None:
     assert (found.samples, found.duration_s) == (3000, 30.0)
     assert found.details == own
     assert found.std == own.std
-    assert found.allan is not None
     assert own.level.N.value == found.allan.N
     assert found.allan.adev[0] == pytest.approx(1.0, rel=0.1)
     assert np.median(found.spectrum.density) == pytest.approx((2 / 100) ** 0.5, rel=0.1)
@@ -78,9 +77,7 @@ def test_live_takes_arrays_of_any_length() -> None:
     assert list(found) == ["a", "b"]
     assert dict(found) == dict(same)
     assert found["a"].verdict == "white"
-    assert found["a"].allan is not None
     assert found["a"].allan.tau_s[0] == pytest.approx(0.01)
-    assert found["a"].spectrum is not None
     assert 49 < found["a"].spectrum.hz[-1] <= 50
     parts.skip(500)
     parts.add(y)

@@ -126,7 +126,6 @@ def test_each_row_tells_whether_the_innovations_are_white_however_rows_are_cut()
         assert block.white is not None
         parts.append(block.white)
         asked.append([bool(white) for white in many.is_white.values()])
-    assert whole is not None
     np.testing.assert_array_equal(np.concatenate(parts), whole)
     np.testing.assert_array_equal(whole[99::100], asked[1::2])
     assert not whole[:199].any()
@@ -146,7 +145,6 @@ def test_the_start_up_window_takes_no_more_than_it_needs() -> None:
     last = bank.run(y[40:100])
     assert np.isnan(last.alpha).all()
     assert not last.valid.any()
-    assert bank.baseline is not None
     np.testing.assert_allclose(bank.baseline.bias_dps, y[:100].mean(axis=0), rtol=1e-14)
     np.testing.assert_allclose(bank.baseline.R, y[:100].var(axis=0, ddof=1), rtol=1e-13)
     assert bank.run(y[100:101]).valid.all()
@@ -190,7 +188,6 @@ def test_bias_and_r_by_hand(
     assert bank.startup_remaining == len(window)
     if window:
         bank.run(window)
-    assert bank.baseline is not None
     assert bank.baseline.bias_dps == pytest.approx(expected.bias_dps)
     assert pytest.approx(expected.R, nan_ok=True) == bank.baseline.R
     assert bank.baseline.constant_axes == expected.constant_axes
@@ -233,7 +230,6 @@ def test_samples_that_vary_beyond_measure_or_below_it() -> None:
     y = noise(100, quantised=False)
     bank = Bank(AXES, config(), H, None)
     bank.run(1e-120 * y)
-    assert bank.baseline is not None
     assert bank.baseline.constant_axes == AXES
     with pytest.raises(ValueError, match=r"R must be"):
         Bank(AXES, config(), H, None).run(1e60 * y)

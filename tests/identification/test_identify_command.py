@@ -127,7 +127,6 @@ def test_both_sensors_in_one_command(
     entry = re.search(
         r"^accelerometer_noise_density: +(\S+) .* of accel_[xz]; 5 times", imu.read_text(), re.M
     )
-    assert entry is not None
     assert float(entry[1]) == pytest.approx(5 * 16 * 9.80665 / 16384 / 10, rel=0.1)
     assert list(read_models(model).accel_axes) == ["accel_x", "accel_z"]
     found = json.loads(filter_.read_text())["accel_axes"]["accel_z"]

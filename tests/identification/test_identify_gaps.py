@@ -85,7 +85,6 @@ def test_bridges_leave_the_samples_alone() -> None:
     seen, gaps = at_random(y, 0.02)
     (one,) = bridged(seen, gaps)
     _, missing = spread(seen, gaps)
-    assert missing is not None
     np.testing.assert_array_equal(one.y[~missing], seen)
     assert np.isin(one.y[missing], y).all()  # counts stay counts
     seen, gaps = in_gaps(y, 3, LONGEST_BRIDGE + 1)
@@ -128,12 +127,9 @@ def test_one_percent_lost(coloured: bool) -> None:
     seen, gaps = at_random(y, 0.01)
     options = IdentifyOptions(QUICK)
     whole, broken = identify_axis(y, H, None, options), identify_axis(seen, H, None, options, gaps)
-    assert broken.fltea is not None
     assert broken.samples == broken.fltea.samples == len(seen) > 0.98 * n
     assert broken.verdict.kind == whole.verdict.kind
     N = broken.level.N
-    assert N.low is not None
-    assert N.high is not None
     assert N.low < (whole.level.N.value or 0) < N.high
     # Of those in the start-up window none is predicted.
     assert 0.9 * len(gaps.at) < broken.fltea.predicted <= n - len(seen)
@@ -215,7 +211,6 @@ def test_a_recording_with_losses(tmp_path: Path) -> None:
     places = np.flatnonzero(keep)
     path = npz(tmp_path / "a.npz", raw[keep], time_s=places / RATE_HZ, seq=places)
     (report,) = identify_all([Request((path,))], quick(figures=True), Here())
-    assert report.recording is not None
     c = report.recording.counts
     assert c.used == c.samples == len(places)
     assert c.lost - c.bridged == 350
@@ -223,16 +218,11 @@ def test_a_recording_with_losses(tmp_path: Path) -> None:
     assert isinstance(axis, AxisReport)
     assert axis.result.verdict.kind == "white"
     fit = axis.result.fltea
-    assert fit is not None
     assert fit.samples + fit.predicted < 2000 < axis.result.samples
     assert axis.result.longest_stretch > 1300
     assert f"over the longest part, {fit.samples:,} of 2,6" in findings.settings(axis)
-    assert axis.allan is not None
     assert axis.allan.N.value == pytest.approx(16 / LSB_PER_DPS * math.sqrt(H), rel=0.05)
-    assert axis.reproduction is not None
     assert axis.reproduction.everywhere
-    assert axis.curves is not None
-    assert axis.curves.path is not None
     assert axis.curves.path.t_s[-1] == pytest.approx((fit.samples + fit.predicted) * H)
 
 

@@ -120,16 +120,12 @@ def test_curves_agree_with_the_result() -> None:
     looked = look(x, H, options)
     result = with_copies(identified(looked, None, options), [copies])
     found = curves(looked, None, options, result)
-    assert result.fltea is not None
     assert result.fltea.alpha is not None
-    assert found.path is not None
     assert found.path.alpha[-1] == pytest.approx(result.fltea.alpha, abs=1e-3)
     assert found.path.t_s[-1] == pytest.approx(30)
     assert (np.diff(found.path.t_s) > 0).all()
     assert (np.diff(found.path.white_alpha, axis=1) >= 0).all()
     shuffled = result.null.shuffled
-    assert shuffled is not None
-    assert shuffled.alpha is not None
     assert found.path.white_alpha[-1, 1] == pytest.approx(shuffled.alpha[1], abs=0.1)
     assert found.deviance.min() >= 0
     assert found.spectrum.counts.sum() == len(x) // 2 - 4
@@ -140,7 +136,6 @@ def test_curves_without_copies() -> None:
     options = IdentifyOptions(estimator=QUICK, shuffles=0)
     looked = look(white(2000, 1, 1)[0], H, options)
     found = curves(looked, None, options, identified(looked, None, options))
-    assert found.path is not None
     assert np.isfinite(found.path.alpha).any()
     assert np.isnan(found.path.white_alpha).all()
 

@@ -33,7 +33,6 @@ def repeated(y: Array, every: int) -> Array:
 
 def found(y: Array, count: float | None = 1.0) -> bool:
     result = repeats((axis, count) for axis in y)
-    assert result is not None
     assert 0 <= result.expected <= max(result.same, result.expected) <= result.pairs
     return result.found
 
@@ -88,7 +87,6 @@ def test_a_sensor_that_is_read_too_fast(held: int) -> None:
 def test_numbers_too_small_to_be_squared() -> None:
     y = white(500, 2, 1) * 1e-300
     seen = repeats([(axis, None) for axis in y])
-    assert seen is not None
     assert not seen.found
 
 
@@ -96,8 +94,6 @@ def test_how_many_are_by_chance() -> None:
     y = counted(white(60_000, 3, 1), 1.0)
     by_chance = float(np.prod([(np.unique(a, return_counts=True)[1] ** 2).sum() / 60_000**2 for a in y]))
     clean, tenth = repeats((axis, 1.0) for axis in y), repeats((axis, 1.0) for axis in repeated(y, 10))
-    assert clean is not None
-    assert tenth is not None
     assert clean.same == pytest.approx(by_chance * 60_000, rel=0.1)
     assert tenth.same - tenth.expected == pytest.approx(6000, rel=0.05)
     assert tenth.expected == pytest.approx(0.9 * by_chance * 60_000, rel=0.25)

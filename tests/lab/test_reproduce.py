@@ -43,8 +43,6 @@ def make_outcome(diverged: list[bool], **values: list[float]) -> Outcome:
 def test_all_seeds_at_once_give_the_samples_of_the_plain_simulator(number: int) -> None:
     scenario = short(number)
     data = scenario.make(SEEDS)
-    assert data.u is not None
-    assert data.x is not None
     for column, seed in enumerate(SEEDS):
         x, y = driven(scenario.alpha, data.u[:, column], seed)
         assert data.x[:, column] == pytest.approx(x, rel=1e-11, abs=1e-13)
@@ -63,9 +61,6 @@ def test_the_samples_of_a_seed_do_not_depend_on_how_many_there_are(runs: int) ->
 def test_the_noises_have_the_papers_variances() -> None:
     scenario = short(3, 1000)
     data = scenario.make(range(8))
-    assert scenario.alpha is not None
-    assert data.u is not None
-    assert data.x is not None
     count = data.y.size
     for values, variance in ((data.y - data.x, 1e-3), (data.u, 0.1)):
         assert values.var() == pytest.approx(variance, rel=5 * np.sqrt(2 / count))
@@ -84,7 +79,6 @@ def test_the_noises_have_the_papers_variances() -> None:
 def test_orders_and_lengths_are_the_papers() -> None:
     assert np.all(example(1, SawTooth()).alpha == 0.6)
     varying = example(2, SawTooth()).alpha
-    assert varying is not None
     assert (varying[0], varying[-1]) == pytest.approx((0.2001, 0.6))
     assert [example(n, SawTooth()).lengths for n in (1, 2, 3)] == [
         (4000, 3000, 2500, 2000),
@@ -215,7 +209,6 @@ def test_errors_are_sums_of_squares_against_the_truth() -> None:
     data = scenario.make([7])
     for length in scenario.lengths:
         got = estimate(scenario, data, length, Options())
-        assert data.x is not None
         assert result[length].state[2] == pytest.approx(np.sum((got.x - data.x) ** 2), rel=1e-12)
         assert result[length].parameter[2] == pytest.approx(np.sum((got.f + 0.3) ** 2), rel=1e-12)
         assert result[length].order[2] == pytest.approx(np.sum((got.alpha - 0.6) ** 2), rel=1e-12)

@@ -66,7 +66,6 @@ def test_the_heading_of_white_noise_is_its_random_walk_and_that_of_its_mean() ->
 def test_a_rest_is_as_long_as_the_heading_needs() -> None:
     s = _system("white")
     found = rest_for(s, H, 60.0, 0.1)
-    assert found.rest_s is not None
     n = found.rest_s / H
     assert heading_std(s, rested(s, round(n)), H, 60.0) <= 0.1
     assert heading_std(s, rested(s, round(n / 1.05)), H, 60.0) > 0.1

@@ -60,7 +60,6 @@ class Served:
     @cached_property
     def token(self) -> str:
         found = re.search(r'name="fltea-token" content="([^"]+)"', self.ask("GET", "/")[1])
-        assert found is not None
         return found[1]
 
     def ask(self, method: str, path: str, **headers: str) -> Answer:
@@ -218,7 +217,6 @@ def test_report_holds_fit_curves_counts_settings_and_times(served: Served) -> No
     )
     assert name is not None
     data = re.search(r'<script type="application/json" id="fit">(.*?)</script>', text, re.DOTALL)
-    assert data is not None
     found = msgspec.json.decode(data[1], type=Fit)
     assert found.axes == AXES
     assert (found.seq, found.samples) == (last.seq, last.samples)
@@ -234,7 +232,6 @@ def test_report_holds_fit_curves_counts_settings_and_times(served: Served) -> No
     assert "variant" in plain
     assert "epoch 1 begins" in plain
     row = re.search(r"<tr><th>α</th>(.*?)</tr>", text)
-    assert row is not None
     cells = re.findall(r"<td>(.*?)</td>", row[1])
     assert cells == ["0.803 (0.762 … 0.847)", "undefined", "0.66 (0.41 … 0.97)"], "of white noise none"
     assert text.count('class="plot"') == 4, "spectrum and Allan deviation of two axes"

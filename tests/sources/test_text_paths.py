@@ -32,8 +32,6 @@ def of_file(path: Path, text: bytes, how: How) -> Found:
     path.write_bytes(text)
     stored = open_csv(path, how)
     whole = stored.whole()
-    assert whole.seq is not None
-    assert whole.epoch is not None
     first = {
         epoch: seq
         for seq, epoch in reversed(list(zip(whole.seq.tolist(), whole.epoch.tolist(), strict=True)))
@@ -59,13 +57,11 @@ def of_pipe(text: bytes, how: How, cuts: list[int]) -> Found:
         if isinstance(event, Hello):
             hello = event
         elif isinstance(event, RawBlock):
-            assert hello is not None
             if hello.boot_id != boot:
                 boot, base = hello.boot_id, int(event.sequence[0])
             gyro += event.gyro.tolist()
             accel += [] if event.accel is None else event.accel.tolist()
             seq += (event.sequence - base).tolist()
-    assert hello is not None
     return Found(gyro, accel or None, seq, hello.rate_hz, hello.gyro_lsb_per_dps)
 
 

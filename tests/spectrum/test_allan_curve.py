@@ -163,7 +163,6 @@ def test_the_curve_of_the_true_model_goes_through_its_intervals():
     order = Order(0.8, -1.0, settings.Q)
     noise_parts = Sentence((0, order.code), (math.log(settings.R), *order.eta(H)), 0.0)
     found = fit_allan(sums.points(), sums.span, H, "deg/s", noise_parts, 0.003)
-    assert found is not None
     assert found.tau_s[0] == H
     low, model, high = (np.array(one) for one in (found.low, found.model, found.high))
     assert ((low < model) & (model < high)).mean() > 0.7
@@ -174,7 +173,6 @@ def test_the_curve_of_the_true_model_goes_through_its_intervals():
 def test_white_noise_and_its_model():
     sums = sums_of(white(20_000, 1, 1)[0])
     found = fit_allan(sums.points(), sums.span, H, "deg/s", WHITE, 0.1)
-    assert found is not None
     assert found.N == 0.1
     assert found.model == pytest.approx(np.sqrt(H / np.array(found.tau_s)), rel=1e-6)
     assert found.B is None

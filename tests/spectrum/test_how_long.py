@@ -38,12 +38,9 @@ def test_it_is_kept() -> None:
     """After so much longer the interval of the profile is about as narrow as was asked."""
     f = series(4000, 2)
     seconds = seconds_more(f, best(f), 0.05)
-    assert seconds is not None
     assert seconds > 0
     longer = series(4000 + round(seconds / H), 3)
     alpha = order_fit(longer, best(longer)).alpha
-    assert alpha.low is not None
-    assert alpha.high is not None
     assert (alpha.high - alpha.low) / 2 == pytest.approx(0.05, rel=0.3)
 
 
@@ -57,8 +54,6 @@ def test_reached_and_never() -> None:
 def test_a_record_that_tells_is_longer_where_the_sentences_are_near() -> None:
     f = series(20_000, 5)
     near, far = seconds_to_tell(f, 200.0, 6.0), seconds_to_tell(f, 200.0, 20.0)
-    assert near is not None
-    assert far is not None
     assert 200.0 <= near <= far
     plain = Frontier(binned(periodogram(white(3000, 1, 5)[0], H)), H, 3000)
     assert plain.ordered is not None or seconds_to_tell(plain, 30.0, 6.0) is None

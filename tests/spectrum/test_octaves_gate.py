@@ -84,7 +84,6 @@ def test_a_step_of_the_offset_is_a_break(height: float, at: int) -> None:
     assert 1 <= counts.steps + counts.knocks <= 2
     assert counts.changes == 0
     p = octaves.periodogram(0, H)
-    assert p.weight is not None
     low = p.lam < 0.03
     assert np.average(p.power[low], weights=p.weight[low]) == pytest.approx(1, abs=0.35)
     assert mean_power(p) == pytest.approx(1, abs=0.04)

@@ -133,7 +133,6 @@ def test_weights_say_how_much_is_remembered() -> None:
         means, total = [], 0.0
         for lane in range(lanes):
             p = octaves.periodogram(lane, H)
-            assert p.weight is not None
             total = float(p.weight.sum())
             means.append(np.average(p.power, weights=p.weight))
         assert 0.9 * memory / 2 < total < 2.1 * memory / 2

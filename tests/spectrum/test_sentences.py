@@ -114,13 +114,8 @@ def test_the_order_s_interval_is_that_of_the_slow_profile() -> None:
         fall = 2 * (slow_fit(NOISES["order"], data, (1, end)) - sentence.nll)
         assert fall == pytest.approx(CRITICAL, abs=0.15)
     assert found.F.value is not None
-    assert found.alpha.value is not None
-    assert found.f.value is not None
     assert found.F.value == pytest.approx(found.alpha.value + H**found.alpha.value * found.f.value)
     for interval in (found.alpha, found.f, found.F, found.s2, found.R):
-        assert interval.low is not None
-        assert interval.value is not None
-        assert interval.high is not None
         assert interval.low < interval.value < interval.high
 
 
@@ -195,7 +190,6 @@ def test_intervals_of_an_order_hold_the_truth(alpha: float, power: float) -> Non
 def test_of_exact_spectra_the_search_finds_the_parts(name: str) -> None:
     f = Frontier(bins(NOISES[name], 200_000, H, None), H, 0)
     best = f.ordered if name == "order" else f.plain
-    assert best is not None
     assert {type(part) for part in best.parts(H)} == {type(part) for part in NOISES[name]}
     assert (f.lead > 6) == (name == "order")
 
@@ -211,7 +205,6 @@ def test_fitted_again_it_stays_and_follows() -> None:
     same = Frontier(first.data, H, 0, first.fits)
     assert same.plain.nll == pytest.approx(first.plain.nll, abs=1e-2)
     more = Frontier(bins(NOISES["order"], 64_000, H, 4), H, 0, first.fits)
-    assert more.ordered is not None
     assert more.ordered.codes == first.ordered.codes if first.ordered else False
     found, fresh = order_of(more.ordered), order_of(Frontier(more.data, H, 0).ordered)
     assert found == pytest.approx(fresh, abs=0.01)

@@ -45,7 +45,6 @@ def test_power_that_doubles(n: int) -> None:
     y = white(n, 1, 1)[0]
     y[n // 2 :] *= np.sqrt(2)
     found = change(y, ANYTIME_LEVEL / 5)
-    assert found is not None
     assert found.ratio == pytest.approx(2, rel=0.25)
     assert found.at_s == pytest.approx(n * H / 2, rel=0.15)
     assert found.share > 0.8
@@ -66,7 +65,6 @@ def test_power_that_goes_up_and_down() -> None:
     n = 60_000
     y = white(n, 1, 2)[0] * np.exp(0.4 * np.sin(2 * np.pi * 3 * np.arange(n) / n))
     found = change(y)
-    assert found is not None
     assert found.share < 0.6
     assert "went up and down" in decide(examined(y, H).evidence).text
 
