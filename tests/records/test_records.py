@@ -34,7 +34,7 @@ SYNTHETIC = ("-s", "synthetic:?n=300")
 
 
 def emitted_fields(struct: type[msgspec.Struct]) -> dict[str, bool]:
-    """Path of every field to whether it can be null; keys of a dict are <axis>, <output>, or <reason>."""
+    """Path of every field to whether it can be null; keys of a dict are <axis>, <output>, <t> or <reason>."""
     info = msgspec.inspect.type_info(struct)
     assert isinstance(info, msgspec.inspect.StructType)
     tag = {info.tag_field: False} if info.tag_field else {}
@@ -58,7 +58,9 @@ def _paths(path: str, kind: msgspec.inspect.Type) -> dict[str, bool]:
         elif isinstance(one, msgspec.inspect.DictType):
             objects = isinstance(one.value_type, msgspec.inspect.StructType | msgspec.inspect.DictType)
             by_axis = objects or path == "restarts"
+            by_time = isinstance(one.key_type, msgspec.inspect.IntType)
             key = "<output>" if path == "outputs" else "<axis>" if by_axis else "<reason>"
+            key = "<t>" if by_time else key
             found |= _paths(f"{path}.{key}", one.value_type)
     return {path: nullable} | found if nullable or not found else found
 

@@ -13,6 +13,7 @@ from fltea.records.records import (
     LinkStats,
     SampleStats,
     Stats,
+    TrackerStats,
 )
 
 
@@ -39,6 +40,9 @@ GOOD = axis_estimate(
 )
 UNKNOWN = dict.fromkeys(("verdict", "bias", "bias_std", "state", "state_std", "innovation"))
 INVALID = axis_estimate(*[None] * 6, False, alpha=Interval(), f=Interval(), **UNKNOWN)
+TRACKER = TrackerStats(
+    "white", 1.02, 0.03, True, 17, 0, heading_std={1: 0.014, 60: 0.26}, bias=0.234, bias_std=0.012
+)
 STATS = Stats(
     epoch=3,
     host_ns=9_500_000_000,
@@ -48,7 +52,7 @@ STATS = Stats(
     link=LinkStats(51, 41, {"crc": 2, "cobs": 3}, 4, 6, 7, 1),
     samples=SampleStats(delivered=1234, lost=56, gaps=70, duplicates=8, before_hello=9),
     axes={
-        "gyro_x": AxisStats(0.1, 0.02, 5, {"order_box": 13, "held": 1}, 0.25, 1.5),
+        "gyro_x": AxisStats(0.1, 0.02, 5, {"order_box": 13, "held": 1}, 0.25, 1.5, tracker=TRACKER),
         "accel_z": AxisStats(0.1, 0.02, 2, {}, unit=ACCEL_UNIT),
     },
     board=DeviceStatus(11, 12, 14, 15, 16, "user"),

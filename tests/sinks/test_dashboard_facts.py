@@ -6,6 +6,7 @@ from collections.abc import Callable
 import msgspec
 import pytest
 from dashboard_support import records, told, with_breaks
+from example_records import STATS
 from fltea.records import clock
 from fltea.records.records import AnyRecord, Error, Estimate, FlteaEstimate, LinkStats, OutputStats, Stats
 from fltea.sinks.page import facts
@@ -81,6 +82,19 @@ def test_axis_is_what_its_records_say() -> None:
     assert rows["bias"].startswith("1.5")
     assert rows["FLTEA (paper)"] in ("settled", "settling")
     assert rows["R"].endswith("(deg/s)²")
+
+
+def test_the_heading_is_said_by_the_time_after_a_rest() -> None:
+    history = told(records("n=600"))
+    assert not facts.curves(history, "gyro_x")["heading"]
+    history.write(STATS)
+    shown = facts.curves(history, "gyro_x")
+    assert (shown["heading"], shown["headings"]) == (
+        True,
+        [["after 1 s", "± 0.014°"], ["after 60 s", "± 0.26°"]],
+    )
+    assert facts.axes(history, 0)[0]["bias"].endswith("; heading ± 0.26° after a minute")
+    assert not facts.curves(history, "accel_z")["heading"]
 
 
 def test_link_shows_every_loss() -> None:

@@ -51,6 +51,18 @@ def test_marks_are_the_lines_of_the_coefficients() -> None:
     assert figures.marks.data["name"] == ["N", "B"], "K is not seen"
 
 
+def test_the_heading_is_drawn_by_the_time_after_a_rest() -> None:
+    figures = CurveFigures()
+    figures.show_heading({1: 0.02, 60: 0.25})
+    drawn = figures.forecast.data
+    assert drawn == {"t_s": [1, 60], "std": [0.02, 0.25]}
+    assert figures.heading.y_range.start < 0.02 < 0.25 < figures.heading.y_range.end
+    figures.show_heading({1: 0.02, 60: 0.25})
+    assert figures.forecast.data is drawn, "what is drawn is not sent again"
+    figures.show_heading({})
+    assert figures.forecast.data == {"t_s": [], "std": []}
+
+
 def test_what_a_logarithmic_axis_cannot_show_is_left_out() -> None:
     figures = CurveFigures()
     fit = with_curves(WHITE)

@@ -146,6 +146,11 @@ fltea_axis_interventions_total{device="due",axis="gyro_x",reason="order_box"} 13
 fltea_axis_interventions_total{device="due",axis="gyro_x",reason="held"} 1
 fltea_axis_innovation_lag1{device="due",axis="gyro_x"} 0.25
 fltea_axis_innovation_nis{device="due",axis="gyro_x"} 1.5
+fltea_axis_tracker_nis{device="due",axis="gyro_x"} 1.02
+fltea_axis_tracker_lag1{device="due",axis="gyro_x"} 0.03
+fltea_axis_heading_std_degrees{device="due",axis="gyro_x",after_s="1"} 0.014
+fltea_axis_heading_std_degrees{device="due",axis="gyro_x",after_s="60"} 0.26
+fltea_axis_moved_samples_total{device="due",axis="gyro_x"} 17
 fltea_axis_bias{device="due",axis="gyro_x"} 0.2345
 fltea_axis_bias{device="due",axis="accel_z"} 0.2345
 fltea_axis_bias_std{device="due",axis="gyro_x"} 0.0123

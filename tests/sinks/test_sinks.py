@@ -235,6 +235,8 @@ def test_numbers_and_units_at_every_width(width: int) -> None:
         "epoch 3 begins at sample 700: gap",
     ):
         assert part in text
+    headings = "heading after a rest  1 s       60 s", "gyro_x                ± 0.014°  ± 0.26°"
+    assert all((part in text) == (width >= 135) for part in headings)
     assert "…" not in text
     assert max(map(len, text.splitlines())) <= width
     assert "believe the fit above" in " ".join(text.split()), "α is not shown alone"
@@ -314,7 +316,9 @@ def test_fits_a_terminal_of_24_lines() -> None:
     axes = dict.fromkeys(("gyro_x", "gyro_y", "gyro_z"), GOOD)
     gaps = [Gap(k, 1, 1, 0) for k in range(4)]
     fit = Fit(701, 3, 7_010_000, 0, 702, dict.fromkeys(axes, FRACTIONAL))
-    assert len(shown(HELLO, EPOCH, *gaps, estimate(**axes), fit, STATS).splitlines()) <= 24
+    for width in (80, 135):
+        text = shown(HELLO, EPOCH, *gaps, estimate(**axes), fit, STATS, width=width)
+        assert len(text.splitlines()) <= 24
 
 
 def test_terminal_is_redrawn_at_errors_and_left_with_the_last_state() -> None:

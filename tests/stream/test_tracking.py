@@ -161,13 +161,14 @@ def test_a_mean_of_samples_is_a_noise_that_it_can_go_by() -> None:
 def test_an_offset_walks_where_the_fit_has_no_part_for_it() -> None:
     one = sensor()
     y = drifting(6000, 0.001)
-    one.run(y)
+    found = one.run(y)
     one.learn("gyro_x", settled("white", Noise((White(0.02),), False, 6000)))
     stats = dict(one.stats())["gyro_x"]
     K = stats.K
     # It drifts by more than its white noise makes the angle walk: 0.14 deg/s √(0.01 s · 60 s).
-    assert stats.heading_std is not None
-    assert 0.11 < stats.heading_std < 5
+    assert 0.11 < stats.heading_std[60] < 5
+    assert sorted(stats.heading_std.values()) == [*stats.heading_std.values()], "it grows"
+    assert (stats.bias, stats.bias_std) == (found.bias[-1, 0], found.bias_std[-1, 0])
     assert K.low is not None
     assert K.high is not None
     assert K.low < 0.001 / math.sqrt(H) < K.high

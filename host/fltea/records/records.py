@@ -272,7 +272,8 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     model: the noise that it goes by, in words. nis: mean normalised innovation squared, which is 1 of a right
     model, and lag1 the correlation of neighbouring innovations, 0; holds: whether they are white; null before
     there are enough. moved: samples in motion. restarts: how often it began again, at another offset.
-    heading_std: of the angle, in deg, a minute after the last sample at rest; null before there is a model.
+    bias, bias_std: after the newest sample, for those who read no estimates. heading_std: of the angle, in
+    deg, so many seconds after the last sample at rest; empty before there is a model.
     K: random walk of the offset, per s and √s, that the samples show in time and the model does not hold.
     """
 
@@ -283,7 +284,9 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     moved: int
     restarts: int
     K: Interval = Interval()
-    heading_std: float | None = None
+    heading_std: dict[int, float] = {}
+    bias: float | None = None
+    bias_std: float | None = None
 
 
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

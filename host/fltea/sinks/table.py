@@ -32,7 +32,7 @@ from fltea.records.records import (
 from fltea.records.visible import visible
 from fltea.records.why_not import not_comparable
 from fltea.sinks.page.answer import WITH_ORDER, answer
-from fltea.sinks.page.words import duration, figure, quantity, with_std
+from fltea.sinks.page.words import duration, figure, quantity, with_std, within
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
@@ -190,6 +190,7 @@ class DeviceView:
         lines: list[RenderableType] = [Text(self._head(), style="bold")]
         if self._fit is not None or self._estimate is not None:
             lines.append(self._answers(wide=width >= F_COLUMNS))
+        lines += self._headings() if wide else []
         lines.append(self._table(wide=wide))
         if not wide and self._estimate is not None:
             lines.append(self._rows_below(self._estimate))
@@ -266,6 +267,19 @@ class DeviceView:
             until = [] if not targets or fit is None else [_until(fit)]
             table.add_row(name, found.head, alpha, *([f] if wide else []), _bias_words(axis), *until)
         return table
+
+    def _headings(self) -> list[RenderableType]:
+        """How far the heading of each axis is off by time after a rest."""
+        axes = self._stats.axes if self._stats else {}
+        of = {
+            name: stds for name, axis in axes.items() if axis.tracker and (stds := axis.tracker.heading_std)
+        }
+        if not of:
+            return []
+        rows = _grid("heading after a rest", *map(duration, next(iter(of.values()))))
+        for name, stds in of.items():
+            rows.add_row(name, *map(within, stds.values()))
+        return [rows]
 
     def _mark(self, axis: str) -> str:
         stats = self._stats.axes.get(axis) if self._stats else None

@@ -9,11 +9,12 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+import numpy as np
 from msgspec.structs import replace as with_fields
 
 from fltea.estimator.offset_walk import offset_walk
 from fltea.estimator.tracker import Tracker
-from fltea.noise.heading import heading_std, rested
+from fltea.noise.heading import heading_stds, rested
 from fltea.noise.parts import Arfima, Order, Part
 from fltea.noise.system import System, system
 from fltea.records.block import Array, Block, TrackedColumns
@@ -33,7 +34,7 @@ ENOUGH = 3000
 """Samples: a fit of fewer knows too little of what is slow, and the bank of walks goes on."""
 FEWEST = 300
 """Samples, from which on a fit counts that makes them likelier than the bank does, after BIC's price."""
-AHEAD_S = 60.0
+AHEAD_S = 1, 10, 60, 600, 3600
 OF_WALKS = 2
 """Parameters of the bank: scale, and which member."""
 GROWTH, STEP = 1.5, 0.05
@@ -51,13 +52,16 @@ class _Sensor:
         self._offsets = _offsets(config, len(self.names))
         self._tracker = Tracker(self._offsets)
         self._walks = [UNDEFINED] * len(self.names)
-        self._headings: list[float | None] = [None] * len(self.names)
+        self._headings: list[dict[int, float]] = [{} for _ in self.names]
+        self._biases = np.full((len(self.names), 2), math.nan)
         self._known: dict[str, SettledFit] = {}
         self._learned: dict[str, Noise] = {}
 
     def run(self, values: Array) -> TrackedColumns:
         own = values if len(self._places) == values.shape[1] else values[:, self._places]
         found = self._tracker.run(own)
+        if len(own):
+            self._biases = np.column_stack((found.bias[-1], found.bias_std[-1]))
         stands = [self._known[axis].stands if axis in self._known else None for axis in self.names]
         return TrackedColumns(
             self.names,
@@ -114,18 +118,23 @@ class _Sensor:
         self._walks[lane] = walk.K(self._h)
         return found.with_offset(walk.q, of_state=walk.is_certain)
 
-    def _heading(self, found: System, samples: int) -> float | None:
-        """Return how far the heading is off AHEAD_S after a rest of so many samples; only rates have one."""
+    def _heading(self, found: System, samples: int) -> dict[int, float]:
+        """Return how far the heading is off after a rest of so many samples, by time; only rates have one."""
         if self.unit != GYRO_UNIT:
-            return None
-        return heading_std(found, rested(found, samples), self._h, AHEAD_S)
+            return {}
+        stds = heading_stds(found, rested(found, samples), self._h, AHEAD_S)
+        return dict(zip(AHEAD_S, stds, strict=True))
 
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
-        figures = zip(self.names, self._tracker.figures(), self._walks, self._headings, strict=True)
-        for axis, one, K, heading in figures:
+        figures = self._tracker.figures(), self._walks, self._headings, self._biases
+        for axis, one, K, heading, biases in zip(self.names, *figures, strict=True):
             holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
             words = names(map(type, self._learned[axis].parts)) if axis in self._learned else "walks"
-            yield axis, TrackerStats(words, one.nis, one.lag1, holds, one.moved, one.begun, K, heading)
+            bias, std = (float(x) if math.isfinite(x) else None for x in biases)
+            yield (
+                axis,
+                TrackerStats(words, one.nis, one.lag1, holds, one.moved, one.begun, K, heading, bias, std),
+            )
 
     def save(self) -> bytes:
         return self._tracker.save()

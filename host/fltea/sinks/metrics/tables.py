@@ -61,7 +61,7 @@ def _values(row: Row, records: Labelled) -> list[tuple[tuple[str, ...], float]]:
         if isinstance(value, str):
             value = {value: 1.0}
         if isinstance(value, Mapping):
-            found += [((*names, key), one) for key, one in value.items()]
+            found += [((*names, str(key)), one) for key, one in value.items()]
         elif value is not None:
             found.append((names, value * row.factor))
     return found
@@ -107,8 +107,9 @@ AXIS_STATS = (
     gauge("tracker_lag1", LAG1, lambda axis: axis.tracker and axis.tracker.lag1),
     gauge(
         "heading_std_degrees",
-        "Standard deviation of the heading a minute after the last sample at rest.",
+        "Standard deviation of the heading so many seconds after the last sample at rest.",
         lambda axis: axis.tracker and axis.tracker.heading_std,
+        key="after_s",
     ),
     counter("moved_samples", "Samples in motion.", lambda axis: axis.tracker and axis.tracker.moved),
 )

@@ -1,7 +1,7 @@
-"""The two figures of a fit: the spectrum and the Allan deviation of an axis, each with the model's curve."""
+"""Figures of an axis: spectrum and Allan deviation, with the model's curve, and the heading's forecast."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from bokeh.models import CustomJSTickFormatter, FixedTicker, HoverTool, Range1d
@@ -26,7 +26,7 @@ ROOM, NARROW = 1.5, 1.05
 
 
 class CurveFigures:
-    """Both figures and their sources; `show` fills them."""
+    """The figures and their sources; `show` and `show_heading` fill them."""
 
     def __init__(self) -> None:
         self.density = source("hz", "density", "model")
@@ -34,14 +34,17 @@ class CurveFigures:
         self.left_out = source("low", "high")
         self.deviation = source("tau_s", "low", "adev", "high", "model")
         self.marks = source("xs", "ys", "at", "level", "name", "colour")
+        self.forecast = source("t_s", "std")
         self._hz, self._densities, self._tau, self._deviations = _Frame(), _Frame(), _Frame(), _Frame()
+        self._ahead, self._headings = _Frame(), _Frame()
         self.spectrum = self._spectrum()
         self.allan = self._allan()
+        self.heading = self._heading()
 
     @property
     def all(self) -> list[figure]:
         """All figures, in the order of the page."""
-        return [self.spectrum, self.allan]
+        return [self.spectrum, self.allan, self.heading]
 
     def show(self, axis: str, unit: str, fit: AxisFit | None, board: DeviceSpectrum | None = None) -> None:
         """Draw the curves of a fit; what it does not have is emptied. unit: as people write it.
@@ -66,6 +69,14 @@ class CurveFigures:
         ):
             if plot.yaxis[0].axis_label != label:
                 plot.yaxis[0].axis_label = label
+
+    def show_heading(self, std: Mapping[int, float]) -> None:
+        """Draw how far the heading is off, in deg, so many seconds after a rest."""
+        if list(self.forecast.data["std"]) == [*std.values()]:
+            return
+        self.forecast.data = {"t_s": [*std], "std": [*std.values()]}
+        self._ahead.show([*std], ROOM)
+        self._headings.show([*std.values()], ROOM)
 
     def _spectrum(self) -> figure:
         plot = _log_log("spectrum", "frequency [Hz]", self._hz, self._densities)
@@ -94,6 +105,14 @@ class CurveFigures:
             ("95 %", "@low{0.000e+0} … @high{0.000e+0}"),
         ]
         plot.add_tools(HoverTool(renderers=[points], tooltips=tips))
+        return plot
+
+    def _heading(self) -> figure:
+        plot = _log_log("heading", "time after rest [s]", self._ahead, self._headings)
+        plot.yaxis[0].axis_label = "heading, σ [°]"
+        plot.line("t_s", "std", source=self.forecast, color=FIT, line_width=2.5)
+        points = plot.scatter("t_s", "std", source=self.forecast, color=FIT, size=7)
+        plot.add_tools(HoverTool(renderers=[points], tooltips=[("after", "@t_s s"), ("±", "@std{0.00e+0}°")]))
         return plot
 
 

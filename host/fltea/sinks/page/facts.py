@@ -18,7 +18,7 @@ from fltea.sinks.page.answer import answer
 from fltea.sinks.page.data_sheet import coefficients
 from fltea.sinks.page.happenings import EPOCH_WORDS
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.words import Level, counted, duration, guard_words, quantity, with_std
+from fltea.sinks.page.words import Level, counted, duration, guard_words, quantity, with_std, within
 
 STALL_NS = 1_500_000_000
 SHOWN_EVENTS = 12
@@ -130,9 +130,9 @@ def _bias(estimate: AxisEstimate | None, tracker: TrackerStats | None, unit: str
     bias = f"bias {with_std(estimate.bias, estimate.bias_std)} {unit}" + (
         ", moving" if estimate.moving else ""
     )
-    if tracker is None or tracker.heading_std is None:
+    if tracker is None or 60 not in tracker.heading_std:
         return bias
-    return f"{bias}; heading ± {float(f'{tracker.heading_std:.2g}'):g}° after a minute"
+    return f"{bias}; heading {within(tracker.heading_std[60])} after a minute"
 
 
 def _tracked(estimate: AxisEstimate | None, unit: str) -> list[list[str]]:
@@ -161,11 +161,20 @@ def curves(history: DeviceHistory, axis: str) -> dict[str, Any]:
     """Which curves of an axis there are, and what the Allan deviation says in units of data sheets."""
     found = history.fits.curves.get(axis)
     allan = found.allan if found else None
+    ahead = heading(history, axis)
     return {
         "spectrum": found is not None and found.spectrum is not None,
         "allan": allan is not None,
         "coefficients": coefficients(allan, axis in AXES) if allan else [],
+        "heading": bool(ahead),
+        "headings": [[f"after {duration(t)}", within(std)] for t, std in ahead.items()],
     }
+
+
+def heading(history: DeviceHistory, axis: str) -> dict[int, float]:
+    """How far the heading is off so many seconds after a rest; nothing before there is a model."""
+    found = history.stats.axes.get(axis) if history.stats else None
+    return found.tracker.heading_std if found and found.tracker else {}
 
 
 def infos(epoch: Epoch) -> list[EstimatorInfo]:

@@ -91,11 +91,12 @@ window.fltea = (() => {
     events(f.events)
     window.fltea.actions.show(f)
     byId("fitted").textContent = f.fit
-    for (const name of ["spectrum", "allan"]) {
+    for (const name of ["spectrum", "allan", "heading"]) {
       for (const part of document.querySelectorAll(`#${name} .drawn`)) part.hidden = !f.curves[name]
       for (const part of document.querySelectorAll(`#${name} .not-drawn`)) part.hidden = f.curves[name]
     }
     rows("coefficients", f.curves.coefficients)
+    rows("headings", f.curves.headings)
     const label = f.unit ? `${f.axis} [${f.unit}]` : ""
     const noise = plots.find(plot => plot.name === "noise").left[0]
     if (noise.axis_label !== label) noise.setv({axis_label: label}, {sync: false})

@@ -82,6 +82,7 @@ class Page:
                 for table, sources in self._shown(history).items():
                     self._send(history, table, sources)
                 self._show_curves(history)
+                self._curves.show_heading(facts.heading(history, self._axis))
                 self._show_moment(history)
                 self._figures.fit()
             shown = self._texts(history, states)

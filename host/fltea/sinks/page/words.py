@@ -45,6 +45,11 @@ def with_std(value: float | None, std: float | None) -> str:
     return f"{figure(value, places)} ± {figure(std, places)}"
 
 
+def within(std: float) -> str:
+    """How far an angle is off, to two digits."""
+    return f"± {float(f'{std:.2g}'):g}°"
+
+
 def signed(value: float) -> str:
     """To three places, with its sign, a true minus."""
     return f"{value:+.3f}".replace("-", "\u2212")
