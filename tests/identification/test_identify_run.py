@@ -106,7 +106,7 @@ def test_the_number_of_processes_does_not_matter(tmp_path: Path, monkeypatch: py
     assert alone["files"][0]["axes"]["gyro_x"]["null"]["shuffled"]["copies"] == 2 * lanes + 1
     with closing(Processes(2)) as workers:
         assert document(identify_all(requests, many, workers)) == alone
-    monkeypatch.setattr("fltea.identification.run.CHECK_S", 0.001)
+    monkeypatch.setattr("fltea.identification.hand_out.CHECK_S", 0.001)
     assert document(identify_all(requests, many, LastFirst())) == alone
 
 
@@ -210,7 +210,7 @@ def test_workers_that_are_gone_are_noticed(tmp_path: Path, monkeypatch: pytest.M
         def check(self) -> None:
             raise FlteaError("gone")
 
-    monkeypatch.setattr("fltea.identification.run.CHECK_S", 0.01)
+    monkeypatch.setattr("fltea.identification.hand_out.CHECK_S", 0.01)
     with pytest.raises(FlteaError, match="gone"):
         identify_all(files(tmp_path, 1), settings(), Gone())
 

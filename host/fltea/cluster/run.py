@@ -2,9 +2,8 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 
@@ -15,11 +14,9 @@ from fltea.cluster.rows import Key, Row, failed
 from fltea.cluster.summed import PieceSums, fit_pieces, sum_piece
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.cluster.whole import Ask, identify_file
+from fltea.identification.hand_out import HandOut, Task
 from fltea.identification.workers import Workers
 from fltea.records.errors import FlteaError, UsageError
-
-CHECK_S = 5.0
-"""Between two looks at whether the workers are still there."""
 
 
 class Progress(msgspec.Struct):
@@ -47,16 +44,13 @@ class _Pieces:
     failed: bool = False
 
 
-class _Task(NamedTuple):
+@dataclass
+class _Task(Task):
     """What is done to a file, or to one of its pieces, of that number."""
 
     file: File
-    do: Callable[..., Any]
-    arguments: tuple[Any, ...]
     pieces: _Pieces | None = None
     number: int = 0
-    again: bool = False
-    """whether a process has died of it, or of what was under way at the same time"""
 
 
 def run(
@@ -73,10 +67,13 @@ def run(
     Raises:
         FlteaError: the workers are gone, the table cannot be written, or the files cannot be listed.
     """
-    return _Loop(files, ask, workers, table, report).run()
+    loop = _Loop(files, ask, workers, table, report)
+    loop.work()
+    report(loop.progress)
+    return loop.progress
 
 
-class _Loop:
+class _Loop(HandOut[_Task]):
     def __init__(
         self,
         files: Iterable[File | Unlisted],
@@ -85,43 +82,32 @@ class _Loop:
         table: VerdictTable,
         report: Callable[[Progress], None],
     ) -> None:
-        self._progress = Progress()
+        super().__init__(workers)
+        self.progress = Progress()
         self._files = self._new(files, table)
-        self._ask, self._workers, self._table, self._report = ask, workers, table, report
+        self._ask, self._table, self._report = ask, table, report
         self._digest = ask.digest()
         self._next: deque[_Task] = deque()
-        self._alone: deque[_Task] = deque()
-        self._pending: dict[Future[Any], _Task] = {}
         self._under_way: set[File] = set()
-
-    def run(self) -> Progress:
-        """Work until nothing is left."""
-        while self._hand_out() or self._pending:
-            done, _ = wait(self._pending, CHECK_S, FIRST_COMPLETED)
-            if not done:
-                self._workers.check()
-            if [future for future in done if not self._take(future)]:
-                self._after_death()
-        self._report(self._progress)
-        return self._progress
 
     def _new(self, files: Iterable[File | Unlisted], table: VerdictTable) -> Iterator[File]:
         for file in files:
             if isinstance(file, Unlisted):
                 self._finish(file.folder, failed(Key(file.folder, self._digest), file.reason, again=True))
                 continue
-            self._progress.listed += 1
+            self.progress.listed += 1
             if file in table or file in self._under_way:
-                self._progress.skipped += 1
+                self.progress.skipped += 1
                 failure = table.failure_of(file)
                 if failure is not None:
-                    self._progress.failed_before += 1
+                    self.progress.failed_before += 1
                     self._name_failure(file, failure)
             else:
                 self._under_way.add(file)
                 yield file
 
-    def _task(self) -> _Task | None:
+    def next_task(self) -> _Task | None:
+        """Return the next piece, or else the next file."""
         for queue in (self._alone, self._next):
             while queue:
                 task = queue.popleft()
@@ -131,42 +117,10 @@ class _Loop:
         if file is None:
             return None
         large = file.size > self._ask.block_bytes
-        return _Task(file, cuts_of if large else identify_file, (file, self._ask))
+        return _Task(cuts_of if large else identify_file, (file, self._ask), file)
 
-    def _hand_out(self) -> bool:
-        """Give the workers what they have room for; False if there is nothing more."""
-        while len(self._pending) < self._room():
-            task = self._task()
-            if task is None:
-                return False
-            try:
-                future = self._workers.submit(task.do, *task.arguments)
-            except BrokenExecutor:  # died since the last look
-                self._next.appendleft(task)
-                self._after_death()
-                continue
-            self._pending[future] = task
-        return True
-
-    def _room(self) -> int:
-        alone = self._alone or any(task.again for task in self._pending.values())
-        return 1 if alone else self._workers.slots
-
-    def _take(self, future: Future[Any]) -> bool:
-        """Take a result; False if there is none because a process died."""
-        try:
-            result = future.result()
-        except BrokenExecutor:
-            return False
-        except CancelledError as error:  # Dask does so when it has lost its scheduler
-            self._workers.check()
-            result = error
-        except Exception as error:
-            result = error
-        self._settle(self._pending.pop(future), result)
-        return True
-
-    def _settle(self, task: _Task, result: Any) -> None:
+    def settle(self, task: _Task, result: Any) -> None:
+        """Put the rows of a file into the table, or go on with its pieces."""
         file, pieces = task.file, task.pieces
         if pieces is not None and pieces.failed:
             return
@@ -182,18 +136,18 @@ class _Loop:
             self._fail(task, result, again=False)
         else:
             pieces.sums[task.number] = result
-            self._progress.now = f"{file.url} piece {task.number + 1} of {len(pieces.sums)}"
-            self._report(self._progress)
+            self.progress.now = f"{file.url} piece {task.number + 1} of {len(pieces.sums)}"
+            self._report(self.progress)
             if None not in pieces.sums:
-                self._next.appendleft(_Task(file, fit_pieces, (file, self._ask, pieces.sums)))
+                self._next.appendleft(_Task(fit_pieces, (file, self._ask, pieces.sums), file))
 
     def _cut(self, file: File, cuts: list[Cut]) -> None:
         if not cuts:
-            self._next.append(_Task(file, identify_file, (file, self._ask)))
+            self._next.append(_Task(identify_file, (file, self._ask), file))
             return
         pieces = _Pieces([None] * len(cuts))
         for number, cut in enumerate(cuts):
-            self._next.append(_Task(file, sum_piece, (file, cut, self._ask), pieces, number))
+            self._next.append(_Task(sum_piece, (file, cut, self._ask), file, pieces, number))
 
     def _fail(self, task: _Task, reason: str, *, again: bool) -> None:
         if task.pieces is not None:
@@ -204,7 +158,7 @@ class _Loop:
     def _finish(self, file: File, rows: list[Row]) -> None:
         self._table.add(rows)
         self._under_way.discard(file)
-        progress = self._progress
+        progress = self.progress
         progress.done += 1
         progress.read += max(file.size, 0)
         errors = [row.error for row in rows if row.error is not None]
@@ -216,14 +170,4 @@ class _Loop:
 
     def _name_failure(self, file: File, error: str) -> None:
         named = error if error.startswith(file.url) else f"{file.url}: {error}"
-        self._progress.first_failure = self._progress.first_failure or named
-
-    def _after_death(self) -> None:
-        """One of those under way killed its process; each is tried alone: who dies then did it."""
-        tasks = list(self._pending.values())
-        self._pending.clear()
-        if len(tasks) == 1 and tasks[0].again:
-            self._settle(tasks[0], MemoryError("the process that worked on it was killed; out of memory?"))
-        else:
-            self._alone.extend(task._replace(again=True) for task in tasks)
-        self._workers.renew()
+        self.progress.first_failure = self.progress.first_failure or named

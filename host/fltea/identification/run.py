@@ -6,9 +6,9 @@ axes would keep two cores busy for as long as four. What comes out does not depe
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from concurrent.futures import Future
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -26,6 +26,7 @@ from fltea.identification.axis import (
 from fltea.identification.curves import Curves, curves
 from fltea.identification.forecast import Forecast, Goal, Now, SentenceParts, found
 from fltea.identification.gaps import longest_epoch
+from fltea.identification.hand_out import HandOut, Task
 from fltea.identification.load import Loaded, Request, Series, Unreadable, load
 from fltea.identification.noise_model import AxisModel, modelled
 from fltea.identification.reproduction import Reproduction, reproduction
@@ -37,9 +38,6 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
 from fltea.spectrum.wording import duration, names
-
-CHECK_S = 5.0
-"""Seconds between two looks at whether the workers are still there."""
 
 USUAL_TASKS = 3
 """Tasks that a recording is taken for before it is read. The bar grows with the groups of copies."""
@@ -120,17 +118,14 @@ def _at_rate(options: IdentifyOptions, h: float) -> IdentifyOptions:
         raise UsageError(f"{error}.") from error
 
 
-class _Task(NamedTuple):
+@dataclass
+class _Task(Task):
     """To read a recording, or (with an axis) to identify one of its axes or a group of its copies."""
 
     report: FileReport
-    axis: "_Axis | None"
-    do: Callable[..., Any]
-    arguments: tuple[Any, ...]
+    axis: "_Axis | None" = None
     part: int | None = None
     """Number of the group of copies."""
-    again: bool = False
-    """Whether a process has died of it, or of what was under way at the same time."""
 
 
 @dataclass
@@ -183,72 +178,42 @@ def identify_all(
             if isinstance(request, Unreadable):
                 reports[-1].failure = request.error
             else:
-                reading.append(_Task(reports[-1], None, load, (request, folder)))
-        _Loop(settings, workers, readers or workers, progress).run(reading)
+                reading.append(_Task(load, (request, folder), reports[-1]))
+        _Loop(settings, workers, readers or workers, progress, reading).work()
     return reports
 
 
-class _Loop:
+class _Loop(HandOut[_Task]):
     """Hands out tasks, axes before further recordings, so that few recordings are in memory at a time."""
 
-    def __init__(self, settings: Settings, workers: Workers, readers: Workers, progress: Progress) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        workers: Workers,
+        readers: Workers,
+        progress: Progress,
+        reading: deque[_Task],
+    ) -> None:
+        super().__init__(workers)
         self._settings = settings
-        self._workers = workers
         self._readers = readers
         self._progress = progress
-        self._done = self._total = 0
+        self._reading = reading
         self._axes: deque[_Task] = deque()
-        self._alone: deque[_Task] = deque()
-        self._pending: dict[Future[Any], _Task] = {}
+        self._done, self._total = 0, len(reading) * (1 + USUAL_TASKS)
 
-    def run(self, reading: deque[_Task]) -> None:
-        """Do all, the recordings to read first."""
-        self._total = len(reading) * (1 + USUAL_TASKS)
-        while reading or self._axes or self._alone or self._pending:
-            self._hand_out(reading)
-            done, _ = wait(self._pending, CHECK_S, FIRST_COMPLETED)
-            if not done:
-                self._workers.check()
-            broken = [future for future in done if not self._take(future)]
-            if broken:
-                self._after_death()
+    def next_task(self) -> _Task | None:
+        """Return the next of an axis, or else the next recording."""
+        queue = self._alone or self._axes or self._reading
+        return queue.popleft() if queue else None
 
-    def _hand_out(self, reading: deque[_Task]) -> None:
-        while len(self._pending) < self._room():
-            queue = self._alone or self._axes or reading
-            if not queue:
-                return
-            task = queue.popleft()
-            who = self._readers if task.axis is None else self._workers
-            try:
-                future = who.submit(task.do, *task.arguments)
-            except BrokenExecutor:  # died since the last look
-                queue.appendleft(task)
-                self._after_death()
-                continue
-            self._pending[future] = task
+    def submit(self, task: _Task) -> "Future[Any]":
+        """Hand over a task, to the readers if it is to read."""
+        who = self._readers if task.axis is None else self._workers
+        return who.submit(task.do, *task.arguments)
 
-    def _room(self) -> int:
-        alone = self._alone or any(task.again for task in self._pending.values())
-        return 1 if alone else self._workers.slots
-
-    def _take(self, future: Future[Any]) -> bool:
-        """Take a result; False if there is none because a process died."""
-        task = self._pending[future]
-        try:
-            result = future.result()
-        except BrokenExecutor:
-            return False
-        except CancelledError as error:  # Dask does so when it has lost its scheduler
-            self._workers.check()
-            result = error
-        except Exception as error:
-            result = error
-        del self._pending[future]
-        self._settle(task, result)
-        return True
-
-    def _settle(self, task: _Task, result: Any) -> None:
+    def settle(self, task: _Task, result: Any) -> None:
+        """Put a result into its report, and plan what follows from it."""
         report = task.report
         self._done += 1
         if task.axis is not None:
@@ -281,26 +246,14 @@ class _Loop:
                 continue
             axis = _Axis(name)
             arguments = (series, h, options, self._settings.figures, self._settings.forecast)
-            axes.append(_Task(report, axis, identify_series, arguments))
+            axes.append(_Task(identify_series, arguments, report, axis))
             epoch = longest_epoch(len(series.y), series.gaps)
             for part, group in enumerate(groups(epoch[1] - epoch[0], options.shuffles)):
                 axis.parts.append(None)
                 copy = (series.y, h, options.estimator, series.lsb, group, options.seed, epoch)
-                copies.append(_Task(report, axis, estimate, copy, part))
+                copies.append(_Task(estimate, copy, report, axis, part))
         self._axes.extend(axes + copies)
         self._total += len(axes) + len(copies) - USUAL_TASKS
-
-    def _after_death(self) -> None:
-        """Run each task alone that was under way when a process died; the one that dies again did it."""
-        tasks = list(self._pending.values())
-        self._pending.clear()
-        if len(tasks) == 1 and tasks[0].again:
-            self._settle(
-                tasks[0], FlteaError("the process that worked on it was killed; did memory run out?")
-            )
-        else:
-            self._alone.extend(task._replace(again=True) for task in tasks)
-        self._workers.renew()
 
 
 def identify_series(

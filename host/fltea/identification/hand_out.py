@@ -1,0 +1,106 @@
+"""Hands tasks to workers, and takes what they give, whoever dies meanwhile.
+
+Nobody can tell of which task a process died, so all that were under way are tried again, one at a time: who
+dies then did it.
+"""
+
+from collections import deque
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+
+from fltea.identification.workers import Workers
+from fltea.records.errors import FlteaError
+
+CHECK_S = 5.0
+"""Seconds between two looks at whether the workers are still there."""
+
+
+@dataclass
+class Task:
+    """Something to do, with its arguments."""
+
+    do: Any
+    arguments: tuple[Any, ...]
+    again: bool = field(default=False, kw_only=True)
+    """Whether a process has died of it, or of what was under way at the same time."""
+
+
+T = TypeVar("T", bound=Task)
+
+
+class HandOut(Generic[T]):
+    """Gives workers as many tasks as they have room for, until there are no more."""
+
+    def __init__(self, workers: Workers) -> None:
+        self._workers = workers
+        self._alone: deque[T] = deque()
+        """Tasks that are tried one at a time, before all others."""
+        self._pending: dict[Future[Any], T] = {}
+
+    def next_task(self) -> T | None:
+        """Return the next task, one of those to be tried alone if there are any; None: there is none now."""
+        raise NotImplementedError
+
+    def settle(self, task: T, result: Any) -> None:
+        """Take the result of a task, or the exception that it ended with."""
+        raise NotImplementedError
+
+    def submit(self, task: T) -> "Future[Any]":
+        """Hand over a task."""
+        return self._workers.submit(task.do, *task.arguments)
+
+    def work(self) -> None:
+        """Work until nothing is left.
+
+        Raises:
+            FlteaError: the workers are gone.
+        """
+        while self._fill() or self._pending:
+            done, _ = wait(self._pending, CHECK_S, FIRST_COMPLETED)
+            if not done:
+                self._workers.check()
+            if [future for future in done if not self._take(future)]:
+                self._after_death()
+
+    def _fill(self) -> bool:
+        """Give the workers what they have room for; False if there is nothing more."""
+        while len(self._pending) < self._room():
+            task = self.next_task()
+            if task is None:
+                return False
+            try:
+                self._pending[self.submit(task)] = task
+            except BrokenExecutor:  # died since the last look
+                self._alone.appendleft(task)
+                self._after_death()
+        return True
+
+    def _room(self) -> int:
+        alone = self._alone or any(task.again for task in self._pending.values())
+        return 1 if alone else self._workers.slots
+
+    def _take(self, future: "Future[Any]") -> bool:
+        """Take a result; False if there is none because a process died."""
+        try:
+            result = future.result()
+        except BrokenExecutor:
+            return False
+        except CancelledError as error:  # Dask does so when it has lost its scheduler
+            self._workers.check()
+            result = error
+        except Exception as error:
+            result = error
+        self.settle(self._pending.pop(future), result)
+        return True
+
+    def _after_death(self) -> None:
+        tasks = list(self._pending.values())
+        self._pending.clear()
+        if len(tasks) == 1 and tasks[0].again:
+            self.settle(tasks[0], FlteaError("the process that worked on it was killed; did memory run out?"))
+        else:
+            for task in tasks:
+                task.again = True
+            self._alone.extend(tasks)
+        self._workers.renew()
