@@ -14,7 +14,6 @@ import termios
 import time
 import urllib.request
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,13 +22,8 @@ import pytest
 from bank_support import assert_published, fed_directly
 from fltea.settings.config import load_config
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
-from fltea.wire import layout as wire
-from fltea.wire.messages import encode
 from host_support import fltea
 from support import PATIENCE_S, QUICK, ROOT, Processes, StandIn, wait_until
-
-from tools.board_voice import HELLO
-from tools.pty_port import PtyPort
 
 NOISE = "alpha=0.5&f=-1&seed=8"
 
@@ -106,47 +100,6 @@ def test_ndjson_with_samples_replays_to_the_same_estimates(run: Run) -> None:
     replayed = [r for r in map(json.loads, again.stdout.splitlines()) if r["class"] == "estimate"]
     for a, b in zip(run.of("estimate"), replayed, strict=True):
         assert (a["seq"], a["device_us"], a["axes"]) == (b["seq"], b["device_us"], b["axes"])
-
-
-@pytest.mark.slow
-def test_every_second_the_noise_of_every_axis_is_fitted(processes: Processes, port: Path) -> None:
-    device = processes.stand_in(port, "--noise", "alpha=0.8&f=-1&seed=7")
-    daemon = processes.daemon("--source", f"serial:{port}", *QUICK)
-    daemon.wait_for(lambda: len(daemon.of("fit")) >= 4, "four fits")
-    code, stderr = daemon.end()
-    device.stop()
-    assert (code, stderr) == (0, "")
-    fits = daemon.of("fit")
-    assert [fit["samples"] for fit in fits] == [100 * (k + 1) for k in range(len(fits))]
-    assert [fit["seq"] for fit in fits] == [fit["samples"] - 1 for fit in fits]
-    came = []
-    for fit in fits:
-        assert list(fit["axes"]) == ["gyro_x", "gyro_y", "gyro_z"]
-        at = next(k for k, record in enumerate(daemon.records) if record is fit)
-        came.append(daemon.records[at - 1]["seq"])
-    assert came[:4] == [fit["seq"] + 10 for fit in fits[:4]], "with the last of its axes"
-    estimates = {e["seq"]: e["axes"] for e in daemon.of("estimate")}
-    for before, (begin, end) in zip(fits, pairwise(came), strict=False):
-        for axis, one in before["axes"].items():
-            said = {estimates[seq][axis]["null_p"] for seq in range(begin + 1, end + 1)}
-            assert said == {None if one["null_p"] is None else float(f"{one['null_p']:.3g}")}
-    assert daemon.of("stats")[-1]["fit_period_s"] == 1.0
-
-
-def test_a_recording_ends_with_a_fit_of_everything(tmp_path: Path) -> None:
-    path = tmp_path / "rest.npz"
-    raw = np.rint(np.random.default_rng(1).normal(0, 5, (730, 3))).astype(np.int32)
-    np.savez(path, gyro_raw=raw, lsb_per_dps=16.4, fs_hz=100.0)
-    done = fltea("run", "-s", f"replay:{path}", "--once", *QUICK)
-    assert done.returncode == 0
-    records = [json.loads(line) for line in done.stdout.splitlines()]
-    assert [record["class"] for record in records[-2:]] == ["fit", "stats"]
-    last = records[-2]
-    assert last["samples"] == 730
-    for axis in last["axes"].values():
-        assert axis["verdict"] == "white"
-        assert len(axis["spectrum"]["hz"]) == len(axis["spectrum"]["model"]) > 20
-        assert len(axis["allan"]["tau_s"]) == len(axis["allan"]["model"]) > 5
 
 
 def test_unplugged_and_back(processes: Processes, port: Path) -> None:
@@ -245,87 +198,6 @@ def test_with_once_an_unplugged_device_is_a_failure(processes: Processes, port: 
     assert stderr.count("\n") == 1
     assert "unplugged" in stderr
     assert daemon.errors() == ["unplugged"]
-
-
-def test_a_missing_port_is_named_with_those_that_exist(processes: Processes, tmp_path: Path) -> None:
-    daemon = processes.daemon("--source", f"serial:{tmp_path}/none", "--once")
-    code, stderr = daemon.end(None)
-    assert code == 1
-    assert "there is no port" in stderr
-    assert "Ports that exist" in stderr or "has no serial port" in stderr
-
-
-@pytest.mark.slow
-def test_a_busy_port_is_waited_for(processes: Processes, port: Path) -> None:
-    device = processes.stand_in(port)
-    first = processes.daemon("--source", f"serial:{port}", *QUICK)
-    first.wait_for(lambda: len(first.of("estimate")) > 5, "estimates")
-    second = processes.daemon("--source", f"serial:{port}", *QUICK)
-    second.wait_for(lambda: "port_busy" in second.errors(), "the port to be busy")
-    first.end()
-    second.wait_for(lambda: len(second.of("estimate")) > 5, "estimates of the second")
-    assert second.end()[0] == 0
-    device.stop()
-
-
-@pytest.fixture
-def device() -> Iterator[PtyPort]:
-    """A port that says what a test sends."""
-    port = PtyPort(held=True)
-    yield port
-    port.close()
-
-
-def test_another_protocol_version_is_refused_by_name_until_the_right_one_comes(
-    processes: Processes, device: PtyPort
-) -> None:
-    daemon = processes.daemon("--source", f"serial:{device.name}", *QUICK)
-    sample = wire.Sample(1, 2, 3, 4, 5, 6, 7, 0)
-    other = (
-        b"\0" + encode(HELLO._replace(protocol_major=9, schema_hash=0xDEADBEEF), 0, 0) + encode(sample, 0, 0)
-    )
-
-    def refused() -> bool:
-        device.send(other)
-        return bool(daemon.errors())
-
-    daemon.wait_for(refused, "the refusal")
-    assert daemon.errors() == ["version"]
-    text = daemon.of("error")[0]["message"]
-    assert f"9.{wire.PROTOCOL_MINOR}" in text
-    assert "0xDEADBEEF" in text
-    assert f"{wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}" in text
-    assert f"0x{wire.SCHEMA_HASH:08X}" in text
-    assert not daemon.of("hello")
-    samples = b"".join(encode(sample, k, k * 10_000) for k in range(60))
-    wait_until(lambda: device.send(encode(HELLO, 1, 0) + samples), "room")
-    daemon.wait_for(lambda: bool(daemon.of("epoch")), "an epoch")
-    assert daemon.end()[0] == 0
-    assert daemon.of("stats")[-1]["link"]["refused"] > 0
-
-
-def test_damage_is_counted_and_only_the_damaged_frames_are_lost(
-    processes: Processes, device: PtyPort
-) -> None:
-    daemon = processes.daemon("--source", f"serial:{device.name}", *QUICK)
-    frames = [
-        encode(wire.Sample(k % 7 - 3, -(k % 5), k % 3, 0, 0, 0, 0, 0), k, k * 10_000) for k in range(400)
-    ]
-    for k in (100, 101, 250):
-        broken = bytearray(frames[k])
-        broken[5] ^= 0x40
-        frames[k] = bytes(broken)
-    daemon.wait_for(lambda: bool(daemon.of("stats")), "the daemon to have opened the port")
-    for data in (b"\0" + encode(HELLO, 0, 0), *frames):
-        wait_until(lambda data=data: device.send(data), "room")
-    wait_until(device.flush, "room for the last")
-    daemon.wait_for(lambda: any(e["seq"] == 399 for e in daemon.of("estimate")), "the last sample")
-    assert daemon.end()[0] == 0
-    last = daemon.of("stats")[-1]
-    assert sum(last["link"]["bad_frames"].values()) == 3
-    assert last["samples"]["delivered"] == 397
-    assert last["samples"]["lost"] == 3
-    assert [(g["seq"], g["missing"]) for g in daemon.of("gap")] == [(100, 2), (250, 1)]
 
 
 def test_make_run_shows_the_table_and_ctrl_c_ends_it_with_0(tmp_path: Path) -> None:

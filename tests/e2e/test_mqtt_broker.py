@@ -6,7 +6,6 @@ import signal
 import time
 from pathlib import Path
 
-import msgspec
 import pytest
 from fltea.records.records import Gap
 from fltea.sinks.mqtt import delivery, link
@@ -171,23 +170,6 @@ def test_frozen_broker_blocks_nobody_and_what_it_cannot_take_is_counted(stage: S
     assert len(watcher.on("fltea/a0/sample")) + driven.sink.lost == total
     driven.write(sample(total))
     driven.until(lambda: watcher.on("fltea/a0/sample")[-1].payload.count(b'"seq":%d,' % total) == 1, "flow")
-    assert driven.told == []
-
-
-def test_another_board_has_a_topic_and_a_will_of_its_own(stage: Stage) -> None:
-    broker = stage.broker()
-    watcher = stage.watcher(broker.port)
-    driven = stage.drive(broker.port)
-    driven.write(HELLO, sample(0))
-    driven.until(lambda: last_status(watcher) == "online", "the first board")
-    driven.write(msgspec.structs.replace(HELLO, device_id="b1"), sample(1))
-    driven.until(lambda: last_status(watcher, "fltea/b1/status") == "online", "the second board")
-    driven.until(lambda: last_status(watcher) == "offline", "the farewell of the first")
-    assert json.loads(watcher.on(STATUS)[-1].payload)["reason"] == "replaced"
-    driven.sink.close()
-    wait_until(lambda: last_status(watcher, "fltea/b1/status") == "offline", "the end")
-    time.sleep(0.1)
-    assert [json.loads(one.payload)["reason"] for one in watcher.on(STATUS)][-1] == "replaced"
     assert driven.told == []
 
 

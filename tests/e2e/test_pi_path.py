@@ -15,7 +15,6 @@ from fltea.settings.config import load_config
 from fltea.sources.as_wire import AsWire
 from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
-from host_support import fltea, fltea_here
 from support import QUICK, Processes
 
 from tools.due_emulator.noise import fractional_world
@@ -144,22 +143,3 @@ def test_the_command(processes: Processes) -> None:
     assert stats["board"]["i2c_errors"] == stats["board"]["overruns"] == 0
     assert stats["samples"]["lost"] == 0
     assert command.of("error") == []
-
-
-def test_the_command_without_the_bus_says_what_to_do() -> None:
-    done = fltea("run", "--source", "i2c:///dev/i2c-77", "--once", "--format", "ndjson")
-    assert done.returncode == 1
-    assert "there is no I²C bus /dev/i2c-77" in done.stderr
-    assert "raspi-config" in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def test_the_command_with_a_bad_address() -> None:
-    done = fltea_here("run", "--source", "i2c:///dev/i2c-1?addr=0x40")
-    assert done.returncode == 2
-    assert "addr is 0x68 (AD0 at GND) or 0x69" in done.stderr.replace("\n", " ")
-
-
-def test_raw_samples_of_a_burst_have_times_of_their_own() -> None:
-    raw = through_the_pi().raw
-    assert len({sample.host_ns for sample in raw}) > 0.99 * len(raw)

@@ -117,45 +117,6 @@ def test_record_export_replay(processes: Processes, port: Path, tmp_path: Path) 
     assert (result.returncode, "holds no estimates" in result.stderr) == (2, True)
 
 
-@pytest.mark.slow
-def test_synthetic_noise_is_recorded_as_frames(tmp_path: Path) -> None:
-    """Faster than it would come, and still nothing is lost."""
-    folder = tmp_path / "rec"
-    arguments = ("-s", "synthetic:?n=3000", "--pace", "fast", "--once", "--samples", *QUICK)
-    live = fltea("run", *arguments, "--record", folder)
-    assert (live.returncode, live.stderr) == (0, "")
-    again = replay(folder)
-    for kind in ("sample", "estimate"):
-        assert records(again, kind) == records(live.stdout, kind)
-    result = fltea("record", "-s", "synthetic:?n=50&lsb_per_dps=0", folder)
-    assert result.returncode == 2
-    assert "its samples are deg/s, not counts" in result.stderr
-
-
-@pytest.mark.slow
-def test_two_devices_in_one_folder(processes: Processes, tmp_path: Path) -> None:
-    ports = [tmp_path / name for name in ("left", "right")]
-    devices = [processes.stand_in(port, "--noise", f"seed={k}") for k, port in enumerate(ports)]
-    sources = [part for port in ports for part in ("--source", f"serial:{port}")]
-    daemon = processes.daemon(*sources, *QUICK, "--samples", "--record", tmp_path / "rec")
-
-    def count(device: str) -> int:
-        return sum(r["device"] == device for r in daemon.of("estimate"))
-
-    daemon.wait_for(lambda: min(count("left"), count("right")) >= 50, "estimates of both")
-    assert daemon.end()[0] == 0
-    for device in devices:
-        device.stop()
-    result = fltea("run", "-s", f"replay:{tmp_path / 'rec'}", "--once")
-    assert result.returncode == 2
-    names = [line.split()[0] for line in result.stderr.splitlines() if "(device " in line]
-    assert len(names) == 2
-    for name, side in zip(names, ("left", "right"), strict=True):
-        live = [r for r in daemon.of("estimate") if r["device"] == side]
-        found = records(replay(Path(name)), "estimate")
-        assert found == [{k: v for k, v in r.items() if k != "device"} for r in live]
-
-
 def test_ctrl_c_ends_a_recording_in_order(processes: Processes, port: Path, tmp_path: Path) -> None:
     device = processes.stand_in(port)
     process = subprocess.Popen(

@@ -56,32 +56,6 @@ def test_two_devices_are_estimated_side_by_side_and_one_may_vanish(
         assert last["outputs"]["stdout"]["dropped"] == 0
 
 
-def test_accelerometer_axes_on_request(processes: Processes, tmp_path: Path) -> None:
-    processes.stand_in(tmp_path / "port")
-    daemon = processes.daemon(
-        "-s",
-        f"serial:{tmp_path / 'port'}",
-        *QUICK,
-        "--channels",
-        "gyro_z,accel_x",
-        "--set",
-        "accel.startup=40",
-    )
-    daemon.wait_for(
-        lambda: any(len(r["axes"]) == 2 for r in daemon.of("estimate")), "estimates of both sensors"
-    )
-    daemon.end()
-    last = daemon.of("estimate")[-1]
-    assert {name: axis["unit"] for name, axis in last["axes"].items()} == {
-        "gyro_z": "deg/s",
-        "accel_x": "m/s^2",
-    }
-    assert set(daemon.of("estimate")[0]["axes"]) == {"accel_x"}  # the gyroscope's start-up window is longer
-    epoch = daemon.of("epoch")[0]
-    assert epoch["accel_estimator"]["startup_samples"] == 40
-    assert set(daemon.of("stats")[-1]["axes"]) == {"gyro_z", "accel_x"}
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, slow(signal.SIGTERM)])
 def test_a_signal_ends_all_devices_and_everything_is_written(
     number: signal.Signals, processes: Processes, tmp_path: Path

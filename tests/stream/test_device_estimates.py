@@ -385,6 +385,7 @@ def test_only_the_axes_that_were_asked_for(who: str) -> None:
     assert [e.seq for e in found] == list(range(STARTUP, 100))
     assert walk.stats().device_estimator.unplaced == 0
     assert [e.seq for e in of(Estimate, records) if "accel_x" in e.axes] == list(range(40, 100))
+    assert of(Epoch, records)[0].accel_estimator.startup_samples == 40
 
 
 def test_settings_that_nobody_uses_are_told_once() -> None:
