@@ -1,4 +1,4 @@
-"""Fault scripts: what may stand in them, what is said of mistakes, and what each fault does to the board."""
+"""Faults: what may stand in their texts, what is said of mistakes, and what each does to the board."""
 
 import pytest
 from fltea.records.errors import UsageError
@@ -19,7 +19,6 @@ from tools.due_emulator.faults import (
     Unplug,
     WatchdogStarvation,
     parse_fault,
-    read_faults,
     schedule_faults,
 )
 from tools.due_emulator.machine import PS_PER_S
@@ -48,34 +47,29 @@ class Board(SmallBoard):
 
 
 FAULTS = {
-    "sda_stuck at_s=2.0 clocks=5": SdaStuck(at_s=2.0, clocks=5),
-    "scl_stuck for_s=0.5": SclStuck(for_s=0.5),
+    "sda_stuck at=2.0 clocks=5": SdaStuck(at_s=2.0, clocks=5),
+    "scl_stuck for=0.5": SclStuck(for_s=0.5),
     "nack_burst count=3": NackBurst(count=3),
     "stale_byte count=2": StaleByte(count=2),
     "unplug at=1 for=2.0 who_am_i=0x75": Unplug(at_s=1.0, for_s=2.0, who_am_i=0x75),
     "clone who_am_i=120": Clone(who_am_i=0x78),
     "brown_out": BrownOut(part="sensor"),
-    "brown_out part='board'": BrownOut(part="board"),
+    "brown_out part=board": BrownOut(part="board"),
     "uart_loss probability=0.01 for=5.0": UartLoss(probability=0.01, for_s=5.0),
     "host_stops_reading for=10.0": HostStopsReading(for_s=10.0),
     "sensor_clock percent=-1.0": SensorClock(percent=-1.0),
     "watchdog_starvation for=2.0": WatchdogStarvation(for_s=2.0),
     "port_reopen at=3": PortReopen(at_s=3.0),
 }
-"""As on the command line, but for quotes, and as in a file: there each pair is a line."""
-
-
-def test_a_script_of_every_kind(tmp_path):
-    path = tmp_path / "faults.toml"
-    tables = ("\n".join([f"kind='{kind}'", *pairs]) for kind, *pairs in map(str.split, FAULTS))
-    path.write_text("\n".join(f"[[fault]]\n{table}" for table in tables))
-    assert read_faults(path) == [*FAULTS.values()]
-    assert {type(fault) for fault in FAULTS.values()} == set(KINDS.values())
 
 
 @pytest.mark.parametrize("text", FAULTS)
 def test_a_fault_of_the_command_line(text):
-    assert parse_fault(text.replace("'", "")) == FAULTS[text]
+    assert parse_fault(text) == FAULTS[text]
+
+
+def test_there_is_one_of_every_kind():
+    assert {type(fault) for fault in FAULTS.values()} == set(KINDS.values())
 
 
 @pytest.mark.parametrize(
@@ -83,34 +77,33 @@ def test_a_fault_of_the_command_line(text):
     [
         (
             "sda_stuk at=1",
-            r"--fault sda_stuk at=1: fault\[0\]\.kind: Invalid value .* Kinds: sda_stuck, ",
+            r"--fault sda_stuk at=1: Invalid value .* Kinds: sda_stuck, ",
         ),
         ("", "kind"),
-        ("sda_stuck at=x", r"at_s: Expected `float`"),
+        ("sda_stuck at=x", r"Expected `float`.*\.at`"),
         ("sda_stuck 2.0", r"'2\.0' is not KEY=VALUE"),
         ("sda_stuck colour=1", "unknown field `colour`"),
-        ("sda_stuck clocks=-1", "clocks: Expected `int` >= 0"),
-        ("sda_stuck clocks=1 for=1", "clocks or for_s, not both"),
-        ("sda_stuck at=-1", "at_s: Expected `float` >= 0"),
-        ("scl_stuck for=inf", "for_s: Expected `float` <= 1000000"),
-        ("nack_burst", "either count or for_s"),
-        ("nack_burst count=1 for=1", "either count or for_s"),
-        ("stale_byte count=0", "count: Expected `int` >= 1"),
+        ("sda_stuck clocks=-1", r"Expected `int` >= 0 .*\.clocks`"),
+        ("sda_stuck clocks=1 for=1", "clocks or for, not both"),
+        ("sda_stuck at=-1", r"Expected `float` >= 0.0 .*\.at`"),
+        ("scl_stuck for=inf", r"Expected `float` <= 1000000.0 .*\.for`"),
+        ("nack_burst", "either count or for"),
+        ("nack_burst count=1 for=1", "either count or for"),
+        ("stale_byte count=0", r"Expected `int` >= 1 .*\.count`"),
         ("clone", "missing required field `who_am_i`"),
-        ("clone who_am_i=0x1FF", "who_am_i: Expected `int` <= 255"),
+        ("clone who_am_i=0x1FF", r"Expected `int` <= 255 .*\.who_am_i`"),
         ("clone who_am_i=0xZZ", "Expected `int`"),
         ("brown_out part=host", "Invalid enum value 'host'"),
-        ("uart_loss", "either count, or probability and for_s"),
-        ("uart_loss count=2 probability=0.1 for=1", "either count, or probability and for_s"),
-        ("uart_loss probability=2 for=1", "probability: Expected `float` <= 1"),
-        ("uart_loss probability=0.5", "either count, or probability and for_s"),
-        ("unplug at=1e300", "at_s: Expected `float` <= 1000000"),
-        ("unplug at=nan", "at_s: Expected `float` >= 0"),
-        ("unplug at=1 at=2", "at_s is given twice"),
-        ("unplug at=1 at_s=2", "at_s is given twice"),
+        ("uart_loss", "either count, or probability and for"),
+        ("uart_loss count=2 probability=0.1 for=1", "either count, or probability and for"),
+        ("uart_loss probability=2 for=1", r"Expected `float` <= 1.0 .*\.probability`"),
+        ("uart_loss probability=0.5", "either count, or probability and for"),
+        ("unplug at=1e300", r"Expected `float` <= 1000000.0 .*\.at`"),
+        ("unplug at=nan", r"Expected `float` >= 0.0 .*\.at`"),
+        ("unplug at=1 at=2", "at is given twice"),
         ("unplug kind=clone", "kind is given twice"),
-        ("watchdog_starvation for=0", "for_s: Expected `float` > 0"),
-        ("host_stops_reading for=0", "for_s: Expected `float` > 0"),
+        ("watchdog_starvation for=0", r"Expected `float` > 0.0 .*\.for`"),
+        ("host_stops_reading for=0", r"Expected `float` > 0.0 .*\.for`"),
         ("sensor_clock percent=nan", "at most 10 percent"),
         ("sensor_clock percent=1 ppm=1", "percent or ppm, not both"),
     ],
@@ -118,31 +111,6 @@ def test_a_fault_of_the_command_line(text):
 def test_mistakes_are_named(text, message):
     with pytest.raises(UsageError, match=message):
         parse_fault(text)
-
-
-def test_mistakes_in_a_file_are_named(tmp_path):
-    path = tmp_path / "faults.toml"
-    path.write_text('[[fault]]\nkind = "port_reopen"\n[[fault]]\nkind = "nack_burst"\n')
-    with pytest.raises(UsageError, match=r"faults\.toml: fault\[1\]: give either count or for_s"):
-        read_faults(path)
-    path.write_text("[[fault]\n")
-    with pytest.raises(UsageError, match="is not TOML"):
-        read_faults(path)
-    path.write_text("[[faults]]\n")
-    with pytest.raises(UsageError, match="unknown field `faults`"):
-        read_faults(path)
-    with pytest.raises(UsageError, match="cannot be read"):
-        read_faults(tmp_path / "absent.toml")
-
-
-def test_a_file_may_use_the_names_of_the_command_line_but_not_both(tmp_path):
-    path = tmp_path / "faults.toml"
-    path.write_text('[[fault]]\nkind = "unplug"\nat = 1.5\nat_s = 2\n')
-    with pytest.raises(UsageError, match=r"faults\.toml: fault\[0\]: at_s is given twice"):
-        read_faults(path)
-    path.write_text("fault = [1]\n")
-    with pytest.raises(UsageError, match=r"fault\[0\]"):
-        read_faults(path)
 
 
 def test_a_fault_happens_at_its_moment():

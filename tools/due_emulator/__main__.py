@@ -29,7 +29,6 @@ from tools.due_emulator.faults import (
     Fault,
     never_happened,
     parse_fault,
-    read_faults,
     schedule_faults,
 )
 from tools.due_emulator.host_view import HostView
@@ -75,7 +74,6 @@ def parse_arguments(arguments: list[str] | None) -> argparse.Namespace:
     world.add_argument(
         "--recording", type=Path, metavar="FILE", help="replay .npz or .csv as the sensor's rate"
     )
-    parser.add_argument("--faults", type=Path, metavar="FILE.toml", help="script of faults, [[fault]] tables")
     parser.add_argument(
         "--fault", action="append", default=[], metavar="'KIND at=S …'", help="one fault; may be given again"
     )
@@ -146,8 +144,7 @@ def _run(options: argparse.Namespace, image: Image, world: World) -> int:
 
 
 def _build(options: argparse.Namespace, image: Image, world: World) -> tuple[Board, list[Fault]]:
-    faults = read_faults(options.faults) if options.faults else []
-    faults += [parse_fault(text) for text in options.fault]
+    faults = [parse_fault(text) for text in options.fault]
     board = Board(image.content, seed=options.seed, world=world)
     schedule_faults(board, faults)
     _end_on_signals(board.machine)

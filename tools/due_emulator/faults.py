@@ -1,21 +1,11 @@
-"""Faults of sensor, wires, supply and host, by a script: what happens to the board, and when.
+"""Faults of sensor, wires, supply and host: what happens to the board, and when.
 
-A script is TOML with one table a fault:
-
-    [[fault]]
-    kind = "sda_stuck"
-    at_s = 2.0
-    clocks = 5
-
-or, on the command line, `sda_stuck at=2.0 clocks=5`. Times are seconds of virtual time since power-up; `at`
-and `for` may be written for at_s and for_s in both.
+Each is a text, `sda_stuck at=2.0 clocks=5`. Times are seconds of virtual time since power-up.
 """
 
 import re
-import tomllib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import msgspec
@@ -26,7 +16,8 @@ from tools.due_emulator.bridge import seconds_to_ps
 
 LONGEST_S = 1e6
 """Times beyond are taken for mistakes [s]."""
-SHORT_NAMES = {"at": "at_s", "for": "for_s"}
+NAMES = {"at_s": "at", "for_s": "for"}
+"""Of settings, as they are in a text."""
 
 Time = Annotated[float, msgspec.Meta(ge=0, le=LONGEST_S)]
 SomeTime = Annotated[float, msgspec.Meta(gt=0, le=LONGEST_S)]
@@ -35,7 +26,9 @@ Byte = Annotated[int, msgspec.Meta(ge=0, le=0xFF)]
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
-class _Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", kw_only=True):
+class _Fault(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", kw_only=True, rename=NAMES
+):
     """at_s: when it begins [s of virtual time]."""
 
     at_s: Time = 0.0
@@ -49,7 +42,7 @@ class SdaStuck(_Fault, frozen=True, tag="sda_stuck"):
 
     def __post_init__(self) -> None:
         if self.clocks and self.for_s:
-            raise ValueError("give clocks or for_s, not both")
+            raise ValueError("give clocks or for, not both")
 
 
 class SclStuck(_Fault, frozen=True, tag="scl_stuck"):
@@ -66,7 +59,7 @@ class NackBurst(_Fault, frozen=True, tag="nack_burst"):
 
     def __post_init__(self) -> None:
         if bool(self.count) == bool(self.for_s):
-            raise ValueError("give either count or for_s")
+            raise ValueError("give either count or for")
 
 
 class StaleByte(_Fault, frozen=True, tag="stale_byte"):
@@ -114,7 +107,7 @@ class UartLoss(_Fault, frozen=True, tag="uart_loss"):
     def __post_init__(self) -> None:
         given = bool(self.count), bool(self.probability), bool(self.for_s)
         if given not in ((True, False, False), (False, True, True)):
-            raise ValueError("give either count, or probability and for_s")
+            raise ValueError("give either count, or probability and for")
 
 
 class HostStopsReading(_Fault, frozen=True, tag="host_stops_reading"):
@@ -177,46 +170,28 @@ def never_happened(faults: Sequence[Fault], now_s: float) -> list[str]:
     ]
 
 
-class _Script(msgspec.Struct, forbid_unknown_fields=True):
-    fault: list[Fault] = msgspec.field(default_factory=list)
-
-
-def read_faults(path: Path) -> list[Fault]:
-    """Faults of a TOML script, in its order.
-
-    Raises:
-        UsageError: names the file, the fault's number and what is wrong.
-    """
-    try:
-        tree = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: cannot be read ({error}).") from error
-    except tomllib.TOMLDecodeError as error:
-        raise UsageError(f"{path}: is not TOML: {error}.") from error
-    faults = tree.get("fault")
-    if isinstance(faults, list):
-        tree["fault"] = [
-            _settings(fault.items(), f"{path}: fault[{i}]") if isinstance(fault, dict) else fault
-            for i, fault in enumerate(faults)
-        ]
-    return _convert(tree, str(path), strict=True)
-
-
 def parse_fault(text: str) -> Fault:
-    """One fault from `KIND key=value …`.
+    """Return the fault of a text `KIND key=value …`.
 
     Raises:
         UsageError: says what is wrong with the text.
     """
     kind, *pairs = text.split() or [""]
-    given: list[tuple[str, Any]] = [("kind", kind)]
+    settings: dict[str, Any] = {"kind": kind}
     for pair in pairs:
         key, sign, value = pair.partition("=")
         if not sign or not value:
             raise UsageError(f"--fault {text}: '{pair}' is not KEY=VALUE, such as at=2.0.")
-        given.append((key, _value(value)))
-    settings = _settings(given, f"--fault {text}")
-    return _convert({"fault": [settings]}, f"--fault {text}", strict=False)[0]
+        if key in settings:
+            raise UsageError(f"--fault {text}: {key} is given twice.")
+        # A number in hex is one; everything else is for msgspec to convert.
+        settings[key] = int(value, 16) if re.fullmatch("0x[0-9a-fA-F]+", value) else value
+    try:
+        found: Fault = msgspec.convert(settings, Fault, strict=False)
+    except msgspec.ValidationError as error:
+        hint = "" if kind in KINDS else f" Kinds: {', '.join(KINDS)}."
+        raise UsageError(f"--fault {text}: {error}.{hint}") from error
+    return found
 
 
 def schedule_faults(board: Board, faults: Sequence[Fault]) -> None:
@@ -271,29 +246,3 @@ def _apply(fault: Fault, board: Board) -> None:
             board.starve(fault.for_s)
         case PortReopen():
             board.reopen_port()
-
-
-def _settings(given: Iterable[tuple[str, Any]], origin: str) -> dict[str, Any]:
-    """Settings by their full names."""
-    settings: dict[str, Any] = {}
-    for key, value in given:
-        name = SHORT_NAMES.get(key, key)
-        if name in settings:
-            raise UsageError(f"{origin}: {name} is given twice.")
-        settings[name] = value
-    return settings
-
-
-def _value(text: str) -> int | str:
-    """A number in hex as one; everything else is for msgspec to convert."""
-    return int(text, 16) if re.fullmatch("0x[0-9a-fA-F]+", text) else text
-
-
-def _convert(tree: dict[str, Any], origin: str, *, strict: bool) -> list[Fault]:
-    try:
-        return msgspec.convert(tree, _Script, strict=strict).fault
-    except msgspec.ValidationError as error:
-        reason, _, place = str(error).partition(" - at ")
-        hint = f" Kinds: {', '.join(KINDS)}." if place.endswith(".kind`") else ""
-        place = place.strip("`").removeprefix("$.")
-        raise UsageError(f"{origin}: {place + ': ' if place else ''}{reason}.{hint}") from error
