@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from fltea.records.records import AXES, Fit, Hello, LinkStats, SampleStats, Stats
+from fltea.records.records import AXES, AxisStats, Fit, Hello, LinkStats, SampleStats, Stats, TrackerStats
 from fltea.settings.outputs import is_loopback
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
@@ -88,9 +88,16 @@ def sensor(place: int, bad: list[Bad]) -> Sensor:
     status = {"status": "online", "since_ns": 0, "source": "load", "device_id": device_id, "device": "load"}
     stats = Stats(
         epoch=1, host_ns=0, rate_hz=RATE_HZ, clock_ppm=0.0, startup_remaining=0, link=LinkStats(),
-        samples=SampleStats(360_000, 0, 0, 0, 0), axes={}, board=None, device="load",
+        samples=SampleStats(360_000, 0, 0, 0, 0), axes={axis: _axis_stats(rng) for axis in AXES},
+        board=None, device="load",
     )  # fmt: skip
     return Sensor(device_id, encode(hello), encode(status), parts, encode(stats))
+
+
+def _axis_stats(rng: np.random.Generator) -> AxisStats:
+    """Offsets differ from sensor to sensor, by far more than they are known to."""
+    tracker = TrackerStats("white", 1.0, 0.0, True, 0, 0, bias=float(rng.normal(0, 0.5)), bias_std=0.003)
+    return AxisStats(None, None, 0, {}, tracker=tracker)
 
 
 class Publisher:

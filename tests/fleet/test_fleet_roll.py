@@ -9,7 +9,7 @@ from fltea.fleet.alerts import LOOKS, Alerts
 from fltea.fleet.clock import Clock
 from fltea.fleet.messages import KINDS
 from fltea.fleet.roll import Roll
-from fltea.fleet.summary import Look, counts, rows, table
+from fltea.fleet.summary import COLUMNS, Look, counts, look, rows, table
 from fltea.records.fit import AxisFit, FitAllan, Interval
 from fltea.records.records import Fit
 from hypothesis import given
@@ -50,6 +50,38 @@ def test_what_a_sensor_says_is_kept() -> None:
     assert ("alpha" in axis.figures, axis.figure("alpha")) == (False, (0.4, 0.3, 0.5)), "shown, not compared"
     assert rows(roll, NOBODY, 5.0)[0]["alpha"] == 0.4
     assert roll.sensors["a"].kind == "MPU-9250, 100 Hz"
+
+
+def stats(bias: object, std: object = 0.003) -> bytes:
+    axes = {name: {"tracker": {"bias": bias, "bias_std": std}} for name in ("gyro_x", "elsewhere")}
+    return json.dumps({"samples": {"delivered": 7}, "axes": axes}).encode()
+
+
+def test_the_bias_is_shown_beside_the_newest_fit_and_nobody_is_judged_by_it() -> None:
+    roll = Roll()
+    for number in range(20):
+        name = f"fltea/{number}"
+        roll.take(f"{name}/hello", HELLO, 1.0)
+        roll.take(f"{name}/fit", fit(), 2.0)
+        roll.take(f"{name}/stats", stats(50.0 if number == 7 else 0.25), 3.0)
+        roll.take(f"{name}/fit", fit(1100), 4.0)
+    seen = look(roll, 4.0)
+    assert seen.odd == []
+    assert {group[2] for group in seen.usual} == {"density"}
+    row = rows(roll, seen, 4.0)[7]
+    assert COLUMNS[COLUMNS.index("verdict") + 1] == "bias"
+    assert (row["bias"], row["bias_std"]) == (50.0, pytest.approx(0.003))
+    assert set(roll.sensors["7"].axes) == {"gyro_x"}, "an axis without a fit is none"
+    for nothing in (
+        stats(None),
+        stats(1, None),
+        stats(1, -1),
+        b'{"axes":{"gyro_x":{"tracker":null}}}',
+        b"{}",
+    ):
+        roll.take("fltea/7/stats", stats(50.0), 5.0)
+        roll.take("fltea/7/stats", nothing, 5.0)
+        assert rows(roll, seen, 5.0)[7]["bias"] is None
 
 
 @given(st.text(max_size=80), st.one_of(st.binary(max_size=300), st.sampled_from([HELLO, fit(), b"{}"])))

@@ -13,7 +13,10 @@ from typing import Any
 from fltea.records.errors import UsageError
 from fltea.settings.extras import load
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+FROM_1 = tuple(f"ALTER TABLE fit ADD COLUMN {name} REAL" for name in ("bias", "bias_low", "bias_high"))
+"""What a history of version 1 lacks."""
+
 APPLICATION_ID = 0x464C5445
 """Marks a file of SQLite as ours: "FLTE" (the pragma application_id)."""
 
@@ -53,21 +56,23 @@ class Sqlite:
             self.connection = sqlite3.connect(
                 path or ":memory:", isolation_level=None, check_same_thread=False, timeout=5.0
             )
-            self._check_owner()
+            version = self._check_owner()
             self.connection.execute("PRAGMA journal_mode = WAL")
             self.connection.execute("PRAGMA synchronous = NORMAL")
-            for table in tables:
-                self.connection.execute(table)
+            self.connection.execute("BEGIN IMMEDIATE")
+            for command in (*tables, *(FROM_1 if version == 1 else ())):
+                self.connection.execute(command)
             self.connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
             self.connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+            self.connection.execute("COMMIT")
         except sqlite3.Error as error:
             raise UsageError(
                 f"{path}: cannot be used as a history ({error}). Is it a file of fltea fleet, in a folder "
                 "that may be written?"
             ) from error
 
-    def _check_owner(self) -> None:
-        """Refuse a database of another program before anything is written to it."""
+    def _check_owner(self) -> int:
+        """Return the version, 0 of a new file; a database of another program is refused untouched."""
         version, owner = (
             self.connection.execute(f"PRAGMA {name}").fetchone()[0]
             for name in ("user_version", "application_id")
@@ -79,6 +84,7 @@ class Sqlite:
                 "A file that does not exist is made."
             )
         _check_version(self.name, version)
+        return int(version)
 
     def cause(self, error: Exception) -> tuple[str, str]:
         """Kind of a failure, and what the user may look for."""
@@ -151,9 +157,10 @@ class Postgres:
                 connection.execute("CREATE TABLE IF NOT EXISTS fltea_fleet (version INTEGER NOT NULL)")
                 found = connection.execute("SELECT version FROM fltea_fleet").fetchone()
                 _check_version(self.name, 0 if found is None else found[0])
-                for table in tables:
-                    connection.execute(table.replace(" REAL", " DOUBLE PRECISION"))
-                if found is None:
+                for command in (*tables, *(FROM_1 if found == (1,) else ())):
+                    connection.execute(command.replace(" REAL", " DOUBLE PRECISION"))
+                if found != (SCHEMA_VERSION,):
+                    connection.execute("DELETE FROM fltea_fleet")
                     connection.execute("INSERT INTO fltea_fleet VALUES (%s)", (SCHEMA_VERSION,))
         except self.failures as error:
             reason = str(error).partition("\n")[0]
@@ -226,5 +233,5 @@ Database = Sqlite | Postgres
 
 
 def _check_version(name: str, version: int) -> None:
-    if version not in (0, SCHEMA_VERSION):
+    if not 0 <= version <= SCHEMA_VERSION:
         raise UsageError(f"{name}: is a history of another version of fltea ({version}). Take a new one.")

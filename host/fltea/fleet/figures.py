@@ -1,9 +1,10 @@
-"""The figures of an axis by which sensors are compared, each with its 95 % interval (pure)."""
+"""The figures of an axis, each with its 95 % interval, and by which of them sensors are compared (pure)."""
 
 import math
 from typing import NamedTuple
 
-from fltea.fleet.messages import Allan, AxisFit, Interval
+from fltea.fleet.messages import Allan, AxisFit, Interval, Tracker
+from fltea.fleet.outliers import NORMAL_95
 from fltea.noise.spectra import HIGHEST_ORDER
 
 WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
@@ -43,6 +44,8 @@ QUANTITIES = (
     Quantity("alpha", "order α", False, ""),
     Quantity("f", "parameter f", False, "s^-α"),
 )
+SHOWN = (Quantity("bias", "bias now: offset and state of the noise", False, ""), *QUANTITIES)
+"""Nobody is judged by the bias: each sensor has an offset of its own, and another one after it was off."""
 
 
 class Figure(NamedTuple):
@@ -60,6 +63,14 @@ class Point(NamedTuple):
     adev: float
     low: float
     high: float
+
+
+def bias_of(tracker: Tracker) -> Figure | None:
+    """Return the bias, to be shown."""
+    bias, std = tracker.bias, tracker.bias_std
+    if bias is None or std is None:
+        return None
+    return _sound(bias, bias - NORMAL_95 * std, bias + NORMAL_95 * std)
 
 
 def order_of(fit: AxisFit) -> dict[str, Figure]:

@@ -12,11 +12,11 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any, NamedTuple
 
 from fltea.fleet.databases import Database
-from fltea.fleet.figures import QUANTITIES
+from fltea.fleet.figures import SHOWN
 from fltea.fleet.messages import MOST_AXES
 from fltea.fleet.roll import Axis
 
-FIGURES = [f"{quantity.name}{end}" for quantity in QUANTITIES for end in ("", "_low", "_high")]
+FIGURES = [f"{quantity.name}{end}" for quantity in SHOWN for end in ("", "_low", "_high")]
 COLUMNS = ["unix_s", "device_id", "axis", "verdict", "samples", *FIGURES]
 ALERT_COLUMNS = ("unix_s", "state", "kind", "device_id", "text")
 AT_ONCE = 5_000
@@ -99,7 +99,7 @@ class History:
                 self.lost += 1  # a device has so many axes, and does not rename them
                 continue
             last[name] = _Kept(unix_s, axis.verdict, unix_s if is_new else kept.changed_s)
-            figures = [axis.figure(quantity.name) or (None, None, None) for quantity in QUANTITIES]
+            figures = [axis.figure(quantity.name) or (None, None, None) for quantity in SHOWN]
             numbers = [number for figure in figures for number in figure]
             rows.append((INSERT_FIT, (unix_s, device_id, name, axis.verdict, axis.samples, *numbers)))
         self._put(rows)

@@ -101,10 +101,24 @@ class Samples(msgspec.Struct, frozen=True):
     lost: Count = 0
 
 
+class Tracker(msgspec.Struct, frozen=True):
+    """The bias of an axis after the newest sample."""
+
+    bias: float | None = None
+    bias_std: float | None = None
+
+
+class AxisStats(msgspec.Struct, frozen=True):
+    """One axis of `stats`."""
+
+    tracker: Tracker | None = None
+
+
 class Stats(msgspec.Struct, frozen=True):
     """The payload of `…/stats`."""
 
     samples: Samples = Samples()
+    axes: dict[str, AxisStats] = {}
 
 
 class Error(msgspec.Struct, frozen=True):

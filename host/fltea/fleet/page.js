@@ -29,6 +29,11 @@ async function ask(path, parameters = {}) {
 
 const short = (value) => (value === null || value === undefined ? "" : Number(value.toPrecision(4)).toString());
 
+function withStd(value, std) {
+  const places = Math.min(9, Math.max(0, 1 - Math.floor(Math.log10(std))));
+  return `${value.toFixed(places)} ± ${std.toFixed(places)}`;
+}
+
 function ago(seconds) {
   if (seconds < 120) return `${Math.round(seconds)} s`;
   if (seconds < 7200) return `${Math.round(seconds / 60)} min`;
@@ -149,6 +154,7 @@ async function showTable() {
       const value = row[column];
       const cell = make("td", undefined, typeof value === "number" ? { class: "number" } : {});
       if (column === "device") cell.append(link(value));
+      else if (column === "bias" && value !== null) cell.textContent = withStd(value, row.bias_std);
       else cell.textContent = typeof value === "number" ? short(value) : value;
       line.append(cell);
     }

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import chain
 
-from fltea.fleet.figures import Figure, figures_of, order_of
-from fltea.fleet.messages import Bad, Error, Fit, Hello, Message, Stats, Status, read
+from fltea.fleet.figures import Figure, bias_of, figures_of, order_of
+from fltea.fleet.messages import AxisStats, Bad, Error, Fit, Hello, Message, Stats, Status, Tracker, read
 
 MOST_SENSORS = 20_000
 NAMES_KEPT = 5
@@ -32,7 +32,7 @@ WITHOUT_FIT_S = 3600.0
 
 @dataclass(slots=True)
 class Axis:
-    """The newest fit of one axis. figures: to be compared; order: α and f, to be shown. at: when it came."""
+    """The newest fit of one axis. figures: to be compared; shown: others. at: when it came."""
 
     verdict: str
     text: str
@@ -40,11 +40,11 @@ class Axis:
     samples: int
     figures: dict[str, Figure]
     at: float
-    order: dict[str, Figure] = field(default_factory=dict)
+    shown: dict[str, Figure] = field(default_factory=dict)
 
     def figure(self, name: str) -> Figure | None:
         """What is shown of a quantity."""
-        return self.figures.get(name) or self.order.get(name)
+        return self.figures.get(name) or self.shown.get(name)
 
 
 @dataclass(slots=True)
@@ -116,19 +116,32 @@ class Sensor:
         self._seq = place
         self.fits += 1
         rate_hz = None if self.hello is None else self.hello.rate_hz
+        before = self.axes
         self.axes = {
             name: Axis(
                 one.verdict,
                 one.text,
                 one.unit,
                 fit.samples,
-                figures_of(one, rate_hz, self.axes[name].figures if name in self.axes else {}),
+                figures_of(one, rate_hz, before[name].figures if name in before else {}),
                 now,
                 order_of(one),
             )
             for name, one in fit.axes.items()
         }
+        for name, axis in self.axes.items():
+            if name in before and "bias" in before[name].shown:
+                axis.shown["bias"] = before[name].shown["bias"]
         return True
+
+    def take_stats(self, stats: Stats) -> None:
+        """Count samples, and keep the bias of the axes that have a fit."""
+        self.delivered, self.lost = stats.samples.delivered, stats.samples.lost
+        for name, axis in self.axes.items():
+            bias = bias_of(stats.axes.get(name, AxisStats()).tracker or Tracker())
+            axis.shown.pop("bias", None)
+            if bias is not None:
+                axis.shown["bias"] = bias
 
     def take_hello(self, hello: Hello) -> None:
         """A program that begins may count from the beginning."""
@@ -240,7 +253,7 @@ class Roll:
                 new = sensor.take_fit(message.content, now)
                 self.fits += new
                 self.repeated += not new
-            case Stats(samples):
-                sensor.delivered, sensor.lost = samples.delivered, samples.lost
+            case Stats():
+                sensor.take_stats(message.content)
             case Error(kind, text):
                 sensor.errors.append((now, kind, text))

@@ -8,8 +8,8 @@ from typing import Any, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from fltea.fleet.figures import QUANTITIES, Figure, Quantity
-from fltea.fleet.outliers import LEVEL, Fleet, comparisons_of, judge
+from fltea.fleet.figures import QUANTITIES, SHOWN, Figure, Quantity
+from fltea.fleet.outliers import LEVEL, NORMAL_95, Fleet, comparisons_of, judge
 from fltea.fleet.roll import SILENT_S, Axis, Roll, Sensor
 
 SOME = 20
@@ -146,7 +146,7 @@ COLUMNS = (
     "state",
     "axis",
     "verdict",
-    *(q.name for q in QUANTITIES),
+    *(q.name for q in SHOWN),
     "samples",
     "age_s",
     "odd",
@@ -175,9 +175,11 @@ def rows(roll: Roll, seen: Look, now: float, silent_s: float = SILENT_S) -> list
                 "age_s": round(now - (sensor.heard if axis is None else axis.at), 1),
                 "odd": ", ".join(odd.get((sensor.device_id, name), [])),
             }
-            for quantity in QUANTITIES:
+            for quantity in SHOWN:
                 figure = None if axis is None else axis.figure(quantity.name)
                 row[quantity.name] = None if figure is None else figure.value
+                if quantity.name == "bias":
+                    row["bias_std"] = None if figure is None else (figure.high - figure.value) / NORMAL_95
             found.append(row)
     return found
 

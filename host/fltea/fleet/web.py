@@ -19,7 +19,7 @@ from tornado.ioloop import IOLoop
 from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
 
-from fltea.fleet.figures import QUANTITIES
+from fltea.fleet.figures import SHOWN
 from fltea.fleet.metrics import text_of
 from fltea.fleet.program import TURN_S, Fleet
 from fltea.fleet.summary import COLUMNS, distribution, groups, rows, table
@@ -126,7 +126,7 @@ class _Summary(_Handler):
         found = self.shown.fleet.summary()
         with self.shown.fleet.lock:
             found["groups"] = groups(self.shown.fleet.seen)
-        found["quantities"] = [quantity._asdict() for quantity in QUANTITIES]
+        found["quantities"] = [quantity._asdict() for quantity in SHOWN]
         found["columns"] = COLUMNS
         self.answer(found)
 
@@ -186,7 +186,7 @@ class _Sensor(_Handler):
                             "verdict": one.verdict,
                             "text": one.text,
                             "unit": one.unit,
-                            "figures": one.order | one.figures,
+                            "figures": one.shown | one.figures,
                         }
                         for axis, one in sensor.axes.items()
                     },
