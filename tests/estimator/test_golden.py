@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from engine_cases import EXAMPLE, Array, columns, reference_run, run, with_
 from fltea.estimator.engine import instruction_sets
+from fltea.estimator.lane_settings import LaneSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 # Columns of the files in the order of engine_cases.ESTIMATES; without the walks' Q.
@@ -25,16 +26,15 @@ def test_reference_equals_the_formulas(number: int) -> None:
     np.testing.assert_allclose(got, expected, rtol=1e-10, atol=1e-13)
 
 
+COMPRESSED = with_(EXAMPLE, memory="compressed", accuracy=9)
+
+
 @pytest.mark.parametrize("instruction_set", instruction_sets())
+@pytest.mark.parametrize(("tuning", "rtol", "atol"), [(EXAMPLE, 1e-10, 1e-13), (COMPRESSED, 1e-4, 1e-5)])
 @pytest.mark.parametrize("number", [1, 2, 3])
-def test_engine_equals_the_formulas(number: int, instruction_set: str) -> None:
+def test_engine_equals_the_formulas(
+    number: int, tuning: LaneSettings, rtol: float, atol: float, instruction_set: str
+) -> None:
     y, u, expected = golden(number)
-    estimates = run(EXAMPLE, y[:, np.newaxis], u[:, np.newaxis], instruction_set=instruction_set)
-    np.testing.assert_allclose(columns(estimates)[:, :6], expected, rtol=1e-10, atol=1e-13)
-
-
-@pytest.mark.parametrize("number", [1, 2, 3])
-def test_compressed_engine_is_near_the_formulas(number: int) -> None:
-    y, u, expected = golden(number)
-    estimates = run(with_(EXAMPLE, memory="compressed", accuracy=9), y[:, np.newaxis], u[:, np.newaxis])
-    np.testing.assert_allclose(columns(estimates)[:, :6], expected, rtol=1e-4, atol=1e-5)
+    estimates = run(tuning, y[:, np.newaxis], u[:, np.newaxis], instruction_set=instruction_set)
+    np.testing.assert_allclose(columns(estimates)[:, :6], expected, rtol=rtol, atol=atol)

@@ -1,17 +1,13 @@
 """Lanes under the supervisor: the oracle's verdicts and estimates, in blocks of any size."""
 
-import itertools
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from fltea.estimator.engine import Engine, instruction_sets
 from fltea.estimator.lane_settings import LaneSettings
-from fltea.estimator.lanes import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER, LaneBlock, Lanes, Lost
+from fltea.estimator.lanes import Lanes, Lost
 from fltea.settings.estimator import EstimatorConfig
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 from sample_by_sample import LanesBySample
 
@@ -84,67 +80,6 @@ def test_the_cases_are_there_for_something() -> None:
     assert reasons[2] == ({"bound"}, True)
     assert reasons[5] == ({"runaway"}, True)
     assert (reasons[0], reasons[4]) == ((set(), False),) * 2
-
-
-@settings(max_examples=40)
-@given(
-    cuts=st.lists(st.integers(1, 499), max_size=8),
-    lanes=st.integers(1, 12),
-    case=st.sampled_from(CASES),
-    missing=st.integers(0, 9),
-)
-def test_any_cut_is_the_same_to_the_bit(
-    cuts: list[int], lanes: int, case: tuple[dict[str, object], float, object], missing: int
-) -> None:
-    changes, R, make = case
-    y = make(500, lanes)  # type: ignore[operator]
-    gone = np.random.default_rng(missing).random(y.shape) < missing / 20
-    y[gone] = math.nan
-    whole, parts = Lanes(lanes, tuning(lanes, R, **changes)), Lanes(lanes, tuning(lanes, R, **changes))
-    expected = whole.run(y, gone)
-    edges = sorted({0, 500, *cuts})
-    found = [(a, parts.run(y[a:b], gone[a:b])) for a, b in itertools.pairwise(edges)]
-    for name in LaneBlock._fields[: LaneBlock._fields.index("lost")]:
-        columns = np.concatenate([getattr(block, name) for _, block in found])
-        np.testing.assert_array_equal(columns, getattr(expected, name), err_msg=name)
-    assert [one._replace(row=one.row + a) for a, block in found for one in block.lost] == expected.lost
-    np.testing.assert_array_equal(whole.restarts, parts.restarts)
-    np.testing.assert_array_equal(whole.interventions(), parts.interventions())
-
-
-@pytest.mark.parametrize("instruction_set", instruction_sets())
-def test_lanes_are_the_engine_where_nothing_is_lost(instruction_set: str) -> None:
-    y = white(600, 5)
-    found = Lanes(5, tuning(5), instruction_set=instruction_set).run(y)
-    engine = Engine(5, tuning(5), instruction_set=instruction_set).run(y)
-    for mine, theirs in (
-        (found.alpha, engine.alpha),
-        (found.alpha_std, np.sqrt(engine.alpha_var)),
-        (found.f, engine.f),
-        (found.f_std, np.sqrt(engine.f_var)),
-        (found.x, engine.x),
-        (found.innovation, engine.innovation),
-        (found.innovation_std, np.sqrt(engine.innovation_var)),
-    ):
-        np.testing.assert_array_equal(mine, theirs)
-    assert found.valid.all()
-    assert found.lost == []
-
-
-def test_a_wrong_r_is_called_not_valid_while_it_lasts() -> None:
-    """R is a hundredth of the noise's variance at first: the guard holds the state all the time."""
-    random = np.random.default_rng(3)
-    y = np.concatenate([random.standard_normal((1500, 1)) * 3.0, random.standard_normal((1500, 1)) * 0.153])
-    runner = Lanes(1, tuning(1))
-    found = runner.run(y)
-    assert not found.valid[BOUND_SAMPLES:1500].any()
-    assert found.valid[1500 + BOUND_SAMPLES :].all()
-    assert runner.restarts.tolist() == [1]
-    assert [one.reason for one in found.lost] == ["bound"]
-
-
-def test_constants_are_the_supervisors() -> None:
-    assert (LOST_ORDER, BOUND_SAMPLES, BOUND_SHARE) == (5.0, 200, 0.25)
 
 
 def test_what_cannot_be_run_is_refused_and_changes_nothing() -> None:

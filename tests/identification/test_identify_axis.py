@@ -76,24 +76,6 @@ def test_fractional_noise_is_called_so_with_the_sum_that_does_as_well() -> None:
     assert "record of" in verdict.next
 
 
-@pytest.mark.parametrize(
-    ("wanted", "make"),
-    [
-        ("relaxations", lambda: ar((0.5,), 60_000, 1, 1)[0] + white(60_000, 1, 2)[0]),
-        ("relaxations", lambda: ar((0.99,), 60_000, 1, 3)[0] / 4 + ar((0.5,), 60_000, 1, 4)[0]),
-        ("drift", lambda: np.cumsum(white(60_000, 1, 5)[0]) / 50 + white(60_000, 1, 6)[0]),
-        ("drift", lambda: np.linspace(0, 3, 60_000) + white(60_000, 1, 7)[0]),
-        ("resonance", lambda: ar((-0.7, -0.9), 60_000, 1, 8)[0] / 4 + white(60_000, 1, 9)[0]),
-        (
-            "line",
-            lambda: 0.4 * np.sin(0.84 * np.arange(60_000)) + white(60_000, 1, 10)[0],
-        ),
-    ],
-)
-def test_what_is_not_claimed_to_be_fractional(wanted: str, make: object) -> None:
-    assert kind(make()) == wanted  # type: ignore[operator]
-
-
 def test_notch_and_from_hz_leave_out() -> None:
     n = 6000
     y = white(n, 1, 3)[0] + 0.5 * np.sin(2 * np.pi * 20.02 * np.arange(n) * H)

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 import yaml
 from bag_support import even, write_bag
-from fltea.cli import app as cli
 from fltea.cli.identify import parse_notch
 from fltea.identification.model_file import read_models
 from fltea.records.errors import UsageError
-from host_support import fltea
+from host_support import fltea, fltea_here
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_files import counts, npz
@@ -40,13 +39,12 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return npz(tmp_path_factory.mktemp("command") / "rest.npz", raw)
 
 
-def here(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
-    """The command in this process, which has loaded everything; its exit code."""
-    monkeypatch.setenv("COLUMNS", "300")
-    monkeypatch.setattr("sys.argv", ["fltea", "identify", *map(str, arguments), *FAST])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    return int(ended.value.code or 0)
+def here(*arguments: object, exit_code: int = 0) -> tuple[str, str]:
+    """What the command says on stdout and stderr in this process, which has loaded everything."""
+    done = fltea_here("identify", *arguments, *FAST, columns=300)
+    assert done.returncode == exit_code, done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stdout, done.stderr
 
 
 def test_json(recording: Path) -> None:
@@ -74,9 +72,7 @@ def test_json(recording: Path) -> None:
     assert "line" in [trap["kind"] for trap in file["axes"]["gyro_y"]["traps"]]
 
 
-def test_every_trap_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_trap_is_told(tmp_path: Path) -> None:
     """Three bad axes: drift, torn reads and a resonance; coarse counts; outliers and a line; all repeat."""
     n = 6000
     k = np.arange(n)
@@ -87,8 +83,7 @@ def test_every_trap_is_told(
     raw = np.rint(np.stack([x, 0.8 * white(n, 1, 3)[0], z], axis=1)).astype(np.int32)
     raw[31::40] = raw[30::40]
     path = npz(tmp_path / "bad.npz", raw, t_host_s=k / 99)
-    assert here(monkeypatch, path, "--json") == 0
-    (file,) = strict(capsys.readouterr().out)["files"]
+    (file,) = strict(here(path, "--json")[0])["files"]
     assert {trap["kind"] for trap in file["traps"]} == {"repeated", "sample rate"}
     assert file["clock_ppm"] == pytest.approx(-10_000, rel=0.05)
     found = {
@@ -102,25 +97,23 @@ def test_every_trap_is_told(
     assert "20 Hz" in found["gyro_z"]["line"]
 
 
-def test_from_a_bag_to_imu_yaml_with_its_topic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    bag = write_bag(tmp_path / "drive.bag", {"/cam/imu": even(900)})
-    assert here(monkeypatch, bag, "--imu-yaml", tmp_path / "imu.yaml") == 0
+def test_from_a_bag_to_imu_yaml_with_its_topic(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "drive.bag", {"/cam/imu": even(900)}, words=["/chatter"])
+    assert "200 Hz, 900 samples, 4.5 s" in here(bag, "--imu-yaml", tmp_path / "imu.yaml")[0]
     found = yaml.safe_load((tmp_path / "imu.yaml").read_text())
     assert (found["rostopic"], found["update_rate"]) == ("/cam/imu", 200)
-    assert {"gyroscope_noise_density", "accelerometer_noise_density"} <= set(found)
+    assert found["gyroscope_noise_density"] == pytest.approx(1e-3 / np.sqrt(200), rel=0.2)
+    assert "accelerometer_noise_density" in found
 
 
-def test_both_sensors_in_one_command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_both_sensors_in_one_command(tmp_path: Path) -> None:
     """With imu.yaml the accelerometer comes too, but for an axis that stands still; all files have both."""
     accel = counts(900, seed=3)
     accel[:, 1] = 0
     path = npz(tmp_path / "a.npz", counts(900), accel_raw=accel, accel_lsb_per_g=16384.0)
     imu, model, filter_ = (tmp_path / name for name in ("imu.yaml", "model.json", "filter.json"))
     files = ("--imu-yaml", imu, "--export-model", model, "--gauss-markov", filter_)
-    assert here(monkeypatch, path, *files, "--inflate", "5,10", "--details") == 0
-    out = capsys.readouterr().out
+    out, _ = here(path, *files, "--inflate", "5,10", "--details")
     for text in ("accel_x: white", "accel_z: white", "N [deg/√h]", "N [m/s²/√Hz]"):
         assert text in out
     assert "accel_y" not in out
@@ -131,21 +124,17 @@ def test_both_sensors_in_one_command(
     assert list(read_models(model).accel_axes) == ["accel_x", "accel_z"]
     found = json.loads(filter_.read_text())["accel_axes"]["accel_z"]
     assert found["N"]["value"] == pytest.approx(16 * 9.80665 / 16384 / 10, rel=0.1)
-    assert here(monkeypatch, path, "--channels", "accel_x", "--details") == 0
-    out = capsys.readouterr().out
+    out, _ = here(path, "--channels", "accel_x", "--details")
     assert "gyro_x" not in out
     assert "over last third" in out
     assert "FLTEA joint, guard consistent, window 100 samples, start-up" in out
 
 
-def test_table_files_and_notch(
-    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_table_files_and_notch(recording: Path, tmp_path: Path) -> None:
     """With the line left out both are white; models and imu.yaml are what their readers want."""
     model, yaml = tmp_path / "model.json", tmp_path / "imu.yaml"
     flags = ("--notch", "20±0.5", "--variant", "triple", "--export-model", model, "--imu-yaml", yaml)
-    assert here(monkeypatch, recording, *flags, "--details") == 0
-    out = capsys.readouterr().out
+    out, _ = here(recording, *flags, "--details")
     assert out.count(": white · α undefined · f undefined · bias ") == 2
     assert out.count("\n  White noise. The null test does not reject") == 2
     for text in ("3,000 samples, 30.0 s", "FLTEA triple α", "FLTEA joint α", "shuffled gives", "undefined"):
@@ -156,15 +145,12 @@ def test_table_files_and_notch(
     assert "gyroscope_noise_density:" in yaml.read_text()
 
 
-def test_what_was_found_is_told_before_a_file_fails(
-    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_was_found_is_told_before_a_file_fails(recording: Path, tmp_path: Path) -> None:
     """The work took minutes; a mistyped name of the model's file does not cost it."""
     flags = ("--channels", "gyro_x", "--export-model", tmp_path / "no" / "model.json")
-    assert here(monkeypatch, recording, *flags) == 1
-    said = capsys.readouterr()
-    assert "gyro_x: white ·" in said.out
-    assert "model.json: cannot be written" in said.err
+    out, err = here(recording, *flags, exit_code=1)
+    assert "gyro_x: white ·" in out
+    assert "model.json: cannot be written" in err
 
 
 def test_disk_full(recording: Path) -> None:
@@ -177,22 +163,15 @@ def test_disk_full(recording: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_a_bad_file_among_others(
-    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_bad_file_among_others(recording: Path, tmp_path: Path) -> None:
     """The others are identified; what failed is told, in its place and at the end; exit 2."""
     bad = tmp_path / "bad.npz"
     bad.write_bytes(b"PK no")
-    assert here(monkeypatch, tmp_path / "away.npz", recording, bad, "--channels", "gyro_x") == 2
-    said = capsys.readouterr()
-    assert "away.npz: there is no such file." in said.out
-    assert "gyro_x: white ·" in said.out
-    assert "Summary" in said.out
-    assert said.out.count("failed") == 2
-    lines = said.err.splitlines()
-    assert len(lines) == 2
-    assert all(line.startswith("fltea: error: ") for line in lines)
-    assert "Traceback" not in said.err
+    out, err = here(tmp_path / "away.npz", recording, bad, "--channels", "gyro_x", exit_code=2)
+    for text in ("away.npz: there is no such file.", "gyro_x: white ·", "Summary"):
+        assert text in out
+    assert out.count("failed") == 2
+    assert [line.startswith("fltea: error: ") for line in err.splitlines()] == [True, True]
 
 
 @pytest.mark.parametrize(
@@ -213,21 +192,12 @@ def test_a_bad_file_among_others(
     ],
 )
 def test_mistakes(
-    arguments: list[str],
-    message: str,
-    recording: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    arguments: list[str], message: str, recording: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One line and exit 2, whatever the mistake."""
     monkeypatch.chdir(recording.parent)
-    monkeypatch.setattr("sys.argv", ["fltea", "identify", *arguments, "--jobs", "1", "--shuffles", "0"])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    assert ended.value.code == 2
-    said = capsys.readouterr().err
-    assert message in said
-    assert "Traceback" not in said
+    done = fltea_here("identify", *arguments, "--jobs", "1", "--shuffles", "0")
+    assert (done.returncode, message in done.stderr, "Traceback" in done.stderr) == (2, True, False)
 
 
 @given(

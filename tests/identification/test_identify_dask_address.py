@@ -6,10 +6,10 @@ Messages of Dask are pickles, which run what their sender says.
 from pathlib import Path
 
 import pytest
-from fltea.cli import app as cli
 from fltea.cli import identify as command
 from fltea.identification.dask_address import check_address, trust_warning
 from fltea.records.errors import UsageError
+from host_support import fltea_here
 
 
 @pytest.mark.parametrize(
@@ -64,19 +64,11 @@ def test_what_is_none(address: str, reason: str) -> None:
         (["--dask", "tcp://10.0.0.5:8786", "--jobs", "2"], "give one of them"),
     ],
 )
-def test_nothing_is_made_before(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    options: list[str],
-    text: str,
-) -> None:
+def test_nothing_is_made_before(tmp_path: Path, options: list[str], text: str) -> None:
     out = tmp_path / "v.parquet"
-    monkeypatch.setattr("sys.argv", ["fltea", "identify", "a.npz", "--out", str(out), *options])
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    said = capsys.readouterr().err
-    assert (ended.value.code, text in said, "warning" in said) == (2, True, False), said
+    done = fltea_here("identify", "a.npz", "--out", out, *options)
+    said = done.stderr
+    assert (done.returncode, text in said, "warning" in said) == (2, True, False), said
     assert not out.exists()
 
 
@@ -124,10 +116,3 @@ def test_the_warning_comes_before_anything_is_connected(
     monkeypatch.setattr(command, "load", refuse)
     with pytest.raises(UsageError, match="no scheduler"):
         command._workers(None, "tcp://192.0.2.1:8786")
-
-
-def test_tls_without_a_certificate_says_what_to_set() -> None:
-    from fltea.identification.dask_workers import DaskWorkers
-
-    with pytest.raises(UsageError, match=r"no certificate to show.*CLIENT__CERT"):
-        DaskWorkers("tls://192.0.2.1:8786")

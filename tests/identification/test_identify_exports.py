@@ -28,7 +28,6 @@ from fltea.noise.parts import (
     Walk,
     White,
 )
-from fltea.records.errors import FlteaError
 from host_support import fltea
 from hypothesis import HealthCheck, given
 from hypothesis import settings as random
@@ -245,10 +244,3 @@ def test_there_and_back(recording: Path, tmp_path: Path) -> None:
     before: dict[str, Any] = json.loads(navigation.read_text())["axes"]["gyro_x"]
     after = json.loads(done.stdout)["files"][0]["axes"]["gyro_x"]
     assert after["level"]["N"]["value"] == pytest.approx(before["N"]["value"], rel=0.1)
-
-
-def test_a_file_that_cannot_be_written(report: FileReport, tmp_path: Path) -> None:
-    from fltea.cli.exports import Files, write
-
-    with pytest.raises(FlteaError, match="cannot be written"):
-        write(report, Files(None, None, tmp_path / "no" / "a.json", (1.0, 1.0)))

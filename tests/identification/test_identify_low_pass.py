@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from fltea.estimator.bank import Bank
 from fltea.identification.axis import identify_axis
 from fltea.identification.fltea_fit import fltea_fit
 from fltea.records.fit import Interval
@@ -61,20 +60,6 @@ def test_an_order_that_is_not_the_fits_does_not_describe_the_noise() -> None:
         assert describes_order(None, 0.5, 0.02, order) is None
     assert describes_order(True, 0.5, 0.02, None) is None
     assert describes_order(True, 0.5, 0.02, Interval()) is False
-
-
-@pytest.mark.parametrize("name", FILTERS)
-def test_live_it_is_marked_too(name: str) -> None:
-    """By the last 1,000 innovations; at 41 Hz the first lag does not show it."""
-    config = EstimatorConfig(variant="joint")
-    y = np.column_stack([behind(name, 1), 0.14 * white(N, 1, 9)[0]])
-    bank = Bank(("gyro_x", "gyro_y"), config, H, None)
-    bank.run(y[: config.startup_needed])
-    assert bank.is_white == {"gyro_x": None, "gyro_y": None}
-    bank.run(y[config.startup_needed :])
-    assert bank.is_white == {"gyro_x": False, "gyro_y": True}
-    if name == "two poles, 41 Hz":
-        assert abs(bank.lag1["gyro_x"] or 0) < 0.1
 
 
 def test_both_are_needed() -> None:

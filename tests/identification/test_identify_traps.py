@@ -162,14 +162,6 @@ def test_repeated_reads(every: int, severity: str, lsb: float | None) -> None:
     assert sensor_traps(list(y.T), [lsb] * 3) == ()
 
 
-@pytest.mark.parametrize("sigma_lsb", [0.3, 0.5, 0.7])
-def test_coarse_white_noise_is_not_repeated(sigma_lsb: float) -> None:
-    for seed in range(20):
-        y = list(np.rint(white(6000, 3, seed) * sigma_lsb) * LSB)
-        assert sensor_traps(y, [LSB] * 3) == ()
-        assert sensor_traps(y, [None] * 3) == ()
-
-
 def test_peaks() -> None:
     n = 6000
     y = white(n, 1, 1)[0] + 0.4 * np.sin(2 * np.pi * 31.4 * np.arange(n) * H)

@@ -41,26 +41,6 @@ def same(a: Step, b: Step) -> bool:
     return all(np.array_equal(p, q, equal_nan=True) for p, q in zip(a, b, strict=True))
 
 
-def test_order_1_without_parameter_is_the_kalman_filter_of_a_random_walk() -> None:
-    rng = np.random.default_rng(0)
-    walk = np.cumsum(rng.normal(0, 0.3, 200))
-    ys = walk + rng.normal(0, 0.5, 200)
-    fltea = Fltea(
-        System(scalar, None, np.eye(1), 0.01),
-        OrderSettings(P0=0, Q0=0, alpha0=1, R=0.25, delta=0.5),
-        ParameterSettings(P0=0, Q0=0, w0=0, R=0.25, delta=0.5),
-        StateSettings(P0=2, Q=0.09, x0=0.1, R=0.25),
-    )
-    x, P = 0.1, 2.0
-    for y in ys:
-        P += 0.09
-        K = P / (P + 0.25)
-        x, P = x + K * (y - x), (1 - K) * P
-        step = fltea.step(y)
-        assert (step.x[0], step.P[0, 0]) == pytest.approx((x, P), rel=1e-12)
-        assert (step.order, step.w[0]) == (1, 0)
-
-
 def test_parameters_that_enter_linearly_follow_a_plain_kalman_filter() -> None:
     # A(w) x is linear in w, and so is the output, with H = h^α d(A x)/dw: sigma points are then exact. With
     # the order held, KFw and KFx predict the same output, so that they share the innovation.
@@ -158,27 +138,6 @@ def test_covariances_stay_symmetric_and_non_negative(
         steps += 1
         assert all(np.linalg.eigvalsh(P).min() >= -1e-12 * np.abs(P).max() for P in covariances)
     assume(steps > 0)
-
-
-def test_a_window_as_long_as_the_data_is_the_full_memory() -> None:
-    n = 80
-    u, ys = data(n)
-    # At step n the sum runs over min(n, L) samples, the initial state included.
-    full, exact, shorter = (example_1(L).run(ys, u) for L in (10 * n, n, n - 1))
-    assert all(same(a, b) for a, b in zip(full, exact, strict=True))
-    assert all(same(a, b) for a, b in zip(full[:-1], shorter[:-1], strict=True))
-    assert not same(full[-1], shorter[-1])
-
-
-def test_streaming_equals_batch_and_repeats_itself() -> None:
-    u, ys = data(200)
-    measured: list[float | None] = ys.tolist()
-    measured[20] = measured[50] = None
-    batch = example_1(100).run(measured, u)
-    first, second = example_1(100), example_1(100)
-    for expected, y, drive in zip(batch, measured, u, strict=True):
-        assert same(first.step(y, drive), expected)
-        assert same(second.step(y, drive), expected)
 
 
 def test_results_of_a_step_survive_the_next() -> None:

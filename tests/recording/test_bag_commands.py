@@ -14,24 +14,9 @@ from fltea.records.errors import UsageError
 from fltea.records.events import RawBlock
 from fltea.settings.how import How
 from fltea.sources.replay import ReplaySource
-from host_support import fltea, fltea_here
+from host_support import fltea_here
 
 N = 1200
-
-
-@pytest.mark.slow
-def test_from_a_bag_to_imu_yaml_in_one_command(tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "drive.bag", {"/imu/data": even(N)}, words=["/chatter"])
-    yaml = tmp_path / "imu.yaml"
-    found = fltea(
-        "identify", bag, "--imu-yaml", yaml, "--shuffles", "0", "--window", "50", "--startup", "100"
-    )
-    assert found.returncode == 0, found.stderr
-    assert "200 Hz, 1,200 samples, 6.0 s" in found.stdout
-    entries = dict(line.split(":")[:2] for line in yaml.read_text().splitlines() if line[0] not in "# ")
-    assert float(entries["update_rate"].split("#")[0]) == 200
-    density = float(entries["gyroscope_noise_density"].split("#")[0])
-    assert density == pytest.approx(1e-3 / np.sqrt(200), rel=0.2)
 
 
 @pytest.mark.parametrize("kind", KINDS)
