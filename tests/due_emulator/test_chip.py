@@ -92,27 +92,6 @@ def test_stands_still_in_sleep_and_without_clock(power):
     assert chip.read_block(0x3B, 14) == before
 
 
-def test_updates_at_the_output_rate_only():
-    chip = running(Ramp(), divider=9)
-    seen = []
-    for ms in range(1, 51):
-        chip.advance(ms * MS)
-        seen.append(words(chip.read_block(0x43, 2))[0] // 0x0123)
-    assert seen == [10 * (ms // 10) for ms in range(1, 51)]
-
-
-def test_sensor_clock_one_percent_fast():
-    edges = []
-    chip = running(divider=9, clock_ppm=10_000)
-    chip.on_int = lambda level, at_ns: edges.append((level, at_ns))
-    chip.write_register(0x38, 0x01)
-    chip.advance(1000 * MS)
-    rises = [at for level, at in edges if level]
-    assert len(rises) == 101
-    assert rises[0] == 9_900_991  # 10 ms / 1.01 = 9.90099.. ms
-    assert rises[-1] == 1_000_000_000
-
-
 @pytest.mark.parametrize("fifo", [0x00, 0x40])
 def test_a_burst_is_of_one_instant_and_single_reads_may_tear(fifo):
     chip = running(Ramp())
@@ -139,15 +118,6 @@ def test_a_burst_is_of_one_instant_and_single_reads_may_tear(fifo):
     assert words(high + low)[0] not in (28 * 0x0123, 29 * 0x0123)
 
 
-def test_a_new_range_leaves_what_was_measured_before_it():
-    chip = running(Constant((10.0, 0.0, 0.0)), divider=99)
-    chip.advance(150 * MS)
-    chip.write_register(0x1B, 0x00)
-    assert words(chip.read_block(0x43, 2)) == [164]
-    chip.advance(250 * MS)
-    assert words(chip.read_block(0x43, 2)) == [1310]
-
-
 def test_a_range_written_by_a_slow_bus_leaves_what_was_measured_before_it():
     chip = running(Constant((10.0, 0.0, 0.0)), divider=9)
     chip.start(0x68, False)
@@ -166,23 +136,6 @@ def test_nothing_comes_after_a_refused_byte():
     assert [chip.read(ack=False), chip.read(ack=True)] == [0x71, 0xFF]
 
 
-def test_address_increments_and_a_write_runs_on():
-    chip = Mpu9250(Constant())
-    chip.write_register(0x19, 9, 1, 0x18, 0x08, 0x02)
-    assert chip.read_block(0x19, 5) == bytes([9, 1, 0x18, 0x08, 0x02])
-    assert chip.read_block(0x1B, 1) == b"\x18"
-
-
-def test_two_transactions_keep_the_address():
-    chip = running()
-    chip.start(0x68, False)
-    chip.write(0x75)
-    chip.stop()
-    chip.start(0x68, True)
-    assert chip.read(ack=False) == 0x71
-    chip.stop()
-
-
 @pytest.mark.parametrize(
     ("register", "written", "kept"),
     [(0x1A, 0xFF, 0x7F), (0x1B, 0xFC, 0xF8), (0x1C, 0xFF, 0xF8), (0x1D, 0xFF, 0x0F), (0x37, 0xFF, 0xFE)],
@@ -191,12 +144,6 @@ def test_reserved_bits_stay_0(register, written, kept):
     chip = Mpu9250(Constant())
     chip.write_register(register, written)
     assert chip.read_block(register, 1)[0] == kept
-
-
-def test_other_addresses_get_no_answer():
-    chip = Mpu9250(Constant(), address=0x69)
-    assert not chip.start(0x68, False)
-    assert chip.start(0x69, False)
 
 
 def test_reset_takes_its_time():

@@ -140,16 +140,23 @@ def test_sda_stuck_for_clocks():
     assert board.sda()
 
 
-def test_nack_burst_by_count():
-    board = Board().suffer("nack_burst count=2")
-    assert [board.who() for _ in range(3)] == [None, None, b"\x71"]
-
-
-def test_nack_burst_by_time():
-    board = Board().suffer("nack_burst for=0.01")
-    assert board.who() is None
-    board.wait_us(10_000)
-    assert board.who() == b"\x71"
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ("nack_burst count=2", [(0, None), (0, None), (0, 0x71)]),
+        ("nack_burst for=0.01", [(0, None), (10_000, 0x71)]),
+        ("unplug for=1 who_am_i=0x73", [(0, None), (900_000, None), (200_000, 0x73)]),
+        ("unplug", [(10_000_000, None)]),
+        ("clone who_am_i=0x12", [(0, 0x12)]),
+        ("clone at=0.1 who_am_i=0x70", [(0, 0x71), (100_000, None), (100_000, 0x70)]),
+    ],
+)
+def test_who_answers(fault, told):
+    """told: after so many microseconds more, this WHO_AM_I."""
+    board = Board().suffer(fault)
+    for wait_us, who in told:
+        board.wait_us(wait_us)
+        assert board.who() == (None if who is None else bytes([who]))
 
 
 def test_stale_byte():
@@ -160,37 +167,6 @@ def test_stale_byte():
         left.append(bool(board.twi.read("SR") & RXRDY))
         board.twi.read("RHR")
     assert left == [True, True, False]
-
-
-def test_unplug_and_back():
-    board = Board()
-    board.write_register(0x1B, 0x18)
-    board.suffer("unplug for=1 who_am_i=0x73")
-    assert board.who() is None
-    board.wait_us(900_000)
-    assert board.who() is None
-    board.wait_us(200_000)
-    assert board.who() == b"\x73"
-    assert board.read_block(0x1B, 1) == b"\x00"
-
-
-def test_unplug_for_good():
-    board = Board().suffer("unplug")
-    board.wait_us(10_000_000)
-    assert board.who() is None
-
-
-def test_clone_from_the_start_answers_at_once():
-    assert Board().suffer("clone who_am_i=0x12").who() == b"\x12"
-
-
-def test_clone_later_powers_up_first():
-    board = Board().suffer("clone at=0.1 who_am_i=0x70")
-    assert board.who() == b"\x71"
-    board.wait_us(100_000)
-    assert board.who() is None
-    board.wait_us(100_000)
-    assert board.who() == b"\x70"
 
 
 def test_brown_out_of_the_sensor():

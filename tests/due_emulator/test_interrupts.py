@@ -59,28 +59,6 @@ handler:
     assert inside == before - 4 - 32
 
 
-def test_equal_priority_does_not_interrupt_but_follows():
-    bench = run(
-        """store 0xE000E100, 0xC0000000
-  movs r2, #0
-  keep r2, 0
-  trigger 31
-  wait_forever
-first:
-  trigger 30
-  nop
-  load r2, 0x20070000
-  keep r2, 1
-  bx lr
-second:
-  movs r2, #5
-  keep r2, 0
-  bx lr""",
-        handlers={16 + 31: "first", 16 + 30: "second"},
-    )
-    assert (bench.slot(1), bench.slot(0)) == (0, 5)
-
-
 def test_a_masked_interrupt_waits_and_a_window_of_two_instructions_lets_it_in():
     bench = run(
         """movs r2, #0

@@ -62,13 +62,6 @@ def test_bit_banged_write():
     assert board.chip.read_block(0x1B, 2) == b"\x18\x08"
 
 
-def test_nobody_answers_at_another_address():
-    board = SmallBoard()
-    board.take_pins()
-    start(board)
-    assert not board.send_byte(0xD2)
-
-
 def clocks_until_free(board, limit=20):
     for clocks in range(limit):
         if board.sda():

@@ -81,12 +81,6 @@ def test_registers_exist_where_the_vendor_says_and_nowhere_else():
                     bus.write(address, 4, 0)
 
 
-def test_reset_values_are_the_vendors():
-    machine = Machine()
-    assert RegisterFile(machine, "RTC").read("CALR") == 0x0121_0720
-    assert Peripheral(machine, "WDT").read("MR") == 0x3FFF_2FFF
-
-
 def test_the_arduino_core_may_read_the_command_register_of_the_twi():
     machine = Machine()
     machine.clocked = 1 << 23

@@ -98,33 +98,8 @@ def body(register: str) -> str:
 
 
 def generate(root: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    command = [
-        sys.executable,
-        "-W",
-        "error",
-        str(ROOT / "tools/gen_registers.py"),
-        "--root",
-        str(root),
-        *options,
-    ]
+    command = [sys.executable, ROOT / "tools/gen_registers.py", "--root", root, *options]
     return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
-@pytest.fixture(scope="module")
-def svd() -> Path:
-    """The vendor's description; fetched from PyPI if build/ does not hold it."""
-    done = generate(ROOT, "--check")
-    if "could not fetch" in done.stderr:
-        missing(done.stderr)
-    return ROOT / SVD
-
-
-@pytest.fixture
-def tree(tmp_path: Path, svd: Path) -> Path:
-    for name in (HEADER, TABLE, SVD):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(ROOT / name, tmp_path / name)
-    return tmp_path
 
 
 @pytest.mark.parametrize(("register", "fact"), ADDRESSES.items())
@@ -189,22 +164,17 @@ def test_all_peripherals_are_in_the_table() -> None:
             assert register["access"] in {"read-write", "read-only", "write-only"}
 
 
-@pytest.mark.slow
-def test_check_names_what_differs_and_writes_nothing(tree: Path) -> None:
-    changed = header().replace("0x400E0800", "0x400E0804")
-    (tree / HEADER).write_text(changed)
-    done = generate(tree, "--check")
-    assert done.returncode == 1
-    assert [line.split()[0] for line in done.stderr.splitlines()] == [HEADER]
-    assert (tree / HEADER).read_text() == changed
-    assert generate(tree).returncode == 0
-    assert (tree / HEADER).read_text() == header()
-
-
-def test_another_description_is_refused(tree: Path) -> None:
-    (tree / SVD).write_bytes((tree / SVD).read_bytes().replace(b"0x400E0800", b"0x400E0804"))
-    done = generate(tree)
+def test_another_description_is_refused(tmp_path: Path) -> None:
+    """One whose address of a register is another."""
+    fetched = generate(ROOT, "--check")
+    if "could not fetch" in fetched.stderr:
+        missing(fetched.stderr)
+    for name in (HEADER, SVD):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, tmp_path / name)
+    (tmp_path / SVD).write_bytes((ROOT / SVD).read_bytes().replace(b"0x400E0800", b"0x400E0804"))
+    done = generate(tmp_path)
     assert done.returncode == 1
     assert "SHA-256" in done.stderr
     assert SVD in done.stderr
-    assert (tree / HEADER).read_text() == header()
+    assert (tmp_path / HEADER).read_text() == header()

@@ -65,54 +65,6 @@ def test_what_is_wrong_ends_the_command(file: str, text: str, error: str, tree: 
     assert error in done.stderr
 
 
-# One more of everything, to see that the emitters need no help from a formatter.
-ANOTHER = """
-[[message]]
-name = "THELONGESTNAMETHATTHERE"
-id = 9
-doc = "A message with a text about it that is much too long for one line of any of the three outputs, in order to see it wrapped."
-[[message.field]]
-name = "a_name_as_long_as_it_ma"
-type = "bytes100"
-doc = "a field with a text about it that is much too long for one line of any of the three outputs, in order to see it wrapped"
-[[message.field]]
-name = "factor"
-type = "i16"
-unit = "m/s^2"
-scale = 0.00000012
-doc = "one | two"
-[[message.field]]
-name = "number"
-type = "f32"
-unit = "m/s^2"
-doc = "no count"
-[[message.field]]
-name = "mode"
-type = "u8"
-enum = "one_more"
-doc = "of the other kind"
-[enum.one_more]
-first = { value = 9, doc = "a value with a text about it that is much too long for one line of any of the outputs, to see it wrapped" }
-"""  # noqa: E501
-
-
-def test_output_is_in_the_style_of_the_formatters(tree: Path) -> None:
-    folder = Path(sys.executable).parent
-    (tree / "protocol/messages.toml").write_text(DEFINITION + ANOTHER)
-    assert generate(tree).returncode == 0
-    python, header = tree / FILES[1], tree / FILES[0]
-    shutil.copy(ROOT / ".clang-format", tree)
-    for command in (
-        [folder / "ruff", "format", "--check", "--config", ROOT / "pyproject.toml", python],
-        [folder / "ruff", "check", "--config", ROOT / "pyproject.toml", python],
-        [folder / "clang-format", "--dry-run", "-Werror", header],
-    ):
-        if not command[0].exists():
-            pytest.skip(f"{command[0].name} is not installed")
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stdout + done.stderr
-
-
 def test_schema_hash_covers_what_changes_the_meaning_of_bytes() -> None:
     assert zlib.crc32(PROTOCOL.canonical.encode()) == wire.SCHEMA_HASH
     for old, new in [

@@ -46,10 +46,6 @@ def test_crc32(data: bytes) -> None:
     assert _native.crc32(data) == zlib.crc32(data)
 
 
-def test_schema_hash() -> None:
-    assert _native.SCHEMA_HASH == wire.SCHEMA_HASH
-
-
 def test_payload_too_long() -> None:
     assert _native.encode_frame(9, 0, 0, bytes(240)) == encode_frame(9, 0, 0, bytes(240))
     with pytest.raises(ValueError, match="too long"):
