@@ -1,6 +1,7 @@
 """The API: what comes out is what the command says, misuse is told, and importing it is light."""
 
 import inspect
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -82,6 +83,38 @@ def test_live_takes_arrays_of_any_length() -> None:
     parts.skip(500)
     parts.add(y)
     assert parts.fit(curves=False)["a"].breaks["gaps"] == 1
+
+
+def test_rates_less_their_bias_integrate_to_a_heading_that_is_as_far_off_as_is_said() -> None:
+    axes, rest, turn = 24, 6000, 3000
+    rng = np.random.default_rng(1)
+    walk = np.cumsum(rng.normal(0, 0.0005, (rest + turn, axes)), axis=0)
+    y = 0.5 + walk + rng.normal(0, 0.14, walk.shape)
+    rate = 20 * np.sin(np.arange(turn) / 100)[:, None]
+    live = fltea.Live(100.0, [str(axis) for axis in range(axes)])
+    still = live.add(y[:rest])
+    np.testing.assert_allclose(still.rate, y[:rest] - still.bias)
+    assert not still.moving.any()
+    assert all(math.isnan(std) for std in live.heading_std(30.0).values())
+    live.fit(curves=False)
+    moved = live.add(y[rest:] + rate)
+    assert moved.moving.mean() > 0.95
+    assert (np.diff(moved.bias_std[100:], axis=0) >= 0).all(), "of a prediction"
+    off = (moved.rate - rate).sum(axis=0) / 100
+    said = np.array([*live.heading_std(30.0).values()])
+    assert 0.6 < np.sqrt(np.mean((off / said) ** 2)) < 1.4  # 24 axes: 99.8 % of right ones
+    assert (moved.bias_std[-1] > moved.bias_std[100]).all()
+
+
+def test_samples_of_one_axis_come_back_in_their_shape() -> None:
+    live = fltea.Live(100.0, "a", unit="rad/s")
+    whole, parts = live.add(NOISE[:700]), fltea.Live(100.0, "a", unit="rad/s")
+    assert all(column.shape == (700,) for column in whole)
+    cut = [parts.add(NOISE[begin:end]) for begin, end in ((0, 0), (0, 1), (1, 700))]
+    np.testing.assert_array_equal(np.concatenate([one.bias_std for one in cut]), whole.bias_std)
+    for t_s in (0, math.inf, math.nan):
+        with pytest.raises(ValueError, match="t_s is a time"):
+            live.heading_std(t_s)
 
 
 def test_misuse_of_live_is_told_and_takes_nothing() -> None:

@@ -16,7 +16,7 @@ from fltea.records.records import Corrected, CorrectedAxis, Estimate, Sample, St
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.live_axes import Noise
 from fltea.stream.live import NO_FIT, SettledFit
-from fltea.stream.tracking import _Sensor
+from fltea.stream.tracking import SensorTracks
 from host_support import hello
 from numpy.typing import NDArray
 from walk_support import raw, walk
@@ -38,8 +38,8 @@ def column(items: list[object], name: str) -> NDArray[np.float64]:
     return np.concatenate([getattr(one, name) for one in tracked])
 
 
-def sensor(bias: float | str = "startup") -> _Sensor:
-    return _Sensor({"gyro_x": 0}, EstimatorConfig(bias=bias), H, "deg/s")
+def sensor(bias: float | str = "startup") -> SensorTracks:
+    return SensorTracks({"gyro_x": 0}, EstimatorConfig(bias=bias), H, "deg/s")
 
 
 def settled(verdict: VerdictKind, noise: Noise | None = None) -> SettledFit:

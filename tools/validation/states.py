@@ -17,7 +17,7 @@ from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream.live import NO_FIT
-from fltea.stream.tracking import _Sensor
+from fltea.stream.tracking import SensorTracks
 from numpy.typing import NDArray
 from scipy import signal
 
@@ -136,7 +136,7 @@ def _live(y: Array) -> tuple[Array, Array, Array]:
     n, series = y.shape
     axes = {f"{lane}": lane for lane in range(series)}
     live = LiveAxes(tuple(axes), H, LiveConfig(), "deg/s")
-    sensor = _Sensor(axes, EstimatorConfig(), H, "deg/s")
+    sensor = SensorTracks(axes, EstimatorConfig(), H, "deg/s")
     settled = dict.fromkeys(axes, NO_FIT)
     found = []
     at, due = 0, round(1 / H)

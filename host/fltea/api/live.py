@@ -1,16 +1,37 @@
-"""The live fit without a daemon: arrays in as they come, fits out whenever they are wanted."""
+"""The daemon's work without it: arrays in as they come, rates less their bias out, and fits on demand."""
 
+import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from fltea.api._check import finite, period_s
 from fltea.api._html import axis_html, page
 from fltea.api._tables import ByAxis
 from fltea.records.fit import AxisFit
 from fltea.records.records import AXES
+from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import LiveAxes
+from fltea.stream.live import NO_FIT
+from fltea.stream.tracking import SensorTracks
+
+Array = NDArray[np.float64]
+
+
+class Corrected(NamedTuple):
+    """What is known of samples with the last of those before them; of their shape, NaN where nothing is yet.
+
+    rate: the samples less their bias, which is the sensor's offset and the state of its noise. bias_std: its
+    standard deviation, which grows while the sensor moves. moving: the sensor is, so the bias is predicted.
+    """
+
+    rate: Array
+    bias: Array
+    bias_std: Array
+    moving: NDArray[np.bool_]
 
 
 class LiveReport(ByAxis[AxisFit]):
@@ -30,7 +51,7 @@ class LiveReport(ByAxis[AxisFit]):
 
 
 class Live:
-    """Accumulates samples of some axes, in constant memory, and fits them when asked.
+    """Takes samples of some axes, tells their bias, and fits their noise when asked, in constant memory.
 
     Args:
         rate_hz: sample rate in Hz.
@@ -49,15 +70,20 @@ class Live:
         if not names or len(set(names)) != len(names):
             raise ValueError(f"axes are one or more names, each of them once, got {names}")
         self.rate_hz, self.axes = rate_hz, names
-        self._live = LiveAxes(names, period_s(rate_hz), LiveConfig(memory=memory), unit)
+        h = period_s(rate_hz)
+        self._live = LiveAxes(names, h, LiveConfig(memory=memory), unit)
+        self._tracks = SensorTracks({name: i for i, name in enumerate(names)}, EstimatorConfig(), h, unit)
+        self._settled = dict.fromkeys(names, NO_FIT)
 
     @property
     def samples(self) -> int:
         """The number of samples of an axis that were taken."""
         return self._live.samples
 
-    def add(self, y: ArrayLike) -> None:
-        """Take the next samples, (n, axes), or (n,) where there is one axis.
+    def add(self, y: ArrayLike) -> Corrected:
+        """Take the next samples, (n, axes), or (n,) where there is one axis, and return what they tell.
+
+        The bias goes by the noise that the newest `fit` has found, and by a bank of random walks before it.
 
         Raises:
             ValueError: another shape, or values that are not finite; then nothing is taken.
@@ -70,8 +96,13 @@ class Live:
                 f"y has a column an axis, (n, {len(self.axes)}) for {', '.join(self.axes)}, "
                 f"got shape {found.shape}"
             )
+        tracked = self._tracks.run(found)
         if len(found):
             self._live.add(found)
+        rate, bias, std = (
+            one.reshape(np.shape(y)) for one in (found - tracked.bias, tracked.bias, tracked.bias_std)
+        )
+        return Corrected(rate, bias, std, tracked.moving.reshape(np.shape(y)))
 
     def skip(self, count: int) -> None:
         """Take note of so many lost samples of all axes: nothing is computed across a longer gap.
@@ -82,6 +113,7 @@ class Live:
         if count < 1:
             raise ValueError(f"count is how many samples are lost, 1 or more, got {count}")
         self._live.skip(count)
+        self._tracks.skip(count)
 
     def fit(self, *, curves: bool = True, last: bool = False) -> LiveReport:
         """Return what the noise is, by all samples so far.
@@ -91,4 +123,21 @@ class Live:
             last: the record is at its end and this is the only look at it. Looks while it grows are judged
                 more strictly, so that all of them together give few false alarms.
         """
-        return LiveReport(self._live.fit(curves=curves, last=last), self.samples, self.rate_hz)
+        found = self._live.fit(curves=curves, last=last)
+        for axis, fit in found.items():
+            settled = self._settled[axis].followed_by(fit, self._live.noises.get(axis))
+            self._settled[axis] = settled
+            self._tracks.learn(axis, settled)
+        return LiveReport(found, self.samples, self.rate_hz)
+
+    def heading_std(self, t_s: float) -> dict[str, float]:
+        """Return, by axis, the standard deviation of the integral of `Corrected.rate` from rest to t_s later.
+
+        The rest is as long as the record of the newest fit; NaN before one that says what the noise is.
+
+        Raises:
+            ValueError: t_s is not positive.
+        """
+        if not 0 < t_s < math.inf:
+            raise ValueError(f"t_s is a time after the rest in s, above 0, got {t_s}")
+        return {axis: self._tracks.heading_std(axis, t_s) for axis in self.axes}

@@ -14,7 +14,7 @@ from msgspec.structs import replace as with_fields
 
 from fltea.estimator.offset_walk import offset_walk
 from fltea.estimator.tracker import Tracker
-from fltea.noise.heading import heading_stds, rested
+from fltea.noise.heading import heading_std, rested
 from fltea.noise.parts import Arfima, Order, Part
 from fltea.noise.system import System, system
 from fltea.records.block import Array, Block, TrackedColumns
@@ -44,20 +44,22 @@ DIGITS = 3
 UNDEFINED = Interval()
 
 
-class _Sensor:
-    """The axes of one sensor, which are the columns `places` of a block's samples."""
+class SensorTracks:
+    """Tracks the biases of one sensor. axes: their names, and which columns of the samples they are."""
 
     def __init__(self, axes: Mapping[str, int], config: EstimatorConfig, h: float, unit: str) -> None:
         self.names, self._places, self._h, self.unit = tuple(axes), list(axes.values()), h, unit
         self._offsets = _offsets(config, len(self.names))
         self._tracker = Tracker(self._offsets)
         self._walks = [UNDEFINED] * len(self.names)
+        self._models: list[tuple[System, Array] | None] = [None] * len(self.names)
         self._headings: list[dict[int, float]] = [{} for _ in self.names]
         self._biases = np.full((len(self.names), 2), math.nan)
         self._known: dict[str, SettledFit] = {}
         self._learned: dict[str, Noise] = {}
 
     def run(self, values: Array) -> TrackedColumns:
+        """Take samples, (n, columns)."""
         own = values if len(self._places) == values.shape[1] else values[:, self._places]
         found = self._tracker.run(own)
         if len(own):
@@ -78,6 +80,7 @@ class _Sensor:
         )
 
     def skip(self, count: int) -> None:
+        """Predict over lost samples."""
         self._tracker.skip(count)
 
     def learn(self, axis: str, settled: SettledFit) -> None:
@@ -101,7 +104,9 @@ class _Sensor:
                 if not likely > self._tracker.likelihood_of_walks(lane) - AHEAD:
                     return
             self._tracker.set(lane, found)
-            self._headings[lane] = self._heading(found, noise.samples)
+            self._models[lane] = found, rested(found, noise.samples)
+            if self.unit == GYRO_UNIT:
+                self._headings[lane] = {t_s: self.heading_std(axis, t_s) for t_s in AHEAD_S}
         except (ValueError, ArithmeticError):  # at the edge of what is stationary: the last one goes on
             return
         self._learned[axis] = noise
@@ -118,14 +123,13 @@ class _Sensor:
         self._walks[lane] = walk.K(self._h)
         return found.with_offset(walk.q, of_state=walk.is_certain)
 
-    def _heading(self, found: System, samples: int) -> dict[int, float]:
-        """Return how far the heading is off after a rest of so many samples, by time; only rates have one."""
-        if self.unit != GYRO_UNIT:
-            return {}
-        stds = heading_stds(found, rested(found, samples), self._h, AHEAD_S)
-        return dict(zip(AHEAD_S, stds, strict=True))
+    def heading_std(self, axis: str, t_s: float) -> float:
+        """Return the deviation of the integral t_s after a rest as long as the fit's; NaN before a fit."""
+        model = self._models[self.names.index(axis)]
+        return math.nan if model is None else heading_std(*model, self._h, t_s)
 
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
+        """Yield how each axis gets on."""
         figures = self._tracker.figures(), self._walks, self._headings, self._biases
         for axis, one, K, heading, biases in zip(self.names, *figures, strict=True):
             holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
@@ -137,9 +141,11 @@ class _Sensor:
             )
 
     def save(self) -> bytes:
+        """Return what `load` takes."""
         return self._tracker.save()
 
     def load(self, saved: bytes) -> None:
+        """Go on from there; ValueError for what cannot be one's own."""
         self._tracker.load(saved)
 
 
@@ -148,7 +154,7 @@ class Tracking(Stage):
 
     def __init__(self, config: Config, fits: LiveFits | None) -> None:
         self._config, self._settled = config, settled_by(fits)
-        self._sensors: dict[str, _Sensor] = {}
+        self._sensors: dict[str, SensorTracks] = {}
 
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch, from what was saved if it fits."""
@@ -161,7 +167,7 @@ class Tracking(Stage):
             ("accel", accel, self._config.accel, ACCEL_UNIT, kept.accel),
         ):
             if axes:
-                self._sensors[name] = sensor = _Sensor(axes, config, h, unit)
+                self._sensors[name] = sensor = SensorTracks(axes, config, h, unit)
                 if data is not None:
                     sensor.load(data)
 
