@@ -98,51 +98,6 @@ def test_the_supply_controller_has_a_key(board, register):
     assert supply.registers[register] == 0x8
 
 
-def test_the_unique_identifier_stands_in_place_of_the_flash_between_stui_and_spui():
-    text = """
-  ldr r4, =0x20071000
-  adr r5, routine
-  movs r6, #20
-1: ldr r7, [r5], #4
-  str r7, [r4], #4
-  subs r6, #1
-  bne 1b
-  ldr r4, =0x20071001
-  blx r4
-  load r1, 0x00080004
-  keep r1, 6
-  wait_forever
-.align 2
-routine:
-  ldr r0, base
-  ldr r1, start_id
-  str r1, [r0, #4]
-  ldr r2, [r0, #8]
-  ldr r3, flash
-  ldmia r3, {r3, r4, r5, r6}
-  ldr r1, stop_id
-  str r1, [r0, #4]
-2: ldr r1, [r0, #8]
-  lsls r1, #31
-  beq 2b
-  ldr r0, result
-  stmia r0, {r2, r3, r4, r5, r6}
-  bx lr
-.align 2
-base: .word 0x400E0A00
-start_id: .word 0x5A00000E
-flash: .word 0x00080000
-stop_id: .word 0x5A00000F
-result: .word 0x20070004
-"""
-    boards = [run(text, seed=seed) for seed in (1, 1, 2)]
-    ids = [tuple(bench.slot(n) for n in range(2, 6)) for bench in boards]
-    assert boards[0].slot(1) == 0, "FRDY is 0 while the identifier is shown"
-    assert ids[0] == ids[1] != ids[2]
-    assert len(set(ids[0])) == 4
-    assert boards[0].slot(6) & ~0xFFF == 0x80000, "the flash is back"
-
-
 def test_code_in_flash_may_not_hide_the_flash():
     assert "run it from RAM" in fault_of("store 0x400E0A04, 0x5A00000E\n wait_forever")
 

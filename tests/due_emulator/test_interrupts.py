@@ -111,34 +111,6 @@ def test_wfi_wakes_on_a_masked_interrupt_which_is_then_taken():
     assert (bench.slot(0), bench.slot(1)) == (10, 10)
 
 
-def test_an_interrupt_inside_a_conditional_block_changes_nothing():
-    # Reads of SysTick within IT blocks, with a tick every 37 cycles: each count must come out.
-    bench = run(
-        """systick 36, 7
-  ldr r0, =0xE000E018
-  movs r4, #0
-  movs r5, #0
-  ldr r6, =2000
-1: cmp r5, r5
-  ittte eq
-  ldreq r1, [r0]
-  addeq r4, #1
-  ldreq r2, [r0]
-  addne r4, #100
-  subs r6, #1
-  bne 1b
-  keep r4, 0
-  store 0xE000E010, 0
-  wait_forever
-quick:
-  movs r1, #0
-  bx lr""",
-        0.1,
-        {15: "quick"},
-    )
-    assert bench.slot(0) == 2000
-
-
 def test_side_effects_happen_once_though_unicorn_repeats_a_stopped_access():
     # Writing STIR stops the slice in the middle of the access; the handler must run once a write.
     bench = run(

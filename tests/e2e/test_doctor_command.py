@@ -45,17 +45,3 @@ def test_a_problem_ends_with_1_and_says_what_to_do() -> None:
     assert "there is no port /dev/no-such-port" in lines[at]
     assert "→ check the cable and the name" in lines[at + 1]
     assert lines[-1].startswith("1 problem")
-
-
-def test_wrong_settings_end_with_2() -> None:
-    done = fltea_here("doctor", "--set", "record.fodler=x")
-    assert done.returncode == 2
-    assert "there is no such setting" in done.stderr
-
-
-def test_devices_lists_what_there_is_or_says_what_to_look_at() -> None:
-    done = fltea_here("devices")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout
-    for entry in map(json.loads, fltea_here("devices", "--json").stdout.splitlines()):
-        assert entry["class"] in ("port", "i2c_bus")

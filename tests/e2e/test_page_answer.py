@@ -139,6 +139,9 @@ def test_on_a_phone_all_fits_and_can_be_read(sink: DashboardSink, chromium: Brow
         ".filter(one => one.checkVisibility()).map(one => one.getBoundingClientRect().right)]"
     )
     assert max(rights) <= 390, rights
+    shown = "[...document.querySelectorAll('figure, .card')].filter(one => one.checkVisibility())"
+    lefts = one.page.evaluate(f"{shown}.map(one => one.getBoundingClientRect().left)")
+    assert len(set(lefts)) == 1, "one column"
     assert min(one.page.evaluate(CONTRAST)) >= 4.5
     assert one.complaints == []
 

@@ -243,11 +243,6 @@ def test_systemd_itself_takes_the_unit(tmp_path: Path) -> None:
     assert rated.returncode == 0, rated.stdout[-200:]
 
 
-def test_the_script_is_clean() -> None:
-    done = run(tool("shellcheck"), SCRIPT)
-    assert done.returncode == 0, done.stdout
-
-
 def test_make_knows_the_targets() -> None:
     for target in ("install-service", "install-udev", "uninstall-service"):
         done = run("make", "--no-print-directory", "-n", target)  # the tests themselves may run under make

@@ -57,18 +57,9 @@ class Wire(Memory):
     takes_wire = True
 
 
-class Patient(Memory):
-    lossless = True
-
-
-def ends() -> tuple[list[Exception | None], Callable[[Outlet, Exception | None], None]]:
-    found: list[Exception | None] = []
-    return found, lambda outlet, error: found.append(error)
-
-
 def started(sink: Sink) -> tuple[Outlet, list[Exception | None]]:
-    found, on_end = ends()
-    outlet = Outlet(sink, on_end)
+    found: list[Exception | None] = []
+    outlet = Outlet(sink, lambda _, error: found.append(error))
     outlet.start()
     return outlet, found
 
@@ -140,16 +131,6 @@ def test_a_sink_that_ends_takes_nothing_more_and_counts_it(error: Exception) -> 
     assert ended == [None if isinstance(error, SinkClosed) else error]
     assert outlet.stats().dropped >= 2
     assert outlet.stats().written == 0
-
-
-def test_what_a_sink_lost_itself_is_not_written() -> None:
-    sink = Memory()
-    outlet, _ = started(sink)
-    outlet.put([gap(k) for k in range(10)])
-    outlet.close()
-    outlet.join(PATIENCE_S)
-    sink.lost = 4
-    assert (outlet.stats().written, outlet.stats().dropped) == (6, 4)
 
 
 def test_what_was_in_hand_when_a_sink_broke_is_counted_too() -> None:
