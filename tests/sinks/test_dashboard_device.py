@@ -187,11 +187,20 @@ def test_what_is_not_valid_cannot_be_compared() -> None:
     found = both(records(NOISE))
     last = next(r for r in reversed(found) if isinstance(r, DeviceEstimates))
     gone = DeviceAxisEstimate(*[None] * 6, valid=False, age=550, why_not="device_not_valid")
-    history = told(found, [msgspec.structs.replace(last, axes={**last.axes, "gyro_x": gone})], who="both")
+    bias = {"tracker_bias": 0.2345, "tracker_bias_std": 0.012, "tracker_bias_difference": 0.018}
+    tracked = msgspec.structs.replace(gone, **bias)
+    history = told(
+        found,
+        [msgspec.structs.replace(last, axes={**last.axes, "gyro_x": gone, "gyro_z": tracked})],
+        who="both",
+    )
+    z = dict(facts.axes(history, 0)[2]["compared"]["rows"])
+    assert (z["bias, device"], z["bias, device − host"]) == ("0.234 ± 0.012 deg/s", "+1.8e-2 deg/s = +1.5 σ")
     x, y = (axis["compared"] for axis in facts.axes(history, 0)[:2])
     assert x["why_not"] == "not comparable: the device's estimate is not valid"
     assert x["alpha_text"] == "–"
     assert y["why_not"] == ""
+    assert "bias, device" not in dict(x["rows"]), "before its first fit"
     assert status(history)[0] == "good", "the host's are valid"
 
 

@@ -99,11 +99,15 @@ def test_what_the_device_tracks_is_published_from_its_first_fit_on() -> None:
         flags=wire.EstimateFlags.VALID | wire.EstimateFlags.TRACKED,
         **numbers,
     )
-    compared = of(DeviceEstimates, feed(pipeline("both"), events(fitted)))
+    records = feed(pipeline("both"), events(fitted))
+    compared, biases = of(DeviceEstimates, records), {e.seq: e.axes for e in of(Estimate, records)}
     for e in compared:
         for axis, a in e.axes.items():
             known = e.seq >= 150 and axis == "gyro_y"
             assert [getattr(a, name) for name in numbers] == [x if known else None for x in numbers.values()]
+            of_host = biases[e.seq][axis].bias
+            expected = 0.5 - of_host if known and of_host is not None else None
+            assert a.tracker_bias_difference == expected
     assert compared[-1].seq == 199
     beyond = changed(sent, wire.Estimate, flags=wire.EstimateFlags.TRACKED, tracker_state_std=math.nan)
     last = of(DeviceEstimates, feed(pipeline("both"), events(beyond)))[-1].axes["gyro_x"]

@@ -38,7 +38,8 @@ from prometheus_client import CollectorRegistry, generate_latest
 from rich.console import Console
 
 APART = {"alpha_difference": 3.2e-7, "f_difference": -4.5e-6, "state_difference": 1e-9}
-GOOD = DeviceAxisEstimate(0.4125, 0.03, -2.125, 0.25, 0.1, 0.05, True, age=471, **APART)
+BIAS = {"tracker_bias": 0.234, "tracker_bias_std": 0.012, "tracker_bias_difference": -0.0036}
+GOOD = DeviceAxisEstimate(0.4125, 0.03, -2.125, 0.25, 0.1, 0.05, True, age=471, **APART, **BIAS)
 ALONE = DeviceAxisEstimate(0.5, 0.03, -1.0, 0.25, 0.1, None, True, age=9, why_not="other_start")
 INVALID = DeviceAxisEstimate(None, None, None, None, None, None, False, age=471)
 BESIDE = DeviceEstimates(
@@ -170,6 +171,10 @@ def test_metrics_of_the_device_s_own_estimator(monkeypatch: pytest.MonkeyPatch) 
     assert found["fltea_device_axis_f_difference" + x] == "-4.5e-06"
     assert found["fltea_device_axis_alpha" + y] == "0.5"
     assert "fltea_device_axis_alpha_difference" + y not in found
+    assert [found[f"fltea_device_axis_bias{end}" + x] for end in ("", "_std", "_difference")] == [
+        *map(str, BIAS.values())
+    ]
+    assert "fltea_device_axis_bias" + y not in found
     assert [found["fltea_device_axis_valid" + axis] for axis in (x, y, z)] == ["1.0", "1.0", "0.0"]
     assert "fltea_device_axis_alpha" + z not in found
     due = '{device="due"}'
@@ -201,8 +206,10 @@ def test_table_shows_both_in_eighty_columns() -> None:
     table.close()
     lines = console.file.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
-    rows = {line.split()[0]: line.split() for line in lines if re.match(r"gyro_. ", line)}
+    rows = {line.split()[0]: line.split() for line in reversed(lines) if re.match(r"gyro_. ", line)}
     assert rows["gyro_x"] == ["gyro_x", "0.412", "+3.2e-07", "-2.125", "-4.5e-06"]
+    assert ["gyro_x", "0.234", "±", "0.012", "-3.6e-03", "-0.3", "σ"] in map(str.split, lines)
+    assert sum(line.startswith("gyro_y ") for line in lines) == 1, "the device has no fit of it yet"
     assert rows["gyro_y"] == ["gyro_y", "0.500", "-1.000"]
     assert "gyro_y: not comparable: the device began at another sample" in lines
     assert rows["gyro_z"] == ["gyro_z", "not", "valid"]

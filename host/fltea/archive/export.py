@@ -69,6 +69,7 @@ OF_A_DEVICE_AXIS = {
     "tracker_bias_std": "tracker_bias_std_{axis}_{unit}",
     "tracker_state": "tracker_state_{axis}_{unit}",
     "tracker_state_std": "tracker_state_std_{axis}_{unit}",
+    "tracker_bias_difference": "tracker_bias_difference_{axis}_{unit}",
     "alpha_difference": "alpha_difference_{axis}",
     "f_difference": "f_difference_{axis}_s^-alpha",
     "state_difference": "state_difference_{axis}_{unit}",

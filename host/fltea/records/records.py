@@ -158,7 +158,8 @@ class DeviceAxisEstimate(FlteaEstimate, frozen=True, forbid_unknown_fields=True,
     age: steps since the device's start-up window, the first one is 1. The differences are the device's
     estimate minus that of the host's filters after the same sample; null where the two cannot be compared,
     and why_not says why. tracker_*: bias and state by the filter of the device's own fit; null before its
-    first fit.
+    first fit. tracker_bias_difference: that bias minus the one that `estimate` has of the same sample; each
+    goes by a fit of its own, so they differ by a part of their deviations, whatever why_not says.
     """
 
     unit: str = GYRO_UNIT
@@ -167,6 +168,7 @@ class DeviceAxisEstimate(FlteaEstimate, frozen=True, forbid_unknown_fields=True,
     tracker_bias_std: float | None = None
     tracker_state: float | None = None
     tracker_state_std: float | None = None
+    tracker_bias_difference: float | None = None
     alpha_difference: float | None = None
     f_difference: float | None = None
     state_difference: float | None = None

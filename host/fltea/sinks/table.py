@@ -32,7 +32,7 @@ from fltea.records.records import (
 from fltea.records.visible import visible
 from fltea.records.why_not import not_comparable
 from fltea.sinks.page.answer import WITH_ORDER, answer
-from fltea.sinks.page.words import duration, figure, quantity, with_std, within
+from fltea.sinks.page.words import duration, figure, in_deviations, quantity, with_std, within
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
@@ -196,6 +196,7 @@ class DeviceView:
             lines.append(self._rows_below(self._estimate))
         if self._of_device is not None:
             lines += [_device_rows(self._of_device), *_not_compared(self._of_device)]
+            lines += _device_biases(self._of_device)
         if self._device_fits:
             lines.append(_device_fit_rows(self._device_fits))
         return [*lines, Text(self._health()), *self.events()]
@@ -350,6 +351,18 @@ def _device_rows(record: DeviceEstimates) -> Table:
         alpha, f = (_difference(d) for d in (axis.alpha_difference, axis.f_difference))
         rows.add_row(name, quantity(axis.alpha, "", 3), alpha, quantity(axis.f, "", 3), f)
     return rows
+
+
+def _device_biases(record: DeviceEstimates) -> list[RenderableType]:
+    """The bias by the device's own fit, and how far it is from the host's, for axes that it has fitted."""
+    rows = _grid("", "device's bias", "minus the host's", "")
+    for name, axis in record.axes.items():
+        if axis.tracker_bias is not None:
+            apart, std = axis.tracker_bias_difference, axis.tracker_bias_std
+            rows.add_row(
+                name, with_std(axis.tracker_bias, std), _difference(apart), in_deviations(apart, std)
+            )
+    return [rows] if rows.row_count > 1 else []
 
 
 def _device_fit_rows(fits: Mapping[str, DeviceAxisFit]) -> Table:

@@ -193,7 +193,7 @@ class BoardEstimates(Stage):
             yield Estimate(*sample.moment(), variant, found, device=self._config.name)
             return
         same = self._settings is not None and self._settings == self._in_use
-        host = sample.host_estimates()
-        axes = {axis: compare(group[axis], host.get(axis), sample.age, same) for axis in ordered}
+        known, age = sample.estimates(), sample.age if sample.has_filters() else None
+        axes = {axis: compare(group[axis], known.get(axis), age, same) for axis in ordered}
         comparable = any(axis.why_not is None for axis in axes.values())
         yield DeviceEstimates(*sample.moment(), variant, axes, comparable, device=self._config.name)

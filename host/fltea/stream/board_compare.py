@@ -18,24 +18,27 @@ def estimate_of(e: DeviceAxis, fit: SettledFit, known: AxisEstimate) -> AxisEsti
 
 
 def compare(
-    e: DeviceAxis, host: FlteaEstimate | None, host_age: int, same_settings: bool
+    e: DeviceAxis, known: AxisEstimate | None, host_age: int | None, same_settings: bool
 ) -> DeviceAxisEstimate:
     """Return the board's estimate, and its difference from the host's or why there is none.
 
-    host: None while there is no estimate. host_age: steps since the host's start-up window.
+    known: what the host knows after the same sample. host_age: steps since the start-up window of its
+    filters; None where they estimate nothing.
     """
     valid, numbers = _numbers(e)
+    host = None if known is None or host_age is None else known.fltea
+    tracked = _tracked(e, None if known is None else known.bias)
     why_not = why_not_comparable(
         device_valid=valid,
         host_valid=host.valid if host else None,
         device_age=e.age,
-        host_age=host_age,
+        host_age=host_age or 0,
         device_skipped=e.skipped,
         same_settings=same_settings and not e.tuned,
     )
     if why_not is not None or host is None or host.alpha is None or host.f is None or host.state is None:
         return DeviceAxisEstimate(
-            *numbers, valid, e.tuned, age=e.age, why_not=why_not or "host_not_valid", **_tracked(e)
+            *numbers, valid, e.tuned, age=e.age, why_not=why_not or "host_not_valid", **tracked
         )
     return DeviceAxisEstimate(
         *numbers,
@@ -45,7 +48,7 @@ def compare(
         alpha_difference=finite(e.alpha - host.alpha),
         f_difference=finite(e.f - host.f),
         state_difference=finite(e.state_dps - host.state),
-        **_tracked(e),
+        **tracked,
     )
 
 
@@ -81,9 +84,10 @@ class _Tracked(TypedDict, total=False):
     tracker_bias_std: float | None
     tracker_state: float | None
     tracker_state_std: float | None
+    tracker_bias_difference: float | None
 
 
-def _tracked(e: DeviceAxis) -> _Tracked:
+def _tracked(e: DeviceAxis, of_host: float | None) -> _Tracked:
     if e.tracker is None:
         return {}
     bias, bias_std, state, state_std = map(finite, e.tracker)
@@ -92,6 +96,7 @@ def _tracked(e: DeviceAxis) -> _Tracked:
         "tracker_bias_std": bias_std,
         "tracker_state": state,
         "tracker_state_std": state_std,
+        "tracker_bias_difference": None if bias is None or of_host is None else bias - of_host,
     }
 
 

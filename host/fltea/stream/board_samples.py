@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from fltea.records.block import Block
 from fltea.records.events import SEQUENCE_WRAP
-from fltea.records.records import GYRO_UNIT, AxisEstimate, FlteaEstimate
+from fltea.records.records import GYRO_UNIT, AxisEstimate
 from fltea.stream.stages import Moment
 
 REMEMBERED = 256
@@ -28,11 +28,9 @@ class RecentSample(NamedTuple):
         """Return what this computer knows after it; of its filters nothing where they estimate nothing."""
         return self.block.estimates_at(self.row, GYRO_UNIT)
 
-    def host_estimates(self) -> dict[str, FlteaEstimate]:
-        """Return those of this computer's filters; none in their start-up window, or if they make none."""
-        if not any(columns.unit == GYRO_UNIT for columns in self.block.estimates):
-            return {}
-        return {axis: one.fltea for axis, one in self.estimates().items()}
+    def has_filters(self) -> bool:
+        """Return whether this computer's filters make estimates: not in their start-up window."""
+        return any(columns.unit == GYRO_UNIT for columns in self.block.estimates)
 
 
 class RecentSamples:

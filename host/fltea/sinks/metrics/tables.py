@@ -194,6 +194,13 @@ DEVICE_ESTIMATE = (
     gauge("f", "Parameter f of the noise, as the device itself estimates it, in s^-alpha."),
     gauge("alpha_difference", "Order: the device's estimate minus the host's after the same sample."),
     gauge("f_difference", "Parameter f: the device's estimate minus the host's, in s^-alpha."),
+    gauge("bias", "What to subtract from a sample, by the device's own fit, in deg/s.", "tracker_bias"),
+    gauge("bias_std", "Standard deviation of that bias, in deg/s.", "tracker_bias_std"),
+    gauge(
+        "bias_difference",
+        "Bias: the device's minus the host's after the same sample, in deg/s.",
+        "tracker_bias_difference",
+    ),
 )
 
 DEVICE_FIT = (

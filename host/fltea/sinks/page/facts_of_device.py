@@ -3,11 +3,20 @@
 import math
 from typing import Any
 
-from fltea.records.records import AXES
+from fltea.records.records import AXES, DeviceAxisEstimate
 from fltea.records.why_not import not_comparable
 from fltea.sinks.page.answer import interval_words
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.words import apart, counted, figure, guard_words, quantity, signed
+from fltea.sinks.page.words import (
+    apart,
+    counted,
+    figure,
+    guard_words,
+    in_deviations,
+    quantity,
+    signed,
+    with_std,
+)
 
 NOTHING_YET = "no estimate of the device yet"
 
@@ -77,11 +86,26 @@ def _compared(history: DeviceHistory, axis: str, farthest: tuple[float, float]) 
         "why_not": why,
         "drawn": math.isfinite(farthest[0]),
         "rows": [
+            *_bias(e),
             ["state x̂, device − host", _difference(known.state_difference if known else None, "deg/s")],
             ["started again, device", str(stats.restarts.get(axis, 0)) if stats else "–"],
         ],
         "guard": guard_words(stats.interventions.get(axis, {}) if stats else {}),
     }
+
+
+def _bias(e: DeviceAxisEstimate | None) -> list[list[str]]:
+    """Return rows of the bias by the device's own fit, and how far it is from the host's; none before one."""
+    if e is None or e.tracker_bias is None:
+        return []
+    apart, std = e.tracker_bias_difference, e.tracker_bias_std
+    return [
+        ["bias, device", f"{with_std(e.tracker_bias, std)} deg/s"],
+        [
+            "bias, device − host",
+            " = ".join(filter(None, (_difference(apart, "deg/s"), in_deviations(apart, std)))),
+        ],
+    ]
 
 
 def fit(history: DeviceHistory, axis: str) -> dict[str, Any] | None:

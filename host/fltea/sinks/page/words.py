@@ -63,6 +63,11 @@ def apart(value: float) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
+def in_deviations(value: float | None, std: float | None) -> str:
+    """How many of its deviations a value is; empty where nobody knows."""
+    return f"{value / std:+.1f} σ" if value is not None and std else ""
+
+
 def guard_words(interventions: Mapping[str, int]) -> list[list[str]]:
     """How often the guard of an axis stepped in: why, how often."""
     return [[CAUSE_WORDS.get(cause, cause), str(count)] for cause, count in interventions.items()]
