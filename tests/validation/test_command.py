@@ -4,6 +4,7 @@ import functools
 import json
 import os
 import sys
+import threading
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
 from pathlib import Path
@@ -12,7 +13,6 @@ from typing import Any
 import pytest
 from fltea.identification.workers import Here
 from fltea.records.errors import FlteaError
-from validation_support import Backwards
 
 from tools.validation import __main__ as program
 from tools.validation.gallery import records
@@ -109,6 +109,25 @@ def test_a_full_disk_leaves_no_half_file(
     assert code == 1
     assert "cannot be written" in err
     assert (folder / "gallery.md").read_text() == "old"
+
+
+class Backwards(Here):
+    """Three tasks at a time, of which those begun last are done first."""
+
+    slots = 4
+
+    def __init__(self) -> None:
+        self._tasks: list[tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]] = []
+
+    def submit(self, task: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        self._tasks.append((future, task, arguments))
+        threading.Timer(0.02, self._work).start()
+        return future
+
+    def _work(self) -> None:
+        future, task, arguments = self._tasks.pop()
+        future.set_result(task(*arguments))
 
 
 class Dies(Here):

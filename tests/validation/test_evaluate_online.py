@@ -8,7 +8,7 @@ from fltea.settings.estimator import EstimatorConfig
 
 from tools.validation.evaluate.cases import Case, H, samples
 from tools.validation.evaluate.online import read
-from tools.validation.evaluate.settings import CHANGES, MAIN
+from tools.validation.evaluate.settings import MAIN
 
 CASE = Case(0.6, -3.0, 3.0)
 
@@ -64,16 +64,3 @@ def test_lengths_that_cannot_be_read() -> None:
     for lengths in ((550,), (500,), (950,)):
         with pytest.raises(ValueError, match="multiples of 100"):
             read(y, H, EstimatorConfig(), lengths)
-
-
-def test_settings() -> None:
-    """Names differ, and each is what its name says."""
-    for settings in (MAIN, CHANGES):
-        assert len({one.name for one in settings}) == len(settings)
-        for one in settings:
-            assert one.name.startswith(one.config.variant)
-            assert ("R" in one.name) == (one.R != "config")
-            assert not one.config.startup % 100
-    daemon = EstimatorConfig()
-    assert MAIN[1].config == CHANGES[0].config == daemon
-    assert len({(one.config, one.Q, one.R) for one in CHANGES}) == len(CHANGES)

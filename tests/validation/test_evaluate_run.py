@@ -5,12 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 from fltea.identification.workers import Here
-from validation_support import STRONG, TINY
 
 from tools.validation.evaluate import figures, fits, run, summaries
 from tools.validation.evaluate.cases import POWER, Case, samples
 from tools.validation.evaluate.online import Reading
-from tools.validation.evaluate.run import LIVE, WHITTLE, changed_case, plan_of, plan_tasks
+from tools.validation.evaluate.run import LIVE, WHITTLE, Plan, changed_case, plan_of, plan_tasks
 from tools.validation.evaluate.score import score
 from tools.validation.evaluate.settings import CHANGES, MAIN, TUNED
 from tools.validation.evaluate.summaries import frame
@@ -18,6 +17,22 @@ from tools.validation.runner import Row
 from tools.validation.runner import run as run_tasks
 from tools.validation.tables import Table
 
+STRONG = Case(0.8, -1.0, 30.0)
+TINY = Plan(
+    seeds=3,
+    fit_seeds=4,
+    coverage_series=100,
+    grid=(Case(), STRONG),
+    lengths=(1_000, 1_500),
+    changed_on=(Case(), STRONG),
+    changed_lengths=(2_100,),
+    fitted_samples=1_000,
+    refereed=(),
+    shifts=(),
+    coverage=(),
+    mixed=("relaxation",),
+    claimed=(1_000,),
+)
 FILTERS = [*(one.name for one in MAIN), *TUNED]
 
 

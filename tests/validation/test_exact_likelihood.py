@@ -68,17 +68,6 @@ def test_fractional_noise(d: float) -> None:
     np.testing.assert_allclose(gamma - gamma[0], expected - expected[0], atol=2e-3 * expected[0])
 
 
-def test_mean_and_scale() -> None:
-    """Offset and unit of the series change mean and scale, and nothing else."""
-    gamma = 0.9 ** np.arange(200.0)
-    y = np.random.default_rng(3).standard_normal(200)
-    one, other = likelihood(gamma, y), likelihood(gamma, 5 + 3 * y)
-    assert other.mean == pytest.approx(5 + 3 * one.mean)
-    assert other.scale == pytest.approx(9 * one.scale)
-    assert other.nll == pytest.approx(one.nll + 200 * math.log(3))
-    assert likelihood(7 * gamma, y).nll == pytest.approx(one.nll)
-
-
 @pytest.mark.parametrize("gamma", [[0.0, 0.0], [1.0, 1.1], [1.0, -1.0, 1.0], [-1.0, 0.0]])
 def test_what_is_no_autocovariance(gamma: list[float]) -> None:
     with pytest.raises(ValueError, match="not the autocovariances"):
@@ -105,12 +94,3 @@ def test_the_fit_is_a_maximum_and_its_interval_is_where_it_ends(seed: int) -> No
     assert inside[0]
     assert not inside[-1]
     assert sorted(inside, reverse=True) == inside, "it has one lower end"
-
-
-def test_exact_and_whittle_agree_where_whittle_is_right() -> None:
-    """Weak memory, 1,500 samples: the two answers are nearer to each other than to anything else."""
-    case = Case(0.8, -10.0, 30.0)
-    y = samples(case, 3, 1_500)
-    for seed in range(3):
-        series = ExactSeries(y[:, seed], H)
-        assert series.fit().nll <= series.nll(series.whittle)

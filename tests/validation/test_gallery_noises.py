@@ -7,25 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.noise import spectra
-from fltea.noise.weights import weights
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.signal import welch
 
 from tools.validation import recursions
-from tools.validation.gallery.filters import CONSTANT_DELAY_MS, MPU9250_DLPF, LowPass, mpu9250
 from tools.validation.gallery.noise import Drift, Line, bursts, outliers, rounded, step, wander
 from tools.validation.gallery.noises import NOISES
-from tools.validation.gallery.parts import Flicker, Fractional, Part, Relaxation, ladder
+from tools.validation.gallery.parts import Fractional, Relaxation
 from tools.validation.recursions import (
     FractionalState,
-    Stream,
-    convolved,
-    fractional_difference,
-    fractional_noise,
-    inverse_series,
-    state_response,
 )
 
 pytestmark = pytest.mark.slow  # they prove the referee of a proof: no part of the program
@@ -91,44 +80,6 @@ def test_every_rate(name: str, rate_hz: float) -> None:
     assert np.isfinite(density).all()
 
 
-@given(st.floats(-0.999, 0.999), st.lists(st.integers(0, 400), max_size=3), st.integers(0, 99))
-def test_a_stream_goes_on(pole: float, cuts: list[int], seed: int) -> None:
-    """However a record is cut."""
-    e = np.random.default_rng(seed).standard_normal(400)
-    stream = Stream([1.0], [1.0, -pole], pole * 2.0)
-    x = np.concatenate([stream.run(part) for part in np.split(e, sorted(cuts))])
-    before = 2.0
-    for k in range(400):
-        before = pole * before + e[k]
-        assert x[k] == pytest.approx(before, abs=1e-9)
-
-
-@pytest.mark.parametrize("length", [10, 1_000])
-def test_convolution(length: int) -> None:
-    rng = np.random.default_rng(3)
-    e, response = rng.standard_normal(5_000), rng.standard_normal(length)
-    np.testing.assert_allclose(
-        convolved(e, response, 800), np.convolve(e, response, mode="valid")[-800:], atol=1e-8
-    )
-
-
-@given(st.floats(-0.9, 0.9))
-def test_differences_undo_each_other(d: float) -> None:
-    there, back = fractional_difference(d, 300), fractional_difference(-d, 300)
-    np.testing.assert_allclose(np.convolve(there, back)[:300], np.eye(300)[0], atol=1e-12)
-    np.testing.assert_allclose(inverse_series(there), back, atol=1e-9)
-
-
-@pytest.mark.parametrize("d", [0.2, 0.4, -0.3])
-def test_order_has_its_autocovariance(d: float) -> None:
-    """Variance Γ(1 - 2d) / Γ(1 - d)², neighbours correlated by d / (1 - d)."""
-    y = np.stack([fractional_noise(d, 64, np.random.default_rng([6, i])) for i in range(4_000)])
-    variance = math.gamma(1 - 2 * d) / math.gamma(1 - d) ** 2
-    assert (y**2).mean() == pytest.approx(variance, rel=0.03)
-    assert (y[:, 1:] * y[:, :-1]).mean() / variance == pytest.approx(d / (1 - d), abs=0.02)
-    assert (y[:, 0] ** 2).mean() == pytest.approx(variance, rel=0.1)
-
-
 def test_what_is_drawn_is_stationary_from_its_first_sample_on() -> None:
     rng = np.random.default_rng(7)
     state, relaxation = FractionalState(0.6, -0.02, 64), Relaxation(0.05, 100.0)
@@ -147,32 +98,6 @@ def test_states_stay_stationary_at_slow_rates() -> None:
                 for rate_hz in (5.0, 100.0, 1_000.0):
                     assert -(2**part.alpha) < part.g(rate_hz)
                     assert part.g(rate_hz) < part._weights().sum() if part.window else part.g(rate_hz) <= 0
-
-
-@pytest.mark.parametrize("parts", [(Flicker(1.0),), ladder(1e-4, 1e3, 8, 1.0)])
-def test_flicker_is_as_dense_as_white_at_its_corner(parts: tuple[Part, ...]) -> None:
-    lam = 2 * np.pi * np.array([0.1, 1.0]) / 1_000
-    density = sum(part.spectrum(lam, 1_000.0) for part in parts)
-    np.testing.assert_allclose(density, [10, 1], rtol=0.01)
-
-
-@pytest.mark.parametrize(("bandwidth_hz", "delay_ms"), [*MPU9250_DLPF.items()])
-def test_dlpf_delays_are_those_of_one_pole(bandwidth_hz: int, delay_ms: float) -> None:
-    """Of all but 250 Hz, which runs at 8 kHz and has less of the constant."""
-    of_one_pole = 1e3 / (2 * math.pi * bandwidth_hz)
-    if bandwidth_hz != 250:
-        assert delay_ms == pytest.approx(of_one_pole + CONSTANT_DELAY_MS, abs=0.35)
-    low_pass = mpu9250(bandwidth_hz)
-    assert low_pass.every(100.0) == (80 if bandwidth_hz == 250 else 10)
-    lam = 2 * np.pi * np.array([1e-9, bandwidth_hz]) / (low_pass.every(100.0) * 100.0)
-    gain = low_pass.power(lam, low_pass.every(100.0) * 100.0)
-    assert gain[0] == pytest.approx(1)
-    assert gain[1] == pytest.approx(0.5, abs=0.1)
-
-
-def test_filters_run_well_above_their_corner() -> None:
-    assert LowPass(41.0).every(5.0) * 5.0 >= 8 * 41.0
-    assert LowPass(5.0).every(1_000.0) == 1
 
 
 def test_lines_fold() -> None:
@@ -197,16 +122,3 @@ def test_treatments() -> None:
     quarters = np.split(wander(y, rng), 4)
     assert quarters[0].var() / quarters[2].var() > 2
     assert Drift(3.0).draw(100)[[0, -1]].tolist() == pytest.approx([0, 2.97])
-
-
-@pytest.mark.parametrize(("alpha", "f"), [(0.3, -3.0), (0.6, -0.3), (0.8, -10.0)])
-def test_state_response_is_the_recursion_in_time(alpha: float, f: float) -> None:
-    """And that of the closed form in frequency."""
-    g, n = 0.01**alpha * f, 300
-    c, x = weights(alpha, n), np.zeros(n)
-    for k in range(n):
-        x[k] = (k == 0) + (g * x[k - 1] if k else 0) - c[1 : k + 1] @ x[:k][::-1]
-    np.testing.assert_allclose(state_response(alpha, g, n), x, atol=1e-12)
-    power = np.abs(np.fft.rfft(state_response(alpha, g, 1 << 17))) ** 2
-    at = np.array([50, 500, 5_000, 50_000])
-    np.testing.assert_allclose(power[at], spectra.fractional(2 * np.pi * at / (1 << 17), alpha, g), rtol=0.01)
