@@ -9,33 +9,10 @@ from fltea.spectrum.frontier import native
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H
-from sentence_support import bins, closed_form
+from sentence_support import PARTS, bins, closed_form
 
 LAM = np.linspace(1e-3, np.pi, 5000)
 
-positive = st.floats(0.01, 100)
-hz = st.floats(0.3, 45.0)
-
-
-def order(alpha: float, share: float, Q: float) -> p.Order:
-    return p.Order(alpha, -share * 2**alpha / H**alpha, Q)
-
-
-PARTS: dict[str, st.SearchStrategy[p.Part]] = {
-    "relaxation": st.builds(p.Relaxation, positive, st.floats(0.002, 100)),
-    "alternating": st.builds(p.Alternating, positive, st.floats(0.002, 10)),
-    "walk": st.builds(p.Walk, positive),
-    "order": st.builds(order, st.floats(0.05, 1.95), st.floats(0.001, 0.95), positive),
-    "arfima": st.builds(p.Arfima, st.floats(0.05, 0.95), st.floats(0.0, 0.99), positive),
-    "resonance": st.builds(p.Resonance, positive, hz, st.floats(0.1, 5)),
-    "quantisation": st.builds(p.Quantisation, positive),
-    "rise": st.builds(p.Rise, positive, st.floats(0.1, 2)),
-    "floor": st.builds(p.Floor, positive),
-    "low-pass": st.builds(p.LowPass, st.floats(1, 90), st.floats(1.01, 20)),
-    "sharpening": st.builds(p.Sharpening, st.floats(-0.24, 1)),
-    "notch": st.builds(p.Notch, hz, st.floats(0.5, 10)),
-    "mean": st.builds(p.Mean, st.integers(2, 10)),
-}
 kinds = pytest.mark.parametrize("kind", PARTS)
 
 

@@ -11,6 +11,8 @@ from fltea.noise.system import System, relaxing, system, walk, white
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H
+from sentence_support import PARTS
+from sentence_support import order as an_order
 
 N = 10**6
 LAM = np.geomspace(4 * math.pi / N, math.pi, 1000)
@@ -92,29 +94,9 @@ def test_orders_are_right_to_a_per_cent(alpha: float, f: float, samples: int) ->
         np.testing.assert_allclose(ratio(parts, samples)[seen], 1, atol=0.02)
 
 
-positive = st.floats(0.01, 100)
-hz = st.floats(0.3, 45.0)
-
-
-def any_order(alpha: float, share: float, Q: float) -> p.Order:
-    return p.Order(alpha, -share * 2**alpha / H**alpha, Q)
-
-
 WORDS: list[st.SearchStrategy[p.Part]] = [
-    st.builds(p.Relaxation, positive, st.floats(0.002, 100)),
-    st.builds(p.Alternating, positive, st.floats(0.002, 10)),
-    st.builds(p.Walk, positive),
-    st.builds(any_order, st.floats(0.05, 1.95), st.floats(0.001, 0.95), positive),
-    st.builds(any_order, st.floats(1e-3, 1.999), st.floats(1e-12, 0.9999), positive),
-    st.builds(p.Arfima, st.floats(0.05, 0.95), st.floats(0.0, 0.99), positive),
-    st.builds(p.Resonance, positive, hz, st.floats(0.1, 5)),
-    st.builds(p.Quantisation, positive),
-    st.builds(p.Rise, positive, st.floats(0.1, 2)),
-    st.builds(p.Floor, positive),
-    st.builds(p.LowPass, st.floats(1, 90), st.floats(1.01, 20)),
-    st.builds(p.Sharpening, st.floats(-0.24, 1)),
-    st.builds(p.Notch, hz, st.floats(0.5, 10)),
-    st.builds(p.Mean, st.integers(2, 10)),
+    *PARTS.values(),
+    st.builds(an_order, st.floats(1e-3, 1.999), st.floats(1e-12, 0.9999), st.floats(0.01, 100)),
 ]
 sentences = st.lists(st.one_of(WORDS), max_size=7).map(lambda parts: [p.White(1.0), *parts])
 

@@ -11,8 +11,10 @@ Array = NDArray[np.float64]
 
 
 def fed(y: Array) -> Octaves:
-    octaves = Octaves(y.shape[1])
-    octaves.add(y)
+    """Octaves of samples (n, lanes), or (n,) of one lane."""
+    rows = np.ascontiguousarray(y.reshape(len(y), -1))
+    octaves = Octaves(rows.shape[1])
+    octaves.add(rows)
     return octaves
 
 

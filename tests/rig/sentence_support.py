@@ -11,12 +11,37 @@ from fltea.noise import parts as p
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.verdict import Verdict, winner
+from hypothesis import strategies as st
+from identify_support import H
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
 AROUND = 4
 """The circle on which samples are drawn over the record."""
+
+
+def order(alpha: float, share: float, Q: float) -> p.Order:
+    return p.Order(alpha, -share * 2**alpha / H**alpha, Q)
+
+
+positive, hz = st.floats(0.01, 100), st.floats(0.3, 45.0)
+PARTS: dict[str, st.SearchStrategy[p.Part]] = {
+    "relaxation": st.builds(p.Relaxation, positive, st.floats(0.002, 100)),
+    "alternating": st.builds(p.Alternating, positive, st.floats(0.002, 10)),
+    "walk": st.builds(p.Walk, positive),
+    "order": st.builds(order, st.floats(0.05, 1.95), st.floats(0.001, 0.95), positive),
+    "arfima": st.builds(p.Arfima, st.floats(0.05, 0.95), st.floats(0.0, 0.99), positive),
+    "resonance": st.builds(p.Resonance, positive, hz, st.floats(0.1, 5)),
+    "quantisation": st.builds(p.Quantisation, positive),
+    "rise": st.builds(p.Rise, positive, st.floats(0.1, 2)),
+    "floor": st.builds(p.Floor, positive),
+    "low-pass": st.builds(p.LowPass, st.floats(1, 90), st.floats(1.01, 20)),
+    "sharpening": st.builds(p.Sharpening, st.floats(-0.24, 1)),
+    "notch": st.builds(p.Notch, hz, st.floats(0.5, 10)),
+    "mean": st.builds(p.Mean, st.integers(2, 10)),
+}
+"""Any of each kind, at 100 Hz."""
 
 
 def closed_form(parts: Iterable[p.Part], lam: Array, h: float) -> Array:

@@ -5,16 +5,11 @@ import pytest
 from fltea.spectrum.octaves import Counts, Octaves
 from fltea.spectrum.periodogram import Periodogram
 from identify_support import Array, H, long_recursion
+from octaves_support import fed
 
 
 def noise(n: int, seed: int = 1) -> Array:
     return np.random.default_rng(seed).standard_normal(n)
-
-
-def fed(y: Array) -> Octaves:
-    octaves = Octaves(1)
-    octaves.add(y[:, np.newaxis])
-    return octaves
 
 
 def mean_power(p: Periodogram) -> float:

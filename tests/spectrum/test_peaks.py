@@ -8,10 +8,10 @@ import pytest
 from filtered_noise import averaged, low_passed
 from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around, find_octave_peaks
-from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral import _above_slow_lines
 from identify_support import Array, H, ar, long_recursion, white
+from octaves_support import fed
 
 N = 60_000
 
@@ -27,9 +27,7 @@ class Search(NamedTuple):
 
 
 def octave_lines(y: Array) -> Periodogram:
-    sums = Octaves(1)
-    sums.add(np.ascontiguousarray(y[:, np.newaxis]))
-    return sums.periodogram(0, H)
+    return fed(y).periodogram(0, H)
 
 
 FILE, LIVE = Search(lambda y: periodogram(y, H), find_peaks), Search(octave_lines, find_octave_peaks)

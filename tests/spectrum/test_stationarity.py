@@ -6,20 +6,18 @@ import numpy as np
 import pytest
 from fltea.identification.sums import examined
 from fltea.spectrum.evidence import ANYTIME_LEVEL
-from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.spectral import examine
 from fltea.spectrum.stationarity import Change, find_change
 from fltea.spectrum.verdict import decide
 from identify_support import Array, H, ar, long_recursion, white
+from octaves_support import fed
 from tiers import slow
 
 LEVEL = 0.01
 
 
 def change(y: Array, level: float = LEVEL) -> Change | None:
-    sums = Octaves(1)
-    sums.add(np.ascontiguousarray(y[:, np.newaxis]))
-    return find_change(sums.cells(0, H), H, level)
+    return find_change(fed(y).cells(0, H), H, level)
 
 
 NOISES: dict[str, Callable[[int, np.random.Generator], Array]] = {
@@ -95,7 +93,5 @@ def test_a_sharp_resonance_does_not_change() -> None:
 def test_too_few_blocks_say_nothing() -> None:
     assert change(white(300, 1, 6)[0]) is None
     assert find_change([], H, LEVEL) is None
-    sums = Octaves(1)
-    sums.add(white(3000, 1, 7).T.copy())
-    seen = examine(sums.periodogram(0, H), 30.0, 3000)
+    seen = examine(fed(white(3000, 1, 7)[0]).periodogram(0, H), 30.0, 3000)
     assert seen.evidence.change is None
