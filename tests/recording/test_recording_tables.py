@@ -20,15 +20,12 @@ from fltea.sinks import record as record_module
 from fltea.stream.decode import Decoded, Decoder
 from mcap.reader import make_reader
 from mcap_support import Live, kill, of, record, replay, transport
+from record_support import files
 
 
 @pytest.fixture
 def many_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(record_module, "FLUSH_NS", 0)
-
-
-def files(folder: Path) -> list[Path]:
-    return sorted(folder.glob("*.mcap"))
 
 
 def exported(folder: Path, what: str) -> tuple[list[dict[str, str]], dict[str, np.ndarray]]:

@@ -1,6 +1,5 @@
 """Lines of text as rows: any bytes, cut anywhere, against a plain decoder of one line after the other."""
 
-import contextlib
 import json
 import math
 from itertools import pairwise
@@ -10,9 +9,8 @@ import pytest
 from fltea.recording.lines import LONGEST_LINE
 from fltea.recording.table import Rows
 from fltea.recording.text_rows import MANY, TextReader
-from fltea.records.errors import UsageError
 from fltea.settings.how import How
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from text_files import stored
 
@@ -189,41 +187,6 @@ def test_many_lines_are_read_by_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 # --- whole files ---
-
-cell = st.one_of(
-    st.floats(-2000, 2000).map(repr),
-    st.sampled_from(["", "nan", "1e5", '"2"', " 3 ", "x", "1_0", "1,5", "#"]),
-)
-
-
-@given(
-    rows=st.lists(st.lists(cell, min_size=1, max_size=5), max_size=12),
-    separator=st.sampled_from([",", ";", "\t", " "]),
-    header=st.sampled_from(
-        ["", "time_s,gyro_x_dps,gyro_y_dps,gyro_z_dps\n", "# t,gx,gy [dps]\n", "a b c\n", "t;gx\ns;rad/s\n"]
-    ),
-    how=st.sampled_from(
-        [{}, {"rate_hz": 100.0}, {"columns": ["1", "2"], "rate_hz": 9.0}, {"units": "rad/s"}]
-    ),
-    end=st.sampled_from(["", "\n"]),
-)
-@example([["1", "2"]], ",", "", {"columns": ["1", "2"], "rate_hz": 9.0}, "")
-@settings(max_examples=150)
-def test_any_table_gives_finite_numbers_or_a_usage_error(
-    tmp_path_factory: pytest.TempPathFactory,
-    rows: list[list[str]],
-    separator: str,
-    header: str,
-    how: dict[str, object],
-    end: str,
-) -> None:
-    folder = tmp_path_factory.getbasetemp()
-    text = header.replace(",", separator) + "\n".join(separator.join(row) for row in rows) + end
-    with contextlib.suppress(UsageError):
-        found = stored(folder, text, **how).whole()
-        assert np.isfinite(found.gyro).all()
-        assert len(found.gyro) == len(found.device_s) <= len(rows)
-        assert (np.diff(found.device_s) > 0).all()
 
 
 @given(

@@ -207,13 +207,6 @@ def test_a_bus_that_is_gone_is_not_asked_again(bench: Bench, number: int) -> Non
     assert bench.bus.transactions - before == 1
 
 
-def test_a_refused_read_of_the_fifo_loses_nothing(bench: Bench) -> None:
-    bench.wait(35)
-    bench.fail(errno.EREMOTEIO, errno.EREMOTEIO)
-    first, second, third = bench.driver.read_samples(3)
-    assert second[0] - first[0] == third[0] - second[0] == 100
-
-
 def test_a_broken_read_of_the_fifo_is_never_repeated(bench: Bench) -> None:
     """What it had read is gone: a second try would give the rest as if it were the beginning."""
     bench.wait(35)
@@ -284,15 +277,6 @@ def test_bits_without_a_meaning_may_be_anything(who_am_i: int) -> None:
     for setting in chip_of(who_am_i).settings:
         assert setting.kept(setting.value | ~setting.meaning & 0xFF)
         assert not setting.kept(setting.value ^ setting.meaning)
-
-
-def test_settings_and_samples_do_not_mix_up_their_banks(icm: Bench) -> None:
-    for _ in range(5):
-        icm.wait(20)
-        icm.driver.check_settings()
-        waiting = icm.driver.level().bytes // 12
-        assert len(icm.driver.read_samples(waiting)) == waiting
-    assert icm.driver.i2c_errors == 0
 
 
 def test_a_bank_that_could_not_be_selected_is_selected_later(icm: Bench) -> None:

@@ -8,10 +8,7 @@ from fltea.records.records import Sample
 from fltea.sources.mcap import find_parts
 from fltea.sources.replay import ReplaySource
 from mcap_support import of, record, replay, transport
-
-
-def files(folder: Path) -> list[Path]:
-    return sorted(folder.glob("*.mcap"))
+from record_support import files
 
 
 def test_folder_session_and_file_name_the_same(tmp_path: Path) -> None:

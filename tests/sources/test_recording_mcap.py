@@ -22,16 +22,13 @@ from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from mcap.opcode import Opcode
 from mcap_support import OFFSET_NS, SMALL, of, record, replay, transport, without
+from record_support import files
 
 
 @pytest.fixture
 def many_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """A chunk after every item: the finest that there can be."""
     monkeypatch.setattr(record_module, "FLUSH_NS", 0)
-
-
-def files(folder: Path) -> list[Path]:
-    return sorted(folder.glob("*.mcap"))
 
 
 # --- the same bits ---

@@ -59,11 +59,6 @@ def test_hello_first_then_every_sample(tmp_path: Path) -> None:
     assert {event.accel for event in rest} == {(1.0, 1.0, 1.0)}
 
 
-def test_a_second_run_gives_the_same_events(tmp_path: Path) -> None:
-    path = npz_file(tmp_path)
-    assert in_samples(ReplaySource(path).events()) == in_samples(ReplaySource(path).events())
-
-
 def test_host_times_are_those_of_the_recording(tmp_path: Path) -> None:
     arrivals_s = 1e6 + np.sort(np.random.default_rng(1).random(300)) * 2.99
     found = samples(ReplaySource(npz_file(tmp_path, t_host_s=arrivals_s)))

@@ -32,13 +32,11 @@ def of_file(path: Path, text: bytes, how: How) -> Found:
     path.write_bytes(text)
     stored = open_csv(path, how)
     whole = stored.whole()
-    first = {
-        epoch: seq
-        for seq, epoch in reversed(list(zip(whole.seq.tolist(), whole.epoch.tolist(), strict=True)))
-    }
-    seq = [
-        number - first[epoch] for number, epoch in zip(whole.seq.tolist(), whole.epoch.tolist(), strict=True)
-    ]
+    assert np.isfinite(whole.gyro).all()
+    assert (np.diff(whole.device_s) > 0).all()
+    epochs, numbers = whole.epoch.tolist(), whole.seq.tolist()
+    first = dict(zip(epochs[::-1], numbers[::-1], strict=True))
+    seq = [number - first[epoch] for epoch, number in zip(epochs, numbers, strict=True)]
     accel = None if whole.accel_ms2 is None else whole.accel_ms2.tolist()
     return Found(whole.gyro.tolist(), accel, seq, stored.rate_hz, whole.lsb_per_dps)
 
