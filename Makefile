@@ -78,7 +78,7 @@ gen: .venv/.dev
 
 # Both ports: the bare-metal image (committed), and the Arduino sketch against the stub of its libraries.
 firmware: .venv/.dev
-	@$(PY) tools/build_id.py
+	@$(PY) tools/generated.py build_id
 	@$(PY) tools/build_firmware.py
 	@$(PY) -m pytest -q tests/firmware/test_image.py tests/firmware/test_arduino.py
 

@@ -1,7 +1,7 @@
 """Builds the bare-metal images for the Due with Debian's gcc-arm-none-eabi.
 
 Writes firmware/due/image/fltea_due.bin and fltea_due.json (committed: timer mode) and, to build/firmware/,
-both modes with JSON, ELF, map and stack use. Run tools/build_id.py first: the id is in the image.
+both modes with JSON, ELF, map and stack use. Run `tools/generated.py build_id` first: the id is in the image.
 
 `--to FILE.bin --mode data_ready --define FLTEA_RATE_HZ=500` writes one image with other settings instead.
 `--check` writes nothing to the repository: it builds again and compares. Exit codes: 0 the committed image is

@@ -1,18 +1,14 @@
 """Writes firmware/core/build_id.h: the project's version, and an id of the firmware's sources.
 
 The id is the beginning of a SHA-256 over names and contents of all sources under firmware/, so that HELLO
-tells which sources an image was made from, whoever built it. With `--check` nothing is written; exit code 1
-tells of a difference.
+tells which sources an image was made from, whoever built it.
 """
 
 from __future__ import annotations
 
 import hashlib
-import sys
 import tomllib
 from pathlib import Path
-
-from generated import run
 
 SOURCE, HEADER = "the sources of firmware/", "firmware/core/build_id.h"
 SUFFIXES = {".h", ".hpp", ".cpp", ".ino", ".ld"}
@@ -64,7 +60,3 @@ def sources(root: Path) -> list[Path]:
 def outputs(root: Path) -> dict[str, str]:
     """Return the header."""
     return {HEADER: TEXT.format(version=version(root), build_id=build_id(root))}
-
-
-if __name__ == "__main__":
-    sys.exit(run((SOURCE, outputs)))

@@ -1,13 +1,8 @@
-"""Writes the table of error kinds in host/docs/reference/errors.md from host/fltea/records/kinds.py.
+"""Writes the table of error kinds in host/docs/reference/errors.md from host/fltea/records/kinds.py."""
 
-With `--check` nothing is written; exit code 1 tells of a difference.
-"""
-
-import sys
 from pathlib import Path
 
 from fltea.records.kinds import ERROR_KINDS
-from generated import run
 
 SOURCE, README = "host/fltea/records/kinds.py", "host/docs/reference/errors.md"
 HEAD = "| kind | what happened | what to do |\n|---|---|---|\n"
@@ -26,7 +21,3 @@ def outputs(root: Path) -> dict[str, str]:
         raise ValueError(f"{README} has no table that begins with {HEAD.splitlines()[0]!r}")
     rows = after[: after.index("\n\n") + 1]
     return {README: before + HEAD + table() + after[len(rows) :]}
-
-
-if __name__ == "__main__":
-    sys.exit(run((SOURCE, outputs)))

@@ -1,15 +1,12 @@
 """Works out the modes of the device's memory: writes firmware/core/engine/fixed_nodes.hpp.
 
 A grid as in firmware/core/engine/memory_nodes.hpp, for an unlimited window, as integers (memory_fixed.hpp).
-
-Usage: gen_fixed_nodes.py [--check]
 """
 
 import math
-import sys
 from pathlib import Path
 
-from generated import engine_header, rows, run
+from generated import engine_header, rows
 
 SOURCE, HEADER = "tools/gen_fixed_nodes.py", "firmware/core/engine/fixed_nodes.hpp"
 
@@ -93,7 +90,3 @@ def outputs(root: Path) -> dict[str, str]:
         weight=rows([f"{round(x * 2**31)}" for x in weight], 6),
     )
     return {HEADER: engine_header(HEADER, SOURCE, body, ABOUT, ("cstddef", "cstdint"))}
-
-
-if __name__ == "__main__":
-    sys.exit(run((SOURCE, outputs)))

@@ -4,15 +4,12 @@ The squared weights c_j(a)^2 of order a = b - 1 carry the factor
 4^b B(b, b) = 2 sqrt(pi) Gamma(b) / Gamma(b + 1/2), see engine/memory_nodes.hpp. Three steps of the
 recurrence of Gamma move its poles away from the orders in use; what remains,
 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2), is interpolated at Chebyshev points in arbitrary precision.
-
-Usage: gen_memory_constants.py [--check]
 """
 
-import sys
 from pathlib import Path
 
 import mpmath
-from generated import engine_header, run
+from generated import engine_header
 
 SOURCE, HEADER = "tools/gen_memory_constants.py", "firmware/core/engine/memory_constants.hpp"
 
@@ -76,7 +73,3 @@ def outputs(root: Path) -> dict[str, str]:
         coefficients="\n".join(f"    {c!r}," for c in coefficients),
     )
     return {HEADER: engine_header(HEADER, SOURCE, body)}
-
-
-if __name__ == "__main__":
-    sys.exit(run((SOURCE, outputs)))

@@ -1,13 +1,9 @@
-"""Works out the tables of the device's spectrum: writes firmware/core/engine/octave_tables.hpp.
-
-Usage: gen_octave_tables.py [--check]
-"""
+"""Works out the tables of the device's spectrum: writes firmware/core/engine/octave_tables.hpp."""
 
 import math
-import sys
 from pathlib import Path
 
-from generated import engine_header, rows, run
+from generated import engine_header, rows
 
 SOURCE, HEADER = "tools/gen_octave_tables.py", "firmware/core/engine/octave_tables.hpp"
 BLOCK = 256
@@ -92,7 +88,3 @@ def outputs(root: Path) -> dict[str, str]:
         gains="\n".join(levels),
     )
     return {HEADER: engine_header(HEADER, SOURCE, body, ABOUT, ("cstdint",))}
-
-
-if __name__ == "__main__":
-    sys.exit(run((SOURCE, outputs)))

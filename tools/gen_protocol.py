@@ -1,18 +1,15 @@
 """Writes from protocol/messages.toml the C++ header, the Python module and the byte tables of the README.
 
-Run as `python tools/gen_protocol.py`; with `--check` it writes nothing, names the files that differ and
-exits 1. What it emits is already in the style of `ruff format` and of `.clang-format`.
+What it emits is already in the style of `ruff format` and of `.clang-format`.
 """
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import protocol_cpp
 import protocol_markdown
 import protocol_python
-from generated import run
 from protocol_definition import DefinitionError, load
 
 SOURCE = "protocol/messages.toml"
@@ -34,7 +31,3 @@ def outputs(root: Path) -> dict[str, str]:
         "host/fltea/wire/layout.py": protocol_python.module(protocol),
         "protocol/README.md": f"{before}{BEGIN}\n{tables}{END}{after}",
     }
-
-
-if __name__ == "__main__":
-    sys.exit(run((SOURCE, outputs)))

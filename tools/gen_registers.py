@@ -1,17 +1,11 @@
-"""Writes what emulator and bare-metal firmware know of the ATSAM3X8E's registers, from the vendor's SVD.
-
-Run as `python tools/gen_registers.py`; with `--check` it writes nothing, names the files that differ and
-exits 1.
-"""
+"""Writes what emulator and bare-metal firmware know of the ATSAM3X8E's registers, from the vendor's SVD."""
 
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import registers_cpp
-from generated import run
 from svd import MEMBER, PACKAGE, Peripheral, Register, obtain, read
 
 SOURCE = f"{MEMBER} of {PACKAGE}"
@@ -49,7 +43,3 @@ def outputs(root: Path) -> dict[str, str]:
         "tools/due_emulator/sam3x_registers.json": table(peripherals),
         "firmware/due/sam3x.h": registers_cpp.header(peripherals),
     }
-
-
-if __name__ == "__main__":
-    sys.exit(run((SOURCE, outputs)))

@@ -2,18 +2,15 @@
 
 These are the board's header of the filters' numbers, and the TOML file with every default in
 host/docs/reference/settings.md.
-With `--check` nothing is written; exit code 1 tells of a difference.
 """
 
 import json
 import re
-import sys
 import textwrap
 from pathlib import Path
 
 from fltea.settings.config import SETTINGS, TABLES
 from fltea.settings.setting import Declared, declared
-from generated import run
 
 SOURCE = "host/fltea/settings"
 CPP = "firmware/core/filter_settings.h"
@@ -97,7 +94,3 @@ def outputs(root: Path) -> dict[str, str]:
     page = (root / PAGE).read_text(encoding="utf-8")
     text = re.sub(r"(?s)(\n```toml\n).*?(\n```\n)", lambda m: m[1] + example() + m[2], page, count=1)
     return {CPP: cpp(), PAGE: text}
-
-
-if __name__ == "__main__":
-    sys.exit(run((SOURCE, outputs)))

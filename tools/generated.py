@@ -1,12 +1,16 @@
 """Committed files that a program writes: brought up to date, or compared.
 
+  python tools/generated.py                    all of them; `make gen`
+  python tools/generated.py gen_protocol       those of some writers
+  python tools/generated.py --check            writes nothing; names those that differ, exit code 1
+
 A writer is a module with SOURCE, what its files come from, and `outputs` of the repository: path below it to
-contents. Each is a program of its own; this one runs them all, the id of the firmware's sources last.
+contents. The id of the firmware's sources comes last.
 """
 
 import argparse
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 
@@ -68,22 +72,27 @@ def update(root: Path, wanted: Mapping[str, str], *, check: bool, source: str) -
     return status
 
 
-def run(*writers: tuple[str, Callable[[Path], Mapping[str, str]]]) -> int:
-    """Be the command line of writers, each with its source and outputs; return the exit code."""
-    parser = argparse.ArgumentParser(description=(sys.modules["__main__"].__doc__ or "").partition("\n")[0])
+def main() -> int:
+    """Run the command line; return the exit code."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("writers", nargs="*", metavar="WRITER", help=f"of {', '.join(WRITERS)}")
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file differs")
     root = Path(__file__).resolve().parent.parent
     parser.add_argument("--root", type=Path, default=root, help="repository")
     given, status = parser.parse_args(), 0
-    for source, outputs in writers:
+    if unknown := {*given.writers} - {*WRITERS}:
+        parser.error(f"there is no writer {', '.join(unknown)}")
+    for writer in map(import_module, given.writers or WRITERS):
         try:
-            status |= update(given.root, outputs(given.root), check=given.check, source=source)
+            wanted = writer.outputs(given.root)
+            status |= update(given.root, wanted, check=given.check, source=writer.SOURCE)
         except ValueError as error:
-            print(f"{source}: {error}", file=sys.stderr)
+            print(f"{writer.SOURCE}: {error}", file=sys.stderr)
             status = 1
     return status
 
 
 if __name__ == "__main__":
-    modules = [import_module(name) for name in WRITERS]
-    sys.exit(run(*((one.SOURCE, one.outputs) for one in modules)))
+    sys.exit(main())

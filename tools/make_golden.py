@@ -6,15 +6,12 @@ Two readings are those of the project: covariance sums start at i = 0, and L(k) 
 past.
 
 Each file has comment lines, then one line a sample: y and u (inputs, to be read as floats exactly), and x, P,
-α, its variance and Q, f, its variance and Q, with 25 digits. `--check` computes everything again, names the
-files that differ and exits 1.
+α, its variance and Q, f, its variance and Q, with 25 digits.
 """
 
 import random
-import sys
 from pathlib import Path
 
-from generated import run
 from mpmath import mp, mpf
 
 SOURCE, FOLDER = "tools/make_golden.py", "tests/estimator/golden"
@@ -141,7 +138,3 @@ def text(number: int) -> str:
 def outputs(root: Path) -> dict[str, str]:
     """Return the three files."""
     return {f"{FOLDER}/example_{number}.txt": text(number) for number in (1, 2, 3)}
-
-
-if __name__ == "__main__":
-    sys.exit(run((SOURCE, outputs)))

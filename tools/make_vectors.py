@@ -1,18 +1,15 @@
 """Writes good.txt, bad.txt and streams.txt of protocol/vectors (formats: protocol/README.md, "Vectors").
 
 They judge fltea's own code, so nothing in them comes from it or from the generator: COBS is PyPI's, CRC-32 is
-zlib's, and the layouts and the text of the schema hash are typed by hand (vectors_schema.py). `--check`
-writes nothing, names the files that differ and exits 1.
+zlib's, and the layouts and the text of the schema hash are typed by hand (vectors_schema.py).
 """
 
 import math
 import struct
-import sys
 import zlib
 from pathlib import Path
 
 from cobs import cobs
-from generated import run
 from vectors_schema import CODES, HASH, layouts
 
 SOURCE = "tools/make_vectors.py"
@@ -344,7 +341,3 @@ def outputs(root: Path) -> dict[str, str]:
     """Return the three files."""
     texts = {"good": good(), "bad": bad(), "streams": streams()}
     return {f"protocol/vectors/{name}.txt": text for name, text in texts.items()}
-
-
-if __name__ == "__main__":
-    sys.exit(run((SOURCE, outputs)))

@@ -74,7 +74,7 @@ def test_record_tells_of_this_image() -> None:
 
 
 def test_build_id_is_the_same_everywhere() -> None:
-    done = run_tool("build_id.py", ROOT, "--check")
+    done = run_tool("generated.py", ROOT, "build_id", "--check")
     assert done.returncode == 0, done.stderr
     text = (ROOT / BUILD_ID).read_text()
     named = dict(re.findall(r'constexpr char (\w+)\[\] = "(.*)";', text))
@@ -198,7 +198,7 @@ def test_check_finds_a_changed_source(tmp_path: Path) -> None:
     done = run_tool("build_firmware.py", root, "--check", env={"PATH": ""})  # no compiler is needed for it
     assert done.returncode == 1
     assert record()["build_id"] in done.stderr
-    done = run_tool("build_id.py", root, "--check")
+    done = run_tool("generated.py", root, "build_id", "--check")
     assert done.returncode == 1
     assert BUILD_ID in done.stderr
 
@@ -254,7 +254,7 @@ def test_build_id_follows_the_sources(tmp_path: Path, change: str) -> None:
         source.rename(source.with_name("lcd.cpp"))  # the same place in the order
     else:
         source.with_name("empty.h").touch()
-    assert run_tool("build_id.py", root).returncode == 0
+    assert run_tool("generated.py", root, "build_id").returncode == 0
     text = (root / BUILD_ID).read_text()
     assert record()["build_id"] not in text
     assert re.search(r'kBuildId\[\] = "[0-9a-f]{8}"', text)

@@ -98,7 +98,7 @@ def body(register: str) -> str:
 
 
 def generate(root: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, ROOT / "tools/gen_registers.py", "--root", root, *options]
+    command = [sys.executable, ROOT / "tools/generated.py", "gen_registers", "--root", root, *options]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 

@@ -18,7 +18,16 @@ FILES = ["firmware/core/messages.h", "host/fltea/wire/layout.py", "protocol/READ
 
 
 def generate(root: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-W", "error", str(TOOLS / "gen_protocol.py"), "--root", str(root), *options]
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        str(TOOLS / "generated.py"),
+        "gen_protocol",
+        "--root",
+        str(root),
+        *options,
+    ]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
