@@ -18,9 +18,10 @@ from typing import Any
 import pytest
 from browser_support import PATIENCE_MS, Watched
 from host_support import fltea_here
-from mosquitto_support import Mosquitto, Stage, make_authority, tool
+from mosquitto_support import Mosquitto, Stage, make_authority
 from playwright.sync_api import Browser, expect
 from support import PATIENCE_S, ROOT, wait_until
+from toolchain import needed
 
 from tools.faults.program import Program
 from tools.faults.server import Server, free_port
@@ -199,7 +200,14 @@ def test_the_example_of_a_broker_lets_a_device_write_under_its_own_name_only(
     example = ROOT / "tools/deploy/mosquitto"
     for user in ("a", "b", "fleet"):
         new = ["-c"] if user == "a" else []
-        command = [tool("mosquitto_passwd"), "-b", *new, str(authority / "passwords"), user, f"{user}-secret"]
+        command = [
+            needed("mosquitto_passwd", "mosquitto"),
+            "-b",
+            *new,
+            str(authority / "passwords"),
+            user,
+            f"{user}-secret",
+        ]
         subprocess.run(command, check=True, capture_output=True)
     (authority / "acl").write_bytes((example / "acl").read_bytes())
     for name in ("acl", "passwords"):
@@ -209,7 +217,7 @@ def test_the_example_of_a_broker_lets_a_device_write_under_its_own_name_only(
         "listener 8883", f"listener {port} 127.0.0.1"
     )
     (tmp_path / "conf").write_text(text + ("user root\n" if os.geteuid() == 0 else ""))
-    server = Server([tool("mosquitto"), "-c", tmp_path / "conf"], [port], tmp_path / "log")
+    server = Server([needed("mosquitto"), "-c", tmp_path / "conf"], [port], tmp_path / "log")
     stage.callback(server.kill)
     heard: list[str] = []
     subscribed: list[object] = []

@@ -1,7 +1,7 @@
 """Faults of a fleet as `make faults` plays them: nothing is lost without being counted."""
 
 import pytest
-from mosquitto_support import tool
+from toolchain import needed
 
 from tools.faults.case import play
 from tools.faults.fleet import CASES
@@ -21,6 +21,6 @@ REPORTED = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", REPORTED)
 def test_everything_is_accounted_for(name: str) -> None:
-    tool("mosquitto")
+    needed("mosquitto")
     outcome = play(next(case for case in CASES if case.name == name))
     assert (outcome.wrong, outcome.uncounted, outcome.reported) == ([], 0, REPORTED[name])

@@ -1,7 +1,7 @@
 """Faults of the ingest as `make faults` plays them: each sample is delivered, or counted as lost."""
 
 import pytest
-from mosquitto_support import tool
+from toolchain import needed
 
 from tools.faults.__main__ import PARTS
 from tools.faults.case import play
@@ -26,7 +26,7 @@ CASES = {case.name: case for case in PARTS["ingest"].cases}
 )
 def test_each_sample_is_accounted_for(server: str, name: str, reported: set[str], lost: int | None) -> None:
     """Boards that keep what they could not send lose nothing; programs go on by themselves."""
-    tool(server)
+    needed(server)
     outcome = play(CASES[name])
     assert (outcome.wrong, outcome.uncounted) == ([], 0)
     assert reported <= set(outcome.reported)

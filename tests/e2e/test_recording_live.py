@@ -38,39 +38,6 @@ def replay(path: Path) -> str:
     return result.stdout
 
 
-@pytest.mark.slow
-def test_a_replay_gives_what_the_live_run_published(processes: Processes, port: Path, tmp_path: Path) -> None:
-    """Through the loss of the device and its return; files change in between."""
-    folder = tmp_path / "rec"
-    device = processes.stand_in(port, "--noise", "alpha=0.5&f=-1&seed=7")
-    arguments = ("--record", folder, "--set", "record.rotate_s=1.2", "--samples")
-    daemon = processes.daemon("--source", f"serial:{port}", *QUICK, *arguments)
-    daemon.wait_for(lambda: len(daemon.of("estimate")) >= 150, "150 estimates")
-    device.stop()
-    daemon.wait_for(lambda: "unplugged" in daemon.errors(), "the loss")
-    device = processes.stand_in(port, "--noise", "alpha=0.5&f=-1&seed=8")
-    daemon.wait_for(lambda: len(daemon.of("epoch")) == 2, "the second epoch")
-    daemon.wait_for(lambda: len(daemon.of("estimate")) >= 300, "300 estimates")
-    code, stderr = daemon.end(signal.SIGTERM)
-    device.stop()
-    assert code == 0, stderr
-    again = replay(folder)
-    assert len(list(folder.glob("*.mcap"))) >= 3
-    for kind in ("sample", "epoch", "estimate"):
-        assert records(again, kind) == of(daemon, kind)
-    assert [e["kind"] for e in records(again, "error")] == daemon.errors()
-    assert records(again, "stats")[-1]["samples"] == of(daemon, "stats")[-1]["samples"]
-    last = daemon.of("stats")[-1]["outputs"]["record"]
-    assert last["dropped"] == 0
-    assert last["written"] > 600
-    info = json.loads(fltea("info", "--json", folder).stdout)
-    assert info["samples"] == len(daemon.of("sample"))
-    assert (info["whole"], info["resets"], info["breaks"]) == (True, 1, 0)
-    for path in folder.glob("*.mcap"):
-        with path.open("rb") as file:
-            assert make_reader(file, validate_crcs=True).get_summary() is not None
-
-
 @pytest.mark.parametrize("seed", [1, slow(2)])
 def test_kill_9_costs_the_last_second(seed: int, processes: Processes, port: Path, tmp_path: Path) -> None:
     folder = tmp_path / "rec"

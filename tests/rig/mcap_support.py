@@ -54,8 +54,8 @@ class Live:
 
     live = prompt = True
 
-    def __init__(self) -> None:
-        self.wire = WireEvents("/dev/due")
+    def __init__(self, url: str = "/dev/due") -> None:
+        self.wire = WireEvents(url)
 
     @property
     def unix_offset_ns(self) -> int:

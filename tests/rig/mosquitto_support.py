@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-import shutil
 import subprocess
 import threading
 from collections.abc import Callable
@@ -19,7 +18,7 @@ from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from support import PATIENCE_S, wait_until
-from toolchain import missing
+from toolchain import needed
 
 from tools.faults.server import Server, free_port
 
@@ -27,13 +26,8 @@ WATCHER, DAEMON, STRANGER = ("watcher", "w-secret"), ("fltea", "hunter2:with col
 ACL = "user watcher\ntopic read #\nuser fltea\ntopic readwrite fltea/#\n"
 
 
-def tool(name: str) -> str:
-    found = shutil.which(name, path=f"{os.environ['PATH']}:/usr/sbin")
-    return found or missing(f"{name} is not installed: sudo apt-get install mosquitto nats-server openssl")
-
-
 def openssl(*arguments: str | Path) -> None:
-    subprocess.run([tool("openssl"), *arguments], check=True, capture_output=True, timeout=PATIENCE_S)
+    subprocess.run([needed("openssl"), *arguments], check=True, capture_output=True, timeout=PATIENCE_S)
 
 
 def make_authority(folder: Path) -> Path:
@@ -89,14 +83,14 @@ class Mosquitto(Server):
             passwords, access = folder / "passwords", folder / "acl"
             passwords.touch(mode=0o600)
             for user, password in (WATCHER, DAEMON, STRANGER):
-                command = [tool("mosquitto_passwd"), "-b", passwords, user, password]
+                command = [needed("mosquitto_passwd", "mosquitto"), "-b", passwords, user, password]
                 subprocess.run(command, check=True, capture_output=True)
             access.write_text(ACL)
             access.chmod(0o600)
             lines += [f"password_file {passwords}", f"acl_file {access}"]
         settings = folder / "mosquitto.conf"
         settings.write_text("\n".join(lines) + "\n")
-        super().__init__([tool("mosquitto"), "-c", settings], [port], folder / "log")
+        super().__init__([needed("mosquitto"), "-c", settings], [port], folder / "log")
 
 
 class Heard(NamedTuple):

@@ -4,8 +4,8 @@ import os
 import shutil
 from pathlib import Path
 
-from mosquitto_support import tool
 from support import ROOT
+from toolchain import needed
 
 from tools.faults.server import Server, free_port
 
@@ -15,7 +15,7 @@ DEPLOYED = ROOT / "tools/deploy/nats"
 
 def started(folder: Path, settings: Path, port: int, environment: dict[str, str]) -> Server:
     """One process, which listens once this is made."""
-    command, log = [tool("nats-server"), "-c", settings], folder / f"{settings.stem}-{port}.log"
+    command, log = [needed("nats-server"), "-c", settings], folder / f"{settings.stem}-{port}.log"
     return Server(command, [port], log, env={**os.environ, **environment}, cwd=folder)
 
 

@@ -16,7 +16,8 @@ def missing(reason: str) -> NoReturn:
 
 def needed(tool: str, package: str = "") -> str:
     """Where a tool is, in a package of Debian that has another name perhaps; skips without it."""
-    return shutil.which(tool) or missing(f"no {tool} (Debian: {package or tool})")
+    path = f"{os.environ['PATH']}:/usr/sbin"
+    return shutil.which(tool, path=path) or missing(f"no {tool} (Debian: {package or tool})")
 
 
 def arm_compiler() -> str:

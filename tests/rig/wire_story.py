@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from estimating_board import noise
 from fltea.records.events import Chunk, Event, LinkDown, Opened
-from fltea.records.records import LinkStats
-from fltea.sources.wire_events import Chunks, WireEvents
+from fltea.sources.wire_events import Chunks
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from host_support import WIRE_HELLO
 from hypothesis import strategies as st
+from mcap_support import Live
 
 PERIOD_NS = 10**7
 SECOND_NS = 10**9
@@ -153,26 +153,17 @@ def stories() -> st.SearchStrategy[Story]:
     )
 
 
-class StorySource:
+class StorySource(Live):
     """A source whose wire gives what the moments are read as."""
 
     live = prompt = False
 
     def __init__(self) -> None:
-        self.wire = WireEvents("board")
+        super().__init__("board")
         self._now_ns: int | None = None
-
-    @property
-    def unix_offset_ns(self) -> int:
-        return self.wire.unix_offset_ns
-
-    def link_stats(self) -> LinkStats:
-        return self.wire.link_stats()
 
     def events(self) -> Iterator[Event]:
         return iter(())
-
-    def close(self) -> None: ...
 
     def read(self, moments: Sequence[Moment]) -> Iterator[Event]:
         """Read what came one after another; where nothing did, tick as a live source does."""

@@ -13,7 +13,7 @@ from fltea.machine.doctor.checks_outputs import SERVICE_USER
 from fltea.settings.config import load_config, load_configs
 from fltea.wire.transport import DUE_NATIVE_PORT, DUE_PROGRAMMING_PORT, DUE_VENDORS
 from host_support import ROOT
-from toolchain import missing
+from toolchain import needed
 
 DEPLOY = ROOT / "tools/deploy"
 SCRIPT = DEPLOY / "service.sh"
@@ -32,11 +32,6 @@ ACTIONS = {
     "TAG",
     "SYMLINK",
 }
-
-
-def tool(name: str) -> str:
-    path = shutil.which(name)
-    return path or missing(f"{name} is not installed")
 
 
 def run(*command: str | Path, **environment: str | Path) -> subprocess.CompletedProcess[str]:
@@ -227,7 +222,7 @@ def test_the_unit_fits_the_program() -> None:
 
 
 def test_systemd_itself_takes_the_unit(tmp_path: Path) -> None:
-    analyze = tool("systemd-analyze")
+    analyze = needed("systemd-analyze", "systemd")
     program = tmp_path / "program/bin/fltea"
     program.parent.mkdir(parents=True)
     program.write_text("#!/bin/sh\n")

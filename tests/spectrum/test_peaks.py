@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from filtered_noise import averaged, low_passed
 from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral import _above_slow_lines
 from identify_support import Array, H, ar, long_recursion, white
 from octaves_support import fed
+from scipy.signal import butter, lfilter
 
 N = 60_000
 
@@ -32,6 +32,23 @@ def octave_lines(y: Array) -> Periodogram:
 
 FILE, LIVE = Search(lambda y: periodogram(y, H), find_peaks), Search(octave_lines, find_octave_peaks)
 both = pytest.mark.parametrize("search", [FILE, LIVE], ids=["file", "live"])
+
+
+OVERSAMPLED = 20
+
+
+def low_passed(n: int, corner_hz: float, poles: int, seed: int) -> Array:
+    """White noise of density 1 through a Butterworth filter, sampled at 100 Hz, (n,)."""
+    b, a = butter(poles, 2 * corner_hz * H / OVERSAMPLED)
+    rng = np.random.default_rng(seed)
+    waves = rng.standard_normal((n + 200) * OVERSAMPLED) * np.sqrt(OVERSAMPLED)
+    return np.asarray(lfilter(b, a, waves)[::OVERSAMPLED][-n:])
+
+
+def averaged(n: int, count: int, seed: int) -> Array:
+    """Moving average of white noise, (n,)."""
+    waves = np.random.default_rng(seed).standard_normal(n + count - 1)
+    return np.convolve(waves, np.ones(count) / count, "valid")
 
 
 def tone(hz: float, n: int) -> Array:
