@@ -365,3 +365,11 @@ def sentence_spectrum(
     h: float,
     total: NDArray[np.float64],
 ) -> None: ...
+
+# Lines of JSON: texts stand before each hole and after the last one, holes are (column, place in its row);
+# nulls: numbers that are not finite are null, else left out with their key.
+class Lines:
+    def __init__(self, texts: list[bytes], holes: list[tuple[int, int]], nulls: bool) -> None: ...
+
+    # Rows begin, begin + step, … below end; a column without a hole may be anything.
+    def write(self, columns: list[Any], begin: int, end: int, step: int) -> bytes: ...

@@ -47,5 +47,6 @@ void bind_engine(nanobind::module_& m);
 void bind_lanes(nanobind::module_& m);
 void bind_bank(nanobind::module_& m);
 void bind_allan(nanobind::module_& m);
+void bind_lines(nanobind::module_& m);
 void bind_octaves(nanobind::module_& m);
 void bind_tracker(nanobind::module_& m);

@@ -162,4 +162,5 @@ NB_MODULE(_native, m) {
     bind_allan(m);
     bind_octaves(m);
     bind_tracker(m);
+    bind_lines(m);
 }

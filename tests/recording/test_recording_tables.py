@@ -1,6 +1,7 @@
 """What is made of recordings: exports that replay again, sums, and whole files of torn ones."""
 
 import csv
+import dataclasses
 import os
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,12 @@ from fltea.archive.export import export
 from fltea.archive.info import Summary, as_text, sessions, summarise
 from fltea.cli import record as cli_record
 from fltea.recording.recovery import recover
+from fltea.records.block import AxisColumns, Block
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Chunk, Failed
-from fltea.records.records import Epoch, Estimate, Fit, FlteaEstimate, Gap, Hello, Sample
+from fltea.records.records import Epoch, Estimate, Fit, Gap, Hello, Sample
 from fltea.sinks import record as record_module
+from fltea.sinks.lines import BlockLines, Wanted
 from fltea.stream.decode import Decoded, Decoder
 from mcap.reader import make_reader
 from mcap_support import Live, kill, of, record, replay, transport
@@ -157,15 +160,17 @@ def test_fits_are_those_that_were_published(tmp_path: Path) -> None:
 
 
 def test_what_was_not_valid_stays_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    encode = record_module.encode_message
+    of_block = BlockLines.of
 
-    def invalid(one: msgspec.Struct) -> bytes:
-        if isinstance(one, Estimate) and one.seq == 40:
-            axis = msgspec.structs.replace(one.axes["gyro_x"], fltea=FlteaEstimate())
-            one = msgspec.structs.replace(one, axes={**one.axes, "gyro_x": axis})
-        return encode(one)
+    def invalid(lines: BlockLines, block: Block, wanted: Wanted, rows: range) -> bytes:
+        changed: list[AxisColumns] = []
+        for one in block.estimates:
+            there = (block.seq == 40)[:, np.newaxis] & [axis == "gyro_x" for axis in one.axes]
+            numbers = [np.where(there, np.nan, column) for column in one[4:10]]
+            changed.append(one._make((*one[:4], *numbers, one.valid & ~there, one.settled & ~there)))
+        return of_block(lines, dataclasses.replace(block, estimates=tuple(changed)), wanted, rows)
 
-    monkeypatch.setattr(record_module, "encode_message", invalid)
+    monkeypatch.setattr(BlockLines, "of", invalid)
     record(tmp_path / "rec", transport(samples=60))
     rows, data = exported(tmp_path, "estimates")
     (row,) = [row for row in rows if row["seq"] == "40"]

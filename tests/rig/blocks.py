@@ -80,10 +80,10 @@ def block_of_records(sample: Sample, estimate: Estimate | None = None) -> Block:
             AxisColumns(
                 tuple(found),
                 unit,
+                tuple(axis.null_p for axis in found.values()),
+                tuple(axis.whiteness for axis in found.values()),
                 *(np.array([values[name]], dtype=np.float64) for name in NUMBERS),
                 np.array([values["valid"]]),
-                np.array([[axis.null_p for axis in found.values()]], dtype=np.float64),
-                np.array([[axis.whiteness == "rejected" for axis in found.values()]]),
                 np.array([values["settled"]]),
             )
         )

@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import starmap
-from typing import Any, NamedTuple
+from itertools import chain, starmap
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,21 +24,47 @@ from fltea.records.records import (
     Estimate,
     FlteaEstimate,
     Sample,
+    Whiteness,
 )
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+T = TypeVar("T")
+
+
+class Values:
+    """What the records of the chosen rows hold of columns: the rows after one another."""
+
+    def __init__(self, chosen: slice = slice(None)) -> None:
+        self._chosen = chosen
+
+    def of(self, column: NDArray[Any]) -> Sequence[Any]:
+        """Return all numbers or flags of a column."""
+        values: list[Any] = column[self._chosen].ravel().tolist()
+        return values
+
+    def nullable(self, column: Array) -> Sequence[float | None]:
+        """Return all numbers of a column, None for those that are not finite."""
+        values = self.of(column)
+        if math.isfinite(sum(values)):
+            return values
+        return [value if math.isfinite(value) else None for value in values]
+
+
+ALL = Values()
 
 
 class AxisColumns(NamedTuple):
-    """Estimates of the axes of one sensor after n samples, all (n, axes); NaN where there is no number.
+    """Estimates of the axes of one sensor after n samples, (n, axes); NaN where there is no number.
 
-    state, innovation: in `unit`. null_p: of the newest fit, NaN while there is none; white_rejected: what it
-    says then. settled: the innovations are white, and if the fit is to tune it has.
+    null_p, whiteness: of the newest fit, one an axis. state, innovation: in `unit`. settled: the innovations
+    are white, and if the fit is to tune it has.
     """
 
     axes: tuple[str, ...]
     unit: str
+    null_p: tuple[float | None, ...]
+    whiteness: tuple[Whiteness | None, ...]
     alpha: Array
     alpha_std: Array
     f: Array
@@ -46,29 +72,23 @@ class AxisColumns(NamedTuple):
     state: Array
     innovation: Array
     valid: Bools
-    null_p: Array
-    white_rejected: Bools
     settled: Bools
 
     def rows(self, begin: int, end: int) -> "AxisColumns":
         """Return the block of some of its rows."""
-        return AxisColumns._make((self.axes, self.unit, *(column[begin:end] for column in self[2:])))
+        return AxisColumns._make((*self[:4], *(column[begin:end] for column in self[4:])))
 
     def of_rows(
-        self, chosen: slice, tracked: "TrackedColumns | None" = None
+        self, values: Values, tracked: "TrackedColumns | None" = None
     ) -> Iterator[dict[str, AxisEstimate]]:
         """Return the estimates after each of the chosen samples, by axis; tracked: of the same axes."""
         # All axes of a column at once: of a block of one row most of the cost is that of the calls.
-        numbers = [_nullable(column[chosen]) for column in self[2:8]]
-        flags = [column[chosen].ravel().tolist() for column in (self.valid, self.settled)]
-        p = _nullable(self.null_p[chosen])
-        rejected: list[bool] = self.white_rejected[chosen].ravel().tolist()
-        whiteness = [None if q is None else _WORDS[bad] for q, bad in zip(p, rejected, strict=True)]
-        of_paper = list(map(FlteaEstimate, *numbers, *flags))
-        known = _tracked(tracked, chosen, len(of_paper), len(self.axes))
-        columns = zip(*known, p, whiteness, [self.unit] * len(p), of_paper, strict=True)
-        rows = starmap(AxisEstimate, columns)
-        return (dict(zip(self.axes, row, strict=True)) for row in zip(*[rows] * len(self.axes), strict=True))
+        of_paper = list(map(FlteaEstimate, *map(values.nullable, self[4:10]), *map(values.of, self[10:])))
+        rows = len(of_paper) // len(self.axes)
+        known = _tracked(tracked, values, rows, len(self.axes))
+        of_fit = self.null_p * rows, self.whiteness * rows, (self.unit,) * len(of_paper)
+        columns = zip(*known, *of_fit, of_paper, strict=True)
+        return _by_axis(self.axes, starmap(AxisEstimate, columns))
 
 
 class TrackedColumns(NamedTuple):
@@ -94,27 +114,19 @@ class TrackedColumns(NamedTuple):
         return TrackedColumns._make((*self[:2], *(column[begin:end] for column in self[2:8]), *self[8:]))
 
 
-def _tracked(tracked: TrackedColumns | None, chosen: slice, size: int, axes: int) -> list[Sequence[Any]]:
+def _by_axis(axes: tuple[str, ...], found: Iterator[T]) -> Iterator[dict[str, T]]:
+    """Yield the axes of each row together."""
+    return (dict(zip(axes, row, strict=True)) for row in zip(*[found] * len(axes), strict=True))
+
+
+def _tracked(tracked: TrackedColumns | None, values: Values, rows: int, axes: int) -> list[Sequence[Any]]:
     """Return the columns verdict to moving of `AxisEstimate`, all axes of a row after one another."""
     if tracked is None:
         nothing = (None, Interval(), Interval(), *[None] * 5, False)
-        return [[one] * size for one in nothing]
-    rows = size // axes
-    of_fit = [list(one) * rows for one in (tracked.verdict, tracked.alpha, tracked.f)]
+        return [[one] * (rows * axes) for one in nothing]
+    of_fit = [one * rows for one in (tracked.verdict, tracked.alpha, tracked.f)]
     numbers = (tracked.bias, tracked.bias_std, tracked.state, tracked.state_std, tracked.innovation)
-    flags = tracked.moving[chosen].ravel().tolist()
-    return [*of_fit, *(_nullable(column[chosen]) for column in numbers), flags]
-
-
-_WORDS = {False: "not rejected", True: "rejected"}
-
-
-def _nullable(column: Array) -> Sequence[float | None]:
-    """Return all numbers of columns, row after row, None for those that are not finite."""
-    values: list[float] = column.ravel().tolist()
-    if math.isfinite(sum(values)):
-        return values
-    return [value if math.isfinite(value) else None for value in values]
+    return [*of_fit, *map(values.nullable, numbers), values.of(tracked.moving)]
 
 
 COLUMNS = ("seq", "device_us", "host_ns", "gyro_dps", "accel_ms2", "temperature_c", "flags")
@@ -152,7 +164,7 @@ class Block:
     @cached_property
     def weight(self) -> int:
         """The number of records that it stands for."""
-        return len(self.due_rows) * (1 + bool(self.estimates) + self._has_corrected)
+        return len(self.due_rows) * (1 + bool(self.estimates) + (self.corrected_dps is not None))
 
     @property
     def due_rows(self) -> range:
@@ -176,14 +188,14 @@ class Block:
 
     def estimates_at(self, row: int, unit: str) -> dict[str, AxisEstimate]:
         """Return what is known of the axes in this unit after one sample, with or without the filters."""
-        chosen = slice(row, row + 1)
+        values = Values(slice(row, row + 1))
         tracked = next((one for one in self.tracked if one.unit == unit), None)
         own = next((one for one in self.estimates if one.unit == unit), None)
         if own is not None:
-            return next(own.of_rows(chosen, tracked))
+            return next(own.of_rows(values, tracked))
         if tracked is None:
             return {}
-        known = zip(*_tracked(tracked, chosen, len(tracked.axes), len(tracked.axes)), strict=True)
+        known = zip(*_tracked(tracked, values, 1, len(tracked.axes)), strict=True)
         return {
             axis: AxisEstimate(*(*one, None, None, unit, FlteaEstimate()))
             for axis, one in zip(tracked.axes, known, strict=True)
@@ -192,68 +204,75 @@ class Block:
     def last_estimate(self) -> Estimate | None:
         """Return the newest of which there is a record; None where there is none."""
         rows = self.due_rows
-        return next(self.estimate_records(slice(rows[-1], rows[-1] + 1)), None) if rows else None
+        return next(self.estimate_records(Values(slice(rows[-1], rows[-1] + 1))), None) if rows else None
 
     def records(
-        self, *, samples: bool = True, estimates: bool = True, corrected: bool = True
+        self,
+        *,
+        samples: bool = True,
+        estimates: bool = True,
+        corrected: bool = True,
+        values: Values | None = None,
     ) -> Iterator[Sample | Estimate | Corrected]:
-        """Yield the records of the rows that are due, in the order of the samples."""
-        chosen = self.due(self.every)
+        """Yield the records of the rows that are due, or of others, in the order of the samples."""
+        values = values or Values(self.due(self.every))
         kinds: list[Iterator[Sample | Estimate | Corrected]] = []
         if samples:
-            kinds.append(self.samples(chosen))
+            kinds.append(self.samples(values))
         if estimates and self.estimates:
-            kinds.append(self.estimate_records(chosen))
-        if corrected and self._has_corrected:
-            kinds.append(self.corrected_records(chosen))
-        if len(kinds) == 1:
-            yield from kinds[0]
-        else:
-            for found in zip(*kinds, strict=True):
-                yield from found
+            kinds.append(self.estimate_records(values))
+        if corrected and self.corrected_dps is not None:
+            kinds.append(self.corrected_records(values))
+        return chain.from_iterable(zip(*kinds, strict=True))
 
-    @property
-    def _has_corrected(self) -> bool:
-        return self.corrected and any(one.unit == GYRO_UNIT for one in self.tracked)
+    @cached_property
+    def corrected_dps(self) -> Array | None:
+        """The rates of the tracked axes less their biases, where there are records of them."""
+        tracked = next((one for one in self.tracked if one.unit == GYRO_UNIT), None)
+        if tracked is None or not self.corrected:
+            return None
+        return self.gyro_dps[:, [AXES.index(axis) for axis in tracked.axes]] - tracked.bias
 
-    def corrected_records(self, chosen: slice = slice(None)) -> Iterator[Corrected]:
+    def corrected_records(self, values: Values) -> Iterator[Corrected]:
         """Yield a record for each of the chosen rows: the gyroscope's rates less their biases."""
         tracked = next(one for one in self.tracked if one.unit == GYRO_UNIT)
-        places = [AXES.index(axis) for axis in tracked.axes]
-        rates = _nullable(self.gyro_dps[chosen][:, places] - tracked.bias[chosen])
-        found = map(
-            CorrectedAxis, rates, _nullable(tracked.bias_std[chosen]), tracked.moving[chosen].ravel().tolist()
-        )
-        rows = zip(*[found] * len(places), strict=True)
-        for seq, device_us, host_ns, row in zip(*self._places(chosen), rows, strict=True):
-            axes = dict(zip(tracked.axes, row, strict=True))
+        assert self.corrected_dps is not None
+        numbers = map(values.nullable, (self.corrected_dps, tracked.bias_std))
+        rows = _by_axis(tracked.axes, map(CorrectedAxis, *numbers, values.of(tracked.moving)))
+        for seq, device_us, host_ns, axes in zip(*self._places(values), rows, strict=True):
             yield Corrected(seq, self.epoch, device_us, host_ns, axes, device=self.device)
 
-    def samples(self, chosen: slice = slice(None)) -> Iterator[Sample]:
+    def samples(self, values: Values = ALL) -> Iterator[Sample]:
         """Yield a record for each of the chosen rows."""
-        n, epoch, device = len(self.seq[chosen]), self.epoch, self.device
+        places, epoch, device = self._places(values), self.epoch, self.device
+        n = len(places[0])
         columns = zip(
-            *self._places(chosen),
-            map(tuple, self.gyro_dps[chosen].tolist()),
-            [None] * n if self.accel_ms2 is None else map(tuple, self.accel_ms2[chosen].tolist()),
-            [None] * n if self.temperature_c is None else self.temperature_c[chosen].tolist(),
-            [0] * n if self.flags is None else self.flags[chosen].tolist(),
+            *places,
+            _rows(values, self.gyro_dps),
+            [None] * n if self.accel_ms2 is None else _rows(values, self.accel_ms2),
+            [None] * n if self.temperature_c is None else values.of(self.temperature_c),
+            [0] * n if self.flags is None else values.of(self.flags),
             strict=True,
         )
-        for seq, device_us, host_ns, gyro, accel, temperature, flags in columns:
-            yield Sample(seq, epoch, device_us, host_ns, gyro, accel, temperature, flags, device=device)
+        for seq, *columns_of_one in columns:
+            yield Sample(seq, epoch, *columns_of_one, device=device)
 
-    def estimate_records(self, chosen: slice = slice(None)) -> Iterator[Estimate]:
+    def estimate_records(self, values: Values = ALL) -> Iterator[Estimate]:
         """Yield a record for each of the chosen rows; none while the start-up window fills."""
         if not self.estimates:
             return
         epoch, variant, device = self.epoch, self.variant, self.device
         tracked = {one.unit: one for one in self.tracked}
-        first, *others = (one.of_rows(chosen, tracked.get(one.unit)) for one in self.estimates)
+        first, *others = (one.of_rows(values, tracked.get(one.unit)) for one in self.estimates)
         axes = first if not others else (a | b for a, b in zip(first, *others, strict=True))
-        for seq, device_us, host_ns, found in zip(*self._places(chosen), axes, strict=True):
+        for seq, device_us, host_ns, found in zip(*self._places(values), axes, strict=True):
             yield Estimate(seq, epoch, device_us, host_ns, variant, found, device=device)
 
-    def _places(self, chosen: slice) -> list[list[int]]:
+    def _places(self, values: Values) -> list[Sequence[int]]:
         """Numbers and times of the chosen rows."""
-        return [column[chosen].tolist() for column in (self.seq, self.device_us, self.host_ns)]
+        return [values.of(column) for column in (self.seq, self.device_us, self.host_ns)]
+
+
+def _rows(values: Values, column: Array) -> Iterator[tuple[float, ...]]:
+    """Return the chosen rows of a column, each by itself."""
+    return zip(*[iter(values.of(column))] * column.shape[1], strict=True)

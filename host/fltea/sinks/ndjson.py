@@ -7,6 +7,7 @@ import msgspec
 
 from fltea.records.block import Block
 from fltea.records.ports import Item, Sink, SinkClosed
+from fltea.sinks.lines import BlockLines, Wanted
 
 BUFFER = 1 << 16
 FULL_S = 0.005
@@ -24,21 +25,18 @@ class NdjsonSink(Sink):
 
     def __init__(self, stream: BinaryIO, *, samples: bool) -> None:
         self._stream = stream
-        self._samples = samples
+        self._wanted = Wanted(samples=samples, estimates=True, corrected=True)
+        self._lines = BlockLines()
         self._encoder = msgspec.json.Encoder()
         self._pending = bytearray()
 
     def write(self, item: Item) -> None:
         """Add a line a record."""
-        if not isinstance(item, Block):
-            self._add(item)
-            return
-        for record in item.records(samples=self._samples):
-            self._add(record)
-
-    def _add(self, record: Item) -> None:
-        self._encoder.encode_into(record, self._pending, -1)
-        self._pending += b"\n"
+        if isinstance(item, Block):
+            self._pending += self._lines.of(item, self._wanted, item.due_rows)
+        else:
+            self._encoder.encode_into(item, self._pending, -1)
+            self._pending += b"\n"
         if len(self._pending) >= BUFFER:
             self.flush()
 

@@ -1,6 +1,7 @@
 """Records what comes over the wire, and the records made of it, in MCAP files."""
 
 import errno
+from itertools import chain
 from pathlib import Path
 from typing import get_args
 
@@ -12,8 +13,9 @@ from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.events import Chunk, Failed, LinkDown, Opened, TransportEvent
 from fltea.records.ports import Item, Report, Sink
-from fltea.records.records import AnyRecord, Corrected, Estimate, Hello, Sample
+from fltea.records.records import AnyRecord, Hello
 from fltea.settings.outputs import RecordConfig
+from fltea.sinks.lines import BlockLines, Wanted
 from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer
 from fltea.sources.wire_events import WireEvents
 
@@ -27,6 +29,13 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
 KINDS: dict[str, type[AnyRecord]] = {str(kind.__struct_config__.tag): kind for kind in get_args(AnyRecord)}
 """Records by the names of their classes."""
+
+OF_BLOCKS = {
+    "sample": Wanted(samples=True, nulls=False),
+    "estimate": Wanted(estimates=True, nulls=False),
+    "corrected": Wanted(corrected=True, nulls=False),
+}
+"""Channels of what has a row a sample."""
 
 
 class RecordSink(Sink):
@@ -55,6 +64,8 @@ class RecordSink(Sink):
         self._settings, self._report = settings, report
         kinds = {str(name): KINDS[name] for name in settings.channels}
         self._topics = {kind: name for name, kind in kinds.items()}
+        self._of_blocks = {name: wanted for name, wanted in OF_BLOCKS.items() if name in kinds}
+        self._lines = BlockLines()
         self._session = Session(settings.folder, device, kinds)
         self._part: OpenPart | None = None
         self._finished_bytes = 0
@@ -81,11 +92,9 @@ class RecordSink(Sink):
         if isinstance(item, Opened | Chunk | Failed):
             self._on_wire(item)
         elif isinstance(item, Block):
-            wanted = (Sample in self._topics, Estimate in self._topics, Corrected in self._topics)
-            for record in item.records(samples=wanted[0], estimates=wanted[1], corrected=wanted[2]):
-                self._on_record(record)
+            self._on_block(item)
         elif type(item) in self._topics:
-            self._on_record(item)
+            self._on_message(self._topics[type(item)], item.host_ns, encode_message(item))
 
     def flush(self) -> None:
         """Hand what has been gathered to the operating system, if the last time is long enough ago."""
@@ -136,7 +145,18 @@ class RecordSink(Sink):
                 self._hello = None
         self._wire.resume(item.host_ns)
 
-    def _on_record(self, record: AnyRecord) -> None:
+    def _on_block(self, block: Block) -> None:
+        rows = block.due_rows
+        times = block.host_ns[rows.start : rows.stop : rows.step].tolist()
+        kinds = []
+        for name, wanted in self._of_blocks.items():
+            lines = self._lines.of(block, wanted, rows).splitlines()
+            if lines:
+                kinds.append([(name, *one) for one in zip(times, lines, strict=True)])
+        for message in chain.from_iterable(zip(*kinds, strict=True)):
+            self._on_message(*message)
+
+    def _on_message(self, name: str, host_ns: int, data: bytes) -> None:
         if self._offset_ns is None:  # an error of another output, before anything from the device
             self._offset_ns = clock.unix_offset_ns()
             self._now_ns = clock.host_ns()
@@ -144,8 +164,7 @@ class RecordSink(Sink):
         if self._part is None:
             self._lose()
         else:
-            name, host_ns = self._topics[type(record)], record.host_ns
-            self._part.add(Entry(name, host_ns, host_ns, 0, encode_message(record)))
+            self._part.add(Entry(name, host_ns, host_ns, 0, data))
 
     def _on_hello(self, hello: Hello) -> None:
         self._hello = hello

@@ -1,6 +1,5 @@
 """The stage in which this computer estimates: the axes of both sensors, each sensor's in a bank."""
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 from fltea.estimator.bank import Bank
 from fltea.estimator.lanes import Reason
 from fltea.estimator.snapshot import OnlineState
-from fltea.records.block import AxisColumns, Block, Bools
+from fltea.records.block import AxisColumns, Block
 from fltea.records.errors import UsageError
 from fltea.records.events import Ints
 from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, GYRO_UNIT, AxisStats, EstimatorInfo
@@ -76,9 +75,12 @@ class Channels:
         if fills:
             return None, []
         assert found.white is not None
+        settled = [self._settled(axis) for axis in self._names]
         columns = AxisColumns(
             self._names,
             self._unit,
+            tuple(one.null_p for one in settled),
+            tuple(one.whiteness for one in settled),
             found.alpha,
             found.alpha_std,
             found.f,
@@ -86,7 +88,6 @@ class Channels:
             found.x,
             found.innovation,
             found.valid,
-            *self._null(found.valid.shape),
             found.white & [not self._tuned or axis in self._bank.tuned for axis in self._names],
         )
         return columns, [(row, self._names[lane], why) for row, lane, why in found.lost]
@@ -115,13 +116,6 @@ class Channels:
 
     def _is_constant(self, axis: str) -> bool:
         return self._bank.baseline is None or axis in self._bank.baseline.constant_axes
-
-    def _null(self, shape: tuple[int, ...]) -> tuple[Array, Bools]:
-        """Return the columns of the verdict on white noise."""
-        settled = [self._settled(axis) for axis in self._names]
-        p = np.array([math.nan if one.null_p is None else one.null_p for one in settled])
-        rejected = np.array([one.whiteness == "rejected" for one in settled])
-        return np.broadcast_to(p, shape), np.broadcast_to(rejected, shape)
 
     def on_missing(self, count: int) -> list[tuple[str, Reason]]:
         """Bridge lost samples; the axes that became invalid meanwhile, and why."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from prometheus_client.core import CounterMetricFamily, HistogramMetricFamily, InfoMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from fltea.records.block import Block
+from fltea.records.block import Block, Values
 from fltea.records.clock import host_ns
 from fltea.records.device_fit import DeviceAxisFit
 from fltea.records.ports import LATENCY_BOUNDS_MS, OutputView
@@ -19,6 +19,7 @@ from fltea.wire import layout as wire
 FRESH_NS = 5 * 10**9
 """An estimate that is older, by its arrival, is no longer shown: the device is gone, or starts again."""
 
+LAST = Values(slice(-1, None))
 _BOUNDS_S = [repr(bound * 1e-3) for bound in LATENCY_BOUNDS_MS] + ["+Inf"]
 
 
@@ -44,8 +45,7 @@ class Newest:
 
     def newest_sample(self) -> Sample | None:
         """Return the last sample."""
-        n = len(self.block) if self.block is not None else 0
-        return next(self.block.samples(slice(n - 1, n))) if self.block is not None else None
+        return next(self.block.samples(LAST)) if self.block is not None else None
 
     def newest_estimate(self) -> Estimate | None:
         """Return the last estimate."""

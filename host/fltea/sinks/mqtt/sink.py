@@ -12,6 +12,7 @@ from fltea.records.identities import MOST, FewIdentities
 from fltea.records.ports import Item, Report, Sink
 from fltea.records.records import AnyRecord, DeviceEstimates, DeviceFits, Estimate, Fit, Hello, Record, Stats
 from fltea.settings.outputs import MqttConfig
+from fltea.sinks.lines import BlockLines, Wanted
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.delivery import BACKLOG, Delivery, Message
 from fltea.sinks.mqtt.link import Link
@@ -22,6 +23,13 @@ FAREWELL_S = 0.4
 
 LONGEST_NAME = 64
 """Characters of a device's level in its topics; a recording may state an identifier of any length."""
+
+KINDS = {
+    "sample": Wanted(samples=True),
+    "estimate": Wanted(estimates=True),
+    "corrected": Wanted(corrected=True),
+}
+"""What has a row a sample."""
 
 
 class MqttSink(Sink):
@@ -47,6 +55,7 @@ class MqttSink(Sink):
         self._link = Link(broker, report, shared)
         self._delivery = Delivery(self._link, report, self._introduce)
         self._encode = msgspec.json.Encoder().encode
+        self._lines = BlockLines()
         self._early: deque[AnyRecord] = deque()
         self._hello: Hello | None = None
         self._identities = FewIdentities()
@@ -76,9 +85,9 @@ class MqttSink(Sink):
             self._keep_early(item)
         elif isinstance(item, Estimate | DeviceEstimates):
             if self._is_due(_kind(item), item.seq, self._settings.estimate_every):
-                self._stream(item, self._settings.stream_qos)
+                self._stream(_kind(item), self._encode(item), self._settings.stream_qos)
         elif isinstance(item, DeviceFits | Stats):
-            self._stream(item, 1)
+            self._stream(_kind(item), self._encode(item), 1, again=not isinstance(item, Stats))
         elif self._turned_away:
             self._delivery.lost += 1
         elif isinstance(item, Fit):  # a state: who comes later, or after an outage, gets the newest one
@@ -95,16 +104,16 @@ class MqttSink(Sink):
         hello, status = self._hello, self._status
         if hello is not None and status is not None and status.on_sample(hello, clock.host_ns()):
             self._publish_status()
-        qos = self._settings.stream_qos
+        every = self._settings.sample_every
         for row in block.due_rows:
-            seq, chosen = int(block.seq[row]), slice(row, row + 1)
-            every = self._settings.sample_every
+            seq, due = int(block.seq[row]), []
             if every and self._is_due("sample", seq, every):
-                self._stream(next(block.samples(chosen)), qos)
+                due.append("sample")
             if block.estimates and self._is_due("estimate", seq, self._settings.estimate_every):
-                self._stream(next(block.estimate_records(chosen)), qos)
-                if block.corrected and block.tracked:
-                    self._stream(next(block.corrected_records(chosen)), qos)
+                due += ["estimate", *(["corrected"] if block.corrected_dps is not None else [])]
+            for kind in due:
+                line = self._lines.of(block, KINDS[kind], range(row, row + 1))
+                self._stream(kind, line[:-1], self._settings.stream_qos)
 
     def _is_due(self, kind: str, seq: int, every: int) -> bool:
         """Whether it is the first in `every` samples; a device, or `output.every`, may leave none at it."""
@@ -218,13 +227,11 @@ class MqttSink(Sink):
     def _publish_state(self, kind: str, payload: bytes) -> None:
         self._delivery.state(Message(self._topic(kind), payload, retain=True))
 
-    def _stream(self, record: AnyRecord, qos: int) -> None:
+    def _stream(self, kind: str, payload: bytes, qos: int, *, again: bool = True) -> None:
         if self._turned_away:
             self._delivery.lost += 1
             return
-        again = not isinstance(record, Stats)
-        topic = self._topic(_kind(record))
-        self._delivery.stream(Message(topic, self._encode(record), again=again, qos=qos))
+        self._delivery.stream(Message(self._topic(kind), payload, again=again, qos=qos))
 
     def _topic(self, kind: str) -> str:
         return f"{self._settings.prefix}/{self._level}/{kind}"

@@ -1,0 +1,97 @@
+"""Records of blocks as lines of JSON, from their columns: byte for byte what msgspec makes of the records.
+
+The records themselves say what stands in a line: one is made with a hole in place of each number and encoded,
+and what stands between its holes is kept for the blocks that say the same.
+"""
+
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import msgspec
+from numpy.typing import NDArray
+
+from fltea._native import Lines
+from fltea.records.block import Block, Values
+
+MOST = 4096
+"""Texts that are kept; where devices come and go by the thousand they are made again."""
+
+HOLE = re.compile(rb"\0(\d+) (\d+)\0")
+NULL = re.compile(rb',"\w+":null|"\w+":null,?')
+_encode = msgspec.json.Encoder().encode
+
+
+class Wanted(NamedTuple):
+    """Which records of a block are printed. nulls: else what is null is left out."""
+
+    samples: bool = False
+    estimates: bool = False
+    corrected: bool = False
+    nulls: bool = True
+
+
+class BlockLines:
+    """Prints the records of blocks, and remembers the last text of each device."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str | None, Wanted], tuple[object, Lines]] = {}
+
+    def of(self, block: Block, wanted: Wanted, rows: range) -> bytes:
+        """Return the records of some rows, a line each."""
+        place, said = (block.device, wanted), _said(block)
+        known = self._known.get(place)
+        if known is None or known[0] != said:
+            if len(self._known) >= MOST:
+                self._known.clear()
+            known = self._known[place] = said, _lines(block, wanted)
+        return known[1].write(_columns(block), rows.start, rows.stop, rows.step)
+
+
+def _said(block: Block) -> object:
+    """What stands in all records of a block."""
+    return (
+        block.epoch,
+        block.variant,
+        (block.accel_ms2 is None, block.temperature_c is None, block.flags is None, block.corrected),
+        [one[:4] for one in block.estimates],
+        [(*one[:2], *one[8:]) for one in block.tracked],
+    )
+
+
+def _columns(block: Block) -> list[Any]:
+    """All that has a row a sample."""
+    columns: list[Any] = [block.seq, block.device_us, block.host_ns, block.gyro_dps]
+    columns += [block.accel_ms2, block.temperature_c, block.flags, block.corrected_dps]
+    for estimates in block.estimates:
+        columns += estimates[4:]
+    for tracked in block.tracked:
+        columns += tracked[2:8]
+    return columns
+
+
+class _Holes(Values):
+    """In place of the numbers of one row, which column and which place in it they are."""
+
+    def __init__(self, columns: Sequence[Any]) -> None:
+        self._columns = columns
+
+    def of(self, column: NDArray[Any]) -> Sequence[Any]:
+        number = next(i for i, one in enumerate(self._columns) if one is column)
+        places = range(1 if column.ndim == 1 else column.shape[1])
+        return [msgspec.Raw(b"\0%d %d\0" % (number, place)) for place in places]
+
+    nullable = of
+
+
+def _lines(block: Block, wanted: Wanted) -> Lines:
+    records = block.records(
+        samples=wanted.samples,
+        estimates=wanted.estimates,
+        corrected=wanted.corrected,
+        values=_Holes(_columns(block)),
+    )
+    text = b"".join(_encode(record) + b"\n" for record in records)
+    *parts, last = HOLE.split(text if wanted.nulls else NULL.sub(b"", text))
+    holes = zip(map(int, parts[1::3]), map(int, parts[2::3]), strict=True)
+    return Lines([*parts[::3], last], list(holes), wanted.nulls)
