@@ -5,19 +5,6 @@ from fltea.records.errors import UsageError
 from sensor_support import RXRDY, SmallBoard
 
 from tools.due_emulator.faults import (
-    KINDS,
-    BrownOut,
-    Clone,
-    HostStopsReading,
-    NackBurst,
-    PortReopen,
-    SclStuck,
-    SdaStuck,
-    SensorClock,
-    StaleByte,
-    UartLoss,
-    Unplug,
-    WatchdogStarvation,
     parse_fault,
     schedule_faults,
 )
@@ -46,64 +33,27 @@ class Board(SmallBoard):
         return self.read_block(0x75, 1)
 
 
-FAULTS = {
-    "sda_stuck at=2.0 clocks=5": SdaStuck(at_s=2.0, clocks=5),
-    "scl_stuck for=0.5": SclStuck(for_s=0.5),
-    "nack_burst count=3": NackBurst(count=3),
-    "stale_byte count=2": StaleByte(count=2),
-    "unplug at=1 for=2.0 who_am_i=0x75": Unplug(at_s=1.0, for_s=2.0, who_am_i=0x75),
-    "clone who_am_i=120": Clone(who_am_i=0x78),
-    "brown_out": BrownOut(part="sensor"),
-    "brown_out part=board": BrownOut(part="board"),
-    "uart_loss probability=0.01 for=5.0": UartLoss(probability=0.01, for_s=5.0),
-    "host_stops_reading for=10.0": HostStopsReading(for_s=10.0),
-    "sensor_clock percent=-1.0": SensorClock(percent=-1.0),
-    "watchdog_starvation for=2.0": WatchdogStarvation(for_s=2.0),
-    "port_reopen at=3": PortReopen(at_s=3.0),
-}
-
-
-@pytest.mark.parametrize("text", FAULTS)
-def test_a_fault_of_the_command_line(text):
-    assert parse_fault(text) == FAULTS[text]
-
-
-def test_there_is_one_of_every_kind():
-    assert {type(fault) for fault in FAULTS.values()} == set(KINDS.values())
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            "sda_stuk at=1",
-            r"--fault sda_stuk at=1: Invalid value .* Kinds: sda_stuck, ",
-        ),
+        ("sda_stuk at=1", r"--fault sda_stuk at=1: Invalid value .* Kinds: sda_stuck, "),
         ("", "kind"),
         ("sda_stuck at=x", r"Expected `float`.*\.at`"),
         ("sda_stuck 2.0", r"'2\.0' is not KEY=VALUE"),
         ("sda_stuck colour=1", "unknown field `colour`"),
-        ("sda_stuck clocks=-1", r"Expected `int` >= 0 .*\.clocks`"),
         ("sda_stuck clocks=1 for=1", "clocks or for, not both"),
         ("sda_stuck at=-1", r"Expected `float` >= 0.0 .*\.at`"),
-        ("scl_stuck for=inf", r"Expected `float` <= 1000000.0 .*\.for`"),
         ("nack_burst", "either count or for"),
         ("nack_burst count=1 for=1", "either count or for"),
-        ("stale_byte count=0", r"Expected `int` >= 1 .*\.count`"),
         ("clone", "missing required field `who_am_i`"),
         ("clone who_am_i=0x1FF", r"Expected `int` <= 255 .*\.who_am_i`"),
-        ("clone who_am_i=0xZZ", "Expected `int`"),
         ("brown_out part=host", "Invalid enum value 'host'"),
-        ("uart_loss", "either count, or probability and for"),
         ("uart_loss count=2 probability=0.1 for=1", "either count, or probability and for"),
-        ("uart_loss probability=2 for=1", r"Expected `float` <= 1.0 .*\.probability`"),
         ("uart_loss probability=0.5", "either count, or probability and for"),
-        ("unplug at=1e300", r"Expected `float` <= 1000000.0 .*\.at`"),
         ("unplug at=nan", r"Expected `float` >= 0.0 .*\.at`"),
         ("unplug at=1 at=2", "at is given twice"),
         ("unplug kind=clone", "kind is given twice"),
         ("watchdog_starvation for=0", r"Expected `float` > 0.0 .*\.for`"),
-        ("host_stops_reading for=0", r"Expected `float` > 0.0 .*\.for`"),
         ("sensor_clock percent=nan", "at most 10 percent"),
         ("sensor_clock percent=1 ppm=1", "percent or ppm, not both"),
     ],

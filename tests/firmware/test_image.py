@@ -234,16 +234,6 @@ def test_what_cannot_be_checked_is_told(
     assert (done.returncode, says in done.stderr) == (code, True), done.stderr
 
 
-@pytest.mark.slow
-def test_failed_build_shows_the_compilers_words(built: Path, tmp_path: Path) -> None:
-    root = copy_tree(tmp_path)
-    (root / "firmware/due/main.cpp").write_text("int main() { return nothing; }\n")
-    done = run_tool("build_firmware.py", root)
-    assert done.returncode == 2
-    assert "nothing" in done.stderr
-    assert (root / IMAGE).read_bytes() == image()
-
-
 @pytest.mark.parametrize("change", ["content", "name", "new"])
 def test_build_id_follows_the_sources(tmp_path: Path, change: str) -> None:
     root = copy_tree(tmp_path)
