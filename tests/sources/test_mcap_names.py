@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from fltea.records.errors import UsageError
 from fltea.records.records import Sample
-from fltea.sources.mcap import find_parts
+from fltea.sources.mcap import find_session
 from fltea.sources.replay import ReplaySource
 from mcap_support import of, record, replay, transport
 from record_support import files
@@ -14,10 +14,10 @@ from record_support import files
 def test_folder_session_and_file_name_the_same(tmp_path: Path) -> None:
     record(tmp_path, transport(samples=200), rotate_s=1.0)
     session = Path(str(files(tmp_path)[0]).removesuffix("_000.mcap"))
-    assert [part.path for part in find_parts([session])] == files(tmp_path)
-    assert [part.path for part in find_parts([tmp_path])] == files(tmp_path)
-    assert [part.path for part in find_parts(files(tmp_path)[::-1])] == files(tmp_path)
-    assert [part.path for part in find_parts(files(tmp_path)[:1])] == files(tmp_path)[:1]
+    assert [part.path for part in find_session([session]).parts] == files(tmp_path)
+    assert [part.path for part in find_session([tmp_path]).parts] == files(tmp_path)
+    assert [part.path for part in find_session(files(tmp_path)[::-1]).parts] == files(tmp_path)
+    assert [part.path for part in find_session(files(tmp_path)[:1]).parts] == files(tmp_path)[:1]
 
 
 def test_several_sessions_are_listed_and_none_is_guessed(tmp_path: Path) -> None:
@@ -76,4 +76,4 @@ def test_a_recovered_copy_stands_for_its_file(tmp_path: Path) -> None:
     path = files(tmp_path)[0]
     copy = path.with_name(f"{path.stem}.recovered.mcap")
     copy.write_bytes(path.read_bytes())
-    assert [part.path for part in find_parts([tmp_path])] == [copy]
+    assert [part.path for part in find_session([tmp_path]).parts] == [copy]

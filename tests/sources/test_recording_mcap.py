@@ -15,7 +15,7 @@ from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
 from fltea.sinks import record as record_module
 from fltea.sources.as_wire import AsWire
-from fltea.sources.mcap import McapRecording, find_parts, read_entries
+from fltea.sources.mcap import McapRecording, find_session, read_entries
 from fltea.sources.replay import ReplaySource
 from fltea.sources.synthetic import SyntheticSource
 from fltea.wire import layout as wire
@@ -126,7 +126,7 @@ def test_a_damaged_chunk_costs_itself_alone(chunk: int, tmp_path: Path) -> None:
 def test_no_changed_byte_of_the_wire_is_ever_believed(tmp_path: Path) -> None:
     record(tmp_path, transport(samples=8), channels=())
     path = files(tmp_path)[0]
-    data, (part,) = path.read_bytes(), find_parts([path])
+    data, (part,) = path.read_bytes(), find_session([path]).parts
     true = {entry.data for entry in read_entries(part) if isinstance(entry, Entry)}
     at, _, length = [place for place in _places(data) if place[1] == Opcode.CHUNK][4]
     for flipped in range(at + HEAD.size, at + HEAD.size + length):
@@ -167,14 +167,15 @@ def test_cut_at_every_byte_it_gives_what_was_whole_before(tmp_path: Path) -> Non
     head = _places(data)[1][0] + HEAD.size + _places(data)[1][2]  # the session's metadata
     everything = [item for item in items if isinstance(item, Chunk)]
     path = tmp_path / "cut.mcap"
-    before = find_parts(files(tmp_path / "whole"))[0]._replace(path=path)
+    whole = find_session(files(tmp_path / "whole"))
+    before = whole._replace(parts=[whole.parts[0]._replace(path=path)])
     for length in range(len(data)):
         path.write_bytes(data[:length])
         if length < head:
             with pytest.raises(UsageError, match=r"cut\.mcap: is no recording of fltea, or was cut"):
-                find_parts([path])
+                find_session([path])
             continue
-        events = list(McapRecording([before], "x").events())
+        events = list(McapRecording(before, "x").events())
         chunks = sum(end <= length for end in ends)
         bytes_in = b"".join(item.data for item in everything[: max(0, chunks - 1)])  # the first is `Opened`
         frames = FrameReader().feed(bytes_in)
@@ -183,7 +184,7 @@ def test_cut_at_every_byte_it_gives_what_was_whole_before(tmp_path: Path) -> Non
         troubles = [event.kind for event in events if isinstance(event, Trouble)]
         assert troubles == ["cut_recording"]
     path.write_bytes(data)
-    assert not [e for e in McapRecording(find_parts([path]), "x").events() if isinstance(e, Trouble)]
+    assert not [e for e in McapRecording(find_session([path]), "x").events() if isinstance(e, Trouble)]
 
 
 @pytest.mark.usefixtures("many_chunks")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fltea.recording.session import LINK, WIRE, Entry, LinkMessage
-from fltea.sources.mcap import find_parts, read_entries
+from fltea.sources.mcap import find_session, read_entries
 from msgspec import json
 
 from tools.faults.account import Account, Record, Sample, account, heard, shown
@@ -201,7 +201,7 @@ def read_recording(folder: Path) -> Recorded:
     wire = bytearray()
     gaps: list[LinkMessage] = []
     steps_ns: list[int] = []
-    for part in find_parts([folder]):
+    for part in find_session([folder]).parts:
         for entry in read_entries(part):
             if isinstance(entry, Entry) and entry.topic == WIRE:
                 wire += entry.data

@@ -16,7 +16,7 @@ from fltea.records.visible import visible
 from fltea.settings.duration import Duration
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
-from fltea.sources.replay import ReplaySource, find_mcap_sessions, open_mcap
+from fltea.sources.replay import ReplaySource, mcap_sessions, open_mcap
 from fltea.stream.decode import Decoded, Decoder
 
 if TYPE_CHECKING:
@@ -26,10 +26,11 @@ if TYPE_CHECKING:
 class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     """The summary of one recording.
 
-    whole: its files were finished in an orderly way. breaks: places where the recorder missed something.
-    epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello: as in `stats`.
-    resets: other boots of the device heard. rate_hz, clock_ppm: of the longest epoch. notes: what reading it
-    reported, as the texts of `error` records. about: what else the file says of itself.
+    whole: its files were finished in an orderly way, and all are read. breaks: places where the recorder
+    missed something. epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello: as
+    in `stats`. resets: other boots of the device heard. rate_hz, clock_ppm: of the longest epoch. notes: what
+    reading it reported, as the texts of `error` records. unread: why each file that is not used cannot be
+    read. about: what else the file says of itself.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     clock_ppm: float | None
     link: LinkStats
     notes: list[str] = []
+    unread: list[str] = []
     about: str = ""
 
 
@@ -65,8 +67,7 @@ def sessions(paths: Sequence[Path]) -> list[list[Path]]:
     paths = [path for one in paths for path in bags_in(one) or [one]]
     single = [[path] for path in paths if is_one_file(path)]
     others = [path for path in paths if not is_one_file(path)]
-    found = find_mcap_sessions(others) if others else []
-    return single + [[part.path for part in parts] for parts in found]
+    return single + (mcap_sessions(others) if others else [])
 
 
 def summarise(
@@ -88,9 +89,9 @@ def summarise(
         source = mcap = open_mcap(paths, name, limits)()
         files = [part.path for part in source.parts]
         if len(files) > 1:
-            from fltea.sources.mcap import session_name
+            from fltea.sources.mcap import name_of
 
-            name = str(session_name(source.parts))
+            name = str(name_of(files[0]))
         device, session = source.parts[0].info.device, source.parts[0].info.session
     decoder = Decoder(lambda: source.unix_offset_ns, max_gap)
     hello, boots, first_ns, last_ns = None, set(), None, 0
@@ -118,7 +119,7 @@ def summarise(
                 longest = of_epoch, decoder.timebase.rate_hz, decoder.timebase.clock_ppm
             first_ns = int(found.block.host_ns[0]) if first_ns is None else first_ns
             last_ns = int(found.block.host_ns[-1])
-    count = decoder.place
+    count, unread = decoder.place, mcap.unread if mcap else []
     return Summary(
         name=name,
         device=device,
@@ -126,7 +127,7 @@ def summarise(
         hello=hello,
         files=len(files),
         size_bytes=sum(map(_size_bytes, files)),
-        whole=not (mcap and mcap.torn) and not cut,
+        whole=not (mcap and mcap.torn) and not (cut or unread),
         breaks=mcap.breaks if mcap else 0,
         start_unix_ns=first_ns if source.unix_offset_ns else None,
         duration_s=0.0 if first_ns is None else (last_ns - first_ns) * 1e-9,
@@ -141,6 +142,7 @@ def summarise(
         clock_ppm=longest[2],
         link=source.link_stats(),
         notes=notes,
+        unread=unread,
         about=source.about if isinstance(source, ReplaySource) else "",
     )
 
@@ -161,6 +163,8 @@ def as_text(s: Summary) -> str:
         lines.append(("bag", s.about))
     remedy = "" if s.about else " (fltea recover)"  # which is for our files
     state = "whole" if s.whole else f"not finished: killed, cut or still being written{remedy}"
+    if s.unread:
+        state = f"and {len(s.unread)} more that cannot be read"
     lines.append(("files", f"{s.files}, {s.size_bytes / 1e6:.1f} MB, {state}"))
     if s.start_unix_ns is not None:
         start = datetime.fromtimestamp(s.start_unix_ns * 1e-9, UTC)
@@ -178,6 +182,7 @@ def as_text(s: Summary) -> str:
         ppm = "" if s.clock_ppm is None else f", device clock {s.clock_ppm:+.1f} ppm against the host's"
         lines.append(("rate", f"{s.rate_hz:.4f} Hz{ppm}"))
     lines += [("note", note) for note in s.notes]
+    lines += [("not read", why) for why in s.unread]
     return "\n".join(f"{name:<10} {visible(str(text))}" for name, text in lines)
 
 

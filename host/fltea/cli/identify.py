@@ -15,7 +15,7 @@ from fltea.cli import exports, many
 from fltea.cli.output import AsJson, end_with, print_result, progress_bar, say
 from fltea.cli.setting_flags import FILTERS, RECORDING, ConfigFile, takes_settings
 from fltea.identification.dask_address import check_address, trust_warning
-from fltea.records.errors import FlteaError, UsageError
+from fltea.records.errors import FlteaError, Incomplete, UsageError
 from fltea.settings.extras import load
 
 if TYPE_CHECKING:
@@ -291,6 +291,9 @@ def _fail(reports: "Sequence[FileReport]") -> None:
     for report in reports:
         if report.failure is not None:
             failures.append(report.failure)
+        traps = report.recording.traps if report.recording else ()
+        if unread := [trap.text for trap in traps if trap.kind == "unread_file"]:
+            failures.append(Incomplete(unread))
         failures += [
             UsageError(f"{report.name}: {name}: {axis.error}")
             for name, axis in report.axes.items()

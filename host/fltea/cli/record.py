@@ -7,7 +7,7 @@ import typer
 
 from fltea.cli.output import end_with, print_lines, say
 from fltea.cli.setting_flags import LIMITS, takes_settings
-from fltea.records.errors import FlteaError, UsageError
+from fltea.records.errors import FlteaError, Incomplete, UsageError
 from fltea.settings.config import load_config
 from fltea.settings.extras import load
 
@@ -79,12 +79,20 @@ def info(
     from fltea.archive.info import as_text, sessions, summarise
 
     config = load_config(None, settings)
+    failures: list[FlteaError] = []
     for number, files in enumerate(sessions(paths)):
-        summary = summarise(files, config.link.max_gap, config.replay.limits, config.replay.how)
+        try:
+            summary = summarise(files, config.link.max_gap, config.replay.limits, config.replay.how)
+        except FlteaError as error:
+            failures.append(error)
+            continue
         if json:
             print(msgspec.json.encode(summary).decode())
         else:
             print_lines(("\n" if number else "") + as_text(summary))
+        if summary.unread:
+            failures.append(Incomplete(summary.unread))
+    end_with(failures)
 
 
 @takes_settings(["link.max_gap", "replay.topic"], only=LIMITS)
@@ -113,11 +121,14 @@ def export(
         fltea export night --to night.csv --what estimates
     """
     from fltea.archive.export import export as write_export
+    from fltea.sources.replay import unread_files
 
     config = load_config(None, settings)
     limits, how = config.replay.limits, config.replay.how
     rows = write_export(paths, to, what, config.link.max_gap, force=force, limits=limits, how=how)
     say(f"{to}: {rows} {what}")
+    if unread := unread_files(paths):
+        raise Incomplete(unread)
 
 
 @takes_settings([], only=LIMITS)

@@ -187,9 +187,13 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     counts = Counts(groups.samples, len(used), used.first, groups.stretches, bridged, *lost, *used.flagged)
     axes, clock_ppm = used.axes(gaps), None if used.no_clock else used.ppm
     traps = _traps(used, counts, axes, clock_ppm)
-    return Loaded(
-        used.hello, counts, _chosen(axes, request), clock_ppm, (*reported[:MOST_REPORTED], *traps), topic
-    )
+    return Loaded(used.hello, counts, _chosen(axes, request), clock_ppm, (*_most(reported), *traps), topic)
+
+
+def _most(reported: list[Trap]) -> list[Trap]:
+    """Return as many as a person reads, and all files that are not used."""
+    unread = [trap for trap in reported if trap.kind == "unread_file"]
+    return unread + [trap for trap in reported if trap.kind != "unread_file"][:MOST_REPORTED]
 
 
 def _traps(

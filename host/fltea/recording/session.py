@@ -19,7 +19,7 @@ OVERFLOW = "overflow"
 LATEST_NS = 1 << 62
 """In the year 2116; sums and differences of such times fit into 64 bits."""
 
-LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 1e-6, 1e6
+LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 1e-6, 1e7
 LOWEST_SCALE, HIGHEST_SCALE = 1e-6, 1e12
 """Far beyond any sensor; what is computed from them stays finite."""
 
@@ -79,7 +79,7 @@ def check_hello(hello: Hello) -> None:
     """
     if not LOWEST_RATE_HZ <= hello.rate_hz <= HIGHEST_RATE_HZ:
         raise ValueError(f"the rate has to be positive and that of a sensor, not {hello.rate_hz:g} Hz")
-    for lsb in (hello.gyro_lsb_per_dps, hello.accel_lsb_per_g):
+    for lsb in (hello.gyro_lsb_per_dps, hello.accel_lsb_per_g or None):  # 0: there is no accelerometer
         if lsb is not None and not LOWEST_SCALE <= lsb <= HIGHEST_SCALE:
             raise ValueError(f"the scale has to be positive and that of a sensor, not {lsb:g} LSB")
 

@@ -83,6 +83,10 @@ ERROR_KINDS = {
         "A recording ends in the middle of a line, or without its index; all that reached the disk was read.",
         "Nothing has to be done; `fltea recover` gives an MCAP file its index again.",
     ),
+    "unread_file": ErrorKind(
+        "A file among those of a recording cannot be read, and is in no figure; the exit code will be 1.",
+        "Fetch the file again from where it came; if it is empty, nothing was recorded in it: remove it.",
+    ),
     "recording_gap": ErrorKind(
         "A replay came to a place where something was not recorded; the text says why.",
         "Nothing can be done now; mind the gap when you judge what follows it.",

@@ -10,7 +10,7 @@ import time
 from collections.abc import Sequence
 from types import FrameType
 
-from fltea.records.errors import FlteaError, SourceFailed, UsageError
+from fltea.records.errors import FlteaError, Incomplete, SourceFailed, UsageError
 from fltea.records.ports import Source
 from fltea.records.visible import visible_lines
 from fltea.service.hub import Hub
@@ -169,7 +169,10 @@ class _Run:
         if saving is not None:
             saving.join(max(0.1, deadline_s - time.monotonic()) if asked else None)
             threads.append(saving)
-        return self._failure, closed and not any(thread.is_alive() for thread in threads)
+        failure = self._failure
+        if failure is None and (unread := [why for one in sources for why in _unread(one)]):
+            failure = Incomplete(unread)
+        return failure, closed and not any(thread.is_alive() for thread in threads)
 
     def _wait(self, event: threading.Event) -> None:
         moving: list[Walk | Ingest] = [*self._walks, *self._ingests]
@@ -229,6 +232,11 @@ def _close(sources: Sequence[Source | Ingest]) -> None:
     deadline_s = time.monotonic() + PATIENCE_S
     for thread in threads:
         thread.join(max(0.0, deadline_s - time.monotonic()))
+
+
+def _unread(source: Source) -> list[str]:
+    """Return why files of a recording that came to its end are not used."""
+    return source.unread if isinstance(source, ReplaySource) else []
 
 
 def _check_shared(configs: Sequence[Config]) -> None:

@@ -59,21 +59,33 @@ class Torn(NamedTuple):
     text: str
 
 
-def find_parts(paths: Sequence[Path]) -> list[Part]:
-    """Return the files of one session, in order; see `find_sessions`.
+class Session(NamedTuple):
+    """The files of one run of a recorder, in order. unread: why each file beside them cannot be read."""
+
+    parts: list[Part]
+    unread: dict[Path, str]
+
+    @property
+    def name(self) -> Path:
+        """That of the first file without the number."""
+        return name_of(self.parts[0].path)
+
+
+def find_session(paths: Sequence[Path]) -> Session:
+    """Return the one session that is there, and with it every file that cannot be read; see `find_sessions`.
 
     Raises:
         UsageError: nothing there, not a recording, or several sessions, which are listed.
     """
-    sessions = find_sessions(paths)
+    sessions, stray = find_sessions(paths)
     if len(sessions) > 1:
         lines = "\n".join(sorted(map(_session_line, sessions)))
         raise UsageError(f"{paths[0]}: holds {len(sessions)} recordings; name one of them:\n{lines}")
-    return sessions[0]
+    return sessions[0]._replace(unread=sessions[0].unread | stray)
 
 
-def find_sessions(paths: Sequence[Path]) -> list[list[Part]]:
-    """Return the files of each session, in order.
+def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]]:
+    """Return each session, and the files that cannot be read and have the name of none of them.
 
     paths: files; a folder stands for all in it, and the name of a session (`due_20270801T120000Z_1f0c2b3a`,
     without the number) for all its files. Of a file and its recovered copy the copy is taken.
@@ -82,24 +94,35 @@ def find_sessions(paths: Sequence[Path]) -> list[list[Part]]:
         UsageError: nothing there, or not a recording.
     """
     found: dict[tuple[str, str], dict[int, Part]] = {}
-    unreadable = []
-    for path in paths:
-        files = _files(path)
-        for file in files:
-            try:
-                part = Part(file, read_info(file))
-            except UsageError:
-                if len(files) == 1:
-                    raise
-                unreadable.append(file)  # what a program killed in its first moment left
-                continue
-            parts = found.setdefault((part.info.device, part.info.session), {})
-            known = parts.get(part.info.part)
-            if known is None or (".recovered" in file.name and ".recovered" not in known.path.name):
-                parts[part.info.part] = part
+    unread: dict[Path, str] = {}
+    files = [file for path in paths for file in _files(path)]
+    for file in files:
+        try:
+            part = Part(file, read_info(file))
+        except UsageError as error:
+            if len(files) == 1:
+                raise
+            unread[file] = str(error)
+            continue
+        parts = found.setdefault((part.info.device, part.info.session), {})
+        known = parts.get(part.info.part)
+        if known is None or (".recovered" in file.name and ".recovered" not in known.path.name):
+            parts[part.info.part] = part
     if not found:
-        raise UsageError(f"{paths[0]}: no recording of fltea in it ({len(unreadable)} files cannot be read).")
-    return [[parts[number] for number in sorted(parts)] for parts in found.values()]
+        raise UsageError(f"{paths[0]}: no recording of fltea in it ({len(unread)} files cannot be read).")
+    sessions = [Session([parts[number] for number in sorted(parts)], {}) for parts in found.values()]
+    for session in sessions:
+        copied = {_original(part.path) for part in session.parts}
+        for file in [file for file in unread if name_of(file) == session.name]:
+            why = unread.pop(file)
+            if file not in copied:
+                session.unread[file] = why
+    return sessions, unread
+
+
+def _original(path: Path) -> Path:
+    """Return the file of which this one is the recovered copy."""
+    return path.with_name(path.name.replace(".recovered", ""))
 
 
 def _files(path: Path) -> list[Path]:
@@ -119,14 +142,13 @@ def _of_session(path: Path) -> list[Path]:
     return [file for file, match in names if match and match[1] == path.name]
 
 
-def _session_line(parts: list[Part]) -> str:
-    count = f"{len(parts)} file{'s' if len(parts) > 1 else ''}"
-    return f"  {session_name(parts)}  (device {parts[0].info.device}, {count})"
+def _session_line(session: Session) -> str:
+    count = f"{len(session.parts)} file{'s' if len(session.parts) > 1 else ''}"
+    return f"  {session.name}  (device {session.parts[0].info.device}, {count})"
 
 
-def session_name(parts: Sequence[Part]) -> Path:
-    """Return the name of a session: that of its first file without the number."""
-    path = parts[0].path
+def name_of(path: Path) -> Path:
+    """Return the name of a file's session: its own without the number."""
     match = PART_OF_NAME.fullmatch(path.name)
     return path.with_name(match[1]) if match else path
 
@@ -196,11 +218,13 @@ class McapRecording:
     """Gives the events of a recording, once.
 
     name: what HELLO gives as the source. `breaks` counts the places where something was not recorded, `torn`
-    the files that were not finished; `unix_offset_ns` is that of the last event.
+    the files that were not finished, `unread` says why others cannot be read; `unix_offset_ns` is that of the
+    last event.
     """
 
-    def __init__(self, parts: Sequence[Part], name: str, limits: Limits = DEFAULT_LIMITS) -> None:
-        self.parts = parts
+    def __init__(self, session: Session, name: str, limits: Limits = DEFAULT_LIMITS) -> None:
+        self.parts = parts = session.parts
+        self.unread = list(session.unread.values())
         self._limits = limits
         self.breaks = self.torn = 0
         self.unix_offset_ns = parts[0].info.offset_ns
@@ -233,6 +257,8 @@ class McapRecording:
                     case Torn(text):
                         self.torn += 1
                         yield Trouble("cut_recording", text, self._now_ns or 0, fatal=False)
+        for why in self.unread:
+            yield Trouble("unread_file", why, self._now_ns or 0, fatal=False)
 
     def _break(self, why: str, hello: Hello | None) -> None:
         """Take note that something is missing here. hello: what is known of the device behind the gap."""

@@ -34,7 +34,7 @@ from fltea.sources.pacing import sleep_until
 from fltea.wire.sample_scaling import to_counts
 
 if TYPE_CHECKING:
-    from fltea.sources.mcap import McapRecording, Part
+    from fltea.sources.mcap import McapRecording
 
 AT_ONCE = 8192
 """Samples of a block."""
@@ -131,6 +131,11 @@ class ReplaySource:
             )
 
     @property
+    def unread(self) -> list[str]:
+        """Why files of the recording cannot be read, which are not used."""
+        return [] if self._mcap is None else self._mcap.unread
+
+    @property
     def unix_offset_ns(self) -> int:
         """The difference from the recorder's monotonic clock to Unix time in ns; 0 if it was not recorded."""
         return self._offset_ns if self._mcap is None else self._mcap.unix_offset_ns
@@ -184,14 +189,24 @@ def open_mcap(
         names = listed([bag.name for bag in bags])
         raise UsageError(f"{paths[0]}: is a folder of {len(bags)} bags; name one of them: {names}.")
     library = _mcap_library()
-    parts = library.find_parts(paths)
-    return lambda: library.McapRecording(parts, name, limits)
+    session = library.find_session(paths)
+    return lambda: library.McapRecording(session, name, limits)
 
 
-def find_mcap_sessions(paths: Sequence[Path]) -> "list[list[Part]]":
-    """Return what `sources.mcap.find_sessions` does, with a UsageError if the library is not installed."""
-    found: list[list[Part]] = _mcap_library().find_sessions(paths)
-    return found
+def unread_files(paths: Sequence[Path]) -> list[str]:
+    """Return why files of a recording cannot be read, which are not used."""
+    return [] if is_one_file(paths[0]) else list(_mcap_library().find_session(paths).unread.values())
+
+
+def mcap_sessions(paths: Sequence[Path]) -> list[list[Path]]:
+    """Return the files of each recording that `sources.mcap.find_sessions` finds, and of each stray one.
+
+    Raises:
+        UsageError: as there, or the library is not installed.
+    """
+    sessions, stray = _mcap_library().find_sessions(paths)
+    found = [[part.path for part in session.parts] + list(session.unread) for session in sessions]
+    return found + [[file] for file in stray]
 
 
 def _mcap_library() -> ModuleType:

@@ -1,0 +1,125 @@
+"""No file of a recording is left out in silence: what cannot be read is named, counted, and ends with 1."""
+
+import json
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+
+import pytest
+import standin
+from fake_smbus import Pi
+from fltea.recording.session import check_hello
+from fltea.records.events import Event
+from fltea.records.records import AnyRecord, Sample
+from fltea.sources.as_wire import AsWire
+from fltea.sources.mcap import find_session
+from fltea.sources.synthetic import SyntheticSource
+from fltea.sources.wire_events import hello_problem
+from fltea.wire import layout as wire
+from fltea.wire.message_events import hello_event
+from host_support import fltea_here
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap_support import of, record, replay, transport
+
+
+def taken(records: list[AnyRecord]) -> list[tuple[object, ...]]:
+    """The samples without their temperature, which made-up ones have only in their frames."""
+    return [(one.seq, one.device_us, one.gyro_dps, one.accel_ms2) for one in of(records, Sample)]
+
+
+def parts(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.mcap"))
+
+
+@given(rate=st.integers(0, 2**32 - 1), gyro=st.integers(0, 2**16 - 1), accel=st.integers(0, 2**16 - 1))
+def test_a_hello_that_is_taken_live_is_taken_from_a_recording(rate: int, gyro: int, accel: int) -> None:
+    hello = wire.Hello(*[0] * len(wire.Hello._fields))._replace(
+        device_id=bytes(16), sample_rate=rate, gyro_lsb=gyro, accel_lsb=accel, firmware_version=""
+    )
+    if hello_problem(hello) is None:
+        check_hello(hello_event(hello, "x", 0))
+
+
+@pytest.mark.parametrize("accel_lsb", [0, 2048])
+def test_a_recording_in_parts_is_read_whole_with_and_without_an_accelerometer(
+    tmp_path: Path, accel_lsb: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(standin, "HELLO", standin.HELLO._replace(accel_lsb=accel_lsb))
+    records, _ = record(tmp_path, transport(samples=300), rotate_s=1.0)
+    assert len(parts(tmp_path)) > 2
+    assert taken(replay(tmp_path)) == taken(records)
+    (summary,) = fltea_here("info", "--json", tmp_path).stdout.splitlines()
+    assert json.loads(summary)["files"] == len(parts(tmp_path))
+    assert json.loads(summary)["whole"]
+
+
+@pytest.fixture
+def damaged(tmp_path: Path) -> Path:
+    """One of a recording's files, whose head has a wrong byte."""
+    record(tmp_path, transport(samples=400), rotate_s=1.0)
+    file = parts(tmp_path)[1]
+    file.write_bytes(file.read_bytes().replace(b"format", b"farmat", 1))
+    return file
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["info"],
+        ["identify"],
+        ["run", "--once", "--format", "none", "--startup", "20", "--source"],
+        ["export", "--to", "OUT"],
+    ],
+    ids=lambda command: command[0],
+)
+def test_a_file_that_cannot_be_read_is_named_and_makes_the_exit_code_1(
+    damaged: Path, command: list[str], tmp_path: Path
+) -> None:
+    folder = f"replay:{damaged.parent}" if command[0] == "run" else str(damaged.parent)
+    command = [str(tmp_path / "out.csv") if word == "OUT" else word for word in command]
+    done = fltea_here(*command, folder)
+    assert done.returncode == 1
+    assert f"one file of the recording not read, the others were: {damaged}: " in done.stderr
+
+
+def test_info_counts_it(damaged: Path) -> None:
+    (line,) = fltea_here("info", "--json", damaged.parent).stdout.splitlines()
+    summary = json.loads(line)
+    assert (summary["files"], summary["whole"]) == (len(parts(damaged.parent)) - 1, False)
+    assert [str(damaged) in why for why in summary["unread"]] == [True]
+    assert "and 1 more that cannot be read" in fltea_here("info", damaged.parent).stdout
+
+
+def test_a_stray_file_is_told_and_the_recordings_beside_it_are_summed_up(tmp_path: Path) -> None:
+    for _ in range(2):
+        record(tmp_path, transport(samples=100))
+    (tmp_path / "a.mcap").touch()
+    done = fltea_here("info", "--json", tmp_path)
+    assert (len(done.stdout.splitlines()), done.returncode) == (2, 2)
+    assert f"{tmp_path / 'a.mcap'}: is no recording of fltea" in done.stderr
+
+
+def test_a_damaged_file_with_a_recovered_copy_is_read(damaged: Path) -> None:
+    whole = damaged.read_bytes().replace(b"farmat", b"format", 1)
+    damaged.with_name(f"{damaged.stem}.recovered.mcap").write_bytes(whole)
+    assert not find_session([damaged.parent]).unread
+
+
+def _synthetic() -> Iterator[Event]:
+    return islice(SyntheticSource("seed=1&n=400", realtime=False).events(), 2)
+
+
+def _pi() -> Iterator[Event]:
+    return iter(Pi().run_until(5.0).events)
+
+
+@pytest.mark.parametrize("source", [_synthetic, _pi])
+def test_what_has_no_wire_is_read_whole_from_parts(
+    source: Callable[[], Iterator[Event]], tmp_path: Path
+) -> None:
+    wire_of = AsWire(lambda: 0)
+    items = [item for event in source() for item in wire_of.encode(event)]
+    records, _ = record(tmp_path, items, rotate_s=1.0)
+    assert len(parts(tmp_path)) > 2
+    assert taken(replay(tmp_path)) == taken(records)
