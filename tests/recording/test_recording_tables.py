@@ -17,7 +17,7 @@ from fltea.recording.recovery import recover
 from fltea.records.block import AxisColumns, Block
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Chunk, Failed
-from fltea.records.records import Epoch, Estimate, Fit, Gap, Hello, Sample
+from fltea.records.records import Corrected, Epoch, Estimate, Fit, Gap, Hello, Sample
 from fltea.sinks import record as record_module
 from fltea.sinks.lines import BlockLines, Wanted
 from fltea.stream.decode import Decoded, Decoder
@@ -95,6 +95,20 @@ def test_samples_as_they_were_and_an_npz_replays_to_the_same_estimates(tmp_path:
     again = replay(tmp_path / "out.npz")
     assert comparable(again, Estimate) == comparable(live, Estimate)
     assert [(g.epoch, g.missing) for g in of(again, Gap)] == [(g.epoch, g.missing) for g in of(live, Gap)]
+
+
+def test_corrected_rates_are_those_of_a_run_whether_they_were_recorded_or_not(tmp_path: Path) -> None:
+    record(tmp_path / "rec", transport(samples=300, boots=2))
+    expected = of(replay(tmp_path / "rec", **{"output.corrected": True}), Corrected)
+    rows, data = exported(tmp_path, "corrected")
+    assert [(int(row["epoch"]), int(row["seq"])) for row in rows] == [(e.epoch, e.seq) for e in expected]
+    for field in ("rate", "rate_std"):
+        wanted = [getattr(e.axes["gyro_y"], field) for e in expected]
+        assert [float(x) if x else None for x in (row[f"{field}_gyro_y_dps"] for row in rows)] == wanted
+        np.testing.assert_array_equal(data[f"{field}_gyro_y_dps"], np.array(wanted, dtype=float))
+    assert {row["moving_gyro_z"] for row in rows} == {"0"}
+    np.savez(tmp_path / "rest.npz", gyro_dps=np.ones((50, 1)), fs_hz=100.0)
+    assert export([tmp_path / "rest.npz"], tmp_path / "rates.csv", "corrected", 100) == 50
 
 
 def test_csv_replays_to_the_same_estimates_where_nothing_is_lost(tmp_path: Path) -> None:

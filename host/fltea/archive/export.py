@@ -1,8 +1,8 @@
 """A recording as a table: CSV, or arrays in an npz file, with the units in the names.
 
-Samples are decoded again from the raw bytes, which are always there and lose nothing. Estimates are taken
-from their JSON channel as they were published, since they depend on the settings of that run;
-`fltea run` on the recording makes others.
+Samples are decoded again from the raw bytes, which are always there and lose nothing; so are the rates less
+their biases, which follow from them. Estimates are taken from their JSON channel as they were published,
+since they depend on the settings of that run; `fltea run` on the recording makes others.
 """
 
 import csv
@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.archive.corrected import corrected
 from fltea.recording.files import AT_ONCE
 from fltea.recording.kind import is_one_file
 from fltea.recording.session import LATEST_NS, Entry
@@ -23,7 +24,7 @@ from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from fltea.records.events import Values
 from fltea.records.fit import AxisFit, Interval
-from fltea.records.records import ACCEL_AXES, AXES
+from fltea.records.records import ACCEL_AXES, AXES, Corrected
 from fltea.records.whole_file import text_of, whole_file
 from fltea.settings.duration import Duration
 from fltea.settings.how import AS_IT_SAYS, How
@@ -37,7 +38,7 @@ Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
 Axis = Annotated[str, msgspec.Meta(pattern=f"^({'|'.join(AXES + ACCEL_AXES)})$")]
 
 Array = NDArray[np.float64]
-What = Literal["samples", "estimates", "device_estimates", "fits"]
+What = Literal["samples", "corrected", "estimates", "device_estimates", "fits"]
 OF_AN_AXIS = {
     "bias": "bias_{axis}_{unit}",
     "bias_std": "bias_std_{axis}_{unit}",
@@ -74,7 +75,13 @@ OF_A_DEVICE_AXIS = {
     "f_difference": "f_difference_{axis}_s^-alpha",
     "state_difference": "state_difference_{axis}_{unit}",
 }
-"""Fields of an axis in an estimate, and the columns that they become."""
+OF_A_CORRECTED_AXIS = {
+    "rate": "rate_{axis}_{unit}",
+    "rate_std": "rate_std_{axis}_{unit}",
+    "moving": "moving_{axis}",
+}
+NAMED = {"estimates": OF_AN_AXIS, "device_estimates": OF_A_DEVICE_AXIS, "corrected": OF_A_CORRECTED_AXIS}
+"""Fields of an axis in a record, and the columns that they become."""
 
 OF_A_FIT = {
     "alpha": "alpha{end}_{axis}",
@@ -124,7 +131,7 @@ def export(
             table = (
                 sample_table(decode(paths, max_gap, limits, how))
                 if what == "samples"
-                else published_table(paths, what, limits)
+                else published_table(paths, what, max_gap, limits, how)
             )
             rows = _write_csv(file, table)
         else:
@@ -132,7 +139,7 @@ def export(
                 scales, rows = (
                     gather_samples(spool, decode(paths, max_gap, limits, how))
                     if what == "samples"
-                    else ({}, gather_rows(spool, published_table(paths, what, limits)))
+                    else ({}, gather_rows(spool, published_table(paths, what, max_gap, limits, how)))
                 )
                 spool.write_npz(file, scales)
         if not rows:
@@ -144,15 +151,19 @@ def decode(
     paths: Sequence[Path], max_gap: Duration, limits: Limits = DEFAULT_LIMITS, how: How = AS_IT_SAYS
 ) -> Iterator[Decoded]:
     """Yield the samples of a recording of any kind."""
-    if len(paths) == 1 and is_one_file(paths[0]):
-        source: Any = ReplaySource(paths[0], how=how, limits=limits)
-    else:
-        source = open_mcap(paths, f"replay:{paths[0]}", limits)()
+    source = _source(paths, limits, how)
     decoder = Decoder(lambda: int(source.unix_offset_ns), max_gap)
     for event in source.events():
         for found in decoder.feed(event):
             if isinstance(found, Decoded):
                 yield found
+
+
+def _source(paths: Sequence[Path], limits: Limits, how: How) -> Any:
+    """Return what gives the events of a recording of any kind."""
+    if len(paths) == 1 and is_one_file(paths[0]):
+        return ReplaySource(paths[0], how=how, limits=limits)
+    return open_mcap(paths, f"replay:{paths[0]}", limits)()
 
 
 class DeviceTime:
@@ -259,8 +270,8 @@ def _counts(values: Values) -> NDArray[np.int32]:
     return values.astype(np.int32)
 
 
-def published_table(paths: Sequence[Path], what: What, limits: Limits = DEFAULT_LIMITS) -> Table:
-    """Return a table with one row a record as published: estimates of either kind, or fits.
+def published_table(paths: Sequence[Path], what: What, max_gap: Duration, limits: Limits, how: How) -> Table:
+    """Return a table with one row a record: as published, estimates of either kind, fits; or corrected rates.
 
     What was not valid, or the data did not define, stays empty. what: "device_estimates" are those that the
     device made beside the host's.
@@ -268,28 +279,33 @@ def published_table(paths: Sequence[Path], what: What, limits: Limits = DEFAULT_
     Raises:
         UsageError: no recording, or one without such records.
     """
-    records = _published(paths, what.removesuffix("s"), limits)
+    records: Iterator[Corrected | _Estimate | _Fit] = (
+        corrected(_source(paths, limits, how), max_gap)
+        if what == "corrected"
+        else _published(paths, what.removesuffix("s"), limits)
+    )
     first = next(records, None)
     if first is None:
-        raise UsageError(
-            f"{paths[0]}: holds no estimates of a device beside the host's (--estimate-on both)."
-            if what == "device_estimates"
-            else f"{paths[0]}: holds no {what}. Make them of its samples: fltea run -s replay:{paths[0]}"
-        )
+        of_samples = f"{what}. Make them of its samples: fltea run -s replay:{paths[0]}"
+        missing = {
+            "corrected": "samples that can be used.",
+            "device_estimates": "estimates of a device beside the host's (--estimate-on both).",
+        }
+        raise UsageError(f"{paths[0]}: holds no {missing.get(what, of_samples)}")
     units = {axis: "ms2" if axis in ACCEL_AXES else "dps" for axis in first.axes}
     columns = ["time_s", *OF_ALL]
     if isinstance(first, _Fit):
         columns += ["samples", *(name for axis, unit in units.items() for name in _fit_columns(axis, unit))]
-    named = OF_A_DEVICE_AXIS if what == "device_estimates" else OF_AN_AXIS
+    named = NAMED.get(what, {})
     places = [(axis, field) for axis in units for field in named]
-    if isinstance(first, _Estimate):
+    if not isinstance(first, _Fit):
         columns += [named[field].format(axis=axis, unit=units[axis]) for axis, field in places]
 
     def rows() -> Iterator[list[Any]]:
         for record in chain([first], records):
             time_s = round((record.host_ns - first.host_ns) * 1e-9, 9)
             row = [time_s, *(getattr(record, name) for name in OF_ALL)]
-            if isinstance(record, _Estimate):
+            if not isinstance(record, _Fit):
                 row += [_number(_of_axis(record.axes.get(axis), field)) for axis, field in places]
             else:
                 row += [record.samples, *(x for axis in units for x in _fit_values(record.axes.get(axis)))]
@@ -300,7 +316,7 @@ def published_table(paths: Sequence[Path], what: What, limits: Limits = DEFAULT_
 
 def _of_axis(found: Any, path: str) -> Any:
     for name in path.split("."):
-        found = found.get(name) if isinstance(found, dict) else None
+        found = found.get(name) if isinstance(found, dict) else getattr(found, name, None)
     return found
 
 

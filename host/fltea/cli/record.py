@@ -101,9 +101,10 @@ def export(
     settings: dict[str, Any],
     to: Annotated[Path, typer.Option("--to", metavar="OUT.csv|OUT.npz", help="What to write.")],
     what: Annotated[
-        Literal["samples", "estimates", "device_estimates", "fits"],
+        Literal["samples", "corrected", "estimates", "device_estimates", "fits"],
         typer.Option(
-            help="`samples`, decoded again; `estimates` as they were published; `device_estimates`: those "
+            help="`samples`, decoded again; `corrected`: the gyroscope's rates less their biases, with their "
+            "deviations; `estimates` as they were published; `device_estimates`: those "
             "that the device made beside the host's; `fits` of the maximum-likelihood fit."
         ),
     ] = "samples",
@@ -119,6 +120,8 @@ def export(
         fltea export recordings/due_20270801T120000Z_1f0c2b3a --to rest.npz
 
         fltea export night --to night.csv --what estimates
+
+        fltea export drive.csv --rate 100 --to rates.csv --what corrected
     """
     from fltea.archive.export import export as write_export
     from fltea.sources.replay import unread_files
@@ -126,7 +129,7 @@ def export(
     config = load_config(None, settings)
     limits, how = config.replay.limits, config.replay.how
     rows = write_export(paths, to, what, config.link.max_gap, force=force, limits=limits, how=how)
-    say(f"{to}: {rows} {what}")
+    say(f"{to}: {rows} {what.replace('corrected', 'corrected rates')}")
     if unread := unread_files(paths):
         raise Incomplete(unread)
 

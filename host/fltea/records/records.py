@@ -159,7 +159,7 @@ class DeviceAxisEstimate(FlteaEstimate, frozen=True, forbid_unknown_fields=True,
     estimate minus that of the host's filters after the same sample; null where the two cannot be compared,
     and why_not says why. tracker_*: bias and state by the filter of the device's own fit; null before its
     first fit. tracker_bias_difference: that bias minus the one that `estimate` has of the same sample; each
-    goes by a fit of its own, so they differ by a part of their deviations, whatever why_not says.
+    goes by a fit of its own, so they differ, by far where one of these says white noise.
     """
 
     unit: str = GYRO_UNIT

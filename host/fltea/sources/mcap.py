@@ -222,6 +222,8 @@ class McapRecording:
     last event.
     """
 
+    live = prompt = False
+
     def __init__(self, session: Session, name: str, limits: Limits = DEFAULT_LIMITS) -> None:
         self.parts = parts = session.parts
         self.unread = list(session.unread.values())

@@ -1,0 +1,20 @@
+"""The gyroscope's rates less their biases, as a run of a recording gives them."""
+
+from collections.abc import Iterator
+
+from fltea.records.block import ALL, Block
+from fltea.records.ports import Source
+from fltea.records.records import Corrected
+from fltea.settings.config import Config, LinkConfig
+from fltea.settings.duration import Duration
+from fltea.settings.outputs import OutputConfig
+from fltea.stream.pipeline import Pipeline
+
+
+def corrected(source: Source, max_gap: Duration) -> Iterator[Corrected]:
+    """Yield a record for each sample."""
+    pipeline = Pipeline(source, Config(link=LinkConfig(max_gap=max_gap), output=OutputConfig(corrected=True)))
+    for event in source.events():
+        for item in pipeline.feed(event):
+            if isinstance(item, Block) and item.corrected_dps is not None:
+                yield from item.corrected_records(ALL)
