@@ -15,7 +15,6 @@ import time
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ from bank_support import assert_published, fed_directly
 from fltea.settings.config import load_config
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
 from host_support import fltea
-from support import PATIENCE_S, QUICK, ROOT, Processes, StandIn, wait_until
+from support import PATIENCE_S, QUICK, ROOT, Daemon, Processes, wait_until
 
 NOISE = "alpha=0.5&f=-1&seed=8"
 
@@ -33,42 +32,23 @@ def port(tmp_path: Path) -> Path:
     return tmp_path / "device"
 
 
-class Run(NamedTuple):
-    """What the command wrote of a whole run: into a file, and on stderr; and the exit codes of both ends."""
-
-    file: Path
-    stderr: str
-    codes: tuple[int, int]
-
-    def of(self, kind: str) -> list[dict[str, Any]]:
-        return [record for record in self.records() if record["class"] == kind]
-
-    def records(self) -> list[dict[str, Any]]:
-        return [json.loads(line) for line in self.file.read_text().splitlines()]
-
-
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Two hundred estimates and their samples."""
-    folder = tmp_path_factory.mktemp("live")
-    out, log = folder / "live.ndjson", folder / "log"
-    device = StandIn(folder / "device", "--noise", NOISE)
-    command = [sys.executable, "-m", "fltea", "run", "-s", f"serial:{folder / 'device'}", "--samples", *QUICK]
-    with out.open("wb") as stdout, log.open("wb") as stderr:
-        daemon = subprocess.Popen(command, stdout=stdout, stderr=stderr)
+def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """Two hundred estimates and their samples, of a command that has ended."""
+    started, port = Processes(), tmp_path_factory.mktemp("live") / "device"
+    device = started.stand_in(port, "--noise", NOISE)
+    daemon = started.daemon("-s", f"serial:{port}", "--samples", *QUICK)
     try:
-        wait_until(lambda: out.read_bytes().count(b'"class":"estimate"') >= 200, "200 estimates")
-        daemon.send_signal(signal.SIGINT)
-        code = daemon.wait(PATIENCE_S)
+        daemon.wait_for(lambda: len(daemon.of("estimate")) >= 200, "200 estimates")
+        daemon.end()
+        assert device.stop() == 0
+        yield daemon
     finally:
-        daemon.kill()
-        daemon.wait()
-        ended = device.stop()
-    return Run(out, log.read_text(), (code, ended))
+        started.kill()
 
 
-def test_every_sample_arrives_and_every_estimate_is_finite(run: Run) -> None:
-    assert (run.codes, run.stderr) == ((0, 0), "")
+def test_every_sample_arrives_and_every_estimate_is_finite(run: Daemon) -> None:
+    assert (run.code, run.stderr) == (0, "")
     estimates = run.of("estimate")
     assert [e["seq"] for e in estimates] == list(range(50, 50 + len(estimates)))
     for estimate in estimates:
@@ -76,7 +56,7 @@ def test_every_sample_arrives_and_every_estimate_is_finite(run: Run) -> None:
             assert axis["fltea"]["valid"]
             assert all(math.isfinite(v) for v in axis["fltea"].values())
             assert all(math.isfinite(axis[name]) for name in ("bias", "bias_std", "state", "state_std"))
-    assert [r["class"] for r in run.records()[:2]] == ["hello", "epoch"]
+    assert [r["class"] for r in run.records[:2]] == ["hello", "epoch"]
     last = run.of("stats")[-1]
     assert last["samples"]["delivered"] == len(run.of("sample")) == 50 + len(estimates)
     assert last["samples"]["lost"] == last["samples"]["gaps"] == 0
@@ -86,7 +66,7 @@ def test_every_sample_arrives_and_every_estimate_is_finite(run: Run) -> None:
     assert times == sorted(set(times))
 
 
-def test_the_wire_changes_no_value(run: Run) -> None:
+def test_the_wire_changes_no_value(run: Daemon) -> None:
     """The estimates equal, to the last bit, those of the same quantised samples fed in directly."""
     config = load_config(None, {"estimator.window": 200, "estimator.startup": 50}).estimator
     noise, estimates = NoiseGenerator(parse_noise(NOISE)), run.of("estimate")
@@ -94,8 +74,10 @@ def test_the_wire_changes_no_value(run: Run) -> None:
     assert_published(estimates, fed_directly(np.array(counts) / 16.4, config, 1 / 16.4))
 
 
-def test_ndjson_with_samples_replays_to_the_same_estimates(run: Run) -> None:
-    again = fltea("run", "--source", f"replay:{run.file}", "--once", *QUICK)
+def test_ndjson_with_samples_replays_to_the_same_estimates(run: Daemon, tmp_path: Path) -> None:
+    file = tmp_path / "live.ndjson"
+    file.write_text("".join(json.dumps(record) + "\n" for record in run.records))
+    again = fltea("run", "--source", f"replay:{file}", "--once", *QUICK)
     assert (again.returncode, again.stderr) == (0, "")
     replayed = [r for r in map(json.loads, again.stdout.splitlines()) if r["class"] == "estimate"]
     for a, b in zip(run.of("estimate"), replayed, strict=True):

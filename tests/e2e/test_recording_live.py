@@ -4,15 +4,13 @@ import json
 import random
 import re
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 from host_support import fltea
 from mcap.reader import make_reader
-from support import PATIENCE_S, QUICK, Daemon, Processes, wait_until
+from support import QUICK, Daemon, Processes, wait_until
 from tiers import slow
 
 FLUSHED_S = 1.0
@@ -86,19 +84,11 @@ def test_record_export_replay(processes: Processes, port: Path, tmp_path: Path) 
 
 def test_ctrl_c_ends_a_recording_in_order(processes: Processes, port: Path, tmp_path: Path) -> None:
     device = processes.stand_in(port)
-    process = subprocess.Popen(
-        [sys.executable, "-m", "fltea", "record", "-s", f"serial:{port}", tmp_path / "rec"],
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        wait_until(lambda: len(list((tmp_path / "rec").glob("*.mcap"))) == 1, "the file")
-        time.sleep(1.0)
-        process.send_signal(signal.SIGINT)
-        _, stderr = process.communicate(timeout=PATIENCE_S)
-    finally:
-        process.kill()
+    recorder = processes.daemon("-s", f"serial:{port}", tmp_path / "rec", command="record")
+    wait_until(lambda: len(list((tmp_path / "rec").glob("*.mcap"))) == 1, "the file")
+    time.sleep(1.0)
+    code, stderr = recorder.end()
     device.stop()
-    assert process.returncode == 0, stderr
+    assert code == 0, stderr
     assert "1 file in" in stderr
     assert json.loads(fltea("info", "--json", tmp_path / "rec").stdout)["whole"]

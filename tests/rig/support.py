@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from tools.faults.program import PATIENCE_S, Program
 from tools.faults.program import wait_until as wait_until
@@ -41,10 +42,10 @@ class StandIn:
 
 
 class Daemon(Program):
-    """`fltea run` with its records collected as they come. program: what Python runs in place of fltea."""
+    """`fltea run`, or another command, and its records as they come. program: what runs in place of fltea."""
 
-    def __init__(self, *arguments: str | Path, program: Sequence[str] = ()) -> None:
-        super().__init__(["run", *arguments], before=HEARS_HANGUPS, program=program)
+    def __init__(self, *arguments: str | Path, program: Sequence[str] = (), command: str = "run") -> None:
+        super().__init__([command, *arguments], before=HEARS_HANGUPS, program=program)
 
     def end(self, number: signal.Signals | None = signal.SIGINT) -> tuple[int, str]:
         """Exit code and stderr, after a signal or by itself."""
@@ -61,8 +62,8 @@ class Processes:
         self._started.append(device := StandIn(link, *arguments))
         return device
 
-    def daemon(self, *arguments: str | Path, program: Sequence[str] = ()) -> Daemon:
-        self._started.append(daemon := Daemon(*arguments, program=program))
+    def daemon(self, *arguments: str | Path, **how: Any) -> Daemon:
+        self._started.append(daemon := Daemon(*arguments, **how))
         return daemon
 
     def kill(self) -> None:
