@@ -60,7 +60,8 @@ def frames() -> str:
 def info() -> str:
     fields = dict.fromkeys(Summary.__struct_fields__, 0) | dict.fromkeys(("start_unix_ns", "rate_hz"))
     fields |= {"name": NASTY, "device": NASTY, "session": NASTY, "hello": HELLO, "about": NASTY}
-    return as_text(Summary(**fields | {"epochs": {}, "link": LinkStats(), "notes": [NASTY], "unread": [NASTY]}))
+    fields |= {"epochs": {}, "link": LinkStats(), "notes": [NASTY], "unread": [NASTY]}
+    return as_text(Summary(**fields))
 
 
 def identify() -> str:
