@@ -36,13 +36,6 @@ def test_a_list_for_a_person(system: FakeSystem, capsys: pytest.CaptureFixture[s
     )
 
 
-def test_an_empty_list_says_what_to_look_at(system: FakeSystem, capsys: pytest.CaptureFixture[str]) -> None:
-    devices()
-    text = capsys.readouterr().out
-    assert "beside the power socket" in text
-    assert "fltea doctor" in text
-
-
 def test_a_list_for_a_program(system: FakeSystem, capsys: pytest.CaptureFixture[str]) -> None:
     devices(json=True)
     assert capsys.readouterr().out == ""

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from fake_system import FakeSystem
 from fltea.machine import host_system
-from fltea.machine.devices import NATIVE, PROGRAMMING, find_buses, find_ports, is_raspberry_pi, stable_name
+from fltea.machine.devices import NATIVE, PROGRAMMING, find_ports, stable_name
 from fltea.machine.host_system import Holder, System, permission_remedy
 from fltea.wire.permission import Group
 from fltea.wire.transport import DUE_NATIVE_PORT
@@ -120,20 +120,6 @@ def test_the_group_of_a_real_file(tmp_path: Path) -> None:
         file.chmod(mode)
         assert system.group_of("/device") == group._replace(joinable=False)
     assert system.group_of("/none") is None
-
-
-def test_buses_of_a_raspberry_pi(system: FakeSystem) -> None:
-    assert not is_raspberry_pi(system)
-    assert find_buses(system) == []
-    system.put("/proc/device-tree/model", b"Raspberry Pi 4 Model B Rev 1.4\0")
-    system.put("/dev/i2c-1")
-    system.put("/sys/class/i2c-dev/i2c-1/name", "bcm2835 (i2c@7e804000)\n")
-    system.group, system.refused = Group(998, "i2c", True), {"/dev/i2c-1"}
-    assert is_raspberry_pi(system)
-    (bus,) = find_buses(system)
-    assert (bus.path, bus.driver) == ("/dev/i2c-1", "bcm2835 (i2c@7e804000)")
-    assert bus.remedy is not None
-    assert "usermod -aG i2c anna" in bus.remedy
 
 
 def test_commands_that_are_missing_or_hang_give_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,9 +8,7 @@ from pathlib import Path
 import pytest
 from fake_system import FakeSystem, finding_of, levels
 from fltea.machine.doctor.checks_host import (
-    check_clock,
     check_packages,
-    check_program,
     check_service,
     check_udev,
 )
@@ -18,7 +16,6 @@ from fltea.machine.doctor.checks_i2c import check_i2c
 from fltea.machine.doctor.checks_outputs import check_outputs
 from fltea.machine.doctor.diagnosis import check_source, examine
 from fltea.machine.doctor.finding import Finding
-from fltea.records.version import __version__
 from fltea.settings.config import load_configs
 from fltea.settings.extras import how_to_install
 
@@ -43,18 +40,6 @@ def test_a_machine_without_a_board_is_looked_at_as_a_whole(system: FakeSystem) -
     assert finding_of(findings, "program").device is None
 
 
-def test_every_device_of_a_configuration_is_looked_at(system: FakeSystem, tmp_path: Path) -> None:
-    file = tmp_path / "two.toml"
-    file.write_text(
-        '[device.noise]\nsource = "synthetic:"\n[device.pi]\nsource = "i2c:///dev/i2c-1?addr=0x68"\n'
-    )
-    findings = list(examine(load_configs(file, {}), system))
-    assert [(f.device, f.check, f.level) for f in findings if f.device] == [
-        ("noise", "source", "ok"),
-        ("pi", "i2c", "problem"),
-    ]
-
-
 @pytest.mark.parametrize("name", ["replay:{}", "{}"])
 def test_a_recording_is_only_looked_for(system: FakeSystem, tmp_path: Path, name: str) -> None:
     recording = tmp_path / "rest.npz"
@@ -65,12 +50,6 @@ def test_a_recording_is_only_looked_for(system: FakeSystem, tmp_path: Path, name
     assert levels(list(check_source(config, system, 0.0))) == {"source": "problem"}
 
 
-def test_the_program_names_versions_and_instruction_set() -> None:
-    findings = list(check_program())
-    assert levels(findings) == {"program": "ok", "native": "ok"}
-    assert f"fltea {__version__}, protocol " in finding_of(findings, "program").message
-
-
 def test_packages_have_to_be_there_only_if_asked_for(system: FakeSystem) -> None:
     (config,) = load_configs(None, {"mqtt.broker": "localhost", "metrics.address": 9100})
     assert finding_of(list(check_packages(config, system)), "packages").level == "ok"
@@ -79,14 +58,6 @@ def test_packages_have_to_be_there_only_if_asked_for(system: FakeSystem) -> None
     system.without = {"mcap", "paho"}
     found = finding_of(list(check_packages(config, system)), "packages")
     assert (found.level, found.remedy) == ("problem", f"{how_to_install('mqtt')}.")
-
-
-def test_a_clock_that_nobody_keeps(system: FakeSystem) -> None:
-    assert levels(list(check_clock(system))) == {"clock": "ok"}
-    system.kept = False
-    assert levels(list(check_clock(system))) == {"clock": "warning"}
-    system.kept = None
-    assert list(check_clock(system)) == []
 
 
 @pytest.mark.parametrize(

@@ -162,9 +162,3 @@ def test_a_port_in_use_is_not_opened(
     assert list(levels(findings)) == ["port", "permission", "in use"]
     found = finding_of(findings, "in use")
     assert (found.level, says in found.message) == (level, True)
-
-
-def test_other_urls_are_just_opened(system: FakeSystem) -> None:
-    findings = list(check_serial(system, "socket://localhost:4000", wire.BAUD))
-    assert finding_of(findings, "samples").level == "ok"
-    assert "port" not in levels(findings)

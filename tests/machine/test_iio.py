@@ -80,12 +80,6 @@ def test_pitfalls(system: FakeSystem, tmp_path: Path) -> None:
     assert "udev" in str(checks["permission"].remedy)
 
 
-def test_a_reader_is_named(system: FakeSystem, tmp_path: Path) -> None:
-    imu(tmp_path)
-    system.process(31, "/usr/sbin/iio-sensor-proxy", opened="/dev/iio:device0")
-    assert "iio-sensor-proxy (pid 31)" in found(system)["in use"].message
-
-
 def test_what_is_not_there(system: FakeSystem, tmp_path: Path) -> None:
     assert "industrialio is not loaded" in found(system)["iio"].message
     device = imu(tmp_path)
