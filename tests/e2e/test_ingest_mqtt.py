@@ -85,11 +85,3 @@ def test_what_is_for_one_device_is_refused(setting: dict[str, object]) -> None:
     configs = load_configs(None, {"format": "none", **setting}, ["mqtt://localhost:1"])
     with pytest.raises(UsageError, match=f"--{next(iter(setting)).partition('.')[0]}.*many devices"):
         run(configs)
-
-
-@pytest.mark.parametrize("url", ["mqtt:", "mqtt://user:secret@host", "mqtt://host/topic"])
-def test_an_address_that_is_none_is_refused_without_its_password(url: str) -> None:
-    with pytest.raises(UsageError) as caught:
-        run(load_configs(None, {"format": "none"}, [url]))
-    assert "source" in str(caught.value)
-    assert "secret" not in str(caught.value)

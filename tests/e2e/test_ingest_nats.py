@@ -181,10 +181,13 @@ def test_three_nodes_with_tls_and_accounts(
         "nats://host:",
         "nats://:4222",
         "nats://[::1",
+        "mqtt:",
+        "mqtt://user:secret@host",
+        "mqtt://host/topic",
     ],
 )
 def test_an_address_that_is_none_is_refused_without_its_password(url: str) -> None:
-    with pytest.raises(UsageError, match="nats://HOST") as caught:
+    with pytest.raises(UsageError, match="source") as caught:
         receiver_of(load_configs(None, {}, [url])[0])
     assert "secret" not in str(caught.value)
 

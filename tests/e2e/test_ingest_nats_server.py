@@ -117,22 +117,28 @@ def test_a_server_that_maps_rightly_is_looked_at_without_a_trace(serving: tuple[
     assert worker.told == []
 
 
+ELSEWHERE = 'mappings { "fltea.*.frames": "elsewhere.{{wildcard(1)}}" }'
+
+
 @pytest.mark.parametrize(
-    ("maps", "text"),
+    ("options", "kind", "text"),
     [
-        ("", "maps no device to a partition"),
-        (mapping(16), f"to 16 partitions, and ingest.partitions is {PARTITIONS}"),
-        (mapping(2), f"to 2 partitions, and ingest.partitions is {PARTITIONS}"),
-        ('mappings { "fltea.*.frames": "elsewhere.{{wildcard(1)}}" }', "does not arrive"),
+        ({"maps": ""}, "nats_mapping", "maps no device to a partition"),
+        ({"maps": mapping(16)}, "nats_mapping", f"to 16 partitions, and ingest.partitions is {PARTITIONS}"),
+        ({"maps": mapping(2)}, "nats_mapping", f"to 2 partitions, and ingest.partitions is {PARTITIONS}"),
+        ({"maps": ELSEWHERE}, "nats_mapping", "does not arrive"),
+        ({"store": "100MB"}, "nats_settings", "max_file_store has to be larger than ingest.keep_mb (4000)"),
+        ({"store": ""}, "nats_settings", "JetStream does not answer"),
     ],
 )
-def test_a_server_that_maps_otherwise_is_told_with_the_line_to_write(
-    maps: str, text: str, server: Servers, start: Start
+def test_a_server_that_is_not_as_it_has_to_be_is_told(
+    options: dict[str, str], kind: str, text: str, server: Servers, start: Start
 ) -> None:
-    worker = start(server(maps=maps))
-    wait_until(lambda: bool(worker.texts("nats_mapping")), "word of it")
-    assert text in worker.texts("nats_mapping")
-    assert mapping() in worker.texts("nats_mapping")
+    """With the line to write, if it maps otherwise."""
+    worker = start(server(**options))
+    wait_until(lambda: bool(worker.told), "word of it")
+    assert text in worker.texts(kind)
+    assert (mapping() in worker.texts(kind)) == ("maps" in options)
 
 
 def test_limits_that_differ_are_told_and_changed_if_asked_for(server: Servers, start: Start) -> None:
@@ -155,21 +161,6 @@ def test_limits_that_differ_are_told_and_changed_if_asked_for(server: Servers, s
         return config.max_age, config.max_bytes, config.max_msgs_per_subject
 
     assert ask(one, limits) == (600, 50_000_000, 1200)
-
-
-@pytest.mark.parametrize(
-    ("store", "text"),
-    [
-        ("100MB", "max_file_store has to be larger than ingest.keep_mb (4000)"),
-        ("", "JetStream does not answer"),
-    ],
-)
-def test_a_server_that_cannot_keep_frames_is_told(
-    store: str, text: str, server: Servers, start: Start
-) -> None:
-    worker = start(server(store=store))
-    wait_until(lambda: bool(worker.told), "word of it")
-    assert text in worker.texts("nats_settings")
 
 
 def test_another_reason_of_the_same_outage_is_told_too(monkeypatch: pytest.MonkeyPatch) -> None:
