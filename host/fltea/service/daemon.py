@@ -9,13 +9,12 @@ import threading
 import time
 from collections.abc import Sequence
 from types import FrameType
+from typing import TYPE_CHECKING
 
 from fltea.records.errors import FlteaError, Incomplete, SourceFailed, UsageError
 from fltea.records.ports import Source
 from fltea.records.visible import visible_lines
 from fltea.service.hub import Hub
-from fltea.service.ingest.loop import Ingest
-from fltea.service.ingest.receivers import receiver_of
 from fltea.service.lines import LineLoop, has_line
 from fltea.service.open_outputs import open_outputs
 from fltea.service.open_source import open_source
@@ -27,6 +26,9 @@ from fltea.settings.estimator import BY_DEVICE
 from fltea.settings.ingest import is_shared
 from fltea.sources.replay import ReplaySource
 from fltea.stream.fit_times import FitLoad
+
+if TYPE_CHECKING:
+    from fltea.service.ingest.loop import Ingest
 
 PATIENCE_S = 0.6
 """What an output gets after a signal to write what it has; with what the sources need it stays below 1 s."""
@@ -123,7 +125,7 @@ class _Run:
             open_outputs(self._configs, self._hub, replays)
             if self._configs[0].state.file is not None:
                 state = StateFile(self._configs[0].state, self._hub.report())
-            self._ingests = [Ingest(config, self._hub, receiver_of(config), self._end) for config in shared]
+            self._ingests = [self._ingest(config) for config in shared]
             self._stop.armed = True
         except BaseException:
             _close(sources)
@@ -202,7 +204,13 @@ class _Run:
         else:
             self._end(walk, None)
 
-    def _end(self, walk: Walk | Ingest, error: Exception | None) -> None:
+    def _ingest(self, config: Config) -> "Ingest":
+        from fltea.service.ingest.loop import Ingest  # few have many devices behind a broker
+        from fltea.service.ingest.receivers import receiver_of
+
+        return Ingest(config, self._hub, receiver_of(config), self._end)
+
+    def _end(self, walk: "Walk | Ingest", error: Exception | None) -> None:
         """A walk has ended: by itself, or with a fault, which must not leave a daemon that looks alive."""
         failure: FlteaError | None = None
         if isinstance(error, FlteaError):
@@ -224,7 +232,7 @@ class _Run:
             self._stop.asked.set()
 
 
-def _close(sources: Sequence[Source | Ingest]) -> None:
+def _close(sources: "Sequence[Source | Ingest]") -> None:
     """Close them side by side: each may need a moment, but all together get no more than `PATIENCE_S`."""
     threads = [threading.Thread(target=source.close, daemon=True) for source in sources]
     for thread in threads:

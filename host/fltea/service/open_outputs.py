@@ -12,7 +12,6 @@ from fltea.settings.extras import load
 from fltea.settings.ingest import is_shared
 from fltea.sinks.log import LogSink
 from fltea.sinks.ndjson import NdjsonSink
-from fltea.sinks.table import TableSink
 
 
 def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] = ()) -> None:
@@ -51,6 +50,8 @@ def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] =
         hub.add(page)
         _to_stderr(f"fltea: live page at {page.url}\n")
     if to_table:
+        from fltea.sinks.table import TableSink
+
         hub.add(TableSink())
     elif program.format != "none":
         stdout = io.FileIO(sys.stdout.fileno(), "wb", closefd=False)

@@ -1,19 +1,17 @@
-"""A source from its URL: `serial:…`, `stdin:`, `replay:…` and so on, or a plain port or file."""
+"""A source from its URL: `serial:…`, `stdin:`, `replay:…` and so on, or a plain port or file.
+
+What few need is imported when it is: a program's start on a Raspberry Pi takes a second.
+"""
 
 from pathlib import Path
-
-from serial.tools import list_ports
 
 from fltea.recording.kind import KINDS, is_one_file
 from fltea.records.errors import UsageError
 from fltea.records.ports import Source
 from fltea.settings.config import Config
 from fltea.settings.estimator import BY_DEVICE, EstimatorConfig
-from fltea.sources.iio.source import IioSource
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
-from fltea.sources.synthetic import SyntheticSource
-from fltea.sources.text_lines import PipeText, SerialText
 from fltea.wire.transport import ANY_BOARD
 
 TEXT = ("stdin", "serial-text")
@@ -29,6 +27,8 @@ def find_board() -> str:
     Raises:
         UsageError: there is more than one.
     """
+    from serial.tools import list_ports
+
     found = sorted(p.device for p in list_ports.grep(ANY_BOARD.removeprefix("hwgrep://")))
     if len(found) > 1:
         raise UsageError(f"several boards are plugged in: {', '.join(found)}. Choose one with --source.")
@@ -64,14 +64,20 @@ def open_source(config: Config) -> Source:
         case "serial":
             return SerialSource(rest, config.link.baud)
         case "stdin":
+            from fltea.sources.text_lines import PipeText
+
             return PipeText(rest, replay.how)
         case "serial-text":
+            from fltea.sources.text_lines import SerialText
+
             return SerialText(rest, replay.how)
         case "i2c":
             from fltea.sources.i2c.source import I2cSource  # smbus2 loads on Linux only
 
             return I2cSource(rest)
         case "iio":
+            from fltea.sources.iio.source import IioSource
+
             return IioSource(rest)
         case "replay":
             by_device = config.estimator.estimate_on in BY_DEVICE
@@ -86,6 +92,8 @@ def open_source(config: Config) -> Source:
                 limits=replay.limits,
             )
         case "synthetic":
+            from fltea.sources.synthetic import SyntheticSource
+
             return SyntheticSource(rest, realtime=config.pace != "fast")
     raise UsageError(
         f"--source {url}: '{scheme}:' is no kind of source. Kinds: serial:PORT, "

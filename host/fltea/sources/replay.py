@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fltea.recording.bag_files import bags_in
-from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Recording, Stored, listed
 from fltea.recording.kind import is_one_file, is_stream, open_one_file
 from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
-from fltea.recording.npy_file import open_npy
 from fltea.recording.npz_file import open_npz
 from fltea.recording.sample_times import Numbering
 from fltea.records import clock
@@ -104,6 +102,8 @@ class ReplaySource:
             if kind == "npz":
                 recording = open_npz(path, limits)
             elif kind == "npy":
+                from fltea.recording.npy_file import open_npy
+
                 recording = open_npy(path, how, limits)
             elif kind == "parquet":
                 recording = _parquet_library().open_parquet(path, how, limits)
@@ -112,6 +112,8 @@ class ReplaySource:
 
                 recording = open_bag(path, how, limits)
             else:
+                from fltea.recording.csv_file import open_csv
+
                 recording = open_csv(path, how, limits, file)
             self._events = _from_recording(name, recording, shuffle)
             samples = recording.samples

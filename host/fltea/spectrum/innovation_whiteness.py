@@ -103,4 +103,4 @@ def describes(samples: int, ljung_box: float) -> bool:
 
     Where they are not, neither the filter's α and f nor their deviations say anything of the noise.
     """
-    return chi2_tail(ljung_box, LAGS) > COLOURED_P or math.sqrt(ljung_box / samples) <= COLOURED
+    return math.sqrt(ljung_box / samples) <= COLOURED or chi2_tail(ljung_box, LAGS) > COLOURED_P

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,6 +142,7 @@ class Channels:
         """What a later run needs to go on; None while the start-up window fills."""
         return self._bank.save()
 
+    @cached_property
     def info(self) -> EstimatorInfo:
         """What they are estimated with."""
         c = self.config
@@ -253,7 +255,7 @@ class HostEstimates(Stage):
 
     def standing(self) -> Standing:
         """Return how the filters get on."""
-        info = {name: channels.info() for name, channels in self._sensors.items()}
+        info = {name: channels.info for name, channels in self._sensors.items()}
         return Standing(
             startup_remaining=max((one.startup_remaining for one in self._sensors.values()), default=0),
             axes={axis: stats for one in self._sensors.values() for axis, stats in one.stats()},
