@@ -1,7 +1,7 @@
 """A device that estimates by itself: its estimates published as they are, and beside the host's."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import msgspec
@@ -92,13 +92,9 @@ def test_what_the_device_tracks_is_published_from_its_first_fit_on() -> None:
         "tracker_state_std": 1.0,
     }
     sent = [*Board().run(noise(200))]
-    fitted = changed(
-        sent,
-        wire.Estimate,
-        lambda one: one.at >= 150 and one.message.axis == wire.Axis.GYRO_Y,
-        flags=wire.EstimateFlags.VALID | wire.EstimateFlags.TRACKED,
-        **numbers,
-    )
+    flags = wire.EstimateFlags.VALID | wire.EstimateFlags.TRACKED
+    which = {"which": lambda one: one.at >= 150 and one.message.axis == wire.Axis.GYRO_Y}
+    fitted = changed(sent, wire.Estimate, **which, flags=flags, **numbers)
     records = feed(pipeline("both"), events(fitted))
     compared, biases = of(DeviceEstimates, records), {e.seq: e.axes for e in of(Estimate, records)}
     for e in compared:
@@ -124,11 +120,8 @@ def test_the_device_says_bias_r_restarts_and_interventions() -> None:
     assert [axis.restarts for axis in stats.axes.values()] == [0, 2, 0]
     assert stats.axes["gyro_x"].interventions["order_gate"] == 3
     said = next(one.message for one in reversed(sent) if isinstance(one.message, wire.Estimator))
-    assert [(a.bias, a.R) for a in stats.axes.values()] == [
-        (said.bias_x, said.r_x),
-        (said.bias_y, said.r_y),
-        (said.bias_z, said.r_z),
-    ]
+    of_axes = [(getattr(said, f"bias_{axis}"), getattr(said, f"r_{axis}")) for axis in "xyz"]
+    assert [(a.bias, a.R) for a in stats.axes.values()] == of_axes
     own = stats.device_estimator
     assert own is not None
     assert (own.begun, own.every, own.longest_axis_us, own.estimates) == (1, 1, 2400, 3 * (201 - STARTUP))
@@ -209,12 +202,8 @@ def test_an_axis_that_is_lost_on_the_line_costs_only_itself(who: str) -> None:
 
 
 def test_a_sample_that_only_the_line_lost_has_no_place_for_its_estimate() -> None:
-    sent = [
-        one
-        for one in Board().run(noise(100))
-        if not (isinstance(one.message, wire.Sample) and one.at in (50, 51))
-    ]
-    walk = pipeline("both")
+    sent, walk = Board().run(noise(100)), pipeline("both")
+    sent = (one for one in sent if one.at not in (50, 51) or not isinstance(one.message, wire.Sample))
     compared = of(DeviceEstimates, feed(walk, events(sent)))
     assert [e.seq for e in compared] == [k for k in range(STARTUP, 100) if k not in (50, 51)]
     assert walk.stats().device_estimator.unplaced == 6
@@ -265,27 +254,34 @@ def test_after_another_start_of_the_sensor_both_begin_with_the_settings_of_the_d
         assert all(e.comparable for e in compared)
 
 
-def test_with_other_settings_nothing_is_compared_though_the_ages_agree() -> None:
-    """The device states its own only after the first sample; all but the gate and the window are the same."""
+def told_late() -> list[Sent]:
+    """The device states its settings only after the first sample; all but gate and window are the host's."""
     late = [one for one in Board().run(noise(250)) if one.at or not isinstance(one.message, wire.Estimator)]
-    late.insert(20, Sent(15, ESTIMATOR, 0))
-    records = feed(pipeline("both", estimator__startup=STARTUP), events(late))
-    compared = of(DeviceEstimates, records)
-    assert [e.seq for e in compared] == list(range(STARTUP, 250))
-    assert not any(e.comparable for e in compared)
-    assert {a.alpha_difference for e in compared for a in e.axes.values()} == {None}
-    assert reasons(compared) == {"other_settings"}
+    return [*late[:20], Sent(15, ESTIMATOR, 0), *late[20:]]
 
 
-def test_a_device_that_was_already_running_cannot_be_compared() -> None:
-    sent = [one for one in Board().run(noise(400)) if one.at >= 150]
-    records = feed(pipeline("both"), events(sent))
+def heard_late() -> list[Sent]:
+    """The device was already running; the host has a start-up window of its own by then."""
+    return [one for one in Board().run(noise(400)) if one.at >= 150]
+
+
+@pytest.mark.parametrize(
+    ("sent", "settings", "numbers", "why"),
+    [
+        (told_late, {"estimator__startup": STARTUP}, range(STARTUP, 250), "other_settings"),
+        (heard_late, {}, range(150, 400), "other_start"),
+    ],
+)
+def test_what_began_otherwise_is_shown_and_not_compared(
+    sent: Callable[[], list[Sent]], settings: dict[str, Any], numbers: range, why: str
+) -> None:
+    records = feed(pipeline("both", **settings), events(sent()))
     compared = of(DeviceEstimates, records)
-    assert of(Estimate, records), "the host has its own start-up window by now"
-    assert len(compared) > 150
+    assert of(Estimate, records)
+    assert set(numbers[50:]) <= {e.seq for e in compared} <= set(numbers)
     assert not any(e.comparable for e in compared)
     assert {a.alpha_difference for e in compared for a in e.axes.values()} == {None}
-    assert reasons(compared) == {"other_start"}
+    assert reasons(compared) == {why}
     assert all(a.valid and a.alpha is not None for e in compared for a in e.axes.values())
 
 
@@ -323,17 +319,21 @@ def test_a_constant_axis_is_null_and_told_once() -> None:
 
 
 def test_a_device_that_says_that_an_axis_is_lost_is_believed() -> None:
-    lost = changed(
-        Board().run(noise(100)),
-        wire.Estimate,
-        lambda one: one.message.axis == 2 and one.at % 20 == 10,
-        flags=0,
-        alpha=0.0,
-    )
+    which = {"which": lambda one: one.message.axis == 2 and one.at % 20 == 10}
+    lost = changed(Board().run(noise(100)), wire.Estimate, **which, flags=0, alpha=0.0)
     records = feed(pipeline("device"), events(lost))
     assert [e.kind for e in of(Error, records)] == ["axis_bound"], "once a minute"
     invalid = {e.seq for e in of(Estimate, records) if not e.axes["gyro_z"].fltea.valid}
     assert invalid == {30, 50, 70, 90}
+
+
+@pytest.mark.parametrize("who", ["device", "both"])
+def test_a_step_without_a_measurement_has_no_innovation(who: str) -> None:
+    flags = wire.EstimateFlags.VALID | wire.EstimateFlags.MISSING
+    records = feed(pipeline(who), events(changed(Board().run(noise(50)), wire.Estimate, flags=flags)))
+    assert {(a.valid, a.innovation) for e in estimates_of(who, records) for a in of_filters(e)} == {
+        (True, None)
+    }
 
 
 @pytest.mark.parametrize("field", ["alpha", "alpha_std", "f", "f_std", "state", "innovation"])
@@ -383,8 +383,7 @@ def test_a_host_that_estimates_alone_does_not_listen_to_the_device() -> None:
 def test_only_the_axes_that_were_asked_for(who: str) -> None:
     walk = pipeline(who, channels=["gyro_z", "accel_x"], accel__startup=40, accel__window=50)
     records = feed(walk, events(Board().run(noise(100))))
-    found = estimates_of(who, records)
-    found = [e for e in found if "gyro_z" in e.axes]
+    found = [e for e in estimates_of(who, records) if "gyro_z" in e.axes]
     assert {tuple(e.axes) for e in found} == {("gyro_z",)}
     assert [e.seq for e in found] == list(range(STARTUP, 100))
     assert walk.stats().device_estimator.unplaced == 0
@@ -423,12 +422,3 @@ def test_another_device_on_the_same_port_has_said_nothing_yet() -> None:
     assert [(e.reason, e.estimator) for e in of(Epoch, records)] == [("restart", None)]
     assert [e.kind for e in of(Error, records)] == ["no_device_estimates"]
     assert walk.stats().device_estimator is None
-
-
-@pytest.mark.parametrize("who", ["device", "both"])
-def test_a_step_without_a_measurement_has_no_innovation(who: str) -> None:
-    flags = wire.EstimateFlags.VALID | wire.EstimateFlags.MISSING
-    records = feed(pipeline(who), events(changed(Board().run(noise(50)), wire.Estimate, flags=flags)))
-    found = estimates_of(who, records)
-    assert len(found) == 50 - STARTUP
-    assert all(a.valid and a.innovation is None for e in found for a in of_filters(e))
