@@ -97,13 +97,14 @@ def test_rates_less_their_bias_integrate_to_a_heading_that_is_as_far_off_as_is_s
     assert not still.moving.any()
     assert all(math.isnan(std) for std in live.heading_std(30.0).values())
     live.fit(curves=False)
-    moved = live.add(y[rest:] + rate)
+    moved = live.add(y[rest:] + rate, at_rest=False)
     assert moved.moving.mean() > 0.95
     assert (np.diff(moved.bias_std[100:], axis=0) >= 0).all(), "of a prediction"
     off = (moved.rate - rate).sum(axis=0) / 100
     said = np.array([*live.heading_std(30.0).values()])
     assert 0.6 < np.sqrt(np.mean((off / said) ** 2)) < 1.4  # 24 axes: 99.8 % of right ones
     assert (moved.bias_std[-1] > moved.bias_std[100]).all()
+    assert (live.samples, live.fit(curves=False)["0"].left_out["lost"]) == (rest, turn)
 
 
 def test_samples_of_one_axis_come_back_in_their_shape() -> None:

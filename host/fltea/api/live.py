@@ -80,10 +80,11 @@ class Live:
         """The number of samples of an axis that were taken."""
         return self._live.samples
 
-    def add(self, y: ArrayLike) -> Corrected:
+    def add(self, y: ArrayLike, *, at_rest: bool = True) -> Corrected:
         """Take the next samples, (n, axes), or (n,) where there is one axis, and return what they tell.
 
         The bias goes by the noise that the newest `fit` has found, and by a bank of random walks before it.
+        at_rest: False where the sensor is known to move: no fit counts these samples.
 
         Raises:
             ValueError: another shape, or values that are not finite; then nothing is taken.
@@ -97,8 +98,10 @@ class Live:
                 f"got shape {found.shape}"
             )
         tracked = self._tracks.run(found)
-        if len(found):
+        if len(found) and at_rest:
             self._live.add(found)
+        elif len(found):
+            self._live.skip(len(found))
         rate, bias, std = (
             one.reshape(np.shape(y)) for one in (found - tracked.bias, tracked.bias, tracked.bias_std)
         )

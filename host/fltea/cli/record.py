@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from fltea.cli.output import end_with, print_lines, say
-from fltea.cli.setting_flags import LIMITS, takes_settings
+from fltea.cli.setting_flags import LIMITS, RECORDING, takes_settings
 from fltea.records.errors import FlteaError, Incomplete, UsageError
 from fltea.settings.config import load_config
 from fltea.settings.extras import load
@@ -95,7 +95,7 @@ def info(
     end_with(failures)
 
 
-@takes_settings(["link.max_gap", "replay.topic"], only=LIMITS)
+@takes_settings(["link.max_gap", *RECORDING], only=LIMITS)
 def export(
     paths: Recordings,
     settings: dict[str, Any],
@@ -121,7 +121,7 @@ def export(
 
         fltea export night --to night.csv --what estimates
 
-        fltea export drive.csv --rate 100 --to rates.csv --what corrected
+        fltea export drive.csv --units deg/s --to rates.csv --what corrected
     """
     from fltea.archive.export import export as write_export
     from fltea.sources.replay import unread_files
