@@ -1,7 +1,6 @@
 """The Due at 200, 500 and 1,000 Hz by settings of the build: exact instants, no gaps, estimates in time."""
 
 import json
-import os
 import subprocess
 import sys
 from itertools import pairwise
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from built import make
 from due_support import DueRun, build
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
@@ -108,16 +108,7 @@ def test_a_setting_that_cannot_be_does_not_compile(defines: tuple[str, ...], say
 def test_the_small_ring_of_arduino_bears_500_hz(tmp_path: Path) -> None:
     """127 bytes: ESTIMATOR has 113, and a sample of 28 comes every 2 ms."""
     folder = ROOT / "tests/firmware/arduino_stub"
-    goals = [
-        f"BUILD={tmp_path}",
-        "SANITIZE=",
-        "CXX=g++ -DFLTEA_RATE_HZ=500",
-        str(tmp_path / "run-data_ready"),
-    ]
-    made = subprocess.run(
-        ["make", f"-j{os.cpu_count()}", "-C", folder, *goals], capture_output=True, text=True, check=False
-    )
-    assert made.returncode == 0, made.stdout + made.stderr
+    make(folder, tmp_path, "SANITIZE=", "CXX=g++ -DFLTEA_RATE_HZ=500", tmp_path / "run-data_ready")
     done = subprocess.run([tmp_path / "run-data_ready", "4"], capture_output=True, check=True)
     frames = [found for found in FrameReader().feed_all(done.stdout) if isinstance(found, Frame)]
     samples = [frame for frame in frames if isinstance(frame.message, wire.Sample)]

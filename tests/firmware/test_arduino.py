@@ -1,7 +1,6 @@
 """The Arduino sketch, compiled as it stands against a stub of the Arduino core, and run in virtual time."""
 
 import json
-import os
 import subprocess
 import tomllib
 from itertools import pairwise
@@ -10,6 +9,7 @@ from typing import Any, NamedTuple
 
 import pytest
 from blocks import place_one
+from built import make
 from fltea.records.events import RawSample
 from fltea.stream.place import Place
 from fltea.wire import layout as wire
@@ -29,21 +29,7 @@ def build(request: pytest.FixtureRequest) -> Path:
     """Folder of the programs, made by one of both compilers with all warnings as errors."""
     needed(request.param)
     folder = ROOT / "build/tests-arduino" / request.param
-    done = subprocess.run(
-        [
-            "make",
-            f"-j{os.cpu_count()}",
-            "-C",
-            FOLDER / "arduino_stub",
-            f"BUILD={folder}",
-            f"CXX={request.param}",
-            "all",
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    make(FOLDER / "arduino_stub", folder, f"CXX={request.param}", "all")
     return folder
 
 

@@ -1,19 +1,12 @@
 """Builds and runs the C++ tests of host/native, so that pytest shows them beside the others."""
 
 import subprocess
-from pathlib import Path
 
 import pytest
+from built import BUILD, NATIVE, make
 from tiers import slow
 
-FOLDER = Path(__file__).parent
-BUILD = FOLDER.parents[1] / "build/tests-native"
-
-
-def make(*goals: str) -> None:
-    command = ["make", "-C", FOLDER, f"BUILD={BUILD}", *goals]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+TESTS = BUILD / "tests-native"
 
 
 LONG = ",".join(
@@ -31,18 +24,18 @@ LONG = ",".join(
     "cases", [f"--test-case-exclude={LONG}", slow(f"--test-case={LONG}")], ids=["short", "long"]
 )
 def test_doctest_with_sanitizers(cases: str) -> None:
-    make("tests")
-    done = subprocess.run([BUILD / "tests", cases], capture_output=True, text=True, check=False)
+    make(NATIVE, TESTS, "tests")
+    done = subprocess.run([TESTS / "tests", cases], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_headers_compile_with_the_flags_of_the_device() -> None:
-    make("strict")
+    make(NATIVE, TESTS, "strict")
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_fuzzer_finds_nothing_in_a_fixed_number_of_inputs() -> None:
-    make("fuzz")
+    make(NATIVE, TESTS, "fuzz")

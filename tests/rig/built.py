@@ -2,28 +2,37 @@
 
 import ctypes
 import fcntl
+import os
 import subprocess
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 
-def make(folder: Path, build: Path, *goals: str) -> subprocess.CompletedProcess[str]:
+NATIVE = Path(__file__).resolve().parents[1] / "native"
+BUILD = NATIVE.parents[1] / "build"
+DOUBLES, COUNTS, BYTES = (
+    np.ctypeslib.ndpointer(kind, flags="C") for kind in (np.float64, np.int16, np.uint8)
+)
+"""Arguments of the probes' functions."""
+
+
+def make(folder: Path, build: Path, *goals: str | Path) -> None:
     """Run `make BUILD=build goals` in a folder; who comes while another one does waits, and finds it made."""
     build.mkdir(parents=True, exist_ok=True)
     with (build / ".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        command = ["make", "-C", str(folder), f"BUILD={build}", *goals]
-        return subprocess.run(command, capture_output=True, text=True, check=False)
+        command = ["make", f"-j{os.cpu_count()}", "-C", folder, f"BUILD={build}", *goals]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
-def shared_library(folder: Path, build: Path, name: str, functions: Iterable[tuple[Any, ...]]) -> ctypes.CDLL:
-    """Build a library, if out of date, and load it. functions: name, type of the result, of the arguments."""
-    done = make(folder, build, f"{build}/{name}.so")
-    if done.returncode != 0:
-        raise RuntimeError(done.stdout + done.stderr)
-    library = ctypes.CDLL(f"{build}/{name}.so")
-    for name, result, *arguments in functions:
-        function = getattr(library, name)
-        function.restype, function.argtypes = result, arguments
+def probe(name: str, *functions: tuple[Any, ...]) -> ctypes.CDLL:
+    """Load a library of tests/native, built if out of date. functions: name, type of result, of arguments."""
+    file = BUILD / "tests-native" / f"{name}.so"
+    make(NATIVE, file.parent, file)
+    library = ctypes.CDLL(str(file))
+    for function, result, *arguments in functions:
+        found = getattr(library, function)
+        found.restype, found.argtypes = result, arguments
     return library

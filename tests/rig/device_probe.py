@@ -6,12 +6,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from built import shared_library
+from built import BYTES, COUNTS, DOUBLES, probe
 from fltea.estimator.engine import Engine
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.settings.estimator import EstimatorConfig
 from fltea.wire.layout import Estimate
-from memory_probe import BUILD, SOURCES
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
@@ -19,10 +18,6 @@ Array = NDArray[np.float64]
 VARIANTS = ("joint", "triple")
 FIELDS = Estimate._fields[: Estimate._fields.index("tracker_bias")]
 """What the estimator says; the tracker is that of the fits (spectrum_probe)."""
-
-COUNTS = np.ctypeslib.ndpointer(np.int16, flags="C")
-BYTES = np.ctypeslib.ndpointer(np.uint8, flags="C")
-DOUBLES = np.ctypeslib.ndpointer(np.float64, flags="C")
 
 
 class Baseline(NamedTuple):
@@ -37,7 +32,8 @@ class Baseline(NamedTuple):
 def library(variant: str) -> ctypes.CDLL:
     """Build, if out of date, and load the probe of one variant."""
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
-    functions = (
+    return probe(
+        f"device_probe-{variant}",
         ("device_startup", ctypes.c_int),
         ("device_lsb_per_dps", ctypes.c_double),
         ("device_make", pointer),
@@ -45,7 +41,6 @@ def library(variant: str) -> ctypes.CDLL:
         ("device_run", size, pointer, size, COUNTS, BYTES, DOUBLES),
         ("device_baseline", None, pointer, DOUBLES),
     )
-    return shared_library(SOURCES, BUILD, f"device_probe-{variant}", functions)
 
 
 STARTUP = library("joint").device_startup()

@@ -4,31 +4,26 @@ import ctypes
 import platform
 import weakref
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
-from built import shared_library
+from built import DOUBLES, probe
 from fltea.estimator.engine import instruction_sets
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-
-SOURCES = Path(__file__).resolve().parents[1] / "native"
-BUILD = SOURCES.parents[1] / "build/tests-native"
 
 SETS = instruction_sets()
 """Instruction sets that this processor can run."""
 DIRECT = -1
 """In place of a number of digits: the exact memory."""
 
-DOUBLES = np.ctypeslib.ndpointer(np.float64, flags="C")
-
 
 @lru_cache
 def library(instruction_set: str) -> ctypes.CDLL:
     """Build, if out of date, and load the probe of one instruction set."""
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
-    functions = (
+    return probe(
+        f"probe-{instruction_set}",
         ("probe_make", pointer, ctypes.c_char, ctypes.c_int, size),
         ("probe_free", None, pointer),
         ("probe_lanes", ctypes.c_int, pointer),
@@ -45,7 +40,6 @@ def library(instruction_set: str) -> ctypes.CDLL:
         ("probe_nodes", None, pointer, DOUBLES),
         ("probe_math", None, ctypes.c_char, size, DOUBLES, DOUBLES, DOUBLES, DOUBLES),
     )
-    return shared_library(SOURCES, BUILD, f"probe-{instruction_set}", functions)
 
 
 class Memory:
@@ -121,10 +115,10 @@ class Memory:
 
 def math(kind: str, x: Array, instruction_set: str | None = None) -> tuple[Array, Array, Array]:
     """e^x, e^-x and sin(pi x) of pack_math.hpp."""
-    probe = library(instruction_set or SETS[0])
+    native = library(instruction_set or SETS[0])
     padded = np.concatenate((x, np.zeros(-len(x) % 8)))
     up, down, sine = (np.empty_like(padded) for _ in range(3))
-    probe.probe_math(kind.encode(), len(padded), padded, up, down, sine)
+    native.probe_math(kind.encode(), len(padded), padded, up, down, sine)
     return up[: len(x)], down[: len(x)], sine[: len(x)]
 
 

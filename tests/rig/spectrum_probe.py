@@ -6,12 +6,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from built import shared_library
-from memory_probe import BUILD, SOURCES
+from built import COUNTS, DOUBLES, probe
 from numpy.typing import NDArray
-
-COUNTS = np.ctypeslib.ndpointer(np.int16, flags="C")
-DOUBLES = np.ctypeslib.ndpointer(np.float64, flags="C")
 
 
 class BoardFit(NamedTuple):
@@ -35,7 +31,8 @@ class BoardFit(NamedTuple):
 def library() -> ctypes.CDLL:
     """Build, if out of date, and load the probe."""
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
-    functions = (
+    return probe(
+        "spectrum_probe",
         ("spectrum_make", pointer),
         ("spectrum_free", None, pointer),
         ("spectrum_add", None, pointer, size, COUNTS),
@@ -46,7 +43,6 @@ def library() -> ctypes.CDLL:
         ("spectrum_track", None, pointer, size, COUNTS, DOUBLES),
         ("spectrum_lose", None, pointer, size),
     )
-    return shared_library(SOURCES, BUILD, "spectrum_probe", functions)
 
 
 class BoardSpectrum:
@@ -54,9 +50,8 @@ class BoardSpectrum:
 
     def __init__(self) -> None:
         """Begin."""
-        probe = library()
-        self._axis = probe.spectrum_make()
-        weakref.finalize(self, probe.spectrum_free, self._axis)
+        self._axis = library().spectrum_make()
+        weakref.finalize(self, library().spectrum_free, self._axis)
 
     def add(self, counts: NDArray[np.int16]) -> None:
         """Take samples."""
