@@ -10,13 +10,14 @@ from fltea.records.version import __version__
 
 if TYPE_CHECKING:
     from fltea.api.identified import Identified, Report
-    from fltea.api.live import Live, LiveReport
+    from fltea.api.live import Corrected, Live, LiveReport
     from fltea.api.recording import Recording, open
     from fltea.api.series import identify
     from fltea.api.simulated import Simulated, simulate
     from fltea.records.errors import FlteaError, UsageError
 
 __all__ = [
+    "Corrected",
     "FlteaError",
     "Identified",
     "Live",
@@ -32,6 +33,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Corrected": "fltea.api.live",
     "FlteaError": "fltea.records.errors",
     "Identified": "fltea.api.identified",
     "Live": "fltea.api.live",

@@ -12,16 +12,20 @@ def run(
     source: Sources = None,
     config: ConfigFile = None,
 ) -> None:
-    """Estimate state, order α and parameter f of each gyroscope axis, sample by sample.
+    """Say sample by sample what the bias of each gyroscope axis is, and what its noise.
 
     Writes one JSON object a line (host/docs/reference/records.md documents the records), or draws a live
-    table on a terminal. A device that is missing or falls silent is reported and waited for.
+    table on a terminal: verdict, order α and parameter f with intervals, bias and state with their
+    deviations, and how far a heading will be off (host/docs/guide/bias_and_heading.md). A device that is
+    missing or falls silent is reported and waited for.
 
     For example:
 
         fltea run
 
         fltea run -s replay:rest.npz --once --format table
+
+        fltea run --corrected | my-navigation
 
         fltea run -s rest.csv --columns gx,gy,gz --units rad/s --rate 100
 
