@@ -7,6 +7,7 @@ goes the way of the live stage: samples, a settled fit whenever the record has g
 import math
 import zlib
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -34,34 +35,35 @@ SPANS = {"6–30 s": (600, 3_000), "60–200 s": (6_000, N)}
 OVERSAMPLED = 8
 """For a low-pass as it is in a sensor, in front of the sampling."""
 
-Draw = Callable[[np.random.Generator], Array]
+Draw = Callable[[np.random.Generator, int], Array]
+"""Draws so many samples of a state."""
 
 
 def _walk(step: float) -> Draw:
-    return lambda rng: np.cumsum(rng.normal(0, step, N))
+    return lambda rng, n: np.cumsum(rng.normal(0, step, n))
 
 
 def _relaxation(sigma: float, samples: float) -> Draw:
     a, before = math.exp(-1 / samples), round(20 * samples)
 
-    def draw(rng: np.random.Generator) -> Array:
-        driven = rng.normal(0, sigma * math.sqrt(1 - a * a), N + before)
+    def draw(rng: np.random.Generator, n: int) -> Array:
+        driven = rng.normal(0, sigma * math.sqrt(1 - a * a), n + before)
         return np.asarray(signal.lfilter([1.0], [1.0, -a], driven)[before:])
 
     return draw
 
 
 def _order(alpha: float, f: float, s2: float) -> Draw:
-    state = FractionalState(alpha, H**alpha * f, N)
-    return lambda rng: np.asarray(math.sqrt(s2) * state.draw(rng))
+    of = cache(lambda n: FractionalState(alpha, H**alpha * f, n))
+    return lambda rng, n: np.asarray(math.sqrt(s2) * of(n).draw(rng))
 
 
 def _sum(*draws: Draw) -> Draw:
-    return lambda rng: np.asarray(sum(one(rng) for one in draws))
+    return lambda rng, n: np.asarray(sum(one(rng, n) for one in draws))
 
 
 NOISES: dict[str, tuple[tuple[Part, ...], Draw]] = {
-    "white": ((), lambda rng: np.zeros(N)),
+    "white": ((), lambda rng, n: np.zeros(n)),
     "walk, 0.002 a sample": ((Walk(0.002 / math.sqrt(H)),), _walk(0.002)),
     "walk, 0.0003 a sample": ((Walk(0.0003 / math.sqrt(H)),), _walk(0.0003)),
     "relaxation of 2 s": ((Relaxation(0.1, 2.0),), _relaxation(0.1, 200)),
@@ -75,7 +77,7 @@ NOISES: dict[str, tuple[tuple[Part, ...], Draw]] = {
     "α .35, f -4, s2/R 1 (F < 0)": ((Order(0.35, -4.0, R / H**0.7),), _order(0.35, -4.0, R)),
     "1/f^0.9": (
         (Arfima(0.45, 1e-9, 0.2 * R),),
-        lambda rng: math.sqrt(0.2 * R) * fractional_noise(0.45, N, rng),
+        lambda rng, n: math.sqrt(0.2 * R) * fractional_noise(0.45, n, rng),
     ),
     "low-pass of 20 Hz, relaxation of 1 s": (
         (Relaxation(0.1, 1.0), LowPass(20.0, 2.0)),
@@ -93,8 +95,8 @@ def track(name: str, series: int) -> list[Row]:
     """Track series of one noise; mean squares of errors, and shares within 2 σ, by span."""
     rng = np.random.default_rng((20261124, zlib.crc32(name.encode())))
     parts, draw = NOISES[name]
-    x = np.stack([draw(rng) for _ in range(series)], axis=1)
-    y = x + np.stack([_white(parts, rng) for _ in range(series)], axis=1)
+    x = np.stack([draw(rng, N) for _ in range(series)], axis=1)
+    y = x + np.stack([white(parts, rng, N) for _ in range(series)], axis=1)
     known = Tracker([0.0] * series)
     for lane in range(series):
         known.set(lane, system((White(R), *parts), H, N))
@@ -122,12 +124,13 @@ def _rms(e: Array) -> float:
     return math.sqrt(float((e**2).mean()))
 
 
-def _white(parts: tuple[Part, ...], rng: np.random.Generator) -> Array:
+def white(parts: tuple[Part, ...], rng: np.random.Generator, n: int) -> Array:
+    """Return the white noise of a sample, (n,), behind the low-pass of the parts."""
     low = next((part for part in parts if isinstance(part, LowPass)), None)
     if low is None:
-        return rng.normal(0, math.sqrt(R), N)
+        return rng.normal(0, math.sqrt(R), n)
     b, a = signal.butter(round(low.poles), low.corner_hz, fs=OVERSAMPLED / H)
-    fine = rng.normal(0, math.sqrt(R * OVERSAMPLED), (N + 500) * OVERSAMPLED)
+    fine = rng.normal(0, math.sqrt(R * OVERSAMPLED), (n + 500) * OVERSAMPLED)
     return np.asarray(signal.lfilter(b, a, fine)[500 * OVERSAMPLED :: OVERSAMPLED])
 
 
