@@ -38,6 +38,10 @@ class Tracker {
     }
 
     bool has_system() const { return filter_ != nullptr; }
+    // After the newest sample, relative to the origin; no system, no coordinates.
+    const double* x() const { return filter_->filter.x; }
+    int size() const { return filter_ == nullptr ? 0 : filter_->system.n; }
+    double origin() const { return origin_; }
     const TrackerCounts& counts() const { return counts_; }
     const Whiteness& whiteness() const { return white_; }
     bool fixed() const { return fixed_; }

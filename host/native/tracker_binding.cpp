@@ -123,6 +123,14 @@ class Tracker {
         return at(lane).likelihood();
     }
 
+    std::tuple<double, std::vector<double>> x(size_t lane) {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        const Lane& one = at(lane);
+        std::vector<double> found(static_cast<size_t>(one.size()));
+        if (!found.empty()) std::memcpy(found.data(), one.x(), found.size() * sizeof(double));
+        return {one.origin(), std::move(found)};
+    }
+
     // Of each lane: samples in motion, how often it began again, lag1, nis, Ljung and Box's statistic and of
     // how many innovations it is.
     std::vector<std::tuple<uint64_t, uint64_t, double, double, double, int>> stats() const {
@@ -184,6 +192,7 @@ void bind_tracker(nb::module_& m) {
         .def("set", &Tracker::set)
         .def("likelihood", &Tracker::likelihood)
         .def("likelihood_of_walks", &Tracker::likelihood_of_walks, nb::arg("lane"))
+        .def("x", &Tracker::x, nb::arg("lane"))
         .def("stats", &Tracker::stats)
         .def("save", &Tracker::save)
         .def("load", &Tracker::load, nb::arg("bytes"));

@@ -6,11 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 from fltea.estimator.tracker import Tracker
-from fltea.noise.system import white
 from hypothesis import given
 from hypothesis import strategies as st
 from tiers import slow
-from tracker_support import SYSTEMS, Array, kalman, lanes, run, simulated, tracker
+from tracker_support import SYSTEMS, Array, kalman, lanes, run, simulated, tracker, white
 
 EXACT = 512
 """Samples after a start for which gains are exact."""

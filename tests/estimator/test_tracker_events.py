@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 from fltea.estimator.tracker import Tracker, Tracks
-from fltea.noise.system import System, walk, white
+from fltea.noise.system import System
 from scipy.signal import butter, lfilter
-from tracker_support import SYSTEMS, Array, fixed, kalman, run, simulated, tracker
+from tracker_support import SYSTEMS, Array, fixed, kalman, run, simulated, tracker, walk, white
 
 N, AT = 12_000, 4000
 KINDS = [None, "white", "walk", "relaxation", "order", "low-pass", "quantisation, walk"]

@@ -7,7 +7,7 @@ import pytest
 from fltea import _native
 from fltea.noise import parts as p
 from fltea.noise.spectra import stationary
-from fltea.noise.system import System, relaxing, system, walk, white
+from fltea.noise.system import System, system
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H
@@ -145,19 +145,10 @@ def test_the_state_is_what_is_no_coloured_noise() -> None:
 
 
 def test_an_offset_is_one_coordinate_more() -> None:
-    s = relaxing(1.0, 0.9, 2.0).with_offset()
-    np.testing.assert_array_equal(s.a, [0.9, 1.0])
+    s = system([WHITE, p.Relaxation(math.sqrt(2.0), 0.5)], H, N).with_offset()
+    np.testing.assert_allclose(s.a, [math.exp(-H / 0.5), 1.0])
     np.testing.assert_array_equal(s.signal, [1.0, 0.0])
     assert s.P0[1, 1] == pytest.approx(3e4)
-
-
-def test_short_ones_are_those_of_their_words() -> None:
-    for short, parts in (
-        (white(2.0), [p.White(2.0)]),
-        (walk(1.0, 0.25 * H), [WHITE, p.Walk(0.5)]),
-        (relaxing(1.0, math.exp(-0.02), 4.0), [WHITE, p.Relaxation(2.0, 0.5)]),
-    ):
-        np.testing.assert_allclose(short.spectrum(LAM), system(parts, H, 1).spectrum(LAM), rtol=1e-9)
 
 
 def test_what_is_not_stationary_is_refused() -> None:

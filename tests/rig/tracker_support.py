@@ -5,7 +5,7 @@ import math
 import numpy as np
 from fltea.estimator.tracker import Tracker, Tracks
 from fltea.noise import parts as p
-from fltea.noise.system import System, relaxing, system, walk, white
+from fltea.noise.system import System, system
 from numpy.typing import NDArray
 
 H = 0.01
@@ -48,6 +48,18 @@ def simulated(s: System, n: int, seed: int) -> tuple[Array, Array]:
     return y + rng.normal(0, math.sqrt(s.R), n), state
 
 
+def white(R: float) -> System:
+    return system([p.White(R)], H, 1)
+
+
+def walk(R: float, q: float) -> System:
+    return system([p.White(R), p.Walk(math.sqrt(q / H))], H, 1)
+
+
+def relaxing(a: float) -> System:
+    return system([p.White(1.0), p.Relaxation(1.0, -H / math.log(a))], H, 1)
+
+
 def of(*parts: p.Part, samples: int = 10**5) -> System:
     return system([p.White(1.0), *parts], H, samples)
 
@@ -56,8 +68,8 @@ SYSTEMS = {
     "white": white(1.0).with_offset(),
     "walk": walk(1.0, 1e-3),
     "walking offset": white(1.0).with_offset(1e-4, of_state=True),
-    "relaxation": relaxing(1.0, 0.95, 1.0).with_offset(),
-    "relaxation, fixed offset": relaxing(1.0, 0.95, 1.0),
+    "relaxation": relaxing(0.95).with_offset(),
+    "relaxation, fixed offset": relaxing(0.95),
     "order": of(p.Order(0.7, -1.0, 0.3 / H**1.4)).with_offset(),
     "anti-persistent order": of(p.Order(0.3, -2.0, 1.0 / H**0.6)).with_offset(),
     "low-pass": of(p.Relaxation(0.5, 0.5), p.LowPass(10.0, 2.0)).with_offset(),

@@ -1,5 +1,6 @@
 """The tracker: time of a sample and axis by the number of coordinates, and of a new system."""
 
+import math
 import statistics
 from collections.abc import Callable
 from functools import partial
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 from fltea.estimator.tracker import Tracker
 from fltea.noise import parts as p
-from fltea.noise.system import System, system, walk, white
+from fltea.noise.system import System, system
 
 from tools.bench.measured import cpu_seconds, in_turns
 from tools.validation.tables import Table
@@ -23,8 +24,8 @@ def systems() -> dict[str, System]:
     low_passed = [p.White(1.0), p.Relaxation(0.5, 0.5), p.LowPass(25.0, 2.0)]
     order = [p.White(1.0), p.Order(0.7, -1.0, 0.3 / H**1.4)]
     return {
-        "white noise, offset given": white(1.0),
-        "walk": walk(1.0, 1e-3),
+        "white noise, offset given": system([p.White(1.0)], H, 1),
+        "walk": system([p.White(1.0), p.Walk(math.sqrt(1e-3 / H))], H, 1),
         "relaxation behind a low-pass": system(low_passed, H, 10**5).with_offset(),
         "order": system(order, H, 10**4).with_offset(),
     }

@@ -29,6 +29,7 @@ PARTS = {
     "gallery": ("gallery.records", "verdicts on 87 noises, at three rates and three lengths"),
     "evaluate": ("evaluate.run", "what the live fit and the filters are worth, noise by noise"),
     "states": ("states", "what the tracker's bias is worth beside a filter that knows the noise"),
+    "forecast": ("forecast", "how often a heading is inside of its band, and a right model fails"),
     "power": ("power", "how often the null test of `identify` rejects, white noise and other"),
     "anytime": ("anytime", "how often white sensors are ever called anything else in a day"),
     "bound": ("bound", "critical values of intervals where there is no white noise"),

@@ -6,15 +6,19 @@ their likelihood, and a constant offset as much as all of them together.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fltea.noise.system import System
+from fltea.noise.parts import Part
+from fltea.noise.system import System, system
 from fltea.records.fit import Interval
 
-SHARES = tuple(10.0**k for k in (0.5, 1.5, 2.5, 3.5, 4.5))
+Array = NDArray[np.float64]
+
+SHARES = tuple(10.0 ** (k / 2) for k in range(1, 10))
 """Variances of a step, over the level of the spectrum and times n²."""
 CERTAIN = 0.95
 LEVEL_AT = 1e-3
@@ -22,24 +26,50 @@ LEVEL_AT = 1e-3
 
 
 class OffsetWalk(NamedTuple):
-    """The mean variance of a step, and the weight of all walks beside that of a constant offset."""
+    """Variances of a step, of which the first is 0, and how likely each is."""
 
-    q: float
-    weight: float
-    low: float
-    """Between low and high are 95 % of the walks' weight."""
-    high: float
+    steps: Array
+    weights: Array
+
+    @property
+    def q(self) -> float:
+        """The mean variance of a step."""
+        return float(self.weights @ self.steps)
 
     @property
     def is_certain(self) -> bool:
         """Whether a constant offset is unlikely."""
-        return self.weight > CERTAIN
+        return float(self.weights[0]) < 1 - CERTAIN
 
     def K(self, h: float) -> Interval:
-        """Return the random walk of the rate, per s and √s; null where the offset may be constant."""
+        """Return the random walk of the rate, per s and √s; null where the offset may be constant.
+
+        The interval has 95 % of the walks' weight.
+        """
         if not self.is_certain:
             return Interval()
-        return Interval(*(math.sqrt(q / h) for q in (self.q, self.low, self.high)))
+        walks = self.weights[1:] / self.weights[1:].sum()
+        ends = np.interp([0.025, 0.975], np.cumsum(walks) - walks / 2, np.log(self.steps[1:]))
+        return Interval(*(math.sqrt(q / h) for q in (self.q, *np.exp(ends))))
+
+
+CONSTANT = OffsetWalk(np.zeros(1), np.ones(1))
+
+
+def system_of(
+    parts: Sequence[Part], h: float, samples: int, likelihood: Callable[[System], float]
+) -> tuple[System, OffsetWalk]:
+    """Return the system of a noise found in so many samples, and how its offset walks.
+
+    It does beside any noise that does not walk itself, orders too. Measured, this is as near the best as a
+    constant offset where that is the truth, and nearer where a fit has missed what is slow. likelihood: 2 log
+    L of the samples with such a system.
+    """
+    found = system(parts, h, samples, found=True)
+    if found.walks:
+        return found, CONSTANT
+    walk = offset_walk(found, samples, likelihood)
+    return found.with_offset(walk.q, of_state=walk.is_certain), walk
 
 
 def offset_walk(found: System, samples: int, likelihood: Callable[[System], float]) -> OffsetWalk:
@@ -48,9 +78,6 @@ def offset_walk(found: System, samples: int, likelihood: Callable[[System], floa
     steps = np.array([0.0, *(share * level / samples**2 for share in SHARES)])
     likely = np.array([likelihood(found.with_offset(q)) for q in steps])
     if not np.isfinite(likely).all():
-        return OffsetWalk(0.0, 0.0, 0.0, 0.0)
+        return CONSTANT
     weights = np.exp((likely - likely.max()) / 2) * np.array([1.0, *[1 / len(SHARES)] * len(SHARES)])
-    weights /= weights.sum()
-    walks = weights[1:] / weights[1:].sum()
-    ends = np.interp([0.025, 0.975], np.cumsum(walks) - walks / 2, np.log(steps[1:]))
-    return OffsetWalk(float(weights @ steps), float(weights[1:].sum()), *np.exp(ends).tolist())
+    return OffsetWalk(steps, weights / weights.sum())

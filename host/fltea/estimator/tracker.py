@@ -85,6 +85,14 @@ class Tracker:
         """Return the same of the bank of walks; NaN before it knows enough, and once a system is set."""
         return self._native.likelihood_of_walks(lane)
 
+    def x(self, lane: int) -> tuple[float, Array]:
+        """Return where the numbers of an axis begin, and from there x of its system after the newest sample.
+
+        Without a system there are no coordinates.
+        """
+        origin, x = self._native.x(lane)
+        return origin, np.array(x)
+
     def figures(self) -> list[TrackerFigures]:
         """Tell how each axis gets on."""
         found = []

@@ -2,14 +2,16 @@
 
 import math
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.estimator.offset_walk import offset_walk
+from fltea.estimator.offset_walk import OffsetWalk, system_of
 from fltea.estimator.tracker import Tracker
 from fltea.noise.heading import ahead, bias_std, heading_std, heading_stds, rest_for, rested
+from fltea.noise.left_open import nearby
 from fltea.noise.parts import Part
 from fltea.noise.system import System, system
 from fltea.records.errors import UsageError
@@ -27,8 +29,8 @@ WITHIN = 1.96
 """Deviations, of a band of 95 %."""
 SURE = 2.5758
 """Deviations that fail a model, of all times together as likely as 1 %: more where there are more times."""
-EXACT, GROWTH = 512, 1.1
-"""The gain is exact for so many samples, and then found again when the record is so much longer."""
+GROWTH = 1.1
+"""What is known of x is found again for a rest that is so much longer."""
 
 
 class Now(msgspec.Struct, frozen=True):
@@ -95,15 +97,20 @@ class Forecast(msgspec.Struct, frozen=True):
     """How long to rest for the goal; null if there is none, or no rest is enough."""
 
 
-def tracked_system(parts: Sequence[Part], y: Array, h: float) -> System:
-    """Return the system of a noise with the offset that it leaves open, which walks as y has it."""
-    found = system(parts, h, len(y))
-    if found.walks:
-        return found
+class Learned(NamedTuple):
+    """The system of a noise that was found in so many samples, with the offset that it leaves open."""
+
+    parts: Sequence[Part]
+    samples: int
+    system: System
+    walk: OffsetWalk
+
+
+def learned(parts: Sequence[Part], y: Array, h: float) -> Learned:
+    """Return the system of a noise that was found in y."""
     tracker = Tracker([None])
     tracker.run(y[:, None])
-    walk = offset_walk(found, len(y), lambda one: tracker.likelihood(0, one))
-    return found.with_offset(walk.q, of_state=walk.is_certain)
+    return Learned(parts, len(y), *system_of(parts, h, len(y), lambda one: tracker.likelihood(0, one)))
 
 
 def found(
@@ -121,7 +128,7 @@ def found(
     None where no filter can work with the noise.
     """
     try:
-        model = tracked_system(parts, y, h)
+        model = learned(parts, y, h).system
         current = now(model, y, h)
     except (ValueError, ArithmeticError):
         return None, None
@@ -130,7 +137,7 @@ def found(
     half = y[: len(y) // 2]
     try:
         its, name = first(half)
-        ahead_of_it = forecast(model, tracked_system(its, half, h), name, y, h, unit)
+        ahead_of_it = forecast(model, learned(its, half, h), name, y, h, unit)
         return current, ahead_of_it if goal is None else with_goal(ahead_of_it, model, h, goal, unit)
     except (ValueError, ArithmeticError) as error:
         curve = tuple(heading_stds(model, rested(model, len(y)), h, TIMES_S))
@@ -150,64 +157,72 @@ def now(model: System, y: Array, h: float) -> Now:
     return Now(bias, std, heading_std(model, P, h, SAID_S))
 
 
-def judged(model: System, y: Array, begin: int, h: float) -> tuple[Piece, ...]:
-    """Judge the forecasts of a system from sample `begin` of y on; what is before teaches its filter."""
+def judged(model: Learned, y: Array, begin: int, h: float) -> tuple[Piece, ...]:
+    """Judge the forecasts of a system from sample `begin` of y on; what is before teaches its filter.
+
+    All pieces are told by one model. So their mean square is off by chance, and by how well that is known.
+    """
     m = max(round(1 / h), 1)
-    origin = float(y[:begin].mean())
     begin -= begin % m
-    x, P = _estimates(model, y - origin, m)
-    sums = np.append(0.0, np.cumsum(y - origin))
     lengths = [(t, round(t) * m) for t in TIMES_S if (len(y) - begin) // (round(t) * m) >= FEWEST]
+    off = y - y[:begin].mean()
+    sums = np.append(0.0, np.cumsum(off))
+    origins, xs, Ps = _estimates(model.system, off, begin, m)
     found = []
-    for t_s, n in lengths:
-        at = ahead(model, h, n * h)
+    for (t_s, n), spread in zip(lengths, spreads(model, h, [t for t, _ in lengths]), strict=True):
+        at = ahead(model.system, h, n * h)
         starts = np.arange(begin, len(y) - n + 1, n)
-        seen = h * (sums[starts + n] - sums[starts]) - x[starts // m] @ at.row
-        said = np.array([at.std(P[k]) for k in starts // m])
+        rests = (starts - begin) // m
+        seen = h * (sums[starts + n] - sums[starts] - n * origins[rests]) - xs[rests] @ at.row
+        said = np.array([at.std(Ps[k]) for k in rests])
         z2 = (seen / said) ** 2
         k = len(starts)
         # Wilson & Hilferty (1931): the cube root of χ² over its degrees of freedom is nearly normal.
-        off = (float(z2.mean()) ** (1 / 3) - (1 - 2 / (9 * k))) / math.sqrt(2 / (9 * k))
+        off_by = float(z2.mean()) ** (1 / 3) - (1 - 2 / (9 * k))
+        deviations = off_by / math.sqrt(2 / (9 * k) + spread**2 / 9)
         most = math.sqrt(SURE**2 + 2 * math.log(len(lengths)))
         rms = math.sqrt(float((seen**2).mean())), math.sqrt(float((said**2).mean()))
         share = float((z2 <= WITHIN**2).mean())
-        found.append(Piece(t_s, k, rms[1], rms[0], share, off, abs(off) > most))
+        found.append(Piece(t_s, k, rms[1], rms[0], share, deviations, abs(deviations) > most))
     return tuple(found)
 
 
-def _estimates(model: System, y: Array, m: int) -> tuple[Array, Array]:
-    """Return the filter's x and P after 0, m, 2 m … samples of y: (k, n), (k, n, n)."""
-    n, count = len(model.a), len(y) // m
-    xs, Ps = np.zeros((count + 1, n)), np.zeros((count + 1, n, n))
-    A, c, x, P = model.A, model.c, np.zeros(n), model.P0
-    Ps[0] = P
-    exact = min(-(-EXACT // m), count)
-    for k in range(exact * m):
-        K = P @ c / (float(c @ P @ c) + model.R)
-        x = x + K * (y[k] - c @ x)
-        if (k + 1) % m == 0:
-            xs[(k + 1) // m], Ps[(k + 1) // m] = x, P - np.outer(K, c @ P)
-        x, P = A @ x, A @ (P - np.outer(K, c @ P)) @ A.T + model.Q
-    block = exact
-    while block < count:
-        end = min(max(block + 1, int(GROWTH * block)), count)
-        after = rested(model, round((block + end) / 2 * m))
-        before = A @ after @ A.T + model.Q
-        K = before @ c / (float(c @ before @ c) + model.R)
-        M = A - np.outer(K, c @ A)
-        weights, power = np.zeros((m, n)), K
-        for i in range(m - 1, -1, -1):
-            weights[i], power = power, M @ power
-        whole = np.linalg.matrix_power(M, m)
-        for k, driven in enumerate(y[block * m : end * m].reshape(-1, m) @ weights, block + 1):
-            xs[k] = whole @ xs[k - 1] + driven
-            Ps[k] = after
-        block = end
-    return xs, Ps
+def _estimates(model: System, y: Array, begin: int, m: int) -> tuple[Array, Array, list[Array]]:
+    """Return origin, x and P of the tracker after `begin`, begin + m, begin + 2 m … samples of y."""
+    tracker = Tracker([None])
+    tracker.set(0, model)
+    tracker.run(y[:begin, None])
+    known = [tracker.x(0)]
+    Ps, until = [rested(model, begin)], GROWTH * begin
+    for at in range(begin, len(y) - m + 1, m):
+        tracker.run(y[at : at + m, None])
+        known.append(tracker.x(0))
+        if at + m > until:
+            until *= GROWTH
+            Ps.append(rested(model, at + m))
+        else:
+            Ps.append(Ps[-1])
+    return np.array([origin for origin, _ in known]), np.array([x for _, x in known]), Ps
 
 
-def forecast(whole: System, first: System, made_of: str, y: Array, h: float, unit: str) -> Forecast:
-    """Return the forecast of a recording y; first: the system of its first half, made of this."""
+def spreads(model: Learned, h: float, times_s: Sequence[float]) -> Array:
+    """Return the deviations of the heading's variance, over itself, by what its record leaves open."""
+
+    def variances(parts: Sequence[Part], q: float) -> Array:
+        bare = system(parts, h, model.samples)
+        one = bare if bare.walks else bare.with_offset(q)
+        return np.array(heading_stds(one, rested(one, model.samples), h, times_s)) ** 2
+
+    parts, (steps, weights) = model.parts, model.walk
+    by_walk = np.array([variances(parts, q) for q in steps])
+    squares = weights @ by_walk**2 / (weights @ by_walk) ** 2 - 1
+    for less, more in nearby(parts, h, model.samples):
+        squares += (np.log(variances(more, model.walk.q) / variances(less, model.walk.q)) / 2) ** 2
+    return np.asarray(np.sqrt(squares))
+
+
+def forecast(whole: System, first: Learned, made_of: str, y: Array, h: float, unit: str) -> Forecast:
+    """Return the forecast of a recording y; first: what is known of its first half, made of this."""
     P = rested(whole, len(y))
     pieces = judged(first, y, len(y) // 2, h)
     curve = tuple(heading_stds(whole, P, h, TIMES_S))

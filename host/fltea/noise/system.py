@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.noise.left_open import mean_order
 from fltea.noise.parts import (
     FILTERS,
     Alternating,
@@ -32,6 +33,7 @@ from fltea.noise.poles import (
     LINES,
     MOST_TAPS,
     Block,
+    Complex,
     driven,
     filter_poles,
     fitted,
@@ -119,16 +121,25 @@ class System(NamedTuple):
         return np.asarray(np.einsum("ki,ij,kj->k", row, self.Q, row.conj()).real + self.R)
 
 
-def system(parts: Sequence[Part], h: float, samples: int) -> System:
+def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False) -> System:
     """Return the system of a noise made of parts; h: sampling period in s.
 
-    samples: of the record; what is slower than it is left out of an order.
+    samples: of the record; what is slower than it is left out of an order. found: the parts were found in
+    that record, which leaves open which order it is (`fltea.noise.left_open`).
 
     Raises:
         ValueError: a part is not stationary.
     """
     filters = [part for part in parts if isinstance(part, FILTERS)]
     lam = _grid(samples)
+    through: Complex | float = 1.0
+    if filters:
+        through = least_phase(spectrum([White(1.0), *filters], LINES, h))(lam)
+    order = next((part for part in parts if isinstance(part, Order | Arfima)), None)
+    if found and order is not None:
+        R, power = mean_order(parts, order, LINES, h, samples)
+        through = through * least_phase(power / spectrum([order], LINES, h))(lam)
+        parts = [White(R), *(part for part in parts if not isinstance(part, White))]
     total = spectrum(parts, lam, h)
     stopped = np.abs(1 - spectrum([White(1.0), *filters], lam, h)) / (total + NO_MATTER * np.median(total))
     exact: list[Block] = []
@@ -147,28 +158,12 @@ def system(parts: Sequence[Part], h: float, samples: int) -> System:
     behind = filter_poles(filters, h)
     blocks, R = _of_noise(noise, filters, behind, total, lam, h, MOST - len(exact) - 4 * len(by_fit))
     room = MOST - len(exact) - sum(len(one.a) for one in blocks)
-    through = least_phase(spectrum([White(1.0), *filters], LINES, h))(lam) if filters else 1.0
     for k, part in enumerate(by_fit):
         share = room // (len(by_fit) - k)
         poles = [*own_poles(part, lam, h, share - min(size(behind), share // 2)), *behind]
         blocks.append(fitted(response_of(part, lam, h) * through, total, poles, lam, share, signal=True))
         room -= len(blocks[-1].a)
     return _joined([*blocks, *exact], R, samples)
-
-
-def white(R: float) -> System:
-    """Return the system of white noise, which has no state."""
-    return _joined([], R, 1)
-
-
-def walk(R: float, q: float) -> System:
-    """Return the system of a random walk with steps of variance q in white noise."""
-    return _joined([_real(1.0, q, 0.0)], R, 1)
-
-
-def relaxing(R: float, a: float, variance: float) -> System:
-    """Return the system of a relaxation of coefficient a in white noise."""
-    return _joined([_real(a, variance * (1 - a * a), variance)], R, 1)
 
 
 def _joined(blocks: Sequence[Block], R: float, samples: int) -> System:

@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 from msgspec.structs import replace as with_fields
 
-from fltea.estimator.offset_walk import offset_walk
+from fltea.estimator.offset_walk import CONSTANT, system_of
 from fltea.estimator.tracker import Tracker
 from fltea.noise.heading import heading_std, rested
-from fltea.noise.parts import Arfima, Order, Part
+from fltea.noise.parts import Part
 from fltea.noise.system import System, system
 from fltea.records.block import Array, Block, TrackedColumns
 from fltea.records.events import Ints
@@ -96,7 +96,12 @@ class SensorTracks:
             return
         parts, lane = tuple(_rounded(part) for part in noise.parts), self.names.index(axis)
         try:
-            found = self._system(lane, parts, noise)
+            if self._offsets[lane] is None:
+                found, walk = system_of(
+                    parts, self._h, noise.samples, lambda one: self._tracker.likelihood(lane, one)
+                )
+            else:
+                found, walk = system(parts, self._h, noise.samples, found=True), CONSTANT
             if before is None and noise.samples < ENOUGH:
                 more = sum(len(part.__struct_fields__) for part in parts) - OF_WALKS
                 price = math.log(noise.samples) * more
@@ -104,24 +109,12 @@ class SensorTracks:
                 if not likely > self._tracker.likelihood_of_walks(lane) - AHEAD:
                     return
             self._tracker.set(lane, found)
-            self._models[lane] = found, rested(found, noise.samples)
+            self._walks[lane], self._models[lane] = walk.K(self._h), (found, rested(found, noise.samples))
             if self.unit == GYRO_UNIT:
                 self._headings[lane] = {t_s: self.heading_std(axis, t_s) for t_s in AHEAD_S}
         except (ValueError, ArithmeticError):  # at the edge of what is stationary: the last one goes on
             return
         self._learned[axis] = noise
-
-    def _system(self, lane: int, parts: tuple[Part, ...], noise: Noise) -> System:
-        """Return the system of a noise, with the offset that it leaves open."""
-        found = system(parts, self._h, 2 ** math.ceil(math.log2(noise.samples)))
-        self._walks[lane] = UNDEFINED
-        if found.walks or self._offsets[lane] is not None:
-            return found
-        if any(isinstance(part, Order | Arfima) for part in parts) and not noise.drifts:
-            return found.with_offset()  # what is slow is the order's
-        walk = offset_walk(found, noise.samples, lambda one: self._tracker.likelihood(lane, one))
-        self._walks[lane] = walk.K(self._h)
-        return found.with_offset(walk.q, of_state=walk.is_certain)
 
     def heading_std(self, axis: str, t_s: float) -> float:
         """Return the deviation of the integral t_s after a rest as long as the fit's; NaN before a fit."""

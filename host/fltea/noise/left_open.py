@@ -1,0 +1,102 @@
+"""What a record of so many samples leaves open of the noise that was found in it (pure).
+
+By the likelihood of a spectrum (Whittle, *Ark. Mat.* 2, 1953), with the spectrum of the noise for data.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea import _native
+from fltea.noise.parts import (
+    FILTERS,
+    Arfima,
+    Order,
+    Part,
+    White,
+    free_of,
+    part_of,
+    spectrum,
+    spectrum_of,
+)
+
+Array = NDArray[np.float64]
+
+STEP, STEPS = 0.1, 10
+LEAST, MOST = 0.05, 1.05
+"""Orders that are tried, beside the one that was found."""
+LOWEST = 10
+"""Periods of a record, from which on a spectrum is fitted."""
+POINTS = 80
+CONVERGED, ITERATIONS = 1e-3, 60
+PRIOR = 1.0
+"""Information about a coordinate, nearly all of which are logarithms, without any record."""
+
+
+def mean_order(
+    parts: Sequence[Part], order: Order | Arfima, lam: Array, h: float, samples: int
+) -> tuple[float, Array]:
+    """Return the mean variance of the white noise, and the mean spectrum at λ of the order, one of the parts.
+
+    Beside white noise an order that is nearly white is hardly known: the likeliest one may leave nothing of
+    the white noise, or all of it. Of all linear filters that of the mean of the spectra has the least mean
+    square error, and knows it; the likeliest one's error is larger, and it thinks that it is less.
+
+    Each α in its place is fitted with white noise to what both have together, and weighs as much as it is
+    likely. The other parts are known.
+    """
+    R = sum(part.R for part in parts if isinstance(part, White))
+    codes, best = [White(R).code, order.code], [*White(R).eta(h), *order.eta(h)]
+    at, counts = _ordinates(samples)
+    own = spectrum_of(codes, best, at, h)
+    filters = [part for part in parts if isinstance(part, FILTERS)]
+    share = own * spectrum([White(1.0), *filters], at, h) / spectrum(parts, at, h)
+    fits = _fits(at, counts * share**2, own, h)
+
+    def fit(start: Sequence[float], alpha: float) -> tuple[list[float], float]:
+        eta = [start[0], alpha, *start[2:]]
+        return fits.fit(codes, eta, held=1, converged=CONVERGED, steps=ITERATIONS)
+
+    tried = [one for k in range(-STEPS, STEPS + 1) if k and LEAST < (one := best[1] + STEP * k) < MOST]
+    found = dict.fromkeys(tried, (best, math.inf)) | {best[1]: fit(best, best[1])}
+    for orders in (tried, tried[::-1]):
+        eta = best
+        for alpha in orders:
+            found[alpha] = min(found[alpha], fit(best, alpha), fit(eta, alpha), key=lambda one: one[1])
+            eta = found[alpha][0]
+    nll = np.array([one for _, one in found.values()])
+    weights = np.exp(nll.min() - nll)
+    weights /= weights.sum()
+    white = np.array([math.exp(eta[0]) for eta, _ in found.values()])
+    spectra = [spectrum_of(codes, eta, lam, h) for eta, _ in found.values()]
+    return float(weights @ white), np.asarray(weights @ (np.array(spectra) - white[:, None]))
+
+
+def nearby(parts: Sequence[Part], h: float, samples: int) -> Iterator[tuple[list[Part], list[Part]]]:
+    """Yield noises that are a standard deviation off, either way, in directions that are independent."""
+    codes, eta = [part.code for part in parts], np.array([x for part in parts for x in part.eta(h)])
+    at, counts = _ordinates(samples)
+    total, rows = np.empty(len(at)), np.empty((len(eta), len(at)))
+    _fits(at, counts, spectrum(parts, at, h), h).slopes(codes, eta.tolist(), total, rows)
+    covariance = np.linalg.inv((rows * counts) @ rows.T + PRIOR * np.eye(len(eta)))
+    for off in np.linalg.cholesky(covariance).T:
+        yield _parts(codes, eta - off, h), _parts(codes, eta + off, h)
+
+
+def _parts(codes: Sequence[int], eta: Array, h: float) -> list[Part]:
+    rest = iter(eta.tolist())
+    return [part_of(code, list(itertools.islice(rest, free_of(code))), h) for code in codes]
+
+
+def _ordinates(samples: int) -> tuple[Array, Array]:
+    """Return λ, and for how many ordinates of a record each stands."""
+    low = min(2 * math.pi * LOWEST / samples, 1.0)
+    lam = np.unique(np.concatenate([np.geomspace(low, math.pi, POINTS), np.linspace(low, math.pi, POINTS)]))
+    return lam, np.gradient(lam) * samples / (2 * math.pi)
+
+
+def _fits(lam: Array, counts: Array, power: Array, h: float) -> _native.Sentences:
+    return _native.Sentences(lam, counts, power, 1 / (4 * np.sin(lam / 2) ** 2), h)

@@ -1,0 +1,57 @@
+"""What the forecast's bands and its judge are worth: the first half of a series tells the second.
+
+Ten minutes at 100 Hz of the noises of `states`. Each half goes the way of `fltea identify --forecast`.
+"""
+
+import zlib
+from typing import Any
+
+import numpy as np
+from fltea.identification.axis import IdentifyOptions, look
+from fltea.identification.forecast import judged, learned
+
+from tools.validation.runner import Options, Row, Task
+from tools.validation.states import NOISES, H, white
+from tools.validation.tables import Table, grouped
+
+SEEDS, QUICK_SEEDS = 60, 6
+"""Series of each noise."""
+N = 60_000
+OFFSET = 3.0
+
+
+def tasks(options: Options) -> list[Task]:
+    """Return a task for each noise."""
+    return [Task(name, judge, (name, options.seeds), N) for name in NOISES if options.wanted(name)]
+
+
+def judge(name: str, series: int) -> list[Row]:
+    """Judge series of one noise; a row for each of them and time, with the mean squares of said and seen."""
+    rng = np.random.default_rng((20261125, zlib.crc32(name.encode())))
+    parts, draw = NOISES[name]
+    rows: list[Row] = []
+    for number in range(series):
+        y = OFFSET + draw(rng, N) + white(parts, rng, N)
+        half = y[: N // 2]
+        found = look(half, H, IdentifyOptions(shuffles=0)).figures.sentence.parts(H)
+        for one in judged(learned(found, half, H), y, N // 2, H):
+            rows.append(
+                {"noise": name, "series": number, **{k: getattr(one, k) for k in one.__struct_fields__}}
+            )
+    return rows
+
+
+def tables(rows: list[Row]) -> list[Table | str]:
+    """Return the shares inside of the bands by time, and how many series the judge fails."""
+    times = sorted({row["t_s"] for row in rows})
+    cells: list[Any] = []
+    for name, those in grouped(rows, lambda row: row["noise"]).items():
+        shares = []
+        for _, at in sorted(grouped(those, lambda row: row["t_s"]).items()):
+            pieces = sum(row["pieces"] for row in at)
+            shares.append(f"{100 * sum(row['within'] * row['pieces'] for row in at) / pieces:.1f} %")
+        series = grouped(those, lambda row: row["series"]).values()
+        fails = sum(any(row["fails"] for row in one) for one in series)
+        cells.append((str(name), *shares, f"{fails} of {len(series)}"))
+    columns = ("noise", *(f"{t:g} s" for t in times), "judge fails")
+    return [Table("Pieces of the second half inside of the band of 95 %", columns, cells)]
