@@ -188,3 +188,12 @@ def test_what_is_no_measurement_changes_nothing(value: float) -> None:
     with pytest.raises(ValueError, match="shape"):
         one.run(np.zeros((3, 2)))
     assert one.save() == before
+
+
+def test_the_bias_is_that_of_x_from_the_origin_on() -> None:
+    s = SYSTEMS["low-pass"]
+    one = tracker(s)
+    found = run(one, simulated(s, 700, 1)[0] + 5)
+    origin, x = one.x(0)
+    assert origin + s.bias @ x == pytest.approx(found.bias[-1], rel=1e-12)
+    assert Tracker([None]).x(0)[1].size == 0

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from fltea.identification.forecast import Goal, found, goal_of, judged, learned, now, said
+from fltea.identification.forecast import Goal, found, goal_of, judged, learned, now, said, spreads
 from fltea.noise.parts import Walk, White
 from fltea.records.errors import UsageError
 
@@ -29,6 +29,13 @@ def test_a_model_that_drifts_too_little_fails_in_a_sentence() -> None:
     pieces = judged(learned((White(0.01), Walk(0.004)), y[: len(y) // 2], H), y, len(y) // 2, H)
     assert any(one.fails for one in pieces)
     assert said(pieces, "deg/s").startswith("It drifts faster than its model: ")
+
+
+def test_a_longer_record_knows_its_walk_better() -> None:
+    y = _walking(0.02, 1, 80_000)
+    parts = White(0.01), Walk(0.02)
+    short, long = (spreads(learned(parts, y[:n], H), H, [1.0, 60.0]) for n in (5000, 80_000))
+    np.testing.assert_allclose(long / short, 0.25, rtol=0.3)
 
 
 def test_bands_hold_the_truth_as_often_as_they_say() -> None:
