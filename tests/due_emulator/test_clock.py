@@ -15,12 +15,6 @@ def board():
     return Bench(b"\xff" * 8).board
 
 
-def test_the_chip_starts_on_the_rc_oscillator_at_4_mhz(board):
-    assert board.machine.mck_hz == 4_000_000
-    assert board.pmc.read("SR") & (MCKRDY | MOSCSELS) == MCKRDY | MOSCSELS
-    assert board.pmc.read("MCKR") == 1
-
-
 def test_oscillator_and_pll_take_their_time(board):
     board.pmc.write("CKGR_MOR", FAR)
     begun_ps = board.machine.now_ps
@@ -126,13 +120,6 @@ def test_a_sleeping_processor_does_not_wake_the_watchdog_unless_it_is_told_so():
     assert len(watched.board.events) == 1
 
 
-def test_a_busy_program_that_never_feeds_is_bitten_even_with_the_reset_value(board):
-    board.machine.advance_to(15 * PS_PER_S)
-    assert not board.events
-    board.machine.advance_to(17 * PS_PER_S)
-    assert len(board.events) == 1
-
-
 def test_feeding_keeps_the_watchdog_quiet_and_needs_its_key(board):
     board.watchdog.write("MR", 256 | 1 << 13 | 0xFFF << 16)  # 1 s
     for _ in range(5):
@@ -147,12 +134,6 @@ def test_feeding_too_early_for_the_window_bites(board):
     board.machine.advance(PS_PER_S // 4)
     board.watchdog.write("CR", 0xA500_0001)
     assert len(board.events) == 1
-
-
-def test_a_watchdog_that_is_off_stays_off(board):
-    board.watchdog.write("MR", 1 << 15)
-    board.machine.advance_to(40 * PS_PER_S)
-    assert not board.events
 
 
 def test_the_watchdog_mode_is_written_once_a_reset(board):

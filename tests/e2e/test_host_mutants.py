@@ -6,7 +6,6 @@ import pytest
 from host_support import ROOT
 
 from tools.mutants.host_changes import HOST, changes, choose
-from tools.mutants.host_trial import nearest_tests
 
 CHANGED = {
     "x = a < b": ["x = (a <= b)", "x = (not a < b)"],
@@ -56,12 +55,3 @@ def test_a_seed_draws_the_same_changes_of_different_lines_and_all_are_python() -
         assert change.file.startswith(f"{HOST}/stream/")
         assert text[change.start : change.end] == change.old != change.new
         ast.parse(change.applied_to(text))
-
-
-def test_tests_that_import_a_module_come_before_the_rest_of_its_room() -> None:
-    tests = nearest_tests(ROOT, f"{HOST}/sinks/mqtt/sink.py")
-    imports = ["fltea.sinks.mqtt" in (ROOT / test).read_text(encoding="utf-8") for test in tests]
-    assert tests[0].startswith("tests/sinks/")
-    assert imports[0]
-    assert not imports[-1]
-    assert set(tests) >= {f"tests/sinks/{path.name}" for path in (ROOT / "tests/sinks").glob("test_*.py")}

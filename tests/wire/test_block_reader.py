@@ -145,24 +145,11 @@ def test_columns_are_plain_arrays_of_their_own(n: int) -> None:
     assert columns.end.tolist() == list(range(28, 28 * n + 1, 28))
 
 
-def test_an_oversize_block_ends_where_it_became_too_long() -> None:
-    run = b"\x55" * 1000
-    (bad,) = BlockReader().feed(b"\0" + run)
-    assert bad == Located(BadFrame("oversize", run[: wire.MAX_ENCODED]), 1 + wire.MAX_ENCODED + 1)
-
-
 def test_endless_bytes_without_a_zero_take_no_memory() -> None:
     reader = BlockReader()
     found = [item for _ in range(1000) for item in reader.feed(b"\x55" * 100)]
     assert found == [Located(BadFrame("partial", b"\x55" * wire.MAX_ENCODED), 53)]
     assert reader.pending == 0
-
-
-@given(st.binary(max_size=600), messages)
-@fixed()
-def test_after_garbage_and_a_zero_the_next_frame_arrives(garbage: bytes, message: wire.Message) -> None:
-    found = FrameReader().feed(garbage + b"\0" + encode(message, 4, 5))
-    assert repr(found[-1]) == repr(Frame(message.TYPE, 4, 5, message))
 
 
 def damaged(frame: bytes, pattern: int, start: int) -> bytes:
@@ -192,14 +179,6 @@ def test_bursts_are_rejected(message: wire.Message) -> None:
             for pattern in {ends, (1 << length) - 1, ends | source.getrandbits(length)}:
                 if damaged(frame, pattern, start)[:-1] != frame[:-1]:
                     must_be_rejected(frame, pattern, start)
-
-
-@given(messages, st.integers(0, 2**11), st.integers(1, 2**32 - 1))
-@fixed(750)
-def test_bursts_in_any_message_are_rejected(message: wire.Message, start: int, pattern: int) -> None:
-    frame = encode(message, 513, 0x01020304)
-    pattern |= 1
-    must_be_rejected(frame, pattern, start % (8 * (len(frame) - 1)))
 
 
 def test_a_damaged_end_costs_two_frames_and_no_more() -> None:
