@@ -55,6 +55,32 @@ class Decoder:
     @property
     def pending(self) -> int: ...
 
+# See fltea.wire.ports. capacity: bytes that may wait of one port, 24 of each read included.
+class PortReader:
+    def __init__(self, capacity: int) -> None: ...
+
+    # OSError if the descriptor cannot be waited for. closes: an empty read means that the other side closed.
+    def add(self, port: int, descriptor: int, closes: bool, latency_ns: int) -> None: ...
+
+    # Waits until something is due; the time, and for each port with news: its number, bytes, of each read
+    # end, host_ns and unix_offset_ns, bytes thrown away, and errno, host_ns and unix_offset_ns of its loss.
+    def take(
+        self, timeout_s: float
+    ) -> tuple[
+        int,
+        list[
+            tuple[
+                int,
+                bytes,
+                tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]],
+                int,
+                tuple[int, int, int] | None,
+            ]
+        ],
+    ]: ...
+    def wake(self) -> None: ...
+    def close(self) -> None: ...
+
 # Measurements and inputs beyond ± this are refused.
 LARGEST_INPUT: float
 

@@ -163,4 +163,5 @@ NB_MODULE(_native, m) {
     bind_octaves(m);
     bind_tracker(m);
     bind_lines(m);
+    bind_port_reader(m);
 }

@@ -31,6 +31,14 @@ def test_doctest_with_sanitizers(cases: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
+def test_the_reader_of_ports_has_no_races() -> None:
+    make("thread_tests")
+    done = subprocess.run([BUILD / "thread_tests"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
 def test_headers_compile_with_the_flags_of_the_device() -> None:
     make(NATIVE, TESTS, "strict")
 

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from estimating_board import noise
-from fltea.records.events import Chunk, Event, LinkDown, Opened
-from fltea.sources.wire_events import Chunks
+from fltea.records.events import Event, LinkDown, Opened, Reads
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from host_support import WIRE_HELLO
@@ -16,7 +15,6 @@ from mcap_support import Live
 
 PERIOD_NS = 10**7
 SECOND_NS = 10**9
-TICK_NS = 500_000_000
 OFFSET_NS = 1_720_000_000_000_000_000
 
 HAPPENINGS = (
@@ -154,61 +152,35 @@ def stories() -> st.SearchStrategy[Story]:
 
 
 class StorySource(Live):
-    """A source whose wire gives what the moments are read as."""
+    """A source whose wire gives what the moments are read as. together: moments of one drain, in turns."""
 
     live = prompt = False
 
-    def __init__(self) -> None:
+    def __init__(self, together: Sequence[int] = (1,)) -> None:
         super().__init__("board")
-        self._now_ns: int | None = None
+        self._together = together
 
     def events(self) -> Iterator[Event]:
         return iter(())
 
     def read(self, moments: Sequence[Moment]) -> Iterator[Event]:
-        """Read what came one after another; where nothing did, tick as a live source does."""
-        for data, host_ns, offset_ns in moments:
-            yield from self._ticks(host_ns)
-            if data is None:
-                yield LinkDown(host_ns)
-            item = Opened(host_ns, offset_ns) if data is None else Chunk(data, host_ns, offset_ns)
-            yield from self.wire.feed(item, host_ns)
-            self.wire.resume(host_ns)
-
-    def read_together(self, moments: Sequence[Moment]) -> Iterator[Event]:
-        """Read several at once, as long as they are of one second and the line is settled."""
-        begin = 0
+        """Read what came, as much at once as `together` says, with ticks where nothing did."""
+        begin, turn = 0, 0
         while begin < len(moments):
-            first = moments[begin]
-            if begin == 0:
-                yield from self.read([Moment(None, first.host_ns, first.offset_ns)])
-            yield from self._ticks(first.host_ns)
-            end = begin
-            while (
-                end < len(moments)
-                and moments[end].data is not None
-                and moments[end].host_ns // SECOND_NS == first.host_ns // SECOND_NS
-                and (end == begin or moments[end].host_ns - moments[end - 1].host_ns <= TICK_NS)
-            ):
-                end += 1
-            if end <= begin + 1 or not self.wire.is_settled(first.host_ns):
-                yield from self.read([first])
+            data, host_ns, offset_ns = moments[begin]
+            if data is None:
+                yield from self.wire.pass_time(host_ns)
+                yield LinkDown(host_ns)
+                yield from self.wire.feed(Opened(host_ns, offset_ns), host_ns)
                 begin += 1
                 continue
-            datas, host_ns, offset_ns = zip(*moments[begin:end], strict=True)
+            most = begin + self._together[turn % len(self._together)]
+            end = next((k for k in range(begin, len(moments)) if moments[k].data is None), len(moments))
+            end, turn = min(most, end), turn + 1
+            datas, *times = zip(*moments[begin:end], strict=True)
             ends = np.cumsum([len(data) for data in datas])
-            yield from self.wire.feed_chunks(
-                b"".join(datas), Chunks(ends, np.array(host_ns), np.array(offset_ns))
-            )
-            self._now_ns = host_ns[-1]
+            yield from self.wire.feed(Reads(b"".join(datas), ends, *map(np.array, times)), host_ns)
             begin = end
-
-    def _ticks(self, until_ns: int) -> Iterator[Event]:
-        if self._now_ns is not None:
-            for now_ns in range(self._now_ns + TICK_NS, until_ns, TICK_NS):
-                yield from self.wire.feed(None, now_ns)
-                self.wire.resume(now_ns)
-        self._now_ns = until_ns
 
 
 def torn(moments: Sequence[Moment], cuts: Sequence[float]) -> Iterator[Moment]:

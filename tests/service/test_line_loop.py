@@ -1,6 +1,5 @@
 """The loop that walks all devices on ports: each takes what is its own, and ends for itself."""
 
-import math
 import os
 import pty
 import threading
@@ -12,7 +11,7 @@ import pytest
 from blocks import samples_of
 from fltea.records.events import Event, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
-from fltea.service.lines import LONGEST_REST_S, LineLoop, has_line, rest_s
+from fltea.service.lines import LineLoop, has_line
 from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
 from fltea.sources.serial import SerialSource
@@ -211,10 +210,3 @@ def test_which_sources_have_a_line(url: str, expected: bool) -> None:
         source = open_source(load_config(None, {"source": url}))
 
     assert has_line(Of()) is expected  # type: ignore[arg-type]
-
-
-def test_the_loop_rests_after_many_ports_and_not_after_one_that_took_long() -> None:
-    assert rest_s(0.030, 0.029) == 0  # a fit
-    assert rest_s(0.030, 0.001) == pytest.approx(0.029)
-    assert rest_s(0.400, 0.001) == LONGEST_REST_S
-    assert rest_s(-math.inf, 0.0) == 0  # nothing came

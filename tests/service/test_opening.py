@@ -79,12 +79,12 @@ def test_serial_urls(url: str, port: str | None) -> None:
     assert source.live
 
 
-def test_baud_comes_from_the_configuration(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[str, int]] = []
-    monkeypatch.setattr(opening, "SerialSource", lambda url, baud: asked.append((url, baud)))
+def test_baud_and_latency_come_from_the_configuration(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, int, float]] = []
+    monkeypatch.setattr(opening, "SerialSource", lambda *how: asked.append(how))
     opened("/dev/ttyACM0")
-    opened("/dev/ttyACM0", **{"link.baud": 115200})
-    assert asked == [("/dev/ttyACM0", 250_000), ("/dev/ttyACM0", 115_200)]
+    opened("/dev/ttyACM0", **{"link.baud": 115200, "link.latency": "0 ms"})
+    assert asked == [("/dev/ttyACM0", 250_000, 0.02), ("/dev/ttyACM0", 115_200, 0)]
 
 
 @pytest.mark.parametrize("name", ["rest.csv", "rest.CSV", "rest.txt"])

@@ -51,7 +51,7 @@ def another(one: Declared) -> Any:
                 ends = (one.setting.least, one.setting.most)
                 found += [number(x) for x in (0.5, 1000, 7, *ends) if abs(x) < 1e300]
             case types.StrType():
-                found.append("other")
+                found.append("7 ms" if one.setting.time else "other")
             case types.ListType() | types.VarTupleType():
                 found.append(["sample"])
     return next(x for x in found if x != one.default and one.accepts(x))

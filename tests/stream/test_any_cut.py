@@ -1,6 +1,6 @@
 """However bytes are read and samples put together into blocks: the same records, byte for byte."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -43,10 +43,10 @@ def config(changes: dict[str, Any]) -> Config:
     return load_config(None, SMALL | changes)
 
 
-def walk(chosen: Config, moments: list[Moment], read: Callable[..., Iterable[Event]]) -> list[bytes]:
-    source = StorySource()
+def walk(chosen: Config, moments: list[Moment], together: Sequence[int] = (1,)) -> list[bytes]:
+    source = StorySource(together)
     pipeline = Pipeline(source, chosen)
-    found = [item for event in read(source, moments) for item in pipeline.feed(event)]
+    found = [item for event in source.read(opened(moments)) for item in pipeline.feed(event)]
     return ndjson([*found, *pipeline.finish()])
 
 
@@ -54,33 +54,42 @@ def opened(moments: list[Moment]) -> list[Moment]:
     return [moments[0]._replace(data=None), *moments]
 
 
-def check_any_reads(story: Story, places: list[float], changes: dict[str, Any]) -> list[bytes]:
+def check_any_reads(
+    story: Story, places: list[float], together: Sequence[int], changes: dict[str, Any]
+) -> list[bytes]:
+    """Bytes one read after another, in more reads, and several reads at once, up to all of them."""
     moments, chosen = story.moments(), config(changes)
-    whole = walk(chosen, opened(moments), StorySource.read)
-    assert walk(chosen, opened(list(torn(moments, places))), StorySource.read) == whole
-    assert walk(chosen, moments, StorySource.read_together) == whole
-    assert walk(chosen, list(torn(moments, places)), StorySource.read_together) == whole
+    whole = walk(chosen, moments)
+    assert walk(chosen, list(torn(moments, places))) == whole
+    assert walk(chosen, moments, together) == whole
+    assert walk(chosen, list(torn(moments, places)), together) == whole
+    assert walk(chosen, moments, [len(moments)]) == whole
     return whole
 
 
 @pytest.mark.slow
-@given(stories(), st.lists(st.floats(0, 1), max_size=4), st.sampled_from(SETTINGS))
+@given(
+    stories(),
+    st.lists(st.floats(0, 1), max_size=4),
+    st.lists(st.integers(1, 300), min_size=1, max_size=5),
+    st.sampled_from(SETTINGS),
+)
 @settings(max_examples=40)
 def test_bytes_of_the_same_moments_give_the_same_records_however_they_are_read(
-    story: Story, places: list[float], changes: dict[str, Any]
+    story: Story, places: list[float], together: list[int], changes: dict[str, Any]
 ) -> None:
-    check_any_reads(story, places, changes)
+    check_any_reads(story, places, together, changes)
 
 
 @pytest.mark.parametrize("what", HAPPENINGS)
 def test_each_thing_that_may_happen_is_the_same_however_it_is_read(what: str) -> None:
     story = Story(950_000_000, 260, ((130, what), (141, what)), (1, 16, 3))
-    assert len(check_any_reads(story, [0.3, 0.31, 0.9], {})) > 100
+    assert len(check_any_reads(story, [0.3, 0.31, 0.9], [2, 7, 40], {})) > 100
 
 
 def test_a_last_block_whose_end_cannot_be_used_ends_where_it_ends() -> None:
     """The last statistics are of the time of the last sample, believed or not."""
-    check_any_reads(Story(0, 201, ((199, "jump"),), (1,)), [], {})
+    check_any_reads(Story(0, 201, ((199, "jump"),), (1,)), [], [3], {})
 
 
 def blocks_of(story: Story) -> list[Event]:
@@ -140,7 +149,7 @@ def test_axes_that_are_lost_are_told_of_at_the_same_place_in_any_cut(
     changes: dict[str, Any], kind: bytes
 ) -> None:
     story = Story(123, 500, ((100, "gap"), (200, "knock"), (450, "gap")), (7, 30, 100))
-    whole = check_any_reads(story, [0.4], changes)
+    whole = check_any_reads(story, [0.4], [5, 1], changes)
     assert sum(kind in line for line in whole) == 3
     found = blocks_of(story)
     assert ndjson(walk_events(config(changes), found)) == ndjson(

@@ -1,8 +1,11 @@
 """Many ports in one loop: whatever one of them does, the others lose nothing and come in every round."""
 
 import contextlib
+import fcntl
 import os
 import socket
+import struct
+import termios
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -11,7 +14,8 @@ from pathlib import Path
 
 import pytest
 import serial
-from fltea.records.events import Chunk, Failed, Opened, TransportEvent
+from fltea.records.clock import host_ns
+from fltea.records.events import Failed, Opened, Reads, Tick
 from fltea.wire import transport
 from fltea.wire.ports import Ports
 from fltea.wire.transport import Port
@@ -26,9 +30,9 @@ BAUD = 250_000
 class Loop:
     """Drives the ports as the daemon does, and remembers what came from each."""
 
-    def __init__(self, urls: Sequence[str | Path]) -> None:
-        self.ports = Ports([Port(str(url), BAUD) for url in urls])
-        self.heard: list[list[TransportEvent | None]] = [[] for _ in urls]
+    def __init__(self, urls: Sequence[str | Path], latency_s: float = 0.0) -> None:
+        self.ports = Ports([Port(str(url), BAUD, latency_s) for url in urls])
+        self.heard: list[list[Reads | Opened | Failed | Tick]] = [[] for _ in urls]
 
     def round(self, wait_s: float = 0.05) -> None:
         for place, event in self.ports.poll(wait_s):
@@ -41,7 +45,7 @@ class Loop:
             self.round()
 
     def data(self, place: int) -> bytes:
-        return b"".join(event.data for event in self.heard[place] if isinstance(event, Chunk))
+        return b"".join(event.data for event in self.heard[place] if isinstance(event, Reads))
 
     def kinds(self, place: int) -> list[str]:
         """What happened to the port itself, in order."""
@@ -125,7 +129,7 @@ def test_one_that_hangs_while_it_is_opened_holds_up_nobody(monkeypatch, terminal
         assert len(loop.data(0)) == len(loop.data(2)) == k + 1, "at the latest in the second round"
     assert loop.kinds(1) == []
     loop.until(lambda: bool(loop.heard[1]), "word that nothing came from it")
-    assert set(loop.heard[1]) == {None}
+    assert {type(event) for event in loop.heard[1]} == {Tick}
     go.set()
     loop.opened(1)
     many[1].send(b"late")
@@ -176,6 +180,34 @@ def test_one_that_floods_loses_nothing_and_holds_up_nobody(terminals, loop_of) -
     assert flood > 100_000
 
 
+def test_reads_wait_for_each_other_and_keep_their_own_times(monkeypatch) -> None:
+    """A pipe in the place of the port, as what it was given is there at once."""
+    near, far = os.pipe()
+    os.set_blocking(near, False)
+    monkeypatch.setattr(Port, "fileno", lambda port: near)
+    monkeypatch.setattr(Port, "open", lambda port: Opened(host_ns(), 0))
+    loop = Loop(["/dev/none"], latency_s=3600)
+    loop.opened(0)
+    before_ns = host_ns()
+    for text in (b"one", b"and two"):
+        os.write(far, text)
+        wait_until(lambda: not waiting(near), "it to be read")
+    loop.until(lambda: loop.data(0) == b"oneand two", "both")
+    loop.ports.close()
+    reads = [event for event in loop.heard[0] if isinstance(event, Reads)]
+    assert [chunk.data for one in reads for chunk in one.chunks()] == [b"one", b"and two"]
+    first_ns, second_ns = (chunk.host_ns for one in reads for chunk in one.chunks())
+    assert before_ns < first_ns < second_ns < host_ns()
+    os.close(near)
+    os.close(far)
+
+
+def waiting(descriptor: int) -> int:
+    """Bytes that nobody has read."""
+    (found,) = struct.unpack("i", fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4)))
+    return int(found)
+
+
 def test_a_socket_whose_connection_hangs(monkeypatch, terminals, loop_of) -> None:
     many, go = terminals(2), threading.Event()
 
@@ -220,18 +252,18 @@ def test_sockets_and_their_loss(loop_of) -> None:
 
 
 def test_ports_that_fail_are_tried_ever_more_slowly(monkeypatch, loop_of) -> None:
-    now_s = [100.0]
-    monkeypatch.setattr("fltea.wire.ports.time.monotonic", lambda: now_s[0])
-    tried: list[float] = []
-    monkeypatch.setattr(Port, "open", lambda port: tried.append(now_s[0]) or Failed("no_port", "none", 0))
+    now_ns = [10**11]
+    monkeypatch.setattr("fltea.wire.ports.host_ns", lambda: now_ns[0])
+    tried: list[int] = []
+    monkeypatch.setattr(Port, "open", lambda port: tried.append(now_ns[0]) or Failed("no_port", "none", 0))
     loop = loop_of(["/dev/none"])
     for k in range(7):
         while len(loop.kinds(0)) == k:
-            loop.heard[0] += [event for _, event in loop.ports.poll(0.001)]
-            now_s[0] += 0.05
+            loop.round(0.001)
+            now_ns[0] += 50_000_000
     waits = [after - before for before, after in pairwise(tried)]
-    for wait, least in zip(waits, [*transport.BACKOFF_S, transport.BACKOFF_S[-1]], strict=True):
-        assert wait >= least - 1e-9
+    for wait, least_s in zip(waits, [*transport.BACKOFF_S, transport.BACKOFF_S[-1]], strict=True):
+        assert wait >= least_s * 1e9
 
 
 def test_closing_frees_every_port_also_one_that_was_just_opened(monkeypatch, terminals) -> None:
@@ -251,7 +283,7 @@ def test_closing_frees_every_port_also_one_that_was_just_opened(monkeypatch, ter
     monkeypatch.setattr(Port, "open", slow)
     monkeypatch.setattr(Port, "close", close)
     loop = Loop([one.link for one in many])
-    loop.ports._open_due(0.0)
+    loop.ports._open_due(0)
     wait_until(lambda: loop.ports._opened.qsize() == 2, "ports that the loop does not know to be open")
     loop.ports.close()
     loop.ports.wake()  # too late, and no harm

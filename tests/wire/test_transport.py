@@ -168,17 +168,17 @@ def test_a_slow_consumer_costs_bytes_that_are_counted(monkeypatch, terminal) -> 
     def overflows() -> bool:
         nonlocal sent
         sent += os.write(terminal.master, b"0123456789")
-        return reader.overflow_bytes > 0
+        return reader.port.overflow_bytes > 0
 
     os.set_blocking(terminal.master, True)
     wait_until(overflows, "bytes that nobody took")
     kept = 0
     for event in reader.events(0.05):
         kept += len(event.data) if isinstance(event, Chunk) else 0
-        if kept + reader.overflow_bytes >= sent:
+        if kept + reader.port.overflow_bytes >= sent:
             break
     reader.close()
-    assert kept + reader.overflow_bytes == sent
+    assert kept + reader.port.overflow_bytes == sent
 
 
 @pytest.mark.parametrize("baud", [1200, 0, -1])

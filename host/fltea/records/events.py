@@ -27,6 +27,37 @@ class Chunk(NamedTuple):
     unix_offset_ns: int = 0
 
 
+class Reads(NamedTuple):
+    """Bytes of successive reads of a port: where each ends in them, and when it came.
+
+    All others (reads,); host_ns does not fall.
+    """
+
+    data: bytes
+    end: Ints
+    host_ns: Ints
+    unix_offset_ns: Ints
+
+    @classmethod
+    def of(cls, chunk: Chunk) -> "Reads":
+        """Return those of a single one."""
+        return cls(chunk.data, np.array([len(chunk.data)]), np.array([chunk.host_ns]), np.array([chunk[2]]))
+
+    def rows(self, begin: int, end: int) -> "Reads":
+        """Return some of them."""
+        first = int(self.end[begin - 1]) if begin else 0
+        rows = slice(begin, end)
+        data = self.data[first : int(self.end[end - 1])]
+        return Reads(data, self.end[rows] - first, self.host_ns[rows], self.unix_offset_ns[rows])
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Yield them one by one."""
+        begin = 0
+        for end, *times in zip(*(column.tolist() for column in self[1:]), strict=True):
+            yield Chunk(self.data[begin:end], *times)
+            begin = end
+
+
 class Failed(NamedTuple):
     """The port could not be opened, or was lost; it will be tried again."""
 

@@ -1,25 +1,13 @@
 """All devices on ports with descriptors, walked by one thread."""
 
-import math
-import time
 from collections.abc import Callable, Sequence
 
-from fltea.records.events import TransportEvent
+from fltea.records.events import Failed, Opened, Reads, Tick
 from fltea.service.walk import Walk
 from fltea.sources.serial import SerialSource
 from fltea.wire.ports import Ports
 
 WAIT_S = 0.5
-LONG_ROUND_S, LONGEST_REST_S = 0.005, 0.05
-"""After a long round the loop rests for as long: the outputs get their turn, and the next round finds more
-samples at each port, which cost less together than one by one. The port that took longest does not count: a
-live fit costs the same however many samples come with it."""
-
-
-def rest_s(round_s: float, longest_s: float) -> float:
-    """How long to rest after a round over the ports, of which one took `longest_s`."""
-    others_s = round_s - longest_s
-    return min(others_s, LONGEST_REST_S) if others_s > LONG_ROUND_S else 0.0
 
 
 def has_line(walk: Walk) -> bool:
@@ -46,15 +34,9 @@ class LineLoop:
         going = set(range(len(self.walks)))
         try:
             while going and not self._closed:
-                begin_s, end_s, longest_s = math.inf, -math.inf, 0.0
                 for place, item in self._ports.poll(WAIT_S):
-                    taken_s = time.monotonic()
                     if place in going and not self._take(place, item):
                         going.discard(place)
-                    begin_s, end_s = min(begin_s, taken_s), time.monotonic()
-                    longest_s = max(longest_s, end_s - taken_s)
-                if rest := rest_s(end_s - begin_s, longest_s):
-                    time.sleep(rest)
             for place in going:
                 self._finish(place)
         except Exception as error:  # of the loop itself: a daemon that hears nothing must not look alive
@@ -69,7 +51,7 @@ class LineLoop:
         self._closed = True
         self._ports.wake()
 
-    def _take(self, place: int, item: TransportEvent | None) -> bool:
+    def _take(self, place: int, item: Reads | Opened | Failed | Tick) -> bool:
         """Let one walk take what came; whether it goes on."""
         walk = self.walks[place]
         try:

@@ -62,7 +62,7 @@ def open_source(config: Config) -> Source:
         raise UsageError(f"--source {url}: nothing stands behind '{scheme}:'.")
     match scheme:
         case "serial":
-            return SerialSource(rest, config.link.baud)
+            return SerialSource(rest, config.link.baud, config.link.latency_s)
         case "stdin":
             from fltea.sources.text_lines import PipeText
 

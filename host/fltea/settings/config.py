@@ -11,7 +11,7 @@ import msgspec
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.settings.device_name import NAME, device_name, device_names
-from fltea.settings.duration import Duration
+from fltea.settings.duration import Duration, in_seconds
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
 from fltea.settings.how import How
 from fltea.settings.ingest import IngestConfig
@@ -46,6 +46,19 @@ class LinkConfig(Table, frozen=True):
             metavar="N",
         ),
     ] = wire.BAUD
+    latency: Annotated[
+        str,
+        Setting(
+            "How long samples of a serial port may wait for more to come, which costs less than to take each "
+            "at once, as 0 ms does. No record depends on it.",
+            unit="s",
+            least=0,
+            most=1,
+            time=True,
+            flags=("--latency",),
+            metavar="TIME",
+        ),
+    ] = "20 ms"
     max_gap: Annotated[
         Duration,
         Setting(
@@ -59,6 +72,13 @@ class LinkConfig(Table, frozen=True):
             board=True,
         ),
     ] = 100
+
+    @property
+    def latency_s(self) -> float:
+        """The latency in seconds."""
+        seconds = in_seconds(self.latency)
+        assert seconds is not None  # the declaration has seen it
+        return seconds
 
 
 def _memory(meaning: str) -> Setting:

@@ -5,6 +5,7 @@ Files are read as a stream, a chunk at a time, so neither their size nor their n
 
 import re
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,19 +25,14 @@ from fltea.recording.session import (
     PartInfo,
     from_metadata,
 )
-from fltea.records.clock import SECOND_NS
 from fltea.records.errors import UsageError
-from fltea.records.events import Chunk, Event, Failed, Ints, Opened, RawBlock, TransportEvent, Trouble
+from fltea.records.events import Event, Failed, Ints, Opened, RawBlock, Reads, Trouble
 from fltea.records.records import Hello, LinkStats
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
-from fltea.sources.wire_events import Chunks, WireEvents
-from fltea.wire.ports import TICK_S
+from fltea.sources.wire_events import WireEvents
 from fltea.wire.sensors import NO_SENSOR
 
 SUFFIX = ".mcap"
-TICK_NS = int(TICK_S * 1e9)
-
-MAX_TICKS = 120
 
 OWN_CHANNELS = {1: WIRE, 2: LINK}
 """Ids that `fltea.recording.part` gives; without the chunk that says so, the others can still be read."""
@@ -218,8 +214,7 @@ class McapRecording:
     """Gives the events of a recording, once.
 
     name: what HELLO gives as the source. `breaks` counts the places where something was not recorded, `torn`
-    the files that were not finished, `unread` says why others cannot be read; `unix_offset_ns` is that of the
-    last event.
+    the files that were not finished, `unread` says why others cannot be read.
     """
 
     live = prompt = False
@@ -229,15 +224,20 @@ class McapRecording:
         self.unread = list(session.unread.values())
         self._limits = limits
         self.breaks = self.torn = 0
-        self.unix_offset_ns = parts[0].info.offset_ns
         self._name = name
         self._wire = WireEvents(name)
-        self._now_ns: int | None = None
+        self._wire.unix_offset_ns = parts[0].info.offset_ns
+        self._now_ns = 0
         self._next_sequence: int | None = None
         self._opened = parts[0].info.part == 0
         self._hello = parts[0].info.hello  # what is known of the device where the stream is taken up
         self._missing: str | None = None  # why the stream is broken before the next message
         self._no_sensor = False
+
+    @property
+    def unix_offset_ns(self) -> int:
+        """The difference from the recorder's monotonic clock to Unix time in ns, as of the last event."""
+        return self._wire.unix_offset_ns
 
     def link_stats(self) -> LinkStats:
         """Count what arrived and what was lost on the way."""
@@ -258,16 +258,16 @@ class McapRecording:
                         self._break(f"{part.path.name} is damaged at byte {offset} ({text})", None)
                     case Torn(text):
                         self.torn += 1
-                        yield Trouble("cut_recording", text, self._now_ns or 0, fatal=False)
+                        yield Trouble("cut_recording", text, self._now_ns, fatal=False)
         for why in self.unread:
-            yield Trouble("unread_file", why, self._now_ns or 0, fatal=False)
+            yield Trouble("unread_file", why, self._now_ns, fatal=False)
 
     def _break(self, why: str, hello: Hello | None) -> None:
         """Take note that something is missing here. hello: what is known of the device behind the gap."""
         self._missing, self._hello, self._next_sequence, self._opened = why, hello, None, False
 
     def _on_batch(self, batch: Batch, info: PartInfo) -> Iterator[Event]:
-        """Yield the events of messages; chunks that came in one second without a break are taken at once."""
+        """Yield the events of messages; reads of the wire that follow each other are taken at once."""
         of_wire = [channel for channel, topic in batch.topics.items() if topic == WIRE]
         of_link = [channel for channel, topic in batch.topics.items() if topic == LINK]
         messages = batch.messages.of_channels([*of_wire, *of_link])
@@ -276,98 +276,64 @@ class McapRecording:
             return
         host_ns = table[:, LOG_TIME] - info.offset_ns
         is_wire = np.isin(table[:, CHANNEL], of_wire)
-        step_ns = np.diff(host_ns)
-        breaks = ~(is_wire[1:] & is_wire[:-1])
-        breaks |= (np.diff(table[:, SEQUENCE]) % WIRE_WRAP != 1) | (step_ns < 0) | (step_ns > TICK_NS)
-        breaks |= np.diff(host_ns // SECOND_NS) != 0
+        breaks = ~(is_wire[1:] & is_wire[:-1]) | (np.diff(host_ns) < 0)
+        breaks |= np.diff(table[:, SEQUENCE]) % WIRE_WRAP != 1
         begins = [0, *(np.flatnonzero(breaks) + 1).tolist()]
         for begin, end in zip(begins, [*begins[1:], len(table)], strict=True):
             group = Messages(messages.data, table[begin:end])
-            if end - begin > 1 and self._may_group(group, int(host_ns[begin]), int(host_ns[end - 1])):
-                yield from self._on_group(group, host_ns[begin:end])
+            if is_wire[begin]:
+                yield from self._on_wire(group, host_ns[begin:end])
                 continue
-            for channel, sequence, log_ns, publish_ns, data in group.each():
-                entry = Entry(batch.topics[channel], log_ns, publish_ns, sequence, data)
-                yield from self._on_entry(entry, info)
+            for _, _, log_ns, publish_ns, data in group.each():
+                yield from self._on_link(
+                    data, log_ns - info.offset_ns, publish_ns - log_ns + info.offset_ns, info
+                )
 
-    def _may_group(self, group: Messages, first_ns: int, last_ns: int) -> bool:
-        """Return whether only their bytes matter: no break before these chunks, no silence to watch for."""
-        return (
-            self._missing is None
-            and self._opened
-            and self._hello is None
-            and self._next_sequence == group.table[0, SEQUENCE]
-            and self._now_ns is not None
-            and 0 <= first_ns - self._now_ns <= TICK_NS
-            and self._wire.is_settled(last_ns)
-        )
-
-    def _on_group(self, group: Messages, host_ns: Ints) -> Iterator[Event]:
+    def _on_wire(self, group: Messages, host_ns: Ints) -> Iterator[Event]:
         table = group.table
+        if self._next_sequence not in (None, table[0, SEQUENCE]):
+            self._break("chunks from the wire are missing", None)
+        self._next_sequence = (int(table[-1, SEQUENCE]) + 1) % WIRE_WRAP
         begin, end = table[:, BEGIN], table[:, END]
         spans = zip(begin.tolist(), end.tolist(), strict=True)
         data = b"".join([group.data[first:last] for first, last in spans])
-        chunks = Chunks(np.cumsum(end - begin), host_ns, table[:, PUBLISH_TIME] - host_ns)
-        self._next_sequence = (int(table[-1, SEQUENCE]) + 1) % WIRE_WRAP
-        self._now_ns = int(host_ns[-1])
-        for event in self._wire.feed_chunks(data, chunks):
-            self.unix_offset_ns = self._wire.unix_offset_ns
-            yield self._as_replayed(event)
-        self.unix_offset_ns = int(chunks.unix_offset_ns[-1])
+        yield from self._feed(Reads(data, np.cumsum(end - begin), host_ns, table[:, PUBLISH_TIME] - host_ns))
 
-    def _on_entry(self, entry: Entry, info: PartInfo) -> Iterator[Event]:
-        host_ns = entry.log_ns - info.offset_ns
-        offset_ns = entry.publish_ns - host_ns
-        item: TransportEvent
-        if entry.topic == WIRE:
-            if self._next_sequence not in (None, entry.sequence):
-                self._break("chunks from the wire are missing", None)
-            self._next_sequence = (entry.sequence + 1) % WIRE_WRAP
-            item = Chunk(entry.data, host_ns, offset_ns)
+    def _on_link(self, data: bytes, host_ns: int, offset_ns: int, info: PartInfo) -> Iterator[Event]:
+        try:
+            link = _link.decode(data)
+        except (ValueError, RecursionError):  # msgspec's errors, and brackets in brackets in brackets
+            self._break("a message about the line is damaged", None)
+            return
+        if link.event == "gap":
+            why = f"{link.items} items, {link.bytes} bytes of the wire were not recorded ({link.kind})"
+            self._break(why, None if link.kind == OVERFLOW else info.hello)
+        elif link.event == "opened":
+            yield from self._feed(Opened(host_ns, offset_ns))
         else:
-            try:
-                link = _link.decode(entry.data)
-            except (ValueError, RecursionError):  # msgspec's errors, and brackets in brackets in brackets
-                self._break("a message about the line is damaged", None)
-                return
-            if link.event == "gap":
-                why = f"{link.items} items, {link.bytes} bytes of the wire were not recorded ({link.kind})"
-                self._break(why, None if link.kind == OVERFLOW else info.hello)
-                return
-            item = (
-                Opened(host_ns, offset_ns)
-                if link.event == "opened"
-                else Failed(link.kind, link.message, host_ns, offset_ns)
-            )
+            yield from self._feed(Failed(link.kind, link.message, host_ns, offset_ns))
+
+    def _feed(self, item: Reads | Opened | Failed) -> Iterator[Event]:
+        """Yield the events of what came, after what has to be known before it."""
+        host_ns, offset_ns = item[-2:] if not isinstance(item, Reads) else next(item.chunks())[1:]
         if self._missing is not None:
             self.breaks += 1
-            self._now_ns = host_ns  # nobody knows what the line did meanwhile
-            yield from self._feed(
-                Failed("recording_gap", f"{self._name}: {self._missing}.", host_ns, offset_ns)
-            )
+            self._wire.forgive(host_ns)  # nobody knows what the line did meanwhile
+            failed = Failed("recording_gap", f"{self._name}: {self._missing}.", host_ns, offset_ns)
+            yield from self._interpret(failed, host_ns)
             self._missing = None
         if not self._opened and not isinstance(item, Opened):
-            yield from self._feed(Opened(host_ns, offset_ns))
+            yield from self._interpret(Opened(host_ns, offset_ns), host_ns)
         self._opened = True
         if self._hello is not None:
             yield self._renamed(msgspec.structs.replace(self._hello, host_ns=host_ns))
             self._hello = None
-        yield from self._feed(item)
+        yield from self._interpret(item, host_ns)
 
-    def _feed(self, item: TransportEvent) -> Iterator[Event]:
-        """Yield the events of a transport event, after the ticks that a silent line gave live."""
-        if self._now_ns is not None:
-            ticks = min(MAX_TICKS, (item.host_ns - self._now_ns - 1) // TICK_NS)
-            for k in range(1, ticks + 1):
-                yield from self._interpret(None, self._now_ns + k * TICK_NS)
-        self._now_ns = item.host_ns
-        self.unix_offset_ns = item.unix_offset_ns
-        yield from self._interpret(item, item.host_ns)
-
-    def _interpret(self, item: TransportEvent | None, now_ns: int) -> Iterator[Event]:
-        for event in self._wire.feed(item, now_ns):
+    def _interpret(self, item: Reads | Opened | Failed, host_ns: int) -> Iterator[Event]:
+        self._now_ns = host_ns
+        for event in chain(self._wire.pass_time(host_ns), self._wire.feed(item, host_ns)):
             yield self._as_replayed(event)
-        self._wire.resume(now_ns)
 
     def _as_replayed(self, event: Event) -> Event:
         match event:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 
 from fltea.records import clock
-from fltea.records.events import Event, TransportEvent
+from fltea.records.events import Event, Reads, Tick, TransportEvent
 from fltea.records.records import LinkStats
 from fltea.sources.wire_events import WireEvents
 from fltea.wire.ports import TICK_S
@@ -15,7 +15,8 @@ class SerialSource:
 
     It reads by itself (`events`), or somebody reads `port` and feeds it (`take`).
 
-    tap: is given whatever comes from the port before anything interprets it; to be set before that.
+    latency_s: as of `Port`. tap: is given whatever comes from the port before anything interprets it; to be
+    set before that.
 
     Raises:
         UsageError: an unknown kind of URL, or 1200 baud.
@@ -23,9 +24,9 @@ class SerialSource:
 
     live = prompt = True
 
-    def __init__(self, url: str, baud: int) -> None:
+    def __init__(self, url: str, baud: int, latency_s: float = 0.0) -> None:
         self.url = url
-        self.port = Port(url, baud)
+        self.port = Port(url, baud, latency_s)
         self._reader: Reader | None = None
         self._wire = WireEvents(url)
         self.tap: Callable[[TransportEvent], None] | None = None
@@ -43,16 +44,20 @@ class SerialSource:
         for item in self._reader.events(TICK_S):
             yield from self.take(item)
 
-    def take(self, item: TransportEvent | None) -> Iterator[Event]:
-        """Yield the events of what came from the port; None says that nothing came for a while."""
-        if item is not None and self.tap is not None:
-            self.tap(item)
-        yield from self._wire.feed(item, clock.host_ns())
-        self._wire.resume(clock.host_ns())
+    def take(self, item: TransportEvent | Reads | Tick | None) -> Iterator[Event]:
+        """Yield the events of what came from the port; None: nothing for a while, a tick: until its time."""
+        now_ns = clock.host_ns()
+        if isinstance(item, Tick):
+            now_ns, item = item.host_ns, None
+        elif item is not None and self.tap is not None:
+            for one in item.chunks() if isinstance(item, Reads) else (item,):
+                self.tap(one)
+        yield from self._wire.feed(item, now_ns)
+        self._wire.resume(now_ns)
 
     def link_stats(self) -> LinkStats:
         """Count what arrived and what was lost on the way."""
-        return self._wire.link_stats(self._reader.overflow_bytes if self._reader else 0)
+        return self._wire.link_stats(self.port.overflow_bytes)
 
     def close(self) -> None:
         """Stop reading and release the port; one that somebody else reads is theirs to close."""

@@ -141,7 +141,7 @@ class SerialText:
 
     def link_stats(self) -> LinkStats:
         """Count what arrived, what was lost on the way, and which lines held no sample."""
-        return self._events.link_stats(self._reader.overflow_bytes)
+        return self._events.link_stats(self._reader.port.overflow_bytes)
 
     def close(self) -> None:
         """Stop reading and release the port."""

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fltea.records.clock import SECOND_NS
 from fltea.records.events import (
     Chunk,
     Event,
@@ -17,6 +18,7 @@ from fltea.records.events import (
     LinkDown,
     Opened,
     RawBlock,
+    Reads,
     Tick,
     TransportEvent,
     Trouble,
@@ -36,6 +38,7 @@ from fltea.wire.message_events import (
     status_event,
 )
 from fltea.wire.messages import BadFrame, Frame, Refused
+from fltea.wire.ports import TICK_S
 from fltea.wire.sensors import NO_SENSOR, RELATIVES, SENSORS, sensor_name
 
 SILENCE_S = 5.0
@@ -45,18 +48,9 @@ LIMIT_NS = int(SILENCE_S * 1e9)
 STALL_S = 2.0
 """If the program itself was held up for this long, by whatever, silence proves nothing."""
 
-
-class Chunks(NamedTuple):
-    """The reads that bytes came in, (chunks,): where each ends in the bytes, and when it came."""
-
-    end: Ints
-    host_ns: Ints
-    unix_offset_ns: Ints
-
-    @classmethod
-    def one(cls, data: bytes, host_ns: int, unix_offset_ns: int) -> "Chunks":
-        """Return a single one."""
-        return cls(np.array([len(data)]), np.array([host_ns]), np.array([unix_offset_ns]))
+TICK_NS = int(TICK_S * 1e9)
+MOST_TICKS = 120
+"""Of one silence, which in a recording may be one of days."""
 
 
 class Hints(NamedTuple):
@@ -85,6 +79,7 @@ class WireEvents:
         self._source = f"serial:{url}" if hints is None else url
         self.unix_offset_ns = 0
         self._before_ns: int | None = None
+        self._last_ns: int | None = None
         self._frames = BlockReader()
         self._counts: Counter[str] = Counter()
         self._bytes = 0
@@ -101,38 +96,36 @@ class WireEvents:
         self._connections = 0
         self._refused_frames = 0
 
-    def feed(self, item: TransportEvent | None, now_ns: int) -> Iterator[Event]:
-        """Yield the events of one transport event; None says that nothing came for a while.
+    def feed(self, item: TransportEvent | Reads | None, now_ns: int) -> Iterator[Event]:
+        """Yield the events of one transport event, or of many reads; None says that nothing came for a while.
 
-        now_ns: the monotonic clock as of now; in a recording, that of the event.
+        What comes of many is what came of each alone, with ticks where nothing came, as of a silent line.
+        now_ns: the monotonic clock as of now; in a recording, that of the event, or of its first read.
         """
         if self._before_ns is not None and now_ns - self._before_ns > STALL_S * 1e9:
             self.forgive(now_ns)
-        if item is None:
-            yield Tick(now_ns)
-        else:
-            self.unix_offset_ns = item.unix_offset_ns
-            yield from self._on_transport(item)
-        yield from self._watch(item.host_ns if item else now_ns)
+        match item:
+            case None if self._last_ns is None or now_ns - self._last_ns < TICK_NS:
+                yield from self._tick(now_ns)
+            case None:
+                yield from self.pass_time(now_ns + 1)
+            case Reads():
+                yield from self._on_reads(item)
+            case Chunk():
+                yield from self._on_near(Reads.of(item))
+            case _:
+                yield from self._on_port(item)
 
-    def is_settled(self, until_ns: int) -> bool:
-        """Return whether the line is open and a device known: then no silence is due in the next second."""
-        unread_since_ns = until_ns if self._unread_since_ns is None else self._unread_since_ns
-        known = self._connected and self._heard_hello and not self._refused
-        return known and until_ns - unread_since_ns < LIMIT_NS - 10**9
-
-    def feed_chunks(self, data: bytes, chunks: Chunks) -> Iterator[Event]:
-        """Yield the same as for chunks one by one, for those of one second while the line `is_settled`."""
-        self._heard(int(chunks.host_ns[0]), len(data))
-        self._byte_ns = int(chunks.host_ns[-1])
-        yield from self._on_bytes(data, chunks)
-        self.unix_offset_ns = int(chunks.unix_offset_ns[-1])
-        self._before_ns = int(chunks.host_ns[-1])
+    def pass_time(self, until_ns: int) -> Iterator[Event]:
+        """Yield what a line that says nothing gives before a moment."""
+        if (last_ns := self._last_ns) is not None:
+            for k in range(1, min(MOST_TICKS, (until_ns - last_ns - 1) // TICK_NS) + 1):
+                yield from self._tick(last_ns + k * TICK_NS)
 
     def forgive(self, now_ns: int) -> None:
         """Begin all waiting again: the port was just opened, or we ourselves were not listening."""
         self._opened_ns = self._byte_ns = now_ns
-        self._unread_since_ns = None
+        self._unread_since_ns = self._last_ns = None
 
     def resume(self, now_ns: int) -> None:
         """Take note of when the program came back, to tell a stall of its own from a silence."""
@@ -151,74 +144,108 @@ class WireEvents:
             reconnects=max(0, self._connections - 1),
         )
 
-    def _on_transport(self, item: TransportEvent) -> Iterator[Event]:
-        match item:
-            case Opened(host_ns, _):
-                self._connected, self._refused, self._heard_hello = True, False, False
-                self._connections += 1
-                self.forgive(host_ns)
-                self._frames.reset()
-            case Failed(kind, message, host_ns, _):
-                self._connected = False
-                yield LinkDown(host_ns)
-                yield from self._report(Trouble(kind, message, host_ns))
-            case Chunk(data, host_ns, _):
-                self._heard(host_ns, len(data))
-                yield from self._on_bytes(data, Chunks.one(data, host_ns, self.unix_offset_ns))
+    def _tick(self, now_ns: int) -> Iterator[Event]:
+        self._last_ns = now_ns
+        yield Tick(now_ns)
+        yield from self._watch(now_ns)
+
+    def _on_port(self, item: Opened | Failed) -> Iterator[Event]:
+        host_ns = item.host_ns
+        self.unix_offset_ns = item.unix_offset_ns
+        if isinstance(item, Opened):
+            self._connected, self._refused, self._heard_hello = True, False, False
+            self._connections += 1
+            self.forgive(host_ns)
+            self._frames.reset()
+        else:
+            self._connected = False
+            yield LinkDown(host_ns)
+            yield from self._report(Trouble(item.kind, item.message, host_ns))
+        self._last_ns = host_ns
+        yield from self._watch(host_ns)
+
+    def _on_reads(self, reads: Reads) -> Iterator[Event]:
+        """Yield the events of reads: with ticks between those far apart, and all of one second at once."""
+        host_ns, begins = reads.host_ns, [0]
+        first_ns, last_ns = int(host_ns[0]), int(host_ns[-1])
+        if last_ns - first_ns > TICK_NS or last_ns // SECOND_NS != first_ns // SECOND_NS:
+            breaks = (np.diff(host_ns) > TICK_NS) | (np.diff(host_ns // SECOND_NS) != 0)
+            begins += (np.flatnonzero(breaks) + 1).tolist()
+        for begin, end in zip(begins, [*begins[1:], len(host_ns)], strict=True):
+            yield from self.pass_time(int(host_ns[begin]))
+            if self._is_settled(int(host_ns[end - 1])):
+                yield from self._on_near(reads if len(begins) == 1 else reads.rows(begin, end))
+            else:
+                for at in range(begin, end):
+                    yield from self._on_near(reads.rows(at, at + 1))
+
+    def _is_settled(self, until_ns: int) -> bool:
+        """Return whether the line is open and a device known: then no trouble is due within a second."""
+        unread_since_ns = until_ns if self._unread_since_ns is None else self._unread_since_ns
+        known = self._connected and self._heard_hello and not self._refused
+        return known and until_ns - unread_since_ns < LIMIT_NS - SECOND_NS
+
+    def _on_near(self, reads: Reads) -> Iterator[Event]:
+        """Yield the events of one read, or of several before whose last no trouble is due."""
+        first_ns, last_ns = int(reads.host_ns[0]), int(reads.host_ns[-1])
+        self._heard(first_ns, len(reads.data))
+        self._byte_ns = self._last_ns = last_ns
+        yield from self._on_bytes(reads)
+        self.unix_offset_ns = int(reads.unix_offset_ns[-1])
+        yield from self._watch(last_ns)
 
     def _heard(self, host_ns: int, size_bytes: int) -> None:
         if self._unread_since_ns is None or host_ns - self._byte_ns >= LIMIT_NS:
             self._unread_since_ns, self._unread_bytes = host_ns, 0
-        self._byte_ns = host_ns
         self._unread_bytes += size_bytes
 
-    def _on_bytes(self, data: bytes, chunks: Chunks) -> Iterator[Event]:
+    def _on_bytes(self, reads: Reads) -> Iterator[Event]:
         """Yield the events of bytes.
 
         What is handed on is counted behind it, up to its last byte: so the counts do not depend on how the
         bytes were read.
         """
         before = self._frames.bytes_in
-        for item in self._frames.feed(data):
+        for item in self._frames.feed(reads.data):
             if isinstance(item, SampleColumns):
-                yield from self._on_samples(item, chunks, before)
+                yield from self._on_samples(item, reads, before)
                 continue
-            at = int(np.searchsorted(chunks.end, item.end))
-            self.unix_offset_ns = int(chunks.unix_offset_ns[at])
+            at = int(np.searchsorted(reads.end, item.end))
+            self.unix_offset_ns = int(reads.unix_offset_ns[at])
             if isinstance(item.item, BadFrame):
                 self._counts[item.item.reason] += 1
             else:
-                yield from self._on_frame(item.item, int(chunks.host_ns[at]))
+                yield from self._on_frame(item.item, int(reads.host_ns[at]))
                 self._counts["frames"] += isinstance(item.item, Frame)
-                self._readable(item.end, chunks)
+                self._readable(item.end, reads)
             self._bytes = before + item.end
 
-    def _on_samples(self, columns: SampleColumns, chunks: Chunks, before: int) -> Iterator[Event]:
+    def _on_samples(self, columns: SampleColumns, reads: Reads, before: int) -> Iterator[Event]:
         """Yield blocks of samples; one that does not follow on those before it may begin an epoch."""
         n = len(columns.sequence)
         if self._refused:
             self._refused_frames += n
         else:
-            at = _at(chunks, columns.end)
-            raw = _raw_block(columns, chunks.host_ns[at])
+            at = _at(reads, columns.end)
+            raw = _raw_block(columns, reads.host_ns[at])
             breaks = (np.flatnonzero(np.diff(raw.sequence) != 1) + 1).tolist() if n > 1 else []
             for begin, end in zip([0, *breaks], [*breaks, n], strict=True):
-                self.unix_offset_ns = int(chunks.unix_offset_ns[at[begin]])
+                self.unix_offset_ns = int(reads.unix_offset_ns[at[begin]])
                 yield raw if end - begin == n else raw.rows(begin, end)
         self._counts["frames"] += n
         self._bytes = before + int(columns.end[-1])
-        self._readable(int(columns.end[-1]), chunks)
+        self._readable(int(columns.end[-1]), reads)
 
-    def _readable(self, end: int, chunks: Chunks) -> None:
-        """Take note of a good frame: what came in later chunks is not read yet."""
-        last = len(chunks.end) - 1
+    def _readable(self, end: int, reads: Reads) -> None:
+        """Take note of a good frame: what came in later reads is not read yet."""
+        last = len(reads.end) - 1
         if last:
-            last = int(np.searchsorted(chunks.end, end))
-        if last + 1 == len(chunks.end):
+            last = int(np.searchsorted(reads.end, end))
+        if last + 1 == len(reads.end):
             self._unread_since_ns = None
         else:
-            self._unread_since_ns = int(chunks.host_ns[last + 1])
-            self._unread_bytes = int(chunks.end[-1] - chunks.end[last])
+            self._unread_since_ns = int(reads.host_ns[last + 1])
+            self._unread_bytes = int(reads.end[-1] - reads.end[last])
 
     def _on_frame(self, frame: Frame | Refused, host_ns: int) -> Iterator[Event]:
         if isinstance(frame, Refused):
@@ -310,11 +337,11 @@ def hello_problem(hello: wire.Hello) -> str | None:
     return None
 
 
-def _at(chunks: Chunks, ends: Ints) -> "np.ndarray[tuple[int], np.dtype[np.intp]]":
-    """Return in which chunk each of the ends stands; live there is one."""
-    if len(chunks.end) == 1:
+def _at(reads: Reads, ends: Ints) -> "np.ndarray[tuple[int], np.dtype[np.intp]]":
+    """Return in which read each of the ends stands."""
+    if len(reads.end) == 1:
         return np.zeros(len(ends), dtype=np.intp)
-    return np.searchsorted(chunks.end, ends)
+    return np.searchsorted(reads.end, ends)
 
 
 def _raw_block(columns: SampleColumns, host_ns: Ints) -> RawBlock:

@@ -1,99 +1,90 @@
-"""Many ports in one thread: whoever has something to say is read, and nobody waits for another.
+"""Many ports in one thread: a native reader waits for them, reads them and stamps what comes."""
 
-Load makes batches: the longer a round takes, the more has come in by the next one, and the less each costs.
-"""
-
-import contextlib
 import os
 import queue
-import select
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from fltea.records.events import Failed, Opened, TransportEvent
-from fltea.wire.transport import Port
+from fltea._native import PortReader
+from fltea.records.clock import host_ns
+from fltea.records.events import Failed, Opened, Reads, Tick
+from fltea.wire.transport import QUEUE_BYTES, Port
 
 TICK_S = 0.5
 """A silent line is looked at so often; a replay does the same."""
 
+TICK_NS = int(TICK_S * 1e9)
+
 
 @dataclass
 class _Line:
-    """A port as the loop sees it. descriptor: once it is open. open_s: when to open it; None meanwhile."""
+    """A port as the loop sees it. open_ns: when to open it; None while it is open, or being opened."""
 
     port: Port
-    tick_s: float
-    descriptor: int | None = None
-    open_s: float | None = 0.0
+    tick_ns: int
+    open_ns: int | None = 0
+    is_open: bool = False
 
 
 class Ports:
     """Reads ports that have descriptors. Each is opened, lost and opened again for itself."""
 
     def __init__(self, ports: Sequence[Port]) -> None:
-        now_s = time.monotonic()
-        self._lines = [_Line(port, now_s + TICK_S) for port in ports]
-        self._by_descriptor: dict[int, int] = {}
+        tick_ns = host_ns() + TICK_NS
+        self._lines = [_Line(port, tick_ns) for port in ports]
         self._opened: queue.SimpleQueue[tuple[int, Opened | Failed]] = queue.SimpleQueue()
-        self._ready = select.poll()
-        self._wake_read, self._wake_write = os.pipe()
-        os.set_blocking(self._wake_write, False)
-        self._ready.register(self._wake_read, select.POLLIN)
+        self._reader = PortReader(QUEUE_BYTES)
         self._lock = threading.Lock()
         self._closed = False
 
-    def poll(self, timeout_s: float) -> Iterator[tuple[int, TransportEvent | None]]:
+    def poll(self, timeout_s: float) -> Iterator[tuple[int, Reads | Opened | Failed | Tick]]:
         """Wait for something to happen; yield what did, with the place of its port.
 
-        None says that nothing came from a port for half a second.
+        A tick says that nothing came from a port for half a second, until its time.
         """
-        now_s = time.monotonic()
-        self._open_due(now_s)
-        next_s = min(min(line.tick_s, line.open_s or line.tick_s) for line in self._lines)
-        wait_s = min(timeout_s, max(0.0, next_s - now_s))
-        for descriptor, mask in self._ready.poll(wait_s * 1000):
-            if descriptor == self._wake_read:
-                os.read(descriptor, 4096)
-                yield from self._take_opened()
-                continue
-            place = self._by_descriptor[descriptor]
-            event = self._lines[place].port.read_ready(hung_up=bool(mask & ~select.POLLIN))
-            if isinstance(event, Failed):
-                self._lose(place)
-            if event is not None:
-                self._lines[place].tick_s = time.monotonic() + TICK_S
-                yield place, event
-        now_s = time.monotonic()
+        now_ns = host_ns()
+        self._open_due(now_ns)
+        next_ns = min(min(line.tick_ns, line.open_ns or line.tick_ns) for line in self._lines)
+        now_ns, news = self._reader.take(min(timeout_s, max(0.0, (next_ns - now_ns) * 1e-9)))
+        for place, data, columns, overflow_bytes, lost in news:
+            line = self._lines[place]
+            line.port.overflow_bytes += overflow_bytes
+            if data:
+                line.port.has_worked()
+                line.tick_ns = int(columns[1][-1]) + TICK_NS
+                yield place, Reads(data, *columns)
+            if lost is not None:
+                error, *at = lost
+                yield place, self._noted(line, line.port.lost(OSError(error, os.strerror(error)), *at))
+        while not self._opened.empty():
+            place, event = self._opened.get()
+            yield place, self._on_opened(place, event)
         for place, line in enumerate(self._lines):
-            if now_s >= line.tick_s:
-                line.tick_s = now_s + TICK_S
-                yield place, None
+            if now_ns >= line.tick_ns:
+                line.tick_ns = now_ns + TICK_NS
+                yield place, Tick(now_ns)
 
     def wake(self) -> None:
         """End the waiting, from another thread."""
-        with self._lock:
-            if not self._closed:
-                self._wake()
+        self._reader.wake()
 
     def close(self) -> None:
         """Release all ports; one that is being opened is released as soon as it is open."""
         with self._lock:
             self._closed = True
-            os.close(self._wake_read)
-            os.close(self._wake_write)
+        self._reader.close()
         while not self._opened.empty():  # open, and the loop has not taken note of it
             self._lines[self._opened.get()[0]].port.close()
         for line in self._lines:
-            if line.open_s is not None or line.descriptor is not None:
+            if line.is_open:
                 line.port.close()
 
-    def _open_due(self, now_s: float) -> None:
+    def _open_due(self, now_ns: int) -> None:
         """Let ports be opened that are due, each in a thread: a network may take its time."""
         for place, line in enumerate(self._lines):
-            if line.open_s is not None and line.descriptor is None and now_s >= line.open_s:
-                line.open_s = None
+            if line.open_ns is not None and now_ns >= line.open_ns:
+                line.open_ns = None
                 name = f"open {line.port.url}"
                 threading.Thread(target=self._open, args=(place,), name=name, daemon=True).start()
 
@@ -104,29 +95,22 @@ class Ports:
                 self._lines[place].port.close()
                 return
             self._opened.put((place, event))
-            self._wake()
+        self._reader.wake()
 
-    def _wake(self) -> None:
-        with contextlib.suppress(BlockingIOError):  # full: it wakes up anyway
-            os.write(self._wake_write, b"\0")
-
-    def _take_opened(self) -> Iterator[tuple[int, TransportEvent]]:
-        while not self._opened.empty():
-            place, event = self._opened.get()
-            line = self._lines[place]
-            if isinstance(event, Opened):
-                line.descriptor = line.port.fileno()
-                self._by_descriptor[line.descriptor] = place
-                self._ready.register(line.descriptor, select.POLLIN)
-            else:
-                line.open_s = time.monotonic() + line.port.backoff_s()
-            yield place, event
-
-    def _lose(self, place: int) -> None:
-        """Note that a port was lost, and try it again later."""
+    def _on_opened(self, place: int, event: Opened | Failed) -> Opened | Failed:
         line = self._lines[place]
-        assert line.descriptor is not None
-        self._ready.unregister(line.descriptor)
-        del self._by_descriptor[line.descriptor]
-        line.descriptor = None
-        line.open_s = time.monotonic() + line.port.backoff_s()
+        if isinstance(event, Opened):
+            try:
+                latency_ns = round(line.port.latency_s * 1e9)
+                self._reader.add(place, line.port.fileno(), line.port.is_socket, latency_ns)
+            except OSError as error:
+                event = line.port.lost(error)
+        return self._noted(line, event)
+
+    def _noted(self, line: _Line, event: Opened | Failed) -> Opened | Failed:
+        """Take note of whether a port is open; one that is not is tried again later."""
+        now_ns = host_ns()
+        line.is_open = isinstance(event, Opened)
+        line.open_ns = None if line.is_open else now_ns + round(line.port.backoff_s() * 1e9)
+        line.tick_ns = now_ns + TICK_NS
+        return event

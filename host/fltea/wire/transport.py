@@ -40,6 +40,11 @@ QUEUE_BYTES = 1 << 20
 
 MAX_CHUNK = 1 << 16
 
+AT_ONCE = 4
+"""Ports that are opened at the same time: while they are, they take six descriptors each, and then one."""
+
+_OPENING = threading.BoundedSemaphore(AT_ONCE)
+
 TAKEN_S = 1e-3
 """Seconds to wait when a port was ready and yet empty, as when another program reads it too."""
 
@@ -106,13 +111,16 @@ class Port:
     """One serial URL: how it is opened and read, and when it is tried again.
 
     url: whatever `serial.serial_for_url` opens. The port is taken exclusively. Opening raises DTR where
-    there is one (which resets a Due); nothing here touches it.
+    there is one (which resets a Due); nothing here touches it. latency_s: how old its first bytes may become
+    before `Ports` gives them. overflow_bytes: read and thrown away, because whoever takes them was too slow.
     """
 
-    def __init__(self, url: str, baud: int) -> None:
+    def __init__(self, url: str, baud: int, latency_s: float = 0.0) -> None:
         check_url(url, baud)
         self.url = url
         self.baud = baud
+        self.latency_s = latency_s
+        self.overflow_bytes = 0
         self._serial: serial.Serial | None = None
         self._descriptor = -1
         self._failures = 0
@@ -120,7 +128,12 @@ class Port:
     @property
     def has_descriptor(self) -> bool:
         """Whether the operating system can say when there is something to read."""
-        return "://" not in self.url or self.url.startswith((SOCKET, "hwgrep://"))
+        return self.is_socket or "://" not in self.url or self.url.startswith("hwgrep://")
+
+    @property
+    def is_socket(self) -> bool:
+        """Whether its other side can close it."""
+        return self.url.startswith(SOCKET)
 
     def open(self) -> Opened | Failed:
         """Open it; may take seconds where a network has to be asked."""
@@ -129,18 +142,26 @@ class Port:
             port = serial.serial_for_url(self.url, baudrate=self.baud, do_not_open=True)
             port.timeout = READ_TIMEOUT_S
             port.exclusive = True
-            port.open()
-            self._descriptor = _descriptor_of(port) if self.has_descriptor else -1
+            if self.has_descriptor:
+                with contextlib.nullcontext() if self.is_socket else _OPENING:
+                    port.open()
+                    self._descriptor = _descriptor_of(port)
+            else:
+                port.open()
+                self._serial = port
         except Exception as error:  # whatever a driver raises must not end the reading
             if port is not None:
                 _release(port)
             return Failed(*explain_open_failure(self.url, error), host_ns(), unix_offset_ns())
-        self._serial = port
         return Opened(host_ns(), unix_offset_ns())
 
     def fileno(self) -> int:
         """Return the descriptor of an open port that has one."""
         return self._descriptor
+
+    def has_worked(self) -> None:
+        """Take note that it gave bytes: a port that opens and dies at once is no success."""
+        self._failures = 0
 
     def read_ready(self, *, hung_up: bool) -> Chunk | Failed | None:
         """Read what is there, after the descriptor was found ready; None if another program has taken it.
@@ -150,9 +171,9 @@ class Port:
         try:
             with contextlib.suppress(BlockingIOError):
                 if data := os.read(self._descriptor, MAX_CHUNK):
-                    self._failures = 0  # a port that opens and dies at once is no success
+                    self.has_worked()
                     return Chunk(data, host_ns(), unix_offset_ns())
-                if self.url.startswith(SOCKET):
+                if self.is_socket:
                     raise OSError(errno.ECONNRESET, "the other side has closed")
             if hung_up:
                 raise OSError(errno.EIO, "hung up")
@@ -172,14 +193,14 @@ class Port:
             return self.lost(error)
         if not data:
             return None
-        self._failures = 0
+        self.has_worked()
         return Chunk(data, host_ns(), unix_offset_ns())
 
-    def lost(self, error: Exception) -> Failed:
-        """Close it, and say why."""
+    def lost(self, error: Exception, *at: int) -> Failed:
+        """Close it, and say why. at: time and offset to Unix time, if not now."""
         self.close()
         message = f"{self.url} was lost ({error}): unplugged, or the other side ended."
-        return Failed("unplugged", message, host_ns(), unix_offset_ns())
+        return Failed("unplugged", message, *(at or (host_ns(), unix_offset_ns())))
 
     def backoff_s(self) -> float:
         """Return how long to wait before the next try."""
@@ -192,13 +213,20 @@ class Port:
         port, self._serial = self._serial, None
         if port is not None:
             _release(port)
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            with contextlib.suppress(OSError):  # the device is gone already
+                os.close(descriptor)
 
 
 def _descriptor_of(port: serial.Serial) -> int:
-    found = getattr(port, "fd", None)
-    if found is None:
-        found = port._socket.fileno()  # type: ignore[attr-defined]
-    return int(found)
+    """Return the descriptor of an open port, and release all else of it; its lock and DTR stay."""
+    if (connection := getattr(port, "_socket", None)) is not None:
+        port.is_open = False
+        return int(connection.detach())
+    descriptor = os.dup(port.fileno())
+    port.close()
+    return descriptor
 
 
 def _release(port: serial.Serial) -> None:
@@ -210,12 +238,10 @@ class Reader:
     """Reads one port in a thread of its own until closed.
 
     For what has no descriptor, and for those whose work may be slow: bytes wait in a queue meanwhile.
-    `overflow_bytes` counts what had to be thrown away because the consumer was too slow.
     """
 
     def __init__(self, port: Port) -> None:
-        self._port = port
-        self.overflow_bytes = 0
+        self.port = port
         self._queue: queue.SimpleQueue[TransportEvent | None] = queue.SimpleQueue()
         self._queued_bytes = 0
         self._lock = threading.Lock()
@@ -249,7 +275,7 @@ class Reader:
             self._thread.join(timeout=5 * READ_TIMEOUT_S + 1.0)
 
     def _run(self) -> None:
-        port = self._port
+        port = self.port
         while not self._stop.is_set():
             event: TransportEvent | None = port.open()
             if isinstance(event, Opened):
@@ -262,7 +288,7 @@ class Reader:
 
     def _read_until_lost(self) -> Failed | None:
         """Read until the port is lost, or closed."""
-        port = self._port
+        port = self.port
         ready = select.poll() if port.has_descriptor else None
         if ready is not None:
             ready.register(port.fileno(), select.POLLIN)
@@ -286,7 +312,7 @@ class Reader:
         if isinstance(event, Chunk):
             with self._lock:
                 if self._queued_bytes + len(event.data) > QUEUE_BYTES:
-                    self.overflow_bytes += len(event.data)
+                    self.port.overflow_bytes += len(event.data)
                     return
                 self._queued_bytes += len(event.data)
         self._queue.put(event)
