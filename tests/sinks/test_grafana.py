@@ -96,3 +96,9 @@ def test_panels_have_their_own_numbers_and_do_not_overlap() -> None:
         assert at["x"] + at["w"] <= 24
         assert not cells & taken, panel["title"]
         taken |= cells
+
+
+def test_the_bias_and_the_heading_follow_the_verdict() -> None:
+    titles = [panel["title"] for panel in BOARD["panels"]]
+    after = titles.index("Verdict") + 1
+    assert [title.split()[0] for title in titles[after : after + 2]] == ["Bias", "Heading"]
