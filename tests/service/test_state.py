@@ -1,6 +1,8 @@
 """Snapshots: what goes on, bit for bit, and what must not."""
 
+import os
 import random
+import shutil
 from pathlib import Path
 
 import msgspec
@@ -14,7 +16,7 @@ from fltea.service.state import DeviceState, StateFile
 from fltea.settings.config import Config
 from fltea.settings.outputs import StateConfig
 from fltea.stream.pipeline import Pipeline
-from host_support import hello
+from host_support import fltea_here, hello
 from support import wait_until
 from walk_support import Source, small_config
 
@@ -213,7 +215,19 @@ def test_all_devices_are_written_at_the_end_and_found_again(tmp_path: Path) -> N
     again.close()
     assert state_file(path)[0].found == {"left": one, "right": one}
     assert said == []
-    assert [p.name for p in tmp_path.iterdir()] == ["fltea.state"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [".fltea.state.lock", "fltea.state"]
+
+
+def test_a_second_program_is_told_who_has_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "state"
+    held, _ = state_file(path)
+    held.put("left", snapshot(config()))
+    command = ["run", "-s", "synthetic:?n=300", "--once", "--format", "none", "--state", str(path)]
+    done = fltea_here(*command)
+    assert done.returncode == 2
+    assert f"another fltea (process {os.getpid()}) keeps its snapshots there" in done.stderr
+    held.close()
+    assert fltea_here(*command).returncode == 0
 
 
 def test_what_is_new_is_written_soon_and_not_a_period_later(
@@ -226,7 +240,9 @@ def test_what_is_new_is_written_soon_and_not_a_period_later(
     state = snapshot(config())
     file.put("left", state)
     wait_until(path.exists, "the file")
-    assert state_file(path)[0].found == {"left": state}
+    copy = tmp_path / "copy"
+    copy.write_bytes(path.read_bytes())
+    assert state_file(copy)[0].found == {"left": state}
     file.close()
     assert said == []
 
@@ -235,7 +251,7 @@ def test_a_folder_that_goes_is_told_once_and_the_old_file_kept(tmp_path: Path) -
     path = tmp_path / "folder" / "state"
     path.parent.mkdir()
     file, said = state_file(path, period_s=0.01)
-    path.parent.rmdir()
+    shutil.rmtree(path.parent)
     file.put("left", snapshot(config()))
     while not said:
         file.put("left", snapshot(config()))

@@ -3,6 +3,7 @@
 When one may be used, `fltea.stream.snapshot` says.
 """
 
+import fcntl
 import os
 import threading
 from collections.abc import Callable
@@ -36,7 +37,7 @@ class StateFile:
     """Keeps the latest snapshot of every device and writes them all, in a thread of its own.
 
     Raises:
-        UsageError: the file cannot be read or written, or is none of ours.
+        UsageError: the file cannot be read or written, is none of ours, or another program has it.
     """
 
     def __init__(self, config: StateConfig, report: Callable[[str, str], None]) -> None:
@@ -44,13 +45,14 @@ class StateFile:
         self._path = Path(config.file)
         self._period_s = config.period_s
         self._report = report
+        _check_writable(self._path)
+        self._held = _hold(self._path)
         self._devices = self._read()
         self.found = dict(self._devices)
         self._lock = threading.Lock()
         self._changed = self._failed = False
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="state", daemon=True)
-        _check_writable(self._path)
         self._thread.start()
 
     def _read(self) -> dict[str, DeviceState]:
@@ -111,6 +113,7 @@ class StateFile:
         self._stop.set()
         self._thread.join()
         self._write()
+        os.close(self._held)
 
     def _run(self) -> None:
         while not self._stop.wait(min(self._period_s, LOOK_S)):
@@ -140,3 +143,26 @@ def _check_writable(path: Path) -> None:
         raise UsageError(
             f"--state {path}: cannot be written there. It has to be a file in a folder of yours."
         )
+
+
+def _hold(path: Path) -> int:
+    """Return the descriptor of .FILE.lock, by which no second program takes the file; it says who has it.
+
+    The file itself cannot hold the lock: it is replaced as a whole whenever it is written.
+    """
+    lock = path.with_name(f".{path.name}.lock")
+    try:
+        held = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    except OSError as error:
+        raise UsageError(f"--state {path}: {lock} cannot be made ({error}).") from error
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        who = os.read(held, 20).decode("ascii", "replace").strip()
+        os.close(held)
+        raise UsageError(
+            f"--state {path}: another fltea (process {who}) keeps its snapshots there. Give each a file."
+        ) from None
+    os.truncate(held, 0)
+    os.write(held, b"%d\n" % os.getpid())
+    return held
