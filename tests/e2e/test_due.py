@@ -10,6 +10,8 @@ from fltea.sources.synthetic import NoiseGenerator, parse_noise
 from fltea.wire import layout as wire
 from tiers import slow
 
+from tools.due_emulator import mpu9250_registers as reg
+
 PERIOD_US = 10_000
 
 
@@ -128,6 +130,36 @@ def test_its_values_are_the_quantised_noise_one_by_one(quiet: DueRun) -> None:
 def test_the_identifier_is_the_chips_own(quiet: DueRun) -> None:
     """The board makes it from its seed."""
     assert quiet.hellos[0].device_id == hashlib.sha256(b"due 1").hexdigest()[:32]
+
+
+def test_the_sensor_is_set_up_as_its_hello_says(quiet: DueRun) -> None:
+    chip = quiet.board.socket.chip
+    # 1 kHz, 184 Hz, ±2000 deg/s, ±2 g; awake, by its PLL.
+    assert chip.read_block(reg.SMPLRT_DIV, 5).hex() == "0001180001"
+    assert chip.read_block(reg.PWR_MGMT_1, 1)[0] == 1
+
+
+def test_it_sleeps_when_there_is_nothing_to_do_and_the_bus_is_at_400_khz(quiet: DueRun) -> None:
+    assert quiet.board.machine.idle_ps / quiet.now_ps > 0.8
+    assert 0.045 < quiet.board.twi.load_ps / quiet.now_ps < 0.07
+
+
+def test_the_watchdog_is_fed_by_the_main_loop_and_not_by_an_interrupt(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A handler that feeds it would hide a main loop that hangs."""
+    run = DueRun(image())
+    watchdog, fed_in = run.board.watchdog, []
+    feed = watchdog.on_write
+
+    def on_write(register: str, value: int) -> None:
+        fed_in.append(run.board.cpu.active_exceptions)
+        feed(register, value)
+
+    monkeypatch.setattr(watchdog, "on_write", on_write)
+    run.run_until(0.5)
+    assert len(fed_in) > 10
+    assert set(fed_in) == {0}
 
 
 def test_the_watchdog_is_on_for_about_a_second_and_never_hungry(quiet: DueRun) -> None:

@@ -8,7 +8,7 @@ is byte for byte what the sensor gave at that sample's time.
 from typing import NamedTuple
 
 import pytest
-from due_support import DUE_CASES, ROOT, DueRun, Measured, image, with_fault
+from due_support import DUE_CASES, NOISE, ROOT, DueRun, Measured, image, with_fault
 from fltea.wire import layout as wire
 from tiers import slow
 
@@ -164,6 +164,30 @@ def test_a_retried_sample_says_so() -> None:
 def test_a_sample_that_waited_for_a_hanging_program_is_late() -> None:
     flags = [s.flags for s in with_fault("program hangs for 0.5 s")[0].samples if s.flags]
     assert flags == [wire.SampleFlags.LATE]
+
+
+def test_a_tick_during_a_step_that_hangs_is_not_slept_through() -> None:
+    """From the middle of a step to after the next tick."""
+    run = DueRun(image(), faults=["watchdog_starvation at=1.4042 for=0.0102"]).run_until(1.6)
+    assert (run.check(), run.gaps) == (None, [])
+    late_us = [s.device_us % 10_000 for s in run.samples if s.device_us // 1000 in range(1410, 1420)]
+    assert late_us
+    assert late_us[0] < 1_000
+
+
+def test_after_a_set_up_in_which_a_byte_was_refused_all_axes_are_alive() -> None:
+    """The byte stays in the controller, and the next write would send it first."""
+    faults = ["unplug at=1.2 for=0.3", "nack_burst at=1.64445 count=1"]
+    run = DueRun(image(), noise=NOISE, faults=faults).run_until(2.8)
+    assert run.check() is None
+    rates = [s.gyro_dps for s in run.samples if s.device_us > 1_900_000]
+    assert [len({rate[axis] for rate in rates}) > 5 for axis in range(3)] == [True] * 3
+
+
+def test_faults_have_their_own_sequence_and_do_not_flood_the_line() -> None:
+    arrivals = with_fault("sensor unplugged for 1.5 s")[0].of(wire.Fault)
+    assert [arrival.frame.sequence for arrival in arrivals] == list(range(len(arrivals)))
+    assert 2 <= len(arrivals) < 12
 
 
 def test_a_relative_is_named_and_used_and_an_unknown_chip_is_refused() -> None:

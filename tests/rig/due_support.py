@@ -1,5 +1,6 @@
 """The emulated Due for the tests of the whole chain: the committed image, and runs that tests share."""
 
+import os
 import sys
 from functools import cache
 from pathlib import Path
@@ -9,10 +10,12 @@ from toolchain import arm_compiler
 
 sys.path.insert(0, str(ROOT))
 
-from tools.due_emulator.__main__ import IMAGE
+from tools.due_emulator.__main__ import IMAGE as COMMITTED
 from tools.due_run import DueRun
 from tools.faults.board import DUE_CASES, Measured, measure
 
+IMAGE = Path(os.environ.get("FLTEA_DUE_IMAGE", COMMITTED))
+"""Which image is looked at: `make mutants` names others."""
 NOISE = "alpha=0.5&f=-1&seed=7"
 
 

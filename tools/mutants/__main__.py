@@ -4,8 +4,8 @@
 test files that import what is changed, the rest of its room, then tests/e2e, without those marked as slow,
 until one fails. Some changes do nothing that anybody could notice, so read what survives.
 
-Else the firmware's list. Judges: the emulated Due (the strictness of its parts, and tools.mutants.trial), the
-C++ tests of the core and of its spectrum, and the Arduino sketch on its stub. The first that notices a bug is
+Else the firmware's list. Judges: the tests of the emulated Due, whose parts are strict, the C++ tests of the
+core and of its spectrum, and the Arduino sketch on its stub. The first that notices a bug is
 enough; --everyone asks all. That the committed image has other bytes does not count.
 
 Everything happens in private copies. Exit codes: 0; 1 more than 2 mutants of the firmware or a third of the

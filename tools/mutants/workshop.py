@@ -4,7 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,10 +26,14 @@ PARTS = (
 PATIENCE_S = 300.0
 """Only keeps a mutant that never ends from holding up the others."""
 
+DUE_TESTS = ("tests/e2e/test_due.py", "tests/e2e/test_due_faults.py")
+"""Of the emulated Due; all but those that build an image themselves, or are of the committed one."""
+OF_ITS_IMAGE = ("-m", "not slow", "-k", "not data_ready", "-o", "timeout=100")
 DOCTEST, NATIVE = "build/doctest", "build/native"
 # Neither sanitizers nor optimisation: a mutant is built in seconds. $(VECTORS) is make's.
 DOCTEST_FLAGS = "FLAGS=-std=gnu++11 -O0 -DVECTORS='\"$(VECTORS)\"'"
 ARDUINO = {"MAKEFLAGS": "SANITIZE="}
+ARDUINO_TESTS = ("tests/firmware/test_arduino.py", "-k", "g++ and not clang")
 
 
 class Invalid(Exception):
@@ -89,15 +93,14 @@ def _judges(file: str) -> list[tuple[str, Callable[[Path], str | None]]]:
 
 
 def on_the_emulator(root: Path) -> str | None:
-    """Build the image and try it; the first statement of tools.mutants.trial that fails."""
+    """Build the image and run the tests of the emulated Due on it; the first that fails."""
     folder = root / "build/firmware"
     try:
         build(root, "timer", folder)
     except BuildError as error:
         raise Invalid(str(error)) from error
-    command = [sys.executable, "-m", "tools.mutants.trial", str(folder / "fltea_due.bin")]
-    code, output = run(command, REPOSITORY)
-    return output.strip().splitlines()[-1] if code else None
+    image = {"FLTEA_DUE_IMAGE": str(folder / "fltea_due.bin")}
+    return _by_pytest([*DUE_TESTS, *OF_ITS_IMAGE], REPOSITORY, image)
 
 
 def by_doctest(root: Path) -> str | None:
@@ -128,12 +131,15 @@ def by_spectrum(root: Path) -> str | None:
 
 def on_the_stub(root: Path) -> str | None:
     """Run the tests of the Arduino sketch, which build it themselves; the first that fails."""
-    command = [sys.executable, "-m", "pytest", "tests/firmware/test_arduino.py", "-k", "g++ and not clang"]
-    options = ["-x", "-q", "-p", "no:cacheprovider", "--no-header", "--tb=line", "-o", "timeout=300"]
-    code, output = run([*command, *options], root, ARDUINO)
+    return _by_pytest([*ARDUINO_TESTS, "-o", "timeout=300"], root, ARDUINO)
+
+
+def _by_pytest(tests: Sequence[str], root: Path, environment: dict[str, str]) -> str | None:
+    options = ["-x", "-q", "-p", "no:cacheprovider", "--no-header", "--tb=line"]
+    code, output = run([sys.executable, "-m", "pytest", *options, *tests], root, environment)
     if "make: ***" in output or code > 1:
         raise Invalid(output)
-    return _first(output, "FAILED ", f"exit code {code}").replace("tests/firmware/", "") if code else None
+    return _first(output, "FAILED ", _first(output, "ERROR ", f"exit code {code}")) if code else None
 
 
 def _first(output: str, word: str, otherwise: str) -> str:
