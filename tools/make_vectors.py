@@ -1,7 +1,8 @@
 """Writes good.txt, bad.txt and streams.txt of protocol/vectors (formats: protocol/README.md, "Vectors").
 
 They judge fltea's own code, so nothing in them comes from it or from the generator: COBS is PyPI's, CRC-32 is
-zlib's, and the layouts and the text of the schema hash are typed by hand (vectors_schema.py).
+zlib's, and the layouts follow from the text of the schema hash, which is typed by hand (schema.txt). So a slip
+in `protocol/messages.toml`, in the generator or there shows as another hash or as other bytes.
 """
 
 import math
@@ -10,10 +11,30 @@ import zlib
 from pathlib import Path
 
 from cobs import cobs
-from vectors_schema import CODES, HASH, layouts
 
 SOURCE = "tools/make_vectors.py"
 HELLO, SAMPLE, STATUS, FAULT, ESTIMATE, ESTIMATOR, FIT, SPECTRUM, UNKNOWN = 1, 2, 3, 4, 5, 6, 7, 8, 200
+TYPED = Path(__file__).resolve().parents[1] / "protocol/vectors/schema.txt"
+SCHEMA = TYPED.read_text(encoding="utf-8").partition("\n")[2]
+"""Without the comment that it begins with."""
+HASH = zlib.crc32(SCHEMA.encode())
+CODES = {"u8": "B", "u16": "H", "u32": "I", "i16": "h", "f32": "f", "bytes16": "16s", "text24": "24s"}
+"""Type -> code of Python's struct."""
+
+
+def layouts() -> dict[int, list[tuple[str, str]]]:
+    """Type byte -> name and type of each field, in the order of the wire."""
+    found: dict[int, list[tuple[str, str]]] = {}
+    fields: list[tuple[str, str]] = []
+    for line in SCHEMA.splitlines():
+        word, first, *rest = line.split()
+        if word == "message":
+            fields = found[int(first)] = []
+        elif word == "field":
+            fields.append((first, rest[0]))
+    return found
+
+
 LAYOUTS = layouts()
 
 DEVICE = bytes(range(0xA0, 0xB0))
