@@ -1,8 +1,8 @@
 """Writes good.txt, bad.txt and streams.txt of protocol/vectors (formats: protocol/README.md, "Vectors").
 
 They judge fltea's own code, so nothing in them comes from it or from the generator: COBS is PyPI's, CRC-32 is
-zlib's, and the layouts follow from the text of the schema hash, which is typed by hand (schema.txt). So a slip
-in `protocol/messages.toml`, in the generator or there shows as another hash or as other bytes.
+zlib's, and the layouts follow from the text of the schema hash, which is typed by hand (schema.txt). So a
+slip in `protocol/messages.toml`, in the generator or there shows as another hash or as other bytes.
 """
 
 import math

@@ -25,7 +25,6 @@ from tools.faults import (
     daemon_outputs,
     daemon_program,
     fleet,
-    ingest_mqtt,
     ingest_server,
     ingest_worker,
 )
@@ -45,7 +44,7 @@ PARTS = {
     "board": Part(board.CASES, at_once=1),
     "daemon": Part((*daemon_line.CASES, *daemon_outputs.CASES, *daemon_program.CASES)),
     "fleet": Part(fleet.CASES),
-    "ingest": Part((*ingest_worker.CASES, *ingest_server.CASES, *ingest_mqtt.CASES)),
+    "ingest": Part((*ingest_worker.CASES, *ingest_server.CASES)),
     "cluster": Part(cluster.CASES, at_once=1),
 }
 OUT = Path("build/faults.md")

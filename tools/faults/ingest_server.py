@@ -1,10 +1,13 @@
-"""Faults of the NATS server that two workers share: killed, away, its store full, its disk full."""
+"""Faults of the server that sends samples to us: killed, away, cut off, its store full, its disk full.
+
+It is the NATS server that two workers share, or the MQTT broker of one program.
+"""
 
 import time
 from functools import partial
 
 from tools.faults.case import Case, Outcome
-from tools.faults.ingest_scene import PARTITIONS, NatsScene, outcome, until_all_again
+from tools.faults.ingest_scene import PARTITIONS, BrokerScene, NatsScene, outcome, until_all_again
 from tools.faults.nats_server import NatsServer
 from tools.faults.program import Skip
 from tools.faults.small_disk import SmallDisk
@@ -28,6 +31,28 @@ def server_killed(stage: Stage, *, away_s: float, qos: int = 1) -> Outcome:
     time.sleep(away_s)
     scene.server.start()
     return _outcome_when_back(scene)
+
+
+def broker_killed(stage: Stage, *, away_s: float) -> Outcome:
+    """The broker is killed, and started again after some seconds."""
+    scene = BrokerScene(stage)
+    scene.broker.kill()
+    time.sleep(away_s)
+    scene.broker.start()
+    return _outcome_when_back(scene)
+
+
+def program_cut_off(stage: Stage) -> Outcome:
+    """The network between it and the broker is split until it reports so; boards go on."""
+    scene = BrokerScene(stage)
+    (program,) = scene.workers
+    scene.line.cut()
+    cut_s = time.monotonic()
+    program.wait_for(lambda: "broker_lost" in program.errors(), "word of it")
+    reported_s = time.monotonic() - cut_s
+    scene.line.heal()
+    until_all_again(scene.boards, scene.workers)
+    return outcome(scene.boards, scene.workers, f"reported after {reported_s:.0f} s")
 
 
 def store_full(stage: Stage, *, qos: int = 1) -> Outcome:
@@ -67,13 +92,15 @@ def _wait_until_lost(scene: NatsScene) -> None:
     time.sleep(AWAY_S)
 
 
-def _outcome_when_back(scene: NatsScene) -> Outcome:
+def _outcome_when_back(scene: NatsScene | BrokerScene) -> Outcome:
     back_s = time.monotonic()
     until_all_again(scene.boards, scene.workers)
     again_s = time.monotonic() - back_s
-    reported = max(worker.errors().count("nats_lost") for worker in scene.workers)
     more = f"samples of all sensors again {again_s:.0f} s after it was back"
-    return outcome(scene.boards, scene.workers, f"{more}; `nats_lost` {reported} times a worker")
+    if isinstance(scene, NatsScene):
+        reported = max(worker.errors().count("nats_lost") for worker in scene.workers)
+        more += f"; `nats_lost` {reported} times a worker"
+    return outcome(scene.boards, scene.workers, more)
 
 
 CASES = (
@@ -82,5 +109,8 @@ CASES = (
     Case(SERVER_AWAY + QOS_0, partial(server_killed, away_s=AWAY_S, qos=0)),
     Case(STORE_FULL, store_full),
     Case(STORE_FULL + QOS_0, partial(store_full, qos=0)),
+    Case("MQTT broker killed (`kill -9`), started again at once", partial(broker_killed, away_s=0.0)),
+    Case(f"MQTT broker away for {AWAY_S:g} s", partial(broker_killed, away_s=AWAY_S)),
+    Case("cut off from the MQTT broker until it was reported", program_cut_off),
     Case(f"NATS server's disk full for {AWAY_S:g} s; room again, and the server started again", disk_full),
 )
