@@ -13,7 +13,6 @@ host's survive, a mutant does not build, or the present sources fail already.
 """
 
 import argparse
-import json
 import shutil
 import sys
 import tempfile
@@ -57,18 +56,6 @@ class Result(NamedTuple):
         judges = [f"\n         {v.judge}: {v.noticed}" for v in self.verdicts if v.noticed]
         return f"noticed  {head}{''.join(judges)}"
 
-    def plain(self) -> dict[str, object]:
-        """As JSON can hold it."""
-        return {
-            "name": self.mutant.name,
-            "file": self.mutant.file,
-            "breaks": self.mutant.breaks,
-            "survives": self.survives,
-            "invalid": self.invalid,
-            "noticed_by": {v.judge: v.noticed for v in self.verdicts if v.noticed},
-            "judges": [v.judge for v in self.verdicts],
-        }
-
 
 def try_mutant(mutant: Mutant, base: Path, *, everyone: bool = False) -> Result:
     """Judge one bug in a copy of `base`, which keeps what is built there already."""
@@ -82,7 +69,7 @@ def try_mutant(mutant: Mutant, base: Path, *, everyone: bool = False) -> Result:
             return Result(mutant, [], str(error))
 
 
-def try_host(drawn: list[Change], jobs: int, *, near: bool) -> int:
+def try_host(drawn: list[Change], jobs: int) -> int:
     """Judge random changes of the host and print who noticed each; returns the exit code."""
     copies: Queue[HostCopy] = Queue()
 
@@ -96,7 +83,7 @@ def try_host(drawn: list[Change], jobs: int, *, near: bool) -> int:
     with ExitStack() as stack:
         for _ in range(jobs):
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="fltea-mutants-"))
-            copies.put(HostCopy(Path(folder), near=near))
+            copies.put(HostCopy(Path(folder)))
         survive = 0
         for change, test in zip(
             drawn, stack.enter_context(ThreadPoolExecutor(jobs)).map(judged, drawn), strict=True
@@ -115,18 +102,16 @@ def main() -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="may be given again")
-    parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--everyone", action="store_true", help="ask all judges of each bug")
     parser.add_argument("--jobs", type=int, default=2, help="so many at a time")
     host = parser.add_argument_group("the host, in place of the firmware")
     host.add_argument("--host", type=int, metavar="COUNT", help="try so many random changes")
     host.add_argument("--seed", type=int, default=1, help="which ones")
     host.add_argument("--below", default="", metavar="PATH", help="only below host/fltea/PATH")
-    host.add_argument("--near", action="store_true", help="without tests/e2e")
     options = parser.parse_args()
     if options.host is not None:
         drawn = choose(REPOSITORY, options.host, options.seed, options.below)
-        return try_host(drawn, options.jobs, near=options.near)
+        return try_host(drawn, options.jobs)
     mutants = [m for m in read_mutants() if not options.only or m.name in options.only]
     if unknown := set(options.only) - {m.name for m in mutants}:
         parser.error(f"no such mutant: {', '.join(sorted(unknown))}")
@@ -148,17 +133,14 @@ def main() -> int:
         with ThreadPoolExecutor(options.jobs) as pool:
             for result in pool.map(lambda m: try_mutant(m, base, everyone=options.everyone), mutants):
                 results.append(result)
-                print(result.describe(), file=sys.stderr if options.json else sys.stdout, flush=True)
+                print(result.describe(), flush=True)
     survivors = [result.mutant.name for result in results if result.survives]
     invalid = [result.mutant.name for result in results if result.invalid is not None]
-    if options.json:
-        print(json.dumps([result.plain() for result in results], indent=2, ensure_ascii=False))
-    else:
-        print(
-            f"{len(results)} mutants: {len(results) - len(survivors) - len(invalid)} noticed, "
-            f"{len(survivors)} survive ({', '.join(survivors) or '-'}), "
-            f"{len(invalid)} invalid ({', '.join(invalid) or '-'})"
-        )
+    print(
+        f"{len(results)} mutants: {len(results) - len(survivors) - len(invalid)} noticed, "
+        f"{len(survivors)} survive ({', '.join(survivors) or '-'}), "
+        f"{len(invalid)} invalid ({', '.join(invalid) or '-'})"
+    )
     return 1 if invalid or len(survivors) > MOST_SURVIVORS else 0
 
 

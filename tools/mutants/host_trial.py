@@ -25,10 +25,8 @@ sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in type
 class HostCopy:
     """The repository as it is in the work tree, with the native module, and the real recordings beside it."""
 
-    def __init__(self, folder: Path, *, near: bool) -> None:
-        """folder: where. near: leave out what runs the whole program (tests/e2e)."""
+    def __init__(self, folder: Path) -> None:
         self.root = folder / "fltea"
-        self._near = near
         command = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"]
         listed = subprocess.run(command, cwd=REPOSITORY, capture_output=True, check=True).stdout.decode()
         for name in filter(None, listed.split("\0")):
@@ -55,7 +53,7 @@ class HostCopy:
         source = self.root / change.file
         text = source.read_text(encoding="utf-8")
         kept = shutil.copy2(source, source.with_suffix(".kept"))
-        tests = [*nearest_tests(self.root, change.file), *([] if self._near else ["tests/e2e"])]
+        tests = [*nearest_tests(self.root, change.file), "tests/e2e"]
         unsteady: list[str] = []
         while True:
             source.write_text(change.applied_to(text), encoding="utf-8")
