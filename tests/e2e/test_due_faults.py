@@ -166,6 +166,12 @@ def test_a_sample_that_waited_for_a_hanging_program_is_late() -> None:
     assert flags == [wire.SampleFlags.LATE]
 
 
+def test_a_bus_that_needs_nine_clocks_is_freed_without_a_loss() -> None:
+    """And the clock of the STOP: no sensor that is cut off in mid-byte needs more."""
+    run = DueRun(image(), faults=["sda_stuck at=1 clocks=10"]).run_until(1.4)
+    assert (run.check(), run.gaps, run.status.bus_recoveries) == (None, [], 1)
+
+
 def test_a_tick_during_a_step_that_hangs_is_not_slept_through() -> None:
     """From the middle of a step to after the next tick."""
     run = DueRun(image(), faults=["watchdog_starvation at=1.4042 for=0.0102"]).run_until(1.6)

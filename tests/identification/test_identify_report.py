@@ -16,6 +16,7 @@ from fltea.identification.run import AxisReport, FileReport, Settings, identify_
 from fltea.identification.shuffled import estimate
 from fltea.identification.workers import Here
 from fltea.records.errors import UsageError
+from fltea.records.whole_file import prepare_folder
 from fltea.spectrum.intervals import CRITICAL
 from identify_files import QUICK, counts, npz
 from identify_support import H, long_recursion, white
@@ -36,7 +37,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[FileRepor
         Unreadable("gone.mcap", UsageError("gone.mcap: <nothing> there.")),
     ]
     reports = identify_all(requests, settings, Here())
-    report.prepare_folder(folder / "out")
+    prepare_folder("--report", folder / "out")
     return folder / "out", reports, report.write(folder / "out", reports)
 
 
@@ -86,7 +87,7 @@ def test_names_of_figures_do_not_meet() -> None:
 def test_folder_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(UsageError, match="cannot be written to"):
-        report.prepare_folder(tmp_path / "file")
+        prepare_folder("--report", tmp_path / "file")
 
 
 @pytest.mark.slow

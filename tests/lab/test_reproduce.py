@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,12 +11,12 @@ from engine_cases import driven
 from fltea.estimator.engine import Estimates
 from fltea.lab.reproduce import gyroscope, paper, paper_tables, timing
 from fltea.lab.reproduce.figures import median_seed
-from fltea.lab.reproduce.gyroscope import RecordingFile
 from fltea.lab.reproduce.runs import Options, Outcome, estimate, has_diverged, outcomes
 from fltea.lab.reproduce.scenarios import SawTooth, Scenario, example, unknown_input
 from fltea.lab.reproduce.simulate import fractional_states, noises
 from fltea.noise.weights import weights
 from fltea.records.errors import UsageError
+from fltea.settings.how import AS_IT_SAYS, How
 
 SEEDS = [0, 1, 7]
 
@@ -140,7 +139,7 @@ def test_a_recording_gives_its_first_samples_without_their_mean(tmp_path: Path) 
     counts = np.random.default_rng(2).normal(50, 20, (3500, 2)).round()
     path = tmp_path / "rest.npz"
     np.savez(path, gyro_raw=counts.astype(np.int16), lsb_per_dps=16.4, fs_hz=200.0)
-    axes = gyroscope.recorded(RecordingFile(path))
+    axes = gyroscope.recorded(path)
     assert list(axes) == ["x", "y"]
     expected = counts[:3000, 1] / 16.4
     y = axes["y"].make(range(5)).y
@@ -162,24 +161,32 @@ def sample(k: int, rate: float) -> dict[str, object]:
 
 
 @pytest.mark.parametrize(
-    ("name", "lines", "said", "unit_dps"),
+    ("name", "lines", "how", "unit_dps"),
     [
-        ("a.csv", ["time_s,gyro_x_dps", *(f"{k / 50},{rate}" for k, rate in enumerate(RATES))], (), 1),
+        (
+            "a.csv",
+            ["time_s,gyro_x_dps", *(f"{k / 50},{rate}" for k, rate in enumerate(RATES))],
+            AS_IT_SAYS,
+            1,
+        ),
         (
             "b.csv",
             ["t,gx", *(f"{k},{rate}" for k, rate in enumerate(RATES))],
-            (["gx"], "mdps", 50.0),
+            How(columns=["gx"], units="mdps", rate_hz=50.0),
             1e-3,
         ),
         # fltea's own output
-        ("c.ndjson", map(json.dumps, [HELLO, *(sample(k, rate) for k, rate in enumerate(RATES))]), (), 1),
+        (
+            "c.ndjson",
+            map(json.dumps, [HELLO, *(sample(k, rate) for k, rate in enumerate(RATES))]),
+            AS_IT_SAYS,
+            1,
+        ),
     ],
 )
-def test_text_is_read_too(
-    name: str, lines: Iterable[str], said: tuple[Any, ...], unit_dps: float, tmp_path: Path
-) -> None:
+def test_text_is_read_too(name: str, lines: Iterable[str], how: How, unit_dps: float, tmp_path: Path) -> None:
     (tmp_path / name).write_text("".join(f"{line}\n" for line in lines))
-    scenario = gyroscope.recorded(RecordingFile(tmp_path / name, *said))["x"]
+    scenario = gyroscope.recorded(tmp_path / name, how)["x"]
     expected = RATES[:3000] - RATES[:3000].mean()
     assert scenario.make([0]).y[:, 0] == pytest.approx(expected * unit_dps)
     assert scenario.filters.h == pytest.approx(0.02)
@@ -197,7 +204,7 @@ def test_recordings_that_will_not_do_are_refused(tmp_path: Path) -> None:
         (tmp_path / "notes.doc", "the kind is not known by its ending"),
     ):
         with pytest.raises(UsageError, match=reason):
-            gyroscope.recorded(RecordingFile(path))
+            gyroscope.recorded(path)
 
 
 # Runs

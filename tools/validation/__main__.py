@@ -18,8 +18,8 @@ from typing import Any
 
 from fltea.cli.output import print_result, result_console, say, write_files
 from fltea.identification.workers import open_local
-from fltea.lab.reproduce.request import prepare_folder
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.whole_file import prepare_folder
 from fltea.settings.extras import need_matplotlib
 
 from tools.validation.runner import Options, read_rows, run
@@ -49,7 +49,7 @@ def main() -> int:
     try:
         if not given.no_figures:
             need_matplotlib("pictures need", "; without it, ask for the tables alone: --no-figures")
-        prepare_folder(given.out)
+        prepare_folder("--out", given.out)
         for part in PARTS if given.part == ["all"] else given.part:
             _run(part, given)
     except FlteaError as error:

@@ -16,7 +16,8 @@ from fltea.cli.output import AsJson, end_with, print_result, progress_bar, say
 from fltea.cli.setting_flags import FILTERS, RECORDING, ConfigFile, takes_settings
 from fltea.identification.dask_address import check_address, trust_warning
 from fltea.records.errors import FlteaError, Incomplete, UsageError
-from fltea.settings.extras import load
+from fltea.records.whole_file import prepare_folder
+from fltea.settings.extras import load, need_matplotlib
 
 if TYPE_CHECKING:
     from fltea.identification.run import FileReport
@@ -175,7 +176,8 @@ def identify(
     if report is not None:
         from fltea.identification import report as page
 
-        page.prepare_folder(report)
+        need_matplotlib("--report needs")
+        prepare_folder("--report", report)
     found = reading.recordings([Path(file) for file in files])
     requests: list[reading.Request | reading.Unreadable] = [
         one

@@ -85,7 +85,6 @@ def reproduce(
 
         fltea reproduce --table 5 --figure 13 --recording rest.npz --out figures
     """
-    from fltea.lab.reproduce.gyroscope import RecordingFile
     from fltea.lab.reproduce.paper_tables import document
     from fltea.lab.reproduce.report import Report
     from fltea.lab.reproduce.request import Request, select
@@ -102,16 +101,14 @@ def reproduce(
     tables, figures, everything = select(table or [], figure or [])
     if recording is None and settings:
         raise UsageError("--columns, --units and --rate describe a recording; name it with --recording.")
-    how = load_config(None, settings).replay
     request = Request(
         tables=tables,
         figures=figures,
         seeds=seeds,
         options=Options(variant, guard, memory),
         sawtooth=SawTooth(amplitude, period, unipolar),
-        recording=None
-        if recording is None
-        else RecordingFile(recording, how.columns, how.units, how.rate_hz),
+        recording=recording,
+        how=load_config(None, settings).replay.how,
         out=out,
         everything=everything,
     )

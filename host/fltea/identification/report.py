@@ -2,7 +2,6 @@
 
 import base64
 import re
-import tempfile
 from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
@@ -11,26 +10,9 @@ from fltea.documents.html_page import html_page, wide_table
 from fltea.identification import figures, findings
 from fltea.identification.axis import AxisResult
 from fltea.identification.run import AxisReport, FileReport
-from fltea.records.errors import UsageError
 from fltea.records.whole_file import whole_file
-from fltea.settings.extras import need_matplotlib
 
 PAGE = "report.html"
-
-
-def prepare_folder(folder: Path) -> None:
-    """Make the folder, and see that figures can be made, before anything is computed.
-
-    Raises:
-        UsageError: matplotlib is missing, or the folder cannot be written to.
-    """
-    need_matplotlib("--report needs")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise UsageError(f"--report {folder}: cannot be written to ({error.strerror or error}).") from error
 
 
 def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:

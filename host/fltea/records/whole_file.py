@@ -4,11 +4,12 @@ import contextlib
 import io
 import os
 import secrets
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
-from fltea.records.errors import FlteaError
+from fltea.records.errors import FlteaError, UsageError
 
 KEPT_OF_NAME = 40
 """Characters of a file's name in that of its part: a name may have 255 bytes and needs room for the rest."""
@@ -51,6 +52,20 @@ def text_of(file: BinaryIO) -> Iterator[TextIO]:
     yield text
     text.flush()
     text.detach()
+
+
+def prepare_folder(flag: str, folder: Path) -> None:
+    """Make the folder of a flag and see that it can be written to, before minutes are spent.
+
+    Raises:
+        UsageError: it cannot.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise UsageError(f"{flag} {folder}: cannot be written to ({_reason(error)}).") from error
 
 
 def _reason(error: Exception) -> str:

@@ -6,7 +6,7 @@ samples, not the paper's, for R belongs to the sensor and the algorithm diverges
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from fltea.lab.reproduce import paper
 from fltea.lab.reproduce.scenarios import GYROSCOPE_FILTERS, Data, Scenario
 from fltea.noise.weights import Array
 from fltea.records.errors import UsageError
-from fltea.settings.how import How
+from fltea.settings.how import AS_IT_SAYS, How
 from fltea.sources.replay import ReplaySource
 from fltea.stream.decode import Decoded, Decoder
 
@@ -23,16 +23,6 @@ ANY_GAP = 10**9
 """Samples: the paper's filters know of no gaps, so what is there is taken for unbroken."""
 
 Make = Callable[[Sequence[int]], Data]
-
-
-@dataclass(frozen=True)
-class RecordingFile:
-    """A file that `replay:` reads, and what it does not say itself (host/docs/guide/sources.md)."""
-
-    path: Path
-    columns: list[str] | None = None
-    units: str | None = None
-    rate_hz: float | None = None
 
 
 def white_noise() -> dict[str, Scenario]:
@@ -50,14 +40,13 @@ def _white_axis(number: int, axis: str, R: float) -> Scenario:
     return _scenario(axis, source, R, make, paper.GYRO_H, single=False)
 
 
-def recorded(recording: RecordingFile) -> dict[str, Scenario]:
+def recorded(path: Path, how: How = AS_IT_SAYS) -> dict[str, Scenario]:
     """Axis name to its experiment on a recording as `replay:` reads it.
 
     Raises:
         UsageError: a file that cannot be read, is shorter than the paper's run, or stands still.
     """
-    path = recording.path
-    gyro_dps, rate_hz = _read(recording)
+    gyro_dps, rate_hz = _read(path, how)
     n = paper.GYRO_SAMPLES
     if len(gyro_dps) < n:
         raise UsageError(f"{path}: has {len(gyro_dps):,} samples; the paper's runs take {n:,}.")
@@ -91,12 +80,11 @@ def _scenario(axis: str, source: str, R: float, make: Make, h: float, *, single:
     )
 
 
-def _read(recording: RecordingFile) -> tuple[Array, float]:
+def _read(path: Path, how: How) -> tuple[Array, float]:
     """Samples (n, axes) in deg/s and their rate in Hz, of the first epoch."""
-    how = How(columns=recording.columns, units=recording.units, rate_hz=recording.rate_hz)
-    source, decoder = ReplaySource(recording.path, how=how), Decoder(lambda: 0, ANY_GAP)
+    source, decoder = ReplaySource(path, how=how), Decoder(lambda: 0, ANY_GAP)
     decoded = [found for event in source.events() for found in decoder.feed(event)]
     first = [one for one in decoded if isinstance(one, Decoded) and one.block.epoch == 1]
     if not first:
-        raise UsageError(f"{recording.path}: holds no samples.")
+        raise UsageError(f"{path}: holds no samples.")
     return np.concatenate([one.block.gyro_dps for one in first]), first[0].hello.rate_hz

@@ -7,10 +7,11 @@ from pathlib import Path
 from fltea.estimator.engine import Estimates
 from fltea.lab.reproduce import figures, gyroscope, paper, paper_tables, timing
 from fltea.lab.reproduce.paper_tables import Row
-from fltea.lab.reproduce.request import Request, prepare_folder
+from fltea.lab.reproduce.request import Request
 from fltea.lab.reproduce.runs import Outcome, estimate, outcomes
 from fltea.lab.reproduce.scenarios import Data, Scenario, example, unknown_input
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.whole_file import prepare_folder
 from fltea.settings.extras import need_matplotlib
 
 Progress = Callable[[str, int], None]
@@ -33,7 +34,7 @@ class Report:
         if request.figures:
             need_matplotlib("figures need", "; without it, ask for tables alone: --table 2")
         if request.folder is not None:
-            prepare_folder(request.folder)
+            prepare_folder("--out", request.folder)
         self._scenarios = self._choose_scenarios()
         self._results: dict[str, Mapping[int, Outcome]] = {}
         self.files: list[Path] = []
@@ -63,14 +64,15 @@ class Report:
         scenarios |= {kind: unknown_input(fractional=kind == "fractional") for kind in UNKNOWN}
         if any(name in paper.GYRO_R for name in named):
             recording = request.recording
-            scenarios |= gyroscope.white_noise() if recording is None else gyroscope.recorded(recording)
+            scenarios |= (
+                gyroscope.white_noise() if recording is None else gyroscope.recorded(recording, request.how)
+            )
         elif request.recording is not None:
             raise UsageError("--recording is for table 5 and figures 12 to 20; none of them is asked for.")
         for figure in request.figures:
             name = "white" if figure == "6.2" else _of_figure(figure)[0]
             if name not in scenarios and not request.everything:
-                path = None if request.recording is None else request.recording.path
-                raise UsageError(f"--figure {figure}: {path} has no {name} axis.")
+                raise UsageError(f"--figure {figure}: {request.recording} has no {name} axis.")
         return {name: scenario for name, scenario in scenarios.items() if name in named}
 
     def _figures(self) -> list[str]:

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fltea.lab.reproduce.gyroscope import RecordingFile
 from fltea.lab.reproduce.runs import Options
 from fltea.lab.reproduce.scenarios import SawTooth
 from fltea.records.errors import UsageError
+from fltea.settings.how import AS_IT_SAYS, How
 
 TABLES = ("1", "2", "3", "4", "5", "6.2")
 FIGURES = (*(str(n) for n in range(2, 11)), "6.2", *(str(n) for n in range(12, 21)))
@@ -28,7 +28,9 @@ class Request:
     seeds: int
     options: Options = field(default_factory=Options)
     sawtooth: SawTooth = field(default_factory=SawTooth)
-    recording: RecordingFile | None = None
+    recording: Path | None = None
+    how: How = AS_IT_SAYS
+    """what is said of the recording"""
     out: Path | None = None
     """where figures and, for each table, one line a seed go; None: DEFAULT_OUT if there are figures"""
     everything: bool = False
@@ -55,18 +57,3 @@ def select(tables: Sequence[str], figures: Sequence[str]) -> tuple[tuple[str, ..
     if not tables and not figures:
         return TABLES, FIGURES, True
     return tuple(t for t in TABLES if t in tables), tuple(f for f in FIGURES if f in figures), False
-
-
-def prepare_folder(folder: Path) -> None:
-    """Make `folder` and try whether it can be written to, before minutes are spent.
-
-    Raises:
-        UsageError: it cannot.
-    """
-    probe = folder / ".writable"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise UsageError(f"--out {folder}: cannot be written to ({error}).") from error
