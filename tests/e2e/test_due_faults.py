@@ -168,7 +168,7 @@ def test_a_sample_that_waited_for_a_hanging_program_is_late() -> None:
 
 def test_a_bus_that_needs_nine_clocks_is_freed_without_a_loss() -> None:
     """And the clock of the STOP: no sensor that is cut off in mid-byte needs more."""
-    run = DueRun(image(), faults=["sda_stuck at=1 clocks=10"]).run_until(1.4)
+    run = DueRun(image(), faults=["sda_stuck at=1 clocks=10"]).run_until(2.3)
     assert (run.check(), run.gaps, run.status.bus_recoveries) == (None, [], 1)
 
 
