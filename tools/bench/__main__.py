@@ -26,20 +26,22 @@ USUAL = Mode(
         "fltea.lab.bench",
     ),
 )
-DAEMON = Mode("measure the running daemon too: some minutes", ("tools.bench.bench_daemon",))
 MODES = {
     "device": Mode(
         "only what the device's estimates and fits cost",
         ("tools.bench.device_cost", "tools.bench.spectrum_cost"),
     ),
     "chain": Mode(
-        "only recordings and devices, the chain beside its engine: two minutes",
+        "only recordings and devices, the chain beside its engine: eight minutes",
         ("tools.bench.bench_chain",),
         ("long",),
     ),
-    "live": Mode(
-        "only what the live fit costs: accumulators, fits, an hour's replay", ("tools.bench.bench_live",)
+    "ports": Mode(
+        "only devices on ports, recorded: is anything lost?",
+        ("tools.bench.bench_daemon",),
+        ("devices", "seconds", "open_files"),
     ),
+    "live": Mode("only what the live fit costs: accumulators and fits", ("tools.bench.bench_live",)),
     "memory": Mode(
         "only the compressed memory: modes, accuracy, time of a step", ("tools.bench.bench_memory",)
     ),
@@ -60,23 +62,18 @@ def main() -> None:
     """Measure and print; machines are noisy, so medians, their spread and ratios."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
-    parser.add_argument("--daemon", action="store_true", help=DAEMON.help)
     for name, mode in MODES.items():
         parser.add_argument(f"--{name}", action="store_true", help=mode.help)
-    parser.add_argument(
-        "--long",
-        action="store_true",
-        help="with --chain: 24 hours, and the largest number of devices: half an hour",
-    )
-    parser.add_argument(
-        "--devices", type=int, help="sensors of --ingest (default 200) and --fleet (default 500)"
-    )
-    parser.add_argument("--seconds", type=int, help="of --ingest (default 15)")
+    parser.add_argument("--long", action="store_true", help="with --chain: 24 hours, half an hour")
+    devices = "of --ports (default 300), --ingest (200) and --fleet (500)"
+    parser.add_argument("--devices", type=int, help=devices)
+    parser.add_argument("--seconds", type=int, help="of --ports (default 60) and --ingest (15)")
+    parser.add_argument("--open-files", type=int, help="limit of --ports; else it is the system's")
     parser.add_argument("--hours", type=float, help="of --soak (default 24)")
     parser.add_argument("--seed", type=int, help="of --soak (default 1)")
     given = vars(parser.parse_args())
     chosen = [mode for name, mode in MODES.items() if given[name]]
-    chosen = chosen or [USUAL, *([DAEMON] if given["daemon"] else [])]
+    chosen = chosen or [USUAL]
     found: dict[str, Any] = {}
     texts = []
     for mode in chosen:

@@ -1,43 +1,66 @@
-"""`fltea run` under load: latency, processor time, memory, and how many devices one process carries."""
+"""`fltea run` with many devices on ports: latency, processor time, memory, and whether anything is lost.
+
+`make bench ARGS='--ports --devices 300 --seconds 600 --open-files 1024'` also records them all, within so
+many open files, and compares what was recorded with what was sent.
+"""
 
 import contextlib
 import json
-import statistics
+import resource
 import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from fltea.recording.scan import BEGIN, END
+from fltea.recording.session import WIRE
+from fltea.sources.mcap import Batch, find_sessions, read_batches
+from numpy.typing import NDArray
 
-from tools.bench.measured import Watch, started
+from tools.bench.feeder import RATE_HZ
+from tools.bench.measured import Share, Watch, started
 from tools.validation.tables import Table
 
-LATE_MS = 500.0
 SETTLE_S = 8.0
 """Until memory, start-up windows and imports have settled."""
-LOST = ("lost", "overflow_bytes", "dropped", "port_full")
+LOST = ("lost", "overflow_bytes", "dropped", "port_full", "missing", "unrecorded_bytes", "errors")
+LOOKS = 10
+"""At the memory, in a run."""
+
+
+class Setting(NamedTuple):
+    """What a run is of. latency_ms: `link.latency`, None: as it comes. open_files: more may not be open."""
+
+    devices: int
+    seconds: float
+    coloured: bool = False
+    latency_ms: int | None = None
+    record: bool = False
+    open_files: int | None = None
 
 
 class Reader(threading.Thread):
     """Reads NDJSON, notes when each estimate's line came, and keeps the last statistics of each device."""
 
-    def __init__(self, stream: Any) -> None:
+    def __init__(self, stream: Any, devices: int, samples: int) -> None:
         super().__init__(daemon=True)
         self._stream = stream
-        self.seen_ns: list[tuple[bytes, int]] = []
+        self.seen_ns = np.zeros((devices, samples), dtype=np.int64)
         self.stats: dict[str, dict[str, Any]] = {}
         self.errors: list[str] = []
 
     def run(self) -> None:
         """Read to the end; lines are only parsed where they are rare."""
+        head = b'{"class":"estimate","seq":'
         for line in self._stream:
             now_ns = time.monotonic_ns()
-            if line.startswith(b'{"class":"estimate"'):
-                self.seen_ns.append((line, now_ns))
+            if line.startswith(head):
+                seq = int(line[len(head) : line.index(b",", len(head))])
+                self.seen_ns[int(line[line.rindex(b'"d') + 2 : -3]), seq] = now_ns
             elif line.startswith((b'{"class":"stats"', b'{"class":"error"')):
                 record = json.loads(line)
                 if record["class"] == "stats":
@@ -45,101 +68,117 @@ class Reader(threading.Thread):
                 else:
                     self.errors.append(f"{record['kind']}: {record['message']}")
 
-    def arrivals(self) -> Iterator[tuple[int, int, int]]:
-        """Device, number and time of every estimate."""
-        for line, now_ns in self.seen_ns:
-            record = json.loads(line)
-            yield int(record["device"].removeprefix("d")), record["seq"], now_ns
 
-
-def run_once(devices: int, seconds: float) -> dict[str, Any]:
+def run_once(of: Setting) -> dict[str, Any]:
     """Run the daemon on so many devices for a while, and measure it from outside."""
     with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
-        folder, pipe = Path(name), subprocess.PIPE
-        feeding = folder, devices, SETTLE_S + seconds
+        folder, pipe, total_s = Path(name), subprocess.PIPE, SETTLE_S + of.seconds
+        feeding = folder, of.devices, total_s, *(["coloured"] if of.coloured else [])
         feeder = started(stack, "tools.bench.feeder", *feeding, stdin=pipe, stdout=pipe, text=True)
         feeder.stdout.readline()
-        urls = [part for k in range(devices) for part in ("-s", f"serial:{folder / f'd{k}'}")]
-        quiet = {"stderr": subprocess.DEVNULL, "bufsize": 1 << 20}
-        daemon = started(stack, "fltea", "run", *urls, "--format", "ndjson", stdout=pipe, **quiet)
-        reader = Reader(daemon.stdout)
+        arguments = [part for k in range(of.devices) for part in ("-s", f"serial:{folder / f'd{k}'}")]
+        if of.latency_ms is not None:
+            arguments += ["--set", f"link.latency={of.latency_ms} ms"]
+        if of.record:
+            arguments += ["--record", str(folder / "records")]
+        options: dict[str, Any] = {"stderr": subprocess.DEVNULL, "bufsize": 1 << 20}
+        if of.open_files is not None:
+            limit = of.open_files, of.open_files
+            options["preexec_fn"] = partial(resource.setrlimit, resource.RLIMIT_NOFILE, limit)
+        daemon = started(stack, "fltea", "run", *arguments, "--format", "ndjson", stdout=pipe, **options)
+        reader = Reader(daemon.stdout, of.devices, int(total_s * RATE_HZ))
         reader.start()
-        time.sleep(2.0 + devices / 150)  # a device that is silent for 5 s is reported
+        time.sleep(2.0 + of.devices / 150)  # a device that is silent for 5 s is reported
         feeder.stdin.write("go\n")
         feeder.stdin.flush()
         time.sleep(SETTLE_S)
-        watch = Watch({"daemon": daemon.pid})
-        time.sleep(max(1.0, seconds - 1.0))
-        share = watch.end()["daemon"]
-        while not (folder / "times.npy").exists():
+        watch, looks = Watch({"daemon": daemon.pid}), list[Share]()
+        while len(looks) < LOOKS:
+            time.sleep(max(1.0, of.seconds - 1.0) / LOOKS)
+            looks.append(watch.end()["daemon"])
+        while not (folder / "fed.npz").exists():
             time.sleep(0.1)
         time.sleep(0.5)
         daemon.terminate()
         daemon.wait(30)
         reader.join(30)
-        written_ns = np.load(folder / "times.npy")
-    latency_ms = np.array(
-        [
-            (now_ns - written_ns[k, seq]) * 1e-6
-            for k, seq, now_ns in reader.arrivals()
-            if written_ns[k, seq] > watch.begin_ns
-        ]
-    )
-    stats = reader.stats.values()
+        fed = np.load(folder / "fed.npz")
+        recorded = _recorded_bytes(folder / "records", of.devices) if of.record else fed["bytes"]
+    written_ns, stats = fed["times"], reader.stats.values()
+    after = written_ns > watch.begin_ns
+    latency_ms = (reader.seen_ns - written_ns)[after & (reader.seen_ns > 0)] * 1e-6
+    p50, p99, most = np.percentile(latency_ms, [50, 99, 100]).tolist()
     return {
-        "devices": devices,
-        **share._asdict(),
+        **of._asdict(),
+        **looks[-1]._asdict(),
+        "memory_mb": [round(one.rss_mb, 1) for one in looks],
         "estimates": len(latency_ms),
-        "p50_ms": float(np.percentile(latency_ms, 50)),
-        "p99_ms": float(np.percentile(latency_ms, 99)),
-        "max_ms": float(latency_ms.max()),
-        "late": int((latency_ms > LATE_MS).sum()),
-        "missing": int((written_ns > watch.begin_ns).sum()) - len(latency_ms),
+        "p50_ms": p50,
+        "p99_ms": p99,
+        "max_ms": most,
+        "missing": int(after.sum()) - len(latency_ms),
         "lost": sum(s["samples"]["lost"] for s in stats),
         "overflow_bytes": sum(s["link"]["overflow_bytes"] for s in stats),
         "dropped": sum(o["dropped"] for s in stats for o in s["outputs"].values()),
         "port_full": int((written_ns == 0).sum()),
+        "unrecorded_bytes": int((fed["bytes"] - recorded).sum()),
         "errors": len(reader.errors),
+        "first_errors": reader.errors[:3],
     }
 
 
-def measure(seconds: float = 20.0, repetitions: int = 3) -> dict[str, Any]:
-    """Latency and cost of one device, and the number of devices at which something is lost."""
-    one = [run_once(1, seconds) for _ in range(repetitions)]
-    many = []
-    for devices in (10, 25, 50, 100, 200, 300):
-        many.append(run_once(devices, seconds))
-        if any(many[-1][key] for key in LOST):
-            break
-    keys = ("p50_ms", "p99_ms", "max_ms", "cpu_percent", "rss_mb")
-    return {
-        "one": {key: statistics.median(run[key] for run in one) for key in keys},
-        "one_runs": one,
-        "many": many,
-    }
+def _recorded_bytes(folder: Path, devices: int) -> NDArray[np.int64]:
+    """Return what the recordings of each device hold of the wire."""
+    found = np.zeros(devices, dtype=np.int64)
+    for part in (part for session in find_sessions([folder])[0] for part in session.parts):
+        for item in read_batches(part):
+            if isinstance(item, Batch):
+                of_wire = [channel for channel, topic in item.topics.items() if topic == WIRE]
+                table = item.messages.of_channels(of_wire).table
+                found[int(part.info.device.removeprefix("d"))] += int((table[:, END] - table[:, BEGIN]).sum())
+    return found
 
 
-def text(figures: dict[str, Any]) -> str:
-    """The figures as a table."""
-    return table([*figures["one_runs"], *figures["many"]]).markdown()
+def is_whole(run: dict[str, Any]) -> bool:
+    """Whether nothing was lost."""
+    return not any(run[key] for key in LOST)
+
+
+def measure(devices: int = 300, seconds: float = 60.0, open_files: int | None = None) -> dict[str, Any]:
+    """One run with recordings."""
+    return run_once(Setting(devices, seconds, record=True, open_files=open_files))
+
+
+def text(run: dict[str, Any]) -> str:
+    """The run as a table, its memory, and what was lost by kind."""
+    lost = {key: run[key] for key in LOST if run[key]}
+    return "\n".join(
+        [
+            table([run]).markdown(),
+            f"Memory in MB, ten times in {run['seconds']:g} s: {', '.join(map(str, run['memory_mb']))}",
+            f"Lost: {lost}; {run['first_errors']}"
+            if lost
+            else "Nothing was lost, on the way or in recordings.",
+        ]
+    )
 
 
 def table(runs: list[dict[str, Any]]) -> Table:
     """Some runs; times the engine: where it is known what the engine alone takes."""
     cells = [
         (
-            f"{run['devices']}",
+            f"{run['devices']}, {'coloured' if run['coloured'] else 'white'}",
+            "" if run["latency_ms"] is None else f"{run['latency_ms']}",
             *(f"{run[key]:.2f}" for key in ("p50_ms", "p99_ms")),
             f"{run['max_ms']:.1f}",
             f"{run['cpu_percent']:.1f}",
             *([f"{run['chain_over_engine']:.1f}"] if "chain_over_engine" in run else []),
             f"{run['rss_mb']:.0f}",
-            f"{run['lost'] + run['port_full'] + run['missing']}, {run['dropped'] + run['overflow_bytes']}",
-            f"{run['errors']}",
+            f"{sum(run[key] for key in LOST)}",
         )
         for run in runs
     ]
     engine = ["times the engine"] if runs and "chain_over_engine" in runs[0] else []
-    headings = ["devices", "p50 ms", "p99 ms", "max ms", "core %", *engine, "MB", "lost, dropped", "errors"]
+    headings = ["devices", "latency", "p50 ms", "p99 ms", "max ms", "core %", *engine, "MB", "lost, errors"]
     title = "Live devices at 100 Hz on pseudo-terminals, NDJSON; from a frame's last byte to its line"
     return Table(title, headings, cells)

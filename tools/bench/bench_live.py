@@ -1,10 +1,7 @@
-"""What the live fit costs: accumulators, fits, and an hour's replay with and without them, in turns."""
+"""What the live fit costs, accumulators and fits; an hour's replay with and without them is in `--chain`."""
 
 import statistics
-import tempfile
-from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +13,6 @@ from fltea.spectrum.live_axes import LiveAxes
 from fltea.spectrum.octaves import Octaves
 from numpy.typing import NDArray
 
-from tools.bench import bench_chain, day_files
-from tools.bench.feeder import RATE_HZ
 from tools.bench.measured import cpu_seconds, in_turns
 from tools.validation.evaluate.cases import Case, H, samples
 from tools.validation.tables import Table
@@ -30,7 +25,7 @@ SAMPLES = 60_000
 AT_ONCE = {"10 rows a call": 10, "1,000 rows a call": 1_000}
 NEXT = 100
 """Samples between a fit and the next."""
-ROUNDS, REPLAYS = 5, 3
+ROUNDS = 5
 GOALS = {"accumulators_ns": 100.0, "fit_ms": 2.0}
 
 
@@ -38,7 +33,6 @@ def measure() -> dict[str, Any]:
     """Processor time; medians of the rounds, and ratios within a round."""
     y = samples(NOISE, len(AXES), SAMPLES)
     found: dict[str, Any] = {"rounds": ROUNDS, "accumulators": _accumulators(y), "fit": _fits(y)}
-    found["replay"] = _replay()
     return found | {"not_reached": not_reached(found)}
 
 
@@ -65,11 +59,6 @@ def text(found: dict[str, Any]) -> str:
             sums,
         ),
         Table(f"A fit after {SAMPLES:,} samples", ("", "ms an axis", "of a core, once a second"), of_fits),
-        Table(
-            "Replay of one hour, three axes",
-            ("", "wall s", "processor s", "times that without"),
-            [(name, *(f"{one:.2f}" for one in f.values())) for name, f in found["replay"].items()],
-        ),
     ]
     missed = found["not_reached"]
     last = "Not reached: " + "; ".join(missed) + "." if missed else "All goals measured here are reached."
@@ -118,26 +107,3 @@ def _fits(y: Array) -> dict[str, Any]:
             seconds = cpu_seconds(partial(live.fit, curves=curves))
             times.setdefault(name, []).append(seconds / len(AXES))
     return {name: {"ms": 1e3 * statistics.median(each)} for name, each in times.items()}
-
-
-def _replay() -> dict[str, Any]:
-    """The whole program, once with fits and once without, in turns."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "rest.npz"
-        day_files.write_npz(path, day_files.counts(3600 * RATE_HZ))
-        command = ["run", "-s", f"replay:{path}", "--once", "--format", "none"]
-        rows: dict[str, Callable[[], bench_chain.Cost]] = {
-            "with fits": lambda: bench_chain.run_fltea(command),
-            "without": lambda: bench_chain.run_fltea([*command, "--set", "live.on=false"]),
-        }
-        runs = in_turns(rows, REPLAYS)
-    return {
-        name: {
-            "wall_s": statistics.median(run.wall_s for run in found),
-            "cpu_s": statistics.median(run.cpu_s for run in found),
-            "over_without": statistics.median(
-                run.cpu_s / other.cpu_s for run, other in zip(found, runs["without"], strict=True)
-            ),
-        }
-        for name, found in runs.items()
-    }
