@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from fltea.machine.doctor.checks_host import RULE, UNIT
 from fltea.machine.doctor.checks_outputs import SERVICE_USER
+from fltea.service.descriptors import MOST
 from fltea.settings.config import load_config, load_configs
 from fltea.wire.transport import DUE_NATIVE_PORT, DUE_PROGRAMMING_PORT, DUE_VENDORS
 from host_support import ROOT
@@ -153,6 +154,10 @@ def test_everything_is_written_into_the_tree(tree: Path) -> None:
     assert stat.S_IMODE((tree / "etc/fltea/mqtt.env").stat().st_mode) == 0o600
     unit = (tree / "etc/systemd/system" / UNIT).read_text("utf-8")
     assert "\nExecStart=/usr/lib/fltea/bin/fltea run --config /etc/fltea/fltea.toml --format none\n" in unit
+
+
+def test_the_unit_allows_as_many_descriptors_as_the_program_would_take() -> None:
+    assert f"\nLimitNOFILE={MOST}\n" in (DEPLOY / UNIT).read_text("utf-8")
 
 
 def test_again_it_keeps_settings_and_secrets_and_renews_the_rest(tree: Path) -> None:

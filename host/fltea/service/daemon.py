@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from fltea.records.errors import FlteaError, Incomplete, SourceFailed, UsageError
 from fltea.records.ports import Source
 from fltea.records.visible import visible_lines
+from fltea.service.descriptors import check_descriptors
 from fltea.service.hub import Hub
 from fltea.service.lines import LineLoop, has_line
 from fltea.service.open_outputs import open_outputs
@@ -116,6 +117,7 @@ class _Run:
             for config in configs:  # the sources first: a wrong one leaves no half-open outputs
                 sources.append(open_source(config))
                 _check_recordable(config, sources[-1])
+            check_descriptors(sources, configs)
             replays = [
                 config.name or ""
                 for source, config in zip(sources, configs, strict=True)

@@ -1,0 +1,87 @@
+"""As many devices as there are descriptors for: all of them are read and recorded, or the program says no."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from fltea.recording.session import WIRE, Entry
+from fltea.service.descriptors import RESERVE
+from fltea.sources.mcap import find_sessions, read_entries
+from fltea.wire import layout as wire
+from fltea.wire.messages import encode
+from host_support import WIRE_HELLO
+from terminal import Terminal
+
+from tools.faults.program import Program
+
+DEVICES = 40
+OPEN_AT_START = 8
+"""At most: standard input, output and error, and what the interpreter has open."""
+
+LIMIT = RESERVE + OPEN_AT_START + 2 * DEVICES
+"""With pyserial's five a device, a port and a recording are open for eighteen."""
+
+HELLO = b"\0" + encode(WIRE_HELLO, 0, 0)
+SAMPLES = b"".join(encode(wire.Sample(k, -k, 0, 0, 0, 16384, 0, 0), k, k * 10_000) for k in range(5))
+
+
+@pytest.fixture
+def terminals(tmp_path: Path) -> Iterator[list[Terminal]]:
+    made = [Terminal(tmp_path / f"d{k}") for k in range(DEVICES)]
+    yield made
+    for one in made:
+        one.unplug()
+
+
+@pytest.fixture
+def limited(terminals: list[Terminal], tmp_path: Path) -> Iterator[Callable[[int], Program]]:
+    """Starts the daemon on all devices with so many descriptors."""
+    urls = [part for one in terminals for part in ("--source", f"serial:{one.link}")]
+    started: list[Program] = []
+
+    def start(descriptors: int) -> Program:
+        prlimit = ("prlimit", f"--nofile={descriptors}:{descriptors}")
+        command = ["run", *urls, "--samples", "--record", tmp_path / "recording"]
+        started.append(program := Program(command, before=prlimit))
+        return program
+
+    yield start
+    for program in started:
+        program.kill()
+
+
+def test_all_devices_are_read_and_recorded_with_two_descriptors_each(
+    limited: Callable[[int], Program], terminals: list[Terminal], tmp_path: Path
+) -> None:
+    program = limited(LIMIT)
+    begun: set[str] = set()
+
+    def all_heard() -> bool:
+        for one in terminals:  # what is sent to a port before it is open is thrown away
+            if one.link.name not in begun:
+                one.send(HELLO)
+        for name in {record["device"] for record in program.of("hello")} - begun:
+            begun.add(name)
+            terminals[int(name.removeprefix("d"))].send(SAMPLES)
+        return len(program.of("sample")) == DEVICES * 5
+
+    program.wait_for(all_heard, "all samples")
+    assert program.end() == (0, "")
+    sessions, _ = find_sessions([tmp_path / "recording"])
+    assert len(sessions) == DEVICES
+    for session in sessions:
+        (part,) = session.parts
+        entries = [entry for entry in read_entries(part) if isinstance(entry, Entry)]
+        assert SAMPLES in b"".join(entry.data for entry in entries if entry.topic == WIRE)
+
+
+def test_devices_for_which_there_are_none_are_refused_before_anything_begins(
+    limited: Callable[[int], Program], tmp_path: Path
+) -> None:
+    code, errors = limited(RESERVE + 2 * 20).end(None)
+    assert code == 2
+    assert "40 devices need" in errors
+    assert "devices fit" in errors
+    assert "'ulimit -n" in errors
+    assert "LimitNOFILE=" in errors
+    assert not (tmp_path / "recording").exists()
