@@ -1,13 +1,13 @@
 """A live fit in no time, for walks in which only what it is given and when it is asked matters."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import numpy as np
 from fltea.noise.parts import Relaxation, White
 from fltea.records.fit import AxisFit, FitSpectrum, Interval
 from fltea.settings.live import LiveConfig
-from fltea.spectrum.live_axes import Noise
+from fltea.spectrum.live_axes import Looked, Noise
 from numpy.typing import NDArray
 
 
@@ -19,7 +19,7 @@ class QuickAxes:
     ) -> None:
         self.axes, self.unit = axes, unit
         self.noises: dict[str, Noise] = {}
-        self.samples = 0
+        self.samples = self.noticed = 0
         self.lost: list[tuple[int, int]] = []
         self._seen = b""
         if saved is not None:
@@ -38,14 +38,12 @@ class QuickAxes:
         self._seen = hashlib.sha256(self._seen + b"lost %d" % count).digest()
 
     def fit(self, *, curves: bool, last: bool = False, fresh: bool = False) -> dict[str, AxisFit]:
-        return dict(self.one_by_one(curves=curves, last=last, fresh=fresh))
-
-    def one_by_one(
-        self, *, curves: bool, last: bool = False, fresh: bool = False
-    ) -> Iterator[tuple[str, AxisFit]]:
         spectrum = FitSpectrum([1.0], [2.0], [3.0]) if curves else None
-        found = [self._fit(axis, spectrum, " at the end" if last else "") for axis in self.axes]
-        return zip(self.axes, found, strict=True)
+        return {axis: self._fit(axis, spectrum, " at the end" if last else "") for axis in self.axes}
+
+    def look(self, *, curves: bool, fresh: bool) -> Callable[[], Looked]:
+        looked = Looked(self.fit(curves=curves), dict(self.noises))
+        return lambda: looked
 
     def save(self) -> bytes:
         return b"quick%016x" % self.samples + self._seen

@@ -7,7 +7,7 @@ from fltea.records.block import Block
 from fltea.records.events import Event, RawBlock, RawSample, block_of
 from fltea.records.records import AnyRecord, LinkStats
 from fltea.settings.config import Config, load_config
-from fltea.stream.fit_times import FitLoad
+from fltea.stream.beside import Beside
 from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
 
@@ -48,10 +48,10 @@ def walk(
     state: DeviceState | None = None,
     *,
     prompt: bool = True,
-    devices: int = 1,
-    number: int = 0,
+    watched: bool = True,
+    beside: Beside | None = None,
     **set_: object,
 ) -> tuple[list[AnyRecord | Block], Pipeline]:
-    source, load = Source(prompt=prompt), FitLoad(devices)
-    pipeline = Pipeline(source, small_config(**set_), state=state, load=load, number=number)
+    source, config = Source(prompt=prompt), small_config(**set_)
+    pipeline = Pipeline(source, config, state=state, beside=beside, watched=watched)
     return [item for event in found for item in pipeline.feed(event)], pipeline

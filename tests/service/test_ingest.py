@@ -7,7 +7,8 @@ from fltea.service.ingest.floods import MESSAGE_BYTES
 from fltea.service.ingest.inbox import DEVICE_BYTES, Inbox
 from fltea.service.ingest.losses import Losses
 from fltea.service.ingest.pressure import LATE_NS, LOOKS, QUIET_NS, STEP_NS, Pressure
-from fltea.stream.fit_times import FitLoad, FitTimes
+from fltea.stream.beside import Beside
+from fltea.stream.fit_times import LookTimes
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -107,39 +108,33 @@ def test_messages_without_frames_are_bounded_too() -> None:
 
 
 def test_fits_come_more_rarely_while_messages_wait_and_oftener_when_it_is_calm() -> None:
-    load = FitLoad(100)
-    pressure, told, now_ns = Pressure(load), [], 1000 * S
+    beside = Beside(100)
+    pressure, told, now_ns = Pressure(beside), [], 1000 * S
     for _ in range(60):
         now_ns += S
         pressure.waited(2 * LATE_NS)
         told.append(pressure.look(now_ns))
     assert told[: LOOKS - 1] == [None] * (LOOKS - 1), "devices that begin together are no reason"
     news = [one for one in told if one]
-    assert load.slower == 2 ** len(news) == 64
+    assert beside.slower == 2 ** len(news) == 64
     assert {one.kind for one in news} == {"fits_slowed"}
-    while load.slower > 1:
-        before, since_ns = load.slower, now_ns
-        while load.slower == before:
+    while beside.slower > 1:
+        before, since_ns = beside.slower, now_ns
+        while beside.slower == before:
             now_ns += S
             pressure.waited(LATE_NS // 10)
             assert pressure.look(now_ns) is None
         assert now_ns - since_ns >= min(QUIET_NS, STEP_NS)
-    assert load.slower == 1
+    assert beside.slower == 1
 
 
-def test_a_slower_pace_puts_off_what_comes_too_soon() -> None:
-    times = FitTimes(100, 1000, grows=False, every=True, offset=20)
-    assert times.due == 120
-    times.done(120, 120)
-    assert times.due == 220
-    times.pace(1000, 200, 220)
-    assert times.due == 1200
-    times.done(1200, 1200)
-    assert times.due == 2200
-    times.pace(100, 20, 2200)
-    assert times.due == 2200, "nothing is put off that has waited long enough"
-    times.done(2200, 2200)
-    assert times.due == 2220
+def test_another_pace_counts_from_the_next_look_on() -> None:
+    times, found = LookTimes(100.0, grows=False, every=True), []
+    times.begin(100)
+    for number in range(1, 5001):
+        if number >= times.check:
+            found.append(times.at(number, number, 1000 if 200 <= number < 3000 else 100, noticed=False))
+    assert [look.counts for look in found if look][:6] == [150, 700, 1500, 2500, 3050, 3150]
 
 
 def test_a_shared_load_slows_every_device_alike() -> None:
@@ -148,6 +143,6 @@ def test_a_shared_load_slows_every_device_alike() -> None:
 
     config: Any = load_config(None, {})
     given = load_config(None, {"live.period_s": 5})
-    assert [period_s(config, FitLoad(n)) for n in (1, 12, 120)] == [1, 1, 10]
-    assert period_s(config, FitLoad(120, slower=4)) == 40
-    assert [period_s(given, FitLoad(1200, slower)) for slower in (1, 2)] == [5, 10]
+    assert [period_s(config, Beside(n)) for n in (1, 12, 120)] == [1, 1, 10]
+    assert period_s(config, Beside(120, slower=4)) == 40
+    assert [period_s(given, Beside(1200, slower)) for slower in (1, 2)] == [5, 10]

@@ -16,6 +16,7 @@ from fltea.service.ingest.kept import Kept, pack, unpack
 from fltea.service.ingest.leases import LEASE_S, Lease, Sightings, is_free, lease_of, share, surplus
 from fltea.service.ingest.loop import Ingest
 from fltea.settings.config import load_configs
+from fltea.stream.beside import Beside
 from fltea.stream.snapshot import DeviceState, LastSample, missing_since
 from frames_messages import second_of
 from hypothesis import given, settings
@@ -89,7 +90,7 @@ class Worker:
         (config,) = load_configs(None, flags, ["nats://test"])
         self.hub, self.sink, self.receiver = Hub(lambda error: None), Collector(), FakeReceiver()
         self._outlet = self.hub.add(self.sink)
-        self.ingest = Ingest(config, self.hub, lambda inbox, report: self.receiver, lambda *_: None)  # type: ignore[arg-type, return-value]
+        self.ingest = Ingest(config, self.hub, lambda inbox, report: self.receiver, lambda *_: None, Beside())  # type: ignore[arg-type, return-value]
 
     @property
     def lines(self) -> dict[str, Line]:

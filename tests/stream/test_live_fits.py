@@ -1,20 +1,23 @@
 """The live fit in the walk: when it is due, what it is of, and what it goes on over."""
 
 import itertools
-from collections.abc import Iterable, Iterator
-from typing import ClassVar
+import threading
+import time
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import TypeVar
 
 import pytest
 from blocks import cuts, in_blocks, ndjson, of, records_of
 from estimating_board import Board, events, noise
 from fltea.records.block import Block
 from fltea.records.events import Break, Event, LinkDown
-from fltea.records.fit import AxisFit
 from fltea.records.records import Epoch, Error, Estimate, Fit, Hello, Stats
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream import fit_times, live
-from fltea.stream.fit_times import FitTimes
+from fltea.stream.beside import Beside, BesideThread
+from fltea.stream.fit_times import Look, LookTimes
 from fltea.stream.snapshot import DeviceState
 from host_support import hello
 from hypothesis import example, given, settings
@@ -24,12 +27,14 @@ from quick_fit import QuickAxes
 from tiers import slow
 from walk_support import raw, walk
 
+T = TypeVar("T")
+
 
 def left_out(fit: Fit) -> int:
     return fit.axes["gyro_x"].left_out["lost"]
 
 
-def test_a_fit_knows_all_until_the_last_sample_of_a_second_and_comes_when_all_axes_had_their_turns() -> None:
+def test_a_fit_knows_all_until_the_last_sample_of_a_second_and_counts_half_a_second_later() -> None:
     items, _ = walk([hello(), raw(range(350))])
     assert [(f.seq, f.samples, f.device_us, f.host_ns) for f in of(Fit, items)] == [
         (k, k + 1, k * 10_000, k * 10_000_000) for k in (99, 199, 299)
@@ -38,14 +43,14 @@ def test_a_fit_knows_all_until_the_last_sample_of_a_second_and_comes_when_all_ax
         if isinstance(item, Fit):
             before = items[place - 1]
             assert isinstance(before, Block)
-            assert before.seq[-1] == item.seq + 2 * 5
+            assert before.seq[-1] == item.seq + 50
     assert list(of(Fit, items)[0].axes) == ["gyro_x", "gyro_y", "gyro_z"]
     assert of(Fit, items)[0].device == "due"
 
 
 @pytest.mark.parametrize(("period_s", "seqs"), [(0.5, [49, 99, 149]), (1.2, [119])])
 def test_the_period_is_a_setting(period_s: float, seqs: list[int]) -> None:
-    items, pipeline = walk([hello(), raw(range(170))], live__period_s=period_s)
+    items, pipeline = walk([hello(), raw(range(180))], live__period_s=period_s)
     assert [f.seq for f in of(Fit, items)] == seqs
     assert pipeline.stats().fit_period_s == period_s
 
@@ -65,65 +70,101 @@ def test_fits_do_not_depend_on_how_many_samples_are_written() -> None:
 
 @pytest.mark.parametrize("who", ["device", "both"])
 def test_the_axes_of_a_board_that_estimates_are_fitted_here(who: str) -> None:
-    items, _ = walk(events(Board().run(noise(330))), estimator__estimate_on=who)
+    items, _ = walk(events(Board().run(noise(360))), estimator__estimate_on=who)
     assert [f.samples for f in of(Fit, items)] == [100, 200, 300]
 
 
 def test_named_axes_of_both_sensors_are_fitted() -> None:
-    items, _ = walk([hello(), raw(range(120))], channels=["gyro_z", "accel_x"])
+    items, _ = walk([hello(), raw(range(160))], channels=["gyro_z", "accel_x"])
     (fit,) = of(Fit, items)
     assert {axis: one.unit for axis, one in fit.axes.items()} == {"gyro_z": "deg/s", "accel_x": "m/s^2"}
 
 
 def test_with_many_devices_the_default_period_is_longer() -> None:
     for devices, period_s, seqs in ((12, 1.0, [99, 199, 299]), (30, 2.5, [249])):
-        items, pipeline = walk([hello(), raw(range(350))], devices=devices)
+        items, pipeline = walk([hello(), raw(range(380))], beside=Beside(devices))
         assert pipeline.stats().fit_period_s == period_s
         assert [f.seq for f in of(Fit, items)] == seqs
-    items, _ = walk([hello(), raw(range(350))], devices=50, live__period_s=1)
+    items, _ = walk([hello(), raw(range(350))], beside=Beside(50), live__period_s=1)
     assert [f.seq for f in of(Fit, items)] == [99, 199, 299]
 
 
-def test_at_full_speed_the_record_grows_by_a_tenth_from_fit_to_fit() -> None:
-    times, numbers = FitTimes(100, 1000, grows=True, every=False), []
-    while times.due <= 360_000:
-        numbers.append(times.due)
-        times.done(times.due, times.due)
-    assert numbers[:11] == list(range(100, 1200, 100))
-    assert all(b - a >= 100 and a / 10 <= b - a <= a / 10 + 100 for a, b in itertools.pairwise(numbers))
-    assert 65 <= len(numbers) <= 72
+def looks_of(samples: int, *, every: bool) -> list[tuple[int, Look]]:
+    times, found = LookTimes(100.0, grows=True, every=every), []
+    times.begin(100)
+    while (number := times.due) <= samples:
+        look = times.at(number, number, 100, noticed=False)
+        assert look is not None
+        found.append((number, look))
+    return found
+
+
+def test_looks_follow_the_growth_of_the_record() -> None:
+    found = looks_of(2_000_000, every=True)
+    numbers = [number for number, _ in found]
+    assert numbers[:100] == list(range(100, 10_100, 100))
+    assert all(100 <= b - a <= min(a / 100 + 100, 6000) for a, b in itertools.pairwise(numbers))
+    assert 400 <= sum(number <= 360_000 for number in numbers) <= 500
+    searches = [number for number, look in found if look.settles]
+    assert all(a / 10 <= b - a <= a / 10 + 100 for a, b in itertools.pairwise(searches) if a > 1000)
+    assert 65 <= sum(number <= 360_000 for number in searches) <= 72
+    assert searches == [number for number, _ in looks_of(2_000_000, every=False)]
 
 
 @pytest.mark.slow
-@given(st.sets(st.integers(1, 40_000), max_size=20), st.integers(1, 150), st.integers(0, 100_000))
-def test_the_fits_that_settle_are_the_same_live_and_at_full_speed(
-    breaks: set[int], period: int, before: int
+@given(
+    st.sets(st.integers(1, 40_000), max_size=20),
+    st.sets(st.integers(1, 40_000), max_size=20),
+    st.integers(1, 150),
+    st.integers(0, 100_000),
+)
+def test_the_fits_that_settle_are_the_same_whether_or_not_there_are_others(
+    breaks: set[int], news: set[int], period: int, before: int
 ) -> None:
     """Some samples are lost, each time 70; the record may have begun long before the epoch."""
 
     def settled(*, every: bool) -> list[int]:
-        times, found = FitTimes(period, 1000, grows=True, every=every), []
-        taken = before
+        times, found = LookTimes(100.0, grows=True, every=every), []
+        times.begin(period)
+        taken, counts, noticed = before, 0, False
         for number in range(1, 40_001):
             if any(number - 70 <= at < number for at in breaks):
                 continue
             taken += 1
-            if number >= times.due and times.done(number, taken).settles:
-                found.append(number)
+            noticed = noticed or number in news
+            if number < times.check:
+                continue
+            look = times.at(number, taken, period, noticed=noticed, busy=number < counts)
+            if look is not None:
+                assert look.counts > number
+                counts, noticed = look.counts, False
+                if look.settles:
+                    found.append(number)
         return found
 
-    live, fast = settled(every=True), settled(every=False)
-    assert live == fast
+    assert settled(every=True) == settled(every=False)
+
+
+def test_something_that_is_noticed_is_looked_at_within_the_second() -> None:
+    times = LookTimes(100.0, grows=True, every=True)
+    times.begin(100)
+    while times.due < 50_000:
+        times.at(times.due, times.due, 100, noticed=False)
+    at = times.check
+    assert at < times.due - 100
+    assert times.at(at, at, 100, noticed=False) is None
+    look = times.at(at + 100, at + 100, 100, noticed=True)
+    assert look == Look(settles=False, fresh=True, curves=False, counts=at + 150)
 
 
 def test_curves_come_every_ten_seconds_and_with_the_last_fit() -> None:
-    items, pipeline = walk([hello(), raw(range(1234))])
+    items, pipeline = walk([hello(), raw(range(1290))])
     drawn = [f.seq for f in of(Fit, items) if f.axes["gyro_x"].spectrum is not None]
     assert drawn == [99, 1099]
     last, stats = pipeline.finish()
     assert isinstance(last, Fit)
     assert isinstance(stats, Stats)
-    assert (last.seq, last.samples) == (1233, 1234)
+    assert (last.seq, last.samples) == (1289, 1290)
     assert last.axes["gyro_x"].spectrum is not None
     assert [type(item) for item in pipeline.finish()] == [Stats]
 
@@ -161,7 +202,7 @@ def test_lost_samples_are_told_and_a_fit_that_was_due_among_them_comes_after_the
 
 def test_the_sums_go_on_over_a_long_gap_and_a_restart_of_the_same_sensor() -> None:
     again = replace(hello(), boot_id=9)
-    items, _ = walk([hello(), raw(range(150)), raw(range(250, 400)), again, raw(range(400, 520))])
+    items, _ = walk([hello(), raw(range(150)), raw(range(250, 400)), again, raw(range(400, 560))])
     epochs = of(Epoch, items)
     assert [e.reason for e in epochs] == ["start", "gap", "restart"]
     assert [(f.epoch, f.seq, f.samples, left_out(f)) for f in of(Fit, items)] == [
@@ -176,69 +217,148 @@ def test_the_sums_go_on_over_a_long_gap_and_a_restart_of_the_same_sensor() -> No
 )
 def test_another_sensor_begins_again(changes: dict[str, object]) -> None:
     other: Hello = replace(hello(), boot_id=9, **changes)
-    items, _ = walk([hello(), raw(range(150)), LinkDown(1), other, raw(range(200, 320))])
+    items, _ = walk([hello(), raw(range(150)), LinkDown(1), other, raw(range(200, 360))])
     assert [(f.epoch, f.samples, left_out(f)) for f in of(Fit, items)] == [(1, 100, 0), (2, 100, 0)]
 
 
 def test_a_break_in_a_recording_breaks_the_stretch() -> None:
-    items, _ = walk([hello(), raw(range(150)), Break("discontinuity", 0), raw(range(150, 260))])
+    items, _ = walk([hello(), raw(range(150)), Break("discontinuity", 0), raw(range(150, 310))])
     assert [(f.samples, left_out(f)) for f in of(Fit, items)] == [(100, 0), (250, live.BREAK)]
 
 
-# --- turns ---
+# --- beside the walk ---
 
 
-class Watched(QuickAxes):
-    """Notes how many samples there were when an axis was fitted."""
+class Noticing(QuickAxes):
+    """Notices a step every 17 seconds."""
 
-    turns: ClassVar[list[tuple[int, str]]] = []
+    @property
+    def noticed(self) -> int:
+        return self.samples // 1700
 
-    def one_by_one(self, **how: bool) -> Iterator[tuple[str, AxisFit]]:
-        for axis, fit in super().one_by_one(**how):
-            self.turns.append((self.samples, axis))
-            yield axis, fit
+    @noticed.setter
+    def noticed(self, count: int) -> None: ...
 
 
-@pytest.mark.parametrize(("devices", "samples"), [(1, 350), (10, 350), (30, 600)])
-@pytest.mark.parametrize("axes", [["gyro_x"], ["gyro_x", "gyro_y", "gyro_z"]])
-def test_no_two_axes_of_devices_that_begin_at_once_are_fitted_at_the_same_sample(
-    devices: int, samples: int, axes: list[str], monkeypatch: pytest.MonkeyPatch
+class Unhurried(Beside):
+    """Does the work in a thread of its own, each after a pause of its own; or in vain."""
+
+    def __init__(self, pauses_s: Iterable[float], fault: Exception | None = None) -> None:
+        super().__init__()
+        self._thread, self._pauses_s, self._fault = BesideThread(), itertools.cycle(pauses_s), fault
+
+    def begin(self, work: Callable[[], T]) -> Callable[[], T]:
+        pause_s = next(self._pauses_s)
+
+        def slowly() -> T:
+            time.sleep(pause_s)
+            if self._fault is not None:
+                raise self._fault
+            return work()
+
+        return self._thread.begin(slowly)
+
+    def close(self) -> bool:
+        return self._thread.close(None)
+
+
+PAUSES_S = st.lists(st.sampled_from([0.0, 1e-4, 2e-3]), min_size=1, max_size=5)
+
+
+@given(cuts(1300), st.sets(st.integers(1, 1298), max_size=5), PAUSES_S)
+@settings(max_examples=20)
+def test_fits_count_from_the_same_sample_however_long_they_take_and_the_blocks_are_cut(
+    places: list[int], lost: set[int], pauses_s: list[float]
 ) -> None:
-    """The figures are those of the sample after which the fit was due."""
-    monkeypatch.setattr(live, "LiveAxes", Watched)
-    at: list[int] = []
-    for number in range(devices):
-        Watched.turns = []
-        items, _ = walk([hello(), raw(range(samples))], devices=devices, number=number, channels=axes)
-        at += [samples for samples, _ in Watched.turns]
-        found = of(Fit, items)
-        assert [axis for _, axis in Watched.turns[: len(axes)]] == axes
-        assert found
-        _, pipeline = walk([hello(), raw(range(found[0].samples))], channels=axes, live__period_s=60)
-        assert found[0].axes == next(fit for fit in pipeline.finish() if isinstance(fit, Fit)).axes
-    assert len(at) == len(set(at))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(live, "LiveAxes", Noticing)
+        block = raw(k for k in range(1300) if k not in lost)
+        items, pipeline = walk([hello(), block])
+        whole = ndjson([*records_of(items), *pipeline.finish()])
+        beside = Unhurried(pauses_s)
+        items, pipeline = walk([hello(), *in_blocks(block, places)], beside=beside)
+        assert ndjson([*records_of(items), *pipeline.finish()]) == whole
+        assert beside.close()
 
 
-@given(st.integers(1, 3000), st.floats(1, 1000), st.integers(0, 6), st.integers(1, 400), st.integers(0, 399))
-def test_turns_end_before_the_next_period(
-    period: int, rate_hz: float, axes: int, devices: int, number: int
-) -> None:
-    found = fit_times.turns(period, rate_hz, axes, devices, number % devices)
-    assert 0 <= found.offset < period
-    assert 0 <= found.step * (axes - 1) < period or axes == 0
+def test_a_fault_of_a_look_is_one_of_the_walk() -> None:
+    beside = Unhurried([0.0], KeyError("nothing of the kind"))
+    with pytest.raises(KeyError, match="nothing of the kind"):
+        walk([hello(), raw(range(200))], beside=beside)
+    assert beside.close()
 
 
-def test_a_fit_of_a_sensor_that_is_gone_is_not_finished_and_one_of_the_same_goes_on() -> None:
+def test_looks_of_two_devices_are_made_in_the_order_in_which_they_began() -> None:
+    thread, order, begun = BesideThread(2), list[str](), list[Callable[[], None]]()
+    gate = threading.Event()
+    begun.append(thread.begin(lambda: order.append(f"first {gate.wait()}")))
+    begun += [thread.begin(partial(order.append, name)) for name in ("b", "a", "b")]
+    assert not order
+    gate.set()
+    for result in reversed(begun):
+        result()
+    assert order == ["first True", "b", "a", "b"]
+    assert thread.close(None)
+
+
+def test_at_the_end_what_was_not_begun_is_left_and_what_was_is_waited_for() -> None:
+    thread, order = BesideThread(), list[str]()
+    begins, gate = threading.Event(), threading.Event()
+
+    def first() -> None:
+        begins.set()
+        gate.wait()
+        order.append("first")
+
+    thread.begin(first)
+    thread.begin(lambda: order.append("second"))
+    assert begins.wait(60)
+    assert not thread.close(0.0)
+    gate.set()
+    assert thread.close(None)
+    assert order == ["first"]
+    assert BesideThread().close(None), "no thread, nothing to wait for"
+
+
+def test_a_snapshot_in_the_middle_of_a_look_changes_nothing() -> None:
+    def run(*, saves: bool) -> list[bytes]:
+        items: list[object] = []
+        beside = Unhurried([2e-3])
+        _, pipeline = walk([hello()], beside=beside)
+        for begin in range(0, 400, 20):
+            items += pipeline.feed(raw(range(begin, begin + 20)))
+            if saves:
+                assert pipeline.save() is not None or begin < 20
+        assert beside.close()
+        return ndjson(items)
+
+    assert run(saves=True) == run(saves=False)
+
+
+def test_what_is_noticed_is_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    usual, _ = walk([hello(), raw(range(1300))], live__period_s=5)
+    assert [f.seq for f in of(Fit, usual)] == [499, 999]
+    monkeypatch.setattr(fit_times, "LOOK_GROWTH", 1)
+    monkeypatch.setattr(fit_times, "SEARCH_GROWTH", 1)
+    usual, _ = walk([hello(), raw(range(1300))])
+    assert [f.seq for f in of(Fit, usual)] == [99, 199, 399, 799]
+    monkeypatch.setattr(Noticing, "noticed", property(lambda self: self.samples // 550, lambda *_: None))
+    monkeypatch.setattr(live, "LiveAxes", Noticing)
+    noticed, _ = walk([hello(), raw(range(1300))])
+    assert [f.seq for f in of(Fit, noticed)] == [99, 199, 399, 599, 799, 1099]
+
+
+def test_a_look_at_a_sensor_that_is_gone_is_not_told_and_one_at_the_same_counts_at_once() -> None:
     other = replace(hello(), boot_id=9, device_id="ff")
-    items, _ = walk([hello(), raw(range(102)), LinkDown(1), other, raw(range(200, 320))])
+    items, _ = walk([hello(), raw(range(102)), LinkDown(1), other, raw(range(200, 350))])
     assert [(f.epoch, f.samples) for f in of(Fit, items)] == [(2, 100)]
     items, _ = walk([hello(), raw(range(102)), raw(range(200, 210))])
     assert [(f.epoch, f.samples) for f in of(Fit, items)] == [(1, 100)]
 
 
 @pytest.mark.parametrize("examples", [10, slow(25)])
-def test_estimates_are_the_same_live_and_at_full_speed_whatever_is_lost(examples: int) -> None:
-    """Samples with which fits are due: axes are left when the next one is."""
+def test_estimates_are_the_same_watched_or_not_whatever_is_lost(examples: int) -> None:
+    """Samples with which fits are due: those that nobody takes are not made."""
 
     @given(st.lists(st.tuples(st.integers(1, 12), st.integers(0, 20), st.integers(0, 39)), max_size=8))
     @settings(max_examples=examples)
@@ -246,13 +366,16 @@ def test_estimates_are_the_same_live_and_at_full_speed_whatever_is_lost(examples
     def holds(lost: list[tuple[int, int, int]]) -> None:
         gone = {k for at, before, after in lost for k in range(100 * at - before, 100 * at + after)}
         block = raw(k for k in range(1300) if k not in gone)
-        each = [walk([hello(), block], prompt=prompt)[0] for prompt in (True, False)]
-        told, full = (of(Estimate, records_of(items)) for items in each)
-        assert told == full
+        told, full, unseen = (
+            walk([hello(), block], prompt=prompt, watched=watched)[0]
+            for prompt, watched in ((True, True), (False, True), (False, False))
+        )
+        assert ndjson(records_of(told)) == ndjson(records_of(full))
+        assert of(Estimate, records_of(told)) == of(Estimate, records_of(unseen))
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fit_times, "AXIS_S", 1.0)
-        patch.setattr(fit_times, "GROWTH", 2)  # settled soon: 1, 2, 3, 5, 8 and 12 s
+        patch.setattr(live, "LiveAxes", Noticing)
+        patch.setattr(fit_times, "SEARCH_GROWTH", 2)  # settled soon: 1, 2, 3, 5, 8 and 12 s
         holds()
 
 
@@ -261,7 +384,7 @@ def test_estimates_are_the_same_live_and_at_full_speed_whatever_is_lost(examples
 
 @pytest.mark.parametrize("who", ["host", "device"])
 def test_estimates_say_what_the_newest_fit_before_their_sample_says(who: str) -> None:
-    items, _ = walk(events(Board().run(noise(420))), estimator__estimate_on=who)
+    items, _ = walk(events(Board().run(noise(460))), estimator__estimate_on=who)
     newest: Fit | None = None
     seen = set()
     for record in records_of(items):

@@ -1,6 +1,7 @@
 """How often white sensors are ever called anything else in 24 hours, for `evidence.ANYTIME_LEVEL`.
 
-Axis-days at 100 Hz are looked at whenever they have grown by 5 %: between such looks next to nothing changes.
+Axis-days at 100 Hz are looked at when a live sensor is (fltea.stream.fit_times): two thousand looks, of which
+a hundred search for everything again.
 For each rule and level: the share of axes for which it ever speaks; of the verdict, at its own level, the
 share of axes that it ever calls anything but white. Noises that relax are not white, and of
 no order: of these it is counted how often they are ever called fractional.
@@ -14,11 +15,13 @@ import numpy as np
 from fltea.spectrum.drift import FALSE_ALARM as FALSE_DRIFT
 from fltea.spectrum.evidence import ANYTIME_LEVEL, APART, LEVEL, Evidence
 from fltea.spectrum.lines import FALSE_ALARM
+from fltea.spectrum.live_axes import FEWEST_SAMPLES
 from fltea.spectrum.octave_lines import find_octave_peaks
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.spectral import Looks, examine
 from fltea.spectrum.stationarity import find_change
 from fltea.spectrum.verdict import decide
+from fltea.stream.fit_times import LookTimes
 from numpy.typing import NDArray
 
 from tools.validation.recursions import Stream
@@ -32,7 +35,7 @@ SEEDS, QUICK_SEEDS = 200, 4
 """Axes of each noise; those of a quick run last half an hour."""
 H = 0.01
 DAY, SHORT = 8_640_000, 180_000
-FIRST, GROWTH = 200, 1.05
+PERIOD = round(1 / H)
 AT_ONCE = 1 << 16
 LEVELS = (0.05, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 5e-5, 3e-5, 1e-5)
 
@@ -76,17 +79,21 @@ def tasks(options: Options) -> list[Task]:
 def axis(noise: str, samples: int, seed: int) -> list[Row]:
     """Return the highest level at which each rule is silent all the time."""
     draw = NOISES[noise](np.random.default_rng((seed, samples)))
-    sums, looks, taken, look = Octaves(1), Looks(), 0, float(FIRST)
+    sums, looks, taken, of = Octaves(1), Looks(), 0, _look if noise in WHITE else _claim
+    times = LookTimes(1 / H, grows=True, every=True)
+    times.begin(PERIOD)
     lowest: dict[str, float] = {}
-    while taken < samples:
-        until = min(round(look), samples)
+    while (until := times.due) <= samples:
         while taken < until:
             part = min(until - taken, AT_ONCE)
             sums.add(np.ascontiguousarray(draw(part)[:, np.newaxis]))
             taken += part
-        for rule, p in (_look if noise in WHITE else _claim)(sums, looks, taken).items():
-            lowest[rule] = min(lowest.get(rule, 1.0), p)
-        look *= GROWTH
+        look = times.at(taken, taken, PERIOD, noticed=False)
+        if is_search := look is not None and look.fresh:
+            looks.forget()
+        if taken >= FEWEST_SAMPLES:
+            for rule, p in of(sums, looks, taken, is_search=is_search).items():
+                lowest[rule] = min(lowest.get(rule, 1.0), p)
     if noise in WHITE:
         lowest["any rule"] = min(level for rule, level in lowest.items() if rule != "verdict")
     return [{"noise": noise, "samples": samples, "lowest": lowest}]
@@ -100,17 +107,19 @@ def _evidence(sums: Octaves, looks: Looks, taken: int) -> Evidence:
     ).evidence
 
 
-def _look(sums: Octaves, looks: Looks, taken: int) -> dict[str, float]:
-    """The levels from which on the rules speak now."""
-    whole = sums.periodogram(0, H)
+def _look(sums: Octaves, looks: Looks, taken: int, *, is_search: bool) -> dict[str, float]:
+    """The levels from which on the rules speak now; those that search do so when everything is searched for."""
     e = _evidence(sums, looks, taken)
     f = e.frontier
     bic = min(f.bic(one) for one in (f.plain, f.ordered) if one is not None)
     by_level = FALSE_ALARM / LEVEL
     found: list[float] = []
-    if find_octave_peaks(whole, LEVELS[0] * by_level):
+    change = None
+    whole = sums.periodogram(0, H)
+    if is_search:
+        change = find_change(sums.cells(0, H), H, LEVELS[0] * by_level)
+    if is_search and find_octave_peaks(whole, LEVELS[0] * by_level):
         found = [level for level in LEVELS if find_octave_peaks(whole, level * by_level)]
-    change = find_change(sums.cells(0, H), H, LEVELS[0] * by_level)
     return {
         "null test": e.p_all,
         # Better than white noise if -BIC > APART + 2 log(LEVEL / level).
@@ -124,7 +133,7 @@ def _look(sums: Octaves, looks: Looks, taken: int) -> dict[str, float]:
     }
 
 
-def _claim(sums: Octaves, looks: Looks, taken: int) -> dict[str, float]:
+def _claim(sums: Octaves, looks: Looks, taken: int, *, is_search: bool) -> dict[str, float]:
     """Whether the noise is called fractional now: below every level, or below none."""
     return {"fractional": 0.0 if decide(_evidence(sums, looks, taken)).kind == "fractional" else 1.0}
 

@@ -26,7 +26,7 @@ from fltea.settings.config import Config
 from fltea.settings.estimator import BY_DEVICE
 from fltea.settings.ingest import is_shared
 from fltea.sources.replay import ReplaySource
-from fltea.stream.fit_times import FitLoad
+from fltea.stream.beside import BesideThread
 
 if TYPE_CHECKING:
     from fltea.service.ingest.loop import Ingest
@@ -104,6 +104,7 @@ class _Run:
         self._lock = threading.Lock()
         self._running = len(configs)
         self._manager = ServiceManager()
+        self._beside = BesideThread(sum(not is_shared(config.source) for config in configs))
         self._walks: list[Walk] = []
         self._ingests: list[Ingest] = []
 
@@ -134,7 +135,7 @@ class _Run:
             self._hub.close(PATIENCE_S)
             raise
         self._walks = [
-            Walk(source, config, self._hub, state, FitLoad(len(configs)), number)
+            Walk(source, config, self._hub, state, self._beside, number)
             for number, (source, config) in enumerate(zip(sources, configs, strict=True))
         ]
         on_lines = [walk for walk in self._walks if has_line(walk)]
@@ -163,6 +164,7 @@ class _Run:
         deadline_s = time.monotonic() + PATIENCE_S
         for thread in threads:
             thread.join(max(0.0, deadline_s - time.monotonic()) if asked else None)
+        at_rest = self._beside.close(max(0.1, deadline_s - time.monotonic()) if asked else None)
         saving = threading.Thread(target=state.close, daemon=True) if state is not None else None
         if saving is not None:  # not with the outputs: a slow disk must not take their time
             saving.start()
@@ -176,7 +178,7 @@ class _Run:
         failure = self._failure
         if failure is None and (unread := [why for one in sources for why in _unread(one)]):
             failure = Incomplete(unread)
-        return failure, closed and not any(thread.is_alive() for thread in threads)
+        return failure, closed and at_rest and not any(thread.is_alive() for thread in threads)
 
     def _wait(self, event: threading.Event) -> None:
         moving: list[Walk | Ingest] = [*self._walks, *self._ingests]
@@ -210,7 +212,7 @@ class _Run:
         from fltea.service.ingest.loop import Ingest  # few have many devices behind a broker
         from fltea.service.ingest.receivers import receiver_of
 
-        return Ingest(config, self._hub, receiver_of(config), self._end)
+        return Ingest(config, self._hub, receiver_of(config), self._end, self._beside)
 
     def _end(self, walk: "Walk | Ingest", error: Exception | None) -> None:
         """A walk has ended: by itself, or with a fault, which must not leave a daemon that looks alive."""

@@ -100,6 +100,10 @@ class Hub:
             (device, outlet) for device, outlets in self._of.items() for outlet in outlets
         ]
 
+    def is_read(self, device: str) -> bool:
+        """Whether there is any output that a device writes to."""
+        return bool(self._shared or self._of.get(device))
+
     def stats(self, device: str) -> dict[str, OutputStats]:
         """Counts of the outputs that a device writes to, by name."""
         return {outlet.sink.name: outlet.stats() for outlet in (*self._shared, *self._of.get(device, ()))}

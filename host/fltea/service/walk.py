@@ -15,7 +15,7 @@ from fltea.settings.config import Config
 from fltea.sources.as_wire import AsWire
 from fltea.sources.frames import FramesSource
 from fltea.sources.serial import SerialSource
-from fltea.stream.fit_times import FitLoad
+from fltea.stream.beside import Beside
 from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
 
@@ -33,7 +33,7 @@ class Walk:
         config: Config,
         hub: Hub,
         state: StateFile | None,
-        load: FitLoad | None = None,
+        beside: Beside | None = None,
         number: int = 0,
         stats_s: int = 1,
         saved: DeviceState | None = None,
@@ -49,9 +49,10 @@ class Walk:
             lambda: hub.stats(self.name),
             state.found.get(self.name) if state else saved,
             lambda: state.refuse(self.name) if state else None,
-            load,
+            beside,
             number,
             stats_s,
+            watched=source.live or hub.is_read(self.name),
         )
         self._tap = hub.tap(self.name, wait=not source.prompt)
         self._as_wire: AsWire | None = None

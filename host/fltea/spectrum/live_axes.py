@@ -1,7 +1,7 @@
 """The live fit of all axes of one sensor: samples in, `AxisFit` out whenever it is asked for."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import msgspec
@@ -42,6 +42,13 @@ class Noise(NamedTuple):
     samples: int
 
 
+class Looked(NamedTuple):
+    """What a look has found: the fits, and the noise of each axis that has one."""
+
+    fits: dict[str, AxisFit]
+    noises: dict[str, Noise]
+
+
 class _Saved(msgspec.Struct, array_like=True, forbid_unknown_fields=True):
     axes: tuple[str, ...]
     h: float
@@ -68,7 +75,7 @@ class LiveAxes:
         self._octaves = self._restored(saved) if saved else Octaves(len(axes), self._memory)
         self._looks = [Looks() for _ in axes]
         self.noises: dict[str, Noise] = {}
-        """Of the newest fit of each axis that found any."""
+        """Of the newest fit, of each axis of which it found any."""
 
     @property
     def samples(self) -> int:
@@ -83,20 +90,28 @@ class LiveAxes:
         """Take note of lost samples of all axes."""
         self._octaves.skip(count)
 
-    def fit(self, *, curves: bool, last: bool = False, fresh: bool = False) -> dict[str, AxisFit]:
-        """Fit every axis at once; arguments as for `one_by_one`."""
-        return dict(self._each(self._octaves, curves, last, fresh))
+    @property
+    def noticed(self) -> int:
+        """The number of steps and changes of all axes so far."""
+        return sum(one.steps + one.changes for one in map(self._octaves.counts, range(len(self.axes))))
 
-    def one_by_one(
-        self, *, curves: bool, last: bool = False, fresh: bool = False
-    ) -> Iterator[tuple[str, AxisFit]]:
-        """Fit an axis whenever the next one is asked for, all to the samples that there are now.
+    def fit(self, *, curves: bool, last: bool = False, fresh: bool = False) -> dict[str, AxisFit]:
+        """Fit every axis.
 
         curves: with spectrum and Allan deviation. last: of a record that is at its end, and so is judged at
         the level of one look, as `fltea identify` does it. fresh: sentences, peaks and changes are searched
         for again, as with curves; else all begins at the last fit until the record has grown by a tenth.
         """
-        return self._each(self._copied(), curves, last, fresh)
+        return self._fits(self._octaves, curves, last, fresh)
+
+    def look(self, *, curves: bool, fresh: bool) -> Callable[[], Looked]:
+        """Begin a look at the samples that there are now; it is made by calling what this returns.
+
+        Arguments as for `fit`. It may be made in another thread, while samples come, but not while another
+        one is made.
+        """
+        octaves = Octaves.restore(len(self.axes), self._memory, self._octaves.save())
+        return lambda: Looked(self._fits(octaves, curves, last=False, fresh=fresh), self.noises)
 
     def save(self) -> bytes:
         """Return all of it, for a later run."""
@@ -114,17 +129,16 @@ class LiveAxes:
             raise ValueError("the saved sums are of other axes, another rate, unit or memory")
         return Octaves.restore(len(self.axes), self._memory, found.octaves)
 
-    def _copied(self) -> Octaves:
-        return Octaves.restore(len(self.axes), self._memory, self._octaves.save())
-
-    def _each(self, octaves: Octaves, curves: bool, last: bool, fresh: bool) -> Iterator[tuple[str, AxisFit]]:
-        level = LEVEL if last else ANYTIME_LEVEL
+    def _fits(self, octaves: Octaves, curves: bool, last: bool, fresh: bool) -> dict[str, AxisFit]:
+        level, found = LEVEL if last else ANYTIME_LEVEL, {}
+        self.noises = {}
         for lane, axis in enumerate(self.axes):
             if fresh or curves:
                 self._looks[lane].forget()
             counts = octaves.counts(lane)
             fit = self._fit(octaves, lane, curves, level)
-            yield axis, replace(fit, left_out=_left_out(counts), breaks=_breaks(counts))
+            found[axis] = replace(fit, left_out=_left_out(counts), breaks=_breaks(counts))
+        return found
 
     def _fit(self, octaves: Octaves, lane: int, curves: bool, level: float) -> AxisFit:
         counts = octaves.counts(lane)

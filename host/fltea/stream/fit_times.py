@@ -1,121 +1,89 @@
-"""When a fit is due, counted in samples, so that nothing depends on how they came (pure)."""
+"""When a look begins and from when on it counts, in samples: nothing depends on how fast anybody is (pure).
+
+A record that is a little longer says hardly anything new, so looks follow its growth.
+"""
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from fltea.settings.config import Config
-
-CURVES_S = 10.0
-"""Curves are drawn no more often: they are most of a record's bytes."""
-
-GROWTH = 10
-"""From one fit that settles to the next the record grows by one part in so many: an hour has some 70, which
-takes a replay 0.7 s; 50 would take 2.4 s."""
+from fltea.stream.beside import Beside
 
 DEVICES_A_SECOND = 12
-"""Devices of three axes whose fits, once a second, take a fifth of a core: 1.7 % each, curves included."""
-
-
+"""Devices of three axes that may all look once a second: while they are young a search takes 25 ms each."""
 LONGEST_PERIOD_S = 3600.0
+SEARCH_GROWTH, LOOK_GROWTH = 10, 100
+"""The record grows by one part in so many from search to search, and from look to look."""
+LONGEST_S = 60.0
+"""From look to look, for who watches."""
+CURVES_S = 10.0
+"""Curves are drawn no more often: they are most of a record's bytes."""
+SEARCH_LAG = 50
+"""A search counts no sooner than when the epoch has grown by one part in so many: the walk goes on meanwhile,
+also at full speed and of many devices that began together."""
 
 
-@dataclass
-class FitLoad:
-    """What the fits of all devices of a program share; who runs many devices changes it as they come and go.
-
-    devices: how many there are. slower: how many times rarer than usual their fits come, for all alike,
-    because the processor does not keep up.
-    """
-
-    devices: int = 1
-    slower: float = 1.0
-
-
-def period_s(config: Config, load: FitLoad) -> float:
-    """Seconds of samples between fits that come in time: longer by default where there are many devices."""
+def period_s(config: Config, beside: Beside) -> float:
+    """Seconds of samples from look to look at least: more by default where there are many devices."""
     given = config.live.period_s
-    usual_s = max(1.0, load.devices / DEVICES_A_SECOND) if given is None else given
-    return usual_s if load.slower == 1 else min(usual_s * load.slower, max(usual_s, LONGEST_PERIOD_S))
+    usual_s = max(1.0, beside.devices / DEVICES_A_SECOND) if given is None else given
+    return usual_s if beside.slower == 1 else min(usual_s * beside.slower, max(usual_s, LONGEST_PERIOD_S))
 
 
-AXIS_S = 0.05
-"""From the fit of an axis to that of the next, at most: one with curves takes up to 40 ms."""
+class Look(NamedTuple):
+    """What a look is for.
 
-
-class Turns(NamedTuple):
-    """When axes are fitted, in samples, so that no two of this program are at the same one if there is room.
-
-    offset: of the device's first fit, behind the period's end. step: from axis to axis; 0: all at once.
+    settles: estimates go by it until the next one that does. fresh: everything is searched for again.
+    counts: the number of the sample from which on it does.
     """
-
-    offset: int
-    step: int
-
-
-def turns(period: int, rate_hz: float, axes: int, devices: int, number: int) -> Turns:
-    """Turns of the device `number` of `devices`, counted from 0, whose axes are fitted once in `period`."""
-    own = period // devices
-    step = min(max(1, own // max(1, axes)), round(AXIS_S * rate_hz)) if axes <= period else 0
-    return Turns(number * period // devices, step)
-
-
-class Done(NamedTuple):
-    """What a fit is for. settles: estimates go by it until the next one that does; curves: it has them."""
 
     settles: bool
+    fresh: bool
     curves: bool
+    counts: int
 
 
-class FitTimes:
-    """The numbers of the samples of an epoch, counted from 1, with which fits are due.
+class LookTimes:
+    """The numbers of the samples of an epoch, counted from 1, with which looks begin.
 
-    period: in samples, at least one. offset: of all fits, behind the multiples of it. grows: a fit settles
-    only once the record has grown by 1/`GROWTH`. every: those that settle nothing are due, too. So estimates
-    do not depend on `every`, which is for who looks on. curves: the fewest samples from curves to curves;
-    where nobody looks on, not before the epoch is twice as long.
+    These are multiples of the period, in samples. A look counts before the next multiple; only a search may
+    hold up looks that settle nothing. grows: searches follow the record's growth; else every look is one.
+    every: there are others, for who looks on; what settles does not depend on them.
     """
 
-    def __init__(self, period: int, curves: int, *, grows: bool, every: bool, offset: int = 0) -> None:
-        self._period, self._curves, self._grows, self._every = period, curves, grows, every
-        self._offset = offset
-        self.begin()
+    def __init__(self, rate_hz: float, *, grows: bool, every: bool) -> None:
+        self._rate_hz, self._grows, self._every = rate_hz, grows, every
+        self.begin(1)
 
-    def begin(self) -> None:
+    def begin(self, period: int) -> None:
         """Begin an epoch."""
-        self.due = self._settles = self._period + self._offset
+        self.check = self.due = self._search = period
         self._drawn: int | None = None
-        self._latest = 0
 
-    def pace(self, period: int, offset: int, number: int) -> None:
-        """Go on with another period from sample `number` on: a fit that comes too soon for it is put off.
+    def at(self, number: int, samples: int, period: int, *, noticed: bool, busy: bool = False) -> Look | None:
+        """Return the look that begins with sample `number`, which is `check` or later.
 
-        One that is due later than the new period asks stays due then.
+        samples: of the whole record. period: from now on. noticed: something has happened that is to be seen.
+        busy: the last look does not count yet.
         """
-        if (period, offset) == (self._period, self._offset):
-            return
-        self._period, self._offset = period, offset
-        if number - self._latest < period // 2:
-            self.due = self._next(number, 1)
-
-    def settles(self, number: int) -> bool:
-        """Whether a fit after sample `number` settles."""
-        return number >= self._settles
-
-    def done(self, number: int, samples: int) -> Done:
-        """Take note of the fit after sample `number`, of so many samples."""
-        settles = self.settles(number)
-        self._latest = number
+        self.check = (number // period + 1) * period
+        settles = number >= self._search
+        if busy or not (settles or (self._every and (noticed or number >= self.due))):
+            return None
+        lag = max(1, period // 2)
         if settles:
-            self._settles = self._next(number, math.ceil(samples / GROWTH) if self._grows else 1)
-        self.due = self._next(number, 1) if self._every else self._settles
+            step = math.ceil(samples / SEARCH_GROWTH) if self._grows else 1
+            self._search = self._next(number, step, period)
+            lag = max(lag, number // SEARCH_LAG) if self._grows else lag
+        step = min(math.ceil(samples / LOOK_GROWTH), round(LONGEST_S * self._rate_hz)) if self._grows else 1
+        self.due = min(self._search, self._next(number, step, period)) if self._every else self._search
         drawn = self._drawn
-        curves = drawn is None or number - drawn >= (
-            self._curves if self._every else max(self._curves, drawn)
-        )
+        curves = self._every and settles and (drawn is None or number - drawn >= CURVES_S * self._rate_hz)
         if curves:
             self._drawn = number
-        return Done(settles, curves)
+        counts = number + lag if settles else min(number + lag, self.check)
+        return Look(settles, settles or noticed, curves, counts)
 
-    def _next(self, number: int, step: int) -> int:
-        return math.ceil((number + step - self._offset) / self._period) * self._period + self._offset
+    @staticmethod
+    def _next(number: int, step: int, period: int) -> int:
+        return math.ceil((number + step) / period) * period

@@ -5,12 +5,11 @@ sensor, and the time between two runs (`--state`) break the spectrum's stretches
 Another device, scale, filter, rate or set of axes begins again. So `samples` of a fit may be of several
 epochs, where the filters begin with each.
 
-An axis takes milliseconds, for which all samples wait. So a fit is of the samples there are when it is due,
-but one axis is fitted then, and the others a few samples later, one by one; the record goes out with the
-last. Each device has turns of its own. Both are counted in samples: nothing depends on the clock.
+A look takes milliseconds, for which no sample waits: it takes a copy of the sums, is made beside the walk,
+and counts from a sample on that is fixed when it begins. Only if it is late the walk waits for it, there. So
+nothing depends on how fast anybody is.
 """
 
-import itertools
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -24,8 +23,9 @@ from fltea.records.fit import AxisFit
 from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello, Whiteness
 from fltea.settings.config import Config
 from fltea.spectrum.evidence import ANYTIME_LEVEL
-from fltea.spectrum.live_axes import LiveAxes, Noise
-from fltea.stream.fit_times import CURVES_S, Done, FitLoad, FitTimes, Turns, period_s, turns
+from fltea.spectrum.live_axes import LiveAxes, Looked, Noise
+from fltea.stream.beside import Beside
+from fltea.stream.fit_times import Look, LookTimes, period_s
 from fltea.stream.stages import Beginning, Item, Moment, Saved, SavedFits, Stage, Standing
 
 NO_VERDICT = ("too few samples",)
@@ -69,39 +69,34 @@ class _Sensor(NamedTuple):
 
 
 class _Begun(NamedTuple):
-    """A fit that was due after the sample at `moment`, of which some axes may be left to do."""
+    """A look that began after the sample at `moment`, and does not count yet."""
 
     moment: Moment
     samples: int
-    done: Done
-    found: dict[str, AxisFit]
-    left: Iterator[tuple[str, AxisFit]]
+    look: Look
+    result: Callable[[], list[Looked]]
 
 
 class LiveFits(Stage):
     """Fits the axes of both sensors, whoever estimates them; the next HELLO decides whether anything is kept.
 
-    prompt: samples come at their own pace. load: what the fits of this program share. number: which of its
-    devices this is, from 0.
+    prompt: samples come at their own pace. watched: somebody takes the fits, so that there are also those by
+    which no estimate goes. beside: what looks of this program share.
     """
 
     def __init__(
-        self, config: Config, *, prompt: bool = True, load: FitLoad | None = None, number: int = 0
+        self, config: Config, *, prompt: bool = True, watched: bool = True, beside: Beside | None = None
     ) -> None:
         self._config = config
-        self._load = load or FitLoad()
-        self._period_s = period_s(config, self._load)
+        self._beside = beside or Beside()
+        self._prompt, self._watched = prompt, watched
         self._rate_hz = 1.0
-        self._prompt = prompt
-        # Nobody waits at full speed, and what is found there is of the recording alone.
-        self._number = number if prompt else 0
-        self._turns = Turns(0, 0)
         self._begun: _Begun | None = None
-        self._turn = 0
         self._sensors: dict[str, _Sensor] = {}
         self._of: tuple[object, ...] | None = None
         self._resumed = False
-        self._times = FitTimes(1, 1, grows=False, every=False)
+        self._times = LookTimes(1.0, grows=False, every=False)
+        self._noticed = 0
         self._first: int | None = None
         self._at: Moment | None = None
         self._settled: dict[str, SettledFit] = {}
@@ -127,15 +122,15 @@ class LiveFits(Stage):
                     self._sensors[name] = _Sensor(live, list(axes.values()))
             self._of, self._resumed = identity, saved is not None
             self._rate_hz = hello.rate_hz
-            grows, curves = self._config.live.period_s is None, round(CURVES_S * hello.rate_hz)
-            period = self._pace()
-            offset = self._turns.offset
-            self._times = FitTimes(period, curves, grows=grows, every=self._prompt, offset=offset)
+            grows = self._config.live.period_s is None
+            self._times = LookTimes(hello.rate_hz, grows=grows, every=self._watched)
+            self._noticed = self._notices()
         else:
             self.bridge(beginning.missing)
-        self._times.begin()
+        self._times.begin(self._period())
         self._first = self._at = None
-        self._turn = 0  # the axes that are left of a fit go on from the first sample
+        if self._begun is not None:  # it counts from the first sample on
+            self._begun = self._begun._replace(look=self._begun.look._replace(counts=1))
 
     def bridge(self, count: int) -> None:
         """Break all stretches: at least so many samples are missing."""
@@ -153,23 +148,31 @@ class LiveFits(Stage):
                 sensor.live.skip(missing)
         if self._first is None:
             self._first = int(block.seq[0])
-        begin, n = 0, len(block)
-        while begin < n:
-            number = int(block.seq[begin]) - self._first + 1
-            due = self._times.due if self._begun is None else min(self._times.due, self._turn)
-            end = min(n, begin + 1 + max(0, due - number))
-            part = block if (begin, end) == (0, n) else block.rows(begin, end)
-            self._take(part)
-            yield part
-            yield from self._after(number + end - begin - 1)
-            begin = end
+        given = taken = 0
+        n = len(block)
+        while taken < n:
+            number = int(block.seq[taken]) - self._first + 1
+            stop = min(self._times.check, self._begun.look.counts) if self._begun else self._times.check
+            end = min(n, taken + 1 + max(0, stop - number))
+            self._take(block, taken, end)
+            number += end - taken - 1
+            taken = end
+            if self._begun is not None and number >= self._begun.look.counts:
+                yield block if (given, end) == (0, n) else block.rows(given, end)
+                given = end
+                yield self._counted(self._begun)
+            if number >= self._times.check:
+                self._look(number)
+        if given < n:
+            yield block.rows(given, n) if given else block
 
     def last(self) -> Iterator[Item]:
         """A fit of everything with its curves, at the end; none if that has just been published.
 
         Of a recording it is the one look that counts, so it finds what `fltea identify` finds.
         """
-        yield from self._go_on()
+        if self._begun is not None:
+            yield self._counted(self._begun)
         if self._at is not None and (not self._prompt or self._samples != self._drawn_samples):
             found: dict[str, AxisFit] = {}
             for sensor in self._sensors.values():
@@ -188,7 +191,7 @@ class LiveFits(Stage):
 
     def standing(self) -> Standing:
         """How often it fits."""
-        return Standing(fit_period_s=self._period_s if self._sensors else None)
+        return Standing(fit_period_s=period_s(self._config, self._beside) if self._sensors else None)
 
     def save(self) -> Saved | None:
         """The sums of both sensors."""
@@ -199,70 +202,50 @@ class LiveFits(Stage):
     def _samples(self) -> int:
         return next(iter(self._sensors.values())).live.samples
 
-    def _take(self, block: Block) -> None:
+    def _take(self, block: Block, begin: int, end: int) -> None:
         for name, values in (("gyro", block.gyro_dps), ("accel", block.accel_ms2)):
             if name in self._sensors and values is not None:
-                self._sensors[name].add(values)
-        last = (int(column[-1]) for column in (block.seq, block.device_us, block.host_ns))
+                self._sensors[name].add(values[begin:end])
+        last = (int(column[end - 1]) for column in (block.seq, block.device_us, block.host_ns))
         seq, device_us, host_ns = last
         self._at = Moment(seq, block.epoch, device_us, host_ns)
 
-    def _pace(self) -> int:
-        """Take note of what this program's fits share now; the samples from fit to fit."""
-        load = self._load
-        self._period_s = period_s(self._config, load)
-        period = max(1, round(self._period_s * self._rate_hz))
-        axes = sum(len(sensor.places) for sensor in self._sensors.values())
-        self._turns = turns(period, self._rate_hz, axes, load.devices, self._number % load.devices)
-        return period
+    def _period(self) -> int:
+        """The samples from look to look at least."""
+        return max(1, round(period_s(self._config, self._beside) * self._rate_hz))
 
-    def _after(self, number: int) -> Iterator[Item]:
-        """What is to be done after sample `number` of the epoch."""
-        yield from self._go_on(number)
-        if number < self._times.due:
-            return
-        if self._period_s != period_s(self._config, self._load):
-            self._times.pace(self._pace(), self._turns.offset, number)
-            if number < self._times.due:
-                return
-        # One that settles waits for none of those between, which a replay does not make.
-        if self._begun is None or self._times.settles(number):
-            yield from self._go_on()
-            self._begun, self._turn = self._begin_fit(number), number
-            yield from self._go_on(number)
+    def _notices(self) -> int:
+        return sum(sensor.live.noticed for sensor in self._sensors.values())
 
-    def _begin_fit(self, number: int) -> _Begun:
+    def _look(self, number: int) -> None:
+        """Begin a look after sample `number` of the epoch if one is due."""
         assert self._at is not None
-        done = self._times.done(number, self._samples)
-        # A fit that settles does not depend on those between.
-        left = [s.live.one_by_one(curves=done.curves, fresh=done.settles) for s in self._sensors.values()]
-        if done.curves:
-            self._drawn_samples = self._samples
-        return _Begun(self._at, self._samples, done, {}, itertools.chain(*left))
-
-    def _go_on(self, number: int | None = None) -> Iterator[Item]:
-        """Fit the axes whose turn has come after sample `number`; without it all that are left."""
-        begun = self._begun
-        if begun is None:
+        noticed, samples = self._notices(), self._samples
+        busy, news = self._begun is not None, noticed != self._noticed
+        look = self._times.at(number, samples, self._period(), noticed=news, busy=busy)
+        if look is None:
             return
-        axes = sum(len(sensor.places) for sensor in self._sensors.values())
-        while len(begun.found) < axes and (number is None or number >= self._turn):
-            axis, fit = next(begun.left)
-            begun.found[axis] = fit
-            self._turn += self._turns.step
-        if len(begun.found) == axes:
-            self._begun = None
-            if begun.done.settles:
-                self._settle(begun.found)
-            found = {axis: self._with_stability(axis, one) for axis, one in begun.found.items()}
-            yield Fit(*begun.moment, begun.samples, found, device=self._config.name)
+        self._noticed = noticed
+        each = [s.live.look(curves=look.curves, fresh=look.fresh) for s in self._sensors.values()]
+        result = self._beside.begin(lambda: [one() for one in each])
+        self._begun = _Begun(self._at, samples, look, result)
+        if look.curves:
+            self._drawn_samples = samples
 
-    def _settle(self, found: dict[str, AxisFit]) -> None:
-        noises = {axis: one for s in self._sensors.values() for axis, one in s.live.noises.items()}
-        before = self._settled
-        self._settled = {
-            axis: before.get(axis, NO_FIT).followed_by(fit, noises.get(axis)) for axis, fit in found.items()
-        }
+    def _counted(self, begun: _Begun) -> Fit:
+        """From here on a look counts."""
+        self._begun = None
+        fits: dict[str, AxisFit] = {}
+        noises: dict[str, Noise] = {}
+        for looked in begun.result():
+            fits |= looked.fits
+            noises |= looked.noises
+        if begun.look.settles:
+            self._settled = {
+                axis: self.settled(axis).followed_by(fit, noises.get(axis)) for axis, fit in fits.items()
+            }
+        found = {axis: self._with_stability(axis, one) for axis, one in fits.items()}
+        return Fit(*begun.moment, begun.samples, found, device=self._config.name)
 
     def _with_stability(self, axis: str, fit: AxisFit) -> AxisFit:
         stands = self.settled(axis).stands

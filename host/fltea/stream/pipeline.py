@@ -33,9 +33,9 @@ from fltea.records.records import (
 from fltea.settings.config import Config
 from fltea.settings.estimator import BY_DEVICE
 from fltea.settings.ingest import is_partitioned
+from fltea.stream.beside import Beside
 from fltea.stream.board import BoardEstimates
 from fltea.stream.decode import Decoded, Decoder
-from fltea.stream.fit_times import FitLoad
 from fltea.stream.host import HostEstimates
 from fltea.stream.live import LiveFits
 from fltea.stream.snapshot import (
@@ -71,8 +71,9 @@ class Pipeline:
 
     outputs: gives the counts of the outputs for `stats`, which shows them of sources with a pace of their
     own: of others they would only tell how fast this machine was. state: a snapshot of an earlier run.
-    refuse: is called if it is not sound. load: what the live fits of this program share. number: which of its
-    devices this is, from 0. stats_s: seconds from one statistics to the next; devices have turns.
+    refuse: is called if it is not sound. beside: what the live fits of this program share. number: which of
+    its devices this is, from 0. stats_s: seconds from one statistics to the next; devices have turns.
+    watched: somebody takes what comes out.
     """
 
     def __init__(
@@ -82,9 +83,10 @@ class Pipeline:
         outputs: Callable[[], dict[str, OutputStats]] = no_outputs,
         state: DeviceState | None = None,
         refuse: Callable[[], None] = lambda: None,
-        load: FitLoad | None = None,
+        beside: Beside | None = None,
         number: int = 0,
         stats_s: int = 1,
+        watched: bool = True,
     ) -> None:
         self._stats_ns, self._stats_offset_ns = stats_s * SECOND_NS, number % stats_s * SECOND_NS
         self._source, self._config, self._outputs, self._state = source, config, outputs, state
@@ -92,8 +94,8 @@ class Pipeline:
             lambda: source.unix_offset_ns, config.link.max_gap, config.name, config.output
         )
         self._refuse = refuse
-        live = config.live.on
-        self._fits = LiveFits(config, prompt=source.prompt, load=load, number=number) if live else None
+        fits = LiveFits(config, prompt=source.prompt, watched=watched, beside=beside)
+        self._fits = fits if config.live.on else None
         self._stages = stages_of(config, self._fits)
         self._board: DeviceStatus | None = None
         self._now_ns = 0

@@ -15,7 +15,7 @@ from fltea.service.ingest.receiver import Shared
 from fltea.service.walk import Walk
 from fltea.settings.config import Config
 from fltea.sources.frames import FramesSource
-from fltea.stream.fit_times import FitLoad
+from fltea.stream.beside import Beside
 from fltea.stream.snapshot import DeviceState
 
 TICK_NS = 2 * 10**9
@@ -49,16 +49,22 @@ class Devices:
     """Opens, walks and gives up the lines of all devices, in one thread.
 
     config: of every device. url: of the broker. shared: this worker's share, if there are several workers.
-    load: what the live fits of all devices share.
+    beside: what the looks of all devices share.
     """
 
     def __init__(
-        self, config: Config, hub: Hub, inbox: Inbox, url: str, report: Report, shared: Shared | None
+        self,
+        config: Config,
+        hub: Hub,
+        inbox: Inbox,
+        url: str,
+        report: Report,
+        shared: Shared | None,
+        beside: Beside,
     ) -> None:
         self.lines: dict[str, Line] = {}
-        self.load = FitLoad()
         self._config, self._hub, self._inbox, self._url = config, hub, inbox, url
-        self._report, self._shared = report, shared
+        self._report, self._shared, self._beside = report, shared, beside
         self._broken_ns: dict[str, int] = {}
         self._opened = 0
         self._once_a_minute = OnceAMinute()
@@ -78,10 +84,10 @@ class Devices:
         url = f"{self._url}/{name}"
         source = FramesSource(url, lambda: self._inbox.overflow_bytes[name])
         config = msgspec.structs.replace(self._config, name=name, source=url)
-        walk = Walk(source, config, self._hub, None, self.load, self._opened, STATS_S, saved)
+        walk = Walk(source, config, self._hub, None, self._beside, self._opened, STATS_S, saved)
         self._opened += 1
         line = self.lines[name] = Line(walk, source, now_ns, now_ns, partition)
-        self.load.devices = len(self.lines)
+        self._beside.devices += 1
         for event in source.open(now_ns, self.offset_ns()):
             walk.take(event)
         return line
@@ -125,5 +131,5 @@ class Devices:
         if not moved and line.partition is not None and self._shared is not None:
             self._shared.drop(line.partition, name)  # else who takes over goes back to where it was then
         self._hub.depart(name, moved=moved)
-        self.load.devices = max(1, len(self.lines))
+        self._beside.devices -= 1
         self._inbox.forget(name)

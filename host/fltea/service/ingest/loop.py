@@ -18,6 +18,7 @@ from fltea.service.ingest.pressure import Pressure
 from fltea.service.ingest.receiver import Receiver
 from fltea.service.ingest.snapshots import Snapshots
 from fltea.settings.config import Config
+from fltea.stream.beside import Beside
 
 LOOK_NS = 10**9
 STILL_NS = 5 * 10**9
@@ -54,7 +55,7 @@ class Ingest:
     """Walks the messages of all devices, in the order of their arrival.
 
     config: of every device; its name is the topic's. receiver: makes, out of an inbox, who fills it.
-    on_end: called with the exception that ended all, or with None.
+    on_end: called with the exception that ended all, or with None. beside: what all looks share.
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class Ingest:
         hub: Hub,
         receiver: Callable[[Inbox, Report], Receiver],
         on_end: Callable[["Ingest", Exception | None], None],
+        beside: Beside,
     ) -> None:
         self.name = config.name or ""
         self.moved_s = time.monotonic()
@@ -71,11 +73,11 @@ class Ingest:
         self.inbox = Inbox(limits.devices, int(limits.queue_mb * 1e6), self.name)
         self._receiver = receiver(self.inbox, self._report)
         shared, url = self._receiver.partitions, self._receiver.url
-        self.devices = Devices(config, hub, self.inbox, url, self._report, shared)
+        self.devices = Devices(config, hub, self.inbox, url, self._report, shared, beside)
         self.snapshots = None if shared is None else Snapshots(shared, limits.snapshot_s, self._report)
         self.catching_up = CatchingUp()
         self.hearing = Hearing()
-        self._pressure = Pressure(self.devices.load)
+        self._pressure = Pressure(beside)
         self._losses = Losses(self.inbox, url)
         self._eases_ns = 0
         self._closed = False

@@ -1,0 +1,79 @@
+"""What is done beside the walks: the looks of all devices of a program, one after the other in a thread."""
+
+import threading
+from collections.abc import Callable
+from queue import SimpleQueue
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+
+class Beside:
+    """What the looks of a program share; this one makes each where its result is asked for.
+
+    devices: how many there are. slower: how many times rarer than usual looks come, for all alike, because
+    the processor does not keep up. Who runs many devices changes both.
+    """
+
+    def __init__(self, devices: int = 1, slower: float = 1.0) -> None:
+        self.devices, self.slower = devices, slower
+
+    def begin(self, work: Callable[[], T]) -> Callable[[], T]:
+        """Begin some work; what this returns gives its result, and raises what it raised."""
+        return work
+
+
+class _Work:
+    """Some work, and what came of it."""
+
+    def __init__(self, work: Callable[[], Any]) -> None:
+        self._work, self._done = work, threading.Event()
+        self._found: Any = None
+        self._error: BaseException | None = None
+
+    def run(self) -> None:
+        try:
+            self._found = self._work()
+        except BaseException as error:
+            self._error = error
+        self._done.set()
+
+    def result(self) -> Any:
+        self._done.wait()
+        if self._error is not None:
+            raise self._error
+        return self._found
+
+
+class BesideThread(Beside):
+    """Does the work of all in a thread of its own, in the order in which it was begun, until it is closed."""
+
+    def __init__(self, devices: int = 1) -> None:
+        super().__init__(devices)
+        self._waiting: SimpleQueue[_Work | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name="looks", daemon=True)
+        self._lock = threading.Lock()
+        self._closed = False
+
+    def begin(self, work: Callable[[], T]) -> Callable[[], T]:
+        """Begin some work as soon as what was begun before is done."""
+        one = _Work(work)
+        with self._lock:
+            if self._thread.ident is None and not self._closed:
+                self._thread.start()
+        self._waiting.put(one)
+        return one.result
+
+    def close(self, timeout_s: float | None) -> bool:
+        """Begin nothing more; False if what is being done did not end in time."""
+        with self._lock:
+            self._closed = True
+            if self._thread.ident is None:
+                return True
+        self._waiting.put(None)
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        while (one := self._waiting.get()) is not None and not self._closed:
+            one.run()
