@@ -108,7 +108,7 @@ def _evidence(sums: Octaves, looks: Looks, taken: int) -> Evidence:
 
 
 def _look(sums: Octaves, looks: Looks, taken: int, *, is_search: bool) -> dict[str, float]:
-    """The levels from which on the rules speak now; those that search do so when everything is searched for."""
+    """The levels from which on the rules speak now; some do only where everything is searched for."""
     e = _evidence(sums, looks, taken)
     f = e.frontier
     bic = min(f.bic(one) for one in (f.plain, f.ordered) if one is not None)

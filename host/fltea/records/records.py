@@ -354,7 +354,7 @@ class OutputStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Stats(Record, frozen=True, tag="stats"):
     """Health of the whole walk, once a second and at the end.
 
-    fit_period_s: seconds of samples between two `fit` records; null where nothing is fitted.
+    fit_period_s: seconds of samples between two `fit` records at least; null where nothing is fitted.
     """
 
     epoch: int

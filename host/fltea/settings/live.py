@@ -18,8 +18,8 @@ class LiveConfig(Table, frozen=True):
     period_s: Annotated[
         float | None,
         Setting(
-            "Time of samples between fits. Unset: 1 s, but in a replay at full speed no sooner than the "
-            "record has grown by a tenth.",
+            "Time of samples between fits. Unset: whenever the record has grown by a hundredth, once a "
+            "second at most and once a minute at least.",
             unit="s",
             least=0.1,
             most=86400,
