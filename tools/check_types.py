@@ -20,10 +20,8 @@ BY_PACKAGE = (
     "tools.due_run",
     "tools.fleet_fits",
     "tools.fleet_load",
-    "tools.fleet_noise",
     "tools.frames_load",
     "tools.nats_users",
-    "tools.ndjson_summary",
     "tools.pty_port",
 )
 """Modules of `tools` that are imported with its name, since they need its packages."""

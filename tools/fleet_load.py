@@ -22,8 +22,7 @@ from fltea.settings.outputs import is_loopback
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
-from tools.fleet_fits import Changed, axis_fit
-from tools.fleet_noise import RATE_HZ
+from tools.fleet_fits import RATE_HZ, Changed, axis_fit
 
 SPREAD = 0.08
 """By how much sensors of a kind differ, as a ratio less one."""

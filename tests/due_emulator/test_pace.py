@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 
-from tools.due_emulator.pace import AGAIN_S, Pace
+from tools.due_emulator.pty_front import AGAIN_S, Pace
 
 
 def told(speed, for_s, step_s=0.02):

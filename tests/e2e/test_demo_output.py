@@ -20,8 +20,7 @@ from fltea.sources.synthetic import parse_noise
 from host_support import fltea_here
 
 from tools import demo
-from tools.due_emulator.pace import Pace
-from tools.ndjson_summary import Summary
+from tools.due_emulator.pty_front import Pace
 from tools.validation.evaluate.cramer_rao import bound
 
 SAMPLES = 450
@@ -50,7 +49,7 @@ def test_an_order_is_shown_with_its_intervals_and_motion_is_told() -> None:
     estimate = Estimate(
         1, 1, 1, 1, "joint", {"gyro_x": msgspec.structs.replace(GOOD, moving=True)}, device="due"
     )
-    summary = Summary()
+    summary = demo.Summary()
     for record in (estimate, STATS):
         line = summary.line(msgspec.json.encode(record).decode())
     assert line is not None

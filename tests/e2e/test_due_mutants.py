@@ -4,7 +4,7 @@ import msgspec
 import pytest
 from due_support import ROOT
 
-from tools.mutants.mutation import read_mutants
+from tools.mutants.workshop import read_mutants
 
 MUTANTS = read_mutants()
 

@@ -11,7 +11,7 @@ from fltea.fleet.messages import Allan, AxisFit, Interval
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tools.fleet_noise import NOISES, RATE_HZ, Noise, fits
+from tools.fleet_fits import NOISES, RATE_HZ, Noise, fits
 
 RECORDS, SAMPLES = 40, 20_000
 

@@ -9,7 +9,7 @@ from fltea.fleet.summary import Look, counts, look, rows, table
 from fltea.records.fit import AxisFit
 
 from tools import fleet_fits, fleet_load
-from tools.fleet_noise import NOISES, fits
+from tools.fleet_fits import NOISES, fits
 
 
 def numbers(one: object) -> list[float]:

@@ -24,8 +24,16 @@ from typing import NamedTuple
 
 from tools.mutants.host_changes import Change, choose
 from tools.mutants.host_trial import HostCopy
-from tools.mutants.mutation import Mutant, read_mutants
-from tools.mutants.workshop import REPOSITORY, Invalid, Verdict, copy_parts, forget_build, judge
+from tools.mutants.workshop import (
+    REPOSITORY,
+    Invalid,
+    Mutant,
+    Verdict,
+    copy_parts,
+    forget_build,
+    judge,
+    read_mutants,
+)
 
 MOST_SURVIVORS = 2
 MOST_SURVIVORS_OF_HOST = 1 / 3

@@ -1,18 +1,22 @@
-"""Private copies of the firmware with its tests, in which a bug may be put, built and judged."""
+"""Single bugs of the firmware, as a list, and private copies of it in which one is put, built and judged."""
 
 import os
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
+
+import msgspec
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(REPOSITORY / "tools"))
 
 from build_firmware import BuildError, build  # noqa: E402
 
+LIST = Path(__file__).with_name("mutants.toml")
 PARTS = (
     "firmware",
     "tests/firmware",
@@ -34,6 +38,40 @@ DOCTEST, NATIVE = "build/doctest", "build/native"
 DOCTEST_FLAGS = "FLAGS=-std=gnu++11 -O0 -DVECTORS='\"$(VECTORS)\"'"
 ARDUINO = {"MAKEFLAGS": "SANITIZE="}
 ARDUINO_TESTS = ("tests/firmware/test_arduino.py", "-k", "g++ and not clang")
+
+
+class Mutant(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One bug. file: below firmware/. old: what stands there exactly once. breaks: what the bug does."""
+
+    name: str
+    file: str
+    old: str
+    new: str
+    breaks: str
+
+    def applied_to(self, text: str) -> str:
+        """The source with the bug.
+
+        Raises:
+            ValueError: the old text does not stand there exactly once, or nothing changes.
+        """
+        if text.count(self.old) != 1 or self.old == self.new:
+            raise ValueError(
+                f"{self.name}: the old text stands {text.count(self.old)} times in firmware/{self.file}, "
+                "not once: the source has changed, so mutants.toml has to follow"
+            )
+        return text.replace(self.old, self.new)
+
+    def apply(self, root: Path) -> None:
+        """Put the bug into the copy of the repository at `root`. Raises ValueError as `applied_to`."""
+        source = root / "firmware" / self.file
+        source.write_text(self.applied_to(source.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def read_mutants() -> list[Mutant]:
+    """All of them, in the order of the list."""
+    tree = tomllib.loads(LIST.read_text(encoding="utf-8"))
+    return msgspec.convert(tree["mutant"], list[Mutant])
 
 
 class Invalid(Exception):

@@ -19,7 +19,7 @@ from fltea.fleet.roll import Axis, Roll, Sensor
 from fltea.fleet.summary import look
 from numpy.typing import NDArray
 
-from tools.fleet_noise import NOISES, RATE_HZ, fits
+from tools.fleet_fits import NOISES, RATE_HZ, fits
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, number
 
