@@ -154,9 +154,9 @@ def test_estimates_are_those_that_were_published(tmp_path: Path) -> None:
 
 
 def test_fits_are_those_that_were_published(tmp_path: Path) -> None:
-    live, _ = record(tmp_path / "rec", transport(samples=230))
+    live, _ = record(tmp_path / "rec", transport(samples=430))
     fits = of(live, Fit)
-    assert len(fits) == 2
+    assert len(fits) >= 2
     rows, data = exported(tmp_path, "fits")
     for row, fit in zip(rows, fits, strict=True):
         assert [int(row[name]) for name in ("seq", "samples")] == [fit.seq, fit.samples]
