@@ -1,25 +1,142 @@
-"""Recordings on a web server with TLS; clouds whose package is missing."""
+"""Recordings on web servers, some of a size that nobody knows or that is a lie; clouds without a package."""
 
+import contextlib
 import os
+import re
+import shutil
 import ssl
 import subprocess
 import sys
 from collections.abc import Iterator
 from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler, SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
-from cluster_support import ASK, identified, rows_in, web_server
+from cluster_support import ASK, identified, open_table, rows_in, web_server
 from fltea.cluster import listing
 from fltea.cluster.listing import files_of
+from fltea.cluster.run import run
+from fltea.cluster.whole import identify_file
 from fltea.identification.workers import Here
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.how import How
 from identify_support import white
 from mosquitto_support import make_authority
+
+CHUNK = bytes(1 << 20)
+MOST_CHUNKS = 64
+"""Of a server that would send for ever: a test that fails ends, too."""
+ROOM_BYTES = 8_000_000
+
+
+class Endless(BaseHTTPRequestHandler):
+    """Sends zeros until nobody listens, in no ranges.
+
+    declared: the size it states, if it states one. silent: it sends one byte of that, and no more.
+    """
+
+    def __init__(self, declared: int | None, silent: bool, sent: list[int], *arguments: object) -> None:
+        self._declared, self._silent, self._sent = declared, silent, sent
+        super().__init__(*arguments)  # type: ignore[arg-type]
+
+    def log_message(self, format: str, *args: object) -> None:
+        pass
+
+    def do_HEAD(self) -> None:
+        self._head(self._declared)
+
+    def do_GET(self) -> None:
+        self._head(self._declared if self._silent else None)
+        if self._silent:
+            self.wfile.write(b"1")
+            self.rfile.read()  # until the other side has gone
+            return
+        with contextlib.suppress(OSError):
+            for _ in range(MOST_CHUNKS):
+                self.wfile.write(CHUNK)
+                self._sent[0] += len(CHUNK)
+
+    def _head(self, declared: int | None) -> None:
+        self.send_response(200)
+        self.send_header("Accept-Ranges", "none")
+        if declared is not None:
+            self.send_header("Content-Length", str(declared))
+        self.end_headers()
+
+
+@contextlib.contextmanager
+def endless(declared: int | None = None, *, silent: bool = False) -> Iterator[tuple[str, list[int]]]:
+    """The address of a file, and how many bytes of it were sent."""
+    sent = [0]
+    with web_server(partial(Endless, declared, silent, sent)) as server:
+        yield f"http://127.0.0.1:{server.server_port}/a.csv", sent
+
+
+def failure_of(url: str, out: Path) -> dict[str, Any]:
+    """The row of a file that fails, and is tried again by the next run."""
+    with open_table(out) as table:
+        assert run(list(files_of([url])), ASK, Here(), table).failed == 1
+    (row,) = rows_in(out)
+    assert row["again"]
+    return row
+
+
+@pytest.fixture
+def disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A small one for temporary files."""
+    folder = tmp_path / "tmp"
+    folder.mkdir()
+
+    def usage(path: Path) -> SimpleNamespace:
+        used = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+        return SimpleNamespace(free=ROOM_BYTES - used)
+
+    monkeypatch.setattr("tempfile.tempdir", str(folder))
+    monkeypatch.setattr("fltea.cluster.fetch.LEAST_FREE", 1_000_000)
+    monkeypatch.setattr(shutil, "disk_usage", usage)
+    return folder
+
+
+def test_a_size_nobody_knows(disk: Path, tmp_path: Path) -> None:
+    """It ends when the disk is nearly full."""
+    with endless() as (url, sent):
+        assert next(files_of([url])).size == -1
+        row = failure_of(url, tmp_path / "v.parquet")
+    assert re.match(rf"{url}: of unknown size, and after [0-9]+ MB, .* TMPDIR", row["error"])
+    assert list(disk.iterdir()) == []
+    assert sent[0] < MOST_CHUNKS * len(CHUNK)
+
+
+def test_more_than_was_stated(disk: Path, tmp_path: Path) -> None:
+    with endless(1000) as (url, sent):
+        row = failure_of(url, tmp_path / "v.parquet")
+    assert row["error"] == f"{url}: has more than 1000 bytes now, and had 1000 when listed."
+    assert list(disk.iterdir()) == []
+    assert sent[0] < MOST_CHUNKS * len(CHUNK)
+
+
+@pytest.mark.usefixtures("disk")
+def test_more_than_fits() -> None:
+    """Nothing is copied; another worker, or another TMPDIR, may have the room."""
+    with endless(10**15) as (url, sent):
+        (row,) = identify_file(next(files_of([url])), ASK)
+    assert "TMPDIR" in (row.error or "")
+    assert row.again
+    assert sent == [0]
+
+
+def test_a_server_that_says_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is not waited for; one that goes on sending is, however long it takes."""
+    monkeypatch.setattr(listing, "SILENT_S", 0.3)
+    with endless(1000, silent=True) as (url, _):
+        assert "Timeout" in failure_of(url, tmp_path / "v.parquet")["error"]
+    assert listing.file_system("http").client_kwargs["timeout"].total is None
+
 
 HOW = msgspec.structs.replace(ASK, how=How(rate_hz=100.0, units="deg/s"))
 

@@ -5,6 +5,7 @@ counted as lost by the host, or was due after the last sample of a boot that a r
 is byte for byte what the sensor gave at that sample's time.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import pytest
@@ -231,3 +232,47 @@ def test_the_readme_shows_the_figures_of_the_committed_image() -> None:
     for case in DUE_CASES:
         row = line(cells(case.name, with_fault(case.name)[1].outcome))
         assert row in readme, "make it true again by `make faults ARGS=board`"
+
+
+BIT_S = 2.5e-6
+BYTES = 14
+# In bits from the START: address, register, repeated START, address, each byte, STOP.
+PHASES = {
+    "address": 5.0,
+    "register": 14.0,
+    "repeated start": 19.4,
+    "address to read": 24.0,
+    **{f"byte {i}": 29.0 + 9 * i + 4 for i in range(BYTES)},
+    "acknowledge": 29.0 + 8.4,
+    "last acknowledge": 29.0 + 9 * BYTES - 0.6,
+    "stop": 29.0 + 9 * BYTES + 0.4,
+}
+STUCK = {
+    # It lets go after as many clocks as a sensor in mid-byte may need.
+    "SDA": "sda_stuck at={at:.7f} clocks=9",
+    "SCL": "scl_stuck at={at:.7f} for=0.004",
+}
+
+
+@cache
+def start_s() -> float:
+    """When a transfer of a sample begins, in a quiet run."""
+    run = DueRun(image(), noise=NOISE).run_until(0.3)
+    return next(burst.at_ps * 1e-12 for burst in run.boots[0].bursts if burst.at_ps > 0.25e12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("held", STUCK)
+@pytest.mark.parametrize("phase", PHASES)
+def test_a_line_that_gets_stuck_costs_two_samples_at_most(phase: str, held: str) -> None:
+    fault = STUCK[held].format(at=start_s() + PHASES[phase] * BIT_S)
+    run = DueRun(image(), noise=NOISE, faults=[fault]).run_until(0.65)
+    assert run.check() is None
+    assert len(run.boots) == 1
+    assert run.epochs == ["start"], "the sensor was not set up again"
+    assert run.stats.samples.lost <= 2
+    newest = run.samples[-1]
+    assert newest.seq * 0.01 > 0.65 - start_s(), "it goes on"
+    assert newest.flags == 0
+    assert run.status is not None
+    assert run.status.i2c_errors > 0

@@ -1,4 +1,4 @@
-"""Every fault of the daemon, for seconds: it is survived, and every sample accounted for."""
+"""Faults as `make faults` plays them: everything is survived, and every sample accounted for."""
 
 import contextlib
 from concurrent.futures import Future
@@ -7,10 +7,12 @@ from typing import Any, NamedTuple
 
 import pytest
 from support import ROOT
-from toolchain import missing
+from toolchain import missing, needed
 
 from tools.faults.__main__ import PARTS
-from tools.faults.case import Case, Outcome, play_all
+from tools.faults.case import Case, Outcome, play, play_all
+from tools.faults.ingest_scene import FIRST_MESSAGE
+from tools.faults.mqtt_boards import DEVICES
 from tools.faults.program import Skip
 from tools.faults.report import line
 from tools.faults.small_disk import SmallDisk
@@ -134,3 +136,48 @@ def test_every_fault_is_expected_and_stands_in_the_documentation() -> None:
         rows = [row for row in text.splitlines() if row.startswith(begin)]
         assert len(rows) == 1, f"{begin}: make it true again by `make faults ARGS='daemon --long'`"
         assert " | 0 | " in rows[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "reported"),
+    [
+        ("broker killed (`kill -9`) and started again", ["broker_lost"]),
+        ("network split for 2 s", []),
+        ("history's disk full, later room again", ["disk_full", "history_back"]),
+        ("the fleet's program killed (`kill -9`) and started again", []),
+        ("clock set two days forward, and back", []),
+        ("two devices with one id", []),
+        ("10,000 messages, a new device each", []),
+    ],
+)
+def test_of_a_fleet_everything_is_accounted_for(name: str, reported: list[str]) -> None:
+    """The other faults of a fleet last too long to be played here."""
+    needed("mosquitto")
+    outcome = play(next(case for case in PARTS["fleet"].cases if case.name == name))
+    assert (outcome.wrong, outcome.uncounted, outcome.reported) == ([], 0, reported)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("server", "name", "reported", "lost"),
+    [
+        ("nats-server", "NATS server away for 8 s", {"nats_lost", "nats_back", "partition_taken"}, 0),
+        (
+            "mosquitto",
+            "MQTT broker killed (`kill -9`), started again at once",
+            {"broker_lost", "broker_back"},
+            None,  # what boards sent before the program was back: how much is chance
+        ),
+    ],
+)
+def test_of_ingest_each_sample_is_accounted_for(
+    server: str, name: str, reported: set[str], lost: int | None
+) -> None:
+    """Boards that keep what they could not send lose nothing; programs go on by themselves."""
+    needed(server)
+    outcome = play(next(case for case in PARTS["ingest"].cases if case.name == name))
+    assert (outcome.wrong, outcome.uncounted) == ([], 0)
+    assert reported <= set(outcome.reported)
+    assert lost in (None, outcome.where["counted as lost"])
+    assert outcome.where[FIRST_MESSAGE] == 100 * DEVICES
