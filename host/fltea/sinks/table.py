@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from rich import box
 from rich.console import Console, Group, RenderableType
@@ -36,7 +36,7 @@ from fltea.sinks.page.words import duration, figure, in_deviations, quantity, wi
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
-TREND_STEP_S = 1.0
+TREND_STEP_NS = 10**9
 WIDE_COLUMNS = 135
 """Width from which trends have room next to the numbers; else they stand below."""
 
@@ -52,7 +52,7 @@ NOT_DESCRIBED = "* does not describe the noise: no order, another, or coloured i
 ADVICE = "; believe the fit above. Of a recording ask fltea identify."
 
 
-def sparkline(values: list[float]) -> str:
+def sparkline(values: Sequence[float]) -> str:
     """Draw numbers as a row of bars between their own minimum and maximum."""
     if not values:
         return ""
@@ -67,23 +67,6 @@ class PipedConsole(Console):
     def on_broken_pipe(self) -> None:
         """Raise `SinkClosed` in the daemon, which ends quietly."""
         raise SinkClosed
-
-
-class Trend:
-    """Values thinned to one a second of the samples' time, the last of them kept."""
-
-    def __init__(self) -> None:
-        self._values: deque[float] = deque(maxlen=TREND_WIDTH)
-        self._next_ns: int | None = None
-
-    def add(self, value: float, host_ns: int) -> None:
-        """Take a value if a second has passed since the one before."""
-        if self._next_ns is None or host_ns >= self._next_ns:
-            self._values.append(value)
-            self._next_ns = host_ns + int(TREND_STEP_S * 1e9)
-
-    def __str__(self) -> str:
-        return sparkline(list(self._values))
 
 
 class TableSink(Sink):
@@ -109,11 +92,8 @@ class TableSink(Sink):
         """Remember the record and redraw a few times a second."""
         if isinstance(item, Opened | Chunk | Failed):
             return
-        if isinstance(item, Block):  # of a second at most
-            estimate = item.last_estimate()
-            if estimate is None:
-                return
-            item = estimate
+        if isinstance(item, Block) and not (item.estimates and item.due_rows):
+            return
         if item.device is None and self._views and isinstance(item, Error):
             self._general.add(item)
         else:
@@ -146,30 +126,34 @@ class DeviceView:
     def __init__(self) -> None:
         self._hello: Hello | None = None
         self._epoch: Epoch | None = None
-        self._estimate: Estimate | None = None
+        self._newest: Estimate | Block | None = None
         self._fit: Fit | None = None
         self._of_device: DeviceEstimates | None = None
         self._device_fits: dict[str, DeviceAxisFit] = {}
         self._stats: Stats | None = None
         self._events: deque[str] = deque(maxlen=4)
-        self._trends: dict[str, tuple[Trend, Trend]] = {}
+        self._trends: dict[str, tuple[deque[float], deque[float]]] = {}
+        self._trend_ns = 0
 
-    def add(self, record: AnyRecord) -> None:
-        """Remember a record."""
+    @property
+    def _estimate(self) -> Estimate | None:
+        """The newest; that of a block is made when it is shown."""
+        if isinstance(self._newest, Block):
+            self._newest = self._newest.last_estimate()
+        return self._newest
+
+    def add(self, record: AnyRecord | Block) -> None:
+        """Remember a record, or a block with estimates that are due."""
         match record:
             case Hello():
                 self._hello = record
             case Epoch():
-                self._epoch, self._estimate, self._of_device, self._fit = record, None, None, None
-                self._trends, self._device_fits = {}, {}
+                self._epoch, self._newest, self._of_device, self._fit = record, None, None, None
+                self._trends, self._trend_ns, self._device_fits = {}, 0, {}
                 self._events.append(f"epoch {record.epoch} begins at sample {record.seq}: {record.reason}")
-            case Estimate():
-                self._estimate = record
-                for name, axis in record.axes.items():
-                    alpha, f = self._trends.setdefault(name, (Trend(), Trend()))
-                    if axis.fltea.alpha is not None and axis.fltea.f is not None:
-                        alpha.add(axis.fltea.alpha, record.host_ns)
-                        f.add(axis.fltea.f, record.host_ns)
+            case Estimate() | Block():
+                self._newest = record
+                self._follow(record.host_ns if isinstance(record, Estimate) else int(record.host_ns[-1]))
             case DeviceEstimates():
                 self._of_device = record
             case DeviceFits():
@@ -183,6 +167,17 @@ class DeviceView:
                 self._events.append(visible(f"{record.kind}: {message}"))
             case Stats():
                 self._stats = record
+
+    def _follow(self, host_ns: int) -> None:
+        """Add the newest estimate to the trends, once a second of the samples' time."""
+        if host_ns < self._trend_ns or self._estimate is None:
+            return
+        self._trend_ns = host_ns + TREND_STEP_NS
+        for name, axis in self._estimate.axes.items():
+            alpha, f = self._trends.setdefault(name, (deque(maxlen=TREND_WIDTH), deque(maxlen=TREND_WIDTH)))
+            if axis.fltea.alpha is not None and axis.fltea.f is not None:
+                alpha.append(axis.fltea.alpha)
+                f.append(axis.fltea.f)
 
     def lines(self, width: int) -> list[RenderableType]:
         """The view, for a terminal of so many columns."""
@@ -231,7 +226,7 @@ class DeviceView:
         titles = map(Text, ("FLTEA: α", "f [s^-α]", f"state {unit}", f"innov. {unit}", ""))
         table = _grid("", *titles, *(("α, last seconds", "f, last seconds") if wide else ()))
         for name, axis in self._estimate.axes.items():
-            bars = map(str, self._trends[name]) if wide else ()
+            bars = map(sparkline, self._trends[name]) if wide else ()
             own = axis.fltea
             if not own.valid:
                 table.add_row(name, "not valid", "", "", "", "", *bars)
@@ -289,7 +284,7 @@ class DeviceView:
     def _rows_below(self, estimate: Estimate) -> Table:
         rows = _grid("", "α, last seconds", "f, last seconds")
         for name in estimate.axes:
-            rows.add_row(name, *map(str, self._trends[name]))
+            rows.add_row(name, *map(sparkline, self._trends[name]))
         return rows
 
     @staticmethod
