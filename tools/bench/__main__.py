@@ -41,6 +41,7 @@ MODES = {
         ("tools.bench.bench_daemon",),
         ("devices", "seconds", "open_files"),
     ),
+    "loop": Mode("only where each microsecond of a live device goes", ("tools.bench.loop_profile",)),
     "live": Mode("only what the live fit costs: accumulators and fits", ("tools.bench.bench_live",)),
     "memory": Mode(
         "only the compressed memory: modes, accuracy, time of a step", ("tools.bench.bench_memory",)

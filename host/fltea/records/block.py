@@ -228,8 +228,10 @@ class Block:
     @cached_property
     def corrected_dps(self) -> Array | None:
         """The rates of the tracked axes less their biases, where there are records of them."""
+        if not self.corrected:
+            return None
         tracked = next((one for one in self.tracked if one.unit == GYRO_UNIT), None)
-        if tracked is None or not self.corrected:
+        if tracked is None:
             return None
         return self.gyro_dps[:, [AXES.index(axis) for axis in tracked.axes]] - tracked.bias
 
