@@ -52,7 +52,6 @@ def test_all_records_of_a_live_run_come_again(rotation: dict[str, float], tmp_pa
 def test_what_the_line_did_is_counted_again(tmp_path: Path) -> None:
     items = transport(samples=100, boots=2)
     whole = items[20]
-    assert isinstance(whole, Chunk)
     items[20] = whole._replace(data=b"\xff" + whole.data)
     _, sink = record(tmp_path, items)
     source = ReplaySource(tmp_path)
