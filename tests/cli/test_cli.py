@@ -130,14 +130,6 @@ def test_wrong_count_of_axes_shows_with_the_first_sample(flag: str, reason: str)
     assert len(strict_records(result.stdout)) == 1
 
 
-def test_bad_recording_gives_no_half_of_an_output(tmp_path: Path) -> None:
-    (tmp_path / "rest.csv").write_text("gyro_x_dps\n" + "1\n2\n" * 400)
-    flags = ["--rate", "100", "--columns", "nowhere", "--once"]
-    result = fltea_here("run", "-s", f"replay:{tmp_path}/rest.csv", *flags, *QUICK)
-    assert (result.returncode, result.stdout) == (2, "")
-    assert f"fltea: error: {tmp_path}/rest.csv:1: no column nowhere" in result.stderr
-
-
 def test_failure_while_running_ends_with_1() -> None:
     result = fltea_here("run", "-s", "synthetic:?f=1000&n=900", "--pace", "fast", "--once", *QUICK)
     assert result.returncode == 1

@@ -236,18 +236,6 @@ def test_a_window_of_a_million() -> None:
     assert_like_direct(compressed, direct, (-0.7, -0.3, 0.2, 0.5, 1.4), {"rel": 1e-6, "abs": 1e-8}, 1e-6)
 
 
-@given(n=st.integers(0, 900), orders=st.tuples(*[orders_in_range] * 3), seed=st.integers(0, 2**32))
-@settings(max_examples=60)
-def test_a_window_as_long_as_the_history_is_unlimited(n: int, orders: tuple[float, ...], seed: int) -> None:
-    x, P = history(n, seed)
-    limited, unlimited = Memory(9, 900), Memory(9)
-    for memory in (limited, unlimited):
-        memory.push(x, P)
-    (S, V), (expected_S, expected_V) = limited.evaluate(orders), unlimited.evaluate(orders)
-    np.testing.assert_allclose(S, expected_S, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(V, expected_V, rtol=1e-7, atol=0)
-
-
 @given(order=finite, digits=st.sampled_from([DIRECT + 4, 6, 11]), window=st.sampled_from([0, 7, 500]))
 @settings(max_examples=300)
 def test_every_finite_order_has_finite_sums(order: float, digits: int, window: int) -> None:
@@ -311,18 +299,6 @@ def test_a_constant_offset_does_not_drift() -> None:
     for each in (memory, direct):
         each.push(np.full(50_000, 5.0), np.full(50_000, 0.02))
     assert_like_direct(memory, direct, (-0.5, 0.1, 0.5, 1.2), {"rel": 1e-8}, 1e-7)
-
-
-@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
-def test_sums_are_linear(scale: float) -> None:
-    x, P = history(2000)
-    plain, scaled = Memory(6, 700), Memory(6, 700)
-    plain.push(x, P)
-    scaled.push(x * scale, P * scale**2)
-    for order in (-0.4, 0.3, 1.1):
-        S, V = plain.sums(order)
-        assert scaled.sums(order)[0][0] == pytest.approx(S[0] * scale, rel=1e-12, abs=1e-13 * scale)
-        assert scaled.sums(order)[1][0] == pytest.approx(V[0] * scale**2, rel=1e-12)
 
 
 def test_float32_is_good_for_six_digits() -> None:

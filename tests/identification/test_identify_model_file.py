@@ -34,7 +34,7 @@ from fltea.spectrum.periodogram import binned, periodogram
 from host_support import QUICK, fltea, strict_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identify_support import H, ar, recursion, white
+from identify_support import H, ar, white
 
 PARTS = {
     "white": (White(0.04),),
@@ -237,25 +237,6 @@ def test_a_walk_goes_as_far_as_a_walk_does(mean_of: int) -> None:
     steps = np.array([(y[-1] - y[0], y[1000] - y[0]) for y, _ in (next(many) for _ in range(600))])
     expected = np.array([n - 1, 1000]) * H * mean_of
     np.testing.assert_allclose(steps.var(axis=0) / expected, 1, atol=4 * np.sqrt(2 / 600))
-
-
-def test_noise_is_that_of_the_recursion() -> None:
-    """The same as from an independent generator in the time domain."""
-    n, series = 1024, 40
-    states = recursion(0.6, -3.0, n, series, 1, warmup=1000) * np.sqrt(0.15) * H**0.6
-    rng = np.random.default_rng(2)
-    drawn = np.array([draw(AxisModel(PARTS["order"]), H, n, rng)[1] for _ in range(series)])
-    data, other = binned(periodogram(drawn, H)), binned(periodogram(states, H))
-    ratio = data.power.mean(axis=0) / other.power.mean(axis=0)
-    off = np.log(ratio) * np.sqrt(series * data.counts / 2)
-    assert np.abs(off).max() < 4.5
-    assert abs(off.mean()) < 1
-
-
-def test_the_variance_of_a_line() -> None:
-    rng = np.random.default_rng(1)
-    y = np.array([draw(AxisModel((White(0.0),), (LINE,)), H, 20_000, rng)[0] for _ in range(10)])
-    assert y.var() == pytest.approx(LINE.variance, rel=0.15)
 
 
 @pytest.mark.parametrize("name", ["white", "AR(1)", "AR(2)", "order"])

@@ -23,10 +23,7 @@ struct Probe {
     virtual void evaluate(const double* orders, double* S, double* V) const = 0;
     virtual void sums(const double* order, double* S, double* V) const = 0;
     virtual void stir(std::size_t n, std::uint64_t seed) = 0;
-    virtual void clear(const unsigned char* mask) = 0;
     virtual std::size_t bytes() const = 0;
-    virtual void save(void* out) const = 0;
-    virtual void restore(const void* in) = 0;
     virtual double seconds(std::size_t n) = 0;
     virtual void nodes(double* out) const = 0;
 };
@@ -95,19 +92,7 @@ class Holder : public Probe {
             memory_.push(T(Real<T>(2 * sum)), T(Real<T>(1 + sum / 3)));
         }
     }
-    void clear(const unsigned char* mask) override { memory_.clear(to_mask(mask, T())); }
     std::size_t bytes() const override { return bytes_ + sizeof(typename Memory::Position); }
-    void save(void* out) const override {
-        const typename Memory::Position position = memory_.position();
-        memcpy(out, storage_, bytes_);
-        memcpy(static_cast<char*>(out) + bytes_, &position, sizeof position);
-    }
-    void restore(const void* in) override {
-        typename Memory::Position position;
-        memcpy(storage_, in, bytes_);
-        memcpy(&position, static_cast<const char*>(in) + bytes_, sizeof position);
-        memory_.set_position(position);
-    }
     // For tools/bench: what a step of the estimator asks of the memory, n times, each after the one before.
     double seconds(std::size_t n) override {
         T order[3] = {T(Real<T>(0.3)), T(Real<T>(0.5)), T(Real<T>(0.1))}, S[3], past, V;
@@ -129,13 +114,6 @@ class Holder : public Probe {
         if (posix_memalign(&block, 64, n) != 0) abort();
         memset(block, 0xa5, n);
         return static_cast<T*>(block);
-    }
-    static bool to_mask(const unsigned char* mask, float) { return mask[0] != 0; }
-    static bool to_mask(const unsigned char* mask, double) { return mask[0] != 0; }
-    static Mask<kWidth> to_mask(const unsigned char* mask, Wide) {
-        Mask<kWidth> result = Wide(0) != Wide(0);
-        for (int lane = 0; lane < kWidth; ++lane) result.set(lane, mask[lane] != 0);
-        return result;
     }
 
     std::size_t bytes_;
@@ -179,10 +157,7 @@ void probe_evaluate(const Probe* probe, const double* orders, double* S, double*
 }
 void probe_sums(const Probe* probe, const double* order, double* S, double* V) { probe->sums(order, S, V); }
 void probe_stir(Probe* probe, std::size_t n, std::uint64_t seed) { probe->stir(n, seed); }
-void probe_clear(Probe* probe, const unsigned char* mask) { probe->clear(mask); }
 std::size_t probe_bytes(const Probe* probe) { return probe->bytes(); }
-void probe_save(const Probe* probe, void* out) { probe->save(out); }
-void probe_restore(Probe* probe, const void* in) { probe->restore(in); }
 double probe_seconds(Probe* probe, std::size_t n) { return probe->seconds(n); }
 void probe_nodes(const Probe* probe, double* out) { probe->nodes(out); }
 void probe_math(char type, std::size_t n, const double* x, double* up, double* down, double* sine) {

@@ -1,7 +1,6 @@
 """The native memories from Python: tests/native/probe.cpp, one shared library for each instruction set."""
 
 import ctypes
-import platform
 import weakref
 from functools import lru_cache
 
@@ -32,10 +31,7 @@ def library(instruction_set: str) -> ctypes.CDLL:
         ("probe_evaluate", None, pointer, DOUBLES, DOUBLES, DOUBLES),
         ("probe_sums", None, pointer, DOUBLES, DOUBLES, DOUBLES),
         ("probe_stir", None, pointer, size, ctypes.c_uint64),
-        ("probe_clear", None, pointer, ctypes.c_char_p),
         ("probe_bytes", size, pointer),
-        ("probe_save", None, pointer, ctypes.c_char_p),
-        ("probe_restore", None, pointer, ctypes.c_char_p),
         ("probe_seconds", ctypes.c_double, pointer, size),
         ("probe_nodes", None, pointer, DOUBLES),
         ("probe_math", None, ctypes.c_char, size, DOUBLES, DOUBLES, DOUBLES, DOUBLES),
@@ -57,15 +53,11 @@ class Memory:
         self.lanes: int = self._library.probe_lanes(self._probe)
 
     def _rows(self, values: ArrayLike, n: int) -> Array:
-        """Spread numbers without a lane over all lanes: (n, lanes)."""
-        array = np.asarray(values, dtype=np.float64)
-        if array.ndim < 2:
-            array = np.repeat(array.reshape(-1, 1), self.lanes, 1)
-        assert array.shape == (n, self.lanes)
-        return np.ascontiguousarray(array)
+        """Spread n numbers over all lanes: (n, lanes)."""
+        return np.repeat(np.asarray(values, dtype=np.float64).reshape(n, 1), self.lanes, 1)
 
     def push(self, x: ArrayLike, P: ArrayLike) -> None:
-        """Push n samples, oldest first, (n,) for all lanes or (n, lanes)."""
+        """Push n samples, oldest first, (n,) for all lanes."""
         n = len(np.atleast_1d(x))
         x, P = self._rows(x, n), self._rows(P, n)
         self._library.probe_push(self._probe, n, x.ctypes.data, P.ctypes.data)
@@ -78,7 +70,7 @@ class Memory:
         self._library.probe_stir(self._probe, n, seed)
 
     def sums(self, order: ArrayLike) -> tuple[Array, Array]:
-        """S and V of one order, for all lanes or (lanes,)."""
+        """S and V of one order for all lanes."""
         S, V = np.empty(self.lanes), np.empty(self.lanes)
         orders = np.full(self.lanes, order, dtype=np.float64)
         self._library.probe_sums(self._probe, orders, S, V)
@@ -92,18 +84,6 @@ class Memory:
 
     def reset(self) -> None:
         self._library.probe_reset(self._probe)
-
-    def clear(self, mask: ArrayLike) -> None:
-        self._library.probe_clear(self._probe, np.asarray(mask, dtype=np.uint8).tobytes())
-
-    def save(self) -> bytes:
-        out = ctypes.create_string_buffer(self._library.probe_bytes(self._probe))
-        self._library.probe_save(self._probe, out)
-        return out.raw
-
-    def restore(self, data: bytes) -> None:
-        assert len(data) == self._library.probe_bytes(self._probe)
-        self._library.probe_restore(self._probe, data)
 
     @property
     def modes(self) -> tuple[int, int]:
@@ -120,8 +100,3 @@ def math(kind: str, x: Array, instruction_set: str | None = None) -> tuple[Array
     up, down, sine = (np.empty_like(padded) for _ in range(3))
     native.probe_math(kind.encode(), len(padded), padded, up, down, sine)
     return up[: len(x)], down[: len(x)], sine[: len(x)]
-
-
-def fused(instruction_set: str) -> bool:
-    """Whether mul_add rounds once."""
-    return instruction_set != "baseline" or platform.machine() == "aarch64"

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from fltea.noise import spectra as spectrum
 from fltea.noise.simulation import is_stationary
-from fltea.noise.weights import weights
 from fltea.spectrum.periodogram import periodogram
 from hypothesis import given
 from hypothesis import strategies as st
@@ -29,16 +28,6 @@ def test_fractional_is_the_square_of_its_transfer_function(alpha: float, g: floa
     distance = np.abs((1 - z) ** alpha - g * z) ** 2
     good = distance > 1e-6
     np.testing.assert_allclose(spectrum.fractional(LAM, alpha, g)[good], 1 / distance[good], rtol=1e-6)
-
-
-@pytest.mark.parametrize(("alpha", "g"), [(0.4, -0.16), (0.8, -0.25), (1.3, -0.5)])
-def test_fractional_is_that_of_the_weights(alpha: float, g: float) -> None:
-    """By the sum of the Grünwald–Letnikov weights, which the recursion uses."""
-    c = weights(alpha, 60_000).copy()
-    c[1] -= g
-    lam = LAM[40::40]
-    transfer = np.exp(-1j * np.outer(lam, np.arange(len(c)))) @ c
-    np.testing.assert_allclose(spectrum.fractional(lam, alpha, g), 1 / np.abs(transfer) ** 2, rtol=2e-3)
 
 
 def test_recursion_has_the_spectrum() -> None:
