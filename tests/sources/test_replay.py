@@ -128,8 +128,7 @@ def test_times_number_the_samples_of_an_npz_file_as_those_of_a_csv_file(
 def test_an_empty_field_is_a_gap_that_is_told(tmp_path: Path) -> None:
     path = tmp_path / "rest.csv"
     path.write_text("gyro_x_dps\n" + "".join("NaN\n" if k in (7, 8) else f"{k}\n" for k in range(20)))
-    source = ReplaySource(path, how=How(rate_hz=100.0))
-    first, told, *_ = source.events()
+    _, told, *_ = ReplaySource(path, how=How(rate_hz=100.0)).events()
     assert (told.kind, told.fatal) == ("missing_numbers", False)
     place, reasons = walked(ReplaySource(path, how=How(rate_hz=100.0)))
     assert (place.delivered, place.lost, place.gaps, reasons) == (18, 2, 1, ["start"])
