@@ -53,15 +53,6 @@ def test_bit_banged_read_of_who_am_i():
     assert board.lines.clocks_without_stop == 0
 
 
-def test_bit_banged_write():
-    board = SmallBoard()
-    board.take_pins()
-    start(board)
-    assert [board.send_byte(b) for b in (0xD0, 0x1B, 0x18, 0x08)] == [True] * 4
-    board.send_stop()
-    assert board.chip.read_block(0x1B, 2) == b"\x18\x08"
-
-
 def clocks_until_free(board, limit=20):
     for clocks in range(limit):
         if board.sda():
@@ -103,12 +94,6 @@ def test_sensor_cut_off_in_a_byte_holds_sda_by_its_bits(byte, bits, clocks):
     board.lines.cut_off(sending=True, byte=byte, bits=bits)
     board.take_pins()
     assert clocks_until_free(board) == clocks
-
-
-def test_sensor_cut_off_while_it_listens_holds_nothing():
-    board = SmallBoard()
-    board.lines.cut_off(sending=False, byte=0x00, bits=4)
-    assert board.lines.sda.level
 
 
 def test_unplugged_sensor_holds_nothing():
@@ -174,13 +159,6 @@ def test_driving_scl_high_against_a_stretching_sensor_is_a_fault():
 @pytest.fixture
 def board():
     return SmallBoard().set_up()
-
-
-@pytest.mark.parametrize("wire", ["sda", "scl"])
-def test_a_held_line_lets_no_transfer_begin(board, wire):
-    getattr(board.lines, f"hold_{wire}")()
-    assert board.read_block(0x75, 1) is None
-    assert board.chip.read_block(0x75, 1) == b"\x71"
 
 
 def test_a_stretched_clock_goes_on_when_it_is_let_go(board):

@@ -173,9 +173,3 @@ def test_write_protection():
         pio.write("PDR", SCL)
     pio.write("WPMR", 0x50494F00)
     pio.write("PDR", SCL)
-
-
-def test_reset_takes_the_pins_back():
-    board = SmallBoard().set_up()
-    board.pio.reset()
-    assert board.pio.read("PSR") == 0xFFFFFFFF

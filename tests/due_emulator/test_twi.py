@@ -48,11 +48,6 @@ def test_a_read_takes_its_time_on_the_wires(board, n, bits):
     assert board.twi.busy_ps == bits * 2_500_000  # 14 bytes: 390 us
 
 
-def test_a_write_takes_its_time_on_the_wires(board):
-    board.write_register(0x19, 9)
-    assert board.twi.busy_ps == (1 + 3 * 9 + 1) * 2_500_000
-
-
 @pytest.mark.parametrize(
     ("cwgr", "hz"),
     [
@@ -174,17 +169,6 @@ def test_a_stale_byte_shifts_the_next_read_that_does_not_drain_it(board):
     assert board.read_block(0x3B, 14) == burst
 
 
-def test_a_stale_byte_shifts_every_read_of_one_byte(board):
-    """START and STOP at once: the byte on the wires is always the next one's."""
-    board.twi.stale_reads = 1
-    assert [board.read_block(register, 1) for register in (0x75, 0x6B, 0x75, 0x6B)] == [
-        b"\x71",
-        b"\xff",
-        b"\x01",
-        b"\x71",
-    ]
-
-
 @pytest.mark.parametrize("drained", [True, False])
 def test_a_late_stop_is_a_fault_although_a_byte_was_stale(board, drained):
     board.twi.stale_reads = 1
@@ -207,14 +191,6 @@ def test_a_stale_byte_is_drained(board, how):
     assert not board.twi.read("SR") & RXRDY
 
 
-def test_a_stale_byte_stays_through_a_write_and_takes_no_time(board):
-    board.twi.stale_reads = 1
-    board.read_block(0x75, 1)
-    assert board.twi.busy_ps == 39 * 2_500_000
-    assert board.write_register(0x1B, 0x18)
-    assert board.read_block(0x1B, 1) == b"\xff"
-
-
 def test_a_stale_byte_waits_for_the_last_byte_to_be_fetched(board):
     board.twi.stale_reads = 1
     board.begin_read(0x75, START | STOP)
@@ -234,11 +210,6 @@ def test_stop_set_while_the_last_byte_arrives_is_in_time(board):
         board.twi.read("RHR")
     assert board.wait_for(TXCOMP)
     assert board.read_block(0x75, 1) == b"\x71"
-
-
-def test_without_a_stop_a_read_never_completes(board):
-    board.begin_read(0x75, START)
-    assert board.wait_for(TXCOMP) is None
 
 
 @pytest.mark.parametrize("off", [0x20, SWRST])
