@@ -15,8 +15,8 @@ from fltea.cli import many
 from fltea.cluster.listing import JOURNAL
 from fltea.cluster.run import Progress
 from fltea.records.errors import UsageError
+from host_support import wait_until
 from identify_files import counts, npz
-from support import wait_until
 
 Here = Callable[..., tuple[int, str]]
 QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100", "--jobs", "1")

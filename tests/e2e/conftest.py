@@ -3,8 +3,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from host_support import Processes
 from mosquitto_support import Stage
-from support import Processes
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from host_support import fltea, fltea_here
-from support import Processes
+from host_support import Processes, fltea, fltea_here
 
 
 def findings(output: str) -> dict[str, dict[str, Any]]:

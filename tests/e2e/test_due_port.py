@@ -13,7 +13,7 @@ from bank_support import assert_published, fed_directly
 from due_support import ROOT
 from fltea.settings.config import load_config
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
-from support import PATIENCE_S, QUICK, Processes
+from host_support import PATIENCE_S, QUICK, Processes
 
 NOISE = "alpha=0.5&f=-1&seed=9"
 ESTIMATES = 100

@@ -13,7 +13,7 @@ from due_support import DueRun, build
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from fltea.wire.messages import Frame
-from support import ROOT
+from host_support import ROOT
 from toolchain import arm_compiler
 
 from tools.due_run import chip_bytes

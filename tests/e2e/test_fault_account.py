@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import pytest
-from support import ROOT
+from host_support import ROOT
 
 from tools.faults import __main__ as command
 from tools.faults.case import Case, Outcome, play

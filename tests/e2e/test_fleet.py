@@ -17,10 +17,9 @@ from typing import Any
 
 import pytest
 from browser_support import PATIENCE_MS, Watched
-from host_support import fltea_here
+from host_support import PATIENCE_S, ROOT, fltea_here, wait_until
 from mosquitto_support import Mosquitto, Stage, make_authority
 from playwright.sync_api import Browser, expect
-from support import PATIENCE_S, ROOT, wait_until
 from toolchain import needed
 
 from tools.faults.program import Program

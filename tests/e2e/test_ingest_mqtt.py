@@ -7,8 +7,8 @@ from fltea.records.errors import UsageError
 from fltea.service.daemon import run
 from fltea.settings.config import load_configs
 from frames_messages import second_of
+from host_support import QUICK, Processes, wait_until
 from mosquitto_support import Stage
-from support import QUICK, Processes, wait_until
 
 SECONDS = 6
 

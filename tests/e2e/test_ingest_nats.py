@@ -14,9 +14,9 @@ from fltea.records.errors import UsageError
 from fltea.service.ingest.receivers import receiver_of
 from fltea.settings.config import load_configs
 from frames_messages import second_of
+from host_support import PATIENCE_S, QUICK, Daemon, Processes, wait_until
 from mosquitto_support import Stage, make_authority
 from nats_support import PARTITIONS, single, three_nodes
-from support import PATIENCE_S, QUICK, Daemon, Processes, wait_until
 
 DEVICES = ("s0", "s1", "s2", "s3", "s4", "s5")
 SNAPSHOT_S = 2

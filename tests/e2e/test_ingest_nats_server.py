@@ -18,10 +18,10 @@ from fltea.service.ingest.nats import NatsFrames
 from fltea.service.ingest.nats_reports import explain_no_connection
 from fltea.service.ingest.store import Unfit
 from fltea.settings.config import load_configs
+from host_support import wait_until
 from mosquitto_support import Stage
 from nats_support import PARTITIONS, mapping, single
 from paho.mqtt.enums import MQTTProtocolVersion
-from support import wait_until
 
 from tools.faults.server import Server, free_port
 from tools.nats_users import render

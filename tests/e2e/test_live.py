@@ -21,8 +21,7 @@ import pytest
 from bank_support import assert_published, fed_directly
 from fltea.settings.config import load_config
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
-from host_support import fltea
-from support import PATIENCE_S, QUICK, ROOT, Daemon, Processes, wait_until
+from host_support import PATIENCE_S, QUICK, ROOT, Daemon, Processes, fltea, wait_until
 
 NOISE = "alpha=0.5&f=-1&seed=8"
 

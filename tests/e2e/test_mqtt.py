@@ -11,8 +11,8 @@ from fltea.records.records import Gap
 from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt import delivery, link
 from fltea.sinks.mqtt.sink import MqttSink
+from host_support import Processes, wait_until
 from mosquitto_support import DAEMON, HELLO, STRANGER, WATCHER, Stage, last_status, make_authority, sample
-from support import Processes, wait_until
 
 from tools.faults.server import free_port
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 from browser_support import SEQ, Watched
+from host_support import QUICK, Daemon, Processes, wait_until
 from playwright.sync_api import Browser, Page
-from support import QUICK, Daemon, Processes, wait_until
 
 COLUMNS = """([source, ...names]) => {
   const found = Bokeh.documents[0].roots().flatMap(plot => plot.renderers).find(

@@ -8,7 +8,7 @@ import pytest
 from due_support import image
 from fake_smbus import MS, Pi, S
 from fltea.records.records import Sample
-from support import QUICK, Processes
+from host_support import QUICK, Processes
 
 from tools.due_emulator.noise import fractional_world
 from tools.due_run import DueRun

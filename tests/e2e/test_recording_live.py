@@ -8,9 +8,8 @@ import time
 from pathlib import Path
 
 import pytest
-from host_support import fltea
+from host_support import QUICK, Daemon, Processes, fltea, wait_until
 from mcap.reader import make_reader
-from support import QUICK, Daemon, Processes, wait_until
 from tiers import slow
 
 FLUSHED_S = 1.0

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from fltea.service import daemon as service
 from fltea.settings.config import load_configs
-from support import PATIENCE_S, QUICK, Processes, wait_until
+from host_support import PATIENCE_S, QUICK, Processes, wait_until
 from tiers import slow
 
 

@@ -23,8 +23,7 @@ from fltea.fleet.history import COLUMNS, TABLES, History
 from fltea.fleet.history_table import write
 from fltea.fleet.roll import Axis
 from fltea.records.errors import UsageError
-from host_support import fltea_here
-from support import PATIENCE_S
+from host_support import PATIENCE_S, fltea_here
 
 
 def opened(path: Path | None, every_s: float) -> History:

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from cluster_support import rows_in
 from fltea.records.errors import UsageError
+from host_support import PATIENCE_S, wait_until
 from identify_files import counts, npz
 from mosquitto_support import openssl
-from support import PATIENCE_S, wait_until
 from toolchain import missing
 
 QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100")

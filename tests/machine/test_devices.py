@@ -11,7 +11,7 @@ from fltea.machine.devices import NATIVE, PROGRAMMING, find_ports, stable_name
 from fltea.machine.host_system import Holder, System, permission_remedy
 from fltea.wire.permission import Group
 from fltea.wire.transport import DUE_NATIVE_PORT
-from support import wait_until
+from host_support import wait_until
 
 
 def test_boards_come_first_and_each_port_says_what_it_is(system: FakeSystem) -> None:

@@ -4,7 +4,7 @@ import ast
 import re
 from pathlib import Path
 
-from support import ROOT
+from host_support import ROOT
 
 PACKAGE = ROOT / "host/fltea"
 FILES = {

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from fltea.records.kinds import ERROR_KINDS
-from support import ROOT
+from host_support import ROOT
 
 LISTED = ERROR_KINDS.keys()
 CODE = {

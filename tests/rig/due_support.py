@@ -5,7 +5,7 @@ import sys
 from functools import cache
 from pathlib import Path
 
-from support import ROOT
+from host_support import ROOT
 from toolchain import arm_compiler
 
 sys.path.insert(0, str(ROOT))

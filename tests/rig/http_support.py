@@ -4,7 +4,7 @@ import http.client
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
-from support import PATIENCE_S
+from host_support import PATIENCE_S
 
 
 class Answer(NamedTuple):

@@ -13,11 +13,11 @@ from blocks import as_items
 from fltea.records.records import AnyRecord, Hello, Sample
 from fltea.settings.outputs import MqttConfig
 from fltea.sinks.mqtt.sink import MqttSink
+from host_support import PATIENCE_S, wait_until
 from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
-from support import PATIENCE_S, wait_until
 from toolchain import needed
 
 from tools.faults.server import Server, free_port

@@ -4,7 +4,7 @@ import os
 import shutil
 from pathlib import Path
 
-from support import ROOT
+from host_support import ROOT
 from toolchain import needed
 
 from tools.faults.server import Server, free_port

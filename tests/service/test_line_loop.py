@@ -17,8 +17,7 @@ from fltea.settings.config import load_config
 from fltea.sources.serial import SerialSource
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
-from host_support import WIRE_HELLO
-from support import PATIENCE_S, wait_until
+from host_support import PATIENCE_S, WIRE_HELLO, wait_until
 
 
 class Line:

@@ -8,9 +8,9 @@ from fltea.records.ports import LATENCY_BOUNDS_MS, Item, Latency, Sink, SinkClos
 from fltea.records.records import AnyRecord, Error, Gap
 from fltea.service.hub import Hub
 from fltea.service.outlet import Outlet
+from host_support import PATIENCE_S, wait_until
 from hypothesis import given
 from hypothesis import strategies as st
-from support import PATIENCE_S, wait_until
 
 
 def gap(seq: int) -> Gap:

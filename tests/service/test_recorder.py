@@ -15,9 +15,8 @@ from fltea.settings.config import load_config
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.record import RecordSink
 from fltea.sources.synthetic import SyntheticSource
-from host_support import hello
+from host_support import PATIENCE_S, hello, wait_until
 from mcap_support import replay, transport
-from support import PATIENCE_S, wait_until
 
 
 def made(record_to: Path, **settings: object) -> tuple[Hub, RecorderOfHub]:

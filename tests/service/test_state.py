@@ -16,8 +16,7 @@ from fltea.service.state import DeviceState, StateFile
 from fltea.settings.config import Config
 from fltea.settings.outputs import StateConfig
 from fltea.stream.pipeline import Pipeline
-from host_support import fltea_here, hello
-from support import wait_until
+from host_support import fltea_here, hello, wait_until
 from walk_support import Source, small_config
 
 PERIOD_NS = 10**7

@@ -21,8 +21,8 @@ from fltea.records.errors import UsageError
 from fltea.service import daemon
 from fltea.settings.config import SETTINGS, TABLES, Config
 from fltea.settings.setting import Declared, Table
+from host_support import ROOT
 from msgspec import inspect as types
-from support import ROOT
 
 COMMAND: Any = typer.main.get_command(app).commands["run"]  # type: ignore[attr-defined]
 

@@ -19,9 +19,9 @@ from fltea.records.events import Failed, Opened, Reads, Tick
 from fltea.wire import transport
 from fltea.wire.ports import Ports
 from fltea.wire.transport import Port
+from host_support import PATIENCE_S, wait_until
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from support import PATIENCE_S, wait_until
 from terminal import Terminal
 
 BAUD = 250_000

@@ -14,7 +14,7 @@ from fltea.records.events import Chunk, Failed, Opened, TransportEvent
 from fltea.wire import transport
 from fltea.wire.permission import Group, User
 from fltea.wire.transport import Port, Reader, explain_open_failure
-from support import PATIENCE_S, wait_until
+from host_support import PATIENCE_S, wait_until
 from terminal import Terminal
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from support import ROOT
+from host_support import ROOT
 from toolchain import missing, needed
 
 from tools.faults.__main__ import PARTS
