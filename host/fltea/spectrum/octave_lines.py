@@ -7,6 +7,7 @@ neighbours are correlated, so that a stretch of a few has more for its width tha
 
 import functools
 import math
+from bisect import bisect_left, bisect_right
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -217,14 +218,16 @@ def _at_the_ends(
     lines: _Lines, weights: Array, sums: Array, false_alarm: float
 ) -> tuple[_Found, float] | None:
     """Return the likeliest line too near to an end for whole flanks, and its gain."""
-    m = len(lines.lam)
+    # Plain numbers: these few tries are looked at one by one.
+    total, power, averaged = weights.tolist(), sums.tolist(), lines.averaged.tolist()
+    m, least = len(averaged), 1e-12 * power[-1] / total[-1]
     tries = []
     for width in END_WIDTHS:
-        first = int(np.searchsorted(weights, LEAST_IN_FLANK)) + width
-        last = min(int(np.searchsorted(weights, weights[-1] - LEAST_IN_FLANK, "right")) - 1, m - LEAST_FLANK)
+        first = bisect_left(total, LEAST_IN_FLANK) + width
+        last = min(bisect_right(total, total[-1] - LEAST_IN_FLANK) - 1, m - LEAST_FLANK)
         last -= 2 * width
         tries += [(at, width) for at in range(END_FLANK + width, min(first, last + 1))]
-        if width == 1 or not lines.averaged[-1]:  # over two averages a level can rise too far
+        if width == 1 or not averaged[-1]:  # over two averages a level can rise too far
             tries += [(at, width) for at in range(max(last + 1, first), m - width + 1)]
     if not tries:
         return None
@@ -232,30 +235,29 @@ def _at_the_ends(
     best: tuple[_Found, float] | None = None
     for at, width in tries:
         after = min(at + 2 * width, m)
-        after_to = min(max(int(np.searchsorted(weights, weights[after] + FLANK)), after + LEAST_FLANK), m)
-        two_sided = after_to - after >= LEAST_FLANK and weights[after_to] - weights[after] >= LEAST_IN_FLANK
+        after_to = min(max(bisect_left(total, total[after] + FLANK), after + LEAST_FLANK), m)
+        two_sided = after_to - after >= LEAST_FLANK and total[after_to] - total[after] >= LEAST_IN_FLANK
         before = at - width
         if two_sided:
-            flanks = [(_down(weights, before, FLANK, SHORTEST_FLANK), before), (after, after_to)]
+            flanks = [(_down(total, before, FLANK, SHORTEST_FLANK), before), (after, after_to)]
         else:
-            flanks = [(_down(weights, before, FLANK // 2, LEAST_FLANK), before)]
-        own = float(weights[at + width] - weights[at])
-        mean = float(sums[at + width] - sums[at]) / own
-        others = [float(weights[b] - weights[a]) for a, b in flanks]
-        least = 1e-12 * float(sums[-1] / weights[-1])
-        levels = [max(float(sums[b] - sums[a]) / w, least) for (a, b), w in zip(flanks, others, strict=True)]
+            flanks = [(_down(total, before, FLANK // 2, LEAST_FLANK), before)]
+        own = total[at + width] - total[at]
+        mean = (power[at + width] - power[at]) / own
+        others = [total[b] - total[a] for a, b in flanks]
+        levels = [max((power[b] - power[a]) / w, least) for (a, b), w in zip(flanks, others, strict=True)]
         if not two_sided:
             begin = flanks[0][0]
-            further = _down(weights, begin, FLANK // 2, LEAST_FLANK)
-            far = float(sums[begin] - sums[further]) / max(float(weights[begin] - weights[further]), 1e-300)
+            further = _down(total, begin, FLANK // 2, LEAST_FLANK)
+            far = (power[begin] - power[further]) / max(total[begin] - total[further], 1e-300)
             levels = [continued(levels[0], far)]
-            others = [others[0] / CONTINUED] if lines.averaged[at] else others
+            others = [others[0] / CONTINUED] if averaged[at] else others
         ratio = mean / max(levels)
         if ratio <= 1:
             continue
-        own *= _gathered(width) if lines.averaged[at] else 1.0
+        own *= _gathered(width) if averaged[at] else 1.0
         gain = own * (ratio - 1 - math.log(ratio))
-        if best is not None and gain <= best[1]:
+        if gain <= max(HOPELESS * critical**2 / 2, best[1] if best is not None else 0.0):
             continue
         # Each flank by itself: a short one is low by luck more often.
         deviates = f_deviate(mean / np.array(levels), 2 * own, 2 * np.array(others))
@@ -264,10 +266,9 @@ def _at_the_ends(
     return best
 
 
-def _down(weights: Array, end: int, ordinates: int, lines: int) -> int:
+def _down(weights: list[float], end: int, ordinates: int, lines: int) -> int:
     """Return where a flank up to `end` begins that has so many ordinates, and lines; 0 if there are fewer."""
-    first = int(np.searchsorted(weights, weights[end] - ordinates, "right")) - 1
-    return max(min(first, end - lines), 0)
+    return max(min(bisect_right(weights, weights[end] - ordinates) - 1, end - lines), 0)
 
 
 @functools.cache

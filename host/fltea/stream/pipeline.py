@@ -73,7 +73,7 @@ class Pipeline:
     own: of others they would only tell how fast this machine was. state: a snapshot of an earlier run.
     refuse: is called if it is not sound. beside: what the live fits of this program share. number: which of
     its devices this is, from 0. stats_s: seconds from one statistics to the next; devices have turns.
-    watched: somebody takes what comes out.
+    watched: somebody takes what comes out; else there are only the records by which others go, and the last.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Pipeline:
         self._decoder = Decoder(
             lambda: source.unix_offset_ns, config.link.max_gap, config.name, config.output
         )
-        self._refuse = refuse
+        self._refuse, self._watched = refuse, watched
         fits = LiveFits(config, prompt=source.prompt, watched=watched, beside=beside)
         self._fits = fits if config.live.on else None
         self._stages = stages_of(config, self._fits)
@@ -111,7 +111,7 @@ class Pipeline:
         Raises:
             UsageError: a fixed bias or R that does not fit the axes.
         """
-        for part in _by_second(event):
+        for part in _by_second(event) if self._watched else (event,):
             yield from self._on_time(part)
             for found in self._decoder.feed(part):
                 if isinstance(found, Hello):
@@ -159,7 +159,7 @@ class Pipeline:
         if self._decoder.timebase is None:  # the source may not have known the date before
             self._offset_ns = self._source.unix_offset_ns
         second = (self._now_ns + self._stats_offset_ns) // self._stats_ns
-        if self._second is not None and second > self._second:
+        if self._second is not None and second > self._second and self._watched:
             yield self.stats()
         if self._second is None or second > self._second:
             self._second = second
