@@ -46,16 +46,6 @@ def counts(y: Array) -> Array:
     return np.rint(y / LSB) * LSB
 
 
-def test_ten_minutes_of_clean_noise_have_no_trap() -> None:
-    y = white(LONG, 3, 1)
-    for axis in y:
-        assert axis_traps(axis, H) == ()
-        assert axis_traps(counts(axis), H, LSB) == ()
-    assert sensor_traps(list(y), [None] * 3) == ()
-    assert sensor_traps(list(counts(y)), [LSB] * 3) == ()
-    assert not list(timing_traps(**QUIET))
-
-
 @pytest.mark.parametrize("kind", ["white", "AR(.9)", "AR(-.8)", "fractional"])
 @pytest.mark.parametrize("lsb", [None, 0.1, 0.4])
 def test_clean_noise_hardly_ever_has_one(kind: str, lsb: float | None) -> None:

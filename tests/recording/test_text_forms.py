@@ -211,11 +211,6 @@ BAD = {
     "positions beyond": ("1 2 3\n", {"columns": ["4"], "rate_hz": 1.0}, "no column 4"),
     "no header and no positions": ("1,2,3\n4,5,6\n", {"rate_hz": 1.0}, "their positions: --columns 1,2,3"),
     "nothing but text": (OURS + "0,x,2,3\n1,x,2,3\n", {}, ":2: column 'gyro_x_dps': 'x' is not a number"),
-    "units against the header": (
-        "gx [rad/s]\n1\n",
-        {"columns": ["gx [rad/s]"], "units": "dps", "rate_hz": 9.0},
-        ":1: the columns gx [rad/s] are in rad/s by their names or line of units, and --units dps",
-    ),
     "a unit of times against the header": (
         OURS + "0,1,2,3\n",
         {"time_unit": "ms"},

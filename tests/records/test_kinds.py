@@ -97,24 +97,6 @@ def test_every_listed_kind_is_told() -> None:
     assert not LISTED - {kind for kind, _ in told(CODE)}
 
 
-def test_the_scan_finds_what_is_not_listed() -> None:
-    text = """
-def explain(error):
-    if error:
-        return "made_up_one", "text"
-    return ("made_up_two", "text")
-def tell(self):
-    yield Trouble("made_up_three", "text", 0)
-    yield Failed(kind="made_up_four", message="text")
-    self._report("made_up_five", "text")
-    hub.report()("made_up_six", "text")
-    yield self._error(*explain(1))
-    kind, text = self._broker.explain(2)
-"""
-    found = {kind for kind, _ in told({Path("x.py"): ast.parse(text)})}
-    assert found == {f"made_up_{n}" for n in ("one", "two", "three", "four", "five", "six")}
-
-
 def test_each_says_meaning_and_remedy_in_a_sentence() -> None:
     for name, kind in ERROR_KINDS.items():
         assert re.fullmatch(r"[a-z]+(_[a-z]+)*", name)

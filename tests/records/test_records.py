@@ -15,7 +15,6 @@ from fltea.records.records import (
     FlteaEstimate,
     Hello,
     Sample,
-    Stats,
     Whiteness,
     WhyNot,
 )
@@ -138,24 +137,6 @@ def test_reasons_are_those_of_the_protocol_page() -> None:
     page = (ROOT / "protocol/README.md").read_text(encoding="utf-8")
     for reason in REASONS:
         assert f"\n| {reason} |" in page
-
-
-def test_helpers_see_what_is_there() -> None:
-    """Against a comparison of nothing with nothing."""
-    assert emitted_fields(Estimate)["axes.<axis>.fltea.alpha"] is True
-    assert emitted_fields(Estimate)["axes.<axis>.fltea.valid"] is False
-    stats = emitted_fields(Stats)
-    assert {
-        "class",
-        "link.bad_frames.<reason>",
-        "board",
-        "board.i2c_errors",
-        "outputs.<output>.queued",
-    } <= set(stats)
-    assert stats["board"] is True
-    assert not {"link", "axes", "link.bad_frames"} & set(stats)
-    with pytest.raises(pytest.fail.Exception, match=r"x: the code emits .*: b\nx: the page says .*: c, d$"):
-        compare("x", {"a", "b"}, {"a", "c", "d"})
 
 
 # --- a real run says nothing else ---
