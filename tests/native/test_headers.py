@@ -32,8 +32,8 @@ def test_doctest_with_sanitizers(cases: str) -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_the_reader_of_ports_has_no_races() -> None:
-    make("thread_tests")
-    done = subprocess.run([BUILD / "thread_tests"], capture_output=True, text=True, check=False)
+    make(NATIVE, TESTS, "thread_tests")
+    done = subprocess.run([TESTS / "thread_tests"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
