@@ -1,6 +1,7 @@
-"""The touch at 1200 baud: what a pseudo-terminal is set to, in which order, before the tool runs."""
+"""Before the tool runs: which files are taken for an image, and the touch at 1200 baud, in which order."""
 
 import errno
+import struct
 import termios
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,7 +9,8 @@ from pathlib import Path
 import pytest
 import serial
 from fltea.machine import flash
-from fltea.records.errors import FlteaError
+from fltea.records.errors import FlteaError, UsageError
+from host_support import ROOT
 from speaking_port import SpeakingPort, speaking
 
 
@@ -160,3 +162,64 @@ def test_a_tool_that_touches_the_port_itself_may_leave_1200_baud(
     with pytest.raises(FlteaError, match=r"exit code 4.*[Uu]nplug the USB cable"):
         flash.carry_out(plan, line.sleep)
     assert line.seen == []
+
+
+def image_bytes(stack: int = 0x2008_8000, reset: int = 0x0008_0101, size: int = 1024) -> bytes:
+    return struct.pack("<II", stack, reset).ljust(size, b"\xff")[:size]
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> Path:
+    return tmp_path / "some.bin"
+
+
+def test_the_committed_image_is_not_refused() -> None:
+    flash.check_image(ROOT / "firmware/due/image/fltea_due.bin")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        image_bytes(stack=0x2007_0004),
+        image_bytes(reset=0x0008_0009),
+        image_bytes(reset=0x0008_03FF),
+        image_bytes(reset=0x000F_FFFF, size=512 * 1024),
+    ],
+    ids=["stack", "first", "last", "largest"],
+)
+def test_an_image_at_a_limit_is_not_refused(content: bytes, image: Path) -> None:
+    image.write_bytes(content)
+    flash.check_image(image)
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (b"", "0 bytes"),
+        (image_bytes(size=7), "7 bytes"),
+        (image_bytes(size=512 * 1024 + 1), "524289 bytes"),
+        (b"\x7fELF\x01\x01\x01".ljust(2048, b"\0"), "stack at 0x464c457f"),
+        (b"\xff" * 2048, "stack at 0xffffffff"),
+        (image_bytes(stack=0x2007_0000), "stack at 0x20070000"),
+        (image_bytes(stack=0x2008_8004), "stack at 0x20088004"),
+        (image_bytes(stack=0x2007_2002), "stack at 0x20072002"),
+        (image_bytes(reset=0x0008_0100), "reset handler at 0x00080100"),
+        (image_bytes(reset=0x0007_FFFF), "reset handler at 0x0007ffff"),
+        (image_bytes(reset=0x0008_0007), "reset handler at 0x00080007"),
+        (image_bytes(reset=0x0008_0401), "reset handler at 0x00080401"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_file_that_is_no_image_is_refused(content: bytes, why: str, image: Path) -> None:
+    image.write_bytes(content)
+    with pytest.raises(UsageError, match=f"no image for the Due.*{why}"):
+        flash.check_image(image)
+
+
+def test_an_image_that_cannot_be_read_is_told(image: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def denied(_: Path) -> bytes:
+        raise PermissionError(errno.EACCES, "denied")
+
+    monkeypatch.setattr(Path, "read_bytes", denied)
+    with pytest.raises(UsageError, match=r"cannot be read.*denied"):
+        flash.check_image(image)

@@ -22,8 +22,7 @@ from fltea.sinks import record as record_module
 from fltea.sinks.lines import BlockLines, Wanted
 from fltea.stream.decode import Decoded, Decoder
 from mcap.reader import make_reader
-from mcap_support import Live, kill, of, record, replay, transport
-from record_support import files
+from mcap_support import Live, files, kill, of, record, replay, transport
 
 
 @pytest.fixture

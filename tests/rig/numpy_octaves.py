@@ -3,6 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
+import pytest
+from fltea.spectrum.octaves import Octaves
+from fltea.spectrum.periodogram import Periodogram
 from numpy.typing import NDArray
 from scipy import signal
 
@@ -65,3 +68,26 @@ def passed(lam: Array, level: int) -> Array:
     for halvings in range(level):
         result *= np.abs(signal.freqz(TAPS, worN=lam * 2**halvings)[1]) ** 2
     return result
+
+
+def fed(y: Array) -> Octaves:
+    """Octaves of samples (n, lanes), or (n,) of one lane."""
+    rows = np.ascontiguousarray(y.reshape(len(y), -1))
+    octaves = Octaves(rows.shape[1])
+    octaves.add(rows)
+    return octaves
+
+
+def noise(n: int, lanes: int, seed: int) -> Array:
+    return np.random.default_rng(seed).standard_normal((n, lanes))
+
+
+def check_lines(p: Periodogram, oracle: Lines) -> None:
+    """Equal; lines at one frequency are averaged first."""
+    lam, place = np.unique(oracle.lam, return_inverse=True)
+    assert p.weight is not None
+    assert p.lam == pytest.approx(lam, rel=1e-13)
+    weight = np.bincount(place, oracle.weight)
+    assert p.weight == pytest.approx(weight, rel=1e-12)
+    power = np.bincount(place, oracle.weight * oracle.power) / weight
+    assert p.power == pytest.approx(power, rel=2e-5, abs=1e-5 * power.mean())

@@ -14,9 +14,8 @@ from fltea.records import clock
 from fltea.records.events import Chunk
 from fltea.records.records import Error, Hello, Sample
 from fltea.sinks import record as record_module
-from mcap_support import MONOTONIC_NS, replay, transport
+from mcap_support import MONOTONIC_NS, files, messages, replay, sink_in, transport, wire_data
 from mcap_support import of as only
-from record_support import files, messages, sink_in, wire_data
 
 
 class Recorder:

@@ -21,9 +21,22 @@ from fltea.sinks.record_session import MOST_NOTES
 from fltea.sources.mcap import read_info
 from fltea.sources.synthetic import parse_noise
 from mcap.reader import make_reader
-from mcap_support import MONOTONIC_NS, OFFSET_NS, record, replay, transport
+from mcap_support import (
+    MONOTONIC_NS,
+    OFFSET_NS,
+    files,
+    messages,
+    metadata_of,
+    record,
+    replay,
+    sink_in,
+    transport,
+    wire_data,
+    wire_entries,
+    wire_of,
+    written,
+)
 from mcap_support import of as only
-from record_support import files, messages, metadata_of, sink_in, wire_data, wire_entries, wire_of, written
 
 # --- what is in a file ---
 

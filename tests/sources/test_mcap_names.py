@@ -7,8 +7,7 @@ from fltea.records.errors import UsageError
 from fltea.records.records import Sample
 from fltea.sources.mcap import find_session
 from fltea.sources.replay import ReplaySource
-from mcap_support import of, record, replay, transport
-from record_support import files
+from mcap_support import files, of, record, replay, transport
 
 
 def test_folder_session_and_file_name_the_same(tmp_path: Path) -> None:

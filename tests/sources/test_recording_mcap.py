@@ -21,8 +21,7 @@ from fltea.sources.synthetic import SyntheticSource
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from mcap.opcode import Opcode
-from mcap_support import OFFSET_NS, SMALL, of, record, replay, transport, without
-from record_support import files
+from mcap_support import OFFSET_NS, SMALL, files, of, record, replay, transport, without
 
 
 @pytest.fixture

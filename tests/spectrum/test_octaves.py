@@ -12,8 +12,7 @@ from fltea.spectrum.periodogram import Periodogram, binned, periodogram
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, long_recursion
-from numpy_octaves import TAPS, lines
-from octaves_support import check_lines, fed, noise
+from numpy_octaves import TAPS, check_lines, fed, lines, noise
 
 
 def test_filter_is_that_of_scipy() -> None:

@@ -5,7 +5,7 @@ import pytest
 from fltea.spectrum.octaves import Counts, Octaves
 from fltea.spectrum.periodogram import Periodogram
 from identify_support import Array, H, long_recursion
-from octaves_support import fed
+from numpy_octaves import fed
 
 
 def noise(n: int, seed: int = 1) -> Array:

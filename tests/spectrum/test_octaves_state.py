@@ -6,8 +6,7 @@ from fltea.spectrum.octaves import WHOLE, Octaves
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H
-from numpy_octaves import lines
-from octaves_support import check_lines, fed, noise
+from numpy_octaves import check_lines, fed, lines, noise
 
 
 @settings(deadline=None, max_examples=30)

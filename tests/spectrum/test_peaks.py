@@ -10,7 +10,7 @@ from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral import _above_slow_lines
 from identify_support import Array, H, ar, long_recursion, white
-from octaves_support import fed
+from numpy_octaves import fed
 from scipy.signal import butter, lfilter
 
 N = 60_000

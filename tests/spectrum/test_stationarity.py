@@ -10,7 +10,7 @@ from fltea.spectrum.spectral import examine
 from fltea.spectrum.stationarity import Change, find_change
 from fltea.spectrum.verdict import decide
 from identify_support import Array, H, ar, long_recursion, white
-from octaves_support import fed
+from numpy_octaves import fed
 from tiers import slow
 
 LEVEL = 0.01
