@@ -165,27 +165,6 @@ def test_folder_that_is_none(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "file"]
 
 
-@pytest.mark.parametrize("failure", [OSError("disk full"), KeyboardInterrupt()])
-@pytest.mark.parametrize("suffix", ["csv", "npz"])
-def test_failure_in_the_midst_leaves_the_old_file(
-    suffix: str, failure: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = simulated(tmp_path / f"a.{suffix}")
-    before = path.read_bytes()
-
-    def fail(*_: object, **__: object) -> None:
-        raise failure
-
-    if suffix == "npz":
-        monkeypatch.setattr(np, "savez_compressed", fail)
-    else:
-        monkeypatch.setattr(csv, "writer", fail)
-    with pytest.raises(FlteaError if isinstance(failure, OSError) else KeyboardInterrupt):
-        simulated(path, seed=2)
-    assert path.read_bytes() == before
-    assert list(tmp_path.iterdir()) == [path]
-
-
 @pytest.mark.parametrize("name", ["noise.csv", "varying.npz"])
 def test_command_writes_what_run_reads(name: str, tmp_path: Path) -> None:
     flags = ["--alpha", "0.2", "--alpha-end", "0.6", "--lsb", "16.4", "-n", "300", "--window", "100"]

@@ -2,8 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -151,16 +149,6 @@ def test_what_was_found_is_told_before_a_file_fails(recording: Path, tmp_path: P
     out, err = here(recording, *flags, exit_code=1)
     assert "gyro_x: white ·" in out
     assert "model.json: cannot be written" in err
-
-
-def test_disk_full(recording: Path) -> None:
-    """One line, no traceback."""
-    command = [sys.executable, "-m", "fltea", "identify", recording, "--channels", "gyro_x", *FAST]
-    with Path("/dev/full").open("w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
-    assert done.returncode == 1
-    assert done.stderr.startswith("fltea: error: cannot write the output")
-    assert "Traceback" not in done.stderr
 
 
 def test_a_bad_file_among_others(recording: Path, tmp_path: Path) -> None:

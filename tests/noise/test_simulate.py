@@ -91,12 +91,6 @@ def test_equal_seeds_give_equal_samples() -> None:
     )
 
 
-def test_single_steps_are_the_samples() -> None:
-    one, many = (FractionalNoise(0.3, -1.8, 1, 0.1, H, seed=1) for _ in range(2))
-    y, x = many.samples(20)
-    assert [one.step() for _ in range(20)] == list(zip(y, x, strict=True))
-
-
 def test_warmup_starts_near_the_stationary_variance() -> None:
     alpha, f = 0.6, -1.0
     Q = 1 / H ** (2 * alpha)

@@ -2,7 +2,6 @@
 
 import csv
 import dataclasses
-import os
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from fltea.archive.info import Summary, as_text, sessions, summarise
 from fltea.cli import record as cli_record
 from fltea.recording.recovery import recover
 from fltea.records.block import AxisColumns, Block
-from fltea.records.errors import FlteaError, UsageError
+from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Failed
 from fltea.records.records import Corrected, Epoch, Estimate, Fit, Gap, Hello, Sample
 from fltea.sinks import record as record_module
@@ -224,20 +223,6 @@ def test_an_export_replaces_nothing_unless_it_is_told_to(name: str, tmp_path: Pa
     assert (tmp_path / "out.csv").read_text() == "of yesterday"
     assert export([tmp_path / "rec"], tmp_path / name, "samples", 100, force=True) > 50
     assert not (tmp_path / "nowhere").exists()
-
-
-def test_an_export_that_fails_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    record(tmp_path / "rec", transport(samples=60))
-    (tmp_path / "out.csv").write_text("of yesterday")
-
-    def full(source: object, target: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "replace", full)
-    with pytest.raises(FlteaError, match=r"out\.csv: cannot be written \(.*No space left"):
-        export([tmp_path / "rec"], tmp_path / "out.csv", "samples", 100, force=True)
-    assert (tmp_path / "out.csv").read_text() == "of yesterday"
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "rec"]
 
 
 # --- info ---

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fltea.sinks.page.tiers import MOST_ROWS, WINDOWS, Cursor, Ring, Tiers
+from fltea.sinks.page.tiers import MOST_ROWS, WINDOWS, Cursor, Tiers
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -16,16 +16,6 @@ def fill(tiers: Tiers, values: list[float], begin_ms: float = 1e12, step_ms: flo
     for row in rows:
         tiers.append(row)
     return rows
-
-
-def test_ring_keeps_the_last() -> None:
-    ring = Ring(4, 1)
-    for k in range(10):
-        ring.append(np.array([float(k)]))
-    assert ring.end == 10
-    assert ring.since(0).ravel().tolist() == [6, 7, 8, 9]
-    assert ring.since(8).ravel().tolist() == [8, 9]
-    assert ring.since(10).size == 0
 
 
 @given(st.lists(st.floats(-1e6, 1e6) | st.just(float("nan")), min_size=1, max_size=900))

@@ -1,6 +1,10 @@
 """What the tests of sources share."""
 
+import contextlib
+import os
 import time
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -13,3 +17,13 @@ def now_ns(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     monkeypatch.setattr(time, "time_ns", lambda: now_ns[0] + 10**18)
     monkeypatch.setattr(time, "sleep", lambda s: now_ns.__setitem__(0, now_ns[0] + round(s * 1e9)))
     return now_ns
+
+
+@pytest.fixture
+def fifo(tmp_path: Path) -> Iterator[Path]:
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    yield path
+    for flags in (os.O_RDONLY, os.O_WRONLY):  # let go of who still waits for the other side
+        with contextlib.suppress(OSError):
+            os.close(os.open(path, flags | os.O_NONBLOCK))

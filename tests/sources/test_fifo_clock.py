@@ -120,13 +120,6 @@ def test_after_a_set_up_the_numbers_go_on_by_time() -> None:
     assert sensor.clock.next == sensor.taken
 
 
-def test_the_first_sample_is_number_0() -> None:
-    clock = FifoClock(100.0, 0.03)
-    assert clock.resume(2, 5 * S, 5 * S + 12 * MS) == (0, 0)
-    taken = clock.take(2, 2, 5 * S + 12 * MS, timely=True)
-    assert [number for number, _ in taken] == [0, 1]
-
-
 def test_a_late_count_teaches_nothing() -> None:
     """One that was held up for half a second, and stands alone in its second."""
     sensor = Sensor(0).run(20)

@@ -23,27 +23,16 @@ def test_a_time_stamp_is_aligned_to_its_own_size() -> None:
     assert layout.places["timestamp"][1] == 8
 
 
+BAD_LAYOUTS = " le:s16/16 me:s16/16>>0 le:s17/16>>0 le:s16/24>>0 le:s16/16>>1 le:s0/16>>0 le:s8/99999>>0"
+
+
 @pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "le:s16/16",
-        "me:s16/16>>0",
-        "le:s17/16>>0",
-        "le:s16/24>>0",
-        "le:s16/16>>1",
-        "le:s0/16>>0",
-        "le:s8/99999>>0",
-    ],
+    ("index", "text", "word"),
+    [*(("0", text, "anglvel_x") for text in BAD_LAYOUTS.split(" ")), ("", "le:s16/16>>0", "index ''")],
 )
-def test_a_layout_that_cannot_be(text: str) -> None:
-    with pytest.raises(ValueError, match="anglvel_x"):
-        parse_element("anglvel_x", "0", text)
-
-
-def test_an_index_that_is_none() -> None:
-    with pytest.raises(ValueError, match="index ''"):
-        parse_element("anglvel_x", "", "le:s16/16>>0")
+def test_a_layout_that_cannot_be(index: str, text: str, word: str) -> None:
+    with pytest.raises(ValueError, match=word):
+        parse_element("anglvel_x", index, text)
 
 
 @st.composite

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -26,16 +25,6 @@ NDJSON = b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mod
     for k in range(50)
 )
 TEXTS = {"csv": CSV, "ndjson": NDJSON}
-
-
-@pytest.fixture
-def fifo(tmp_path: Path) -> Iterator[Path]:
-    path = tmp_path / "pipe"
-    os.mkfifo(path)
-    yield path
-    for flags in (os.O_RDONLY, os.O_WRONLY):  # let go of who still waits for the other side
-        with contextlib.suppress(OSError):
-            os.close(os.open(path, flags | os.O_NONBLOCK))
 
 
 def feed(path: Path, data: bytes) -> threading.Thread:

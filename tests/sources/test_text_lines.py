@@ -226,13 +226,6 @@ def test_urls_of_ports() -> None:
             parse_serial(wrong)
 
 
-@pytest.fixture
-def fifo(tmp_path: Path) -> Path:
-    path = tmp_path / "pipe"
-    os.mkfifo(path)
-    return path
-
-
 def test_a_fifo_gives_samples_as_they_come_and_ends_with_its_sender(fifo: Path) -> None:
     source = PipeText(str(fifo), RATE)
     events = source.events()
