@@ -1,8 +1,19 @@
 """Clock tree, flash wait states, watchdog, resets and random numbers: what works, and what ends the run."""
 
 import pytest
-from due_clock import FAR, MS, PLLA_168, crystal, plla, wait_states
-from machine_support import Bench, fault_of, peripheral, reason, run
+from machine_support import (
+    FAR,
+    MS,
+    PLLA_168,
+    Bench,
+    crystal,
+    fault_of,
+    peripheral,
+    plla,
+    reason,
+    run,
+    wait_states,
+)
 
 from tools.due_emulator.machine import PS_PER_S
 

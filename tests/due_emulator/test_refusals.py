@@ -1,11 +1,10 @@
 """What a program must not do with a peripheral, in one table each for the board's and for the TWI's.
 
-A step before is a write (peripheral, register, value), a time in ms, or a helper of `due_clock`.
+A step before is a write (peripheral, register, value), a time in ms, or a helper of `machine_support`.
 """
 
 import pytest
-from due_clock import FAR, MS, PLLA_168, crystal, full_speed, plla, wait_states
-from machine_support import Bench, peripheral
+from machine_support import FAR, MS, PLLA_168, Bench, crystal, full_speed, peripheral, plla, wait_states
 from sensor_support import MSEN, SCL, SDA, START, SWRST, TWI1_ID, SmallBoard
 
 from tools.due_emulator.machine import EmulationFault

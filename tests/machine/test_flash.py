@@ -15,7 +15,7 @@ from fltea.wire import layout as wire
 from fltea.wire import transport
 from fltea.wire.messages import encode
 from host_support import ROOT, WIRE_HELLO, fltea, fltea_here
-from speaking_port import SpeakingPort, speaking
+from terminal import SpeakingPort, speaking
 
 HELLO = WIRE_HELLO._replace(firmware_version="0.1.0 due 12ab34cd", who_am_i=0, sensor_starts=0)
 

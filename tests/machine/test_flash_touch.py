@@ -11,7 +11,7 @@ import serial
 from fltea.machine import flash
 from fltea.records.errors import FlteaError, UsageError
 from host_support import ROOT
-from speaking_port import SpeakingPort, speaking
+from terminal import SpeakingPort, speaking
 
 
 @pytest.fixture

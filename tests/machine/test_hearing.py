@@ -11,7 +11,7 @@ from fltea.sources import wire_events
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from host_support import WIRE_HELLO
-from speaking_port import SpeakingPort, speaking
+from terminal import SpeakingPort, speaking
 
 
 @pytest.fixture

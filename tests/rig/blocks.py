@@ -12,7 +12,7 @@ from fltea.records.events import LinkDown, RawBlock, RawSample, block_of
 from fltea.records.records import AnyRecord, AxisEstimate, Estimate, Hello, Sample
 from fltea.stream.place import Piece, Place
 from hypothesis import strategies as st
-from place_one_by_one import Placed
+from one_by_one import Placed
 
 T = TypeVar("T")
 

@@ -1,6 +1,7 @@
-"""What the tests of the host share: the stand-in and the real command, and its output read strictly."""
+"""What the tests of the host share: the stand-in and the real command, strict reading, and requests."""
 
 import contextlib
+import http.client
 import os
 import signal
 import subprocess
@@ -8,8 +9,9 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from unittest import mock
+from urllib.parse import urlsplit
 
 import msgspec
 from fltea.cli.app import main
@@ -154,3 +156,29 @@ class Processes:
     def kill(self) -> None:
         for one in self._started:
             one.kill()
+
+
+class Answer(NamedTuple):
+    status: int
+    text: str
+    headers: dict[str, str]
+
+
+def port_of(url: str) -> int:
+    port = urlsplit(url).port
+    assert port is not None
+    return port
+
+
+def ask(port: int, path: str = "/", method: str = "GET", skip_host: bool = False, **headers: str) -> Answer:
+    """Send a request without a body; underscores in the names of headers stand for hyphens."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE_S)
+    try:
+        connection.putrequest(method, path, skip_host=skip_host or "Host" in headers)
+        for name, value in headers.items():
+            connection.putheader(name.replace("_", "-"), value)
+        connection.endheaders()
+        answer = connection.getresponse()
+        return Answer(answer.status, answer.read().decode(), dict(answer.getheaders()))
+    finally:
+        connection.close()

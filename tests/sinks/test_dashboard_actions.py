@@ -24,7 +24,7 @@ from fltea.sinks.page.downloads import report_of, seen
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.page import Page
 from fltea.sinks.page.sink import DashboardSink
-from http_support import Answer, ask, port_of
+from host_support import Answer, ask, port_of
 
 AXES = {"gyro_x": with_curves(FRACTIONAL), "gyro_y": with_curves(WHITE, 2.0), "gyro_z": UNDECIDED}
 

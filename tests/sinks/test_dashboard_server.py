@@ -22,8 +22,7 @@ from fltea.sinks import page
 from fltea.sinks.page.page import Page
 from fltea.sinks.page.server import PageServer
 from fltea.sinks.page.sink import DashboardSink
-from host_support import PATIENCE_S, wait_until
-from http_support import ask, port_of
+from host_support import PATIENCE_S, ask, port_of, wait_until
 
 SCRIPT = "/static/js/bokeh.min.js"
 

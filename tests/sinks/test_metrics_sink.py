@@ -30,8 +30,7 @@ from fltea.service.outlet import Outlet
 from fltea.settings.outputs import MetricsConfig
 from fltea.sinks.metrics.families import Families
 from fltea.sinks.metrics.sink import MetricsSink
-from host_support import PATIENCE_S, fltea_here, hello
-from http_support import ask, port_of
+from host_support import PATIENCE_S, ask, fltea_here, hello, port_of
 from hypothesis import given
 from hypothesis import strategies as st
 from prometheus_client import CollectorRegistry, generate_latest

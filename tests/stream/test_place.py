@@ -10,7 +10,7 @@ from fltea.stream.place import MAX_HOST_DISAGREEMENT_US, Place
 from host_support import hello
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from place_one_by_one import Continuity, Placed
+from one_by_one import Continuity, Placed
 
 PERIOD_US = 10_000
 HALF_HOUR = 30 * 60 * 100

@@ -11,7 +11,7 @@ from fltea.sources.replay import ReplaySource
 from fltea.stream.time import Timebase
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from time_one_by_one import Timebase as TimeOneByOne
+from one_by_one import Timebase as TimeOneByOne
 
 PERIOD_US = 10_000
 HOUR_NS = 3600 * 10**9
