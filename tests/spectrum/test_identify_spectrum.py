@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from fltea.noise import spectra as spectrum
-from fltea.noise.simulation import is_stationary
 from fltea.spectrum.periodogram import periodogram
 from hypothesis import given
 from hypothesis import strategies as st
@@ -37,14 +36,6 @@ def test_recursion_has_the_spectrum() -> None:
     ratio = (p.power / spectrum.fractional(p.lam, alpha, spectrum.g_of(alpha, f, H))).mean(axis=0)
     for part in np.array_split(ratio, 5):
         assert part.mean() == pytest.approx(1, abs=4 / np.sqrt(64 * len(part)) + 0.01)
-
-
-@given(st.floats(0, 2.5), st.floats(-20, 5))
-def test_stationarity_is_that_of_simulate(alpha: float, f: float) -> None:
-    """Two statements of the rule, in g and in f."""
-    assert (
-        bool(spectrum.stationary(alpha, H**alpha * f)) == is_stationary(alpha, f, H) or f == 0 or alpha == 0
-    )
 
 
 @given(st.floats(0, 1.99), st.floats(-50, 5), st.floats(1e-3, 1), st.floats(1e-6, 1e6))

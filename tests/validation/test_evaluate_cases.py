@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from fltea.noise import spectra as spectrum
-from fltea.noise.simulation import is_stationary
 from fltea.spectrum.periodogram import periodogram
 
 from tools.validation.evaluate import cases
@@ -17,7 +16,7 @@ def test_the_grid() -> None:
     assert GRID[0] == Case()
     assert len(GRID) == len(set(GRID)) == 53
     for case in GRID[1:]:
-        assert is_stationary(case.alpha, case.f, H)
+        assert spectrum.stationary(case.alpha, spectrum.g_of(case.alpha, case.f, H))
     assert not [case for case in GRID if (case.alpha, case.f) == (0.2, -3.0)]
 
 

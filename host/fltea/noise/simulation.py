@@ -22,25 +22,6 @@ Array = NDArray[np.float64]
 Order = float | Sequence[float] | Array | Callable[[int], float]
 
 
-def is_stationary(alpha: float, f: float, h: float) -> bool:
-    """Tell whether x with unlimited memory has a finite variance that does not grow.
-
-    With g = h^α f: -2^α < g < 0 for 0 < α < 2, |g| < 1 for α = 0 (an AR(1) process), and α < 1/2 for f = 0.
-    Raises ValueError for α < 0 with f ≠ 0, where no rule is known, and for h <= 0.
-    """
-    _check_positive("h", h)
-    if f == 0:
-        return alpha < 0.5
-    if alpha < 0:
-        raise ValueError(
-            f"no rule of stationarity is known for a negative order with f ≠ 0, got alpha={alpha}"
-        )
-    g = float(h**alpha * f)
-    if alpha == 0:
-        return abs(g) < 1
-    return alpha < 2 and -(2.0**alpha) < g < 0
-
-
 class FractionalNoise:
     """Endless fractional noise: `step()` gives the next measurement and the state behind it.
 
