@@ -1,25 +1,31 @@
-"""Many files to a table: each once, failures as rows, nothing done again; a scheduler that is killed."""
+"""Many files to a table: each once, failures as rows, nothing done again; what the command says; kills."""
 
+import json
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import closing
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import msgspec
 import numpy as np
 import pytest
 from cluster_support import ASK, command, identified, open_table, rows_in, s3_server, two_workers, values
-from fltea.cluster.listing import File, Unlisted, files_of
+from fltea.cli import many
+from fltea.cluster.listing import JOURNAL, File, Unlisted, files_of
 from fltea.cluster.run import Progress, run
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.cluster.whole import identify_file
 from fltea.identification.run import identify_all
 from fltea.identification.workers import Here
-from fltea.records.errors import FlteaError
+from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.how import How
+from host_support import wait_until
 from identify_files import counts, npz
 from identify_support import white
 from toolchain import missing
@@ -225,3 +231,111 @@ def test_what_was_under_way_is_no_failure_of_the_files(tmp_path: Path) -> None:
         assert len(table) == 0
     with pytest.raises(FlteaError, match="scheduler is gone"):
         identify_all([ASK.request(path)], ASK.settings, Gone(), Here())
+
+
+Command = Callable[..., tuple[int, str]]
+QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100", "--jobs", "1")
+
+
+@pytest.mark.parametrize(
+    ("files", "out", "others", "text"),
+    [
+        (["a.npz", "s3://lab/a.npz"], None, [], r"s3://lab/a.npz: of files by URL .* --out verdicts.parquet"),
+        (["a.npz"], "report", [], r"call it NAME\.parquet\. A page is --report DIR"),
+        (["a.npz"], "v.parquet", ["--json"], "--json and --out do not go together"),
+        (["a.npz", ""], "v.parquet", [], r"an empty name, as a variable that is not set gives it"),
+        ([""], None, [], "an empty name"),
+    ],
+)
+def test_what_does_not_go_together(files: list[str], out: str | None, others: list[str], text: str) -> None:
+    with pytest.raises(UsageError, match=text):
+        many.check(files, Path(out) if out else None, others)
+
+
+def test_a_summary() -> None:
+    progress = Progress(listed=1206, skipped=3, done=1203, failed=2, read=2_500_000_000)
+    assert many._line(progress, 50.0) == (
+        "1,203 files done, 2 of them with a failure, 3 were done before, 2,500.0 MB in 50 s (50.0 MB/s)"
+    )
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """The command in this process: its exit code and what it says on stderr."""
+
+    def run(*arguments: object, jobs: int = 1) -> tuple[int, str]:
+        code = command(monkeypatch, *arguments, "--jobs", jobs)
+        said = capsys.readouterr()
+        assert said.out == ""
+        return code, said.err
+
+    return run
+
+
+def journal_rows(journal: Path) -> list[dict[str, Any]]:
+    return [row for line in journal.read_text().splitlines() for row in json.loads(line)]
+
+
+@pytest.mark.slow
+def test_a_client_that_is_killed_and_called_again(here: Command, tmp_path: Path) -> None:
+    """What was done stays as it is, down to the time it took, and all are there once."""
+    (tmp_path / "in").mkdir()
+    for i in range(8):
+        npz(tmp_path / "in" / f"{i}.npz", counts(2000, 1, seed=i))
+    out = tmp_path / "v.parquet"
+    line = [sys.executable, "-m", "fltea", "identify", str(tmp_path / "in"), "--out", str(out), *QUICK]
+    client = subprocess.Popen(line, stderr=subprocess.DEVNULL)
+    journal = out / JOURNAL
+    wait_until(lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 2, "two files")
+    client.send_signal(signal.SIGKILL)
+    client.wait()
+    done = journal.read_bytes().count(b"\n")
+    assert done < 8
+    first = {row["file"]: row["seconds"] for row in journal_rows(journal)}
+    code, said = here(tmp_path / "in", "--out", out)
+    assert code == 0
+    assert f"{8 - done} files done, {done} were done before" in said
+    found = {row["file"]: row["seconds"] for row in rows_in(out)}
+    assert len(rows_in(out)) == len(found) == 8
+    assert {name: found[name] for name in first} == first
+    assert here(tmp_path / "in", "--out", out)[0] == 0
+    assert len(rows_in(out)) == 8
+
+
+def test_a_failure_ends_with_one_in_whichever_run_it_was_found(here: Command, tmp_path: Path) -> None:
+    """As long as the table has it for a file of the list; for no other file."""
+    (tmp_path / "in").mkdir()
+    bad, out = tmp_path / "in" / "bad.npz", tmp_path / "v.parquet"
+    bad.write_bytes(b"PK none")
+    npz(tmp_path / "in" / "good.npz", counts(1000, 1))
+    for done in ("2 files done, 1 of", "0 files done, 2 were done before, 1 of"):
+        code, said = here(tmp_path / "in", "--out", out)
+        assert code == 1
+        assert f"{done} them with a failure" in said
+        first = f"{bad}: cannot be read as .npz"
+        assert f"error: 1 of 2 files have a failure in the table (column error). The first: {first}" in said
+    assert here(tmp_path / "in" / "good.npz", "--out", out)[0] == 0
+    npz(bad, counts(1000, 1, seed=2))
+    assert here(tmp_path / "in", "--out", out)[0] == 0
+
+
+def test_ctrl_c_says_how_to_go_on(here: Command, tmp_path: Path) -> None:
+    path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
+    with mock.patch("fltea.cluster.run.run", side_effect=KeyboardInterrupt):
+        code, said = here(path, "--out", out)
+    assert code == 130
+    assert f"{out}: stopped; the same command does what is not in the table" in said
+    assert here(path, "--out", out)[0] == 0
+
+
+def test_a_file_that_is_named_twice_is_done_once(here: Command, tmp_path: Path) -> None:
+    """Also while it is under way."""
+    path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
+    assert here(path, f"{tmp_path}/*.npz", "--out", out, jobs=2)[0] == 0
+    assert [row["axis"] for row in rows_in(out)] == ["gyro_x"]
+
+
+def test_nothing_there(here: Command, tmp_path: Path) -> None:
+    code, said = here(f"{tmp_path}/**/*.mcap", "--out", tmp_path / "v.parquet")
+    assert code == 2
+    assert "no recording is there" in said

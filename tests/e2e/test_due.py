@@ -71,18 +71,6 @@ def test_its_samples_arrive_before_the_next_is_due(quiet: DueRun) -> None:
     assert max(delays_s) < 0.008
 
 
-@pytest.mark.slow
-def test_its_loads() -> None:
-    board = quiet_for(30).board
-    seconds = board.now_s
-    # 390 and 190 us at 400 kHz for burst and guard, and what surrounds them.
-    assert 0.05 < board.twi.load_ps / 1e12 / seconds < 0.07
-    # 28 bytes a sample, 81 an ESTIMATE, and some 240 a second besides, at 25,000 bytes a second.
-    assert 0.2 < board.uart.busy_ps / 1e12 / seconds < 0.23
-    # The estimates take 8 % and the fits 7 %, of which there are none for the first 15 s.
-    assert board.machine.idle_ps / 1e12 / seconds > 0.8
-
-
 def test_its_hellos_and_statuses_come_every_second(quiet: DueRun) -> None:
     run = quiet
     for kind in (wire.Hello, wire.Status):
@@ -170,16 +158,6 @@ def test_the_watchdog_is_on_for_about_a_second_and_never_hungry(quiet: DueRun) -
     assert not watchdog.field("MR", "WDIDLEHLT")
     assert 0.5e12 < watchdog.period_ps <= 1.5e12
     assert board.events == []
-
-
-@pytest.mark.parametrize("percent", [1, -1])
-def test_the_timer_rules_whatever_the_sensors_clock(percent: int) -> None:
-    run = DueRun(image(), faults=[f"sensor_clock percent={percent}"]).run_until(3)
-    assert run.error is None
-    assert run.stats.samples.lost == 0
-    assert all(abs(step - PERIOD_US) <= 50 for step in steps_us(run))
-    assert all(sample.flags == 0 for sample in run.samples)
-    assert run.check_values() is None
 
 
 @pytest.fixture(scope="module")
