@@ -301,6 +301,20 @@ def test_looks_of_two_devices_are_made_in_the_order_in_which_they_began() -> Non
     assert thread.close(None)
 
 
+def test_two_devices_that_share_a_thread_say_what_each_says_alone() -> None:
+    numbers = {"left": range(700), "right": range(90, 800)}
+    alone = {k: walk([hello(), raw(seen)])[0] for k, seen in numbers.items()}
+    beside = Unhurried([2e-3, 0.0, 1e-4])
+    each = {k: walk([hello()], beside=beside) for k in numbers}
+    for begin in range(0, 800, 37):
+        for k, seen in numbers.items():
+            if part := seen[begin : begin + 37]:
+                each[k][0].extend(each[k][1].feed(raw(part)))
+    for k, (items, _) in each.items():
+        assert ndjson(records_of(items)) == ndjson(records_of(alone[k]))
+    assert beside.close()
+
+
 def test_at_the_end_what_was_not_begun_is_left_and_what_was_is_waited_for() -> None:
     thread, order = BesideThread(), list[str]()
     begins, gate = threading.Event(), threading.Event()

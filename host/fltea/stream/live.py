@@ -37,7 +37,7 @@ BREAK = 9
 class SettledFit(NamedTuple):
     """The live fit that estimates of an axis go by; null_p to three digits, None before the first fit.
 
-    A fit that is begun elsewhere, as that of a replay is, may differ in the last digits of its figures.
+    Another kind of processor may differ in the last digits of its figures.
     stands: the newest whose verdict is stable, which is one that two settled fits in a row have agreed on.
     """
 

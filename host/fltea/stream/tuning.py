@@ -64,5 +64,5 @@ def _has_moved(p: Interval, before: float) -> bool:
 
 
 def _rounded(value: float) -> float:
-    """The last digits of a fit depend on where it was begun, which differs between a run and its replay."""
+    """The last digits depend on the kind of processor, which may be another in a replay."""
     return float(f"{value:.3g}")
