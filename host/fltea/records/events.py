@@ -1,6 +1,7 @@
 """What comes out of a port or a source, before it becomes records."""
 
 from collections.abc import Iterator, Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -39,9 +40,10 @@ class Reads(NamedTuple):
     unix_offset_ns: Ints
 
     @classmethod
-    def of(cls, chunk: Chunk) -> "Reads":
-        """Return those of a single one."""
-        return cls(chunk.data, np.array([len(chunk.data)]), np.array([chunk.host_ns]), np.array([chunk[2]]))
+    def of(cls, *chunks: Chunk) -> "Reads":
+        """Return those of chunks, of which there is at least one."""
+        datas, *times = zip(*chunks, strict=True)
+        return cls(b"".join(datas), np.array([*accumulate(map(len, datas))]), *map(np.array, times))
 
     def rows(self, begin: int, end: int) -> "Reads":
         """Return some of them."""

@@ -11,7 +11,7 @@ from fltea.recording.schema import encode_message
 from fltea.recording.session import OVERFLOW, WIRE, WIRE_WRAP, Entry, LinkMessage
 from fltea.records import clock
 from fltea.records.block import Block
-from fltea.records.events import Chunk, Failed, LinkDown, Opened, TransportEvent
+from fltea.records.events import Chunk, Failed, LinkDown, Opened, Reads, TransportEvent
 from fltea.records.ports import Item, Report, Sink
 from fltea.records.records import AnyRecord, Hello
 from fltea.settings.outputs import RecordConfig
@@ -74,6 +74,7 @@ class RecordSink(Sink):
         self._sequence = 0
         self._hello = hello
         self._wire = WireEvents(device)
+        self._unread: list[Chunk] = []
         self._gap: LinkMessage | None = None
 
     @property
@@ -101,6 +102,7 @@ class RecordSink(Sink):
         now_ns = clock.host_ns()
         if self._part is None or now_ns - self._part.flushed_ns < FLUSH_NS:
             return
+        self._read()
         try:
             self._part.flush(now_ns)
         except OSError as error:
@@ -108,6 +110,7 @@ class RecordSink(Sink):
 
     def on_overflow(self, count: int) -> None:
         """Mark the place, and forget what was known of the device."""
+        self._read()
         self._hello = None
         if self._part is not None:
             self._part.add_link(LinkMessage("gap", kind=OVERFLOW, items=count), self._log_ns)
@@ -138,12 +141,21 @@ class RecordSink(Sink):
             self._part.add_link(failed, self._log_ns, publish_ns)
         else:
             self._part.add_link(LinkMessage("opened"), self._log_ns, publish_ns)
-        for event in self._wire.feed(item, item.host_ns):
-            if isinstance(event, Hello):
-                self._on_hello(event)
-            elif isinstance(event, LinkDown):
-                self._hello = None
-        self._wire.resume(item.host_ns)
+        if isinstance(item, Chunk):
+            self._unread.append(item)
+        else:
+            self._read(item)
+
+    def _read(self, *last: TransportEvent) -> None:
+        """Take note of what the device says of itself; of many reads at once, which costs less."""
+        reads = (Reads.of(*self._unread),) if self._unread else ()
+        self._unread = []
+        for item in (*reads, *last):
+            for event in self._wire.feed(item, self._now_ns):
+                if isinstance(event, Hello):
+                    self._on_hello(event)
+                elif isinstance(event, LinkDown):
+                    self._hello = None
 
     def _on_block(self, block: Block) -> None:
         rows = block.due_rows
@@ -192,6 +204,7 @@ class RecordSink(Sink):
 
     def _begin(self) -> None:
         """Begin the next file; after a failure only now and then, and only if there is room for some time."""
+        self._read()
         now_ns = clock.host_ns()
         if self._gap is not None and now_ns < self._retry_ns:
             return
@@ -220,6 +233,7 @@ class RecordSink(Sink):
     def _finish(self) -> None:
         if self._part is None:
             return
+        self._read()
         try:
             self._part.writer.finish()
         except OSError as error:
