@@ -3,16 +3,15 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
 from fltea.records.block import AxisColumns, Block, TrackedColumns
 from fltea.records.events import LinkDown, RawBlock, RawSample, block_of
-from fltea.records.records import AnyRecord, AxisEstimate, Estimate, Hello, Sample
+from fltea.records.records import AnyRecord, AxisEstimate, EpochReason, Estimate, Hello, Sample
 from fltea.stream.place import Piece, Place
 from hypothesis import strategies as st
-from one_by_one import Placed
 
 T = TypeVar("T")
 
@@ -161,6 +160,16 @@ raw_samples = st.builds(
     flags=st.integers(0, 255),
 )
 """Any sample that a frame can hold."""
+
+
+class Placed(NamedTuple):
+    """A sample with its place; missing, new_epoch: what was lost or broke just before it."""
+
+    raw: RawSample
+    seq: int
+    device_us: int
+    missing: int = 0
+    new_epoch: EpochReason | None = None
 
 
 def place_all(place: Place, samples: Sequence[RawSample]) -> list[Placed | None]:

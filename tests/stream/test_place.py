@@ -4,13 +4,12 @@ from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
 
 import pytest
-from blocks import cuts, place_all, place_one
+from blocks import Placed, cuts, place_all, place_one
 from fltea.records.events import RawSample
 from fltea.stream.place import MAX_HOST_DISAGREEMENT_US, Place
 from host_support import hello
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from one_by_one import Continuity, Placed
 
 PERIOD_US = 10_000
 HALF_HOUR = 30 * 60 * 100
@@ -282,7 +281,7 @@ happenings = st.lists(
 )
 
 
-def say(place: Place | Continuity, what: str, boot: int, starts: int) -> object:
+def say(place: Place, what: str, boot: int, starts: int) -> object:
     match what:
         case "link_down":
             return place.on_link_down()
@@ -299,10 +298,10 @@ def test_blocks_of_any_cut_are_placed_as_one_by_one(
     device: Device, some: list[Happening], max_gap: int, known: bool, data: st.DataObject
 ):
     """Wraps, gaps, duplicates, resets, jitter, silence and everything that may be said in between."""
-    place, oracle = Place(max_gap), Continuity(max_gap)
+    place, single = Place(max_gap), Place(max_gap)
     if known:
         place.on_hello(hello())
-        oracle.on_hello(hello())
+        single.on_hello(hello())
     boot, starts = 7, 1
     waiting: list[RawSample] = []
     got: list[Any] = []
@@ -320,12 +319,12 @@ def test_blocks_of_any_cut_are_placed_as_one_by_one(
     for item in device_stream(device, some):
         if isinstance(item, RawSample):
             waiting.append(item)
-            wanted.append(oracle.on_sample(item))
+            wanted.append(place_one(single, item))
             continue
         deliver_waiting()
         boot, starts = boot + (item == "boot"), starts + (item == "sensor")
-        assert say(place, item, boot, starts) == say(oracle, item, boot, starts)
+        assert say(place, item, boot, starts) == say(single, item, boot, starts)
     deliver_waiting()
     assert got == wanted
     for count in ("delivered", "lost", "gaps", "duplicates", "before_hello", "hello"):
-        assert getattr(place, count) == getattr(oracle, count)
+        assert getattr(place, count) == getattr(single, count)
