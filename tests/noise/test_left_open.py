@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from fltea.noise import parts as p
-from fltea.noise.left_open import mean_order, nearby
+from fltea.noise.left_open import distance, mean_order, nearby
 
 H, R = 0.01, 0.02
 NEARLY_WHITE = p.Order(0.5, -2.0, R / H)
@@ -49,3 +49,9 @@ def test_there_are_as_many_directions_as_coordinates() -> None:
     for less, more in both:
         assert [type(one) for one in less] == [type(one) for one in more] == [type(one) for one in parts]
         assert less != more
+
+
+def test_a_noise_is_no_distance_from_itself_and_the_farther_from_another_the_longer_the_record() -> None:
+    one, other = [p.White(R)], [p.White(1.1 * R)]
+    assert distance(one, one, H, 1000) == 0
+    assert distance(one, other, H, 10_000) == pytest.approx(5000 * (1 / 1.1 - 1 + math.log(1.1)), rel=0.02)

@@ -7,7 +7,7 @@ import pytest
 from blocks import of, records_of
 from fltea.estimator.offset_walk import offset_walk
 from fltea.estimator.tracker import Tracker
-from fltea.noise.parts import Mean, Order, Part, Relaxation, Walk, White
+from fltea.noise.parts import Alternating, Mean, Order, Part, Relaxation, White
 from fltea.noise.system import system
 from fltea.records.block import Block, TrackedColumns
 from fltea.records.events import RawBlock
@@ -141,12 +141,15 @@ def drifting(n: int, step: float) -> NDArray[np.float64]:
     return np.asarray(np.cumsum(rng.normal(0, step, n)) + rng.normal(0, 0.14, n))[:, None]
 
 
-def test_a_short_fit_counts_only_if_it_makes_the_samples_likelier_than_the_walks_do() -> None:
-    one = sensor()
-    one.run(drifting(1000, 0.01))
-    one.learn("gyro_x", settled("white", Noise((White(0.5),), False, 1000)))
+def test_a_short_fit_counts_only_if_it_makes_the_samples_much_likelier_than_the_walks_do() -> None:
+    one, a, y = sensor(), math.exp(-H / 0.03), drifting(1000, 0.0)
+    for k in range(1, len(y)):
+        y[k] -= a * y[k - 1]
+    one.run(y)
+    one.learn("gyro_x", settled("white", Noise((White(float(y.var())),), False, 1000)))
     assert dict(one.stats())["gyro_x"].model == "walks"
-    one.learn("gyro_x", settled("drift", Noise((White(0.02), Walk(0.1)), False, 1000)))
+    alternating = Noise((White(1e-4), Alternating(float(y.std()), 0.03)), False, 1000)
+    one.learn("gyro_x", settled("undecided", alternating))
     assert dict(one.stats())["gyro_x"].model != "walks"
 
 

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 STEP, STEPS = 0.1, 10
 LEAST, MOST = 0.05, 1.05
 """Orders that are tried, beside the one that was found."""
+UNLIKELY = 7.0
+"""In log L: orders that are so much less likely count no longer."""
 LOWEST = 10
 """Periods of a record, from which on a spectrum is fitted."""
 POINTS = 80
@@ -65,14 +67,22 @@ def mean_order(
     for orders in (tried, tried[::-1]):
         eta = best
         for alpha in orders:
-            found[alpha] = min(found[alpha], fit(best, alpha), fit(eta, alpha), key=lambda one: one[1])
+            found[alpha] = min(found[alpha], fit(eta, alpha), key=lambda one: one[1])
             eta = found[alpha][0]
-    nll = np.array([one for _, one in found.values()])
-    weights = np.exp(nll.min() - nll)
+    least = min(nll for _, nll in found.values())
+    likely = [(eta, math.exp(least - nll)) for eta, nll in found.values() if nll < least + UNLIKELY]
+    weights = np.array([weight for _, weight in likely])
     weights /= weights.sum()
-    white = np.array([math.exp(eta[0]) for eta, _ in found.values()])
-    spectra = [spectrum_of(codes, eta, lam, h) for eta, _ in found.values()]
+    white = np.array([math.exp(eta[0]) for eta, _ in likely])
+    spectra = [spectrum_of(codes, eta, lam, h) for eta, _ in likely]
     return float(weights @ white), np.asarray(weights @ (np.array(spectra) - white[:, None]))
+
+
+def distance(parts: Sequence[Part], others: Sequence[Part], h: float, samples: int) -> float:
+    """Return by how much log L of a record is larger with its own noise than with another, in the mean."""
+    at, counts = _ordinates(samples)
+    ratio = spectrum(parts, at, h) / spectrum(others, at, h)
+    return float(counts @ (ratio - 1 - np.log(ratio)))
 
 
 def nearby(parts: Sequence[Part], h: float, samples: int) -> Iterator[tuple[list[Part], list[Part]]]:

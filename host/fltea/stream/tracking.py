@@ -15,6 +15,7 @@ from msgspec.structs import replace as with_fields
 from fltea.estimator.offset_walk import CONSTANT, system_of
 from fltea.estimator.tracker import Tracker
 from fltea.noise.heading import heading_std, rested
+from fltea.noise.left_open import distance
 from fltea.noise.parts import Part
 from fltea.noise.system import System, system
 from fltea.records.block import Array, Block, TrackedColumns
@@ -23,7 +24,6 @@ from fltea.records.fit import Interval
 from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, TrackerStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
-from fltea.spectrum.frontier import AHEAD
 from fltea.spectrum.innovation_whiteness import describes
 from fltea.spectrum.live_axes import Noise
 from fltea.spectrum.wording import names
@@ -32,13 +32,11 @@ from fltea.stream.stages import Beginning, Item, Saved, SavedTracks, Stage, Stan
 
 ENOUGH = 3000
 """Samples: a fit of fewer knows too little of what is slow, and the bank of walks goes on."""
-FEWEST = 300
-"""Samples, from which on a fit counts that makes them likelier than the bank does, after BIC's price."""
+FEWEST, LIKELIER = 300, 30.0
+"""Samples, from which on a fit counts that makes them so much likelier than the bank does, in 2 log L."""
 AHEAD_S = 1, 10, 60, 600, 3600
-OF_WALKS = 2
-"""Parameters of the bank: scale, and which member."""
-GROWTH, STEP = 1.5, 0.05
-"""A filter is made again for a record that is so much longer, or for a figure that has moved by so much."""
+GROWTH, APART = 1.5, 0.5
+"""A filter is made again for a record that is so much longer, or for a noise so much likelier, by log L."""
 DIGITS = 3
 """Of the figures of a fit: the last ones differ between a run and its replay."""
 UNDEFINED = Interval()
@@ -92,7 +90,7 @@ class SensorTracks:
         if noise is None or noise.samples < FEWEST:
             return
         before = self._learned.get(axis)
-        if before is not None and _says_the_same(noise, before):
+        if before is not None and _says_the_same(noise, before, self._h):
             return
         parts, lane = tuple(_rounded(part) for part in noise.parts), self.names.index(axis)
         try:
@@ -103,10 +101,8 @@ class SensorTracks:
             else:
                 found, walk = system(parts, self._h, noise.samples, found=True), CONSTANT
             if before is None and noise.samples < ENOUGH:
-                more = sum(len(part.__struct_fields__) for part in parts) - OF_WALKS
-                price = math.log(noise.samples) * more
-                likely = self._tracker.likelihood(lane, found) - price
-                if not likely > self._tracker.likelihood_of_walks(lane) - AHEAD:
+                bank = self._tracker.likelihood_of_walks(lane)
+                if not self._tracker.likelihood(lane, found) - bank > LIKELIER:
                     return
             self._tracker.set(lane, found)
             self._walks[lane], self._models[lane] = walk.K(self._h), (found, rested(found, noise.samples))
@@ -201,17 +197,13 @@ def _offsets(config: EstimatorConfig, axes: int) -> list[float | None]:
     return list(bias) if isinstance(bias, list) else [bias] * axes
 
 
-def _says_the_same(noise: Noise, before: Noise) -> bool:
+def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:
     """Return whether so little is new that the filter is not made again."""
     if noise.samples > GROWTH * before.samples or noise.drifts != before.drifts:
         return False
     if [type(part) for part in noise.parts] != [type(part) for part in before.parts]:
         return False
-    return all(
-        abs(getattr(now, name) - getattr(then, name)) <= STEP * abs(getattr(then, name))
-        for now, then in zip(noise.parts, before.parts, strict=True)
-        for name in then.__struct_fields__
-    )
+    return distance(noise.parts, before.parts, h, noise.samples) < APART
 
 
 def _rounded(part: Part) -> Part:
