@@ -12,8 +12,21 @@ import pytest
 from fltea.lab import bench as bench_estimator
 from fltea.lab.reproduce import timing
 from fltea.lab.reproduce.scenarios import example
+from host_support import fltea_here
 
 Call = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def fltea(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Call:
+    """Call the command in an empty folder; returns exit code, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: str) -> tuple[int, str, str]:
+        done = fltea_here(*arguments)
+        return done.returncode, done.stdout, done.stderr
+
+    return call
 
 
 def numbers(value: Any) -> list[Any]:
