@@ -10,7 +10,7 @@ front of h^α, while the Q of the paper's state filter is the variance of a whol
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,17 +19,16 @@ from fltea.noise.memory import NewestFirst
 from fltea.noise.weights import weights
 
 Array = NDArray[np.float64]
-Order = float | Sequence[float] | Array | Callable[[int], float]
+Order = float | Sequence[float] | Array
 
 
 class FractionalNoise:
     """Endless fractional noise: `step()` gives the next measurement and the state behind it.
 
-    `alpha` is a number, a sequence whose last value is held (alpha[k-1] is the order of sample k = 1, 2,
-    ...), or a function of k. `seed` is an integer or a numpy Generator; equal seeds give equal samples.
-    `warmup` steps at the first order are thrown away, so that a stationary x starts near its stationary
-    variance rather than at `x0`. Raises ValueError for Q or R < 0, h <= 0, window < 1 and numbers that are
-    not finite.
+    `alpha` is a number, or a sequence whose last value is held (alpha[k-1] is the order of sample k = 1, 2,
+    ...). `seed` is an integer or a numpy Generator; equal seeds give equal samples. `warmup` steps at the
+    first order are thrown away, so that a stationary x starts near its stationary variance rather than at
+    0. Raises ValueError for Q or R < 0, h <= 0, window < 1 and numbers that are not finite.
     """
 
     def __init__(
@@ -43,31 +42,30 @@ class FractionalNoise:
         seed: int | np.random.Generator = 0,
         *,
         warmup: int = 0,
-        x0: float = 0.0,
     ) -> None:
         _check_system(f, Q, R, h)
         if warmup < 0:
             raise ValueError(f"warmup must be >= 0 samples, got {warmup}")
-        if not math.isfinite(x0):
-            raise ValueError(f"x0 must be a finite number, got {x0}")
-        self._order = _order_function(alpha)
+        self._orders = np.atleast_1d(np.asarray(alpha, dtype=np.float64))
+        if self._orders.ndim != 1 or not len(self._orders) or not np.isfinite(self._orders).all():
+            raise ValueError("alpha must be a finite number, or a sequence of them")
         self._f, self._h = f, h
         self._omega_std, self._v_std = math.sqrt(Q), math.sqrt(R)
         self._rng = np.random.default_rng(seed)
         self._history = NewestFirst(window)
-        self._history.push(x0)
-        self._x = x0
+        self._history.push(0.0)
+        self._x = 0.0
         self._k = 0
         # The weights of the last order are kept: with a constant order they are computed once, at full
         # length.
         self._weights_of: float | None = None
         self._weights = np.empty(0)
-        self._advance(self._order(1), 0.0, warmup)
+        self._advance(0.0, warmup)
 
     def step(self, u: float = 0.0) -> tuple[float, float]:
         """Return (y_k, x_k) for the next k = 1, 2, ...; `u` is the input u_{k-1}."""
+        self._advance(u, 1)
         self._k += 1
-        self._advance(self._order(self._k), u, 1)
         return self._x + self._v_std * self._rng.standard_normal(), self._x
 
     def samples(self, n: int) -> tuple[Array, Array]:
@@ -75,10 +73,9 @@ class FractionalNoise:
         pairs = np.array([self.step() for _ in range(n)]).reshape(n, 2)
         return pairs[:, 0], pairs[:, 1]
 
-    def _advance(self, alpha: float, u: float, steps: int) -> None:
+    def _advance(self, u: float, steps: int) -> None:
+        alpha = float(self._orders[min(self._k, len(self._orders) - 1)])
         if alpha != self._weights_of:
-            if not math.isfinite(alpha):
-                raise ValueError(f"alpha must be finite, got {alpha} for sample {self._k}")
             self._weights = weights(alpha, self._history.window)
             self._weights_of = alpha
         c, gain = self._weights, self._h**alpha
@@ -103,16 +100,6 @@ def quantise(y_dps: ArrayLike, lsb_per_dps: float, full_scale_dps: float) -> NDA
     counts = np.rint(np.clip(y, -full_scale_dps, full_scale_dps) * lsb_per_dps)
     limits = np.iinfo(np.int16)
     return np.clip(counts, limits.min, limits.max).astype(np.int16)
-
-
-def _order_function(alpha: Order) -> Callable[[int], float]:
-    """Turn any form of the order into a function of k = 1, 2, ..."""
-    if callable(alpha):
-        return alpha
-    values = np.atleast_1d(np.asarray(alpha, dtype=np.float64))
-    if values.ndim != 1 or len(values) == 0 or not np.isfinite(values).all():
-        raise ValueError("alpha must be a finite number, a sequence of them, or a function of k")
-    return lambda k: float(values[min(k, len(values)) - 1])
 
 
 def _check_positive(name: str, value: float) -> None:
