@@ -116,6 +116,8 @@ BOOT, SENSOR, DOWN = {"boot_id": 8}, {"sensor_starts": 2}, None
 EARLY = Device(first_us=10**6)
 """Its clock differs from that of the usual one."""
 
+LATE = Device(late_ns=301 * 10**9)
+
 SCENARIOS: dict[str, tuple[list[Any], str, str, tuple[int, int, int]]] = {
     # What happens, with samples as their numbers; the epochs that samples begin; number and lost samples
     # before the last one; then delivered, lost, gaps.
@@ -164,6 +166,8 @@ SCENARIOS: dict[str, tuple[list[Any], str, str, tuple[int, int, int]]] = {
         f"{HALF_HOUR} after {HALF_HOUR - 1}",
         (2, HALF_HOUR - 1, 1),
     ),
+    "five minutes late": ([{}, 0, (LATE._replace(late_ns=300 * 10**9), 2)], "start", "2 after 1", (2, 1, 1)),
+    "a second more": ([{}, 0, (LATE, 1), {}, (LATE, 2)], "start discontinuity", "2 after 0", (2, 0, 0)),
     "a nanosecond more": (
         [{}, 0, (Device(late_ns=1), HALF_HOUR)],
         "start silence",
