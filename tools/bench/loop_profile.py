@@ -1,32 +1,35 @@
 """Where each microsecond of a live device goes, between its bytes and its lines: `make bench ARGS=--loop`.
 
-A device of white noise in virtual time, read as `link.latency` has it: one sample at once (0 ms), or two
-(20 ms). Its bytes go through what `fltea run` does with those of a port, in one thread. A timer of processor
-time looks which file of fltea is at work. What the program takes beyond that is its waking up, its threads
-and its queues.
+A device of white noise in virtual time, its first ten minutes, read as `link.latency` has it: one sample at
+once (0 ms), or two (20 ms). The bytes go through what `fltea run` does with those of a port, all in one
+thread, though looks of the fit have one of their own there. A timer of processor time looks which file of
+fltea is at work. What the program takes beyond that is its waking up, its threads and its queues.
 """
 
 import os
 import signal
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from io import FileIO
 from itertools import islice
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, TypeVar
 
 import fltea
 import numpy as np
 from fltea.records.events import Chunk, Opened
 from fltea.settings.config import load_config
 from fltea.sinks.ndjson import NdjsonSink
+from fltea.stream.beside import Beside
 from fltea.stream.pipeline import Pipeline
 
 from tools.bench.feeder import PERIOD_NS, frames
 from tools.bench.soak import Virtual
 from tools.validation.tables import Table
+
+T = TypeVar("T")
 
 SAMPLES, WARM_UP = 60_000, 6_000
 LOOK_S = 0.0005
@@ -36,12 +39,12 @@ PARTS = {
     "number, time, units": ("stream/place", "stream/time", "stream/decode", "wire/sample_scaling"),
     "filters": ("estimator", "stream/host", "stream/tuning"),
     "tracker": ("estimator/tracker", "estimator/offset_walk", "stream/tracking", "noise"),
-    "sums and looks of the fit": ("spectrum", "stream/live", "stream/fit_times"),
+    "sums of the fit": ("spectrum", "stream/live", "stream/fit_times", "stream/beside"),
     "lines": ("sinks", "records/block"),
 }
 """Files by what they do; the longest name of a folder or file counts."""
 
-OTHER = "pipeline and statistics"
+OTHER, BESIDE = "pipeline and statistics", "looks of the fit, beside the walk"
 
 
 def part_of(file: str) -> str:
@@ -50,17 +53,37 @@ def part_of(file: str) -> str:
     return max(names, default=(0, OTHER))[1]
 
 
+class Apart(Beside):
+    """Makes looks of the fit where their result is asked for, as it is usual, and says when one is made."""
+
+    making = False
+
+    def begin(self, work: Callable[[], T]) -> Callable[[], T]:
+        """Begin some work."""
+
+        def made() -> T:
+            self.making = True
+            try:
+                return work()
+            finally:
+                self.making = False
+
+        return made
+
+
 class Looks:
     """Counts which part was at work whenever so much processor time has passed."""
 
-    def __init__(self) -> None:
+    def __init__(self, apart: Apart) -> None:
         self.seen: Counter[str] = Counter()
+        self._apart = apart
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Find the innermost file of the package."""
         while frame is not None and not frame.f_code.co_filename.startswith(PACKAGE):
             frame = frame.f_back
-        self.seen["nobody" if frame is None else part_of(frame.f_code.co_filename[len(PACKAGE) :])] += 1
+        file = OTHER if frame is None else frame.f_code.co_filename[len(PACKAGE) :]
+        self.seen[BESIDE if self._apart.making else part_of(file)] += 1
 
 
 def _reads(at_once: int) -> Iterator[Chunk]:
@@ -76,8 +99,9 @@ def measure() -> dict[str, Any]:
 
 
 def _measure(at_once: int) -> dict[str, Any]:
-    source, looks = Virtual(), Looks()
-    pipeline = Pipeline(source, load_config(None, {"source": "serial:profile"}))
+    source, apart = Virtual(), Apart()
+    looks = Looks(apart)
+    pipeline = Pipeline(source, load_config(None, {"source": "serial:profile"}), beside=apart)
     reads = list(_reads(at_once))
     with FileIO(os.devnull, "wb") as stream:
         sink = NdjsonSink(stream, samples=False)
@@ -100,14 +124,14 @@ def _measure(at_once: int) -> dict[str, Any]:
         signal.signal(signal.SIGPROF, before)
     us = 1e6 * cpu_s / (len(reads) - WARM_UP // at_once)
     total = sum(looks.seen.values())
-    shares = {part: us * looks.seen[part] / total for part in (*PARTS, OTHER)}
-    return {"us_a_read": us, "looks": total, "parts_us": shares}
+    shares = {part: us * looks.seen[part] / total for part in (*PARTS, OTHER, BESIDE)}
+    return {"us_a_read": us, "times_looked": total, "parts_us": shares}
 
 
 def text(found: dict[str, Any]) -> str:
     """The parts as a table."""
     columns = list(found.values())
-    rows = [(part, *(f"{one['parts_us'][part]:.1f}" for one in columns)) for part in (*PARTS, OTHER)]
+    rows = [(part, *(f"{one['parts_us'][part]:.1f}" for one in columns)) for part in (*PARTS, OTHER, BESIDE)]
     rows.append(("all", *(f"{one['us_a_read']:.1f}" for one in columns)))
     title = "A live device from bytes to lines, µs of processor time a read"
     return Table(title, ("", *(f"{n} samples a read" for n in found)), rows).markdown()
