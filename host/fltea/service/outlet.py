@@ -37,6 +37,7 @@ class Outlet:
         self._closing = self._ended = False
         self._written = self._dropped = self._overflow = 0
         self._in_hand = 0
+        self._rested_s = 0.0
         self._lost_before: int | None = None  # the sink's own count, while a batch is in hand
         self._thread = threading.Thread(target=self._run, name=f"sink {sink.name}", daemon=True)
 
@@ -98,8 +99,7 @@ class Outlet:
     def _run(self) -> None:
         try:
             while self._write_batch():
-                if not self._closing:
-                    time.sleep(self.sink.rest_s)
+                pass
             self.sink.close()
         except SinkClosed:
             self._end(None)
@@ -111,6 +111,11 @@ class Outlet:
         with self._changed:
             if not self._queue and not self._closing:
                 self._changed.wait(IDLE_S)
+        # Only who has just written rests: to wake up twice for what comes now and then costs as much again.
+        left_s = self._rested_s - time.monotonic()
+        if left_s > 0 and not self._closing:
+            time.sleep(left_s)
+        with self._changed:
             batch = list(self._queue)
             self._queue.clear()
             count, self._waiting = self._waiting, 0
@@ -129,6 +134,7 @@ class Outlet:
         with self._changed:
             self._written += count
             self._in_hand, self._lost_before = 0, None
+        self._rested_s = time.monotonic() + self.sink.rest_s
         now_ns = host_ns()
         for item, arrived_ns in batch:
             if arrived_ns is not None:
