@@ -104,6 +104,21 @@ def test_ram_that_the_program_wrote_is_counted():
     assert bench.board.memory.ram_touched_bytes() == 0x800
 
 
+def test_polling_a_timer_goes_on_in_time():
+    # A program that waits for SysTick's COUNTFLAG without any interrupt.
+    bench = run(
+        """systick 3999, 5
+  movs r4, #0
+1: wait 0xE000E010, 0x10000
+  adds r4, #1
+  keep r4, 0
+  b 1b""",
+        0.0505,
+    )
+    assert bench.slot(0) == 50
+    assert bench.board.cpu.instructions < 100_000, "waiting is not played out turn by turn"
+
+
 def test_a_loop_that_counts_its_turns_takes_the_time_of_its_instructions():
     # As the Arduino core's Wire waits for a flag that never comes: 20,000 turns.
     waiting = """ldr r2, =0xE000E010
@@ -203,6 +218,31 @@ late:
         {15: "late"},
     )
     assert bench.slot(0) == 1, "the first instruction of the handler, and nothing before it"
+
+
+def test_a_waiting_interrupt_comes_soon_after_its_priority_lets_it():
+    # Software interrupt 31 has priority 0x80, and BASEPRI holds it back.
+    bench = run(
+        """movs r4, #0
+  movs r5, #0x40
+  msr basepri, r5
+  store 0xE000E41C, 0x80000000
+  store 0xE000E100, 0x80000000
+  trigger 31
+  ldr r2, =300
+1: subs r2, #1
+  bne 1b
+  movs r5, #0
+  msr basepri, r5
+2: adds r4, #1
+  b 2b
+handler:
+  keep r4, 0
+3: wfi
+  b 3b""",
+        handlers={16 + 31: "handler"},
+    )
+    assert 0 < bench.slot(0) <= 100
 
 
 def test_code_runs_at_the_new_clock_as_soon_as_it_changes():
