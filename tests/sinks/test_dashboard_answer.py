@@ -128,7 +128,8 @@ def test_facts_of_a_history_hold_the_answer_and_of_how_many_samples_it_is() -> N
     assert y["answer"]["head"] == "White noise: order undefined"
     assert z["answer"]["head"] == "No fit"
     assert facts.fitted(history) == "fit of 599 samples (5 s)"
-    assert facts.curves(history, "gyro_y") == {"spectrum": False, "allan": False, "coefficients": []}
+    nothing = {"spectrum": False, "allan": False, "coefficients": [], "heading": False, "headings": []}
+    assert facts.curves(history, "gyro_y") == nothing
     shown = facts.curves(history, "gyro_x")
     assert shown["spectrum"]
     assert shown["allan"]
