@@ -55,7 +55,6 @@ def emulator(tmp_path):
         image,
     ]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout is not None
     line = process.stdout.readline()
     assert line.startswith(f"{link}: count.bin"), line + (process.stderr.read() if process.poll() else "")
     yield process, link

@@ -200,7 +200,6 @@ def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
     once, again = (record for record in run.records if isinstance(record, DeviceFits))
     assert once.axes["gyro_x"].host_verdict is not None
     spectrum = again.axes["gyro_x"].spectrum
-    assert spectrum is not None
     assert sum(spectrum.ordinates) == pytest.approx(fit.ordinates, rel=1e-6)
     assert list(spectrum.hz) == sorted(spectrum.hz)
     power = float(np.dot(spectrum.ordinates, np.square(spectrum.density))) / fit.ordinates * 100 / 2
@@ -254,7 +253,6 @@ def test_a_build_that_tunes_hands_its_fit_to_its_filters(tmp_path: Path) -> None
     # Fitted here of the same bins, the order is the same.
     whole = [record for record in run.records if isinstance(record, DeviceFits)][-1].axes["gyro_x"]
     assert whole.spectrum is not None
-    assert whole.alpha_of_bins is not None
     assert abs(whole.alpha_of_bins - fit.alpha) < 0.1 * 1.96 * fit.alpha_std
     newest = [record for record in run.records if isinstance(record, DeviceEstimates)][-1].axes
     assert (newest["gyro_x"].why_not, newest["gyro_y"].why_not) == ("other_settings", None)

@@ -36,7 +36,6 @@ class Running(Program):
         super().__init__(["fleet", "--mqtt", f"127.0.0.1:{broker.port}", "--listen", "0", *arguments])
         self.wait_for(lambda: "the fleet is at" in self.stderr, "the page")
         found = re.search(r"http://\S+:(\d+)/", self.stderr)
-        assert found is not None
         self.url = found[0]
 
     def ask(self, path: str, **headers: str) -> Any:

@@ -110,7 +110,6 @@ def unread(*arguments: str) -> Iterator[tuple["subprocess.Popen[bytes]", int]]:
     command = [sys.executable, "-m", "fltea", "run", *arguments, *QUICK]
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     try:
-        assert run.stdout is not None
         run.stdout.read(1)
         yield run, run.stdout.fileno()
         run.send_signal(signal.SIGTERM)
@@ -151,7 +150,6 @@ def test_a_signal_ends_a_run_whose_log_nobody_reads(tmp_path: Path) -> None:
     )
     try:
         os.close(writer)
-        assert run.stdout is not None
         run.stdout.readline()  # the same error is on its way to the log
         time.sleep(0.2)
         run.send_signal(signal.SIGTERM)

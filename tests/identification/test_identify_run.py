@@ -1,6 +1,5 @@
 """Many recordings: in order, failures apart, and nothing lost or counted twice when a worker dies."""
 
-import contextlib
 import os
 import signal
 import subprocess
@@ -8,6 +7,7 @@ import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from cluster_support import two_workers
 from fltea.identification.findings import document
 from fltea.identification.load import Request, Unreadable, load
 from fltea.identification.run import AxisReport, Failure, FileReport, Settings, identify_all
-from fltea.identification.workers import Here, Processes, Workers, open_local
+from fltea.identification.workers import Here, Processes, open_local
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES
 from fltea.settings.estimator import EstimatorConfig
@@ -26,14 +26,6 @@ from identify_support import long_recursion
 
 N = 600
 PATIENCE_S = 60.0
-
-
-@contextlib.contextmanager
-def closing(workers: Workers) -> Iterator[Workers]:
-    try:
-        yield workers
-    finally:
-        workers.close()
 
 
 def files(folder: Path, count: int) -> list[Request]:

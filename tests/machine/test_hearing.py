@@ -36,7 +36,6 @@ def test_a_device_is_summed_up(speaker: SpeakingPort) -> None:
     heard = hear(speaker.port, hear_s=0.5)
     assert heard.opened
     assert heard.failure is None
-    assert heard.hello is not None
     assert heard.hello.firmware_version == "1.2.3"
     assert heard.status is not None
     assert heard.link.frames > heard.delivered > 5
@@ -56,7 +55,6 @@ def test_another_protocol_ends_it_at_once(speaker: SpeakingPort, monkeypatch: py
     monkeypatch.setattr(hearing, "PATIENCE_S", 1000.0)
     speaker.speech = lambda turn: frames(turn, WIRE_HELLO._replace(protocol_major=9))
     heard = hear(speaker.port, hear_s=60.0)
-    assert heard.failure is not None
     assert heard.failure.kind == "version"
     assert heard.hello is None
 
@@ -71,7 +69,6 @@ def test_what_is_no_device_of_ours(
     monkeypatch.setattr(wire_events, "LIMIT_NS", int(0.3e9))
     speaker.speech = lambda turn: speech
     heard = hear(speaker.port)
-    assert heard.failure is not None
     assert heard.failure.kind == kind
 
 
@@ -85,7 +82,6 @@ def test_patience_ends(speaker: SpeakingPort, monkeypatch: pytest.MonkeyPatch) -
 def test_a_port_that_is_not_there_or_cannot_be() -> None:
     heard = hear("/dev/no-such-port")
     assert not heard.opened
-    assert heard.failure is not None
     assert heard.failure.kind == "no_port"
     with pytest.raises(UsageError, match="1200 baud"):
         hear("/dev/no-such-port", baud=1200)
@@ -100,7 +96,6 @@ def test_drift_is_found_within_its_error(ppm: float) -> None:
         device_us = np.arange(400) * 10_000
         host_ns = device_us * 1000 / (1 + ppm * 1e-6) + delay_s * 1e9
         found = drift(list(zip(device_us.tolist(), host_ns.astype(np.int64).tolist(), strict=True)))
-        assert found is not None
         assert found.std_ppm < 60
         z_scores.append((found.ppm - ppm) / found.std_ppm)
     assert abs(np.mean(z_scores)) < 0.6
