@@ -349,6 +349,9 @@ def _by_second(event: Event) -> Iterator[Any]:
         yield event
         return
     host_ns = event.host_ns
+    if len(host_ns) == 1 or (len(host_ns) == 2 and host_ns[0] // SECOND_NS == host_ns[1] // SECOND_NS):
+        yield event  # as almost always live
+        return
     ends = (np.flatnonzero(np.diff(host_ns // SECOND_NS)) + 1).tolist()
     if not ends:
         yield event

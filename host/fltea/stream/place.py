@@ -6,7 +6,8 @@ the device was restarted or exchanged, and nothing is believed until its next HE
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,10 @@ MAX_HOST_DISAGREEMENT_US = 5 * 60 * 10**6
 
 CLOCK_TOLERANCE = 0.02
 """Sequence and time may differ by twice the ±1 % of the sensor's own clock, plus one period."""
+
+
+FEW = 8
+"""Samples from which on columns cost less than one by one; live, a read has one or two."""
 
 
 class Piece(NamedTuple):
@@ -109,24 +114,19 @@ class Place:
         """Which samples are the next after the one before them by number, device's and host's clock; (n,)."""
         last, hello = self._last, self.hello
         n = len(raw.sequence)
+        plain = np.zeros(n, dtype=np.bool_)
         if hello is None:
-            return np.zeros(n, dtype=bool)
-        before = last or _Row(0, 0, 0)
-        sequence = np.empty(n + 1, dtype=np.int64)
-        device_us, host_ns = np.empty_like(sequence), np.empty_like(sequence)
-        sequence[0], device_us[0], host_ns[0] = before
-        sequence[1:], device_us[1:], host_ns[1:] = raw.sequence, raw.device_us, raw.host_ns
+            return plain
         period_us = 1e6 / hello.rate_hz
-        time_step_us = (device_us[1:] - device_us[:-1]) % TIME_WRAP_US
-        host_step_ns = host_ns[1:] - host_ns[:-1]
-        plain: np.ndarray[tuple[int], np.dtype[np.bool_]] = (
-            ((sequence[1:] - sequence[:-1]) % SEQUENCE_WRAP == 1)
-            & (np.abs(time_step_us - period_us) <= (CLOCK_TOLERANCE + 1) * period_us)
-            & (np.abs(time_step_us * 1000 - host_step_ns) <= MAX_HOST_DISAGREEMENT_US * 1000)
-            & (host_step_ns <= MAX_SILENCE_NS)
-        )
-        if last is None or self._pending is not None:
-            plain[0] = False
+        columns = raw.sequence, raw.device_us, raw.host_ns
+        if n < FEW:
+            rows = [*zip(*(one.tolist() for one in columns), strict=True)]
+            plain[1:] = [_follows(*two, period_us) for two in pairwise(rows)]
+        else:
+            before, after = [one[:-1] for one in columns], [one[1:] for one in columns]
+            plain[1:] = _follows(before, after, period_us)
+        if last is not None and self._pending is None:
+            plain[0] = _follows(last, [int(one[0]) for one in columns], period_us)
         return plain
 
     def _first(self, raw: RawBlock, row: int, *, continues: bool) -> Piece | None:
@@ -184,3 +184,15 @@ class Place:
         self._seq, self._device_us = int(seq[-1]), int(device_us[-1])
         self._last = _Row(int(rows.sequence[-1]), int(rows.device_us[-1]), int(rows.host_ns[-1]))
         return Piece(rows, seq, device_us, piece.missing, piece.new_epoch)
+
+
+def _follows(before: Any, after: Any, period_us: float) -> Any:
+    """Whether a sample is the next after another; of columns of samples, of each."""
+    sequence_step, time_step_us, host_step_ns = (b - a for a, b in zip(before, after, strict=True))
+    time_step_us %= TIME_WRAP_US
+    return (
+        (sequence_step % SEQUENCE_WRAP == 1)
+        & (abs(time_step_us - period_us) <= (CLOCK_TOLERANCE + 1) * period_us)
+        & (abs(time_step_us * 1000 - host_step_ns) <= MAX_HOST_DISAGREEMENT_US * 1000)
+        & (host_step_ns <= MAX_SILENCE_NS)
+    )
