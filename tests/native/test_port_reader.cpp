@@ -285,3 +285,17 @@ TEST_CASE("port reader: a forked process can end without the thread, which it do
     CHECK((WIFEXITED(status) && WEXITSTATUS(status) == 7));
     delete reader;
 }
+
+TEST_CASE(
+    "port reader: a port that was ready and yet empty, as another program took its bytes, is not lost") {
+    int both[2];
+    REQUIRE(socketpair(AF_UNIX, SOCK_DGRAM, 0, both) == 0);  // gives empty datagrams
+    Made ends = made(both[0], both[1], false);
+    PortReader reader(1 << 20);
+    Heard heard{reader};
+    reader.add(0, ends->near, false, 0);
+    for (const char* text : {"", "ours", "", " too"}) ends->send(text);
+    heard.until([&] { return heard.bytes[0] == "ours too"; });
+    CHECK(heard.errors.empty());
+    CHECK(heard.reads == 2);
+}

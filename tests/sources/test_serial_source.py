@@ -21,7 +21,7 @@ from fltea.sources.serial import SerialSource
 from fltea.sources.wire_events import SILENCE_S, WireEvents
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
-from fltea.wire.transport import Reader
+from fltea.wire.reader import Reader
 from host_support import WIRE_HELLO as HELLO
 
 S = 10**9

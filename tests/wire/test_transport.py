@@ -11,9 +11,11 @@ import pytest
 import serial
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Failed, Opened, TransportEvent
+from fltea.wire import reader as port_reader
 from fltea.wire import transport
 from fltea.wire.permission import Group, User
-from fltea.wire.transport import Port, Reader, explain_open_failure
+from fltea.wire.reader import Reader
+from fltea.wire.transport import Port, explain_open_failure
 from host_support import PATIENCE_S, wait_until
 from terminal import Terminal
 
@@ -110,32 +112,6 @@ def test_a_second_reader_finds_the_port_busy_and_gets_it_when_it_is_free(termina
     next_of(Opened, events)
 
 
-def test_another_program_that_takes_bytes_does_not_end_the_connection(monkeypatch, terminal, readers) -> None:
-    """The port is ready, but when it is read another program has been faster: no data, or EAGAIN."""
-    read, outcomes = os.read, [b"", BlockingIOError(errno.EAGAIN, "try again")]
-
-    def read_late(fd: int, size: int) -> bytes:
-        data = read(fd, size)
-        if fd == terminal.master or not outcomes:
-            return data
-        outcome = outcomes.pop()
-        if isinstance(outcome, Exception):
-            raise outcome
-        assert isinstance(outcome, bytes)
-        return outcome
-
-    monkeypatch.setattr(os, "read", read_late)
-    events = readers(terminal.link).events(0.05)
-    next_of(Opened, events)
-    for left in (1, 0):
-        terminal.send(b"taken")
-        wait_until(lambda left=left: len(outcomes) <= left, "the read to be tried")
-    terminal.send(b"ours")
-    found = next(event for event in events if event is not None)
-    assert isinstance(found, Chunk)
-    assert found.data == b"ours"
-
-
 def test_a_port_that_is_not_there(readers) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
@@ -159,7 +135,7 @@ def test_close_ends_the_events_and_frees_the_port(terminal) -> None:
 
 
 def test_a_slow_consumer_costs_bytes_that_are_counted(monkeypatch, terminal) -> None:
-    monkeypatch.setattr(transport, "QUEUE_BYTES", 55)
+    monkeypatch.setattr(port_reader, "QUEUE_BYTES", 55)
     reader = Reader(Port(str(terminal.link), 250000))
     reader.start()
     wait_until(lambda: not reader._queue.empty(), "the port to be open, and what was in it thrown away")

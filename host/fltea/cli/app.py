@@ -138,7 +138,8 @@ def _chunks(source: str, baud: int) -> Iterator[bytes]:
 
 def _serial_chunks(source: str, baud: int) -> Iterator[bytes]:
     from fltea.records.events import Chunk, Failed
-    from fltea.wire.transport import Port, Reader
+    from fltea.wire.reader import Reader
+    from fltea.wire.transport import Port
 
     port = Reader(Port(source.removeprefix("serial:"), baud))
     port.start()

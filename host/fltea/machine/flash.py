@@ -26,13 +26,13 @@ from fltea.records.visible import visible
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from fltea.wire.messages import Refused
+from fltea.wire.reader import Reader
 from fltea.wire.transport import (
     DUE_NATIVE_PORT,
     DUE_PROGRAMMING_PORT,
     DUE_VENDORS,
     FORBIDDEN_BAUD,
     Port,
-    Reader,
     explain_open_failure,
     list_ports_text,
 )

@@ -7,7 +7,8 @@ from fltea.records.events import Event, Reads, Tick, TransportEvent
 from fltea.records.records import LinkStats
 from fltea.sources.wire_events import WireEvents
 from fltea.wire.ports import TICK_S
-from fltea.wire.transport import Port, Reader
+from fltea.wire.reader import Reader
+from fltea.wire.transport import Port
 
 
 class SerialSource:

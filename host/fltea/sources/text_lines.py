@@ -18,7 +18,8 @@ from fltea.records.records import LinkStats
 from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
 from fltea.wire.ports import TICK_S
-from fltea.wire.transport import Port, Reader
+from fltea.wire.reader import Reader
+from fltea.wire.transport import Port
 
 DEFAULT_BAUD = 115_200
 """What most boards' example programs speak."""

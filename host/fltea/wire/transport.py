@@ -7,12 +7,8 @@ OSError); here any exception closes the port, says why and tries again with back
 import contextlib
 import errno
 import os
-import queue
 import re
-import select
 import threading
-import time
-from collections.abc import Iterator
 from urllib.parse import urlsplit
 
 import serial
@@ -20,7 +16,7 @@ from serial.tools import list_ports
 
 from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.errors import UsageError
-from fltea.records.events import Chunk, Failed, Opened, TransportEvent
+from fltea.records.events import Chunk, Failed, Opened
 from fltea.wire.permission import group_of, join_remedy, this_user
 
 FORBIDDEN_BAUD = 1200
@@ -44,9 +40,6 @@ AT_ONCE = 4
 """Ports that are opened at the same time: while they are, they take six descriptors each, and then one."""
 
 _OPENING = threading.BoundedSemaphore(AT_ONCE)
-
-TAKEN_S = 1e-3
-"""Seconds to wait when a port was ready and yet empty, as when another program reads it too."""
 
 
 def check_url(url: str, baud: int) -> None:
@@ -163,33 +156,15 @@ class Port:
         """Take note that it gave bytes: a port that opens and dies at once is no success."""
         self._failures = 0
 
-    def read_ready(self, *, hung_up: bool) -> Chunk | Failed | None:
-        """Read what is there, after the descriptor was found ready; None if another program has taken it.
-
-        On a POSIX port this is one system call, where pyserial's own methods take five.
-        """
-        try:
-            with contextlib.suppress(BlockingIOError):
-                if data := os.read(self._descriptor, MAX_CHUNK):
-                    self.has_worked()
-                    return Chunk(data, host_ns(), unix_offset_ns())
-                if self.is_socket:
-                    raise OSError(errno.ECONNRESET, "the other side has closed")
-            if hung_up:
-                raise OSError(errno.EIO, "hung up")
-        except Exception as error:  # OSError, SerialException, TypeError: by driver and platform
-            return self.lost(error)
-        return None
-
     def read_waiting(self) -> Chunk | Failed | None:
-        """Wait up to `READ_TIMEOUT_S` for bytes of an open port of any kind; None if none came."""
+        """Wait up to `READ_TIMEOUT_S` for bytes of a port without a descriptor; None if none came."""
         port = self._serial
         assert port is not None
         try:
             data = port.read(1)
             if data:
                 data += port.read(min(port.in_waiting, MAX_CHUNK))
-        except Exception as error:  # as above
+        except Exception as error:  # OSError, SerialException, TypeError: by driver and platform
             return self.lost(error)
         if not data:
             return None
@@ -232,87 +207,3 @@ def _descriptor_of(port: serial.Serial) -> int:
 def _release(port: serial.Serial) -> None:
     with contextlib.suppress(OSError):  # the device is gone already
         port.close()
-
-
-class Reader:
-    """Reads one port in a thread of its own until closed.
-
-    For what has no descriptor, and for those whose work may be slow: bytes wait in a queue meanwhile.
-    """
-
-    def __init__(self, port: Port) -> None:
-        self.port = port
-        self._queue: queue.SimpleQueue[TransportEvent | None] = queue.SimpleQueue()
-        self._queued_bytes = 0
-        self._lock = threading.Lock()
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"reader {port.url}", daemon=True)
-
-    def start(self) -> None:
-        """Begin to read."""
-        self._thread.start()
-
-    def events(self, timeout_s: float) -> Iterator[TransportEvent | None]:
-        """Yield what happens, and None whenever nothing did for `timeout_s`; ends after `close`."""
-        while not self._stop.is_set():
-            try:
-                event = self._queue.get(timeout=timeout_s)
-            except queue.Empty:
-                yield None
-                continue
-            if event is None:
-                return
-            if isinstance(event, Chunk):
-                with self._lock:
-                    self._queued_bytes -= len(event.data)
-            yield event
-
-    def close(self) -> None:
-        """Stop reading and release the port."""
-        self._stop.set()
-        self._queue.put(None)  # wakes up who waits for events
-        if self._thread.is_alive():
-            self._thread.join(timeout=5 * READ_TIMEOUT_S + 1.0)
-
-    def _run(self) -> None:
-        port = self.port
-        while not self._stop.is_set():
-            event: TransportEvent | None = port.open()
-            if isinstance(event, Opened):
-                self._put(event)
-                event = self._read_until_lost()
-            if event is not None:
-                self._put(event)
-            self._stop.wait(port.backoff_s())
-        port.close()
-
-    def _read_until_lost(self) -> Failed | None:
-        """Read until the port is lost, or closed."""
-        port = self.port
-        ready = select.poll() if port.has_descriptor else None
-        if ready is not None:
-            ready.register(port.fileno(), select.POLLIN)
-        while not self._stop.is_set():
-            if ready is None:
-                event = port.read_waiting()
-            elif found := ready.poll(READ_TIMEOUT_S * 1000):
-                event = port.read_ready(hung_up=bool(found[0][1] & ~select.POLLIN))
-                if event is None:
-                    time.sleep(TAKEN_S)
-            else:
-                continue
-            if isinstance(event, Failed):
-                return event
-            if event is not None:
-                self._put(event)
-        return None
-
-    def _put(self, event: TransportEvent) -> None:
-        """Hand it over and never block: bytes that the consumer is too slow for are counted and dropped."""
-        if isinstance(event, Chunk):
-            with self._lock:
-                if self._queued_bytes + len(event.data) > QUEUE_BYTES:
-                    self.port.overflow_bytes += len(event.data)
-                    return
-                self._queued_bytes += len(event.data)
-        self._queue.put(event)

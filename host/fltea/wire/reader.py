@@ -1,0 +1,87 @@
+"""One port, read by a thread of its own."""
+
+import queue
+import threading
+from collections.abc import Iterator
+
+from fltea.records.events import Chunk, Opened, Reads, Tick, TransportEvent
+from fltea.wire.ports import Ports
+from fltea.wire.transport import QUEUE_BYTES, READ_TIMEOUT_S, Port
+
+
+class Reader:
+    """Reads one port in a thread of its own until closed.
+
+    For what has no descriptor, and for whoever has one port only: bytes wait in a queue meanwhile.
+    """
+
+    def __init__(self, port: Port) -> None:
+        self.port = port
+        self._queue: queue.SimpleQueue[TransportEvent | None] = queue.SimpleQueue()
+        self._queued_bytes = 0
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"reader {port.url}", daemon=True)
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def events(self, timeout_s: float) -> Iterator[TransportEvent | None]:
+        """Yield what happens, and None whenever nothing did for `timeout_s`; ends after `close`."""
+        while not self._stop.is_set():
+            try:
+                event = self._queue.get(timeout=timeout_s)
+            except queue.Empty:
+                yield None
+                continue
+            if event is None:
+                return
+            if isinstance(event, Chunk):
+                with self._lock:
+                    self._queued_bytes -= len(event.data)
+            yield event
+
+    def close(self) -> None:
+        """Stop reading and release the port."""
+        self._stop.set()
+        self._queue.put(None)  # wakes up who waits for events
+        if self._thread.is_alive():
+            self._thread.join(timeout=5 * READ_TIMEOUT_S + 1.0)
+
+    def _run(self) -> None:
+        if not self.port.has_descriptor:
+            self._run_without_descriptor()
+            return
+        ports = Ports([self.port])
+        while not self._stop.is_set():
+            for _, item in ports.poll(READ_TIMEOUT_S):
+                if isinstance(item, Reads):
+                    for chunk in item.chunks():
+                        self._put(chunk)
+                elif not isinstance(item, Tick):
+                    self._put(item)
+        ports.close()
+
+    def _run_without_descriptor(self) -> None:
+        port = self.port
+        while not self._stop.is_set():
+            event: TransportEvent | None = port.open()
+            while isinstance(event, Opened | Chunk | None) and not self._stop.is_set():
+                if event is not None:
+                    self._put(event)
+                event = port.read_waiting()
+            if event is not None:
+                self._put(event)
+            self._stop.wait(port.backoff_s())
+        port.close()
+
+    def _put(self, event: TransportEvent) -> None:
+        """Hand it over and never block: bytes that the consumer is too slow for are counted and dropped."""
+        if isinstance(event, Chunk):
+            with self._lock:
+                if self._queued_bytes + len(event.data) > QUEUE_BYTES:
+                    self.port.overflow_bytes += len(event.data)
+                    return
+                self._queued_bytes += len(event.data)
+        self._queue.put(event)
