@@ -1,4 +1,4 @@
-"""Identified models: to a file and back, files of all versions, their noise, and noise that is simulated."""
+"""Identified models: to a file and back, their noise, and noise that is simulated."""
 
 import json
 from pathlib import Path
@@ -90,79 +90,12 @@ def test_file(tmp_path: Path) -> None:
     assert (written["format"], written["version"], written["h_s"]) == ("fltea-noise-model", 4, 0.01)
 
 
-def old(version: int, noise: dict[str, Any]) -> dict[str, Any]:
-    """A file as earlier versions wrote it."""
-    line = {"frequency_hz": 31.4, "width_hz": 0.8, "variance_dps2": 0.01}
-    found = {"format": "fltea-noise-model", "version": version, "rate_hz": 100.0, "h_s": 0.01, "source": "a"}
-    found["axes"] = {"gyro_x": {"noise": {"R_dps2": 0.01} | noise, "resonances": [line]}}
-    return found | ({"accel_axes": {}, "fltea": "0.1"} if version == 3 else {})
-
-
-def ar1(lam: np.ndarray, phi: float, s2: float) -> np.ndarray:
-    return s2 / np.abs(1 - phi * np.exp(-1j * lam)) ** 2
-
-
-def order(lam: np.ndarray, alpha: float, f: float, Q: float) -> np.ndarray:
-    z = np.exp(-1j * lam)
-    return Q * H ** (2 * alpha) / np.abs((1 - z) ** alpha - H**alpha * f * z) ** 2
-
-
-TWO = {"kind": "two_ar1", "phi_slow": 0.99, "s2_slow_dps2": 1e-4, "phi_fast": 0.5, "s2_fast_dps2": 0.02}
-COMPOSITE = {"kind": "composite", "gauss_markov": [{"sigma_dps": 0.3, "tau_s": 0.1}], "K_dps_per_sqrt_s": 0.2}
-
-
-@pytest.mark.parametrize(
-    ("version", "noise", "expected"),
-    [
-        (1, {"kind": "white"}, lambda lam: 0 * lam),
-        (1, {"kind": "ar1", "phi": 0.95, "s2_dps2": 0.002}, lambda lam: ar1(lam, 0.95, 0.002)),
-        (1, {"kind": "ar1", "phi": -0.7, "s2_dps2": 0.02}, lambda lam: ar1(lam, -0.7, 0.02)),
-        (1, {"kind": "ar1", "phi": 0.0, "s2_dps2": 0.02}, lambda lam: ar1(lam, 0.0, 0.02)),
-        (
-            2,
-            TWO,
-            lambda lam: ar1(lam, 0.99, 1e-4) + ar1(lam, 0.5, 0.02),
-        ),
-        (
-            3,
-            {"kind": "fractional", "alpha": 0.6, "f": -3.0, "Q": 0.15},
-            lambda lam: order(lam, 0.6, -3.0, 0.15),
-        ),
-        (
-            3,
-            COMPOSITE | {"Q_deg": 2e-4},
-            lambda lam: (
-                ar1(lam, np.exp(-0.1), 0.09 * (1 - np.exp(-0.2)))
-                + ar1(lam, 1.0, 0.04 * H)
-                + 4 * np.sin(lam / 2) ** 2 * 0.02**2
-            ),
-        ),
-    ],
-)  # fmt: skip
-def test_files_of_earlier_versions(
-    version: int, noise: dict[str, Any], expected: Any, tmp_path: Path
-) -> None:
-    """Their kinds of noise become parts of the same spectrum."""
-    path = tmp_path / "m.json"
-    path.write_text(json.dumps(old(version, noise)))
-    models = read_models(path)
-    model = models.axes["gyro_x"]
-    assert (models.version, model.resonances) == (4, (LINE,))
-    lam = np.geomspace(1e-3, np.pi, 50)
-    found = model_spectrum(AxisModel(model.parts), lam, H)
-    np.testing.assert_allclose(found, 0.01 + expected(lam), rtol=1e-6)
-
-
 def bad(**changes: object) -> str:
     return json.dumps(msgspec.to_builtins(MODELS) | changes)
 
 
 def only(axis: str, **part: object) -> dict[str, object]:
     return {axis: {"parts": [{"part": "white", "R": 1.0}, part]}}
-
-
-def before(**noise: object) -> str:
-    return json.dumps(old(1, noise))
 
 
 @pytest.mark.parametrize(
@@ -173,7 +106,7 @@ def before(**noise: object) -> str:
         ("{}", "--export-model"),
         ("\x00\xff", "is no noise model"),
         ('{"format": "other", "version": 1}', "--export-model"),
-        (bad(version=5), "version 5; this fltea reads versions 1 to 4"),
+        (bad(version=5), "version 5; this fltea reads version 4"),
         (bad(version="1"), "is no noise model"),
         (bad(axes=only("gyro_x", part="pink")), "pink"),
         (bad(axes=only("gyro_x", part="order", alpha=2.0, f=-1.0, Q=1.0)), "not stationary"),
@@ -189,13 +122,6 @@ def before(**noise: object) -> str:
         (bad(accel_axes=only("gyro_x", part="white", R=1.0)), "accel_axes are accel_x"),
         (bad(axes=only("gyro_z", part="white", R=1.0)), "got gyro_z"),
         (bad(extra=1), "extra"),
-        (before(kind="ar1", phi=1.0, s2_dps2=1.0), "phi must be between"),
-        (before(kind="ar1", phi=0.5), "s2_dps2"),
-        (before(kind="white", R_dps2=-1.0), "R must be"),
-        (
-            before(kind="ar2", phi1=0.6, phi2=0.3, s2_dps2=1.0),
-            "'ar2' cannot be read any more: identify again",
-        ),
     ],
 )
 def test_bad_files(text: str, word: str, tmp_path: Path) -> None:

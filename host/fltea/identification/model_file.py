@@ -2,12 +2,10 @@
 
 import math
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
-from fltea.identification.noise_model import AxisModel, Lorentzian, check_possible
-from fltea.noise.parts import Alternating, AnyPart, Order, Quantisation, Relaxation, Walk, White
+from fltea.identification.noise_model import AxisModel, check_possible
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.records.version import __version__
@@ -15,8 +13,6 @@ from fltea.records.whole_file import whole_file
 
 FORMAT = "fltea-noise-model"
 VERSION = 4
-FIRST_OF_PARTS = 4
-"""Versions before have one of six kinds of noise in place of parts (`_upgraded`)."""
 
 
 class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -77,7 +73,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def read_models(path: Path) -> NoiseModels:
-    """Read what `write_json` wrote of `NoiseModels`, or an earlier fltea.
+    """Read what `write_json` wrote of `NoiseModels`.
 
     Raises:
         UsageError: no such file, another kind or version, or models that cannot be.
@@ -95,71 +91,12 @@ def read_models(path: Path) -> NoiseModels:
             f'{path}: is no noise model (it lacks "format": "{FORMAT}"); `fltea identify --export-model` '
             "writes one."
         )
-    if not 1 <= head.version <= VERSION:
+    if head.version != VERSION:
         raise UsageError(
-            f"{path}: is of version {head.version}; this fltea reads versions 1 to {VERSION}. "
+            f"{path}: is of version {head.version}; this fltea reads version {VERSION}. "
             "Identify again, or use the fltea that wrote it."
         )
     try:
-        if head.version >= FIRST_OF_PARTS:
-            return msgspec.json.decode(data, type=NoiseModels)
-        return _upgraded(msgspec.json.decode(data))
-    except (KeyError, TypeError, AttributeError) as error:
-        raise UsageError(f"{path}: is no noise model of version {head.version}: {error!r}.") from error
+        return msgspec.json.decode(data, type=NoiseModels)
     except ValueError as error:
         raise UsageError(f"{path}: {error}.") from error
-
-
-def _upgraded(old: dict[str, Any]) -> NoiseModels:
-    """Return a file of version 1, 2 or 3 in parts."""
-    h = float(old["h_s"])
-    new = dict(old) | {"version": VERSION}
-    for key in ("axes", "accel_axes"):
-        new[key] = {
-            axis: AxisModel(
-                _parts_of(model["noise"], h),
-                tuple(
-                    Lorentzian(one["frequency_hz"], one["width_hz"], one["variance_dps2"])
-                    for one in model.get("resonances", ())
-                ),
-            )
-            for axis, model in old.get(key, {}).items()
-        }
-    return msgspec.convert(msgspec.to_builtins(new), NoiseModels)
-
-
-def _parts_of(noise: dict[str, Any], h: float) -> tuple[AnyPart, ...]:
-    """Return the parts of one of the kinds of noise of versions 1 to 3."""
-    white = White(noise["R_dps2"])
-    match noise["kind"]:
-        case "white":
-            return (white,)
-        case "ar1":
-            return white, _relaxation(noise["phi"], noise["s2_dps2"], h)
-        case "two_ar1":
-            slow = _relaxation(noise["phi_slow"], noise["s2_slow_dps2"], h)
-            return white, slow, _relaxation(noise["phi_fast"], noise["s2_fast_dps2"], h)
-        case "fractional":
-            return white, Order(noise["alpha"], noise["f"], noise["Q"])
-        case "composite":
-            parts: list[AnyPart] = [
-                white,
-                *(Relaxation(one["sigma_dps"], one["tau_s"]) for one in noise.get("gauss_markov", ())),
-            ]
-            if K := noise.get("K_dps_per_sqrt_s"):
-                parts.append(Walk(K))
-            if Q := noise.get("Q_deg"):
-                parts.append(Quantisation(Q))
-            return tuple(parts)
-        case kind:
-            raise ValueError(f"noise of the kind {kind!r} cannot be read any more: identify again")
-
-
-def _relaxation(phi: float, s2: float, h: float) -> AnyPart:
-    """Return AR(1) of this coefficient and variance of its steps."""
-    if not abs(phi) < 1:
-        raise ValueError(f"phi must be between -1 and 1, got {phi}")
-    if phi == 0:
-        return White(s2)
-    kind = Relaxation if phi > 0 else Alternating
-    return kind(math.sqrt(s2 / (1 - phi * phi)), -h / math.log(abs(phi)))
