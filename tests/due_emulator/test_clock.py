@@ -147,6 +147,12 @@ def test_feeding_too_early_for_the_window_bites(board):
     assert len(board.events) == 1
 
 
+def test_a_watchdog_that_is_off_stays_off(board):
+    board.watchdog.write("MR", 1 << 15)
+    board.machine.advance_to(40 * PS_PER_S)
+    assert not board.events
+
+
 def test_the_watchdog_mode_is_written_once_a_reset(board):
     board.watchdog.write("MR", 1 << 15)
     assert "only once" in reason(board.watchdog.write, "MR", 1 << 15)
