@@ -4,6 +4,8 @@ import math
 
 import msgspec
 import numpy as np
+import pytest
+from fltea._native import Lines
 from fltea.recording.schema import encode_message
 from fltea.records.block import AxisColumns, Block, TrackedColumns
 from fltea.records.fit import Interval
@@ -88,3 +90,21 @@ def test_every_number_is_written_as_msgspec_writes_it() -> None:
     block = Block(None, 1, np.arange(n), zeros, zeros, np.array(values)[:, np.newaxis])
     lines = BlockLines().of(block, Wanted(samples=True), range(n)).splitlines()
     assert lines == [msgspec.json.encode(one) for one in block.samples()]
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows"),
+    [
+        ([np.zeros((3, 1))], (0, 3, 1)),
+        ([np.zeros((3, 2))], (0, 4, 1)),
+        ([np.zeros((3, 2))], (0, 3, 0)),
+        ([np.zeros((3, 2), dtype=np.int32)], (0, 3, 1)),
+        ([np.zeros((3, 2, 2))], (0, 3, 1)),
+        ([], (0, 3, 1)),
+    ],
+)
+def test_columns_without_the_rows_of_a_text_are_refused(columns: list, rows: tuple[int, int, int]) -> None:
+    lines = Lines([b"[", b"]\n"], [(0, 1)], True)
+    assert lines.write([np.array([[0, 0.5], [0, np.nan], [0, 1e16]])], 0, 3, 2) == b"[0.5]\n[1e16]\n"
+    with pytest.raises(ValueError, match="column|rows"):
+        lines.write(columns, *rows)
