@@ -1,8 +1,11 @@
 // A system's filter over all that is remembered of the samples, and how likely it made them.
 #pragma once
 
+#include <algorithm>
+
 #include "kalman.hpp"
 #include "past.hpp"
+#include "rest_gate.hpp"
 
 namespace fltea {
 namespace track {
@@ -62,6 +65,49 @@ inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
     q.R = density / m + within;
 }
 
+// How large innovations at rest are, by the median of chunks, which motion that was not seen does not move.
+class Innovations {
+  public:
+    // z: in its deviations, or NaN.
+    void add(double z) {
+        if (std::isnan(z)) {
+            known_ = false;
+        } else {
+            sum_ += z;
+            powers_ += z * z;
+            if (z * z > largest_) largest_ = z * z;
+        }
+        if (++fill_ < RestGate::kChunk) return;
+        if (known_ && count_ < kMostChunks) {
+            power_[count_] = (powers_ - largest_) / (RestGate::kChunk - 1);
+            mean_[count_++] = sum_ * sum_ / RestGate::kChunk;
+        }
+        fill_ = 0;
+        known_ = true;
+        sum_ = powers_ = largest_ = 0;
+    }
+    // Of too few it is what it was.
+    Usual usual(const Usual& before) {
+        if (count_ < kFewestChunks) return before;
+        Usual found;
+        found.power = std::fmin(std::fmax(median(power_), 1), 1e300);
+        found.mean = std::fmin(std::fmax(median(mean_), 1), 1e300);
+        return found;
+    }
+
+  private:
+    enum { kMostChunks = Past::kSingle / RestGate::kChunk + 2, kFewestChunks = 8 };
+    double median(double* values) {
+        std::nth_element(values, values + count_ / 2, values + count_);
+        return values[count_ / 2];
+    }
+
+    double power_[kMostChunks], mean_[kMostChunks];
+    double sum_ = 0, powers_ = 0, largest_ = 0;
+    int fill_ = 0, count_ = 0;
+    bool known_ = true;
+};
+
 class Likelihood {
   public:
     void add(double e, double S) { sum_ -= 0.5 * (e * e / S + std::log(S)); }
@@ -101,9 +147,11 @@ void through(const System<kMost>& s, const Newest<size>& means, double m, double
 
 }  // namespace refilter
 
-// `rest`: the last samples, fewer than a group, that are not in the past yet; NaN where nothing is known.
+// `rest`: the last samples that are not in the past yet; NaN where nothing is known. `innovations`: of the
+// newest samples, if anybody wants them.
 inline double filter_again(const System<kMost>& s, const RiccatiMap<kMost>& map, const Past& past,
-                           const float* rest, int count, Kalman<kMost>& filter) {
+                           const float* rest, int count, Kalman<kMost>& filter,
+                           refilter::Innovations* innovations = nullptr) {
     double x[kMost] = {0}, P[kMost * kMost];
     std::memcpy(P, s.P0, sizeof(double) * std::size_t(s.n * s.n));
     refilter::Likelihood fits;
@@ -119,6 +167,7 @@ inline double filter_again(const System<kMost>& s, const RiccatiMap<kMost>& map,
         const double y = i < single ? past.single()[i] : double(rest[i - single]);
         const double e = filter.innovation(std::isnan(y) ? 0 : y);
         if (!std::isnan(y)) fits.add(e, filter.S);
+        if (innovations != nullptr) innovations->add(std::isnan(y) ? y : e / std::sqrt(filter.S));
         filter.go_on(e, !std::isnan(y));
     }
     return fits.value();

@@ -5,6 +5,9 @@
 // the noise, if one of them alone is a hundred deviations away, or if their mean is eight of its deviations
 // away. Rest is back after two chunks that are none. After 32 chunks in a row that lie still elsewhere, there
 // is where the offset is now.
+//
+// The filter leaves lines and more that is no motion to its innovations. Where those at rest are larger than
+// they should be, or their means are, that is what others are beside.
 #pragma once
 
 #include <cmath>
@@ -12,12 +15,21 @@
 namespace fltea {
 namespace track {
 
+// Powers of a chunk's innovations, and of their mean, over those of the noise; never less than 1.
+struct Usual {
+    double power = 1, mean = 1;
+};
+
 class RestGate {
   public:
     enum { kChunk = 32, kQuiet = 2, kStill = 32 };
     enum Verdict { kGoesOn, kBegins, kEnds, kElsewhere };
     static constexpr double kKnock = 16, kSpike = 100, kMean = 8;
 
+    explicit RestGate(const Usual& usual = Usual()) : usual_(usual) {}
+
+    const Usual& usual() const { return usual_; }
+    void expect(const Usual& usual) { usual_ = usual; }
     bool moving() const { return moving_; }
     int fill() const { return fill_; }
 
@@ -34,20 +46,21 @@ class RestGate {
         own_ += apart;
         own_powers_ += apart * apart;
         ++known_;
-        return power > kSpike * kSpike;
+        return power > kSpike * kSpike * usual_.power;
     }
 
     // After each sample, which may be missing.
     Verdict next(double deviation) {
         if (++fill_ < kChunk) return kGoesOn;
         const int n = known_;
-        const bool knock = n > 1 && (powers_ - largest_ > kKnock * (n - 1) || largest_ > kSpike * kSpike ||
-                                     std::fabs(sum_) > kMean * std::sqrt(double(n)));
+        const double most = kKnock * usual_.power * (n - 1), apart = kMean * std::sqrt(usual_.mean);
+        const bool knock = n > 1 && (powers_ - largest_ > most || largest_ > kSpike * kSpike * usual_.power ||
+                                     std::fabs(sum_) > apart * std::sqrt(double(n)));
         const double mean = n > 0 ? own_ / n : 0;
-        const bool still = n > 1 && own_powers_ - mean * own_ < kKnock * (n - 1);
+        const bool still = n > 1 && own_powers_ - mean * own_ < most;
         const double place = first_ + mean * deviation;
         const bool same =
-            still && has_place_ && std::fabs(place - place_) < kMean * deviation * std::sqrt(2.0 / kChunk);
+            still && has_place_ && std::fabs(place - place_) < apart * deviation * std::sqrt(2.0 / kChunk);
         place_ = place;
         has_place_ = still;
         stood_ = moving_ && same ? stood_ + 1 : 0;
@@ -82,6 +95,8 @@ class RestGate {
         io.real(own_powers_, 0, 1e300);
         io.real(first_, -1e150, 1e150);
         io.real(place_, -1e300, 1e300);
+        io.real(usual_.power, 1, 1e300);
+        io.real(usual_.mean, 1, 1e300);
     }
 
   private:
@@ -93,6 +108,7 @@ class RestGate {
         sum_ = powers_ = largest_ = own_ = own_powers_ = 0;
     }
 
+    Usual usual_;
     int fill_ = 0, known_ = 0, stood_ = 0;
     long long quiet_ = 0;
     bool moving_ = false, has_place_ = false;

@@ -53,8 +53,10 @@ class Tracker {
         next->system = system;
         next->absolute = absolute;
         if (!next->map.set(next->system)) return false;
-        refilter(*next);
+        refilter::Innovations innovations;
+        refilter(*next, &innovations);
         if (!std::isfinite(next->filter.S)) return false;
+        gate_.expect(innovations.usual(gate_.usual()));
         if (filter_ == nullptr || filter_->system.n != system.n) white_.skip();
         filter_ = std::move(next);
         banks_.reset();
@@ -262,7 +264,7 @@ class Tracker {
         past_.clear();
         kept_ = 0;
         spiked_ = false;
-        gate_ = RestGate();
+        gate_ = RestGate(gate_.usual());
         has_last_ = false;
         if (!fixed_) has_origin_ = false;
         if (filter_ != nullptr) {
@@ -274,8 +276,8 @@ class Tracker {
         keep();
     }
 
-    double refilter(Model& model) const {
-        return filter_again(model.system, model.map, past_, recent_, kept_, model.filter);
+    double refilter(Model& model, refilter::Innovations* innovations = nullptr) const {
+        return filter_again(model.system, model.map, past_, recent_, kept_, model.filter, innovations);
     }
 
     template <typename Io>

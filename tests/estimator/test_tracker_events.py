@@ -56,6 +56,21 @@ def test_it_predicts_while_the_sensor_turns(name: str | None) -> None:
     assert one.figures()[0].begun == 0
 
 
+@pytest.mark.parametrize("hz", [0.3, 12.0, 40.0])
+def test_a_line_that_the_system_leaves_out_is_no_motion_and_hides_none(hz: float) -> None:
+    rng, t = np.random.default_rng(6), np.arange(N) / 100
+    y = rng.standard_normal(N) + 30 * np.sin(2 * np.pi * hz * t)
+    one = tracker(None)
+    one.run(y[:AT, None])
+    one.set(0, SYSTEMS["white"])
+    assert not one.run(y[AT : AT + 4000, None]).moving.any()
+    turned = y[AT + 4000 :, None].copy()
+    turned[1000:2000, 0] += 450 * np.sin(np.arange(1000) / 80)
+    moving = one.run(turned).moving[:, 0]
+    assert moving[1000:2000].mean() > 0.9
+    assert not np.delete(moving, np.s_[1000:2100]).any()
+
+
 @kinds
 def test_a_knock_and_a_spike_leave_nothing_behind(name: str | None) -> None:
     y, level = measured(name)

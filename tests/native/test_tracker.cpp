@@ -169,6 +169,14 @@ TEST_CASE("tracker: the gate sees knocks, spikes and a new place") {
     while (chunk(5, 1) == RestGate::kGoesOn) ++more;
     CHECK(more == RestGate::kStill);
     CHECK(!gate.moving());
+    Usual usual;
+    usual.power = 400;
+    usual.mean = 400;
+    gate = RestGate(usual);
+    for (int k = 0; k < 100; ++k) REQUIRE(chunk(k % 2 == 0 ? 4.5 : -4.5, 15) == RestGate::kGoesOn);
+    CHECK(chunk(0, 180) == RestGate::kBegins);
+    gate = RestGate(usual);
+    CHECK(chunk(35, 1) == RestGate::kBegins);
 }
 
 TEST_CASE("tracker: what was saved goes on to the bit") {
