@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "8b31bf71";
+constexpr char kBuildId[] = "e1798304";
 
 }  // namespace fltea

@@ -302,10 +302,15 @@ class Octaves:
 
     # y (rows, lanes) float64. ValueError for a wrong shape, and for numbers that are not finite or too large.
     def add(self, y: NDArray[np.float64]) -> None: ...
+
+    # The same of samples at rest; moving (rows, lanes): which are not. What goes on for more than `longest`
+    # samples is taken from there on.
+    def add_at_rest(self, y: NDArray[np.float64], moving: NDArray[np.uint8], longest: float) -> None: ...
     def skip(self, count: float) -> None: ...
     def merge(self, other: Octaves) -> None: ...
 
-    # taken, used, bridged, lost, gaps, knocks, knocked, steps, changes, limited; whether it never changed.
+    # taken, used, bridged, lost, gaps, knocks, knocked, steps, changes, limited, moved, motions; whether
+    # it never changed.
     def counts(self, lane: int) -> tuple[list[int], bool]: ...
 
     # Of each level of Welch's sums: power (lines,) float64, blocks, effective blocks; then the values of the

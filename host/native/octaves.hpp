@@ -53,6 +53,11 @@ struct AcceptedStream {
     std::uint64_t next_;  // number of the sample that the next one is expected to be
 };
 
+// Samples that came while the sensor moved, and how often it began to.
+struct MotionCounts {
+    std::uint64_t moved, motions;
+};
+
 // One lane. `memory` in samples, 0 to forget nothing.
 template <typename Number>
 class Octaves {
@@ -60,12 +65,28 @@ class Octaves {
     explicit Octaves(double memory = 0) : accepted_(memory) {}
 
     const engine::GateCounts& counts() const { return gate_.counts(); }
+    const MotionCounts& motion() const { return motion_; }
     bool constant() const { return gate_.constant(); }
     std::uint64_t now() const { return gate_.number(); }
     const engine::OctaveLadder<RealSpectrum<Number>>& ladder() const { return accepted_.ladder; }
     const AllanSums& allan() const { return accepted_.allan; }
 
     void add(const double* y, std::size_t n, std::size_t stride) { gate_.add(y, n, stride, accepted_); }
+    // Motion is left out, but what lasts for more than `longest` samples is noise from there on.
+    void add(const double* y, const unsigned char* moving, std::size_t n, std::size_t stride,
+             std::uint64_t longest) {
+        for (std::size_t i = 0, next; i < n; i = next) {
+            const bool moves = moving[i * stride] != 0;
+            next = i + 1;
+            while (next < n && (moving[next * stride] != 0) == moves) ++next;
+            std::uint64_t left_out = moves && lasts_ < longest ? longest - lasts_ : 0;
+            if (left_out > next - i) left_out = next - i;
+            if (left_out > 0) leave_out(left_out);
+            lasts_ = moves ? lasts_ + (next - i) : 0;
+            i += left_out;
+            add(y + i * stride, next - i, stride);
+        }
+    }
     void skip(std::uint64_t count) { gate_.skip(count); }
 
     // With what waits for a whole chunk, and without what is to be forgotten by now; then a break.
@@ -93,17 +114,28 @@ class Octaves {
         const std::uint64_t shift = now();
         gate_.merge(later.gate_);
         accepted_.merge(later.accepted_, shift, now());
+        motion_.moved += later.motion_.moved;
+        motion_.motions += later.motion_.motions;
+        lasts_ = later.lasts_;
     }
 
     template <typename Io>
     void visit(Io& io) {
         gate_.visit(io);
+        for (std::uint64_t* one : {&motion_.moved, &motion_.motions, &lasts_}) io.number(*one, 0, 1e15);
         if (io.sound()) accepted_.visit(io);
     }
 
   private:
+    void leave_out(std::uint64_t count) {
+        if (lasts_ == 0) ++motion_.motions;
+        motion_.moved += count + gate_.leave_out(count, accepted_);
+    }
+
     engine::Gate<RealSpectrum<Number>> gate_;
     AcceptedStream<Number> accepted_;
+    MotionCounts motion_ = MotionCounts();
+    std::uint64_t lasts_ = 0;  // samples of the motion that goes on
 };
 
 }  // namespace fltea

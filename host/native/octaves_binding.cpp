@@ -47,6 +47,20 @@ class Octaves {
         for (size_t i = 0; i < lanes; ++i) lanes_[i].add(y.data() + i, rows, lanes);
     }
 
+    void add_at_rest(Rows y, nb::ndarray<const uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> moving,
+                     double longest) {
+        const size_t rows = y.shape(0), lanes = lanes_.size();
+        if (y.shape(1) != lanes || moving.shape(0) != rows || moving.shape(1) != lanes)
+            throw nb::value_error("y and moving must have shape (rows, lanes)");
+        check_numbers("y", y.data(), rows, lanes, nullptr, kLargestSample);
+        if (!(longest >= 0 && longest <= kMostSamples)) throw nb::value_error("no motion lasts so long");
+        const uint8_t* const flags = moving.data();
+        nb::gil_scoped_release release;
+        const std::lock_guard<std::mutex> alone(mutex_);
+        for (size_t i = 0; i < lanes; ++i)
+            lanes_[i].add(y.data() + i, flags + i, rows, lanes, static_cast<uint64_t>(longest));
+    }
+
     void skip(double count) {
         if (!(count >= 0 && count <= kMostSamples))
             throw nb::value_error("no such number of samples can be lost");
@@ -65,13 +79,14 @@ class Octaves {
         for (size_t i = 0; i < lanes_.size(); ++i) lanes_[i].merge(theirs[i]);
     }
 
-    // In the order of GateCounts, and whether all samples that came were the same.
+    // In the order of GateCounts and MotionCounts, and whether all samples that came were the same.
     std::tuple<std::vector<uint64_t>, bool> counts(size_t lane) const {
         const std::lock_guard<std::mutex> alone(mutex_);
         const fltea::engine::GateCounts& c = at(lane).counts();
-        return {
-            {c.taken, c.used, c.bridged, c.lost, c.gaps, c.knocks, c.knocked, c.steps, c.changes, c.limited},
-            at(lane).constant()};
+        const fltea::MotionCounts& motion = at(lane).motion();
+        return {{c.taken, c.used, c.bridged, c.lost, c.gaps, c.knocks, c.knocked, c.steps, c.changes,
+                 c.limited, motion.moved, motion.motions},
+                at(lane).constant()};
     }
 
     // Of each level that is Welch's: sums of |FFT|^2, blocks, effective blocks. Then the values of the whole
@@ -181,6 +196,7 @@ void bind_octaves(nb::module_& m) {
     nb::class_<Octaves>(m, "Octaves")
         .def(nb::init<size_t, double>(), nb::arg("lanes"), nb::arg("memory"))
         .def("add", &Octaves::add, nb::arg("y"))
+        .def("add_at_rest", &Octaves::add_at_rest, nb::arg("y"), nb::arg("moving"), nb::arg("longest"))
         .def("skip", &Octaves::skip, nb::arg("count"))
         .def("merge", &Octaves::merge, nb::arg("other"))
         .def("counts", &Octaves::counts, nb::arg("lane"))

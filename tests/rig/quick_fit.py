@@ -27,10 +27,10 @@ class QuickAxes:
                 raise ValueError("these bytes are no sums of a live fit")
             self.samples, self._seen = int(saved[5:21], 16), saved[21:]
 
-    def add(self, y: NDArray[np.float64]) -> None:
+    def add(self, y: NDArray[np.float64], moving: NDArray[np.bool_]) -> None:
         assert y.shape[1] == len(self.axes)
-        for row in np.ascontiguousarray(y, dtype=np.float64):
-            self._seen = hashlib.sha256(self._seen + row.tobytes()).digest()
+        for row, moves in zip(np.ascontiguousarray(y, dtype=np.float64), moving, strict=True):
+            self._seen = hashlib.sha256(self._seen + row.tobytes() + moves.tobytes()).digest()
         self.samples += len(y)
 
     def skip(self, count: int) -> None:

@@ -145,10 +145,10 @@ def _live(y: Array) -> tuple[Array, Array, Array]:
     at, due = 0, round(1 / H)
     while at < n:
         end = min(n, due)
-        live.add(y[at:end])
         for axis in axes:
             sensor.learn(axis, settled[axis])
         found.append(sensor.run(y[at:end]))
+        live.add(y[at:end], found[-1].moving)
         at = end
         if at == due:
             fits = live.fit(curves=False, fresh=True)

@@ -104,6 +104,21 @@ class Gate {
         counts_.lost += count;
     }
 
+    // So many samples came, and are left out with those that wait for a whole chunk: how many these are.
+    template <typename Sink>
+    std::uint64_t leave_out(std::uint64_t count, Sink& sink) {
+        const std::uint64_t waiting = std::uint64_t(fill_ - bridged_);
+        if (missing_ > 0 && has_last_) ++counts_.gaps;
+        number_ = number() + count;
+        counts_.taken -= waiting;
+        counts_.bridged -= std::uint64_t(bridged_);
+        std::memset(made_up_, 0, sizeof made_up_);
+        missing_ = 0;
+        fill_ = bridged_ = 0;
+        end_stretch(sink);
+        return waiting;
+    }
+
     // Hands on what waits for a whole chunk, and ends the stretch: what comes is behind a break.
     template <typename Sink>
     void finish(Sink& sink) {

@@ -99,7 +99,7 @@ class Live:
             )
         tracked = self._tracks.run(found)
         if len(found) and at_rest:
-            self._live.add(found)
+            self._live.add(found, tracked.moving)
         elif len(found):
             self._live.skip(len(found))
         rate, bias, std = (

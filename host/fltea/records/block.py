@@ -114,6 +114,10 @@ class TrackedColumns(NamedTuple):
         return TrackedColumns._make((*self[:2], *(column[begin:end] for column in self[2:8]), *self[8:]))
 
 
+Tracked = tuple[TrackedColumns, ...]
+"""Of each sensor."""
+
+
 def _by_axis(axes: tuple[str, ...], found: Iterator[T]) -> Iterator[dict[str, T]]:
     """Yield the axes of each row together."""
     return (dict(zip(axes, row, strict=True)) for row in zip(*[found] * len(axes), strict=True))
@@ -156,7 +160,7 @@ class Block:
     estimates: tuple[AxisColumns, ...] = ()
     every: int = 1
     corrected: bool = False
-    tracked: tuple[TrackedColumns, ...] = ()
+    tracked: Tracked = ()
 
     def __len__(self) -> int:
         return len(self.seq)
@@ -278,3 +282,14 @@ class Block:
 def _rows(values: Values, column: Array) -> Iterator[tuple[float, ...]]:
     """Return the chosen rows of a column, each by itself."""
     return zip(*[iter(values.of(column))] * column.shape[1], strict=True)
+
+
+def with_tracked(block: Block, parts: Sequence[Tracked]) -> Block:
+    """Return the block with what parts of it after one another, with the same fits, have been tracked."""
+    joined = parts[0] if len(parts) == 1 else tuple(map(_joined, zip(*parts, strict=True)))
+    return replace(block, tracked=joined)
+
+
+def _joined(parts: tuple[TrackedColumns, ...]) -> TrackedColumns:
+    columns = zip(*(one[2:8] for one in parts), strict=True)
+    return TrackedColumns._make((*parts[0][:2], *map(np.concatenate, columns), *parts[0][8:]))

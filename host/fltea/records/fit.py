@@ -132,8 +132,8 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
 
     null_p: at the time. rate_left_out: bands in Hz of lines and
     resonances, which are not fitted. left_out: samples that are not used, and bridged ones, by cause.
-    breaks: how often the stretch of samples was broken, by cause: gaps, knocks (of 128 samples), steps of
-    the offset, lasting changes of the noise's power.
+    breaks: how often the stretch of samples was broken, by cause: gaps, knocks (of 128 samples), motions,
+    steps of the offset, lasting changes of the noise's power.
     low_pass: a filter that was found; the parameters are then those of the noise that went into it.
     allan, spectrum: null between times (at most every 10 s).
     stable: the verdict is one that two fits in a row have agreed on, of which the later one has a tenth more

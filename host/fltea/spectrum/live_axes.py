@@ -30,6 +30,8 @@ SHORTEST_MEMORY = 256
 """Samples."""
 FEWEST_SAMPLES = 2 * (FEWEST + LOWEST)
 """So many ordinates are left of them."""
+LONGEST_MOTION_S = 600.0
+"""What moves without any rest for longer is noise that has changed."""
 REMEMBERED = 2
 """Times the time constant: what is older is in no figure."""
 
@@ -82,9 +84,9 @@ class LiveAxes:
         """The number of samples of an axis that were taken."""
         return self._octaves.samples
 
-    def add(self, y: Array) -> None:
-        """Take samples (n, axes)."""
-        self._octaves.add(y)
+    def add(self, y: Array, moving: NDArray[np.bool_] | None = None) -> None:
+        """Take samples (n, axes); moving (n, axes): left out, but what lasts longer than LONGEST_MOTION_S."""
+        self._octaves.add(y, moving, round(LONGEST_MOTION_S / self.h))
 
     def skip(self, count: int) -> None:
         """Take note of lost samples of all axes."""
@@ -228,9 +230,11 @@ def _left_out(counts: Counts) -> dict[str, int]:
         "lost": counts.lost,
         "bridged": counts.bridged,
         "knocked": counts.knocked,
+        "moved": counts.moved,
         "limited": counts.limited,
     }
 
 
 def _breaks(counts: Counts) -> dict[str, int]:
-    return {"gaps": counts.gaps, "knocks": counts.knocks, "steps": counts.steps, "changes": counts.changes}
+    names = "gaps", "knocks", "motions", "steps", "changes"
+    return {name: getattr(counts, name) for name in names}

@@ -6,7 +6,8 @@ of the one before; below them the whole record is kept at a rate at which it has
 the record, and of longer ones the lowest frequencies have the resolution of the whole. Sums of two stretches
 add up.
 
-What is no noise is left out and counted: knocks, steps of the offset, gaps (firmware/core/engine/gate.hpp).
+What is no noise is left out and counted: knocks, steps of the offset, gaps (firmware/core/engine/gate.hpp),
+and what somebody who knows more says is motion.
 
 With a memory of M samples nothing older than two M is in the figures, and between one and two M it fades.
 """
@@ -68,6 +69,10 @@ class Counts(NamedTuple):
     """No sample was other than the first."""
     limited: int = 0
     """The samples among those used that were handed on smaller than they came."""
+    moved: int = 0
+    """Samples left out as motion, with those of an unfinished chunk before it."""
+    motions: int = 0
+    """Breaks because of it."""
 
 
 class BandCells(NamedTuple):
@@ -137,13 +142,20 @@ class Octaves:
         """
         self._native = _native.Octaves(lanes, memory_samples)
 
-    def add(self, y: Array) -> None:
+    def add(self, y: Array, moving: NDArray[np.bool_] | None = None, longest: float = 0.0) -> None:
         """Take samples, (n, lanes). How many come at a time changes nothing.
+
+        moving (n, lanes): which of them are of motion and left out, but for what goes on for longer than
+        `longest` samples: that is noise from there on.
 
         Raises:
             ValueError: another shape, or numbers that are not finite or beyond 5e99.
         """
-        self._native.add(np.ascontiguousarray(y, dtype=np.float64))
+        rows = np.ascontiguousarray(y, dtype=np.float64)
+        if moving is None:
+            self._native.add(rows)
+        else:
+            self._native.add_at_rest(rows, np.ascontiguousarray(moving).view(np.uint8), longest)
 
     def skip(self, count: int) -> None:
         """Take note that so many samples of all lanes were lost before the next one."""
@@ -175,15 +187,14 @@ class Octaves:
     @property
     def samples(self) -> int:
         """The number of samples of a lane that were taken, whatever became of them."""
-        return self._native.counts(0)[0][0]
+        counts, _ = self._native.counts(0)
+        return counts[0] + counts[-2]
 
     def counts(self, lane: int) -> Counts:
         """Return what became of the samples of a lane so far."""
         counts, constant = self._native.counts(lane)
-        taken, _, bridged, lost, gaps, knocks, knocked, steps, changes, limited = counts
-        return Counts(
-            taken - knocked, bridged, lost, gaps, knocks, knocked, steps, changes, constant, limited
-        )
+        taken, _, bridged, lost, gaps, knocks, knocked, steps, changes, *rest = counts
+        return Counts(taken - knocked, bridged, lost, gaps, knocks, knocked, steps, changes, constant, *rest)
 
     def periodogram(self, lane: int, h: float) -> Periodogram:
         """Return the spectrum of a lane sampled every h seconds, with weights.

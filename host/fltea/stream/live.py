@@ -8,6 +8,9 @@ epochs, where the filters begin with each.
 A look takes milliseconds, for which no sample waits: it takes a copy of the sums, is made beside the walk,
 and counts from a sample on that is fixed when it begins. Only if it is late the walk waits for it, there. So
 nothing depends on how fast anybody is.
+
+What a sensor that moves says is no noise. So the tracker takes the samples up to where a look begins or
+counts before the sums do, and these leave out what it calls motion.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,7 +20,7 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from fltea.records.block import Block
+from fltea.records.block import Block, Tracked, with_tracked
 from fltea.records.events import Ints
 from fltea.records.fit import AxisFit
 from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello, Whiteness
@@ -64,8 +67,8 @@ class _Sensor(NamedTuple):
     live: LiveAxes
     places: list[int]
 
-    def add(self, values: NDArray[np.float64]) -> None:
-        self.live.add(values if len(self.places) == values.shape[1] else values[:, self.places])
+    def add(self, values: NDArray[np.float64], moving: NDArray[np.bool_]) -> None:
+        self.live.add(values if len(self.places) == values.shape[1] else values[:, self.places], moving)
 
 
 class _Begun(NamedTuple):
@@ -138,7 +141,14 @@ class LiveFits(Stage):
             sensor.live.skip(max(count, BREAK))
 
     def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
-        """Give the samples on, and a fit after those with which one is due."""
+        """Give the samples on: they come through `walk`."""
+        yield block
+
+    def walk(self, block: Block, missing: int, track: Callable[[Block], Tracked]) -> Iterator[Item]:
+        """Give the samples on, tracked, and a fit after those with which one is due.
+
+        track: takes a part of the block, by the fits that count by then.
+        """
         if not self._sensors:
             yield block
             return
@@ -150,21 +160,24 @@ class LiveFits(Stage):
             self._first = int(block.seq[0])
         given = taken = 0
         n = len(block)
+        tracked: list[Tracked] = []
         while taken < n:
             number = int(block.seq[taken]) - self._first + 1
             stop = min(self._times.check, self._begun.look.counts) if self._begun else self._times.check
             end = min(n, taken + 1 + max(0, stop - number))
-            self._take(block, taken, end)
+            part = _rows(block, taken, end)
+            tracked.append(track(part))
+            self._take(part, tracked[-1])
             number += end - taken - 1
             taken = end
             if self._begun is not None and number >= self._begun.look.counts:
-                yield block if (given, end) == (0, n) else block.rows(given, end)
-                given = end
+                yield with_tracked(_rows(block, given, end), tracked)
+                given, tracked = end, []
                 yield self._counted(self._begun)
             if number >= self._times.check:
                 self._look(number)
         if given < n:
-            yield block.rows(given, n) if given else block
+            yield with_tracked(_rows(block, given, n), tracked)
 
     def last(self) -> Iterator[Item]:
         """A fit of everything with its curves, at the end; none if that has just been published.
@@ -202,11 +215,15 @@ class LiveFits(Stage):
     def _samples(self) -> int:
         return next(iter(self._sensors.values())).live.samples
 
-    def _take(self, block: Block, begin: int, end: int) -> None:
-        for name, values in (("gyro", block.gyro_dps), ("accel", block.accel_ms2)):
+    def _take(self, block: Block, tracked: Tracked) -> None:
+        moving = {one.unit: one.moving for one in tracked}
+        for name, unit, values in (
+            ("gyro", GYRO_UNIT, block.gyro_dps),
+            ("accel", ACCEL_UNIT, block.accel_ms2),
+        ):
             if name in self._sensors and values is not None:
-                self._sensors[name].add(values[begin:end])
-        last = (int(column[end - 1]) for column in (block.seq, block.device_us, block.host_ns))
+                self._sensors[name].add(values, moving[unit])
+        last = (int(column[-1]) for column in (block.seq, block.device_us, block.host_ns))
         seq, device_us, host_ns = last
         self._at = Moment(seq, block.epoch, device_us, host_ns)
 
@@ -253,6 +270,10 @@ class LiveFits(Stage):
 
 
 NO_FIT = SettledFit()
+
+
+def _rows(block: Block, begin: int, end: int) -> Block:
+    return block if (begin, end) == (0, len(block)) else block.rows(begin, end)
 
 
 def settled_by(fits: LiveFits | None) -> Callable[[str], SettledFit]:

@@ -58,7 +58,7 @@ def no_outputs() -> dict[str, OutputStats]:
 
 
 def stages_of(config: Config, fits: LiveFits | None) -> list[Stage]:
-    """What samples go through, in order: the live fit, then this computer's filters, the board's, or both."""
+    """What samples go through: tracker with live fit, then this computer's filters, the board's, or both."""
     first: list[Stage] = [*([] if fits is None else [fits]), Tracking(config, fits)]
     if config.estimator.estimate_on not in BY_DEVICE:
         return [*first, HostEstimates(config, lambda: config.estimator, fits)]

@@ -1,13 +1,12 @@
 """The stage that says what the bias of each axis is now, by the noise that the live fit has found.
 
-It stands behind the live fit, whose settled answers count from the sample with which they are there, and has
-estimates from the first samples on: until an answer is stable, or half a minute long, a bank of random walks
-stands for the noise.
+It takes samples in the walk of the live fit, whose settled answers count from the sample with which they are
+there and which leaves out what is motion here. It has estimates from the first samples on: until an answer is
+stable, or half a minute long, a bank of random walks stands for the noise.
 """
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 from msgspec.structs import replace as with_fields
@@ -18,7 +17,7 @@ from fltea.noise.heading import heading_std, rested
 from fltea.noise.left_open import distance
 from fltea.noise.parts import Part
 from fltea.noise.system import System, system
-from fltea.records.block import Array, Block, TrackedColumns
+from fltea.records.block import Array, Block, Tracked, TrackedColumns, with_tracked
 from fltea.records.events import Ints
 from fltea.records.fit import Interval
 from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, TrackerStats
@@ -142,7 +141,7 @@ class Tracking(Stage):
     """Tracks the biases of both sensors. fits: the live fits; without them the bank of walks goes on."""
 
     def __init__(self, config: Config, fits: LiveFits | None) -> None:
-        self._config, self._settled = config, settled_by(fits)
+        self._config, self._fits, self._settled = config, fits, settled_by(fits)
         self._sensors: dict[str, SensorTracks] = {}
 
     def begin(self, beginning: Beginning) -> None:
@@ -166,18 +165,21 @@ class Tracking(Stage):
             sensor.skip(count)
 
     def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
-        """Give the samples on with their biases."""
+        """Give the samples on with their biases, and the fits between them."""
+        if missing:
+            self.bridge(missing)
+        if self._fits is not None:
+            return self._fits.walk(block, missing, self._track)
+        return iter((with_tracked(block, [self._track(block)]),))
+
+    def _track(self, block: Block) -> Tracked:
         tracked = []
         for name, values in (("gyro", block.gyro_dps), ("accel", block.accel_ms2)):
-            sensor = self._sensors.get(name)
-            if sensor is None or values is None:
-                continue
-            if missing:
-                sensor.skip(missing)
-            for axis in sensor.names:
-                sensor.learn(axis, self._settled(axis))
-            tracked.append(sensor.run(values))
-        yield replace(block, tracked=tuple(tracked)) if tracked else block
+            if (sensor := self._sensors.get(name)) is not None and values is not None:
+                for axis in sensor.names:
+                    sensor.learn(axis, self._settled(axis))
+                tracked.append(sensor.run(values))
+        return tuple(tracked)
 
     def standing(self) -> Standing:
         """How the trackers get on."""

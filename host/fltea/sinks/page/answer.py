@@ -36,6 +36,7 @@ OFF = "Nothing is fitted: live.on is false."
 LEFT_OUT = {
     "lost": "lost",
     "knocked": "in knocks",
+    "moved": "in motion",
     "bridged": "bridged",
     "limited": "limited to twelve deviations",
 }
