@@ -266,7 +266,7 @@ PAUSES_S = st.lists(st.sampled_from([0.0, 1e-4, 2e-3]), min_size=1, max_size=5)
 
 
 @given(cuts(1300), st.sets(st.integers(1, 1298), max_size=5), PAUSES_S)
-@settings(max_examples=20)
+@settings(max_examples=6)
 def test_fits_count_from_the_same_sample_however_long_they_take_and_the_blocks_are_cut(
     places: list[int], lost: set[int], pauses_s: list[float]
 ) -> None:
@@ -370,7 +370,7 @@ def test_a_look_at_a_sensor_that_is_gone_is_not_told_and_one_at_the_same_counts_
     assert [(f.epoch, f.samples) for f in of(Fit, items)] == [(1, 100)]
 
 
-@pytest.mark.parametrize("examples", [10, slow(25)])
+@pytest.mark.parametrize("examples", [4, slow(25)])
 def test_estimates_are_the_same_watched_or_not_whatever_is_lost(examples: int) -> None:
     """Samples with which fits are due: those that nobody takes are not made."""
 
