@@ -1,8 +1,8 @@
 """When a sensor that should be at rest was moved (pure).
 
 Samples are judged as the live fit judges them (firmware/core/engine/gate.hpp): in chunks of 128, of which one
-is a knock if its power about its own mean, the largest sample not counted, is sixteen times the usual. The
-live fit leaves knocks out; after eight in a row it takes the new level for the noise. So eight in a row are
+is a knock if its power about its own mean, the largest sample not counted, is sixteen times the usual. These
+sums leave knocks out; after eight in a row they take the new level for the noise. So eight in a row are
 motion here, if the samples in them follow each other smoothly, as those of noise that has grown do not. So is
 what stays away from the usual offset by as many deviations as the live fit limits samples to.
 """
