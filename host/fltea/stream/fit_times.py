@@ -78,6 +78,8 @@ class LookTimes:
         step = min(math.ceil(samples / LOOK_GROWTH), round(LONGEST_S * self._rate_hz)) if self._grows else 1
         self.due = min(self._search, self._next(number, step, period)) if self._every else self._search
         drawn = self._drawn
+        if not self._every:  # nobody wants news in between
+            self.check = self._search
         curves = self._every and settles and (drawn is None or number - drawn >= CURVES_S * self._rate_hz)
         if curves:
             self._drawn = number
