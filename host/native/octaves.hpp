@@ -72,7 +72,8 @@ class Octaves {
     const AllanSums& allan() const { return accepted_.allan; }
 
     void add(const double* y, std::size_t n, std::size_t stride) { gate_.add(y, n, stride, accepted_); }
-    // Motion is left out, but what lasts for more than `longest` samples is noise from there on.
+    // Motion is left out, but what lasts for more than `longest` samples, without kRest at rest in a row, is
+    // noise from there on: louder noise is quiet for a moment now and then.
     void add(const double* y, const unsigned char* moving, std::size_t n, std::size_t stride,
              std::uint64_t longest) {
         for (std::size_t i = 0, next; i < n; i = next) {
@@ -82,7 +83,9 @@ class Octaves {
             std::uint64_t left_out = moves && lasts_ < longest ? longest - lasts_ : 0;
             if (left_out > next - i) left_out = next - i;
             if (left_out > 0) leave_out(left_out);
-            lasts_ = moves ? lasts_ + (next - i) : 0;
+            rest_ = moves ? 0 : rest_ + (next - i);
+            if (rest_ > kRest) rest_ = kRest;
+            lasts_ = rest_ == kRest || (lasts_ == 0 && !moves) ? 0 : lasts_ + (next - i);
             i += left_out;
             add(y + i * stride, next - i, stride);
         }
@@ -117,25 +120,30 @@ class Octaves {
         motion_.moved += later.motion_.moved;
         motion_.motions += later.motion_.motions;
         lasts_ = later.lasts_;
+        rest_ = later.rest_;
     }
 
     template <typename Io>
     void visit(Io& io) {
         gate_.visit(io);
         for (std::uint64_t* one : {&motion_.moved, &motion_.motions, &lasts_}) io.number(*one, 0, 1e15);
+        io.number(rest_, 0, kRest);
         if (io.sound()) accepted_.visit(io);
     }
 
   private:
+    enum { kRest = 1024 };
+
     void leave_out(std::uint64_t count) {
-        if (lasts_ == 0) ++motion_.motions;
+        if (lasts_ == 0 || rest_ > 0) ++motion_.motions;
         motion_.moved += count + gate_.leave_out(count, accepted_);
     }
 
     engine::Gate<RealSpectrum<Number>> gate_;
     AcceptedStream<Number> accepted_;
     MotionCounts motion_ = MotionCounts();
-    std::uint64_t lasts_ = 0;  // samples of the motion that goes on
+    std::uint64_t lasts_ = 0;  // samples since the motion that goes on began
+    std::uint64_t rest_ = 0;   // of them the last ones, at rest
 };
 
 }  // namespace fltea

@@ -31,7 +31,7 @@ SHORTEST_MEMORY = 256
 FEWEST_SAMPLES = 2 * (FEWEST + LOWEST)
 """So many ordinates are left of them."""
 LONGEST_MOTION_S = 600.0
-"""What moves without any rest for longer is noise that has changed."""
+"""What moves for longer, without 1,024 samples of rest in a row, is noise that has changed."""
 REMEMBERED = 2
 """Times the time constant: what is older is in no figure."""
 

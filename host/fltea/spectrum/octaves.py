@@ -146,7 +146,7 @@ class Octaves:
         """Take samples, (n, lanes). How many come at a time changes nothing.
 
         moving (n, lanes): which of them are of motion and left out, but for what goes on for longer than
-        `longest` samples: that is noise from there on.
+        `longest` samples, without 1,024 at rest in a row: that is noise from there on.
 
         Raises:
             ValueError: another shape, or numbers that are not finite or beyond 5e99.
