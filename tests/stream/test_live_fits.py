@@ -1,11 +1,7 @@
 """The live fit in the walk: when it is due, what it is of, and what it goes on over."""
 
 import itertools
-import threading
-import time
-from collections.abc import Callable, Iterable
-from functools import partial
-from typing import TypeVar
+from collections.abc import Iterable
 
 import pytest
 from blocks import cuts, in_blocks, ndjson, of, records_of
@@ -15,19 +11,15 @@ from fltea.records.events import Break, Event, LinkDown
 from fltea.records.records import Epoch, Error, Estimate, Fit, Hello, Stats
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
-from fltea.stream import fit_times, live
-from fltea.stream.beside import Beside, BesideThread
+from fltea.stream import live
+from fltea.stream.beside import Beside
 from fltea.stream.fit_times import Look, LookTimes
 from fltea.stream.snapshot import DeviceState
 from host_support import hello
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from quick_fit import QuickAxes
-from tiers import slow
 from walk_support import raw, walk
-
-T = TypeVar("T")
 
 
 def left_out(fit: Fit) -> int:
@@ -224,173 +216,6 @@ def test_another_sensor_begins_again(changes: dict[str, object]) -> None:
 def test_a_break_in_a_recording_breaks_the_stretch() -> None:
     items, _ = walk([hello(), raw(range(150)), Break("discontinuity", 0), raw(range(150, 310))])
     assert [(f.samples, left_out(f)) for f in of(Fit, items)] == [(100, 0), (250, live.BREAK)]
-
-
-# --- beside the walk ---
-
-
-class Noticing(QuickAxes):
-    """Notices a step every 17 seconds."""
-
-    @property
-    def noticed(self) -> int:
-        return self.samples // 1700
-
-    @noticed.setter
-    def noticed(self, count: int) -> None: ...
-
-
-class Unhurried(Beside):
-    """Does the work in a thread of its own, each after a pause of its own; or in vain."""
-
-    def __init__(self, pauses_s: Iterable[float], fault: Exception | None = None) -> None:
-        super().__init__()
-        self._thread, self._pauses_s, self._fault = BesideThread(), itertools.cycle(pauses_s), fault
-
-    def begin(self, work: Callable[[], T]) -> Callable[[], T]:
-        pause_s = next(self._pauses_s)
-
-        def slowly() -> T:
-            time.sleep(pause_s)
-            if self._fault is not None:
-                raise self._fault
-            return work()
-
-        return self._thread.begin(slowly)
-
-    def close(self) -> bool:
-        return self._thread.close(None)
-
-
-PAUSES_S = st.lists(st.sampled_from([0.0, 1e-4, 2e-3]), min_size=1, max_size=5)
-
-
-@given(cuts(1300), st.sets(st.integers(1, 1298), max_size=5), PAUSES_S)
-@settings(max_examples=6)
-def test_fits_count_from_the_same_sample_however_long_they_take_and_the_blocks_are_cut(
-    places: list[int], lost: set[int], pauses_s: list[float]
-) -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(live, "LiveAxes", Noticing)
-        block = raw(k for k in range(1300) if k not in lost)
-        items, pipeline = walk([hello(), block])
-        whole = ndjson([*records_of(items), *pipeline.finish()])
-        beside = Unhurried(pauses_s)
-        items, pipeline = walk([hello(), *in_blocks(block, places)], beside=beside)
-        assert ndjson([*records_of(items), *pipeline.finish()]) == whole
-        assert beside.close()
-
-
-def test_a_fault_of_a_look_is_one_of_the_walk() -> None:
-    beside = Unhurried([0.0], KeyError("nothing of the kind"))
-    with pytest.raises(KeyError, match="nothing of the kind"):
-        walk([hello(), raw(range(200))], beside=beside)
-    assert beside.close()
-
-
-def test_looks_of_two_devices_are_made_in_the_order_in_which_they_began() -> None:
-    thread, order, begun = BesideThread(2), list[str](), list[Callable[[], None]]()
-    gate = threading.Event()
-    begun.append(thread.begin(lambda: order.append(f"first {gate.wait()}")))
-    begun += [thread.begin(partial(order.append, name)) for name in ("b", "a", "b")]
-    assert not order
-    gate.set()
-    for result in reversed(begun):
-        result()
-    assert order == ["first True", "b", "a", "b"]
-    assert thread.close(None)
-
-
-def test_two_devices_that_share_a_thread_say_what_each_says_alone() -> None:
-    numbers = {"left": range(700), "right": range(90, 800)}
-    alone = {k: walk([hello(), raw(seen)])[0] for k, seen in numbers.items()}
-    beside = Unhurried([2e-3, 0.0, 1e-4])
-    each = {k: walk([hello()], beside=beside) for k in numbers}
-    for begin in range(0, 800, 37):
-        for k, seen in numbers.items():
-            if part := seen[begin : begin + 37]:
-                each[k][0].extend(each[k][1].feed(raw(part)))
-    for k, (items, _) in each.items():
-        assert ndjson(records_of(items)) == ndjson(records_of(alone[k]))
-    assert beside.close()
-
-
-def test_at_the_end_what_was_not_begun_is_left_and_what_was_is_waited_for() -> None:
-    thread, order = BesideThread(), list[str]()
-    begins, gate = threading.Event(), threading.Event()
-
-    def first() -> None:
-        begins.set()
-        gate.wait()
-        order.append("first")
-
-    thread.begin(first)
-    thread.begin(lambda: order.append("second"))
-    assert begins.wait(60)
-    assert not thread.close(0.0)
-    gate.set()
-    assert thread.close(None)
-    assert order == ["first"]
-    assert BesideThread().close(None), "no thread, nothing to wait for"
-
-
-def test_a_snapshot_in_the_middle_of_a_look_changes_nothing() -> None:
-    def run(*, saves: bool) -> list[bytes]:
-        items: list[object] = []
-        beside = Unhurried([2e-3])
-        _, pipeline = walk([hello()], beside=beside)
-        for begin in range(0, 400, 20):
-            items += pipeline.feed(raw(range(begin, begin + 20)))
-            if saves:
-                assert pipeline.save() is not None or begin < 20
-        assert beside.close()
-        return ndjson(items)
-
-    assert run(saves=True) == run(saves=False)
-
-
-def test_what_is_noticed_is_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    usual, _ = walk([hello(), raw(range(1300))], live__period_s=5)
-    assert [f.seq for f in of(Fit, usual)] == [499, 999]
-    monkeypatch.setattr(fit_times, "LOOK_GROWTH", 1)
-    monkeypatch.setattr(fit_times, "SEARCH_GROWTH", 1)
-    usual, _ = walk([hello(), raw(range(1300))])
-    assert [f.seq for f in of(Fit, usual)] == [99, 199, 399, 799]
-    monkeypatch.setattr(Noticing, "noticed", property(lambda self: self.samples // 550, lambda *_: None))
-    monkeypatch.setattr(live, "LiveAxes", Noticing)
-    noticed, _ = walk([hello(), raw(range(1300))])
-    assert [f.seq for f in of(Fit, noticed)] == [99, 199, 399, 599, 799, 1099]
-
-
-def test_a_look_at_a_sensor_that_is_gone_is_not_told_and_one_at_the_same_counts_at_once() -> None:
-    other = replace(hello(), boot_id=9, device_id="ff")
-    items, _ = walk([hello(), raw(range(102)), LinkDown(1), other, raw(range(200, 350))])
-    assert [(f.epoch, f.samples) for f in of(Fit, items)] == [(2, 100)]
-    items, _ = walk([hello(), raw(range(102)), raw(range(200, 210))])
-    assert [(f.epoch, f.samples) for f in of(Fit, items)] == [(1, 100)]
-
-
-@pytest.mark.parametrize("examples", [4, slow(25)])
-def test_estimates_are_the_same_watched_or_not_whatever_is_lost(examples: int) -> None:
-    """Samples with which fits are due: those that nobody takes are not made."""
-
-    @given(st.lists(st.tuples(st.integers(1, 12), st.integers(0, 20), st.integers(0, 39)), max_size=8))
-    @settings(max_examples=examples)
-    @example([(1, 0, 39), (2, 0, 39), (4, 0, 39), (7, 0, 39)])
-    def holds(lost: list[tuple[int, int, int]]) -> None:
-        gone = {k for at, before, after in lost for k in range(100 * at - before, 100 * at + after)}
-        block = raw(k for k in range(1300) if k not in gone)
-        told, full, unseen = (
-            walk([hello(), block], prompt=prompt, watched=watched)[0]
-            for prompt, watched in ((True, True), (False, True), (False, False))
-        )
-        assert ndjson(records_of(told)) == ndjson(records_of(full))
-        assert of(Estimate, records_of(told)) == of(Estimate, records_of(unseen))
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(live, "LiveAxes", Noticing)
-        patch.setattr(fit_times, "SEARCH_GROWTH", 2)  # settled soon: 1, 2, 3, 5, 8 and 12 s
-        holds()
 
 
 # --- what estimates say of it ---
