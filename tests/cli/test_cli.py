@@ -12,7 +12,7 @@ import fltea as package
 import pytest
 import typer.main
 from fltea.cli.app import app
-from fltea.records.records import Epoch, Error, Estimate, Hello, Sample, Stats
+from fltea.records.records import Epoch, Error, Estimate, Fit, Hello, Sample, Stats
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from host_support import PATIENCE_S, QUICK, fltea, fltea_here, strict_records
@@ -237,7 +237,8 @@ def test_signal_ends_a_run_with_0_and_a_whole_line(number: signal.Signals) -> No
 def test_signal_ends_a_wait_between_rare_samples(number: signal.Signals) -> None:
     with started("run", "-s", "synthetic:?rate_hz=0.001", *QUICK) as process:
         lines = [process.stdout.readline() for _ in range(2)]  # hello and epoch: it waits now, for 1000 s
-        assert len(strict_records(b"".join(lines) + ended_by(number, process))) == 3
+        records = strict_records(b"".join(lines) + ended_by(number, process))
+    assert [type(one) for one in records] == [Hello, Epoch, Fit, Stats]
 
 
 def piped(text: str) -> tuple[int, bytes, bytes]:
