@@ -24,17 +24,8 @@ def test_tasks_differ() -> None:
     for part in (anytime, bound, fleet, power, states):
         for quick in (False, True):
             keys = [one.key for one in part.tasks(Options(25, quick))]
-            assert len(keys) == len(set(keys)) > 5
-    assert set(program.PARTS) == {
-        "gallery",
-        "evaluate",
-        "power",
-        "anytime",
-        "bound",
-        "device",
-        "fleet",
-        "states",
-    }
+            assert len(keys) == len(set(keys)) > (1 if part is bound else 5)
+    assert {"gallery", "evaluate", "device", "forecast"} < set(program.PARTS)
 
 
 @pytest.mark.slow
@@ -107,14 +98,10 @@ def test_critical_values_rise_with_the_correlation() -> None:
     assert points[1.0] == pytest.approx(5.14, abs=0.03)
 
 
-def test_the_truth_is_held_without_white_noise() -> None:
-    rows = bound.count(0.45, -0.08 * 2**0.45, 3_000, 60)
-    assert [row["parameter"] for row in rows] == ["s2", "alpha", "f", "F"]
-    for row in rows:
-        assert 0 < row["correlation"] <= 1
-        if row["held"]:
-            assert row["held"] == sorted(row["held"])
-            assert row["held"][3] >= 0.85
+def test_estimates_are_related_to_white_noise_that_is_not_there() -> None:
+    rows = bound.correlated(3_000)
+    assert {row["parameter"] for row in rows} == {"alpha", "f", "F", "s2"}
+    assert all(0 < row["correlation"] <= 1 for row in rows)
     cells(bound.tables([*bound.critical_values(), *rows]))
 
 

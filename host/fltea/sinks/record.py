@@ -143,6 +143,8 @@ class RecordSink(Sink):
             self._part.add_link(LinkMessage("opened"), self._log_ns, publish_ns)
         if isinstance(item, Chunk):
             self._unread.append(item)
+            if item.host_ns - self._unread[0].host_ns >= FLUSH_NS:
+                self._read()
         else:
             self._read(item)
 
