@@ -10,8 +10,11 @@ import os
 import struct
 import time
 from pathlib import Path
+from typing import Any
 
+from fltea._native import PortReader
 from fltea.cli.app import main
+from fltea.wire import ports
 from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
@@ -20,9 +23,25 @@ def set_clock_by(path: Path) -> None:
     """Let Unix time, and it alone, follow the file."""
     with path.open("rb") as file:
         step = mmap.mmap(file.fileno(), 8, access=mmap.ACCESS_READ)
+
+    def step_ns() -> int:
+        (ns,) = struct.unpack("<q", step[:])
+        return int(ns)
+
     time_ns, time_s = time.time_ns, time.time
-    time.time_ns = lambda: time_ns() + struct.unpack("<q", step[:])[0]
-    time.time = lambda: time_s() + struct.unpack("<q", step[:])[0] * 1e-9
+    time.time_ns = lambda: time_ns() + step_ns()
+    time.time = lambda: time_s() + step_ns() * 1e-9
+
+    class Reader(PortReader):  # it asks the system itself
+        def take(self, timeout_s: float) -> Any:
+            now_ns, news = super().take(timeout_s)
+            ahead_ns = step_ns()
+            for number, (*first, (end, host_ns, offset_ns), overflow, lost) in enumerate(news):
+                last = lost and (*lost[:-1], lost[-1] + ahead_ns)
+                news[number] = (*first, (end, host_ns, offset_ns + ahead_ns), overflow, last)
+            return now_ns, news
+
+    vars(ports)["PortReader"] = Reader
 
 
 def list_ports_of(path: Path) -> None:
