@@ -36,9 +36,9 @@ def set_clock_by(path: Path) -> None:
         def take(self, timeout_s: float) -> Any:
             now_ns, news = super().take(timeout_s)
             ahead_ns = step_ns()
-            for number, (*first, (end, host_ns, offset_ns), overflow, lost) in enumerate(news):
-                last = lost and (*lost[:-1], lost[-1] + ahead_ns)
-                news[number] = (*first, (end, host_ns, offset_ns + ahead_ns), overflow, last)
+            for number, (port, data, (end, host_ns, offset_ns), overflow, lost) in enumerate(news):
+                last = None if lost is None else (*lost[:2], lost[2] + ahead_ns)
+                news[number] = (port, data, (end, host_ns, offset_ns + ahead_ns), overflow, last)
             return now_ns, news
 
     vars(ports)["PortReader"] = Reader
