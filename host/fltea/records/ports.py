@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from typing import ClassVar, NamedTuple, Protocol
 
 from fltea.records.block import Block
-from fltea.records.events import Event, TransportEvent
+from fltea.records.events import Event, Reads, TransportEvent
 from fltea.records.records import AnyRecord, Hello, LinkStats, OutputStats
 
 
@@ -70,7 +70,7 @@ class Departed(NamedTuple):
     moved: bool
 
 
-Item = AnyRecord | Block | TransportEvent
+Item = AnyRecord | Block | TransportEvent | Reads
 """What a sink may be given; what came over the wire, uninterpreted, only where `takes_wire`."""
 
 Report = Callable[[str, str], None]
@@ -89,7 +89,7 @@ class Sink:
 
     name: key of the output's counts in `stats.outputs`.
     lossless: a recording that is replayed faster than it was made waits for this sink.
-    takes_wire: it is also given `Opened`, `Chunk` and `Failed`, before anything interprets them.
+    takes_wire: it is also given `Opened`, `Chunk`, `Reads` and `Failed`, before anything interprets them.
     capacity: items that may wait in the queue before newer ones are dropped. rest_s: between two batches, so
     that records of many devices go out together, not with a change of threads each.
     """

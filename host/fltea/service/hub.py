@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 
 from fltea.records.block import Block
-from fltea.records.events import TransportEvent
+from fltea.records.events import Reads, TransportEvent
 from fltea.records.ports import Departed, Item, Sink
 from fltea.records.records import AnyRecord, Error, OutputStats
 from fltea.service.outlet import Outlet
@@ -148,7 +148,7 @@ class Tap:
         """Whether anybody takes it."""
         return any(outlet.sink.takes_wire for outlet in self._outlets())
 
-    def __call__(self, event: TransportEvent) -> None:
+    def __call__(self, event: TransportEvent | Reads) -> None:
         """Hand on one event."""
         items: Iterable[Item] = (event,)
         for outlet in self._outlets():

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
+from fltea.records.events import Reads
 from fltea.records.ports import Departed, Item, Latency, Sink, SinkClosed
 from fltea.records.records import OutputStats
 
@@ -17,6 +18,8 @@ def weight(item: Item | Departed) -> int:
     """How many records an item stands for."""
     if isinstance(item, Departed):
         return 0
+    if isinstance(item, Reads):
+        return len(item.end)
     return item.weight if isinstance(item, Block) else 1
 
 

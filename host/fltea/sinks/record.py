@@ -92,6 +92,9 @@ class RecordSink(Sink):
         """Take one item; a new file begins only before one from the wire."""
         if isinstance(item, Opened | Chunk | Failed):
             self._on_wire(item)
+        elif isinstance(item, Reads):
+            for one in item.chunks():
+                self._on_wire(one)
         elif isinstance(item, Block):
             self._on_block(item)
         elif type(item) in self._topics:

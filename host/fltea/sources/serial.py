@@ -30,7 +30,7 @@ class SerialSource:
         self.port = Port(url, baud, latency_s)
         self._reader: Reader | None = None
         self._wire = WireEvents(url)
-        self.tap: Callable[[TransportEvent], None] | None = None
+        self.tap: Callable[[TransportEvent | Reads], None] | None = None
 
     @property
     def unix_offset_ns(self) -> int:
@@ -51,8 +51,7 @@ class SerialSource:
         if isinstance(item, Tick):
             now_ns, item = item.host_ns, None
         elif item is not None and self.tap is not None:
-            for one in item.chunks() if isinstance(item, Reads) else (item,):
-                self.tap(one)
+            self.tap(item)
         yield from self._wire.feed(item, now_ns)
         self._wire.resume(now_ns)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea.records import clock
-from fltea.records.events import LinkDown, Opened, RawBlock, TransportEvent, Trouble
+from fltea.records.events import LinkDown, Opened, RawBlock, Reads, TransportEvent, Trouble
 from fltea.records.records import DeviceStatus, Hello, LinkStats
 from fltea.sources.serial import SerialSource
 from fltea.sources.wire_events import SILENCE_S
@@ -73,7 +73,7 @@ def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
     begin_ns = clock.host_ns()
     hello_ns: int | None = None
 
-    def note(item: TransportEvent) -> None:
+    def note(item: TransportEvent | Reads) -> None:
         heard.opened |= isinstance(item, Opened)
 
     source.tap = note
