@@ -117,6 +117,13 @@ class TrackedColumns(NamedTuple):
 Tracked = tuple[TrackedColumns, ...]
 """Of each sensor."""
 
+C = TypeVar("C", AxisColumns, TrackedColumns)
+
+
+def _in_unit(sensors: Sequence[C], unit: str) -> C | None:
+    """Return the columns of the sensor that measures in this unit."""
+    return next((one for one in sensors if one.unit == unit), None)
+
 
 def _by_axis(axes: tuple[str, ...], found: Iterator[T]) -> Iterator[dict[str, T]]:
     """Yield the axes of each row together."""
@@ -193,8 +200,7 @@ class Block:
     def estimates_at(self, row: int, unit: str) -> dict[str, AxisEstimate]:
         """Return what is known of the axes in this unit after one sample, with or without the filters."""
         values = Values(slice(row, row + 1))
-        tracked = next((one for one in self.tracked if one.unit == unit), None)
-        own = next((one for one in self.estimates if one.unit == unit), None)
+        tracked, own = _in_unit(self.tracked, unit), _in_unit(self.estimates, unit)
         if own is not None:
             return next(own.of_rows(values, tracked))
         if tracked is None:
@@ -234,14 +240,15 @@ class Block:
         """The rates of the tracked axes less their biases, where there are records of them."""
         if not self.corrected:
             return None
-        tracked = next((one for one in self.tracked if one.unit == GYRO_UNIT), None)
+        tracked = _in_unit(self.tracked, GYRO_UNIT)
         if tracked is None:
             return None
         return self.gyro_dps[:, [AXES.index(axis) for axis in tracked.axes]] - tracked.bias
 
     def corrected_records(self, values: Values) -> Iterator[Corrected]:
         """Yield a record for each of the chosen rows: the gyroscope's rates less their biases."""
-        tracked = next(one for one in self.tracked if one.unit == GYRO_UNIT)
+        tracked = _in_unit(self.tracked, GYRO_UNIT)
+        assert tracked is not None
         assert self.corrected_dps is not None
         numbers = map(values.nullable, (self.corrected_dps, tracked.bias_std))
         rows = _by_axis(tracked.axes, map(CorrectedAxis, *numbers, values.of(tracked.moving)))

@@ -176,7 +176,8 @@ class _Run:
             saving.join(max(0.1, deadline_s - time.monotonic()) if asked else None)
             threads.append(saving)
         failure = self._failure
-        if failure is None and (unread := [why for one in sources for why in _unread(one)]):
+        unread = [why for one in sources if isinstance(one, ReplaySource) for why in one.unread]
+        if failure is None and unread:
             failure = Incomplete(unread)
         return failure, closed and at_rest and not any(thread.is_alive() for thread in threads)
 
@@ -244,11 +245,6 @@ def _close(sources: "Sequence[Source | Ingest]") -> None:
     deadline_s = time.monotonic() + PATIENCE_S
     for thread in threads:
         thread.join(max(0.0, deadline_s - time.monotonic()))
-
-
-def _unread(source: Source) -> list[str]:
-    """Return why files of a recording that came to its end are not used."""
-    return source.unread if isinstance(source, ReplaySource) else []
 
 
 def _check_shared(configs: Sequence[Config]) -> None:

@@ -11,7 +11,7 @@ from fltea.recording.schema import encode_message
 from fltea.recording.session import OVERFLOW, WIRE, WIRE_WRAP, Entry, LinkMessage
 from fltea.records import clock
 from fltea.records.block import Block
-from fltea.records.events import Chunk, Failed, LinkDown, Opened, Reads, TransportEvent
+from fltea.records.events import Chunk, Failed, LinkDown, Reads, TransportEvent
 from fltea.records.ports import Item, Report, Sink
 from fltea.records.records import AnyRecord, Hello
 from fltea.settings.outputs import RecordConfig
@@ -90,7 +90,7 @@ class RecordSink(Sink):
 
     def write(self, item: Item) -> None:
         """Take one item; a new file begins only before one from the wire."""
-        if isinstance(item, Opened | Chunk | Failed):
+        if isinstance(item, TransportEvent):
             self._on_wire(item)
         elif isinstance(item, Reads):
             for one in item.chunks():

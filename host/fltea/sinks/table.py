@@ -12,7 +12,7 @@ from rich.text import Text
 
 from fltea.records.block import Block
 from fltea.records.device_fit import DeviceAxisFit
-from fltea.records.events import Chunk, Failed, Opened, Reads
+from fltea.records.events import Reads, TransportEvent
 from fltea.records.fit import AxisFit
 from fltea.records.ports import Item, Sink, SinkClosed
 from fltea.records.records import (
@@ -90,7 +90,7 @@ class TableSink(Sink):
 
     def write(self, item: Item) -> None:
         """Remember the record and redraw a few times a second."""
-        if isinstance(item, Opened | Chunk | Reads | Failed):
+        if isinstance(item, TransportEvent | Reads):
             return
         if isinstance(item, Block) and not (item.estimates and item.due_rows):
             return
