@@ -13,15 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 from fltea.noise import spectra
+from fltea.records.arrays import Array
 from fltea.records.fit import AxisFit, FitAllan, FitSpectrum, Interval
 from fltea.records.records import GYRO_UNIT
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import LiveAxes
 from msgspec.structs import replace
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator], Array]
 
 RATE_HZ = 100.0

@@ -7,11 +7,12 @@ import zlib
 import msgspec
 import numpy as np
 import pytest
-from bank_support import AXES, COLUMNS, Array, H
+from bank_support import AXES, COLUMNS, H
 from fltea.estimator import snapshot
 from fltea.estimator.bank import Bank
 from fltea.estimator.belief import Belief
 from fltea.estimator.snapshot import OnlineState
+from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from hypothesis import given
 from hypothesis import strategies as st

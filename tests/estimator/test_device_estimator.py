@@ -14,6 +14,7 @@ from device_probe import LSB_PER_DPS, STARTUP, VARIANTS, Device, host_baseline, 
 from fltea.estimator.bank import Bank
 from fltea.estimator.engine import CAUSES, Estimates
 from fltea.recording.npz_file import read_npz
+from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from fltea.wire.layout import EstimateFlags
 from hypothesis import Phase, given, settings
@@ -24,7 +25,6 @@ from sample_by_sample import Supervisor
 # The first test compiles the probes.
 pytestmark = pytest.mark.timeout(300)
 
-Array = NDArray[np.float64]
 
 # A failing example is as short as any other; to look for a plainer one takes minutes.
 NO_SHRINKING = (Phase.explicit, Phase.generate)

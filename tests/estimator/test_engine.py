@@ -8,7 +8,6 @@ from engine_cases import (
     ESTIMATES,
     EXAMPLE,
     GYROSCOPE,
-    Array,
     columns,
     example,
     lane,
@@ -20,6 +19,7 @@ from engine_cases import (
 )
 from fltea.estimator.engine import Engine, instruction_sets
 from fltea.estimator.lane_settings import LaneSettings
+from fltea.records.arrays import Array
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

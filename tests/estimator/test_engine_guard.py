@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from engine_cases import ESTIMATES, GYROSCOPE, Array, columns, run, saw_tooth, white, with_
+from engine_cases import ESTIMATES, GYROSCOPE, columns, run, saw_tooth, white, with_
 from fltea.estimator.engine import CAUSES, LARGEST_INPUT, Engine, Estimates
 from fltea.estimator.lane_settings import LaneSettings
+from fltea.records.arrays import Array
 from fltea.settings.estimator import OrderSettings, StateSettings
 from hypothesis import example as case
 from hypothesis import given, settings

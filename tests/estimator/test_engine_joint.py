@@ -4,10 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
-from engine_cases import GYROSCOPE, Array, columns, run, run_changing, white, with_
+from engine_cases import GYROSCOPE, columns, run, run_changing, white, with_
 from fltea.estimator.engine import CAUSES, Engine
 from fltea.noise.simulation import FractionalNoise
 from fltea.noise.weights import weights
+from fltea.records.arrays import Array
 from fltea.settings.estimator import JointSettings, StateSettings
 
 RESTING = 0.0235

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from engine_cases import EXAMPLE, Array, columns, reference_run, run, with_
+from engine_cases import EXAMPLE, columns, reference_run, run, with_
 from fltea.estimator.engine import instruction_sets
 from fltea.estimator.lane_settings import LaneSettings
+from fltea.records.arrays import Array
 
 ROOT = Path(__file__).resolve().parents[2]
 # Columns of the files in the order of engine_cases.ESTIMATES; without the walks' Q.

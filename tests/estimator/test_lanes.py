@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes, Lost
+from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
-from numpy.typing import NDArray
 from sample_by_sample import LanesBySample
 
-Array = NDArray[np.float64]
 PRINTED = {"variant": "triple", "guard": "off"}
 
 

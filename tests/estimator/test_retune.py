@@ -7,11 +7,12 @@ import msgspec
 import numpy as np
 import pytest
 from bank_support import AXES, COLUMNS, H
-from engine_cases import GYROSCOPE, Array, reference_run, run_changing, same, white, with_
+from engine_cases import GYROSCOPE, reference_run, run_changing, same, white, with_
 from fltea.estimator.bank import Bank, Variances
 from fltea.estimator.belief import Belief
 from fltea.estimator.engine import Engine, instruction_sets
 from fltea.estimator.lane_settings import LaneSettings
+from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 
 CHANGES = {300: (0.01, 0.02), 301: (0.3, 0.05), 900: (0.0, 0.0235)}

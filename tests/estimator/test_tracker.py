@@ -6,10 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 from fltea.estimator.tracker import Tracker
+from fltea.records.arrays import Array
 from hypothesis import given
 from hypothesis import strategies as st
 from tiers import slow
-from tracker_support import SYSTEMS, Array, kalman, lanes, run, simulated, tracker, white
+from tracker_support import SYSTEMS, kalman, lanes, run, simulated, tracker, white
 
 EXACT = 512
 """Samples after a start for which gains are exact."""

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from fltea.estimator.tracker import Tracker, Tracks
 from fltea.noise.system import System
+from fltea.records.arrays import Array
 from scipy.signal import butter, lfilter
-from tracker_support import SYSTEMS, Array, fixed, kalman, run, simulated, tracker, walk, white
+from tracker_support import SYSTEMS, fixed, kalman, run, simulated, tracker, walk, white
 
 N, AT = 12_000, 4000
 KINDS = [None, "white", "walk", "relaxation", "order", "low-pass", "quantisation, walk"]

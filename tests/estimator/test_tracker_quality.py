@@ -14,13 +14,12 @@ import pytest
 from fltea.estimator.tracker import Tracker
 from fltea.noise import parts as p
 from fltea.noise.system import system
+from fltea.records.arrays import Array
 from fltea.spectrum.innovation_whiteness import describes
-from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
 H, R, SERIES = 0.01, 0.0196, 60
 WHITE = p.White(R)
 

@@ -7,14 +7,13 @@ from fltea.identification.allan import allan, averaging_factors, overlapping, sc
 from fltea.identification.noise_model import AxisModel, Lorentzian, draw
 from fltea.identification.reproduction import reproduction
 from fltea.noise.parts import Order, Relaxation, White
+from fltea.records.arrays import Array
 from fltea.spectrum.allan_coefficients import Points, coefficients
 from fltea.spectrum.allan_curve import local_slopes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, white
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
 N = 20_000
 
 

@@ -26,6 +26,7 @@ from fltea.identification.run import identify_all
 from fltea.identification.sums import examined, octaves_of_stretches
 from fltea.identification.traps import axis_traps
 from fltea.identification.workers import Here
+from fltea.records.arrays import Array
 from fltea.spectrum.noise_figures import noise_figures
 from fltea.spectrum.verdict import decide
 from hypothesis import given, settings
@@ -34,8 +35,6 @@ from identify_files import LSB_PER_DPS, QUICK, RATE_HZ, counts, npz
 from identify_files import settings as quick
 from identify_support import H, ar, white
 from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 def lose(y: Array, keep: NDArray[np.bool_]) -> tuple[Array, Gaps]:

@@ -5,14 +5,12 @@ import functools
 import numpy as np
 import pytest
 from fltea.identification.traps import axis_traps, sensor_traps, timing_traps
+from fltea.records.arrays import Array
 from fltea.spectrum.lines import find_peaks
 from fltea.spectrum.periodogram import periodogram
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, ar, long_recursion, white
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 LONG = 60_000
 LSB = 0.1

@@ -5,12 +5,10 @@ import functools
 import numpy as np
 import pytest
 from fltea.identification.repeated import PARTS, repeats
+from fltea.records.arrays import Array
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, ar, white
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 
 def low_passed(hz: float, n: int, axes: int, seed: int) -> Array:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from engine_cases import driven, saw_tooth
 from fltea.lab.reference.filters import (
-    Array,
     Fltea,
     OrderSettings,
     ParameterSettings,
@@ -14,6 +13,7 @@ from fltea.lab.reference.filters import (
     Step,
     System,
 )
+from fltea.records.arrays import Array
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 

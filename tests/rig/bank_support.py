@@ -10,11 +10,11 @@ from fltea.estimator.bank import Bank
 from fltea.estimator.engine import CAUSES
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import LaneBlock, Lost
+from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from numpy.typing import NDArray
 from sample_by_sample import LanesBySample, baseline, whiteness
 
-Array = NDArray[np.float64]
 H = 0.01
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 COLUMNS = LaneBlock._fields[: LaneBlock._fields.index("lost")]

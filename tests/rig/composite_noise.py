@@ -3,10 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from fltea.records.arrays import Array
 from scipy.signal import lfilter
-
-Array = NDArray[np.float64]
 
 
 class Truth(NamedTuple):

@@ -9,11 +9,10 @@ import numpy as np
 from built import BYTES, COUNTS, DOUBLES, probe
 from fltea.estimator.engine import Engine
 from fltea.estimator.lane_settings import LaneSettings
+from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from fltea.wire.layout import Estimate
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from numpy.typing import ArrayLike
 
 VARIANTS = ("joint", "triple")
 FIELDS = Estimate._fields[: Estimate._fields.index("tracker_bias")]

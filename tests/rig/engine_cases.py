@@ -11,10 +11,9 @@ from fltea.estimator.engine import Engine, Estimates
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.lab.reference import filters as reference
 from fltea.noise.simulation import FractionalNoise
+from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig, OrderSettings, ParameterSettings, StateSettings
 from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 ESTIMATES = ("alpha", "alpha_var", "f", "f_var", "x", "P", "innovation", "innovation_var")
 

@@ -2,10 +2,8 @@
 
 import numpy as np
 from fltea.lab.reproduce.simulate import fractional_states
+from fltea.records.arrays import Array
 from fltea.spectrum.periodogram import Periodogram
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 H = 0.01
 

@@ -7,9 +7,8 @@ from functools import lru_cache
 import numpy as np
 from built import DOUBLES, probe
 from fltea.estimator.engine import instruction_sets
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
+from numpy.typing import ArrayLike
 
 SETS = instruction_sets()
 """Instruction sets that this processor can run."""

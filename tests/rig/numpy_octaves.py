@@ -4,12 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from fltea.records.arrays import Array
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import Periodogram
-from numpy.typing import NDArray
 from scipy import signal
-
-Array = NDArray[np.float64]
 
 TAPS = signal.firwin(31, 0.5, window=("kaiser", 8.0))
 WINDOW = signal.get_window("hann", 256)

@@ -12,11 +12,10 @@ import numpy as np
 from fltea.estimator.engine import CAUSES, Engine
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Reason
+from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import LAGS, describes
 from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
 
 LOST_ORDER, BOUND_SAMPLES, BOUND_SHARE = 5.0, 200, 0.25
 STATE_BOUND = CAUSES.index("state_bound")

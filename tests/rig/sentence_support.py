@@ -8,14 +8,12 @@ import msgspec
 import numpy as np
 import pytest
 from fltea.noise import parts as p
+from fltea.records.arrays import Array
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.verdict import Verdict, winner
 from hypothesis import strategies as st
 from identify_support import H
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 AROUND = 4
 """The circle on which samples are drawn over the record."""

@@ -6,10 +6,9 @@ import numpy as np
 from fltea.estimator.tracker import Tracker, Tracks
 from fltea.noise import parts as p
 from fltea.noise.system import System, system
-from numpy.typing import NDArray
+from fltea.records.arrays import Array
 
 H = 0.01
-Array = NDArray[np.float64]
 
 
 def kalman(s: System, y: Array) -> dict[str, Array]:

@@ -5,6 +5,7 @@ import pytest
 from fltea.estimator.tracker import Tracker
 from fltea.noise.parts import Order, Relaxation, White
 from fltea.noise.system import System, system
+from fltea.records.arrays import Array
 from identify_support import H, ar, long_recursion
 from numpy.typing import NDArray
 from spectrum_probe import BoardSpectrum
@@ -12,7 +13,6 @@ from spectrum_probe import BoardSpectrum
 # The first test compiles the probe.
 pytestmark = pytest.mark.timeout(300)
 
-Array = NDArray[np.float64]
 WHITE, FRACTIONAL, RELAXATION = 1, 2, 3
 OFFSET = 37.3
 R = 5.3

@@ -6,13 +6,14 @@ import msgspec
 import numpy as np
 import pytest
 from fltea.identification.sums import examined
+from fltea.records.arrays import Array
 from fltea.records.fit import AxisFit
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import FEWEST_SAMPLES, POINTS, LiveAxes
 from fltea.spectrum.verdict import decide
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identify_support import Array, H, long_recursion, white
+from identify_support import H, long_recursion, white
 
 AXES = ("gyro_x", "gyro_y")
 

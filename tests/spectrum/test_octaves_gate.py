@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from fltea.records.arrays import Array
 from fltea.spectrum.octaves import Counts, Octaves
 from fltea.spectrum.periodogram import Periodogram
-from identify_support import Array, H, long_recursion
+from identify_support import H, long_recursion
 from numpy_octaves import fed
 
 

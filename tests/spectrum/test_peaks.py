@@ -5,11 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from fltea.records.arrays import Array
 from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral import _above_slow_lines
-from identify_support import Array, H, ar, long_recursion, white
+from identify_support import H, ar, long_recursion, white
 from numpy_octaves import fed
 from scipy.signal import butter, lfilter
 

@@ -5,11 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from fltea.identification.sums import examined
+from fltea.records.arrays import Array
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.spectral import examine
 from fltea.spectrum.stationarity import Change, find_change
 from fltea.spectrum.verdict import decide
-from identify_support import Array, H, ar, long_recursion, white
+from identify_support import H, ar, long_recursion, white
 from numpy_octaves import fed
 from tiers import slow
 

@@ -6,6 +6,7 @@ import fltea
 import numpy as np
 import pytest
 from blocks import in_blocks, ndjson, of
+from fltea.records.arrays import Array
 from fltea.records.block import Block
 from fltea.records.events import RawBlock
 from fltea.records.records import AnyRecord, Fit
@@ -13,10 +14,8 @@ from fltea.spectrum.live_axes import LONGEST_MOTION_S, LiveAxes
 from fltea.spectrum.octaves import Octaves
 from fltea.stream import live
 from host_support import hello
-from numpy.typing import NDArray
 from walk_support import walk
 
-Array = NDArray[np.float64]
 LSB_DPS, SIGMA, OFFSET = 1 / 16.4, 6.0, 20.0
 REST, MOVES, END = 4000, 6000, 8000
 """Samples at 100 Hz; a motion is longer than the eight chunks in which a level would be learnt."""

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from fltea.records.arrays import Array
 from fltea.spectrum.drift import FALSE_ALARM as FALSE_DRIFT
 from fltea.spectrum.evidence import ANYTIME_LEVEL, APART, LEVEL, Evidence
 from fltea.spectrum.lines import FALSE_ALARM
@@ -22,13 +23,11 @@ from fltea.spectrum.spectral import Looks, examine
 from fltea.spectrum.stationarity import find_change
 from fltea.spectrum.verdict import decide
 from fltea.stream.fit_times import LookTimes
-from numpy.typing import NDArray
 
 from tools.validation.recursions import Stream
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped, share
 
-Array = NDArray[np.float64]
 Draw = Callable[[int], Array]
 
 SEEDS, QUICK_SEEDS = 200, 4

@@ -14,12 +14,9 @@ from fltea.noise import spectra as spectrum
 from fltea.noise.information import log_slopes
 from fltea.spectrum.intervals import AT_BOUND
 from fltea.spectrum.periodogram import used_ordinates
-from numpy.typing import NDArray
 
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped
-
-Array = NDArray[np.float64]
 
 SEEDS = QUICK_SEEDS = 1
 """Nothing depends on chance but the first table, whose draws are always the same."""

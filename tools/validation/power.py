@@ -12,17 +12,15 @@ from typing import Any
 
 import numpy as np
 from fltea.identification.sums import lines_of, octaves_of
+from fltea.records.arrays import Array
 from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.lines import find_peaks
 from fltea.spectrum.periodogram import periodogram
 from fltea.spectrum.spectral import null_ratio
-from numpy.typing import NDArray
 
 from tools.validation.recursions import FractionalState
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped, share_within
-
-Array = NDArray[np.float64]
 
 SEEDS, QUICK_SEEDS = 400, 20
 """Series of each white noise; of 10 min a tenth for the power."""

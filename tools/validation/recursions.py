@@ -4,10 +4,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from fltea.records.arrays import Array
 from scipy.signal import lfilter, oaconvolve
-
-Array = NDArray[np.float64]
 
 
 class Stream:

@@ -14,19 +14,17 @@ import numpy as np
 from fltea.estimator.tracker import Tracker
 from fltea.noise.parts import Arfima, LowPass, Order, Part, Relaxation, Walk, White
 from fltea.noise.system import system
+from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream.live import NO_FIT
 from fltea.stream.tracking import SensorTracks
-from numpy.typing import NDArray
 from scipy import signal
 
 from tools.validation.recursions import FractionalState, fractional_noise
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped
-
-Array = NDArray[np.float64]
 
 SEEDS, QUICK_SEEDS = 60, 6
 """Series of each noise."""

@@ -3,11 +3,10 @@
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
-
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 
 def period_s(rate_hz: float) -> float:

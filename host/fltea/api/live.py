@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from fltea.api._check import finite, period_s
 from fltea.api._html import axis_html, page
 from fltea.api._tables import ByAxis
+from fltea.records.arrays import Array
 from fltea.records.fit import AxisFit
 from fltea.records.records import AXES
 from fltea.settings.estimator import EstimatorConfig
@@ -17,8 +18,6 @@ from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream.live import NO_FIT
 from fltea.stream.tracking import SensorTracks
-
-Array = NDArray[np.float64]
 
 
 class Corrected(NamedTuple):

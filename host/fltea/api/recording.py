@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.api._check import period_s
 from fltea.api._html import page
@@ -26,13 +25,13 @@ from fltea.identification.load import (
     recordings,
 )
 from fltea.identification.traps import Trap
+from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
 from fltea.settings.how import How, TimeUnit
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Array = NDArray[np.float64]
 
 IN_NAMES = {GYRO_UNIT: "dps", ACCEL_UNIT: "ms2"}
 """Each unit as the names of columns spell it."""

@@ -4,18 +4,16 @@ from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.api._check import period_s
 from fltea.api._tables import columns
 from fltea.api.identified import Identified
 from fltea.api.series import identify
 from fltea.noise.simulation import FractionalNoise
+from fltea.records.arrays import Array
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Array = NDArray[np.float64]
 
 
 class Simulated(msgspec.Struct, frozen=True):

@@ -12,12 +12,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fltea import _native
+from fltea.records.arrays import Array
 from fltea.settings.estimator import LARGEST, EstimatorConfig
-
-Array = NDArray[np.float64]
 
 
 class Baseline(NamedTuple):

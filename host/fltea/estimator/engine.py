@@ -30,8 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from fltea import _native
 from fltea.estimator import snapshot
 from fltea.estimator.lane_settings import LaneSettings, native_table
-
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 CAUSES = (
     "order_box",

@@ -8,10 +8,10 @@ import numpy as np
 from msgspec.inspect import FloatType
 from numpy.typing import NDArray
 
+from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.setting import Declared, Setting, all_declared
 
-Array = NDArray[np.float64]
 Numbers = float | Sequence[float] | Array
 
 BOX_ORDER = (0.0, 2.0)

@@ -12,9 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from fltea import _native
 from fltea.estimator.engine import as_rows, instruction_sets, interventions_of
 from fltea.estimator.lane_settings import LaneSettings
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from fltea.records.arrays import Array, Mask
 
 LOST_ORDER = _native.LOST_ORDER
 """An order beyond ± this is a runaway."""

@@ -10,13 +10,11 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.noise.parts import Part
 from fltea.noise.system import System, system
+from fltea.records.arrays import Array
 from fltea.records.fit import Interval
-
-Array = NDArray[np.float64]
 
 SHARES = tuple(10.0 ** (k / 2) for k in range(1, 10))
 """Variances of a step, over the level of the spectrum and times n²."""

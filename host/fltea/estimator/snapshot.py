@@ -18,15 +18,12 @@ import zlib
 from typing import Any, NamedTuple
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from fltea import _native
 from fltea.estimator.belief import Belief
 from fltea.estimator.lane_settings import LaneSettings
+from fltea.records.arrays import Array
 from fltea.settings.estimator import LARGEST
-
-Array = NDArray[np.float64]
 
 MAGIC = b"FLTEAENG"
 VERSION = 2

@@ -11,13 +11,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fltea import _native
 from fltea.noise.system import System
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from fltea.records.arrays import Array, Mask
 
 
 class Tracks(NamedTuple):

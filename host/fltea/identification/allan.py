@@ -13,12 +13,11 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
+from fltea.records.arrays import Array
 from fltea.records.fit import Level
 from fltea.spectrum.allan_coefficients import HOUR, Coefficient, coefficients
 from fltea.spectrum.allan_curve import checked, points
 from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overlap
-
-Array = NDArray[np.float64]
 
 PER_DECADE = 10
 """Averaging times."""

@@ -6,13 +6,14 @@ from typing import Literal, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fltea.identification.fltea_fit import ConstantStartup, FlteaFit, fltea_fit
 from fltea.identification.gaps import Gaps, Stretch, bridged, no_gaps
 from fltea.identification.motion import Motion, motion, told
 from fltea.identification.shuffled import Copies, ShuffledBand, shuffled_band
 from fltea.identification.sums import Summed, examined_stretches
+from fltea.records.arrays import Array
 from fltea.records.fit import Interval, Level
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.drift_rate import drift_rate
@@ -25,7 +26,6 @@ from fltea.spectrum.null_constants import PROBABILITIES
 from fltea.spectrum.spectral import Band
 from fltea.spectrum.verdict import Rule, Verdict, decide
 
-Array = NDArray[np.float64]
 Variant = Literal["triple", "joint"]
 
 OTHER: dict[Variant, Variant] = {"joint": "triple", "triple": "joint"}

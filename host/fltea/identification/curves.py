@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.estimator.baseline import baseline_of, lane_baselines
 from fltea.estimator.lane_settings import LaneSettings
@@ -15,11 +14,10 @@ from fltea.identification.gaps import Gaps, longest_epoch
 from fltea.identification.shuffled import ACCURACY, BLOCK, PROBABILITIES
 from fltea.identification.sums import left_in
 from fltea.noise.parts import Arfima, Order
+from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.frontier import Frontier
 from fltea.spectrum.periodogram import binned
-
-Array = NDArray[np.float64]
 
 COPIES = 60
 POINTS = 400

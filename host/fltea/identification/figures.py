@@ -5,20 +5,19 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.identification.allan import scales
 from fltea.identification.curves import Curves
 from fltea.identification.forecast import WITHIN, integral
 from fltea.identification.run import AxisReport
 from fltea.noise.parts import spectrum
+from fltea.records.arrays import Array
 from fltea.spectrum.allan_coefficients import FLICKER
 from fltea.spectrum.intervals import CRITICAL
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 DATA: dict[str, Any] = {"color": "#444444"}
 FRACTIONAL: dict[str, Any] = {"color": "#d95f02", "linewidth": 1.8}

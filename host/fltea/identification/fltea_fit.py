@@ -5,18 +5,16 @@ from typing import Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.estimator.baseline import baseline_of
 from fltea.estimator.engine import CAUSES
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
-from fltea.identification.gaps import Gaps, Mask, longest_epoch, no_gaps, spread
+from fltea.identification.gaps import Gaps, longest_epoch, no_gaps, spread
+from fltea.records.arrays import Array, Mask
 from fltea.records.fit import Interval
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import Innovations, InnovationSums, describes, describes_order
-
-Array = NDArray[np.float64]
 
 CHUNK = 4096
 """Samples that the lane takes at a time."""

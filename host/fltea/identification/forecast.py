@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.estimator.offset_walk import OffsetWalk, system_of
 from fltea.estimator.tracker import Tracker
@@ -14,10 +13,9 @@ from fltea.noise.heading import ahead, bias_std, heading_std, heading_stds, rest
 from fltea.noise.left_open import nearby
 from fltea.noise.parts import Part
 from fltea.noise.system import System, system
+from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
 from fltea.spectrum.wording import duration
-
-Array = NDArray[np.float64]
 
 SentenceParts = tuple[Sequence[Part], str]
 

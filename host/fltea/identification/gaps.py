@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from fltea.records.arrays import Array, Mask
 
 LONGEST_BRIDGE = 8
 """Lost samples, as of the live sums (firmware/core/engine/gate.hpp)."""

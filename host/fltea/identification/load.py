@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.archive.info import sessions
 from fltea.identification.gaps import Gaps, bridge, no_gaps
@@ -18,6 +17,7 @@ from fltea.identification.traps import Trap, sensor_traps, source_trap, timing_t
 from fltea.recording.bag_files import bags_in
 from fltea.recording.kind import is_one_file
 from fltea.recording.spool import Spool
+from fltea.records.arrays import Array
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Trouble
 from fltea.records.records import ACCEL_AXES, AXES, Hello
@@ -28,8 +28,6 @@ from fltea.stream.decode import Decoded, Decoder
 from fltea.stream.time import Timebase
 from fltea.wire.layout import SampleFlags
 from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
-
-Array = NDArray[np.float64]
 
 MAX_GAP = 100
 """Samples, as `link.max_gap`: what it decides is only how a break is counted."""

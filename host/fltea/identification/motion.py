@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from fltea.identification.gaps import Stretch
 from fltea.identification.sums import CHUNK, MOST_DEVIATIONS
+from fltea.records.arrays import Array
 from fltea.spectrum.wording import duration, listed
-
-Array = NDArray[np.float64]
 
 KNOCK, IN_A_ROW = 16.0, 8
 """The same numbers as in gate.hpp: power over the usual, chunks."""

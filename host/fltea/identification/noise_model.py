@@ -6,13 +6,11 @@ from typing import cast
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.noise.parts import FILTERS, AnyPart, Floor, Walk, White, spectrum
+from fltea.records.arrays import Array
 from fltea.spectrum.frontier import Sentence
 from fltea.spectrum.lines import Peak
-
-Array = NDArray[np.float64]
 
 AROUND = 4
 """Noise is drawn for a circle of at least this many records, of which one is cut out."""

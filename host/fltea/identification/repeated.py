@@ -20,7 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
+
 Equal = NDArray[np.bool_]
 
 PARTS = 32

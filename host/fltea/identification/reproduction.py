@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fltea.identification.allan import averaging_factors, overlapping
 from fltea.identification.noise_model import AxisModel, check_possible, draws
-
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 SIMULATIONS = 20
 CLOSE = 0.1

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from fltea.estimator.baseline import lane_baselines
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
+from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
-
-Array = NDArray[np.float64]
 
 PROBABILITIES = (0.05, 0.5, 0.95)
 BLOCK = 100

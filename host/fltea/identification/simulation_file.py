@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fltea.noise.simulation import FractionalNoise, quantise
+from fltea.records.arrays import Array
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import AXES
 from fltea.records.whole_file import text_of, whole_file
-
-Array = NDArray[np.float64]
 
 
 class AsSensor(NamedTuple):

@@ -5,16 +5,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.identification.gaps import LONGEST_BRIDGE, Gaps, Stretch, bridged, no_gaps
+from fltea.records.arrays import Array
 from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around
 from fltea.spectrum.octaves import SHORTEST, Drift, Lines, Octaves, Parts, in_order, put_together
 from fltea.spectrum.periodogram import Periodogram, check_enough, periodogram
 from fltea.spectrum.spectral import Spectral, examine
 
-Array = NDArray[np.float64]
 Bands = tuple[tuple[float, float], ...]
 
 CHUNK, MOST_DEVIATIONS = 128, 12.0

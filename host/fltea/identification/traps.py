@@ -9,15 +9,14 @@ from typing import Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fltea.identification.gaps import Gaps, no_gaps
 from fltea.identification.motion import Motion, told
 from fltea.identification.repeated import repeats
+from fltea.records.arrays import Array
 from fltea.records.kinds import ERROR_KINDS
 from fltea.spectrum.lines import Peak
-
-Array = NDArray[np.float64]
 
 Severity = Literal["note", "warning", "bad"]
 

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 NODES = 128
 """Gauss–Legendre nodes in each panel, which is an octave of λ or a part of one of the highest octaves."""

@@ -8,9 +8,9 @@ import math
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 MANY = 150.0
 """Degrees of freedom from which on Wilson and Hilferty's approximation of a quantile is right to 2e-4."""

@@ -9,11 +9,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.noise.system import System
-
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 LONGEST_REST_S = 86400.0
 NEAR = 1.01

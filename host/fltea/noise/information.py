@@ -8,9 +8,8 @@ of α, g = h^α f, log s2 and log R.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 
 def log_slopes(lam: Array, alpha: float, g: float, s2: float, R: float) -> Array:

@@ -8,7 +8,6 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea import _native
 from fltea.noise.parts import (
@@ -22,8 +21,7 @@ from fltea.noise.parts import (
     spectrum,
     spectrum_of,
 )
-
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 STEP, STEPS = 0.1, 10
 LEAST, MOST = 0.05, 1.05

@@ -1,9 +1,8 @@
 """The finite window of past estimates that a fractional difference looks back on."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 
 class NewestFirst:

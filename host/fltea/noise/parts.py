@@ -17,12 +17,10 @@ from typing import Self
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea import _native
 from fltea.noise.spectra import f_of, g_of, noise_variance, stationary, step_variance
-
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 SMALLEST = 1e-300
 """Stands for a variance of 0, which has no logarithm."""

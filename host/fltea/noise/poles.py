@@ -25,9 +25,7 @@ from fltea.noise.parts import (
     Rise,
 )
 from fltea.noise.spectra import g_of, step_variance
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from fltea.records.arrays import Array, Complex
 
 LINES = math.pi * np.arange(1, 4097) / 4096
 """λ of a spectrum from which a response is found."""

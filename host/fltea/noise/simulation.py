@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from fltea.noise.memory import NewestFirst
 from fltea.noise.weights import weights
+from fltea.records.arrays import Array
 
-Array = NDArray[np.float64]
 Order = float | Sequence[float] | Array
 
 

@@ -16,7 +16,7 @@ white noise, α has no meaning at all.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 HIGHEST_ORDER = 2.0
 """Orders are below; from there on x is not stationary."""

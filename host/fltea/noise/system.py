@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.noise.left_open import mean_order
 from fltea.noise.parts import (
@@ -33,7 +32,6 @@ from fltea.noise.poles import (
     LINES,
     MOST_TAPS,
     Block,
-    Complex,
     driven,
     filter_poles,
     fitted,
@@ -43,8 +41,7 @@ from fltea.noise.poles import (
     response_of,
     size,
 )
-
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array, Complex
 
 MOST = 23
 """Coordinates beside the offset."""

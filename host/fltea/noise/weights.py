@@ -7,9 +7,8 @@ The difference of order a of a sequence x is `h^-a * sum_{j=0}^{L} c_j(a) x_{k-j
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 
 @lru_cache(maxsize=8)

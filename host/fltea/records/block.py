@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.records.arrays import Array
 from fltea.records.events import Ints
 from fltea.records.fit import Interval, VerdictKind
 from fltea.records.records import (
@@ -27,7 +28,6 @@ from fltea.records.records import (
     Whiteness,
 )
 
-Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 T = TypeVar("T")
 

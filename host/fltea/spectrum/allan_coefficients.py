@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 FEWEST_DOF = 6.0
 """Degrees of freedom below which nothing is read from a point: it is uncertain by half its value."""

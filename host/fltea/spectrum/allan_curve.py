@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fltea.noise.distributions import chi2_quantile
+from fltea.records.arrays import Array
 from fltea.spectrum.allan_coefficients import Coefficient, Points, coefficients
 from fltea.spectrum.allan_dof import degrees_of_freedom
-
-Array = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 SHORTEST_RECORD = 100

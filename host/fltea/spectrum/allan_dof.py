@@ -6,9 +6,9 @@ which a block begins every m / S samples.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 PARTS = 8
 """The number S of blocks that begin within one block, of running sums (host/native/allan_sums.hpp)."""

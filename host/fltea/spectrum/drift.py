@@ -4,13 +4,11 @@ from collections.abc import Callable
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.noise.distributions import chi2_tail
+from fltea.records.arrays import Array
 from fltea.spectrum.octaves import Drift
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram
-
-Array = NDArray[np.float64]
 
 PERIODS = 10.0
 """Periods in a record of the slowest wave that is fitted; fewer may be a part of anything."""

@@ -8,12 +8,10 @@ and a Gauss–Markov part tilts that of a short record too.
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 from fltea.spectrum.intervals import NORMAL
-
-Array = NDArray[np.float64]
 
 AT_ONCE = 1 << 18
 FINE, COARSE = 4000, 1000

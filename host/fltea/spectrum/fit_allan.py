@@ -2,15 +2,11 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fltea.noise.allan_deviation import model_adev
+from fltea.records.arrays import Array
 from fltea.records.fit import FitAllan
 from fltea.spectrum.allan_curve import live_allan
 from fltea.spectrum.frontier import Sentence
-
-Array = NDArray[np.float64]
 
 
 def fit_allan(

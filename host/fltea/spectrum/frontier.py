@@ -29,10 +29,9 @@ from fltea.noise.parts import (
     part_of,
     spectrum_of,
 )
+from fltea.records.arrays import Array
 from fltea.spectrum.octaves import JOIN, WHOLE
 from fltea.spectrum.periodogram import Binned
-
-Array = NDArray[np.float64]
 
 BY_CHANCE = 4.0
 """2 log L that chance may gain with each further parameter that was sought."""

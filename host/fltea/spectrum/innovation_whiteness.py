@@ -7,13 +7,11 @@ import math
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.noise.distributions import chi2_tail
+from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 from fltea.spectrum.intervals import NORMAL
-
-Array = NDArray[np.float64]
 
 LAGS = 20
 """The lags of Ljung and Box's test: an even number, so that its χ² has a closed form."""

@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.noise.parts import (
     CODES,
@@ -41,11 +40,10 @@ from fltea.noise.parts import (
     spectrum_of,
 )
 from fltea.noise.spectra import f_of
+from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 from fltea.spectrum.frontier import AT_A_LIMIT, LEAK_OF_CUBIC, Frontier, Sentence, leaking
 from fltea.spectrum.reading import NO_WHITE
-
-Array = NDArray[np.float64]
 
 CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""

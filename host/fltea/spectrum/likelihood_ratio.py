@@ -8,11 +8,9 @@ simulated (tools/gen_null_constants.py). It hardly depends on the length of the 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fltea.records.arrays import Array
 from fltea.spectrum.null_constants import COEFFICIENTS, PROBABILITIES
-
-Array = NDArray[np.float64]
 
 
 def p_value(likelihood_ratio: float, ordinates: float) -> float:

@@ -13,13 +13,11 @@ import math
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.noise.distributions import f_log_tail
+from fltea.records.arrays import Array
 from fltea.spectrum.periodogram import AT_ONCE, Periodogram
 from fltea.spectrum.side_lobes import TELLING, lines_among_lobes, notch_below
-
-Array = NDArray[np.float64]
 
 FALSE_ALARM = 3e-3
 """Probability to find anything in noise without lines, of a record that is looked at once."""

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from fltea.noise.parts import Part
+from fltea.records.arrays import Array
 from fltea.records.fit import AxisFit, FitLowPass, FitSpectrum, Interval, Until
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
@@ -21,8 +22,6 @@ from fltea.spectrum.octaves import BandCells, Counts, Octaves
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram, binned
 from fltea.spectrum.spectral import Looks, Spectral, examine
 from fltea.spectrum.verdict import decide, winner
-
-Array = NDArray[np.float64]
 
 POINTS = 150
 """The largest number of points of a spectrum."""

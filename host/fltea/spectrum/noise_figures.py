@@ -11,9 +11,9 @@ from typing import NamedTuple, cast
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.noise.parts import AnyPart, Relaxation
+from fltea.records.arrays import Array
 from fltea.records.fit import Interval, Level
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.frontier import Frontier, Sentence
@@ -21,8 +21,6 @@ from fltea.spectrum.intervals import Estimated, angle_walk, estimated
 from fltea.spectrum.reading import corner_hz
 from fltea.spectrum.verdict import Verdict, winner
 from fltea.spectrum.wording import names
-
-Array = NDArray[np.float64]
 
 
 class SentenceSummary(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

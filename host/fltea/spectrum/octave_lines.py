@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.noise.distributions import f_deviate
+from fltea.records.arrays import Array
 from fltea.spectrum.lines import (
     FALSE_ALARM,
     FLANK,
@@ -27,8 +28,6 @@ from fltea.spectrum.lines import (
 )
 from fltea.spectrum.periodogram import Periodogram
 from fltea.spectrum.side_lobes import TELLING, lines_among_lobes, notch_below
-
-Array = NDArray[np.float64]
 
 NEIGHBOURS = (4 / 9, 1 / 36)
 """Correlation of the power of Hann's lines with that of the next and of the one after."""

@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea import _native
+from fltea.records.arrays import Array
 from fltea.spectrum.periodogram import LOWEST, Periodogram, check_enough
-
-Array = NDArray[np.float64]
 
 WHOLE: int = _native.OCTAVES_WHOLE
 """Samples up to which the spectrum is the periodogram of the whole."""

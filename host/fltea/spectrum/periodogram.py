@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 LOWEST = 4
 """Number of the first ordinate that is used."""

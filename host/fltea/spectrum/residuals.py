@@ -3,11 +3,9 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fltea.records.arrays import Array
 from fltea.spectrum.periodogram import AT_ONCE
-
-Array = NDArray[np.float64]
 
 
 def residual_ks(power: Array, spectrum: Array, weight: Array | None = None) -> float:

@@ -6,9 +6,8 @@ the filter's stop band: in it there are lobes and notches, and lines that are fa
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 DEPTH, BEYOND = 0.2, 0.6
 """Levels over that of the hump: at most in a notch, and at least on both sides of it."""

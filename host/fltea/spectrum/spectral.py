@@ -11,8 +11,8 @@ from typing import Any, TypeVar, cast
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from fltea.records.arrays import Array
 from fltea.spectrum.drift import drift_hz, slow_power
 from fltea.spectrum.evidence import APART, LEVEL, Evidence, apart
 from fltea.spectrum.frontier import Frontier, Sentence, native
@@ -26,7 +26,6 @@ from fltea.spectrum.reading import read
 from fltea.spectrum.residuals import farthest
 from fltea.spectrum.stationarity import Change, find_change
 
-Array = NDArray[np.float64]
 Bands = tuple[tuple[float, float], ...]
 T = TypeVar("T")
 

@@ -11,12 +11,10 @@ from statistics import NormalDist
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.noise.distributions import f_deviate
+from fltea.records.arrays import Array
 from fltea.spectrum.octaves import BandCells
-
-Array = NDArray[np.float64]
 
 OVERLAP = 1 / 36
 """Correlation of the power of blocks that overlap by half, under Hann's window."""

@@ -4,12 +4,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fltea.estimator.bank import Bank
 from fltea.estimator.lanes import Reason
 from fltea.estimator.snapshot import OnlineState
+from fltea.records.arrays import Array
 from fltea.records.block import AxisColumns, Block
 from fltea.records.errors import UsageError
 from fltea.records.events import Ints
@@ -22,8 +20,6 @@ from fltea.stream.live import LiveFits, SettledFit, settled_by
 from fltea.stream.stages import Beginning, Item, Notice, Saved, Stage, Standing
 from fltea.stream.tuning import HandedOver, handed_over
 from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
-
-Array = NDArray[np.float64]
 
 LONGEST_BRIDGE = 30_000
 """Missing samples that an estimator of unlimited memory predicts: half a second's work."""

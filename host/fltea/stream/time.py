@@ -6,11 +6,9 @@ the last ten minutes gives the host time of any sample, free of jitter.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fltea.records.arrays import Array
 from fltea.records.events import Ints
-
-Array = NDArray[np.float64]
 
 SECOND_US = 1_000_000
 SECONDS_KEPT = 600

@@ -17,7 +17,8 @@ from fltea.noise.heading import heading_std, rested
 from fltea.noise.left_open import distance
 from fltea.noise.parts import Part
 from fltea.noise.system import System, system
-from fltea.records.block import Array, Block, Tracked, TrackedColumns, with_tracked
+from fltea.records.arrays import Array
+from fltea.records.block import Block, Tracked, TrackedColumns, with_tracked
 from fltea.records.events import Ints
 from fltea.records.fit import Interval
 from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, TrackerStats

@@ -11,13 +11,11 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 from fltea.noise import spectra as spectrum
-from numpy.typing import NDArray
+from fltea.records.arrays import Array
 
 from tools.validation.evaluate.cramer_rao import LAM, mean
 from tools.validation.recursions import FractionalState
 from tools.validation.runner import Row
-
-Array = NDArray[np.float64]
 
 H = 0.01
 """Sampling period in s."""

@@ -12,16 +12,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from fltea.identification.sums import examined
 from fltea.noise import parts as grammar
+from fltea.records.arrays import Array
 from fltea.spectrum.intervals import Estimated, estimated
 from fltea.spectrum.verdict import decide, winner
-from numpy.typing import NDArray
 
 from tools.validation.evaluate.cases import H
 from tools.validation.gallery.filters import LowPass, Through
 from tools.validation.gallery.parts import AR1, Differenced, Part, Relaxation, Walk, White
 from tools.validation.runner import Row
-
-Array = NDArray[np.float64]
 
 RATE_HZ = 1 / H
 LENGTHS = (3_000, 8_000, 20_000, 60_000)

@@ -17,9 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from fltea.noise.information import log_slopes
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 PANELS, POINTS = 30, 50
 """Of u from 0 to 1, and Gauss's points of each: to find those of all in one takes seconds, at each import."""

@@ -10,15 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from fltea.noise import spectra
 from fltea.noise.parts import g_of_eta
+from fltea.records.arrays import Array
 from fltea.spectrum.frontier import native, order_in_white
 from fltea.spectrum.intervals import CRITICAL
 from fltea.spectrum.periodogram import binned, periodogram
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from tools.validation.evaluate.exact_likelihood import Likelihood, of_spectrum
-
-Array = NDArray[np.float64]
 
 STEPS = 12
 SLOPE = 0.05

@@ -11,9 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 CIRCLE = 1 << 17
 """Frequencies on the whole circle; the shortest memory that they take for none is that of so many samples."""

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from fltea.records.arrays import Array
 from pandas import DataFrame
 
 from tools.validation.evaluate.run import LIVE, WHITTLE
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.image import AxesImage
 
-Array = NDArray[np.float64]
 
 SHOWN = ("triple", "joint", "joint, tuned live", LIVE, WHITTLE)
 LINES = {

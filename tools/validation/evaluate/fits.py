@@ -8,17 +8,14 @@ from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
+from fltea.records.arrays import Array, Mask
 from fltea.spectrum.intervals import OrderFit
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral import examine
 from fltea.spectrum.verdict import decide
-from numpy.typing import NDArray
 
 from tools.validation.evaluate.cases import Case
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 Quantity = Literal["alpha", "f", "F", "s2", "R"]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)

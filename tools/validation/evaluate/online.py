@@ -6,10 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from fltea.estimator.bank import Bank, Variances
 from fltea.estimator.belief import Belief
+from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
 
 BLOCK = 100
 """Samples of all lanes that are taken at once; divides the lengths."""

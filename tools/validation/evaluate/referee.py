@@ -3,14 +3,13 @@
 import math
 
 import numpy as np
+from fltea.records.arrays import Array
 from numpy.typing import NDArray
 
 from tools.validation.evaluate import cases, fits
 from tools.validation.evaluate.cases import Case, H
 from tools.validation.evaluate.exact_fit import ExactSeries
 from tools.validation.runner import Row
-
-Array = NDArray[np.float64]
 
 SAMPLES = 3_000
 """The cost grows with the square."""

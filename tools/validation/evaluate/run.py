@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from fltea.records.arrays import Array
 
 from tools.validation.evaluate import cases, composites, coverage, cramer_rao, fits, referee, settings, shifts
 from tools.validation.evaluate.cases import Case, H
@@ -21,8 +21,6 @@ from tools.validation.evaluate.shifts import Shift
 from tools.validation.evaluate.tuned import tunings
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table
-
-Array = NDArray[np.float64]
 
 WHITTLE = "Whittle"
 """The fit of the whole record."""

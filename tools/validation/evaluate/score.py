@@ -1,12 +1,11 @@
 """What estimates are worth against the truth (pure)."""
 
 import numpy as np
+from fltea.records.arrays import Array
 from numpy.typing import NDArray
 
 from tools.validation.runner import Row
 from tools.validation.tables import Z
-
-Array = NDArray[np.float64]
 
 
 def score(

@@ -9,15 +9,13 @@ from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
+from fltea.records.arrays import Array
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import LiveAxes
-from numpy.typing import NDArray
 
 from tools.validation.evaluate import cases
 from tools.validation.evaluate.cases import POWER, Case, H
 from tools.validation.runner import Row
-
-Array = NDArray[np.float64]
 
 CONSTANT = 10_000
 """Samples of the memory's time constant."""

@@ -5,15 +5,13 @@ fit's s2 and R take the place of the filters' Q and R, and the filters go on wit
 """
 
 import numpy as np
+from fltea.records.arrays import Array
 from fltea.records.fit import AxisFit
 from fltea.spectrum.periodogram import Periodogram
 from fltea.stream.tuning import HandedOver, handed_over
-from numpy.typing import NDArray
 
 from tools.validation.evaluate.fits import live_spectra, published
 from tools.validation.evaluate.online import BLOCK, Tuning
-
-Array = NDArray[np.float64]
 
 FIRST = 600
 """Samples before the first fit."""

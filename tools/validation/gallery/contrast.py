@@ -9,11 +9,10 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from fltea.records.arrays import Array
 from scipy.ndimage import minimum_filter
 from scipy.optimize import Bounds, least_squares, minimize
 
-Array = NDArray[np.float64]
 Family = Callable[[Array, Array], Array]
 """Of parameters (k, count) and λ (bins,): spectra (count, bins)."""
 

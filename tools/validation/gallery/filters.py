@@ -5,9 +5,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from fltea.records.arrays import Array
 from scipy.signal import firwin, freqz
 
-from tools.validation.gallery.parts import Array, Relaxation
+from tools.validation.gallery.parts import Relaxation
 from tools.validation.recursions import (
     Stream,
 )

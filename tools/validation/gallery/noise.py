@@ -5,12 +5,11 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
+from fltea.records.arrays import Array
 from fltea.records.fit import VerdictKind
-from numpy.typing import NDArray
 
 from tools.validation.gallery.parts import Arfima, Flicker, Fractional, Part
 
-Array = NDArray[np.float64]
 Treatment = Callable[[Array, np.random.Generator], Array]
 """Something done to the samples, which are returned."""
 

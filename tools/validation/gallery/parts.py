@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from fltea.records.arrays import Array
 from scipy.signal import freqz, iirnotch, lfilter
 
 from tools.validation.recursions import (
@@ -19,8 +19,6 @@ from tools.validation.recursions import (
     fractional_noise,
     inverse_series,
 )
-
-Array = NDArray[np.float64]
 
 LONGEST_MEMORY = 1 << 21
 """Samples, of the project's own noise: its response has fallen off long before."""

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from fltea.identification.sums import examined
+from fltea.records.arrays import Array
 from fltea.spectrum.verdict import decide
-from numpy.typing import NDArray
 
 from tools.validation.gallery import against
 from tools.validation.gallery.noises import NOISES
@@ -25,7 +25,6 @@ from tools.validation.tables import Table, grouped, share
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 SEEDS = QUICK_SEEDS = 1
 """Records of each noise, rate and length."""

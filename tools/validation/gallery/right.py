@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from fltea.records.arrays import Array
 from fltea.records.fit import VerdictKind
 
 from tools.validation.gallery import contrast
@@ -232,7 +233,7 @@ def _passed(noise: Noise, bins: Bins, rate_hz: float) -> Bins:
     return Bins(inside.lam, inside.weight, inside.truth / gain[: len(inside.lam)])
 
 
-def _end(bins: Bins, gain: contrast.Array) -> float:
+def _end(bins: Bins, gain: Array) -> float:
     stopped = np.flatnonzero(gain < INSIDE_THE_FILTER)
     return float(bins.lam[stopped[0]]) if len(stopped) else math.inf
 

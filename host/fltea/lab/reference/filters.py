@@ -21,13 +21,12 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fltea.lab.reference.system import OrderSettings, ParameterSettings, StateSettings, System, covariance
 from fltea.noise.memory import DirectMemory
 from fltea.noise.weights import weights
-
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 __all__ = ["Array", "Fltea", "OrderSettings", "ParameterSettings", "StateSettings", "Step", "System"]
 

@@ -13,7 +13,7 @@ import numpy as np
 from fltea.estimator.engine import Estimates
 from fltea.lab.reproduce.runs import Outcome
 from fltea.lab.reproduce.scenarios import SOURCE_ALPHA, Data, Scenario
-from fltea.lab.reproduce.simulate import Array
+from fltea.records.arrays import Array
 from fltea.records.errors import FlteaError
 
 if TYPE_CHECKING:

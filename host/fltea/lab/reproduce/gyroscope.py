@@ -13,7 +13,7 @@ import numpy as np
 
 from fltea.lab.reproduce import paper
 from fltea.lab.reproduce.scenarios import GYROSCOPE_FILTERS, Data, Scenario
-from fltea.noise.weights import Array
+from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.sources.replay import ReplaySource

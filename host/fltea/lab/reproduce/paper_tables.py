@@ -12,8 +12,8 @@ import numpy as np
 from fltea.lab.reproduce import paper
 from fltea.lab.reproduce.runs import Options, Outcome
 from fltea.lab.reproduce.scenarios import Scenario
-from fltea.lab.reproduce.simulate import Array
 from fltea.lab.reproduce.timing import Times
+from fltea.records.arrays import Array
 
 Row = dict[str, Any]
 

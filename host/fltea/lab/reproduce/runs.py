@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from fltea.estimator.engine import Engine, Estimates
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.lab.reproduce.scenarios import Data, Scenario
-from fltea.lab.reproduce.simulate import WIDTH, Array
+from fltea.lab.reproduce.simulate import WIDTH
+from fltea.records.arrays import Array
 
 ORDER_LIMIT = 10.0
 STATE_LIMIT = 10.0

@@ -16,7 +16,8 @@ import numpy as np
 
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.lab.reproduce import paper
-from fltea.lab.reproduce.simulate import Array, fractional_states, noises
+from fltea.lab.reproduce.simulate import fractional_states, noises
+from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
 from fltea.settings.estimator import EstimatorConfig, OrderSettings, ParameterSettings, StateSettings
 

@@ -18,7 +18,8 @@ from fltea.estimator.engine import Engine
 from fltea.lab.reproduce import paper
 from fltea.lab.reproduce.runs import Options, Outcome, has_diverged, lane_settings, outcomes
 from fltea.lab.reproduce.scenarios import GYROSCOPE_FILTERS, SawTooth, Scenario, example
-from fltea.lab.reproduce.simulate import WIDTH, Array
+from fltea.lab.reproduce.simulate import WIDTH
+from fltea.records.arrays import Array
 
 GUARDS: tuple[Literal["off", "faithful", "consistent"], ...] = ("off", "faithful", "consistent")
 SAWTEETH = (

@@ -10,11 +10,9 @@ fixed width, so that the samples of one seed do not depend on how many there are
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.noise.weights import weights
-
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
 
 BLOCK = 64
 """samples whose distant past is summed at once"""

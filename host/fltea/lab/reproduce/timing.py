@@ -13,7 +13,7 @@ from fltea.estimator.lane_settings import LaneSettings
 from fltea.lab.reference import filters as reference
 from fltea.lab.reproduce.runs import Options, estimate
 from fltea.lab.reproduce.scenarios import Data, SawTooth, example
-from fltea.lab.reproduce.simulate import Array
+from fltea.records.arrays import Array
 
 REPETITIONS = 5
 MEMORIES: tuple[Literal["direct", "compressed"], ...] = ("direct", "compressed")
