@@ -15,7 +15,8 @@ from fltea.records.events import RawBlock, Trouble
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
-from hostile_files import Files
+from hostile_files import Files, zeros
+from hostile_sqlite import ENDLESS_TREE, HOSTILE
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -42,18 +43,11 @@ def test_what_is_no_bag(tmp_path: Path) -> None:
 
 
 def test_other_files_of_sqlite(tmp_path: Path) -> None:
-    endless = (
-        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i FROM n) SELECT i AS id, 1 AS topic_id FROM n"
-    )
-    for name, schema in {
-        "empty": "CREATE TABLE words(id)",
-        "view": f"CREATE TABLE topics(id, name, type); CREATE VIEW messages AS {endless}",
-    }.items():
-        path = tmp_path / f"{name}.db3"
-        with contextlib.closing(sqlite3.connect(path)) as connection:
-            connection.executescript(schema)
-        with pytest.raises(UsageError, match=r"it has no table (topics|messages)"):
-            open_bag(path)
+    path = tmp_path / "empty.db3"
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.executescript("CREATE TABLE words(id)")
+    with pytest.raises(UsageError, match="it has no table topics"):
+        open_bag(path)
     path = write_bag(tmp_path / "odd.db3", {"/imu": even(30)})
     (file,) = path.glob("*.db3")
     with contextlib.closing(sqlite3.connect(file)) as connection, connection:
@@ -66,6 +60,23 @@ def test_other_files_of_sqlite(tmp_path: Path) -> None:
     assert "2 messages have not the layout" in told(stored)["bag_messages"]
     with pytest.raises(UsageError, match="no Imu messages of the topic '/other'"):
         open_bag(path, How(topic="/other"))
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_files_of_sqlite_that_compute_without_end(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.db3"
+    HOSTILE[name](path)
+    assert path.stat().st_size < 30_000
+    refused = r"has no table (topics|messages)|columns of its table messages are computed"
+    with pytest.raises(UsageError, match="processor time" if name == ENDLESS_TREE else refused):
+        open_bag(path, limits=Limits(seconds=0.1))
+
+
+def test_a_packed_bag_unpacks_to_no_more_than_a_recording_does(tmp_path: Path) -> None:
+    path = tmp_path / "a.db3.zstd"
+    path.write_bytes(zeros("zstd", 50_000_000))
+    with pytest.raises(UsageError, match=rf"more than 200 times its size of {path.stat().st_size} bytes"):
+        open_bag(path)
 
 
 def test_a_full_disk_for_temporary_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

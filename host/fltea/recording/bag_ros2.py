@@ -19,6 +19,7 @@ import numpy as np
 from fltea.recording.bag_files import PACKED
 from fltea.recording.bag_messages import LONGEST_MESSAGE, Batch, Topic, encoding_of
 from fltea.recording.files import Note
+from fltea.recording.quota import Quota
 from fltea.recording.session import LATEST_NS
 from fltea.records.events import Ints
 from fltea.settings.extras import load
@@ -26,6 +27,18 @@ from fltea.settings.limits import Limits
 
 AT_ONCE = 4096
 """Messages of a batch."""
+
+STEPS = 10_000
+"""Of SQLite's machine, between two looks at the clock."""
+
+SQLITE_LIMITS = {
+    sqlite3.SQLITE_LIMIT_SQL_LENGTH: 1 << 20,
+    sqlite3.SQLITE_LIMIT_COLUMN: 100,
+    sqlite3.SQLITE_LIMIT_EXPR_DEPTH: 20,
+    sqlite3.SQLITE_LIMIT_COMPOUND_SELECT: 3,
+    sqlite3.SQLITE_LIMIT_ATTACHED: 0,
+    sqlite3.SQLITE_LIMIT_LIKE_PATTERN_LENGTH: 100,
+}
 
 NO_TIME = LATEST_NS + 1
 """In place of what is no time."""
@@ -37,10 +50,15 @@ def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
     Raises:
         OSError: the file cannot be read.
         ValueError: it is no such file.
+        UsageError: it takes more time than a file of its size may.
     """
+    quota = Quota(path, limits)
     try:
-        with _whole_pages(path) as (file, is_cut), contextlib.closing(_open_sqlite(file)) as connection:
-            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, limits.chunk_bytes)
+        with (
+            _whole_pages(path) as (file, is_cut),
+            contextlib.closing(_open_sqlite(file, limits)) as connection,
+        ):
+            connection.set_progress_handler(quota.is_over, STEPS)
             _check_tables(connection)
             topics = {}
             for number, *texts in connection.execute(
@@ -49,28 +67,42 @@ def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
                 if isinstance(number, int) and all(isinstance(text, str) for text in texts):
                     topics[number] = Topic(texts[0], texts[1], encoding_of(texts[2]))
             yield from map(Batch, topics.values())
-            yield from _rows(path, connection, topics, is_cut)
+            yield from _rows(path, connection, topics, is_cut, quota)
     except sqlite3.Error as error:
+        if quota.is_over():
+            raise quota.too_slow() from error
         raise ValueError(f"no bag of ROS 2 in SQLite, or damaged where it begins: {error}") from error
 
 
 def _check_tables(connection: sqlite3.Connection) -> None:
-    """Raise ValueError where the tables of a bag are none: a view may compute rows without end."""
-    kinds = dict(connection.execute("SELECT name, type FROM sqlite_master").fetchall())
+    """Raise ValueError where the tables of a bag are not plain ones, which hold rows and compute none.
+
+    The kind that the schema states may be a lie, so it is that of SQLite's own parser.
+    """
+    kinds = {name: kind for _, name, kind, *_ in connection.execute("PRAGMA main.table_list")}
     for name in ("topics", "messages"):
         if kinds.get(name) != "table":
             raise ValueError(f"no bag of ROS 2 in SQLite: it has no table {name}")
+        if any(hidden for *_, hidden in connection.execute(f"PRAGMA main.table_xinfo({name})")):
+            raise ValueError(f"no bag of ROS 2 in SQLite: columns of its table {name} are computed")
 
 
-def _open_sqlite(path: Path) -> sqlite3.Connection:
-    """Open a file to be read only. A log of writes that a killed recorder left is read too, if it can be."""
+def _open_sqlite(path: Path, limits: Limits) -> sqlite3.Connection:
+    """Open a file to be read only. A log of writes that a killed recorder left is read too, if it can be.
+
+    SQLite's defensive mode would refuse the schema of a file that is cut, so it is not used.
+    """
     uri = path.resolve().as_uri()
     with_log = ["mode=ro"] if path.with_name(path.name + "-wal").exists() else []
     for mode in (*with_log, "immutable=1"):
         connection = sqlite3.connect(f"{uri}?{mode}", uri=True)
         try:
             connection.text_factory = lambda text: text.decode(errors="replace")
-            connection.execute("PRAGMA trusted_schema=OFF")
+            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, limits.chunk_bytes)
+            for kind, most in SQLITE_LIMITS.items():
+                connection.setlimit(kind, most)
+            for setting in ("trusted_schema=OFF", "query_only=ON", "cell_size_check=ON", "mmap_size=0"):
+                connection.execute(f"PRAGMA {setting}")
             connection.execute("PRAGMA writable_schema=ON")  # or a file that is cut is not opened at all
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
         except sqlite3.OperationalError:
@@ -108,7 +140,7 @@ def _whole_pages(path: Path) -> Iterator[tuple[Path, bool]]:
 
 
 def _rows(
-    path: Path, connection: sqlite3.Connection, topics: dict[int, Topic], is_cut: bool
+    path: Path, connection: sqlite3.Connection, topics: dict[int, Topic], is_cut: bool, quota: Quota
 ) -> Iterator[Batch | Note]:
     wanted = [number for number, topic in topics.items() if topic.is_imu]
     rows = connection.execute(
@@ -122,6 +154,8 @@ def _rows(
         try:
             taken.extend(itertools.islice(rows, AT_ONCE))
         except sqlite3.Error as error:  # what came before it has been taken
+            if quota.is_over():
+                raise
             problem = error
         if not taken:
             break
@@ -197,11 +231,9 @@ def unpacked_file(path: Path, limits: Limits) -> Iterator[Path]:
         out = Path(folder) / path.stem
         try:
             with path.open("rb") as packed, out.open("wb") as file:
-                size = 0
+                quota = Quota(path, limits)
                 for piece in zstandard.ZstdDecompressor().read_to_iter(packed):
-                    size += file.write(piece)
-                    if size > limits.whole_bytes:
-                        raise limits.whole_too_large(str(path), size)
+                    quota.unpack(file.write(piece))
         except zstandard.ZstdError as error:
             raise ValueError(str(error)) from error
         yield out

@@ -13,11 +13,13 @@ class Limits(NamedTuple):
     max_chunk_mb: of one record of an MCAP file, unpacked; of those one is in memory at a time. max_mb: of
     what an .npz or CSV file holds, 8 bytes a number; a day at 100 Hz with all that `fltea export` writes has
     700 MB. It is read a block at a time, but takes as much on the disk for temporary files or, shuffled, in
-    memory. The same holds for the bytes of NDJSON that comes through a pipe.
+    memory. The same holds for the bytes of NDJSON that comes through a pipe. seconds: of processor time that
+    a small file may take (`recording.quota`); no setting.
     """
 
     max_chunk_mb: float = 64.0
     max_mb: float = 1024.0
+    seconds: float = 5.0
 
     @property
     def chunk_bytes(self) -> int:
