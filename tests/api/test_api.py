@@ -11,9 +11,12 @@ import fltea
 import numpy as np
 import pytest
 from fltea.api import series
+from fltea.api._check import PARAMETERS, in_python
 from fltea.api._svg import Curve, log_log
 from fltea.identification.axis import identify_axis
 from fltea.identification.load import Request, load
+from fltea.settings.how import How
+from fltea.settings.setting import declared
 from identify_files import LSB_PER_DPS, RATE_HZ, counts, npz
 
 NOISE = np.random.default_rng(4).standard_normal(3000)
@@ -204,10 +207,60 @@ def test_simulated_noise_is_that_of_its_seed() -> None:
     np.testing.assert_array_equal(a.y, a.state)  # R is 0
     assert (a.y != c.y).all()
     assert list(a.to_pandas().columns) == ["y", "state"]
-    with pytest.raises(ValueError, match="not stationary"):
-        fltea.simulate(3000, alpha=1.9, f=500.0, Q=1.0, R=0.0)
     with pytest.raises(ValueError, match="1 or more"):
         fltea.simulate(0, alpha=0.5, f=-1.0, Q=0.1, R=0.0)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "f", "rate_hz", "told"),
+    [
+        (2.5, -1.0, 100.0, "alpha = 2.5: such noise runs away"),
+        (0.5, 1.0, 100.0, "f = 1: noise runs away where f is positive"),
+        (0.5, -15.0, 100.0, "runs away below f = -14.1"),
+    ],
+)
+def test_noise_that_runs_away_is_refused(alpha: float, f: float, rate_hz: float, told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        fltea.simulate(3000, rate_hz, alpha=alpha, f=f, Q=1.0, R=0.0)
+
+
+@pytest.mark.parametrize(("alpha", "f"), [(0.5, -14.0), (1.0, -199.0), (1.8, -5e3), (1.0, 0.0), (1.99, -1.0)])
+def test_noise_within_the_bound_does_not_run_away(alpha: float, f: float) -> None:
+    """It grows as a random walk at most: twice as far after four times as long."""
+    y = fltea.simulate(8000, alpha=alpha, f=f, Q=1.0, R=0.0, warmup=0).y
+    assert np.abs(y).max() < 8 * np.abs(y[:2000]).max()
+
+
+def test_errors_name_what_a_call_takes(tmp_path: Path) -> None:
+    def told(text: str, **how: object) -> str:
+        (tmp_path / "a.csv").write_text(text)
+        with pytest.raises(fltea.UsageError) as error:
+            fltea.open(tmp_path / "a.csv", **how)
+        return str(error.value)
+
+    rows = "0.1,0.2,0.3\n0.2,0.1,0.2\n" * 30
+    assert "columns=['1', '2', '3']" in told(rows)
+    assert told(rows, units="foo").startswith("units foo: ")
+    for text in (rows, "gx,gy,gz\n" + rows, "a,b,c\n" + rows):
+        assert "--" not in told(text)
+    with pytest.raises(ValueError, match=r"\(from_hz, notch_hz\)"):
+        fltea.identify(NOISE[:100], 100.0)
+
+
+def test_flags_become_parameters() -> None:
+    assert in_python("give it: --rate 100.") == "give it: rate_hz=100."
+    assert in_python("--columns gx,gy,gz --units deg/s") == "columns=['gx', 'gy', 'gz'] units='deg/s'"
+    assert in_python("--time-column NAME --time-unit ms (it has") == (
+        "time_column='NAME' time_unit='ms' (it has"
+    )
+    assert (
+        in_python("such as --topic /imu/data, --time-unit says")
+        == "such as topic='/imu/data', time_unit says"
+    )
+    assert in_python("--rate-like --samples") == "--rate-like --samples"
+    assert {flag for one in declared(How()) for flag in one.setting.flags} <= set(PARAMETERS)
+    takes = {*inspect.signature(fltea.open).parameters, *inspect.signature(fltea.identify).parameters}
+    assert set(PARAMETERS.values()) <= takes
 
 
 def test_a_notebook_is_shown_words_figures_and_curves() -> None:

@@ -1,12 +1,57 @@
-"""What a caller may pass; a mistake gives a ValueError that says what to pass instead."""
+"""What a caller may pass; a mistake gives an error that says, in Python's words, what to pass instead."""
 
+import contextlib
 import math
+import re
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from fltea.records.arrays import Array
+from fltea.records.errors import FlteaError
+
+PARAMETERS = {
+    "--columns": "columns",
+    "--units": "units",
+    "--rate": "rate_hz",
+    "--time-column": "time_column",
+    "--time-unit": "time_unit",
+    "--topic": "topic",
+    "--channels": "axes",
+    "--from-hz": "from_hz",
+    "--notch": "notch_hz",
+}
+"""What the flags of `fltea identify` are called here."""
+
+_FLAG = re.compile(
+    rf"({'|'.join(PARAMETERS)})\b(?!-)"
+    r"(?:[ =](\d[\d.]*(?![\w,])|\w+(?:,\w+)+|/[\w/]+|[A-Z]+\b|deg/s|rad/s|m?dps|lsb:\S+|(?:[mun]?s\b)))?"
+)
+
+
+@contextlib.contextmanager
+def python_words() -> Iterator[None]:
+    """Let errors name parameters where they name flags of the command: rate_hz=100, not --rate 100."""
+    try:
+        yield
+    except (FlteaError, ValueError) as error:
+        error.args = (in_python(str(error)),)
+        raise
+
+
+def in_python(text: str) -> str:
+    """Return a text with parameters for flags."""
+    return _FLAG.sub(lambda found: PARAMETERS[found[1]] + _argument(found[1], found[2]), text)
+
+
+def _argument(flag: str, value: str | None) -> str:
+    if value is None:
+        return ""
+    if flag == "--columns":
+        return f"={value.split(',')}"
+    return f"={value}" if flag in ("--rate", "--from-hz") else f"={value!r}"
 
 
 def period_s(rate_hz: float) -> float:

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fltea.api._check import period_s
+from fltea.api._check import period_s, python_words
 from fltea.api._html import page
 from fltea.api._tables import columns, parquet
 from fltea.api.identified import Report
 from fltea.api.series import of_series
 from fltea.identification.axis import IdentifyOptions
+from fltea.identification.forecast import Goal
 from fltea.identification.load import (
     ACCEL_UNIT,
     GYRO_UNIT,
@@ -93,7 +94,11 @@ class Recording(Mapping[str, Array]):
         return self._loaded.traps
 
     def identify(
-        self, *, from_hz: float = 0.0, notch_hz: Sequence[tuple[float, float]] = (), forecast: bool = False
+        self,
+        *,
+        from_hz: float = 0.0,
+        notch_hz: Sequence[tuple[float, float]] = (),
+        forecast: bool | Goal = False,
     ) -> Report:
         """Tell what the noise of each axis is; arguments as of `fltea.identify`.
 
@@ -104,7 +109,8 @@ class Recording(Mapping[str, Array]):
         h, found = self._loaded.h, {}
         for name, series in self._loaded.axes.items():
             try:
-                found[name] = of_series(name, series, h, options, forecast=forecast)
+                with python_words():
+                    found[name] = of_series(name, series, h, options, forecast=forecast)
             except ValueError as error:
                 raise ValueError(f"{self.name}, {name}: {error}") from error
         return Report(found)
@@ -181,10 +187,11 @@ def open(
         time_unit=time_unit,
         topic=topic,
     )
-    found = recordings([Path(path)])
-    if len(found) != 1:
-        raise UsageError(f"{path}: holds {len(found)} recordings; open one of them by its file or session.")
-    if isinstance(found[0], Unreadable):
-        raise found[0].error
-    request = Request(found[0], None if axes is None else tuple(axes), how, accel=True)
-    return Recording(request.name, load(request))
+    with python_words():
+        found = recordings([Path(path)])
+        if len(found) != 1:
+            raise UsageError(f"{path}: holds {len(found)} recordings; open one by its file or session.")
+        if isinstance(found[0], Unreadable):
+            raise found[0].error
+        request = Request(found[0], None if axes is None else tuple(axes), how, accel=True)
+        return Recording(request.name, load(request))

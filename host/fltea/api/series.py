@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
-from fltea.api._check import one_axis, period_s
+from fltea.api._check import one_axis, period_s, python_words
 from fltea.api.identified import Identified
 from fltea.identification.axis import IdentifyOptions, identified, look
 from fltea.identification.forecast import Goal
@@ -44,7 +44,9 @@ def identify(
     """
     h = period_s(rate_hz)
     options = IdentifyOptions(from_hz=from_hz, notch_hz=tuple((low, high) for low, high in notch_hz))
-    return of_series(axis, Series(one_axis(y), unit, lsb), h, options, forecast=forecast)
+    series = Series(one_axis(y), unit, lsb)
+    with python_words():
+        return of_series(axis, series, h, options, forecast=forecast)
 
 
 def of_series(

@@ -59,6 +59,13 @@ def identify(
             "the forecast.",
         ),
     ] = None,
+    sheet: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PART",
+            help="Say whether the gyroscope is as good as the data sheet of this part, such as MPU-9250.",
+        ),
+    ] = None,
     shuffles: Annotated[
         int, typer.Option(metavar="N", min=0, help="Shuffled copies that are estimated beside the data.")
     ] = 200,
@@ -140,18 +147,20 @@ def identify(
         "--export-model": export_model,
         "--imu-yaml": imu_yaml,
         "--gauss-markov": gauss_markov,
+        "--sheet": sheet,
     }
     many.check(files, out, [name for name, value in one_by_one.items() if value])
     if dask is not None:
         if jobs is not None:
             raise UsageError("--jobs is for this machine, --dask for a cluster: give one of them.")
         check_address(dask)
-    from fltea.identification import findings, run
+    from fltea.identification import data_sheet, findings, run
     from fltea.identification import load as reading
     from fltea.identification.axis import IdentifyOptions
     from fltea.identification.forecast import goal_of
     from fltea.settings.config import load_configs
 
+    part = None if sheet is None else data_sheet.sheet_name(sheet)
     goal = None if rest_for is None else goal_of(rest_for)
     configs = load_configs(config, settings)
     if len(configs) > 1:
@@ -197,6 +206,9 @@ def identify(
     ahead = forecast if goal is None else goal
     by = run.Settings(options, chosen.estimator, chosen.accel, figures=report is not None, forecast=ahead)
     reports = _run(requests, by, jobs, dask)
+    if part is not None:
+        for one in reports:
+            one.compare_with(part)
     # First of all, lest a file that cannot be written costs what took minutes to compute.
     if as_json:
         print_result(

@@ -71,6 +71,7 @@ def _axis(axis: AxisReport | Failure) -> dict[str, Any]:
         "traps": msgspec.to_builtins(axis.traps),
         "now": msgspec.to_builtins(axis.now),
         "forecast": msgspec.to_builtins(axis.forecast),
+        "sheet": msgspec.to_builtins(axis.sheet),
     }
 
 
@@ -112,6 +113,13 @@ def forecast_rows(axis: AxisReport) -> list[tuple[str, ...]]:
         )
         for one in axis.forecast.judged
     ]
+
+
+def sheets(axes: Mapping[str, AxisReport]) -> list[str]:
+    """Return how each axis compares with the data sheet that was named, and where that is from."""
+    found = [(name, axis.sheet) for name, axis in axes.items() if axis.sheet is not None]
+    sources = dict.fromkeys(f"Data sheet of the {one.part}: {one.source}." for _, one in found)
+    return [f"{name}: {one.text}" for name, one in found] + list(sources)
 
 
 FORECAST_HEADINGS = ("after", "said", "seen", "within 95 %", "pieces", "")

@@ -89,7 +89,7 @@ def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Itera
         else:
             yield f'<p class="verdict"><b>{name}</b>: <span class="bad">{escape(axis.error)}</span></p>'
     yield from map(_table, findings.by_sensor(good))
-    for line in findings.remarks(good):
+    for line in findings.sheets(good) + findings.remarks(good):
         yield f"<p>{escape(line)}</p>"
     yield _traps(report)
     for name, axis in good.items():

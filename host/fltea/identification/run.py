@@ -24,10 +24,11 @@ from fltea.identification.axis import (
     with_copies,
 )
 from fltea.identification.curves import Curves, curves
+from fltea.identification.data_sheet import SheetComparison, compare
 from fltea.identification.forecast import Forecast, Goal, Now, SentenceParts, found
 from fltea.identification.gaps import longest_epoch
 from fltea.identification.hand_out import HandOut, Task
-from fltea.identification.load import Loaded, Request, Series, Unreadable, load
+from fltea.identification.load import GYRO_UNIT, Loaded, Request, Series, Unreadable, load
 from fltea.identification.noise_model import AxisModel, modelled
 from fltea.identification.reproduction import Reproduction, reproduction
 from fltea.identification.shuffled import Copies, estimate, groups
@@ -70,6 +71,8 @@ class AxisReport(msgspec.Struct, frozen=True):
     now: Now | None = None
     """The bias at the end of the longest stretch."""
     forecast: Forecast | None = None
+    sheet: SheetComparison | None = None
+    """Only where a data sheet was named."""
 
 
 @dataclass
@@ -80,6 +83,14 @@ class FileReport:
     recording: Loaded | None = None
     failure: FlteaError | None = None
     axes: dict[str, AxisReport | Failure] = field(default_factory=dict)
+
+    def compare_with(self, part: str) -> None:
+        """Compare the axes of a gyroscope with the data sheet of `part`."""
+        for name, axis in self.axes.items():
+            if isinstance(axis, AxisReport) and axis.unit == GYRO_UNIT and self.recording is not None:
+                low_pass = self.recording.hello.gyro_dlpf_hz
+                found = compare(part, axis.result.level, axis.result.rate_hz, axis.lsb, low_pass)
+                self.axes[name] = msgspec.structs.replace(axis, sheet=found)
 
 
 class Settings(msgspec.Struct, frozen=True):

@@ -31,6 +31,8 @@ def show(console: Console, report: FileReport, first: bool = True, *, details: b
     for name, axis in good.items():
         if axis.forecast is not None:
             _forecast(console, name, axis, axis.forecast.text)
+    for line in findings.sheets(good):
+        console.print(_shown(line))
     if details:
         _details(console, good)
     for line in dict.fromkeys(axis.allan_reason for axis in good.values() if axis.allan_reason):

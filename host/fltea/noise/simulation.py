@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fltea.noise.memory import NewestFirst
+from fltea.noise.spectra import HIGHEST_ORDER, stationary
 from fltea.noise.weights import weights
 from fltea.records.arrays import Array
 
@@ -28,7 +29,8 @@ class FractionalNoise:
     `alpha` is a number, or a sequence whose last value is held (alpha[k-1] is the order of sample k = 1, 2,
     ...). `seed` is an integer or a numpy Generator; equal seeds give equal samples. `warmup` steps at the
     first order are thrown away, so that a stationary x starts near its stationary variance rather than at
-    0. Raises ValueError for Q or R < 0, h <= 0, window < 1 and numbers that are not finite.
+    0. Raises ValueError for Q or R < 0, h <= 0, window < 1, numbers that are not finite, and noise that runs
+    away.
     """
 
     def __init__(
@@ -49,6 +51,9 @@ class FractionalNoise:
         self._orders = np.atleast_1d(np.asarray(alpha, dtype=np.float64))
         if self._orders.ndim != 1 or not len(self._orders) or not np.isfinite(self._orders).all():
             raise ValueError("alpha must be a finite number, or a sequence of them")
+        if Q:
+            for order in (self._orders.min(), self._orders.max()):
+                _check_bounded(float(order), f, h)
         self._f, self._h = f, h
         self._omega_std, self._v_std = math.sqrt(Q), math.sqrt(R)
         self._rng = np.random.default_rng(seed)
@@ -114,3 +119,16 @@ def _check_system(f: float, Q: float, R: float, h: float) -> None:
     for name, value in (("Q", Q), ("R", R)):
         if not (math.isfinite(value) and value >= 0):
             raise ValueError(f"{name} is a variance and must be >= 0, got {value}")
+
+
+def _check_bounded(alpha: float, f: float, h: float) -> None:
+    """Raise ValueError where x runs away. f = 0 gives integrated noise, which wanders but does not run."""
+    if stationary(alpha, h**alpha * f) or (f == 0 and alpha <= 2):
+        return
+    lowest = -((2 / h) ** alpha)
+    why = f"f = {f:g}: at alpha = {alpha:g} and {1 / h:g} Hz noise runs away below f = {lowest:.3g}"
+    if alpha >= HIGHEST_ORDER:
+        why = f"alpha = {alpha:g}: such noise runs away; give an order below {HIGHEST_ORDER:g}"
+    elif f > 0:
+        why = f"f = {f:g}: noise runs away where f is positive; give 0 or below"
+    raise ValueError(why)

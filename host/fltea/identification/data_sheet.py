@@ -1,0 +1,139 @@
+"""Whether a gyroscope is as good as its data sheet: the measured density beside the sheet's (pure).
+
+A sheet's rate noise density is of positive frequencies only, so it is √2 N. The ADIS16470's sheet has both:
+0.34 deg/√h are 0.00567 (deg/s)/√Hz, and √2 times that is its density, 0.008.
+
+Read in a copy of the sheet: MPU-9250, MPU-6050, ICM-42688-P, BMI270. The others were compared with what other
+projects quote of the same table.
+"""
+
+import math
+import re
+from typing import Literal, NamedTuple
+
+import msgspec
+
+from fltea.records.errors import UsageError
+from fltea.records.fit import Interval, Level
+
+
+class DataSheet(NamedTuple):
+    """What a data sheet says of a gyroscope's noise."""
+
+    density: float
+    """Typical, (deg/s)/√Hz."""
+    measured_at: str
+    """The condition that the sheet names, or nothing."""
+    source: str
+
+
+SHEETS = {
+    "MPU-9250": DataSheet(0.01, "low-pass 92 Hz", "PS-MPU-9250A-01 rev. 1.0, 3.1"),
+    "MPU-6500": DataSheet(0.01, "low-pass 92 Hz", "PS-MPU-6500A-01 rev. 1.3, 3.1"),
+    "MPU-6050": DataSheet(0.005, "at 10 Hz, range ±250 deg/s", "PS-MPU-6000A-00 rev. 3.4, 6.1"),
+    "ICM-20948": DataSheet(0.015, "bandwidth 10 Hz, range ±250 deg/s", "DS-000189 rev. 1.3, 3.1"),
+    "ICM-42688-P": DataSheet(0.0028, "at 10 Hz", "DS-000347 rev. 1.6, 3.1"),
+    "BMI088": DataSheet(0.014, "bandwidth 47 Hz", "BST-BMI088-DS001 rev. 1.4, table 3"),
+    "BMI160": DataSheet(0.008, "at 10 Hz", "BST-BMI160-DS000 rev. 0.8, table 3"),
+    "BMI270": DataSheet(0.007, "performance mode", "BST-BMI270-DS000 rev. 1.3, key features"),
+    "BNO055": DataSheet(0.014, "bandwidth 47 Hz", "BST-BNO055-DS000 rev. 1.4, table 0-2"),
+    "LSM6DS3": DataSheet(0.007, "high-performance mode", "DocID026899 rev. 8, table 3"),
+    "LSM6DS33": DataSheet(0.007, "high-performance mode", "DocID027423 rev. 4, table 3"),
+    "LSM6DSO": DataSheet(0.0038, "high-performance mode", "DS12140 rev. 2, table 2"),
+    "LSM6DSOX": DataSheet(0.0038, "high-performance mode", "DS12814 rev. 3, table 2"),
+    "LSM6DSV": DataSheet(0.0028, "high-performance mode", "DS13476 rev. 5, table 3"),
+    "ISM330DHCX": DataSheet(0.005, "high-performance mode", "DS13012 rev. 7, table 2"),
+    "ADIS16470": DataSheet(0.008, "10 to 40 Hz", "ADIS16470 rev. C, table 1"),
+}
+"""By the name of the part."""
+
+SCATTER = 1.2
+"""Parts are taken for as good as a typical figure up to so many times it: sheets rarely give a highest."""
+MUCH = 2.0
+SEEN = 0.1
+"""A share of the noise's power from which on it is worth a word."""
+
+SheetKind = Literal["better", "as good", "noisier", "not known"]
+
+
+class SheetComparison(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The density of an axis beside that of a data sheet, both in (deg/s)/√Hz."""
+
+    part: str
+    source: str
+    typical: float
+    density: Interval
+    """√2 N of the axis with its 95 % interval."""
+    ratio: float | None
+    """The density over the typical one."""
+    kind: SheetKind
+    text: str
+
+
+def sheet_name(text: str) -> str:
+    """Return the name of a part as `SHEETS` has it: dashes and capitals do not matter.
+
+    Raises:
+        UsageError: the part is not known.
+    """
+    plain = re.sub(r"[^A-Z0-9]", "", text.upper())
+    for name in SHEETS:
+        if plain in (name.replace("-", ""), name.replace("-", "").removesuffix("P")):
+            return name
+    raise UsageError(f"--sheet {text}: no data sheet of this part is known. Known are {', '.join(SHEETS)}.")
+
+
+def compare(
+    part: str, level: Level, rate_hz: float, lsb: float | None = None, low_pass_hz: float | None = None
+) -> SheetComparison:
+    """Return how an axis in deg/s compares with the sheet of `part`.
+
+    lsb: one count in deg/s. low_pass_hz: the bandwidth of the sensor's own low-pass. None: not known.
+    """
+    sheet = SHEETS[part]
+    N = level.N
+    if N.value is None or N.low is None or N.high is None:
+        return SheetComparison(
+            part, sheet.source, sheet.density, Interval(), None, "not known", f"not compared. {level.reason}"
+        )
+    value, low, high = (math.sqrt(2) * one for one in (N.value, N.low, N.high))
+    ratio = value / sheet.density
+    half = rate_hz / 2
+    folded = max((low_pass_hz or half) / half, 1.0) ** 0.5
+    kind: SheetKind = "as good"
+    if low > SCATTER * folded * sheet.density:
+        kind = "noisier"
+    elif high < sheet.density / SCATTER:
+        kind = "better"
+    verdict = {"as good": "as good as", "better": "better than", "noisier": "noisier than"}[kind]
+    at = f" ({sheet.measured_at})" if sheet.measured_at else ""
+    text = (
+        f"{verdict} its data sheet. Measured {value:.3g} ({low:.3g}…{high:.3g}) (deg/s)/√Hz, {ratio:.2g} "
+        f"times the typical {sheet.density:g}{at}."
+    )
+    if ratio * MUCH < 1:
+        text += " That is less than half: check the units and the name of the part."
+    if ratio > SCATTER:
+        text += _why_more(ratio, half, low_pass_hz)
+        counting = 0.0 if lsb is None else lsb / math.sqrt(12 * half)
+        if counting**2 > SEEN * value**2:
+            text += (
+                f" Rounding to counts of {lsb:.3g} deg/s gives {counting:.2g} of it: choose a finer range."
+            )
+    density = Interval(value, low, high)
+    return SheetComparison(part, sheet.source, sheet.density, density, ratio, kind, text)
+
+
+def _why_more(ratio: float, half: float, low_pass_hz: float | None) -> str:
+    """Return what the sensor's low-pass has to do with more noise than in the sheet."""
+    if low_pass_hz is None:
+        return (
+            f" At this sample rate all noise above {half:.3g} Hz is folded down: a low-pass of "
+            f"{half * ratio**2:.3g} Hz in the sensor would explain the ratio. Compare its setting."
+        )
+    if low_pass_hz <= half:
+        return f" The sensor's low-pass, {low_pass_hz:g} Hz, folds nothing down at this sample rate."
+    return (
+        f" The sensor's low-pass, {low_pass_hz:g} Hz, lets noise above {half:.3g} Hz be folded down, which "
+        f"explains {(low_pass_hz / half) ** 0.5:.2g} times."
+    )
