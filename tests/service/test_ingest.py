@@ -6,7 +6,7 @@ import pytest
 from fltea.records.clock import host_ns
 from fltea.service.ingest.admission import CANDIDATES, Admission
 from fltea.service.ingest.floods import BURST_BYTES, MESSAGE_BYTES, SECOND_BYTES, Allowance
-from fltea.service.ingest.inbox import DEVICE_BYTES, Inbox
+from fltea.service.ingest.inbox import Inbox
 from fltea.service.ingest.losses import Losses
 from fltea.service.ingest.pressure import LATE_NS, LOOKS, QUIET_NS, STEP_NS, Pressure
 from fltea.stream.beside import Beside
@@ -70,43 +70,35 @@ def test_names_are_told_so_that_no_terminal_obeys_them() -> None:
     assert len(text) < 400
 
 
-def test_a_device_that_floods_loses_its_own_and_is_named() -> None:
-    inbox = Inbox(10, 4 * DEVICE_BYTES)
-    part = bytes(DEVICE_BYTES // 4 - MESSAGE_BYTES)
-    for name in ("flood", "quiet"):
-        inbox.put(name, b"")
-    for _ in range(20):
-        inbox.put("flood", part)
-    inbox.put("quiet", b"frames")
-    taken = inbox.take(0)
-    assert [message.device for message in taken] == ["flood"] * 4 + ["quiet"]
-    assert inbox.overflow() == {"flood": 16 * len(part)}
-    ((kind, text, *_),) = Losses(inbox, "mqtt://broker").look(0)
-    assert kind == "frames_overflow"
-    assert f"flood ({16 * len(part)} bytes)" in text
-    inbox.put("flood", part)
-    assert len(inbox.take(0)) == 1, "what was read makes room again"
-
-
-def test_all_together_are_bounded_too() -> None:
-    inbox, half = Inbox(100, 2 * DEVICE_BYTES), bytes(DEVICE_BYTES // 2 - MESSAGE_BYTES)
-    for _ in range(2):
-        for k in range(10):
-            inbox.put(f"d{k}", half)
-    assert len(inbox.take(0)) == 4
-    assert sum(inbox.overflow().values()) == 6 * len(half)
+def test_all_together_are_bounded_and_who_receives_waits() -> None:
+    inbox = Inbox(100, 10 * (1000 + MESSAGE_BYTES))
+    for k in range(11):
+        assert inbox.wait_for_room(0)
+        inbox.put(f"d{k % 2}", bytes(1000))
+    inbox.put("d0", bytes(1000))
+    assert not inbox.wait_for_room(0)
+    assert len(inbox.take(0)) == 10, "a device is let in with its second message"
+    assert inbox.wait_for_room(0)
+    assert not inbox.overflow()
 
 
 def test_messages_without_frames_are_bounded_too() -> None:
-    inbox = Inbox(10, 4 * DEVICE_BYTES)
-    for _ in range(DEVICE_BYTES // 50):
-        inbox.put("flood", b"")
-    waiting = 0
-    while taken := inbox.take(0):
-        waiting += len(taken)
-    assert waiting == DEVICE_BYTES // MESSAGE_BYTES
-    inbox.put("flood", b"")
-    assert len(inbox.take(0)) == 1, "all of it makes room again"
+    inbox = Inbox(10, 10 * MESSAGE_BYTES)
+    for _ in range(11):
+        assert inbox.wait_for_room(0)
+        inbox.put("a", b"")
+    assert not inbox.wait_for_room(0)
+    assert len(inbox.take(0)) == 10
+
+
+def test_what_is_left_at_the_end_is_counted_by_device() -> None:
+    inbox = Inbox(10, 1 << 20)
+    for k in range(10):
+        inbox.put(f"d{k % 2}", b"frames")
+    assert inbox.end() == 8 * len(b"frames")
+    inbox.put("d0", b"late")
+    assert inbox.overflow() == {"d0": 28, "d1": 24}
+    assert not inbox.take(0)
 
 
 def test_fits_come_more_rarely_while_messages_wait_and_oftener_when_it_is_calm() -> None:
@@ -176,14 +168,21 @@ def test_whoever_catches_up_loses_nothing(rate_hz: int, outage_s: int) -> None:
     assert not inbox.overflow()
 
 
-def test_whoever_floods_loses_its_own_and_is_named() -> None:
+@pytest.mark.parametrize("is_stream", [True, False])
+def test_whoever_floods_loses_its_own_and_is_named(is_stream: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     inbox, message = Inbox(10, 1 << 20), bytes(100_000)
     for name in ("flood", "quiet"):
         inbox.admission.admit(name)
     losses, begin_ns, taken = Losses(inbox, "nats://server"), host_ns() - 3600 * S, 0
     for k in range(6000):  # 10 MB a second
-        inbox.put("flood", message, 0, 2 * k + 1, begin_ns + k * S // 100)
-        inbox.put("quiet", b"frames", 0, 2 * k + 2, begin_ns + k * S // 100)
+        now_ns = begin_ns + k * S // 100
+        if is_stream:
+            more: Any = (0, 2 * k + 1, now_ns)
+        else:
+            more = ()
+            monkeypatch.setattr("fltea.service.ingest.inbox.host_ns", lambda now_ns=now_ns: now_ns)
+        inbox.put("flood", message, *more)
+        inbox.put("quiet", b"frames", *more)
         items = inbox.take(0)
         assert items[-1].device == "quiet"  # type: ignore[union-attr]
         taken += len(items) - 1

@@ -184,9 +184,14 @@ ERROR_KINDS = {
         "Let the broker's access list bind each account to its own name, or raise `ingest.devices`.",
     ),
     "frames_overflow": ErrorKind(
-        "Frames of devices behind a broker had no room, or came faster than any device makes them; the text "
-        "names the worst of them.",
-        "Stop the device that floods; else share the devices among several processes.",
+        "Frames of a device behind a broker came faster than any makes them, or were left when the program "
+        "ended; the text names the worst of them.",
+        "Stop the device that floods; end the program when nothing waits.",
+    ),
+    "output_slow": ErrorKind(
+        "An output takes nothing, so nothing more is read from the broker, which keeps it as far as it has "
+        "room.",
+        "Look what holds the reader of that output up, or leave the output away.",
     ),
     "fits_slowed": ErrorKind(
         "This machine does not keep up, so the live fits of all devices come more rarely for a while.",

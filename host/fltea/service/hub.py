@@ -72,6 +72,10 @@ class Hub:
         """Wait until all outputs that devices share have room; False if one has none in time."""
         return all(outlet.wait_for_room(timeout_s) for outlet in self._shared)
 
+    def full(self) -> list[str]:
+        """Names of those that have none."""
+        return [outlet.name for outlet in self._shared if not outlet.wait_for_room(0)]
+
     def depart(self, device: str, *, moved: bool) -> None:
         """Let all know that this device is gone. moved: to another program."""
         for outlet in self._shared:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 
 from fltea.records.clock import host_ns
-from fltea.records.events import Chunk, Event, Opened, TransportEvent
+from fltea.records.events import Chunk, Event, Opened, Reads, TransportEvent
 from fltea.records.records import LinkStats
 from fltea.sources.wire_events import Hints, WireEvents
 
@@ -26,7 +26,7 @@ class FramesSource:
         self.url = url
         self._overflow_bytes = overflow_bytes
         self._wire = WireEvents(url, HINTS)
-        self.tap: Callable[[TransportEvent], None] | None = None
+        self.tap: Callable[[TransportEvent | Reads], None] | None = None
 
     @property
     def unix_offset_ns(self) -> int:
@@ -41,11 +41,14 @@ class FramesSource:
         """Yield the events of the first message of a device."""
         return self.take(Opened(now_ns, unix_offset_ns))
 
-    def take(self, item: Opened | Chunk | None) -> Iterator[Event]:
-        """Yield the events of a message; None says that none came for a while."""
+    def take(self, item: Opened | Chunk | Reads | None) -> Iterator[Event]:
+        """Yield the events of a message, or of several; None says that none came for a while."""
         if item is not None and self.tap is not None:
             self.tap(item)
-        now_ns = host_ns() if item is None else item.host_ns
+        if item is None:
+            now_ns = host_ns()
+        else:
+            now_ns = int(item.host_ns[0]) if isinstance(item, Reads) else item.host_ns
         self._wire.resume(now_ns)  # a device has its turn when it has said something: never a stall of ours
         yield from self._wire.feed(item, now_ns)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import msgspec
 
 from fltea.records.clock import host_ns, unix_offset_ns
-from fltea.records.events import Chunk
+from fltea.records.events import Chunk, Reads
 from fltea.records.ports import Report
 from fltea.records.repeat import OnceAMinute
 from fltea.service.hub import Hub
@@ -49,7 +49,8 @@ class Devices:
     """Opens, walks and gives up the lines of all devices, in one thread.
 
     config: of every device. url: of the broker. shared: this worker's share, if there are several workers.
-    beside: what the looks of all devices share.
+    beside: what the looks of all devices share. wait_for_room: is called before each event, and comes back
+    when outputs take more.
     """
 
     def __init__(
@@ -61,10 +62,12 @@ class Devices:
         report: Report,
         shared: Shared | None,
         beside: Beside,
+        wait_for_room: Callable[[], object],
     ) -> None:
         self.lines: dict[str, Line] = {}
         self._config, self._hub, self._inbox, self._url = config, hub, inbox, url
         self._report, self._shared, self._beside = report, shared, beside
+        self._wait_for_room = wait_for_room
         self._broken_ns: dict[str, int] = {}
         self._opened = 0
         self._once_a_minute = OnceAMinute()
@@ -92,11 +95,12 @@ class Devices:
             walk.take(event)
         return line
 
-    def walk(self, name: str, item: Chunk | None) -> None:
+    def walk(self, name: str, item: Chunk | Reads | None) -> None:
         """Let a line take what came, or that nothing did; one that breaks is given up, the others go on."""
         line = self.lines[name]
         try:
             for event in line.source.take(item):
+                self._wait_for_room()
                 line.walk.take(event)
         except Exception as error:
             self._broken_ns[name] = host_ns() + FAULT_NS

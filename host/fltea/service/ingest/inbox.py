@@ -2,6 +2,7 @@
 
 import threading
 from collections import Counter, deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from fltea.records.clock import host_ns
@@ -10,11 +11,8 @@ from fltea.service.ingest.admission import Admission, Verdict
 from fltea.service.ingest.floods import MESSAGE_BYTES, Allowance
 from fltea.service.ingest.kept import Kept
 
-DEVICE_BYTES = 1 << 20
-"""Of one device, as of a serial port (`wire.transport`): minutes of samples, or a second of a flood."""
-
-BATCH = 256
-"""Messages that are handed out together."""
+BATCH_BYTES = 8_000_000
+"""Messages that are handed out together: all that wait, so that those of a device are walked together."""
 
 LONGEST_SHOWN = 64
 
@@ -62,18 +60,19 @@ Item = Message | Served | Resumed | Left
 class Inbox:
     """A queue between who receives messages and who reads them.
 
-    `put` waits for nobody: what has no room is counted, by device. A message counts with `MESSAGE_BYTES` more
-    than it has, so that empty ones have a bound too. reserved: a name that none may have.
+    Who receives waits for room before it takes more from a broker, however long that is; so nothing but what
+    a device floods is left out, and counted. A message counts with `MESSAGE_BYTES` more than it has, so that
+    empty ones have a bound too. queue_bytes: as much may wait. reserved: a name that none may have.
     """
 
     def __init__(self, devices: int, queue_bytes: int, reserved: str = "") -> None:
         self.admission = Admission(devices, reserved)
         self.overflow_bytes: Counter[str] = Counter()
         self.last_turned_away: dict[Verdict, str] = {}
-        self._queue_bytes = queue_bytes
+        self.queue_bytes = queue_bytes
         self._allowance = Allowance()
         self._bytes = 0
-        self._waiting: Counter[str] = Counter()
+        self._ended = False
         self._queue: deque[Item] = deque()
         self._changed = threading.Condition()
 
@@ -85,10 +84,9 @@ class Inbox:
         mark: int = 0,
         arrived_ns: int | None = None,
     ) -> None:
-        """Queue a message, unless its device is not believed or has no room left.
+        """Queue a message, unless its device is not believed, or publishes more than any has to.
 
-        arrived_ns: when a stream took it, on the clock of `host_ns`; None: now. A stream's messages wait
-        there, so all have room here, but for those of a device that publishes more than any has to.
+        arrived_ns: when a stream took it, on the clock of `host_ns`; None: now.
         """
         size = len(data) + MESSAGE_BYTES
         with self._changed:
@@ -99,20 +97,14 @@ class Inbox:
                     device[:LONGEST_SHOWN]
                 )
                 return
-            if mark:
-                taken_ns = now_ns if arrived_ns is None else arrived_ns
-                has_room = self._allowance.takes(device, size, taken_ns)
-                now_ns = min(taken_ns, now_ns)  # by a clock that differs it may seem to come from the future
-            else:
-                room = min(DEVICE_BYTES - self._waiting[device], self._queue_bytes - self._bytes)
-                has_room = size <= room
-            if not has_room:
+            taken_ns = now_ns if arrived_ns is None else arrived_ns
+            if self._ended or not self._allowance.takes(device, size, taken_ns):
                 self.overflow_bytes[device] += len(data)
                 return
-            self._waiting[device] += size
+            now_ns = min(taken_ns, now_ns)  # by a clock that differs it may seem to come from the future
             self._bytes += size
             self._queue.append(Message(device, data, now_ns, partition, mark))
-            self._changed.notify()
+            self._changed.notify_all()
 
     def post(self, item: Served | Resumed | Left) -> None:
         """Queue what is rare, behind all messages that are there."""
@@ -121,25 +113,53 @@ class Inbox:
             if isinstance(item, Served):
                 for device in item.kept:
                     self.admission.admit(device)
-            self._changed.notify()
+            self._changed.notify_all()
 
-    def has_room(self, most_bytes: int) -> bool:
-        """Whether less than so much waits."""
-        return self._bytes < most_bytes
+    @property
+    def has_messages(self) -> bool:
+        """Whether anything waits."""
+        return bool(self._queue)
+
+    def wait_for_room(self, timeout_s: float) -> bool:
+        """Wait until who receives may take more; False if it may not in time."""
+        if self._bytes < self.queue_bytes:
+            return True
+        with self._changed:
+            return self._changed.wait_for(lambda: self._bytes < self.queue_bytes, timeout_s)
 
     def take(self, timeout_s: float) -> list[Item]:
         """Messages in their order, after at most so long; none if none came or somebody woke us up."""
+        found: list[Item] = []
+        size = 0
         with self._changed:
             if not self._queue:
                 self._changed.wait(timeout_s)
-            found = [self._queue.popleft() for _ in range(min(BATCH, len(self._queue)))]
-            for message in found:
-                if not isinstance(message, Message):
-                    continue
-                size = len(message.data) + MESSAGE_BYTES
-                self._waiting[message.device] -= size
-                self._bytes -= size
+            while self._queue and size < BATCH_BYTES:
+                item = self._queue.popleft()
+                size += len(item.data) + MESSAGE_BYTES if isinstance(item, Message) else 0
+                found.append(item)
+            self._bytes -= size
+            self._changed.notify_all()
         return found
+
+    def put_back(self, messages: Sequence[Message]) -> None:
+        """Take back what was not walked."""
+        with self._changed:
+            self._queue.extendleft(reversed(messages))
+            self._bytes += sum(len(message.data) + MESSAGE_BYTES for message in messages)
+
+    def end(self) -> int:
+        """Count what waits, and what still comes, as lost; return how many bytes waited."""
+        with self._changed:
+            self._ended = True
+            left = Counter[str]()
+            for item in self._queue:
+                if isinstance(item, Message):
+                    left[item.device] += len(item.data)
+            self._queue.clear()
+            self._bytes = 0
+            self.overflow_bytes.update(left)
+        return left.total()
 
     def overflow(self) -> dict[str, int]:
         """Bytes that had no room, by device."""
@@ -154,13 +174,11 @@ class Inbox:
     def wake(self) -> None:
         """End the waiting of `take`."""
         with self._changed:
-            self._changed.notify()
+            self._changed.notify_all()
 
     def forget(self, device: str) -> None:
         """Give the device's place to others."""
         with self._changed:
             self.admission.forget(device)
-            if not self._waiting[device]:
-                del self._waiting[device]
             self.overflow_bytes.pop(device, None)
             self._allowance.forget(device)

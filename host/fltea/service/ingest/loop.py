@@ -1,16 +1,17 @@
 """Many devices behind one broker: each becomes a line with a walk of its own, all walked by one thread."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 
 import msgspec
 
 from fltea.records.clock import host_ns
-from fltea.records.events import Chunk
+from fltea.records.events import Chunk, Reads
 from fltea.records.ports import Report
+from fltea.records.repeat import OnceAMinute
 from fltea.service.hub import Hub
 from fltea.service.ingest.catching_up import CatchingUp
-from fltea.service.ingest.devices import Devices, Line
+from fltea.service.ingest.devices import Devices
 from fltea.service.ingest.inbox import Inbox, Left, Message, Resumed, Served
 from fltea.service.ingest.kept import Kept
 from fltea.service.ingest.losses import Losses
@@ -27,11 +28,16 @@ STILL_NS = 5 * 10**9
 BACK_NS = 15 * 10**9
 """Boards get so long to find a broker that is back."""
 
-WAIT_S = 0.25
+WAIT_S, SLICE_S = 0.25, 0.1
 
-EASE_S, EASE_AGAIN_NS = 1.0, 10 * 10**9
-"""What waited for us comes faster than outputs write, so they are waited for. One that does not catch up is
-slow by itself: it loses its own records, and is waited for again after a while."""
+HELD_S = 10.0
+"""For so long outputs may take nothing before that is reported; they are waited for as long as it takes."""
+
+DRAIN_S = 0.3
+"""At the end what has arrived is still walked for so long; what is left then is counted."""
+
+PIECE_BYTES = 1 << 16
+"""Of a device, walked at a time: far less than what outputs that have room take."""
 
 
 class Hearing:
@@ -73,25 +79,30 @@ class Ingest:
         self.inbox = Inbox(limits.devices, int(limits.queue_mb * 1e6), self.name)
         self._receiver = receiver(self.inbox, self._report)
         shared, url = self._receiver.partitions, self._receiver.url
-        self.devices = Devices(config, hub, self.inbox, url, self._report, shared, beside)
+        self.devices = Devices(
+            config, hub, self.inbox, url, self._report, shared, beside, self._wait_for_room
+        )
         self.snapshots = None if shared is None else Snapshots(shared, limits.snapshot_s, self._report)
         self.catching_up = CatchingUp()
         self.hearing = Hearing()
         self._pressure = Pressure(beside)
         self._losses = Losses(self.inbox, url)
-        self._eases_ns = 0
-        self._closed = False
+        self._held_ns = 0
+        self._once_a_minute = OnceAMinute()
+        self._ends_s: float | None = None
 
     def run(self) -> None:
         """Walk until `close`."""
         try:
             self._receiver.start()
-            while not self._closed:
+            while self._ends_s is None:
                 self.take_all(WAIT_S)
                 now_ns = host_ns()
                 self.moved_s = time.monotonic()
                 if now_ns - self.hearing.looked_ns >= LOOK_NS:
                     self.look(now_ns)
+            if self._receiver.partitions is None:  # else who is next goes on with what is left
+                self._drain()
             for line in self.devices.lines.values():
                 line.walk.finish()
         except Exception as error:
@@ -101,22 +112,47 @@ class Ingest:
 
     def close(self) -> None:
         """End the loop, from another thread."""
-        self._closed = True
-        self._receiver.close()
+        self._ends_s = time.monotonic() + DRAIN_S
         self.inbox.wake()
+        self._receiver.close()
 
     def take_all(self, timeout_s: float) -> None:
-        """Walk what waits in the inbox, after at most so long."""
+        """Walk what waits in the inbox, after at most so long; what is of one device together."""
+        groups: dict[str, list[Message]] = {}
         for item in self.inbox.take(timeout_s):
-            if isinstance(item, Message):
-                self._take(item)
-            else:
+            if not isinstance(item, Message):
+                self._walk(groups)
+                groups = {}
                 self._on_partition(item)
+            elif self._is_due(item):
+                groups.setdefault(item.device, []).append(item)
+        self._walk(groups)
+
+    def _drain(self) -> None:
+        """Walk what has arrived, as far as the time allows; count the rest."""
+        while self.inbox.has_messages and not self._is_over():
+            self.take_all(0)
+        if left := self.inbox.end():
+            text = f"{left} bytes had arrived and were not walked yet when the program ended."
+            self._report("frames_overflow", f"{self._receiver.url}: {text}")
+
+    def _is_over(self) -> bool:
+        return self._ends_s is not None and time.monotonic() >= self._ends_s
+
+    def _wait_for_room(self) -> None:
+        """Hold everything up until the outputs take more; the broker keeps what comes meanwhile."""
+        began_s = time.monotonic()
+        while not self._is_over() and not self._hub.wait_for_room(SLICE_S):
+            self.moved_s, self._held_ns = time.monotonic(), host_ns()
+            if self.moved_s - began_s >= HELD_S and self._once_a_minute.is_due("output_slow", host_ns()):
+                slow = ", ".join(sorted(self._hub.full()))
+                url = self._receiver.url
+                self._report("output_slow", f"{slow}: takes nothing, so {url} has to keep what comes.")
 
     def look(self, now_ns: int) -> None:
         """Do what has to be done now and then."""
         lines = self.devices.lines
-        if not self.hearing.look(self._receiver.connected, now_ns):
+        if not self.hearing.look(self._receiver.connected and self.inbox.wait_for_room(0), now_ns):
             for line in lines.values():
                 line.heard_ns = line.looked_ns = now_ns
                 line.source.forgive(now_ns)
@@ -132,32 +168,17 @@ class Ingest:
         for trouble in self._losses.look(now_ns):
             self._report(trouble.kind, trouble.message)
 
-    def _take(self, message: Message) -> None:
-        name, data, arrived_ns, partition, mark = message
-        now_ns, devices, shared = host_ns(), self.devices, self._receiver.partitions
-        waited_ns = now_ns - arrived_ns
-        if partition is None or self.catching_up.shows_pressure(partition, waited_ns, now_ns):
-            self._pressure.waited(waited_ns)
-        line = devices.lines.get(name)
-        if partition is not None and not self._may_walk(partition, mark, line):
-            return
-        if line is None:
-            if devices.is_broken(name, now_ns):
-                return
-            line = devices.open(name, arrived_ns, partition)
-            if self.snapshots is not None:
-                self.snapshots.keep(name, line, Kept(mark - 1, arrived_ns + devices.offset_ns()))
-        line.heard_ns = line.looked_ns = now_ns
-        line.mark = mark
-        devices.walk(name, Chunk(data, arrived_ns, devices.offset_ns()))
-        if now_ns >= self._eases_ns and not self._hub.wait_for_room(EASE_S):
-            self._eases_ns = host_ns() + EASE_AGAIN_NS
-        if partition is not None and shared is not None:
-            shared.walked(partition, mark)
-
-    def _may_walk(self, partition: int, mark: int, line: Line | None) -> bool:
+    def _is_due(self, message: Message) -> bool:
         """Whether this message is ours, and news to its device."""
-        shared = self._receiver.partitions
+        name, _, arrived_ns, partition, mark = message
+        now_ns, shared = host_ns(), self._receiver.partitions
+        waited_ns = now_ns - arrived_ns
+        in_time = partition is None or self.catching_up.shows_pressure(partition, waited_ns, now_ns)
+        if in_time and arrived_ns > self._held_ns:
+            self._pressure.waited(waited_ns)
+        if partition is None:
+            return True
+        line = self.devices.lines.get(name)
         if shared is None or not shared.serves(partition):
             return False
         if line is not None and (mark <= line.mark or line.partition != partition):
@@ -169,6 +190,44 @@ class Ingest:
             )
             self._report("partition_caught_up", text)
         return True
+
+    def _walk(self, groups: dict[str, list[Message]]) -> None:
+        """Walk messages by device; a partition has come as far as the last of them if none was left out."""
+        shared = self._receiver.partitions
+        done: dict[int, int] = {}
+        left_out = set[int | None]()
+        for name, messages in groups.items():
+            partition = messages[0].partition
+            self.moved_s = time.monotonic()
+            if self._is_over():
+                self.inbox.put_back(messages)
+                left_out.add(partition)
+            elif partition is None or shared is None:
+                self._walk_device(name, messages)
+            elif shared.serves(partition):
+                self._walk_device(name, messages)
+                done[partition] = max(done.get(partition, 0), messages[-1].mark)
+            else:
+                left_out.add(partition)
+        if shared is not None:
+            for partition in done.keys() - left_out:
+                shared.walked(partition, done[partition])
+
+    def _walk_device(self, name: str, messages: Sequence[Message]) -> None:
+        devices, first, last = self.devices, messages[0], messages[-1]
+        now_ns, offset_ns = host_ns(), devices.offset_ns()
+        line = devices.lines.get(name)
+        if line is None:
+            if devices.is_broken(name, now_ns):
+                return
+            line = devices.open(name, first.arrived_ns, first.partition)
+            if self.snapshots is not None:
+                self.snapshots.keep(name, line, Kept(first.mark - 1, first.arrived_ns + offset_ns))
+        line.heard_ns = line.looked_ns = now_ns
+        line.mark = last.mark
+        for piece in _pieces(messages, offset_ns):
+            if devices.lines.get(name) is line:  # else it broke
+                devices.walk(name, piece)
 
     def _on_partition(self, item: Served | Resumed | Left) -> None:
         """Go on with a partition's devices where another left them or we did, or let go of them."""
@@ -192,3 +251,19 @@ class Ingest:
             line.mark, line.kept_ns, line.is_whole = kept.mark, now_ns, kept.state is not None
             if kept.hello is not None:
                 line.walk.take(msgspec.structs.replace(kept.hello, host_ns=arrived_ns))
+
+
+def _pieces(messages: Sequence[Message], offset_ns: int) -> Iterator[Reads]:
+    """Messages of a device together, as reads of a line, so much at a time that outputs can take."""
+    chunks: list[Chunk] = []
+    size, now_ns = 0, messages[0].arrived_ns
+    for message in messages:
+        now_ns = max(now_ns, message.arrived_ns)  # of a stream, whose clock may have been set
+        for begin in range(0, max(1, len(message.data)), PIECE_BYTES):
+            data = message.data[begin : begin + PIECE_BYTES]
+            if chunks and size + len(data) > PIECE_BYTES:
+                yield Reads.of(*chunks)
+                chunks, size = [], 0
+            chunks.append(Chunk(data, now_ns, offset_ns))
+            size += len(data)
+    yield Reads.of(*chunks)

@@ -8,7 +8,6 @@ from fltea.records.repeat import OnceAMinute
 from fltea.service.ingest.admission import Verdict
 from fltea.service.ingest.floods import SECOND_BYTES
 from fltea.service.ingest.inbox import Inbox
-from fltea.settings.ingest import is_partitioned
 
 
 class _Reason(NamedTuple):
@@ -37,8 +36,7 @@ REASONS: dict[Verdict, _Reason] = {
 }
 
 
-NO_ROOM = "which had no room in the queue: it floods, or this machine does not keep up."
-TOO_FAST = (
+FLOODS = (
     f"which floods: it publishes more than {SECOND_BYTES / 1000:.0f} kB a second, for longer than it takes "
     "to send what had waited."
 )
@@ -73,9 +71,8 @@ class Losses:
         if worst is not None and new_bytes[worst] > 0 and self._due.is_due("overflow", now_ns):
             self._overflow = overflow
             devices = sum(size > 0 for size in new_bytes.values())
-            why = TOO_FAST if is_partitioned(self._where) else NO_ROOM
             text = (
                 f"{self._where}: {sum(new_bytes.values())} bytes of {devices} devices are lost, most of "
-                f"them of {worst} ({new_bytes[worst]} bytes), {why}"
+                f"them of {worst} ({new_bytes[worst]} bytes), {FLOODS}"
             )
             yield Trouble("frames_overflow", text, now_ns, fatal=False)

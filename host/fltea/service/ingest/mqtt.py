@@ -2,6 +2,7 @@
 
 import secrets
 import threading
+import time
 from typing import Any
 
 from paho.mqtt.client import Client, ConnectFlags, DisconnectFlags, MQTTMessage
@@ -22,12 +23,17 @@ LEVEL = "frames"
 SESSION_S = 600
 """For so long after a loss of the connection the broker keeps what boards publish, as far as it has room."""
 
+HOLD_S = 0.1
+POLL_S = 1.0
+
 NEW_ONLY = 2
 """Of MQTT 5: what the broker has retained is not sent; it would be frames of nobody knows when."""
 
 
 class MqttFrames:
     """Receives, in a thread of its own, until closed; a broker that is away is tried again.
+
+    As long as the inbox has no room nothing is read, so what comes waits at the broker.
 
     connected: whether the broker has us now. Reported once an outage: why, and that it is over. partitions:
     there are none, since no other worker shares what it receives.
@@ -83,12 +89,29 @@ class MqttFrames:
                 )
                 if self._stop.is_set():
                     client.disconnect()
-                client.loop_forever(retry_first_connection=False)
+                self._receive(client)
             except Exception as error:  # whatever network and TLS raise
                 self._report_once(*self._broker.explain_failure(error))
             self.connected = False
             self._failures += 1
             self._stop.wait(BACKOFF_S[min(self._failures, len(BACKOFF_S)) - 1])
+
+    def _receive(self, client: Client) -> None:
+        """Take messages until the connection ends; while there is no room for any, leave them at the broker.
+
+        A broker gives up who says nothing. What a ping gives back could not be read, and the library would
+        end the connection for it; to subscribe once more asks for nothing new.
+        """
+        alive_s = time.monotonic()
+        while client.socket() is not None:
+            if self._stop.is_set() or self._inbox.wait_for_room(HOLD_S):
+                if client.loop(POLL_S):
+                    return
+            elif time.monotonic() - alive_s >= KEEPALIVE_S / 3:
+                alive_s = time.monotonic()
+                self._subscribe(client)
+                if client.loop_write():
+                    return
 
     def _new_client(self) -> Client:
         client = self._broker.client(self._name)
@@ -104,6 +127,9 @@ class MqttFrames:
             client.disconnect()
             return
         self._answered = self._has_session = True
+        self._subscribe(client)
+
+    def _subscribe(self, client: Client) -> None:
         client.subscribe(self._topic, options=SubscribeOptions(qos=1, retainHandling=NEW_ONLY))
 
     def _on_subscribe(

@@ -68,6 +68,7 @@ class Partitions:
 
     def __init__(self, worker: str, total: int, inbox: Inbox, reports: Reports) -> None:
         self._worker, self._total, self._inbox, self._reports = worker, total, inbox, reports
+        inbox.queue_bytes = min(inbox.queue_bytes, ROOM_BYTES)
         self.done: dict[int, int] = {}
         self.unix_offset_ns = unix_offset_ns()
         self._held: dict[int, Held] = {}
@@ -273,7 +274,7 @@ async def _pull(
         pulling = await store.consume(partition, start)
         expected, whole, silent = 1, True, 0
         while whole:
-            while not inbox.has_room(ROOM_BYTES):
+            while not inbox.wait_for_room(0):
                 await asyncio.sleep(0.01)
             try:
                 messages = await pulling.fetch(PULL, timeout=PULL_S)

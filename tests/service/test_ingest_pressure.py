@@ -1,0 +1,178 @@
+"""An ingest whose outputs do not keep up: the broker holds what comes; what was taken is counted."""
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+from blocks import of
+from fltea.records.block import Block
+from fltea.records.ports import Item, Sink
+from fltea.records.records import Error, Stats
+from fltea.service.hub import Hub
+from fltea.service.ingest.inbox import Inbox
+from fltea.service.ingest.loop import Ingest
+from fltea.service.ingest.mqtt import MqttFrames
+from fltea.settings.config import load_configs
+from fltea.settings.outputs import MqttConfig
+from fltea.stream.beside import Beside
+from frames_messages import second_of
+from host_support import PATIENCE_S, wait_until
+from paho.mqtt.client import Client
+from paho.mqtt.enums import CallbackAPIVersion
+
+from tools.faults.broker import Broker
+
+SECONDS, DEVICES = 120, ("a", "b")
+"""More than a queue of 10,000 records holds."""
+
+
+class Held(Sink):
+    """Takes nothing until it may go on, and then bit by bit."""
+
+    name = "held"
+
+    def __init__(self) -> None:
+        self.go, self.samples, self.items = threading.Event(), 0, list[Any]()
+
+    def write(self, item: Item) -> None:
+        assert self.go.wait(PATIENCE_S)
+        self.items.append(item)
+        self.samples += len(item) if isinstance(item, Block) else 0
+
+
+class Flood:
+    """Offers all messages as fast as the inbox has room for them, from a thread of its own."""
+
+    url, partitions, connected = "mqtt://test", None, True
+
+    def __init__(self, inbox: Inbox) -> None:
+        self._inbox, self._stop, self.taken = inbox, threading.Event(), 0
+        self._thread = threading.Thread(target=self._run)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        for second in range(SECONDS):
+            for k, name in enumerate(DEVICES):
+                while not self._inbox.wait_for_room(0.01):
+                    if self._stop.is_set():
+                        return
+                self._inbox.put(name, second_of(k, second))
+                self.taken += 1
+
+
+class Scene:
+    """An ingest in its own thread, with a queue for 1 MB of messages, and one output."""
+
+    def __init__(self, *, queue_bytes: int, **set_: Any) -> None:
+        flags = {"name": "w", "format": "none", "live.on": False, "estimator.window": 200, **set_}
+        (config,) = load_configs(None, flags, [Flood.url])
+        self.sink, self.hub = Held(), Hub(lambda error: None)
+        self.outlet = self.hub.add(self.sink)
+        self.errors: list[Exception | None] = []
+        self.ingest = Ingest(
+            config, self.hub, lambda inbox, report: self._flood(inbox), self._on_end, Beside()
+        )
+        self.ingest.inbox.queue_bytes = queue_bytes
+        self._thread = threading.Thread(target=self.ingest.run)
+        self._thread.start()
+
+    def _flood(self, inbox: Inbox) -> Flood:
+        self.flood = Flood(inbox)
+        return self.flood
+
+    def _on_end(self, ingest: Ingest, error: Exception | None) -> None:
+        self.errors.append(error)
+
+    def is_held(self) -> bool:
+        """Whether neither output nor inbox has room."""
+        return not (self.hub.wait_for_room(0) or self.ingest.inbox.wait_for_room(0))
+
+    def end(self) -> None:
+        self.ingest.close()
+        self._thread.join(PATIENCE_S)
+        self.sink.go.set()
+        assert self.hub.close(PATIENCE_S)
+        assert self.errors == [None]
+
+
+def counted(scene: Scene) -> int:
+    """Samples of the first messages, delivered, lost by the output, and left at the end."""
+    first, left = 100 * len(DEVICES), sum(scene.ingest.inbox.overflow().values())
+    return first + scene.sink.samples + 100 * left // len(second_of(0, 1))
+
+
+def test_an_output_that_takes_nothing_for_long_holds_the_broker_and_loses_nothing() -> None:
+    scene = Scene(queue_bytes=100_000)
+    wait_until(scene.is_held, "that the flood is held")
+    assert scene.flood.taken < SECONDS * len(DEVICES)
+    scene.sink.go.set()
+    wait_until(lambda: scene.sink.samples == 100 * len(DEVICES) * (SECONDS - 1), "all samples")
+    scene.end()
+    assert scene.outlet.stats().dropped == 0
+    assert scene.ingest.inbox.overflow() == {}
+    (stats, *_) = reversed(of(Stats, scene.sink.items))
+    assert (stats.samples.lost, stats.link.overflow_bytes) == (0, 0)
+
+
+def test_what_is_left_at_the_end_is_counted_and_said() -> None:
+    scene = Scene(queue_bytes=100_000)
+    wait_until(scene.is_held, "that the flood is held")
+    scene.end()
+    assert counted(scene) + scene.outlet.stats().dropped == 100 * scene.flood.taken
+    texts = [one.message for one in of(Error, scene.sink.items) if one.kind == "frames_overflow"]
+    assert any("when the program ended" in text for text in texts)
+    last = {one.device: one.link.overflow_bytes for one in of(Stats, scene.sink.items)}
+    assert sum(last.values()) == sum(scene.ingest.inbox.overflow().values())
+
+
+def test_an_output_that_holds_all_up_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fltea.service.ingest.loop.HELD_S", 0.1)
+    scene = Scene(queue_bytes=100_000)
+    wait_until(scene.is_held, "that the flood is held")
+    scene.end()
+    texts = [one.message for one in of(Error, scene.sink.items) if one.kind == "output_slow"]
+    assert len(texts) == 1
+    assert "held" in texts[0]
+
+
+@pytest.mark.slow
+def test_a_broker_holds_what_has_no_room_and_does_not_give_us_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fltea.service.ingest.mqtt.KEEPALIVE_S", 2)
+    broker = Broker(tmp_path, settings=("max_queued_messages 0",))
+    inbox, troubles, count, size = Inbox(10, 100_000), list[str](), 4000, 2000
+    frames = MqttFrames(
+        MqttConfig(broker=broker.url), inbox, lambda kind, text: troubles.append(f"{kind}: {text}")
+    )
+    publisher = Client(CallbackAPIVersion.VERSION2)
+    try:
+        frames.start()
+        wait_until(lambda: frames.connected, "the connection")
+        publisher.max_inflight_messages_set(0)
+        publisher.connect("127.0.0.1", broker.port)
+        publisher.loop_start()
+        for k in range(count):
+            publisher.publish("fltea/a/frames", k.to_bytes(2, "big").ljust(size), qos=1)
+        wait_until(lambda: not publisher._out_messages, "that the broker has all")
+        wait_until(lambda: not inbox.wait_for_room(0), "that no more has room")
+        # By then both would have ended the connection: it after 1.5, the library after two times keepalive.
+        wait_until(lambda: broker.said().count("Received SUBSCRIBE") > 8, "signs of life")
+        found: list[int] = []
+        while len(found) < count - 1:
+            taken = inbox.take(PATIENCE_S)
+            assert sum(len(one.data) for one in taken) <= 100_000 + size  # type: ignore[union-attr]
+            found += [int.from_bytes(one.data[:2], "big") for one in taken]  # type: ignore[union-attr]
+        assert found == list(range(1, count))
+        assert troubles == []
+    finally:
+        publisher.loop_stop()
+        frames.close()
+        broker.kill()
