@@ -106,6 +106,11 @@ def test_of_200_sensors_the_three_bad_ones_stand_out(
     page.locator("#odd a").first.click()
     expect(page.locator("#sensor-body h3")).to_have_count(3, timeout=PATIENCE_MS)
     assert page.locator("img").count() == 0
+    for width, scheme in ((1280, "light"), (390, "dark")):
+        page.set_viewport_size({"width": width, "height": 800})
+        page.emulate_media(color_scheme=scheme)
+        assert watched.violations() == []
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert watched.complaints == []
     assert running.end(signal.SIGINT)[0] == 0
 

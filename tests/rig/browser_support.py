@@ -1,7 +1,9 @@
 """A real browser on the live page: Chromium as Debian ships it."""
 
+import functools
 import shutil
 from collections.abc import Iterator
+from importlib import resources
 from typing import Any
 
 from playwright.sync_api import Browser, Page, sync_playwright
@@ -54,3 +56,19 @@ class Watched:
 
     def wait_for_seq(self, least: int) -> None:
         self.wait(f"Number({SEQ}) >= {least}")
+
+    def violations(self) -> list[str]:
+        """What axe finds wrong: the rule, and where."""
+        self.page.evaluate(axe())
+        found = self.page.evaluate("axe.run({resultTypes: ['violations']})")["violations"]
+        return [
+            f"{one['id']}: {node['target']} {node['failureSummary']}"
+            for one in found
+            for node in one["nodes"]
+        ]
+
+
+@functools.cache
+def axe() -> str:
+    """The script of axe-core, which judges how accessible a page is."""
+    return resources.files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")

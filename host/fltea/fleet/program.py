@@ -72,7 +72,7 @@ class Fleet:
         self._told = ""
         self._unsent: deque[Alert] = deque()
         self._list_sent = 0
-        self.listener = Listener(plan.mqtt, self.take, self._tell, lambda: self._write("the broker is back."))
+        self.listener = Listener(plan.mqtt, self.take, self.report, lambda: self._write("the broker is back."))
 
     def start(self) -> None:
         """Connect to the broker."""
@@ -109,9 +109,9 @@ class Fleet:
     def _tell_of_history(self) -> None:
         kind, trouble = self.history.trouble_kind, self.history.trouble
         if kind and kind != self._told:
-            self._tell(kind, f"{trouble} Rows that wait: {self.history.waiting}; lost: {self.history.lost}.")
+            self.report(kind, f"{trouble} Rows that wait: {self.history.waiting}; lost: {self.history.lost}.")
         elif self._told and not kind:
-            self._tell("history_back", f"the history is written again. Rows lost: {self.history.lost}.")
+            self.report("history_back", f"the history is written again. Rows lost: {self.history.lost}.")
         self._told = kind
 
     def _lacking(self, now: float) -> list[str]:
@@ -198,7 +198,8 @@ class Fleet:
         self.history.close()
         if self.history.lost > lost:
             rows = self.history.lost - lost
-            self._tell("history_lost", f"{self.history.trouble} Rows that waited and are lost: {rows}.")
+            self.report("history_lost", f"{self.history.trouble} Rows that waited and are lost: {rows}.")
 
-    def _tell(self, kind: str, text: str) -> None:
+    def report(self, kind: str, text: str) -> None:
+        """Write a line about something that a person should know; from any thread."""
         self._write(f"{kind}: {text}")

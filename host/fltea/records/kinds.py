@@ -175,6 +175,10 @@ ERROR_KINDS = {
         "More browsers want the live page than `dashboard.visitors` allows; reported once a minute at most.",
         "Close a window that shows the page, or raise `dashboard.visitors`.",
     ),
+    "too_many_connections": ErrorKind(
+        "The live page has no room for more connections; reported once a minute at most, and all else goes on.",
+        "Look for a program that connects to the page's port and asks for nothing: the text names its address.",
+    ),
     "too_many_devices": ErrorKind(
         "A source said more than four different things of itself within an hour; reported once an hour.",
         "Check the board and the line: further ones get no topics or labels.",

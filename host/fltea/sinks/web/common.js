@@ -1,0 +1,151 @@
+// What the pages of a sensor and of a fleet share. All that comes from a device is put there as text, never as HTML.
+export const byId = id => document.getElementById(id)
+
+export function make(tag, attributes = {}, ...children) {
+  const made = tag.startsWith("svg:") ? document.createElementNS("http://www.w3.org/2000/svg", tag.slice(4))
+    : document.createElement(tag)
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value)
+  made.append(...children)
+  return made
+}
+
+export function button(label, onClick, attributes = {}) {
+  const made = make("button", {type: "button", ...attributes}, label)
+  made.addEventListener("click", onClick)
+  return made
+}
+
+// Else what a reader has selected would be lost, and a reader of screens would say it again.
+export function put(place, text) { if (place.textContent !== text) place.textContent = text }
+
+export async function ask(path, parameters = {}, method = "GET") {
+  const answer = await fetch(`${path}?${new URLSearchParams(parameters)}`,
+    {method, cache: "no-store", headers: {"X-Fltea": "1"}, signal: AbortSignal.timeout(20000)})
+  if (!answer.ok) throw new Error((await answer.text()).trim())
+  return answer
+}
+
+// Ask again and again while somebody looks. Without an answer all is grey, with the time of the last one.
+export function follow(turn, everyMs) {
+  let timer, busy = false, again = false, last = null
+  async function go() {
+    again = busy
+    if (busy || document.hidden) return
+    clearTimeout(timer)
+    busy = true
+    try {
+      await turn()
+      last = new Date()
+      show("")
+    } catch (error) {
+      const silent = error instanceof TypeError || error.name === "TimeoutError"
+      const since = last ? ` All below is as of ${last.toLocaleTimeString()}.` : ""
+      show((silent ? "fltea does not answer; this page goes on by itself when it does." : error.message) + since)
+    }
+    busy = false
+    timer = setTimeout(go, again ? 0 : byId("gone").hidden ? everyMs : Math.max(everyMs, 3000))
+  }
+  function show(text) {
+    put(byId("gone"), text)
+    byId("gone").hidden = !text
+    document.documentElement.dataset.connection = text ? "lost" : "up"
+  }
+  document.addEventListener("visibilitychange", go)
+  go()
+  return go
+}
+
+export const short = value => value === null || value === undefined ? "" : String(Number(value.toPrecision(4))).replace("-", "\u2212")
+
+// --- a figure over time: lines with areas around them; x in ms ---
+
+const LEFT = 58, RIGHT = 8, TOP = 6, BOTTOM = 22, HEIGHT = 170
+const STEPS_S = [5, 10, 30, 60, 120, 300, 600, 1200, 3600, 7200, 14400, 21600, 43200, 86400, 172800, 604800, 2592000]
+
+// lines: [{x, y, low, high, kind}], where low and high are the ends of the area. loose: its area may be cut.
+export function draw(svg, {lines, from, to, log = false, always = [], band = null}) {
+  const width = svg.clientWidth || 600
+  const good = v => v !== null && v !== undefined && (!log || v > 0)
+  const level = log ? Math.log10 : v => v
+  const of = loose => lines.filter(l => Boolean(l.loose) === loose).flatMap(l => [l.low, l.high, ...loose ? [] : [l.y]])
+    .flatMap(column => (column ?? []).filter(good).map(level))
+  const tight = [...of(false), ...lines.flatMap(l => l.y.filter(good).map(level)), ...always.map(level)]
+  if (!tight.length) { svg.replaceChildren(); return }
+  let [low, high] = ends(tight)
+  const beyond = high - low || Math.abs(high) || 1
+  ;[low, high] = ends([low, high, ...of(true).map(v => Math.min(Math.max(v, low - beyond), high + beyond))])
+  const room = (high - low || Math.abs(high) * 1e-3 || 1e-6) * 0.08
+  low -= room
+  high += room
+  const x = t => LEFT + (t - from) / (to - from || 1) * (width - LEFT - RIGHT)
+  const y = v => TOP + Math.min(Math.max((high - level(v)) / (high - low), 0), 1) * (HEIGHT - TOP - BOTTOM)
+  const parts = []
+  for (const tick of ticks(low, high)) {
+    const value = log ? 10 ** tick : tick, at = y(value)
+    parts.push(make("svg:line", {class: "grid", x1: LEFT, x2: width - RIGHT, y1: at, y2: at}),
+      make("svg:text", {x: LEFT - 5, y: at + 4, "text-anchor": "end"}, short(value)))
+  }
+  for (const [t, label] of times(from, to, width))
+    parts.push(make("svg:text", {x: x(t), y: HEIGHT - 5, "text-anchor": "middle"}, label))
+  if (band) parts.push(make("svg:rect", {class: "area band", x: LEFT, width: width - LEFT - RIGHT, y: y(band[1]), height: y(band[0]) - y(band[1])}))
+  for (const one of lines) {
+    const shown = one.x.map((t, i) => [t, i]).filter(([t]) => t >= from && t <= to)
+    for (const run of runs(shown, i => good(one.low?.[i]) && good(one.high?.[i])))
+      parts.push(make("svg:polygon", {class: `area ${one.kind}`, points: [
+        ...run.map(([t, i]) => `${x(t).toFixed(1)},${y(one.high[i]).toFixed(1)}`),
+        ...run.reverse().map(([t, i]) => `${x(t).toFixed(1)},${y(one.low[i]).toFixed(1)}`)].join(" ")}))
+    for (const run of runs(shown, i => good(one.y[i])))
+      parts.push(make("svg:polyline", {class: `line ${one.kind}`,
+        points: run.map(([t, i]) => `${x(t).toFixed(1)},${y(one.y[i]).toFixed(1)}`).join(" ")}))
+  }
+  svg.setAttribute("viewBox", `0 0 ${width} ${HEIGHT}`)
+  svg.setAttribute("height", HEIGHT)
+  svg.replaceChildren(...parts)
+}
+
+const ends = values => values.reduce(([low, high], v) => [Math.min(low, v), Math.max(high, v)], [Infinity, -Infinity])
+
+// Stretches without a hole: no line joins what is on both sides of a gap.
+function runs(points, isGood) {
+  const found = [[]]
+  for (const point of points)
+    if (isGood(point[1])) found.at(-1).push(point)
+    else if (found.at(-1).length) found.push([])
+  return found.filter(run => run.length)
+}
+
+function ticks(low, high) {
+  const rough = (high - low) / 4, power = 10 ** Math.floor(Math.log10(rough))
+  const step = [1, 2, 5, 10].find(f => f * power >= rough) * power
+  const found = []
+  for (let k = Math.ceil(low / step); k * step <= high; k++) found.push(k * step)
+  return found
+}
+
+function times(from, to, width) {
+  const step = 1000 * (STEPS_S.find(s => (to - from) / s / 1000 <= Math.max(2, width / 110)) ?? STEPS_S.at(-1))
+  const zone = new Date(from).getTimezoneOffset() * 60000
+  const found = []
+  for (let t = Math.ceil((from - zone) / step) * step + zone; t <= to; t += step) {
+    const date = new Date(t), clock = {hour: "2-digit", minute: "2-digit", ...step < 60000 && {second: "2-digit"}}
+    found.push([t, step < 86400000 ? date.toLocaleTimeString([], {hour12: false, ...clock}) : date.toLocaleDateString()])
+  }
+  return found
+}
+
+// --- light, dark, or as the system has it ---
+
+const THEMES = ["system", "light", "dark"]
+let theme = "system"
+try { theme = localStorage.getItem("fltea-theme") ?? theme } catch { /* a private window */ }
+
+function applyTheme() {
+  document.documentElement.dataset.theme = theme
+  put(byId("theme"), `theme: ${theme}`)
+}
+byId("theme").addEventListener("click", () => {
+  theme = THEMES[(THEMES.indexOf(theme) + 1) % THEMES.length]
+  try { localStorage.setItem("fltea-theme", theme) } catch { /* the same */ }
+  applyTheme()
+})
+applyTheme()
