@@ -72,7 +72,9 @@ class Fleet:
         self._told = ""
         self._unsent: deque[Alert] = deque()
         self._list_sent = 0
-        self.listener = Listener(plan.mqtt, self.take, self.report, lambda: self._write("the broker is back."))
+        self.listener = Listener(
+            plan.mqtt, self.take, self.report, lambda: self._write("the broker is back.")
+        )
 
     def start(self) -> None:
         """Connect to the broker."""

@@ -176,8 +176,8 @@ ERROR_KINDS = {
         "Close a window that shows the page, or raise `dashboard.visitors`.",
     ),
     "too_many_connections": ErrorKind(
-        "The live page has no room for more connections; reported once a minute at most, and all else goes on.",
-        "Look for a program that connects to the page's port and asks for nothing: the text names its address.",
+        "The live page has no room for more connections; reported once a minute at most.",
+        "Look for a program that connects to it and asks for nothing: the text names the address.",
     ),
     "too_many_devices": ErrorKind(
         "A source said more than four different things of itself within an hour; reported once an hour.",
