@@ -50,7 +50,8 @@ class Noise(NamedTuple):
         if self.resonance is not None:
             at_hz, radius, steps = self.resonance
             phi1 = 2 * radius * math.cos(2 * math.pi * at_hz * h)
-            found = found + steps * spectra.ar2(turn * h, phi1, -(radius**2))
+            z = np.exp(-1j * turn * h)
+            found = found + steps / np.abs(1 - z * (phi1 - radius**2 * z)) ** 2
         if self.low_pass_hz is not None:
             found = found / (1 + (hz / self.low_pass_hz) ** 4)
         return np.asarray(found)

@@ -154,18 +154,6 @@ class Engine {
         engine_.counts(out.data());
     }
 
-    nb::bytes save() const {
-        const std::lock_guard<std::mutex> alone(mutex_);
-        return as_bytes(engine_.save());
-    }
-
-    void load(nb::bytes bytes) {
-        const std::lock_guard<std::mutex> alone(mutex_);
-        if (!engine_.load(data_of(bytes), bytes.size())) {
-            throw nb::value_error("its numbers cannot come from an engine of this kind");
-        }
-    }
-
     size_t bytes() const { return engine_.bytes(); }
 
   private:
@@ -199,7 +187,5 @@ void bind_engine(nb::module_& m) {
         .def("retune", &Engine::retune, nb::arg("settings"))
         .def("reset", &Engine::reset, nb::arg("mask"))
         .def("counts", &Engine::counts, nb::arg("out"))
-        .def("save", &Engine::save)
-        .def("load", &Engine::load, nb::arg("snapshot"))
         .def_prop_ro("storage_bytes", &Engine::bytes);
 }

@@ -13,11 +13,10 @@ import pytest
 from fltea.api import series
 from fltea.api._check import PARAMETERS, in_python
 from fltea.api._svg import Curve, log_log
-from fltea.identification.axis import identify_axis
 from fltea.identification.load import Request, load
 from fltea.settings.how import How
 from fltea.settings.setting import declared
-from identify_files import LSB_PER_DPS, RATE_HZ, counts, npz
+from identify_files import LSB_PER_DPS, RATE_HZ, counts, identify_axis, npz
 
 NOISE = np.random.default_rng(4).standard_normal(3000)
 

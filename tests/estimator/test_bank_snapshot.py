@@ -11,10 +11,11 @@ from bank_support import AXES, COLUMNS, H
 from fltea.estimator import snapshot
 from fltea.estimator.bank import Bank
 from fltea.estimator.belief import Belief
+from fltea.estimator.engine import instruction_sets
 from fltea.estimator.snapshot import OnlineState
 from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
@@ -48,6 +49,7 @@ CONFIGS = [
     {"variant": "triple", "guard": "off"},
     {"variant": "triple", "guard": "faithful"},
     {"memory": "direct"},
+    {"memory": "direct", "variant": "triple", "guard": "off"},
     {"window": 0},
     {"window": 3000},
     {"window": 10},
@@ -70,6 +72,16 @@ def test_goes_on_to_the_bit(changes: dict[str, object], samples: int) -> None:
     for name in COLUMNS:
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
     assert bank.save() == other.save()
+
+
+@pytest.mark.parametrize("name", instruction_sets())
+def test_a_snapshot_goes_on_with_its_own_instruction_set(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr("fltea.estimator.bank.instruction_sets", lambda: [name])
+        bank, state = saved()
+    other, y = resumed(state), noise(200, 1)
+    assert snapshot.unpack(other.save().engine).instruction_set == name
+    np.testing.assert_array_equal(other.run(y).x, bank.run(y).x)
 
 
 def test_what_the_supervisors_have_seen_goes_on() -> None:
@@ -129,12 +141,14 @@ def test_what_is_not_wholly_sound_is_refused_with_the_reason(changes: dict[str, 
         resumed(msgspec.structs.replace(state, **changes))
 
 
+def resealed(body: bytes) -> bytes:
+    return body + struct.pack("<I", zlib.crc32(body))
+
+
 def with_native_state(state: OnlineState, native: bytes) -> OnlineState:
     """With another engine in it, under a right checksum."""
-    was = snapshot.unpack(state.engine)
-    whole, end = bytearray(state.engine[:-4]), len(state.engine) - 4
-    whole[end - len(was.state) :] = native
-    return msgspec.structs.replace(state, engine=bytes(whole) + struct.pack("<I", zlib.crc32(whole)))
+    end = len(state.engine) - 4 - len(snapshot.unpack(state.engine).state)
+    return msgspec.structs.replace(state, engine=resealed(state.engine[:end] + native))
 
 
 @pytest.mark.parametrize("changes", CONFIGS[:4], ids=str)
@@ -189,7 +203,32 @@ def test_bytes_that_somebody_made_end_in_a_reason_or_in_estimates(data: st.DataO
 )
 def test_a_header_of_the_engine_that_is_none_is_refused(header: bytes) -> None:
     _, state = saved()
-    body = struct.pack("<8sIII", b"FLTEAENG", 2, len(header), 9) + header + bytes(9)
-    made = body + struct.pack("<I", zlib.crc32(body))
+    made = resealed(struct.pack("<8sIII", b"FLTEAENG", 2, len(header), 9) + header + bytes(9))
     with pytest.raises(ValueError, match="not a snapshot of this version"):
         resumed(msgspec.structs.replace(state, engine=made))
+
+
+@settings(max_examples=200)
+@given(position=st.integers(0, 10**9), flip=st.integers(1, 255))
+def test_damaged_bytes_are_refused(position: int, flip: int) -> None:
+    data = bytearray(saved()[1].engine)
+    data[position % len(data)] ^= flip
+    with pytest.raises(ValueError, match=r"snapshot"):
+        snapshot.unpack(bytes(data))
+
+
+def test_cut_longer_foreign_and_other_engines_are_refused() -> None:
+    _, state = saved()
+    data, name = state.engine, instruction_sets()[0].encode()
+    for made, reason in (
+        (data[:-1], r"should have \d+ bytes"),
+        (data + b"\0", r"should have \d+ bytes"),
+        (b"\0" * 200, "not a snapshot"),
+        (resealed(data[:8] + struct.pack("<I", 1) + data[12:-4]), "version 1, this fltea reads version 2"),
+        (resealed(data[:-4].replace(b'"lanes": 3', b'"lanes": 9')), "9 lanes"),
+        (resealed(data[:-4].replace(name, b"z" * len(name))), r"not usable here; usable: .*baseline"),
+    ):
+        with pytest.raises(ValueError, match=reason):
+            resumed(msgspec.structs.replace(state, engine=made))
+    with pytest.raises(ValueError, match="other settings"):
+        resumed(state, configured(guard="faithful"))

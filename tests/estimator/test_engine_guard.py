@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from engine_cases import ESTIMATES, GYROSCOPE, columns, run, saw_tooth, white, with_
+from engine_cases import ESTIMATES, GYROSCOPE, columns, run, same, saw_tooth, white, with_
 from fltea.estimator.engine import CAUSES, LARGEST_INPUT, Engine, Estimates
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.arrays import Array
@@ -318,6 +318,5 @@ def test_numbers_that_have_no_square_are_refused_and_change_nothing(value: float
         block[name][1, 1] = sign * value
         with pytest.raises(ValueError, match=rf"{name}\[1\], lane 1"):
             engine.run(**block)
-    engine.run(y[3:])
-    twin.run(y)
-    assert engine.save() == twin.save()
+    twin.run(y[:3])
+    assert same(engine.run(y[3:]), twin.run(y[3:]))

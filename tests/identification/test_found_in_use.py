@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from composite_noise import Truth, noise
 from fltea.identification import findings
-from fltea.identification.axis import IdentifyOptions, identify_axis
+from fltea.identification.axis import IdentifyOptions
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.model_file import NoiseModels, read_models, write_json
 from fltea.identification.noise_model import AxisModel, draw
 from fltea.identification.run import AxisReport, identify_series
 from fltea.noise.parts import Order, White
-from identify_files import QUICK
+from identify_files import QUICK, identify_axis
 from identify_support import H, ar, white
 
 OPTIONS = IdentifyOptions(QUICK, shuffles=0)

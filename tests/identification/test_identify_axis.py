@@ -5,13 +5,14 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from fltea.identification.axis import AxisResult, IdentifyOptions, identify_axis, with_copies
+from fltea.identification.axis import AxisResult, IdentifyOptions, with_copies
 from fltea.identification.shuffled import estimate
 from fltea.identification.sums import examined
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.periodogram import FEWEST
 from fltea.spectrum.verdict import decide
+from identify_files import identify_axis
 from identify_support import H, ar, long_recursion, white
 
 QUICK = IdentifyOptions(shuffles=20)

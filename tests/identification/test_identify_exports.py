@@ -9,7 +9,7 @@ import pytest
 import yaml
 from composite_noise import Truth, noise
 from fltea.documents.imu_yaml import AxisNoise, Inflation, Shown, axis_noise, imu_yaml
-from fltea.identification.axis import AxisResult, IdentifyOptions, identify_axis
+from fltea.identification.axis import AxisResult, IdentifyOptions
 from fltea.identification.findings import _axis, document, side_by_side
 from fltea.identification.load import GYRO_UNIT, Request, Series
 from fltea.identification.model_file import read_models
@@ -32,7 +32,7 @@ from host_support import fltea
 from hypothesis import HealthCheck, given
 from hypothesis import settings as random
 from hypothesis import strategies as st
-from identify_files import QUICK, settings
+from identify_files import QUICK, identify_axis, settings
 from identify_support import H, long_recursion, white
 
 NAVIGABLE = Truth(0.005, ((0.03, 1.0), (0.03, 0.05)), K=0.01)

@@ -9,7 +9,7 @@ from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
 from fltea.identification import findings
 from fltea.identification.allan import allan, overlapping
-from fltea.identification.axis import IdentifyOptions, identify_axis
+from fltea.identification.axis import IdentifyOptions
 from fltea.identification.fltea_fit import fltea_fit
 from fltea.identification.gaps import (
     LONGEST_BRIDGE,
@@ -31,7 +31,7 @@ from fltea.spectrum.noise_figures import noise_figures
 from fltea.spectrum.verdict import decide
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identify_files import LSB_PER_DPS, QUICK, RATE_HZ, counts, npz
+from identify_files import LSB_PER_DPS, QUICK, RATE_HZ, counts, identify_axis, npz
 from identify_files import settings as quick
 from identify_support import H, ar, white
 from numpy.typing import NDArray
@@ -220,7 +220,7 @@ def test_a_recording_with_losses(tmp_path: Path) -> None:
     assert axis.result.longest_stretch > 1300
     assert f"over the longest part, {fit.samples:,} of 2,6" in findings.settings(axis)
     assert axis.allan.N.value == pytest.approx(16 / LSB_PER_DPS * math.sqrt(H), rel=0.05)
-    assert axis.reproduction.everywhere
+    assert all(axis.reproduction.within)
     assert axis.curves.path.t_s[-1] == pytest.approx((fit.samples + fit.predicted) * H)
 
 

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from fltea.identification.axis import identify_axis
 from fltea.identification.fltea_fit import fltea_fit
 from fltea.records.fit import Interval
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import describes, describes_order
+from identify_files import identify_axis
 from identify_support import H, white
 from scipy.signal import butter, lfilter
 

@@ -2,9 +2,11 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from fltea.identification.axis import IdentifyOptions
+from fltea.identification.axis import AxisResult, IdentifyOptions, identified, look
+from fltea.identification.gaps import Gaps
 from fltea.identification.run import Settings
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
 from identify_support import white
@@ -51,3 +53,14 @@ def _die(path: Path, mark: Path, times: int) -> Path:
     if len(mark.read_text()) <= times:
         os._exit(1)
     return path
+
+
+def identify_axis(
+    y: Any,
+    h: float,
+    lsb: float | None = None,
+    options: IdentifyOptions | None = None,
+    gaps: Gaps | None = None,
+) -> AxisResult:
+    """All that is found out about one axis, but for its shuffled copies."""
+    return identified(look(y, h, options, gaps), lsb, options)

@@ -2,15 +2,11 @@
 
 import math
 
-import numpy as np
 import pytest
-from fltea.noise.information import log_slopes
 from fltea.spectrum.frontier import Frontier, Sentence
 from fltea.spectrum.how_long import seconds_more, seconds_to_tell
 from fltea.spectrum.intervals import order_deviation, order_fit
 from fltea.spectrum.periodogram import binned, periodogram
-from hypothesis import given
-from hypothesis import strategies as st
 from identify_support import H, long_recursion, white
 
 from tools.validation.evaluate.cramer_rao import bound
@@ -57,22 +53,3 @@ def test_a_record_that_tells_is_longer_where_the_sentences_are_near() -> None:
     assert 200.0 <= near <= far
     plain = Frontier(binned(periodogram(white(3000, 1, 5)[0], H)), H, 3000)
     assert plain.ordered is not None or seconds_to_tell(plain, 30.0, 6.0) is None
-
-
-@given(st.floats(0.05, 1.9), st.floats(0.02, 0.98), st.floats(0.05, 20))
-def test_slopes(alpha: float, share: float, R: float) -> None:
-    """Against differences."""
-    lam, g, step = np.linspace(0.01, 3.1, 50), -(2**alpha) * share, 1e-6
-
-    def log_spectrum(alpha: float, g: float, log_s2: float, log_R: float) -> np.ndarray:
-        z = np.exp(-1j * lam)
-        return np.log(math.exp(log_s2) / np.abs((1 - z) ** alpha - g * z) ** 2 + math.exp(log_R))
-
-    at = np.array([alpha, g, 0.3, math.log(R)])
-    found = log_slopes(lam, alpha, g, math.exp(0.3), R)
-    for i in range(4):
-        up, down = at.copy(), at.copy()
-        up[i] += step
-        down[i] -= step
-        expected = (log_spectrum(*up) - log_spectrum(*down)) / (2 * step)
-        np.testing.assert_allclose(found[i], expected, rtol=1e-4, atol=1e-5)

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 from fltea.noise import spectra as spectrum
-from fltea.noise.information import log_slopes
 from fltea.spectrum.intervals import AT_BOUND
 from fltea.spectrum.periodogram import used_ordinates
 
+from tools.validation.evaluate.cramer_rao import log_slopes
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from fltea.identification.sums import lines_of, octaves_of
+from fltea.identification.sums import octaves_of
 from fltea.records.arrays import Array
 from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.lines import find_peaks
@@ -66,7 +66,7 @@ def count(name: str, length: str, series: int) -> list[Row]:
     for _ in range(series):
         y = WHITE[name](samples, rng) if white else _in_white(state, share, samples, rng)
         whole = periodogram(y, H)
-        for spectrum, lines in zip(counts, (lines_of(octaves_of(y), H), whole), strict=False):
+        for spectrum, lines in zip(counts, (octaves_of(y).periodogram(0, H), whole), strict=False):
             p = p_value(null_ratio(lines), lines.ordinates)
             counts[spectrum].update({"at 5 %": p < 0.05, "at 1 %": p < 0.01})
         peaks += white and bool(find_peaks(whole))

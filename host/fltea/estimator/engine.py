@@ -28,7 +28,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fltea import _native
-from fltea.estimator import snapshot
 from fltea.estimator.lane_settings import LaneSettings, native_table
 from fltea.records.arrays import Array
 
@@ -122,8 +121,7 @@ class Engine:
         self.lanes = lanes
         self.settings = settings
         self.instruction_set = instruction_set or instruction_sets()[0]
-        self._table = settings.table(lanes)
-        self._native = _native.Engine(*settings.native(self.instruction_set, self._table))
+        self._native = _native.Engine(*settings.native(self.instruction_set, settings.table(lanes)))
 
     def step(self, y: ArrayLike, u: ArrayLike | None = None, missing: ArrayLike | None = None) -> Estimates:
         """Take one sample of every lane: y, the input u that led to it (default 0), both (lanes,).
@@ -158,9 +156,8 @@ class Engine:
         """
         if settings.kind != self.settings.kind:
             raise ValueError("window, memory, accuracy, variant and guard of an engine cannot change")
-        table = settings.table(self.lanes)
-        self._native.retune(native_table(table))
-        self.settings, self._table = settings, table
+        self._native.retune(native_table(settings.table(self.lanes)))
+        self.settings = settings
 
     def reset(self, mask: ArrayLike | None = None) -> None:
         """Let the lanes of `mask` (lanes,), by default all, begin again: initial estimates, empty memory."""
@@ -173,25 +170,3 @@ class Engine:
     def storage_bytes(self) -> int:
         """Return the bytes of working memory of all lanes, idle ones of the last pack included."""
         return self._native.storage_bytes
-
-    def save(self) -> bytes:
-        """Return everything that `restore` needs to continue bit for bit with the same instruction set."""
-        return snapshot.pack(
-            self.lanes, self.settings, self.instruction_set, self._table, self._native.save()
-        )
-
-    @staticmethod
-    def restore(data: bytes, settings: LaneSettings) -> "Engine":
-        """Return an engine that continues where the one that was saved stood.
-
-        Raises ValueError for bytes that are not a snapshot, are damaged, come from another version, were
-        written with an instruction set that this processor lacks, or with settings other than `settings`.
-        """
-        saved = snapshot.unpack(data)
-        saved.check(settings)
-        engine = Engine(saved.lanes, settings, instruction_set=saved.instruction_set)
-        try:
-            engine._native.load(saved.state)
-        except ValueError as error:
-            raise ValueError(f"not a snapshot of this version of the engine: {error}") from None
-        return engine

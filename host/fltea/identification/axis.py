@@ -127,7 +127,10 @@ class Looked(NamedTuple):
 
 
 def look(y: ArrayLike, h: float, options: IdentifyOptions | None = None, gaps: Gaps | None = None) -> Looked:
-    """Look at the spectrum of one axis; arguments as of `identify_axis`.
+    """Look at the spectrum of one axis y (n,) at a sampling period of h s.
+
+    gaps: where samples are missing between those of y. The spectrum is of all stretches; narrow lines are
+    searched for in the longest one.
 
     Raises:
         ValueError: y is not finite, too short or constant.
@@ -155,30 +158,15 @@ def _of_motion(verdict: Verdict, moved: Motion, duration_s: float) -> Verdict:
     return Verdict("not stationary", text, what, why, then, (rule, *verdict.rules))
 
 
-def identify_axis(
-    y: ArrayLike,
-    h: float,
-    lsb: float | None = None,
-    options: IdentifyOptions | None = None,
-    gaps: Gaps | None = None,
-) -> AxisResult:
-    """Identify one axis y (n,) at a sampling period of h s.
+def identified(looked: Looked, lsb: float | None, options: IdentifyOptions | None = None) -> AxisResult:
+    """Identify an axis that was looked at, with these options; FLTEA is run over the longest epoch.
 
-    gaps: where samples are missing between those of y. The spectrum is of all stretches; FLTEA is run over
-    the longest epoch, and narrow lines are searched for in the longest stretch.
-
-    The shuffled copies are left for `with_copies`: they take most of the time, and anyone may do them.
-
-    lsb: one count in the unit of y, if known.
+    lsb: one count in the unit of y, if known. The shuffled copies are left for `with_copies`: they take most
+    of the time, and anyone may do them.
 
     Raises:
-        ValueError: y is not finite, too short or constant; settings that no filter can work with.
+        ValueError: settings that no filter can work with.
     """
-    return identified(look(y, h, options, gaps), lsb, options)
-
-
-def identified(looked: Looked, lsb: float | None, options: IdentifyOptions | None = None) -> AxisResult:
-    """Return the result for an axis that was looked at; arguments and errors as of `identify_axis`."""
     y, h, seen = looked.y, looked.h, looked.summed.seen
     config = (options or IdentifyOptions()).estimator
     e = seen.evidence

@@ -43,11 +43,6 @@ class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     to_s: float | None
     text: str
 
-    @property
-    def everywhere(self) -> bool:
-        """Whether the model reproduces the sensor at all averaging times."""
-        return all(self.within)
-
 
 def reproduction(
     y_dps: ArrayLike,

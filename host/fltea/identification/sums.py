@@ -140,15 +140,6 @@ def limited(y: Array) -> Array:
     return np.concatenate([inside, y[chunks * CHUNK :]])
 
 
-def lines_of(sums: Octaves, h: float, from_hz: float = 0.0, notch: Bands = ()) -> Periodogram:
-    """Return the lines above from_hz and outside of the bands (low, high), in Hz; h: sampling period in s.
-
-    Raises:
-        ValueError: y is constant, or too few are left.
-    """
-    return left_in(sums.periodogram(0, h), from_hz, notch)
-
-
 def left_in(whole: Periodogram, from_hz: float, notch: Bands) -> Periodogram:
     """Return the lines above from_hz and outside of the bands (low, high), in Hz.
 
@@ -170,7 +161,7 @@ class Summed(NamedTuple):
 def examined(
     y: Array, h: float, from_hz: float = 0.0, notch: Bands = (), gaps: Gaps | None = None
 ) -> Spectral:
-    """Return what the spectrum of y (n,) says; h, from_hz and notch as for `lines_of`.
+    """Return what the spectrum of y (n,) says; h: sampling period in s, from_hz and notch as for `left_in`.
 
     gaps: between the samples of y, if there are any. Lines are searched for at the full resolution in the
     longest stretch, if it has half of the samples.

@@ -42,21 +42,6 @@ def fractional(lam: Array, alpha: ArrayLike, g: ArrayLike) -> Array:
     return 1 / distance
 
 
-def ar1(lam: Array, phi: ArrayLike) -> Array:
-    """Return the same of an AR(1) process, x_k = φ x_{k-1} + noise."""
-    b = np.asarray(phi, dtype=np.float64)[..., np.newaxis]
-    return np.asarray(1 / ((1 - b) ** 2 + 4 * b * np.sin(lam / 2) ** 2))
-
-
-def ar2(lam: Array, phi1: ArrayLike, phi2: ArrayLike) -> Array:
-    """Return the same of an AR(2) process, x_k = φ1 x_{k-1} + φ2 x_{k-2} + noise."""
-    a = np.asarray(phi1, dtype=np.float64)[..., np.newaxis]
-    b = np.asarray(phi2, dtype=np.float64)[..., np.newaxis]
-    z = np.exp(-1j * lam)
-    transfer = 1 - z * (a + b * z)
-    return np.asarray(1 / (transfer.real**2 + transfer.imag**2))
-
-
 def g_of(alpha: float, f: float, h: float) -> float:
     """Return g = h^α f of f in s^-α."""
     return float(h**alpha * f)

@@ -16,7 +16,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from fltea.noise.information import log_slopes
 from fltea.records.arrays import Array
 
 PANELS, POINTS = 30, 50
@@ -50,6 +49,19 @@ class Bound(NamedTuple):
     """g + α"""
     s2: float
     R: float
+
+
+def log_slopes(lam: Array, alpha: float, g: float, s2: float, R: float) -> Array:
+    """Return ∂ log S by α, g, log s2 and log R at frequencies in rad a sample, (4, len(lam))."""
+    z = np.exp(-1j * lam)
+    difference = -np.expm1(-1j * lam)  # 1 - z, without its rounding near λ = 0
+    order = difference**alpha
+    inverse = 1 / (order - g * z)
+    x = s2 * np.abs(inverse) ** 2
+    share = x / (x + R)
+    by_alpha = -2 * (np.log(difference) * order * inverse).real
+    by_g = 2 * (z * inverse).real
+    return np.stack([share * by_alpha, share * by_g, share, 1 - share])
 
 
 def fisher(alpha: float, g: float, s2: float, R: float, n: int) -> Array:
