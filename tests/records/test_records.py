@@ -82,9 +82,19 @@ def tables(section: str) -> dict[str, dict[str, list[str]]]:
             found[title] = {}
         elif first.strip("-: "):
             assert first.startswith("`"), f"'{first}' is not in backticks"
-            assert first.strip("`") not in found[title], f"{first} is documented twice"
-            found[title][first.strip("`")] = others
+            for name in expanded(first.strip("`")):
+                assert name not in found[title], f"{name} is documented twice"
+                found[title][name] = others
     return found
+
+
+def expanded(name: str) -> list[str]:
+    """`a.{b,c}` is `a.b` and `a.c`."""
+    before, brace, rest = name.partition("{")
+    if not brace:
+        return [name]
+    inside, _, after = rest.partition("}")
+    return [before + one + end for one in inside.split(",") for end in expanded(after)]
 
 
 def documented() -> dict[str, dict[str, dict[str, list[str]]]]:
@@ -92,7 +102,12 @@ def documented() -> dict[str, dict[str, dict[str, list[str]]]]:
     parts = (REFERENCE / "records.md").read_text(encoding="utf-8").split("\n## ")[1:]
     found = {part.partition("\n")[0].strip().strip("`"): tables(part) for part in parts}
     errors = (REFERENCE / "errors.md").read_text(encoding="utf-8").partition("\n## ")[0]
-    return found | {"error": tables(errors)}
+    in_all = found.pop("In all records")["field"]
+    found["error"] = tables(errors)
+    for kind, section in found.items():
+        known = emitted_fields(KINDS[kind]) if kind in KINDS else {}
+        section["field"] = {name: row for name, row in in_all.items() if name in known} | section["field"]
+    return found
 
 
 def compare(what: str, in_code: set[str], on_page: set[str]) -> None:
