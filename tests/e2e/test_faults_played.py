@@ -135,7 +135,6 @@ def test_every_fault_is_expected_and_stands_in_the_documentation() -> None:
         begin = line((name, ", ".join(expected.reported) or "–"))
         rows = [row for row in text.splitlines() if row.startswith(begin)]
         assert len(rows) == 1, f"{begin}: make it true again by `make faults ARGS='daemon --long'`"
-        assert " | 0 | " in rows[0]
 
 
 @pytest.mark.slow
