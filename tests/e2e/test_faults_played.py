@@ -11,8 +11,6 @@ from toolchain import missing, needed
 
 from tools.faults.__main__ import PARTS
 from tools.faults.case import Case, Outcome, play, play_all
-from tools.faults.ingest_scene import FIRST_MESSAGE
-from tools.faults.mqtt_boards import DEVICES
 from tools.faults.program import Skip
 from tools.faults.report import line
 from tools.faults.small_disk import SmallDisk
@@ -179,4 +177,3 @@ def test_of_ingest_each_sample_is_accounted_for(
     assert (outcome.wrong, outcome.uncounted) == ([], 0)
     assert reported <= set(outcome.reported)
     assert lost in (None, outcome.where["counted as lost"])
-    assert outcome.where[FIRST_MESSAGE] == 100 * DEVICES

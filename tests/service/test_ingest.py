@@ -19,13 +19,13 @@ NAMES = st.sampled_from(["a", "b", "c", "d", "ä", "a/b", "", "x" * 65, "program
 
 
 @given(st.lists(st.tuples(NAMES, st.booleans())), st.integers(1, 3))
-def test_only_so_many_devices_each_from_its_second_message_on(
-    said: list[tuple[str, bool]], limit: int
-) -> None:
-    admission, heard, inside = Admission(limit, "program"), dict.fromkeys("abcd", 0), set[str]()
+def test_only_so_many_devices_each_with_its_second_message(said: list[tuple[str, bool]], limit: int) -> None:
+    admission, heard, inside = Admission[int](limit, "program"), dict.fromkeys("abcd", 0), set[str]()
     taken = 0
-    for name, leaves in said:
-        verdict = admission.judge(name, 0)
+    for number, (name, leaves) in enumerate(said):
+        verdict, first, missed_bytes = admission.judge(name, 0, number, 1)
+        assert (first is not None, missed_bytes) == (verdict == "new", 0)
+        assert first is None or said[first][0] == name
         if name not in heard:
             assert verdict == "bad_name"
             continue
@@ -42,7 +42,7 @@ def test_only_so_many_devices_each_from_its_second_message_on(
             inside.remove(name)
             heard[name] = 0
         assert len(admission) == len(inside) <= limit
-        taken += verdict in ("in", "new")
+        taken += (verdict in ("in", "new")) + (first is not None)
     assert sum(admission.turned_away.values()) == len(said) - taken
 
 
@@ -53,9 +53,9 @@ def test_names_that_are_made_up_take_nobodys_place_and_are_told() -> None:
         inbox.put(f"u{k}", b"x")
     assert len(inbox.admission) == 0
     assert len(inbox.admission._candidates) == CANDIDATES
-    for _ in range(2):
-        inbox.put("real", b"frames")
-    assert [(m.device, m.data) for m in inbox.take(0)] == [("real", b"frames")]
+    for part in (b"first", b"second"):
+        inbox.put("real", part)
+    assert [m[:2] for m in inbox.take(0)] == [("real", b"first"), ("real", b"second")]
     ((kind, text, *_),) = losses.look(0)
     assert kind == "devices_refused"
     assert "301 names were heard once" in text
@@ -70,34 +70,38 @@ def test_names_are_told_so_that_no_terminal_obeys_them() -> None:
     assert len(text) < 400
 
 
-def test_all_together_are_bounded_and_who_receives_waits() -> None:
-    inbox = Inbox(100, 10 * (1000 + MESSAGE_BYTES))
-    for k in range(11):
-        assert inbox.wait_for_room(0)
-        inbox.put(f"d{k % 2}", bytes(1000))
-    inbox.put("d0", bytes(1000))
-    assert not inbox.wait_for_room(0)
-    assert len(inbox.take(0)) == 10, "a device is let in with its second message"
-    assert inbox.wait_for_room(0)
-    assert not inbox.overflow()
+def test_a_first_message_for_which_there_was_no_room_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fltea.service.ingest.admission.FIRST_BYTES", 1000)
+    inbox = Inbox(2, 1 << 24)
+    for name, size in (("a", 700), ("b", 500), ("b", 10), ("a", 20)):
+        inbox.put(name, bytes(size))
+    assert [(m.device, len(m.data)) for m in inbox.take(0)] == [("b", 10), ("a", 700), ("a", 20)]
+    assert inbox.overflow() == {"b": 500}
+    inbox.forget("b")
+    inbox.put("b", bytes(500))
+    inbox.put("b", b"")
+    assert [len(m.data) for m in inbox.take(0)] == [500, 0], "the first one's room is free again"
 
 
-def test_messages_without_frames_are_bounded_too() -> None:
-    inbox = Inbox(10, 10 * MESSAGE_BYTES)
-    for _ in range(11):
+@pytest.mark.parametrize("size", [0, 1000])
+def test_all_together_are_bounded_and_who_receives_waits(size: int) -> None:
+    inbox = Inbox(100, 10 * (size + MESSAGE_BYTES))
+    for k in range(10):
         assert inbox.wait_for_room(0)
-        inbox.put("a", b"")
+        inbox.put(f"d{k % 2}", bytes(size))
     assert not inbox.wait_for_room(0)
     assert len(inbox.take(0)) == 10
+    assert inbox.wait_for_room(0)
+    assert not inbox.overflow()
 
 
 def test_what_is_left_at_the_end_is_counted_by_device() -> None:
     inbox = Inbox(10, 1 << 20)
     for k in range(10):
         inbox.put(f"d{k % 2}", b"frames")
-    assert inbox.end() == 8 * len(b"frames")
+    assert inbox.end() == 10 * len(b"frames")
     inbox.put("d0", b"late")
-    assert inbox.overflow() == {"d0": 28, "d1": 24}
+    assert inbox.overflow() == {"d0": 34, "d1": 30}
     assert not inbox.take(0)
 
 

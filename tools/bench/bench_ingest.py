@@ -23,8 +23,6 @@ from tools.validation.tables import Table
 DEVICES, SECONDS = 200, 15
 KILL_S, KILLED_S = 10, 25
 """How long two workers share the devices until one is killed, and how long it goes on after that."""
-LAG_S = 10.0
-"""For the one that is left to catch up."""
 SETTLE_S = 5.0
 """Until all devices have a line and the start-up windows are full."""
 PARTITIONS, WORKERS = 16, 2
@@ -71,7 +69,11 @@ class _Programs:
         begin = f'{{"class":"{kind}"'.encode()
         for file in self._files:
             file.seek(0)
-            yield from (json.loads(line) for line in file if line.startswith(begin))
+            yield from (json.loads(line) for line in file if line.startswith(begin) and line[-1:] == b"\n")
+
+    def have_walked(self, seq: int, devices: int) -> bool:
+        """Whether they have the estimate of this number of so many devices, and so all before it."""
+        return len({one["device"] for one in self.records("estimate") if one["seq"] == seq}) == devices
 
     def estimates(self) -> tuple[int, int]:
         """How many were made twice, and how many are left out, of all from the first to the last."""
@@ -124,11 +126,15 @@ def _run(
         time.sleep(max(1.0, begin_s + seconds - 0.5 - time.monotonic()))
         shares = watch.end()
         sent = json.loads(sender.communicate(timeout=60)[0])
-        time.sleep(2.0 if kill_after_s is None else LAG_S)
+        end_s = time.monotonic()
+        wait_until(
+            lambda: programs.have_walked((seconds - 1) * EVERY, devices), "the last samples", every_s=0.5
+        )
+        caught_up_s = time.monotonic() - end_s
         programs.end()
         return {
             **sent,
-            "first_messages": devices * 100,  # a device is let in with its second message
+            "caught_up_s": round(caught_up_s, 1),
             **_counted(programs),
             **rounded(shares),
             "load_before": round(load_before, 2),
@@ -160,7 +166,16 @@ def _counted(programs: _Programs) -> dict[str, Any]:
 
 def text(found: dict[str, Any]) -> str:
     """A table. With one killed `delivered` is what the other counted since it had taken over."""
-    keys = "devices", "seconds", "samples", "delivered", "lost", "estimates_left_out", "estimates_twice"
+    keys = (
+        "devices",
+        "seconds",
+        "samples",
+        "delivered",
+        "lost",
+        "caught_up_s",
+        "estimates_left_out",
+        "estimates_twice",
+    )
     cells = [
         (
             name,
@@ -169,5 +184,15 @@ def text(found: dict[str, Any]) -> str:
         )
         for name, one in found.items()
     ]
-    heads = "through", "sensors", "seconds", "samples", "delivered", "lost", "estimates left out", "twice"
+    heads = (
+        "through",
+        "sensors",
+        "seconds",
+        "samples",
+        "delivered",
+        "lost",
+        "caught up [s]",
+        "estimates left out",
+        "twice",
+    )
     return Table("Frames of many sensors", (*heads, "% of a core"), cells).markdown()

@@ -1,7 +1,7 @@
 """What became of every sample: it was delivered, or counted as lost, or nobody can know."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple
 
 Sample = tuple[Any, int]
@@ -37,7 +37,12 @@ def heard(records: Sequence[Record], sample: Callable[[Record], Sample]) -> Hear
 
 
 def account(
-    due: set[Sample], programs: Sequence[Heard], excused: set[Sample], excuse: str, *, once: bool = False
+    due: set[Sample],
+    programs: Sequence[Heard],
+    excused: Collection[Sample] = (),
+    excuse: str = "",
+    *,
+    once: bool = False,
 ) -> Account:
     """Hold what the programs reported together against the samples that were due.
 
@@ -50,11 +55,11 @@ def account(
         lost.update(program.lost)
     both = delivered.keys() & lost.keys()
     missed = lost.keys() - delivered.keys()
-    rest = excused - delivered.keys() - missed
+    rest = set(excused) - delivered.keys() - missed
     checks = {
         "nobody sent": (delivered.keys() | lost.keys()) - due,
         "counted as lost, but delivered": both,
-        "counted as lost, but nothing came after it": missed & excused if once else set(),
+        "counted as lost, but nothing came after it": missed & set(excused) if once else set(),
         "nobody knows of": due - delivered.keys() - lost.keys() - rest,
         "delivered twice": {one for one, times in delivered.items() if once and times > 1},
         "counted as lost twice": {one for one, times in lost.items() if once and times > 1},

@@ -4,7 +4,7 @@ Somebody who makes up names must neither fill the memory nor keep others out for
 """
 
 from collections import OrderedDict
-from typing import Literal
+from typing import Generic, Literal, NamedTuple, TypeVar
 
 from fltea.settings.device_name import NAME
 
@@ -13,16 +13,30 @@ CANDIDATES = 50_000
 
 CANDIDATE_NS = 60 * 10**9
 
+FIRST_BYTES = 8_000_000
+"""First messages of all candidates that are kept until the second comes."""
+
+M = TypeVar("M")
+
+
+class _Candidate(NamedTuple, Generic[M]):
+    """A name that was heard once. message: the first, if there was room for its `size` bytes."""
+
+    heard_ns: int
+    message: M | None
+    size: int
+
+
 Verdict = Literal["in", "new", "candidate", "once", "full", "bad_name"]
 """Of a message; "once": a candidate that was not heard again in time."""
 
 
-class Admission:
-    """Lets devices in by name, at most `limit` at a time, each from its second message on.
+class Admission(Generic[M]):
+    """Lets devices in by name, at most `limit` at a time, each with its second message.
 
     A name that is made up for one message therefore costs one entry in a bounded list, and takes nobody's
     place. reserved: a name that no device may have. turned_away: messages by the reason for which they were
-    not taken.
+    not taken, or not yet.
     """
 
     def __init__(self, limit: int, reserved: str = "") -> None:
@@ -30,25 +44,38 @@ class Admission:
         self._reserved = reserved
         self.turned_away: dict[Verdict, int] = {"candidate": 0, "once": 0, "full": 0, "bad_name": 0}
         self._admitted: set[str] = set()
-        self._candidates: OrderedDict[str, int] = OrderedDict()
+        self._candidates: OrderedDict[str, _Candidate[M]] = OrderedDict()
+        self._first_bytes = 0
 
     def __len__(self) -> int:
         return len(self._admitted)
 
-    def judge(self, name: str, now_ns: int) -> Verdict:
-        """What to do with a message of this name; all but "in" and "new" are counted."""
+    def judge(self, name: str, now_ns: int, message: M, size: int) -> tuple[Verdict, M | None, int]:
+        """What to do with a message of `size` bytes; all but those of "in" and "new" are counted.
+
+        Of one that is new its first message is returned too, or, if that was not kept, how many bytes it had.
+        """
         if name in self._admitted:
-            return "in"
-        verdict = self._judge_new(name, now_ns)
+            return "in", None, 0
+        verdict = self._judge_new(name)
         if verdict == "new":
             self._admitted.add(name)
-        else:
-            self.turned_away[verdict] += 1
-        return verdict
+            self.turned_away["candidate"] -= 1
+            first = self._forget_candidate(name)
+            return verdict, first.message, 0 if first.message is not None else first.size
+        self.turned_away[verdict] += 1
+        if verdict == "candidate":
+            fits = self._first_bytes + size <= FIRST_BYTES
+            self._first_bytes += size if fits else 0
+            self._candidates[name] = _Candidate(now_ns, message if fits else None, size)
+            if len(self._candidates) > CANDIDATES:
+                self._drop_oldest()
+        return verdict, None, 0
 
     def admit(self, name: str) -> None:
         """Let a device in that was let in before, elsewhere."""
-        self._candidates.pop(name, None)
+        if name in self._candidates:
+            self._forget_candidate(name)
         self._admitted.add(name)
 
     def forget(self, name: str) -> None:
@@ -57,22 +84,21 @@ class Admission:
 
     def expire(self, now_ns: int) -> None:
         """Give up candidates that were not heard again in time."""
-        while self._candidates and now_ns - next(iter(self._candidates.values())) > CANDIDATE_NS:
+        while self._candidates and now_ns - next(iter(self._candidates.values())).heard_ns > CANDIDATE_NS:
             self._drop_oldest()
 
     def _drop_oldest(self) -> None:
-        self._candidates.popitem(last=False)
+        self._forget_candidate(next(iter(self._candidates)))
         self.turned_away["once"] += 1
 
-    def _judge_new(self, name: str, now_ns: int) -> Verdict:
+    def _forget_candidate(self, name: str) -> _Candidate[M]:
+        found = self._candidates.pop(name)
+        self._first_bytes -= 0 if found.message is None else found.size
+        return found
+
+    def _judge_new(self, name: str) -> Verdict:
         if not NAME.fullmatch(name) or name == self._reserved:
             return "bad_name"
         if name not in self._candidates:
-            self._candidates[name] = now_ns
-            if len(self._candidates) > CANDIDATES:
-                self._drop_oldest()
             return "candidate"
-        if len(self._admitted) >= self.limit:
-            return "full"
-        del self._candidates[name]
-        return "new"
+        return "full" if len(self._admitted) >= self.limit else "new"

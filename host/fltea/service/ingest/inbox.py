@@ -66,7 +66,7 @@ class Inbox:
     """
 
     def __init__(self, devices: int, queue_bytes: int, reserved: str = "") -> None:
-        self.admission = Admission(devices, reserved)
+        self.admission = Admission[tuple[Message, int]](devices, reserved)
         self.overflow_bytes: Counter[str] = Counter()
         self.last_turned_away: dict[Verdict, str] = {}
         self.queue_bytes = queue_bytes
@@ -88,23 +88,32 @@ class Inbox:
 
         arrived_ns: when a stream took it, on the clock of `host_ns`; None: now.
         """
-        size = len(data) + MESSAGE_BYTES
         with self._changed:
             now_ns = host_ns()
-            verdict = self.admission.judge(device, now_ns)
+            # By a clock that differs it may seem to come from the future.
+            taken_ns = now_ns if arrived_ns is None else arrived_ns
+            message = Message(device, data, min(taken_ns, now_ns), partition, mark)
+            size = len(data) + MESSAGE_BYTES
+            verdict, first, missed_bytes = self.admission.judge(device, now_ns, (message, taken_ns), size)
             if verdict not in ("in", "new"):
                 self.last_turned_away["once" if verdict == "candidate" else verdict] = visible(
                     device[:LONGEST_SHOWN]
                 )
                 return
-            taken_ns = now_ns if arrived_ns is None else arrived_ns
-            if self._ended or not self._allowance.takes(device, size, taken_ns):
-                self.overflow_bytes[device] += len(data)
-                return
-            now_ns = min(taken_ns, now_ns)  # by a clock that differs it may seem to come from the future
-            self._bytes += size
-            self._queue.append(Message(device, data, now_ns, partition, mark))
+            if missed_bytes:
+                self.overflow_bytes[device] += missed_bytes - MESSAGE_BYTES
+            if first is not None:
+                self._put(*first)
+            self._put(message, taken_ns)
             self._changed.notify_all()
+
+    def _put(self, message: Message, taken_ns: int) -> None:
+        size = len(message.data) + MESSAGE_BYTES
+        if self._ended or not self._allowance.takes(message.device, size, taken_ns):
+            self.overflow_bytes[message.device] += len(message.data)
+            return
+        self._bytes += size
+        self._queue.append(message)
 
     def post(self, item: Served | Resumed | Left) -> None:
         """Queue what is rare, behind all messages that are there."""
