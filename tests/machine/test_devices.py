@@ -262,7 +262,8 @@ def test_a_list_for_a_person_and_for_a_script(
     printed = capsys.readouterr().out
     assert (
         "/dev/iio:device0\n"
-        "    bmi160: gyroscope and accelerometer, by a driver of the kernel (IIO), 200 Hz, trigger none\n"
+        "    bmi160: gyroscope and accelerometer, by a driver of the kernel (IIO), 200 Hz, trigger none, "
+        "mount matrix 0, 1, 0; -1, 0, 0; 0, 0, 1\n"
         "    fltea run --source iio:bmi160\n"
         "/dev/iio:device1\n"
     ) in printed
@@ -290,8 +291,29 @@ def test_a_sensor_that_is_ready(system: FakeSystem, tmp_path: Path) -> None:
         "permission": "ok",
         "trigger": "ok",
         "rate": "ok",
+        "axes": "ok",
     }
+    assert checks["axes"].message == "turned by the driver's mount matrix: 0, 1, 0; -1, 0, 0; 0, 0, 1"
     assert "will take the chip's own, bmi160-dev0" in checks["trigger"].message
+
+
+def test_the_driver_of_the_mpus(system: FakeSystem, tmp_path: Path) -> None:
+    """It takes its own trigger only, and its low-pass follows the rate."""
+    device = imu(tmp_path)
+    (device.folder.parent / "driver").symlink_to(tmp_path / "sys/bus/i2c/drivers/inv-mpu6050-i2c")
+    device.trigger("fltea", 1)
+    checks = found(system)
+    assert checks["trigger"].level == "ok"
+    assert "half the rate" in checks["low-pass"].message
+    refused = found(system, "bmi160?trigger=fltea")["trigger"]
+    assert (refused.level, "INT pin" in str(refused.remedy)) == ("problem", True)
+
+
+def test_a_mount_matrix_that_is_no_rotation(system: FakeSystem, tmp_path: Path) -> None:
+    imu(tmp_path).put("mount_matrix", "1, 0, 0; 0, 1, 0; 0, 0, -1")
+    axes = found(system)["axes"]
+    assert (axes.level, "mount=off" in axes.message) == ("problem", True)
+    assert found(system, "bmi160?mount=off")["axes"].level == "ok"
 
 
 def test_pitfalls(system: FakeSystem, tmp_path: Path) -> None:

@@ -107,6 +107,7 @@ def test_counts_mean_what_the_kernels_documentation_says(order, signs, scales, o
     """(raw + offset) * scale, turned by the mount matrix; counts stay counts where axes are only swapped."""
     mount = np.zeros((3, 3))
     mount[range(3), order] = signs
+    mount *= np.linalg.det(mount)  # no mirror
     turned = mount @ [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
     counts = np.array([[1.0, -20.0, 300.0], [32767.0, -32768.0, 0.0]])
     truth = ((counts + offsets) * scales) @ turned.T
@@ -127,6 +128,12 @@ def test_a_mount_matrix_that_is_none(text: str) -> None:
 def test_a_scale_of_nothing_and_a_matrix_that_flattens() -> None:
     with pytest.raises(ValueError, match="is no scale"):
         conversion([0.0], [0.0], None)
-    with pytest.raises(ValueError, match="is no rotation"):
-        conversion([1.0] * 3, [0.0] * 3, np.zeros((3, 3)))
+    for mount in (
+        np.zeros((3, 3)),
+        np.diag([1.0, 1.0, -1.0]),
+        np.eye(3) + np.eye(3, k=1),
+        np.eye(3) * np.nan,
+    ):
+        with pytest.raises(ValueError, match=r"is no rotation.*mount=off"):
+            conversion([1.0] * 3, [0.0] * 3, mount)
     assert parse_mount("(null)") is None

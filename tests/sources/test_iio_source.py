@@ -110,6 +110,42 @@ def test_samples_with_scale_mount_matrix_rate_and_gaps(tmp_path: Path) -> None:
     assert device.settings() == before
 
 
+@pytest.mark.parametrize(
+    ("query", "gyro", "accel"),
+    [
+        ("", [49.0, -1.0, 3.0], [-200.0, -100.0, 16001.0]),
+        ("?mount=off", [1.0, 49.0, 3.0], [100.0, -200.0, 16001.0]),
+    ],
+)
+@pytest.mark.parametrize("name", ["mount_matrix", "in_mount_matrix"])
+def test_a_mount_matrix_that_all_sensors_share(
+    tmp_path: Path, name: str, query: str, gyro: list[float], accel: list[float]
+) -> None:
+    """ICM-42600, LSM6DSx and ST share one by all (`mount_matrix`), others by direction."""
+    device = imu(tmp_path)
+    device.put(name, device.get("in_anglvel_mount_matrix"))
+    (device.folder / "in_anglvel_mount_matrix").unlink()
+    player = Player(device, query)
+    player.open()
+    _, block = player.play(scans(0, 500))
+    assert (block.gyro[1].tolist(), block.accel[1].tolist()) == (gyro, accel)
+    player.close()
+
+
+def test_a_trigger_that_the_driver_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As inv_mpu6050 does with all but its own."""
+    device, write = imu(tmp_path), Path.write_text
+
+    def refuse(path: Path, text: str, encoding: str) -> int:
+        if path.name == "current_trigger":
+            raise OSError(errno.EINVAL, "Invalid argument")
+        return write(path, text, encoding=encoding)
+
+    monkeypatch.setattr(Path, "write_text", refuse)
+    trouble = first_trouble(device.url)
+    assert (trouble.kind, "only the chip's own trigger" in trouble.message) == ("no_trigger", True)
+
+
 def test_a_lost_device_is_told_and_opened_again(tmp_path: Path) -> None:
     player = Player(imu(tmp_path))
     player.open()
@@ -144,6 +180,7 @@ def test_without_time_stamps_the_order_numbers(tmp_path: Path) -> None:
         ({"in_anglvel_scale": "0"}, "open_failed", "is no scale"),
         ({"in_anglvel_scale": "x"}, "open_failed", "does not say the scale of its gyroscope"),
         ({"in_anglvel_mount_matrix": "1,2"}, "open_failed", "is no 3 x 3 matrix"),
+        ({"mount_matrix": "1, 0, 0; 0, 1, 0; 0, 0, -1"}, "open_failed", "accelerometer: mount matrix"),
         ({"scan_elements/in_accel_x_type": "le:s16/17>>0"}, "open_failed", "accel_x"),
     ],
 )

@@ -93,6 +93,7 @@ def _iio_lines(sensor: "IioDevice") -> list[str]:
     facts = [f"{sensor.name}: {' and '.join(sensor.sensors)}, by a driver of the kernel (IIO)"]
     facts += [f"{sensor.rate_hz:g} Hz"] if sensor.rate_hz is not None else []
     facts += [f"trigger {sensor.trigger or 'none'}"] if sensor.trigger is not None else []
+    facts += [f"mount matrix {sensor.mount_matrix}"] if sensor.mount_matrix else []
     lines = [sensor.path, INDENT + ", ".join(facts), *_in_the_way(sensor)]
     if sensor.remedy is None and not sensor.holders and "gyroscope" in sensor.sensors:
         lines.append(f"{INDENT}fltea run --source iio:{sensor.name}")

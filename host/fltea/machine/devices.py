@@ -56,7 +56,8 @@ class IioDevice(msgspec.Struct, frozen=True, tag_field="class", tag="iio_device"
 
     path: its node in /dev. name: what to call it in a URL. sensors: such as `gyroscope`. rate_hz: as its
     driver says it, or null. trigger: its name, "" for none, null where the chip needs none. remedy: what
-    opens it to this user, or null. holders: programs that read it.
+    opens it to this user, or null. holders: programs that read it. mount_matrix: that turns the gyroscope's
+    axes (the accelerometer's, if it has none), "" if none is stated.
     """
 
     path: str
@@ -66,6 +67,7 @@ class IioDevice(msgspec.Struct, frozen=True, tag_field="class", tag="iio_device"
     trigger: str | None
     remedy: str | None
     holders: list[Holder]
+    mount_matrix: str
 
 
 def find_iio(system: System) -> list[IioDevice]:
@@ -81,6 +83,7 @@ def find_iio(system: System) -> list[IioDevice]:
             trigger=one.text("trigger/current_trigger") if one.has("trigger/current_trigger") else None,
             remedy=permission_remedy(system, f"/dev/{one.id}"),
             holders=system.holders(f"/dev/{one.id}"),
+            mount_matrix=one.mount_matrix(iio.GYRO if one.channels(iio.GYRO) else iio.ACCEL),
         )
         for one in found
     ]

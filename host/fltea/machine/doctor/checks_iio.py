@@ -7,14 +7,15 @@ from fltea.machine.devices import find_iio
 from fltea.machine.doctor.finding import Finding, ok, problem, warning
 from fltea.machine.host_system import System, permission_remedy
 from fltea.records.errors import UsageError
-from fltea.sources.iio.buffer import HRTIMER, PERMISSION, rate_of
-from fltea.sources.iio.source import parse_url
-from fltea.sources.iio.sysfs import DEVICES, GYRO, Attributes, choose_trigger, find
+from fltea.sources.iio.buffer import HRTIMER, OWN_TRIGGER, PERMISSION, Unusable, rate_of
+from fltea.sources.iio.source import conversion_of, parse_url
+from fltea.sources.iio.sysfs import ACCEL, DEVICES, GYRO, Attributes, choose_trigger, find
 
 NO_DRIVER = (
     "is the driver's module loaded (lsmod), and does the machine know that the chip is there? On a Raspberry "
     "Pi a line dtoverlay=… in config.txt tells it; 'dmesg | grep iio' may say more."
 )
+MPU_DRIVER = "inv-mpu6050"
 
 
 def check_iio(system: System, rest: str) -> Iterator[Finding]:
@@ -42,6 +43,13 @@ def check_iio(system: System, rest: str) -> Iterator[Finding]:
     yield from _in_use(system, device, node)
     yield _trigger(system, device, place.wishes.trigger)
     yield _rate(system, device, place.wishes.rate_hz)
+    yield from _axes(device, place.mount)
+    if device.driver.startswith(MPU_DRIVER):
+        yield ok(
+            "low-pass",
+            "inv_mpu6050 sets the chip's low-pass to half the rate at most: noise near half the rate is the "
+            "filter's, so sample at twice what you want to judge",
+        )
     if not device.has(f"{device.elements}/in_timestamp_en"):
         yield warning(
             "time stamps",
@@ -97,6 +105,8 @@ def _trigger(system: System, device: Attributes, wanted: str | None) -> Finding:
     if not device.has("trigger/current_trigger"):
         return ok("trigger", f"{device.id} needs none: the chip itself fills the buffer")
     name, known = choose_trigger(system.root, device, wanted)
+    if name in known and device.driver.startswith(MPU_DRIVER) and not name.startswith(device.name):
+        return problem("trigger", f"inv_mpu6050 refuses the trigger {name}.", f"{OWN_TRIGGER}.")
     if name in known and not (wanted or device.text("trigger/current_trigger")):
         return ok("trigger", f"none is chosen; fltea will take the chip's own, {name}")
     if name in known:
@@ -104,6 +114,20 @@ def _trigger(system: System, device: Attributes, wanted: str | None) -> Finding:
     there = f"there is {', '.join(known)}" if known else "this machine has none"
     text = f"there is no trigger '{name}'" if name else f"nothing tells {device.id} when to sample"
     return problem("trigger", f"{text}; {there}.", f"{HRTIMER}.")
+
+
+def _axes(device: Attributes, mounted: bool) -> Iterator[Finding]:
+    try:
+        for kind in (GYRO, ACCEL):
+            channels = device.channels(kind)
+            if kind == GYRO or len(channels) == 3:
+                conversion_of(device, kind, channels, mounted)
+    except Unusable as unusable:
+        yield problem("axes", str(unusable))
+        return
+    if matrix := device.mount_matrix(GYRO):
+        how = "turned" if mounted else "not turned (mount=off)"
+        yield ok("axes", f"{how} by the driver's mount matrix: {matrix}")
 
 
 def _rate(system: System, device: Attributes, wanted_hz: float | None) -> Finding:

@@ -22,6 +22,11 @@ HRTIMER = (
     "'iio:NAME?trigger=fltea'"
 )
 
+OWN_TRIGGER = (
+    "Some drivers (inv_mpu6050) take only the chip's own trigger: its INT pin has to be wired, and known to "
+    "the device tree"
+)
+
 
 class Unusable(Exception):
     """The buffer cannot be used. kind: of the `error` record. Its text says why, and what to do."""
@@ -219,4 +224,6 @@ def _explain_write(device: Attributes, path: Path, value: str, error: OSError) -
             return Unusable("port_busy", text)
         case errno.ENODEV:
             return Unusable("unplugged", f"{what}: the device is gone.")
+    if path.name == "current_trigger":
+        return Unusable("no_trigger", f"{what}: the driver of {device.id} refuses it. {OWN_TRIGGER}.")
     return Unusable("open_failed", f"{what}: {error.strerror}. The driver refuses it; 'dmesg' may say why.")

@@ -35,7 +35,7 @@ def conversion(
     mount: (3, 3), turns the sensor's axes into those of the machine that it sits in; not for fewer axes.
 
     Raises:
-        ValueError: a scale is 0 or not finite, or the mount matrix turns nothing into something.
+        ValueError: a scale is 0 or not finite, or the mount matrix is no rotation.
     """
     if not all(math.isfinite(scale) and scale > 0 for scale in scales):
         raise ValueError(f"scale {', '.join(f'{scale:g}' for scale in scales)} is no scale")
@@ -43,8 +43,11 @@ def conversion(
         raise ValueError("an offset is not finite")
     turn = np.eye(len(scales))
     if mount is not None and len(scales) == 3:
-        if not np.isfinite(mount).all() or abs(abs(np.linalg.det(mount)) - 1.0) > 0.05:
-            raise ValueError(f"mount matrix {mount.tolist()} is no rotation")
+        if not np.allclose(mount @ mount.T, np.eye(3), atol=0.05) or np.linalg.det(mount) < 0:
+            raise ValueError(
+                f"mount matrix {mount.tolist()} is no rotation; correct it in the device tree, or leave the "
+                "axes as the chip has them: 'iio:NAME?mount=off'"
+            )
         turn = mount
     swaps = bool((np.sort(np.abs(turn), axis=1) == [0.0] * (len(scales) - 1) + [1.0]).all())
     if swaps and len(set(scales)) == 1 and all(offset.is_integer() for offset in map(float, offsets)):

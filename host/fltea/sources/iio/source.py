@@ -35,10 +35,11 @@ RATE_TOLERANCE = 0.05
 
 
 class Place(NamedTuple):
-    """The parts of the URL: the device, and the settings that are asked for."""
+    """The parts of the URL: the device, the settings asked for, and whether its mount matrix is applied."""
 
     device: str
     wishes: Wishes
+    mount: bool = True
 
 
 def parse_url(rest: str) -> Place:
@@ -51,7 +52,7 @@ def parse_url(rest: str) -> Place:
     usual = "Give for instance iio:bmi088_gyro or 'iio:iio:device0?rate_hz=200'; 'fltea devices' lists them"
     if not what:
         raise UsageError(f"iio:{rest}: no device is named. {usual}.")
-    rate_hz, trigger = None, None
+    rate_hz, trigger, mount = None, None, True
     for key, value in parse_qsl(query, keep_blank_values=True):
         if key == "rate_hz":
             try:
@@ -62,9 +63,13 @@ def parse_url(rest: str) -> Place:
                 raise UsageError(f"iio:{rest}: rate_hz={value} is no rate of a gyroscope.")
         elif key == "trigger":
             trigger = value
+        elif (key, value) == ("mount", "off"):
+            mount = False
         else:
-            raise UsageError(f"iio:{rest}: there is no key '{key}'; it takes rate_hz and trigger. {usual}.")
-    return Place(what, Wishes(rate_hz, trigger))
+            raise UsageError(
+                f"iio:{rest}: there is no '{key}={value}'; it takes rate_hz, trigger and mount=off. {usual}."
+            )
+    return Place(what, Wishes(rate_hz, trigger), mount)
 
 
 class IioSource:
@@ -141,7 +146,11 @@ class IioSource:
             channels[ACCEL] = []
         buffer = Buffer(self._root, device, channels[GYRO] + channels[ACCEL], self._place.wishes)
         try:
-            convert = {kind: _conversion(device, kind, channels[kind]) for kind in channels if channels[kind]}
+            convert = {
+                kind: conversion_of(device, kind, channels[kind], self._place.mount)
+                for kind in channels
+                if channels[kind]
+            }
             self._openings += 1
             yield from self._read(_Reader(device, self._root, buffer, channels, convert), buffer)
         finally:
@@ -309,14 +318,21 @@ class _Reader:
         return "is its interrupt wired, and its rate set (sampling_frequency)?"
 
 
-def _conversion(device: Attributes, kind: str, channels: list[str]) -> Conversion:
+def conversion_of(device: Attributes, kind: str, channels: list[str], mounted: bool) -> Conversion:
+    """Return the conversion of a sensor's channels by its driver's files.
+
+    mounted: with its mount matrix.
+
+    Raises:
+        Unusable: it has no scale, or one of its files cannot be.
+    """
     unit = math.pi / 180 if kind == GYRO else 1.0  # scales are in rad/s and m/s²
     scales = [device.of_channel(channel, "scale") for channel in channels]
     if None in scales:
         raise Unusable("open_failed", f"{device.id} does not say the scale of its {SENSORS[kind]}.")
     offsets = [device.of_channel(channel, "offset") or 0.0 for channel in channels]
     try:
-        mount = parse_mount(device.text(f"in_{kind}_mount_matrix") or device.text("in_mount_matrix"))
+        mount = parse_mount(device.mount_matrix(kind)) if mounted else None
         return conversion([scale / unit for scale in scales if scale is not None], offsets, mount)
     except ValueError as error:
         raise Unusable("open_failed", f"{device.id}: {SENSORS[kind]}: {error}.") from error

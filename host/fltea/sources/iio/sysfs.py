@@ -75,6 +75,17 @@ class Attributes:
         kind = channel.partition("_")[0]
         return self.number(f"in_{channel}_{what}", f"in_{kind}_{what}")
 
+    def mount_matrix(self, kind: str) -> str:
+        """Return the matrix that turns a sensor's axes: its own, of all inputs, or of the device; or ""."""
+        names = (f"in_{kind}_mount_matrix", "in_mount_matrix", "mount_matrix")
+        return next((text for name in names if (text := self.text(name))), "")
+
+    @property
+    def driver(self) -> str:
+        """The driver's name, such as `inv-mpu6050-i2c`; "" if it cannot be told."""
+        link = self.folder.resolve().parent / "driver"
+        return link.resolve().name if link.is_symlink() else ""
+
     def rate_file(self) -> str | None:
         """Return the file that holds the rate of samples, or None: then its trigger may have one."""
         names = (f"in_{GYRO}_sampling_frequency", f"in_{GYRO}_x_sampling_frequency", "sampling_frequency")
