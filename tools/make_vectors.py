@@ -222,7 +222,6 @@ def bad() -> str:
         ],
         "length": [
             ("sample without its flags", frame(SAMPLE, 1, 2, bytes(14))),
-            ("sample with a byte too many", frame(SAMPLE, 1, 2, bytes(16))),
             ("sample without payload", frame(SAMPLE, 1, 2, b"")),
             ("status as it was before it had the share of the processor", frame(STATUS, 1, 2, bytes(21))),
             (
@@ -281,7 +280,9 @@ def streams() -> str:
         + odd[32:]
     )
     strange = frame(UNKNOWN, 5, 6, b"\x00\x01")
-    long = frame(SAMPLE, 1, 2, bytes(16))
+    short = frame(SAMPLE, 1, 2, bytes(14))
+    later = frame(HELLO, 4, 5, payload(HELLO, (1, 200, 0xDEADBEEF, *TYPICAL_HELLO[3:])) + b"\x07")
+    long = frame(SAMPLE, 1, 2, payload(SAMPLE, TYPICAL_SAMPLE) + b"\x01\x02\x03")
     future = frame(HELLO, 4, 5, struct.pack("<BBI10x", 2, 0, 1))
     one, two, three = sample(1, 10_000), sample(2, 20_000), sample(3, 30_000)
     # The first twelve bytes of `two` end in the code 04 and two of its three bytes; the third is then the
@@ -328,13 +329,18 @@ def streams() -> str:
         ("too long a run as the first block", [b"\x55" * 1000 + b"\x00", one], "bad partial, one"),
         (
             "unknown types and wrong lengths",
-            [one, strange, long, two],
+            [one, strange, short, two],
             "one, bad unknown_type, bad length, two",
         ),
         (
             "NaN and infinities are no damage",
             [one, frame(ESTIMATE, 7, 20_350, odd), two],
             "one, frame 5 7 20350, two",
+        ),
+        (
+            "a device of a later minor version: fields and messages that it adds are left out",
+            [later, long, strange, two],
+            "frame 1 4 5, frame 2 1 2, bad unknown_type, two",
         ),
         ("a device of another version", [b"\x00", future, one], "refused 2 0 00000001, one"),
         (

@@ -27,10 +27,20 @@ TYPES = {"u8": "uint8_t", "u16": "uint16_t", "u32": "uint32_t", "i16": "int16_t"
 
 def header(protocol: Protocol) -> str:
     """Return the text of the header."""
+    known = ", ".join(f"0x{one:08X}" for one in protocol.schema_hashes)
     constants = [
         f"constexpr uint8_t kProtocolMajor = {protocol.major};",
         f"constexpr uint8_t kProtocolMinor = {protocol.minor};",
         f"constexpr uint32_t kSchemaHash = 0x{protocol.schema_hash:08X};",
+        *_comment(
+            "Whether a device of this version can be read: what a later minor version adds is skipped.", ""
+        ),
+        "inline bool can_read(uint8_t major, uint8_t minor, uint32_t schema_hash) {",
+        "    bool known = minor > kProtocolMinor;",
+        f"    const uint32_t hashes[] = {{{known}}};",
+        "    for (const uint32_t hash : hashes) known |= schema_hash == hash;",
+        "    return known && major == kProtocolMajor;",
+        "}",
         "",
         f"constexpr uint32_t kBaud = {protocol.baud};",
         f"constexpr size_t kMaxPayload = {protocol.max_payload};",
@@ -68,6 +78,8 @@ def _message(message: Message) -> str:
         f"    static constexpr uint8_t type() {{ return {message.id}; }}",
         "    // Bytes of payload.",
         f"    static constexpr size_t size() {{ return {message.size}; }}",
+        "    // The same in the oldest version that can be read; what is missing behind it is 0.",
+        f"    static constexpr size_t least() {{ return {message.least}; }}",
         "",
     ]
     for field in message.fields:

@@ -10,9 +10,9 @@ import keyword
 import re
 import tomllib
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from decimal import Decimal
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct
@@ -61,6 +61,7 @@ class Field(Struct, frozen=True, forbid_unknown_fields=True):
     scale: Decimal | None = None
     enum: str = ""
     flags: str = ""
+    since: int = 0
 
     def __post_init__(self) -> None:
         if self.scale is not None:
@@ -103,11 +104,17 @@ class Message(Struct, frozen=True, forbid_unknown_fields=True, rename={"fields":
     id: Annotated[int, Meta(ge=1, le=255)]
     doc: Text
     fields: tuple[Field, ...]
+    since: int = 0
 
     @property
     def size(self) -> int:
         """Bytes of payload."""
         return sum(field.size for field in self.fields)
+
+    @property
+    def least(self) -> int:
+        """Bytes of payload in the oldest version that has the message."""
+        return sum(field.size for field in self.fields if field.since <= self.since)
 
 
 class Value(Struct, frozen=True):
@@ -116,6 +123,7 @@ class Value(Struct, frozen=True):
     name: str
     value: int
     doc: str
+    since: int
 
 
 class Named(Struct, frozen=True):
@@ -128,6 +136,7 @@ class Named(Struct, frozen=True):
 class _Constants(Struct, frozen=True, forbid_unknown_fields=True):
     major: Byte
     minor: Byte
+    oldest: Byte
     max_payload: Annotated[int, Meta(ge=0, le=COBS_BLOCK - 1 - HEADER_SIZE - CRC_SIZE)]
     baud: Annotated[int, Meta(ge=0, le=10_000_000)]
 
@@ -149,13 +158,12 @@ class Protocol(_Constants, frozen=True):
         """Bytes of the longest frame after COBS, without the 0x00."""
         return self.max_frame + 1
 
-    @property
-    def canonical(self) -> str:
-        """The text whose CRC-32 is the schema hash; protocol/README.md describes it."""
+    def canonical(self, minor: int) -> str:
+        """Return the text whose CRC-32 is the schema hash of a minor version (protocol/README.md)."""
         lines = []
-        for message in self.messages:
+        for message in _until(minor, self.messages):
             lines.append(f"message {message.id} {message.name}")
-            for field in message.fields:
+            for field in _until(minor, message.fields):
                 line = f"field {field.name} {field.type}"
                 line += f" enum {field.enum}" if field.enum else ""
                 line += f" flags {field.flags}" if field.flags else ""
@@ -164,24 +172,39 @@ class Protocol(_Constants, frozen=True):
                 lines.append(line)
         for kind, word, group in (("enum", "value", self.enums), ("flags", "bit", self.flags)):
             for named in group:
-                lines.append(f"{kind} {named.name}")
-                lines += [f"{word} {value.value} {value.name}" for value in named.values]
+                if values := _until(minor, named.values):
+                    lines.append(f"{kind} {named.name}")
+                    lines += [f"{word} {value.value} {value.name}" for value in values]
         return "".join(line + "\n" for line in lines)
 
     @property
     def schema_hash(self) -> int:
-        """CRC-32 of the canonical text."""
-        return zlib.crc32(self.canonical.encode())
+        """That of this version."""
+        return self.schema_hashes[-1]
+
+    @property
+    def schema_hashes(self) -> list[int]:
+        """CRC-32 of the canonical text of each minor version, from the oldest that can be read on."""
+        return [zlib.crc32(self.canonical(minor).encode()) for minor in range(self.oldest, self.minor + 1)]
+
+
+Dated = TypeVar("Dated", Message, Field, Value)
+
+
+def _until(minor: int, members: Sequence[Dated]) -> list[Dated]:
+    return [one for one in members if one.since <= minor]
 
 
 class _Value(Struct, forbid_unknown_fields=True):
     value: Byte
     doc: Text
+    since: int = 0
 
 
 class _Bit(Struct, forbid_unknown_fields=True, rename={"value": "bit"}):
     value: Annotated[int, Meta(ge=0, le=7)]
     doc: Text
+    since: int = 0
 
 
 class _File(Struct, forbid_unknown_fields=True):
@@ -223,18 +246,24 @@ def _with_names(error: str, document: dict[str, object]) -> str:
 
 def _named(tables: dict[str, dict[str, _Value]] | dict[str, dict[str, _Bit]]) -> Iterator[Named]:
     for name, members in tables.items():
-        yield Named(name, tuple(Value(key, one.value, one.doc) for key, one in members.items()))
+        yield Named(name, tuple(Value(key, one.value, one.doc, one.since) for key, one in members.items()))
 
 
 def _problems(protocol: Protocol) -> Iterator[str]:
     """What is wrong beyond the fields by themselves."""
     messages, fields = protocol.messages, [field for one in protocol.messages for field in one.fields]
+    if protocol.oldest > protocol.minor:
+        yield f"oldest {protocol.oldest} is later than minor {protocol.minor}"
+        return
     yield from _twice("message: name", (one.name for one in messages))
     yield from _twice("message: id", (one.id for one in messages))
     for one in messages:
         yield from _twice(f"message {one.name}: field", (field.name for field in one.fields))
         if one.size > protocol.max_payload:
             yield f"message {one.name}: {one.size} bytes of payload; at most {protocol.max_payload} fit"
+        since = [max(one.since, field.since) for field in one.fields]
+        if since != sorted(since):
+            yield f"message {one.name}: a field is added at the end, behind those of older versions"
     named = [*protocol.enums, *protocol.flags]
     yield from _twice("enum and flags:", (one.name for one in named))
     for table in named:
@@ -245,6 +274,13 @@ def _problems(protocol: Protocol) -> Iterator[str]:
         yield from (f"{kind} {name}: no field uses it" for name in sorted(known - used))
     names = [one.name for one in messages] + [field.name for field in fields]
     names += [name for table in named for name in (table.name, *(value.name for value in table.values))]
+    dated: list[Message | Field | Value] = [
+        *messages,
+        *fields,
+        *(value for table in named for value in table.values),
+    ]
+    for late in {one.since for one in dated} - {0, *range(protocol.oldest + 1, protocol.minor + 1)}:
+        yield f"since {late}: additions are of versions after {protocol.oldest}, up to {protocol.minor}"
     for name in names:
         if name.lower() in RESERVED or "mpu" in name.lower().split("_"):
             yield f"name '{name}' is reserved (a word of C++ or Python, or a vendor macro)"

@@ -46,8 +46,10 @@ class Application {
     void start() {
         const uint32_t now_us = clock_.now_us();
         sampler_.begin(now_us);
-        hello_.begin(now_us);
-        status_.begin(now_us + kSecondUs / 2);
+        // In mid-period: a port that does not sleep would otherwise let an instant wait for them.
+        const uint32_t mid_us = now_us - now_us % kPeriodUs - kPeriodUs / 2;
+        hello_.begin(mid_us);
+        status_.begin(mid_us + kSecondUs / 2 / kPeriodUs * kPeriodUs);
         workload_.begin(now_us);
         fits_share_.begin(now_us);
         report(now_us);
@@ -87,6 +89,7 @@ class Application {
 
   private:
     // Bytes a second on the line, with HELLO, ESTIMATOR, STATUS, a FAULT and a FIT a second; a tenth is left.
+    static constexpr uint32_t kPeriodUs = settings::kSamplePeriodUs;
     static constexpr size_t kSamplesPerS = kSecondUs / settings::kSamplePeriodUs;
     // 176 bins of an axis, in rounds of kFitEvery samples.
     static constexpr size_t kMostSpectraPerS =

@@ -11,6 +11,13 @@ namespace fltea {
 constexpr uint8_t kProtocolMajor = 1;
 constexpr uint8_t kProtocolMinor = 5;
 constexpr uint32_t kSchemaHash = 0xFC5D01AB;
+// Whether a device of this version can be read: what a later minor version adds is skipped.
+inline bool can_read(uint8_t major, uint8_t minor, uint32_t schema_hash) {
+    bool known = minor > kProtocolMinor;
+    const uint32_t hashes[] = {0xFC5D01AB};
+    for (const uint32_t hash : hashes) known |= schema_hash == hash;
+    return known && major == kProtocolMajor;
+}
 
 constexpr uint32_t kBaud = 250000;
 constexpr size_t kMaxPayload = 240;
@@ -140,12 +147,14 @@ struct Hello {
     static constexpr uint8_t type() { return 1; }
     // Bytes of payload.
     static constexpr size_t size() { return 68; }
+    // The same in the oldest version that can be read; what is missing behind it is 0.
+    static constexpr size_t least() { return 68; }
 
     // version of this protocol; another one is refused
     uint8_t protocol_major;
-    // changes within the major version, for people
+    // additions within the major version
     uint8_t protocol_minor;
-    // CRC-32 of the layout (see Versions); another one is refused
+    // CRC-32 of the layout (see Versions); one that is not that of a known minor version is refused
     uint32_t schema_hash;
     // differs from boot to boot
     uint32_t boot_id;
@@ -200,6 +209,8 @@ struct Sample {
     static constexpr uint8_t type() { return 2; }
     // Bytes of payload.
     static constexpr size_t size() { return 15; }
+    // The same in the oldest version that can be read; what is missing behind it is 0.
+    static constexpr size_t least() { return 15; }
 
     // rate about x; HELLO gives the scale [LSB]
     int16_t gyro_x;
@@ -237,6 +248,8 @@ struct Status {
     static constexpr uint8_t type() { return 3; }
     // Bytes of payload.
     static constexpr size_t size() { return 27; }
+    // The same in the oldest version that can be read; what is missing behind it is 0.
+    static constexpr size_t least() { return 27; }
 
     // I2C transfers that failed, or gave a wrong byte and then the right one
     uint32_t i2c_errors;
@@ -275,6 +288,8 @@ struct Fault {
     static constexpr uint8_t type() { return 4; }
     // Bytes of payload.
     static constexpr size_t size() { return 5; }
+    // The same in the oldest version that can be read; what is missing behind it is 0.
+    static constexpr size_t least() { return 5; }
 
     // what happened
     FaultCode code;
@@ -295,6 +310,8 @@ struct Estimate {
     static constexpr uint8_t type() { return 5; }
     // Bytes of payload.
     static constexpr size_t size() { return 84; }
+    // The same in the oldest version that can be read; what is missing behind it is 0.
+    static constexpr size_t least() { return 84; }
 
     // whose estimate this is
     Axis axis;
@@ -379,6 +396,8 @@ struct Estimator {
     static constexpr uint8_t type() { return 6; }
     // Bytes of payload.
     static constexpr size_t size() { return 106; }
+    // The same in the oldest version that can be read; what is missing behind it is 0.
+    static constexpr size_t least() { return 106; }
 
     // which filter on order and parameter
     EstimatorVariant variant;
@@ -493,6 +512,8 @@ struct Fit {
     static constexpr uint8_t type() { return 7; }
     // Bytes of payload.
     static constexpr size_t size() { return 47; }
+    // The same in the oldest version that can be read; what is missing behind it is 0.
+    static constexpr size_t least() { return 47; }
 
     // whose noise this is
     Axis axis;
@@ -552,6 +573,8 @@ struct Spectrum {
     static constexpr uint8_t type() { return 8; }
     // Bytes of payload.
     static constexpr size_t size() { return 65; }
+    // The same in the oldest version that can be read; what is missing behind it is 0.
+    static constexpr size_t least() { return 65; }
 
     // whose noise this is
     Axis axis;

@@ -16,11 +16,15 @@ constexpr uint32_t kSda = 1u << 12;  // PB12, peripheral A: TWD1
 constexpr uint32_t kScl = 1u << 13;  // PB13, peripheral A: TWCK1
 
 // Datasheet, TWI Clock Waveform Generator Register: each half of a bit lasts its divider + 4 periods of MCK.
-// Low is longer than high, since fast mode asks for at least 1.3 and 0.6 us (NXP UM10204, table 10).
+// Low is longer than high by what fast mode asks for (NXP UM10204, table 10).
 constexpr uint32_t kFixed = 4;
 constexpr uint32_t kBit = clock::kMasterHz / settings::kI2cHz;
 constexpr uint32_t kLow = kBit * 54 / 100;
 constexpr uint32_t kHigh = kBit - kLow;
+constexpr uint32_t kMostHz = 400000, kLeastLowNs = 1300, kLeastHighNs = 600;
+static_assert(kLow * 10000 >= kLeastLowNs * (clock::kMasterHz / 100000), "t_LOW");
+static_assert(kHigh * 10000 >= kLeastHighNs * (clock::kMasterHz / 100000), "t_HIGH");
+static_assert((kLow + kHigh) * kMostHz >= clock::kMasterHz, "f_SCL");
 static_assert(kLow - kFixed <= 0xFF && kHigh - kFixed > 0, "CLDIV and CHDIV hold 8 bits without a prescaler");
 
 // Half a bit of the recovery, at most 100 kHz [us].

@@ -49,32 +49,32 @@ bool undo_cobs(std::uint8_t* block, std::size_t n) {
     return at == n;
 }
 
-// Bytes of payload; false if this version does not know the type.
-bool payload_size(std::uint8_t type, std::size_t& size) {
+// The fewest bytes of payload; false if this version does not know the type.
+bool least_payload(std::uint8_t type, std::size_t& least) {
     switch (type) {
         case Hello::type():
-            size = Hello::size();
+            least = Hello::least();
             return true;
         case Sample::type():
-            size = Sample::size();
+            least = Sample::least();
             return true;
         case Status::type():
-            size = Status::size();
+            least = Status::least();
             return true;
         case Fault::type():
-            size = Fault::size();
+            least = Fault::least();
             return true;
         case Estimate::type():
-            size = Estimate::size();
+            least = Estimate::least();
             return true;
         case Estimator::type():
-            size = Estimator::size();
+            least = Estimator::least();
             return true;
         case Fit::type():
-            size = Fit::size();
+            least = Fit::least();
             return true;
         case Spectrum::type():
-            size = Spectrum::size();
+            least = Spectrum::least();
             return true;
         default:
             return false;
@@ -82,15 +82,15 @@ bool payload_size(std::uint8_t type, std::size_t& size) {
 }
 
 bool other_version(const std::uint8_t* payload, std::size_t n) {
-    return n >= kVersion && (payload[0] != kProtocolMajor || load_u32(payload + 2) != kSchemaHash);
+    return n >= kVersion && !can_read(payload[0], payload[1], load_u32(payload + 2));
 }
 
 // Why an intact frame cannot be used.
 Reason judge_payload(std::uint8_t type, const std::uint8_t* payload, std::size_t n) {
     if (type == Hello::type() && other_version(payload, n)) return Reason::none;
-    std::size_t size = 0;
-    if (!payload_size(type, size)) return Reason::unknown_type;
-    return n == size ? Reason::none : Reason::length;
+    std::size_t least = 0;
+    if (!least_payload(type, least)) return Reason::unknown_type;
+    return n >= least ? Reason::none : Reason::length;
 }
 
 // What the end of a frame can look like to a receiver that heard only that end.
@@ -160,6 +160,8 @@ void Decoder::judge(const std::uint8_t* block, std::size_t n, std::int64_t end, 
         row.end = end;
         row.sequence = load_u16(frame + 1);
         row.device_us = load_u32(frame + 3);
+        // What an older device does not send is 0; a payload has room for any message.
+        if (size < Sample::size()) std::memset(plain + 1 + kHeader + size, 0, Sample::size() - size);
         FieldReader read(payload);
         Sample::visit_fields(row.sample, read);
         found.samples.push_back(row);

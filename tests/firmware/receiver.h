@@ -51,12 +51,12 @@ bool with_message(uint8_t type, Use& use) {
     }
 }
 
-struct PayloadSize {
+struct LeastPayload {
     size_t bytes;
 
     template <typename Message>
     void message() {
-        bytes = Message::size();
+        bytes = Message::least();
     }
 };
 
@@ -143,13 +143,12 @@ class Receiver {
             std::vector<uint8_t>(plain.begin() + 7, plain.begin() + static_cast<std::ptrdiff_t>(end))};
         intact.push_back(frame);
         if (frame.type == fltea::Hello::type() && frame.payload.size() >= 6 &&
-            (frame.payload[0] != fltea::kProtocolMajor ||
-             little_endian(&frame.payload[2], 4) != fltea::kSchemaHash)) {
+            !fltea::can_read(frame.payload[0], frame.payload[1], little_endian(&frame.payload[2], 4))) {
             return "refused";
         }
-        PayloadSize size = {0};
-        if (!with_message(frame.type, size)) return "unknown_type";
-        if (frame.payload.size() != size.bytes) return "length";
+        LeastPayload least = {0};
+        if (!with_message(frame.type, least)) return "unknown_type";
+        if (frame.payload.size() < least.bytes) return "length";
         frames.push_back(frame);
         return "frames";
     }
@@ -188,7 +187,9 @@ class PayloadReader {
 template <typename Message>
 Message message_of(const Frame& frame) {
     Message message;
-    PayloadReader read(frame.payload);
+    std::vector<uint8_t> payload(frame.payload);
+    if (payload.size() < Message::size()) payload.resize(Message::size());
+    PayloadReader read(payload);
     Message::visit_fields(message, read);
     return message;
 }

@@ -133,8 +133,14 @@ TEST_CASE("application: the values of the chip, at the instant before the burst 
 }
 
 TEST_CASE(
-    "application: HELLO before the first sample and every second, STATUS every second half a second later") {
-    Rig rig;
+    "application: HELLO before the first sample and every second, STATUS every second half a second later, "
+    "in "
+    "mid-period whenever the board was up") {
+    uint64_t boot_us = 0;
+    SUBCASE("at an instant") {}
+    SUBCASE("behind it") { boot_us = 2500; }
+    SUBCASE("just before the next") { boot_us = kPeriodUs - 50; }
+    Rig rig(SamplingMode::timer, boot_us);
     rig.start();
     rig.run(10 * kS + 100 * kMs);
     const std::vector<Frame>& frames = rig.sink.receiver.frames;
@@ -149,7 +155,7 @@ TEST_CASE(
     REQUIRE(hellos.size() == 12);  // at boot, when the sensor runs, ten more
     for (size_t i = 0; i < hellos.size(); ++i) CHECK(hellos[i].sequence == i);
     for (size_t i = 2; i < hellos.size(); ++i) {
-        const uint64_t due = (i - 1) * kS;
+        const uint64_t due = (i - 1) * kS - kPeriodUs / 2;
         CHECK(hellos[i].device_us >= due);
         CHECK(hellos[i].device_us < due + 2 * kMs);
     }
@@ -157,7 +163,7 @@ TEST_CASE(
     REQUIRE(statuses.size() == 10);
     for (size_t i = 0; i < statuses.size(); ++i) {
         CHECK(statuses[i].sequence == i);
-        const uint64_t due = kS / 2 + i * kS;
+        const uint64_t due = kS / 2 + i * kS - kPeriodUs / 2;
         CHECK(statuses[i].device_us >= due);
         CHECK(statuses[i].device_us < due + 2 * kMs);
     }

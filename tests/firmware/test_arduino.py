@@ -168,7 +168,7 @@ def test_a_stalled_transfer_loses_its_instants_and_nothing_else(build: Path, sta
     after = run(build, "4.8", f"stalls=2,{stalls}")
     reasons, missing, _ = lost(after)
     assert reasons == ["start"]
-    assert missing == after.of(wire.Status)[-1].overruns <= 9 * stalls
+    assert missing == after.of(wire.Status)[-1].overruns <= 6 * stalls
 
 
 @pytest.mark.parametrize(
@@ -207,8 +207,8 @@ def test_a_line_that_takes_nothing_loses_whole_frames_and_counts_them(build: Pat
 
 
 def test_a_stalled_transfer_takes_as_long_as_the_readme_says(build: Path) -> None:
-    """Wire's spin counts, at 30 to 45 cycles a turn: 90 ms for a read; two in a row are the worst."""
+    """Wire counts turns, twice in a read: 55 ms; two reads in a row are the worst."""
     one, two = run(build, "3", "stalls=2,1"), run(build, "3", "stalls=2,2")
-    assert one.board["longest_us"] in range(90_000, 93_000)
-    assert two.board["longest_us"] in range(180_000, 183_000)
+    assert one.board["longest_us"] in range(55_000, 58_000)
+    assert two.board["longest_us"] in range(110_000, 113_000)
     assert two.board["hunger_us"] < two.board["watchdog_us"] / 10

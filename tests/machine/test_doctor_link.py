@@ -15,8 +15,8 @@ from host_support import hello
 
 HELLO = hello(
     firmware_version=f"{__version__} due fca274b5",
-    protocol="1.2",
-    schema_hash="0x54B0C642",
+    protocol="1.5",
+    schema_hash=f"0x{wire.SCHEMA_HASH:08X}",
     sensor="MPU-9250",
     gyro_range_dps=2000.0,
 )
@@ -56,8 +56,11 @@ def test_a_device_in_good_health() -> None:
         ("frames", "firmware", "sensor", "samples", "board", "clock drift"), "ok"
     )
     assert finding_of(findings, "firmware").message == (
-        f"{__version__} due fca274b5, protocol 1.2, schema 0x54B0C642, as this program"
+        f"{__version__} due fca274b5, protocol 1.5, schema 0x{wire.SCHEMA_HASH:08X}, as this program"
     )
+    later = heard(hello=msgspec.structs.replace(HELLO, protocol="1.9", schema_hash="0x54B0C642"))
+    message = finding_of(list(judge("port", later)), "firmware").message
+    assert message.endswith("protocol 1.9, schema 0x54B0C642, which this program reads as far as it knows it")
     assert finding_of(findings, "samples").message == "401 in 4.0 s, 100.00 Hz (100 stated), 0 lost"
     assert finding_of(findings, "clock drift").message.endswith("+12 ± 5 ppm")
 

@@ -93,9 +93,8 @@ class Comparison {
     }
 
     void intact(const fltea::OtherRow& other, const uint8_t* payload) {
-        const bool refused =
-            other.type == fltea::Hello::type() && other.size >= 6 &&
-            (payload[0] != fltea::kProtocolMajor || little_endian(payload + 2, 4) != fltea::kSchemaHash);
+        const bool refused = other.type == fltea::Hello::type() && other.size >= 6 &&
+                             !fltea::can_read(payload[0], payload[1], little_endian(payload + 2, 4));
         if (refused) {
             ++refused_;
             return;

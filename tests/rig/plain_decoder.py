@@ -64,7 +64,9 @@ def of_block(block: bytes) -> Frame | Refused | BadFrame:
     payload = body[wire.HEADER.size : -4]
     if kind == wire.Hello.TYPE and len(payload) >= 6:
         major, minor, schema = struct.unpack_from("<BBI", payload)
-        if (major, schema) != (wire.PROTOCOL_MAJOR, wire.SCHEMA_HASH):
+        if major != wire.PROTOCOL_MAJOR or (
+            minor <= wire.PROTOCOL_MINOR and schema not in wire.SCHEMA_HASHES
+        ):
             return Refused(major, minor, schema)
     if kind not in wire.MESSAGES:
         return BadFrame("unknown_type", block)

@@ -11,7 +11,15 @@ from zlib import crc32
 # instead of being shared.
 from cobs import cobs
 
-from fltea.wire.layout import HEADER, MAX_PAYLOAD, PROTOCOL_MAJOR, PROTOCOL_MINOR, SCHEMA_HASH, Message
+from fltea.wire.layout import (
+    HEADER,
+    MAX_PAYLOAD,
+    PROTOCOL_MAJOR,
+    PROTOCOL_MINOR,
+    SCHEMA_HASH,
+    SCHEMA_HASHES,
+    Message,
+)
 
 REASONS: Final = {
     "partial": "the end of a frame whose start was not heard: normal when attaching",
@@ -19,7 +27,7 @@ REASONS: Final = {
     "oversize": "no 0x00 within the length of the longest frame",
     "short": "shorter than header and CRC",
     "crc": "CRC-32 does not fit",
-    "length": "CRC fits, but the payload is not as long as its type demands",
+    "length": "CRC fits, but the payload is shorter than its type demands",
     "unknown_type": "intact, of a type that this version does not know",
 }
 """Why a block is a `BadFrame`, in plain words."""
@@ -72,10 +80,13 @@ class Refused(NamedTuple):
 
 
 def refusal(payload: bytes) -> Refused | None:
-    """Return what is refused: the payload of a HELLO with another major version or schema hash."""
+    """Return what is refused: the payload of a HELLO of another major version, or of an unknown layout.
+
+    Later minor versions only add, so what they share with this one can be read.
+    """
     device = Refused(*VERSION.unpack_from(payload))
-    known = device.protocol_major == PROTOCOL_MAJOR and device.schema_hash == SCHEMA_HASH
-    return None if known else device
+    known = device.protocol_minor > PROTOCOL_MINOR or device.schema_hash in SCHEMA_HASHES
+    return None if known and device.protocol_major == PROTOCOL_MAJOR else device
 
 
 def encode(message: Message, sequence: int, device_us: int) -> bytes:

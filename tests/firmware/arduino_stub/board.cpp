@@ -17,9 +17,8 @@ Board board;
 namespace {
 
 constexpr uint64_t kUs = 1000;
-constexpr uint64_t kBitNs = 2500;  // 400 kHz
-constexpr uint64_t kSpinNs =
-    45000 * kUs;  // Wire's 100,000 turns, of 30 to 45 cycles each by its instructions
+constexpr uint64_t kBitNs = 2500;          // 400 kHz
+constexpr uint64_t kSpinNs = 27500 * kUs;  // Wire's 100,000 turns: firmware/README.md
 constexpr int kRing = 128;
 constexpr uint8_t kAddress = 0x68;
 

@@ -154,7 +154,9 @@ def _firmware(heard: Heard) -> Finding:
     hello = heard.hello
     assert hello is not None
     firmware = visible(hello.firmware_version or "")
-    text = f"{firmware}, protocol {hello.protocol}, schema {hello.schema_hash}, as this program"
+    same = hello.schema_hash == f"0x{wire.SCHEMA_HASH:08X}"
+    beside = "as this program" if same else "which this program reads as far as it knows it"
+    text = f"{firmware}, protocol {hello.protocol}, schema {hello.schema_hash}, {beside}"
     version = firmware.split(" ", 1)[0]
     if version != __version__:
         return warning(
