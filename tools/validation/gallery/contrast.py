@@ -15,6 +15,8 @@ from scipy.optimize import Bounds, least_squares, minimize
 
 Family = Callable[[Array, Array], Array]
 """Of parameters (k, count) and λ (bins,): spectra (count, bins)."""
+Nearest = Callable[["Bins"], float]
+"""Of bins: the least shortfall of a family."""
 
 BINS = 160
 FIRST = 10
@@ -88,51 +90,90 @@ def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
     return float(min(ends))
 
 
+def _with_floor(shape: Array, log_floor: Array) -> Array:
+    """log_floor: of white noise over the shape's own size."""
+    return np.asarray(shape + np.exp(log_floor)[:, np.newaxis])
+
+
+def _scaled(shape: Array) -> Array:
+    return np.asarray(shape / np.exp(np.log(shape).mean(axis=-1, keepdims=True)))
+
+
+def _ar1(log_corner: Array, lam: Array) -> Array:
+    phi = np.exp(-np.exp(log_corner))[:, np.newaxis]
+    return np.asarray(1 / ((1 - phi) ** 2 + 4 * phi * np.sin(lam / 2) ** 2))
+
+
+def _state(p: Array, lam: Array) -> Array:
+    alpha, g = p[0][:, np.newaxis], -np.exp(p[1])[:, np.newaxis]
+    g = np.maximum(g, -0.98 * 2**alpha)
+    z = np.exp(-1j * lam)
+    return _with_floor(_scaled(1 / np.abs((1 - z) ** alpha - g * z) ** 2), p[2])
+
+
+def _arfima(p: Array, lam: Array) -> Array:
+    return _with_floor(_scaled((2 * np.sin(lam / 2)) ** (-2 * p[0][:, np.newaxis]) * _ar1(p[1], lam)), p[2])
+
+
+def _walk(p: Array, lam: Array) -> Array:
+    return _with_floor(_scaled(1 / (4 * np.sin(lam / 2) ** 2)), p[0])
+
+
+def _rise(log_size: Array, delta: Array, lam: Array) -> Array:
+    return np.asarray(np.exp(log_size)[:, np.newaxis] * np.sin(lam / 2) ** (2 * delta[:, np.newaxis]))
+
+
+def _low_pass(p: Array, lam: Array) -> Array:
+    x = (2 * np.sin(lam / 2)) ** 2 / np.exp(2 * p[0])[:, np.newaxis]
+    return _with_floor(1 / (1 + x ** p[1][:, np.newaxis]), p[2])
+
+
+def _walk_and_relaxation(p: Array, lam: Array) -> Array:
+    walk, relaxation = _scaled(1 / (4 * np.sin(lam / 2) ** 2)), _scaled(_ar1(p[1], lam))
+    return np.asarray(np.exp(-p[0])[:, np.newaxis] * walk + np.exp(-p[2])[:, np.newaxis] * relaxation + 1)
+
+
+def _nearest(family: Family, *box: tuple[float, float]) -> Nearest:
+    return lambda bins: least(bins, family, *box)
+
+
+ORDERS, RATES, WHITE, RISES = (0.15, 0.85), (-9.0, 0.5), (-14.0, 10.0), ((-10.0, 10.0), (0.1, 2.0))
+CORNERS, SIZES, WALKS = (-7.0, 2.0), (-8.0, 10.0), (-14.0, 14.0)
+
+state = _nearest(_state, ORDERS, RATES, WHITE)
+"""The state D^α x = f x + ω of a fractional order of 0.15 to 0.85, in white noise."""
+arfima = _nearest(_arfima, ORDERS, (-7.0, 1.5), WHITE)
+"""ARFIMA(1, d, 0) of such an order, in white noise."""
+order_and_rise = _nearest(
+    lambda p, lam: _state(p, lam) + _rise(p[3], p[4], lam), ORDERS, RATES, WHITE, *RISES
+)
+"""The same state, and a power of the frequency up to its fourth, in white noise."""
+one_relaxation = _nearest(lambda p, lam: _with_floor(_scaled(_ar1(p[0], lam)), p[1]), CORNERS, SIZES)
+"""AR(1) in white noise."""
+walk = _nearest(_walk, WALKS)
+"""A random walk in white noise."""
+walk_and_rise = _nearest(lambda p, lam: _walk(p, lam) + _rise(p[1], p[2], lam), WALKS, *RISES)
+"""A random walk and a power of the frequency up to its fourth, in white noise."""
+walk_and_relaxation = _nearest(_walk_and_relaxation, WALKS, CORNERS, SIZES)
+"""A random walk and one relaxation, in white noise."""
+low_pass = _nearest(_low_pass, (-5.0, 1.2), (1.0, 8.0), (-12.0, FLOOR))
+"""A low-pass of one to eight poles on white noise, with next to no white noise behind it."""
+rising = _nearest(
+    lambda p, lam: _with_floor((2 * np.sin(lam / 2)) ** (2 * p[0][:, np.newaxis]), p[1]),
+    (0.0, 2.0),
+    (-6.0, 6.0),
+)
+"""A power of the frequency up to its fourth, in white noise."""
+
+
 def white(bins: Bins) -> float:
     """White noise."""
     return float(shortfall(bins, np.ones((1, len(bins.lam))))[0])
 
 
 def order(bins: Bins) -> float:
-    """A fractional order of 0.15 to 0.85 in white noise: the state D^α x = f x + ω, or ARFIMA(1, d, 0)."""
-    state = least(bins, _state, (0.15, 0.85), (-9.0, 0.5), (-14.0, 10.0))
-    return min(state, least(bins, _arfima, (0.15, 0.85), (-7.0, 1.5), (-14.0, 10.0)))
-
-
-def order_and_rise(bins: Bins) -> float:
-    """The same state, and a power of the frequency up to its fourth, in white noise."""
-    box = (0.15, 0.85), (-9.0, 0.5), (-14.0, 10.0), (-10.0, 10.0), (0.1, 2.0)
-    return least(bins, _state_and_rise, *box)
-
-
-def one_relaxation(bins: Bins) -> float:
-    """AR(1) in white noise."""
-    return least(bins, _one_relaxation, (-7.0, 2.0), (-8.0, 10.0))
-
-
-def walk(bins: Bins) -> float:
-    """A random walk in white noise."""
-    return least(bins, _walk, (-14.0, 14.0))
-
-
-def walk_and_rise(bins: Bins) -> float:
-    """A random walk and a power of the frequency up to its fourth, in white noise."""
-    return least(bins, _walk_and_rise, (-14.0, 14.0), (-10.0, 10.0), (0.1, 2.0))
-
-
-def walk_and_relaxation(bins: Bins) -> float:
-    """A random walk and one relaxation, in white noise."""
-    return least(bins, _walk_and_relaxation, (-14.0, 14.0), (-7.0, 2.0), (-8.0, 10.0))
-
-
-def low_pass(bins: Bins) -> float:
-    """A low-pass of one to eight poles on white noise, with next to no white noise behind it."""
-    return least(bins, _low_pass, (-5.0, 1.2), (1.0, 8.0), (-12.0, FLOOR))
-
-
-def rising(bins: Bins) -> float:
-    """A power of the frequency up to its fourth, in white noise."""
-    return least(bins, _rising, (0.0, 2.0), (-6.0, 6.0))
+    """A fractional order, of either model."""
+    return min(state(bins), arfima(bins))
 
 
 def without_order(bins: Bins) -> float:
@@ -180,62 +221,3 @@ def _mixed(bins: Bins, log_corners: Array) -> float:
         options={"maxiter": 5000, "maxfun": 20000, "maxcor": 30, "ftol": 1e-13},
     )
     return float(found.fun)
-
-
-def _with_floor(shape: Array, log_floor: Array) -> Array:
-    """log_floor: of white noise over the shape's own size."""
-    return np.asarray(shape + np.exp(log_floor)[:, np.newaxis])
-
-
-def _scaled(shape: Array) -> Array:
-    return np.asarray(shape / np.exp(np.log(shape).mean(axis=-1, keepdims=True)))
-
-
-def _ar1(log_corner: Array, lam: Array) -> Array:
-    phi = np.exp(-np.exp(log_corner))[:, np.newaxis]
-    return np.asarray(1 / ((1 - phi) ** 2 + 4 * phi * np.sin(lam / 2) ** 2))
-
-
-def _state(p: Array, lam: Array) -> Array:
-    alpha, g = p[0][:, np.newaxis], -np.exp(p[1])[:, np.newaxis]
-    g = np.maximum(g, -0.98 * 2**alpha)
-    z = np.exp(-1j * lam)
-    return _with_floor(_scaled(1 / np.abs((1 - z) ** alpha - g * z) ** 2), p[2])
-
-
-def _state_and_rise(p: Array, lam: Array) -> Array:
-    return np.asarray(_state(p, lam) + _rise(p[3], p[4], lam))
-
-
-def _walk_and_rise(p: Array, lam: Array) -> Array:
-    return np.asarray(_walk(p, lam) + _rise(p[1], p[2], lam))
-
-
-def _rise(log_size: Array, delta: Array, lam: Array) -> Array:
-    return np.asarray(np.exp(log_size)[:, np.newaxis] * np.sin(lam / 2) ** (2 * delta[:, np.newaxis]))
-
-
-def _arfima(p: Array, lam: Array) -> Array:
-    return _with_floor(_scaled((2 * np.sin(lam / 2)) ** (-2 * p[0][:, np.newaxis]) * _ar1(p[1], lam)), p[2])
-
-
-def _one_relaxation(p: Array, lam: Array) -> Array:
-    return _with_floor(_scaled(_ar1(p[0], lam)), p[1])
-
-
-def _walk(p: Array, lam: Array) -> Array:
-    return _with_floor(_scaled(1 / (4 * np.sin(lam / 2) ** 2)), p[0])
-
-
-def _low_pass(p: Array, lam: Array) -> Array:
-    x = (2 * np.sin(lam / 2)) ** 2 / np.exp(2 * p[0])[:, np.newaxis]
-    return _with_floor(1 / (1 + x ** p[1][:, np.newaxis]), p[2])
-
-
-def _walk_and_relaxation(p: Array, lam: Array) -> Array:
-    walk, relaxation = _scaled(1 / (4 * np.sin(lam / 2) ** 2)), _scaled(_ar1(p[1], lam))
-    return np.asarray(np.exp(-p[0])[:, np.newaxis] * walk + np.exp(-p[2])[:, np.newaxis] * relaxation + 1)
-
-
-def _rising(p: Array, lam: Array) -> Array:
-    return _with_floor((2 * np.sin(lam / 2)) ** (2 * p[0][:, np.newaxis]), p[1])
