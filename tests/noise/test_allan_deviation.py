@@ -7,13 +7,17 @@ from fltea.identification.allan import overlapping
 from fltea.identification.noise_model import AxisModel, draws
 from fltea.noise.allan_deviation import model_adev
 from fltea.noise.parts import Order, White
-from fltea.noise.spectra import ar1, fractional, g_of, step_variance
+from fltea.noise.spectra import fractional, g_of, step_variance
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 H = 0.01
 OCTAVES = 2.0 ** np.arange(33)
 OTHERS = np.unique(np.rint(np.geomspace(1, 3e6, 40)))
+
+
+def ar1(lam: np.ndarray, phi: float) -> np.ndarray:
+    return 1 / ((1 - phi) ** 2 + 4 * phi * np.sin(lam / 2) ** 2)
 
 
 def ar1_deviation(phi: float, m: float) -> float:

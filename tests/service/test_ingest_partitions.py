@@ -293,7 +293,7 @@ HELLO = Hello(source="s", host_ns=0, rate_hz=100.0, sampling_mode="timer", boot_
 def test_what_is_missing_since_a_snapshot(
     boot: int, sequence: int, device_us: int, age_s: float, missing: int
 ) -> None:
-    state = DeviceState({}, 0, None, None, last=LastSample(boot, 10, 100_000))
+    state = DeviceState(sensor={}, unix_ns=0, last=LastSample(boot, 10, 100_000))
     assert missing_since(state, HELLO, sequence, device_us, age_s) == missing
 
 

@@ -12,8 +12,8 @@ Variances are in the square of the unit of y, deg/s for a gyroscope; h is the sa
 """
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import Self
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple, Self
 
 import msgspec
 import numpy as np
@@ -47,71 +47,43 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
         return CODES.index(type(self))
 
     def eta(self, h: float) -> list[float]:
-        """Return the coordinates of the native fits."""
-        raise NotImplementedError
+        """Return the coordinates of the native fits.
 
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "Part":
-        """Return the part that has these coordinates."""
-        raise NotImplementedError
-
-
-class _Level(Part, frozen=True):
-    """Noise of variance R."""
-
-    R: float
-
-    def eta(self, h: float) -> list[float]:
-        """Return log R."""
-        return [_log(self.R)]
+        Raises:
+            ValueError: an order that is not stationary.
+        """
+        return COORDINATES[type(self)].eta(self, h)
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
-        """Return the inverse."""
-        return cls(math.exp(eta[0]))
+        """Return the part that has these coordinates."""
+        return cls(*COORDINATES[cls].fields(eta, h))
 
 
-class White(_Level, frozen=True, tag="white"):
+class White(Part, frozen=True, tag="white"):
     """White noise of variance R: the angle walks at random, by N = √(R h) a root second."""
 
+    R: float
 
-class _Decaying(Part, frozen=True):
-    """A process of standard deviation σ that forgets itself within τ."""
+
+class Relaxation(Part, frozen=True, tag="relaxation"):
+    """A Gauss–Markov process of standard deviation σ, which forgets itself within the correlation time τ."""
 
     sigma: float
     tau_s: float
 
-    def eta(self, h: float) -> list[float]:
-        """Return log σ² and log h/τ."""
-        return [_log(self.sigma**2), _log(h / self.tau_s)]
 
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
-        """Return the inverse."""
-        return cls(math.exp(eta[0] / 2), h * math.exp(-eta[1]))
-
-
-class Relaxation(_Decaying, frozen=True, tag="relaxation"):
-    """A Gauss–Markov process of standard deviation σ and correlation time τ."""
-
-
-class Alternating(_Decaying, frozen=True, tag="alternating"):
+class Alternating(Part, frozen=True, tag="alternating"):
     """The same of which every second sample has its sign changed: AR(1) of a negative coefficient."""
+
+    sigma: float
+    tau_s: float
 
 
 class Walk(Part, frozen=True, tag="walk"):
     """A random walk of the rate: K² h is the variance of a step."""
 
     K: float
-
-    def eta(self, h: float) -> list[float]:
-        """Return log K² h."""
-        return [_log(self.K**2 * h)]
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "Walk":
-        """Return the inverse."""
-        return cls(math.sqrt(math.exp(eta[0]) / h))
 
 
 class Order(Part, frozen=True, tag="order"):
@@ -121,25 +93,6 @@ class Order(Part, frozen=True, tag="order"):
     f: float
     Q: float
 
-    def eta(self, h: float) -> list[float]:
-        """Return α, logit(-g / 2^α), log s2.
-
-        Raises:
-            ValueError: the noise is not stationary.
-        """
-        g = g_of(self.alpha, self.f, h)
-        if not stationary(self.alpha, g):
-            raise ValueError(f"α = {self.alpha:g}, f = {self.f:g} is not stationary at h = {h:g} s")
-        share = -g / 2**self.alpha
-        logit = math.log(share / (1 - share)) if share > 0 else -LOGIT_END
-        return [self.alpha, max(logit, -LOGIT_END), _log(step_variance(self.alpha, self.Q, h))]
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "Order":
-        """Return the inverse."""
-        alpha, s2 = eta[0], math.exp(eta[2])
-        return cls(alpha, f_of(alpha, g_of_eta(eta), h), noise_variance(alpha, s2, h))
-
 
 class Arfima(Part, frozen=True, tag="arfima"):
     """An order without f: ARFIMA(1, d, 0) with innovations of variance s2."""
@@ -147,16 +100,6 @@ class Arfima(Part, frozen=True, tag="arfima"):
     d: float
     phi: float
     s2: float
-
-    def eta(self, h: float) -> list[float]:
-        """Return d, log -log φ and log of the level s2 / (1 - φ)²."""
-        return [self.d, math.log(-math.log(max(self.phi, 1e-6))), _log(self.s2) - 2 * math.log1p(-self.phi)]
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "Arfima":
-        """Return the inverse."""
-        phi = math.exp(-math.exp(eta[1]))
-        return cls(eta[0], phi, math.exp(eta[2]) * (1 - phi) ** 2)
 
 
 class Resonance(Part, frozen=True, tag="resonance"):
@@ -166,34 +109,11 @@ class Resonance(Part, frozen=True, tag="resonance"):
     frequency_hz: float
     width_hz: float
 
-    def eta(self, h: float) -> list[float]:
-        """Return the logarithms of height, λ and half the width over the frequency."""
-        return [
-            _log(self.height),
-            _log(2 * math.pi * self.frequency_hz * h),
-            _log(self.width_hz / 2 / self.frequency_hz),
-        ]
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "Resonance":
-        """Return the inverse."""
-        hz = math.exp(eta[1]) / (2 * math.pi * h)
-        return cls(math.exp(eta[0]), hz, 2 * hz * math.exp(eta[2]))
-
 
 class Quantisation(Part, frozen=True, tag="quantisation"):
     """Differences of an angle that is rounded: white noise of deviation Q of the angle."""
 
     Q: float
-
-    def eta(self, h: float) -> list[float]:
-        """Return log (Q/h)²."""
-        return [_log((self.Q / h) ** 2)]
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "Quantisation":
-        """Return the inverse."""
-        return cls(h * math.exp(eta[0] / 2))
 
 
 class Rise(Part, frozen=True, tag="rise"):
@@ -202,18 +122,11 @@ class Rise(Part, frozen=True, tag="rise"):
     power: float
     delta: float
 
-    def eta(self, h: float) -> list[float]:
-        """Return log power and δ."""
-        return [_log(self.power), self.delta]
 
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "Rise":
-        """Return the inverse."""
-        return cls(math.exp(eta[0]), eta[1])
+class Floor(Part, frozen=True, tag="floor"):
+    """White noise of variance R that no filter has changed, as that of rounding."""
 
-
-class Floor(_Level, frozen=True, tag="floor"):
-    """White noise that no filter has changed, as that of rounding."""
+    R: float
 
 
 class LowPass(Part, frozen=True, tag="low-pass"):
@@ -222,31 +135,11 @@ class LowPass(Part, frozen=True, tag="low-pass"):
     corner_hz: float
     poles: float
 
-    def eta(self, h: float) -> list[float]:
-        """Return the logarithm of the corner's λ² and the logit of the poles."""
-        share = min(max((self.poles - 1) / (MOST_POLES - 1), 1e-7), 1 - 1e-7)
-        return [2 * _log(2 * math.pi * self.corner_hz * h), math.log(share / (1 - share))]
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "LowPass":
-        """Return the inverse."""
-        poles = 1 + (MOST_POLES - 1) / (1 + math.exp(-eta[1]))
-        return cls(math.exp(eta[0] / 2) / (2 * math.pi * h), poles)
-
 
 class Sharpening(Part, frozen=True, tag="sharpening"):
     """The filter -s, 1 + 2 s, -s, which sharpens, or smooths where s < 0."""
 
     s: float
-
-    def eta(self, h: float) -> list[float]:
-        """Return s."""
-        return [self.s]
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "Sharpening":
-        """Return the inverse."""
-        return cls(eta[0])
 
 
 class Notch(Part, frozen=True, tag="notch"):
@@ -254,16 +147,6 @@ class Notch(Part, frozen=True, tag="notch"):
 
     frequency_hz: float
     width_hz: float
-
-    def eta(self, h: float) -> list[float]:
-        """Return the logarithms of λ and of the width over the frequency."""
-        return [_log(2 * math.pi * self.frequency_hz * h), _log(self.width_hz / self.frequency_hz)]
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> "Notch":
-        """Return the inverse."""
-        hz = math.exp(eta[0]) / (2 * math.pi * h)
-        return cls(hz, hz * math.exp(eta[1]))
 
 
 class Mean(Part, frozen=True, tag="mean"):
@@ -275,10 +158,6 @@ class Mean(Part, frozen=True, tag="mean"):
     def code(self) -> int:
         """The number of the part in the native module."""
         return MEAN_FROM + self.samples
-
-    def eta(self, h: float) -> list[float]:
-        """Return nothing: it has no coordinates."""
-        return []
 
 
 AnyPart = (
@@ -319,6 +198,91 @@ FREE = (1, 2, 1, 3, 3, 1, 2, 2, 1, 2, 0, 2, 1, 3)
 FILTERS = (LowPass, Sharpening, Notch, Mean)
 SIGNED = ("f", "s", "d")
 """Parameters that may be below 0."""
+
+
+class Coordinates(NamedTuple):
+    """How the fields of a part and its coordinates in the native fits follow from each other; h in s."""
+
+    eta: Callable[[Any, float], list[float]]
+    fields: Callable[[Sequence[float], float], tuple[float, ...]]
+
+
+def _eta_of_order(part: Order, h: float) -> list[float]:
+    g = g_of(part.alpha, part.f, h)
+    if not stationary(part.alpha, g):
+        raise ValueError(f"α = {part.alpha:g}, f = {part.f:g} is not stationary at h = {h:g} s")
+    share = -g / 2**part.alpha
+    logit = math.log(share / (1 - share)) if share > 0 else -LOGIT_END
+    return [part.alpha, max(logit, -LOGIT_END), _log(step_variance(part.alpha, part.Q, h))]
+
+
+def _order_of_eta(eta: Sequence[float], h: float) -> tuple[float, ...]:
+    alpha, s2 = eta[0], math.exp(eta[2])
+    return alpha, f_of(alpha, g_of_eta(eta), h), noise_variance(alpha, s2, h)
+
+
+def _arfima_of_eta(eta: Sequence[float], h: float) -> tuple[float, ...]:
+    phi = math.exp(-math.exp(eta[1]))
+    return eta[0], phi, math.exp(eta[2]) * (1 - phi) ** 2
+
+
+def _eta_of_low_pass(part: LowPass, h: float) -> list[float]:
+    share = min(max((part.poles - 1) / (MOST_POLES - 1), 1e-7), 1 - 1e-7)
+    return [2 * _log(2 * math.pi * part.corner_hz * h), math.log(share / (1 - share))]
+
+
+def _low_pass_of_eta(eta: Sequence[float], h: float) -> tuple[float, ...]:
+    poles = 1 + (MOST_POLES - 1) / (1 + math.exp(-eta[1]))
+    return math.exp(eta[0] / 2) / (2 * math.pi * h), poles
+
+
+def _hz(log_lam: float, h: float) -> float:
+    return math.exp(log_lam) / (2 * math.pi * h)
+
+
+def _log(value: float) -> float:
+    return math.log(max(value, SMALLEST))
+
+
+_LEVEL = Coordinates(lambda p, h: [_log(p.R)], lambda eta, h: (math.exp(eta[0]),))
+_DECAYING = Coordinates(
+    lambda p, h: [_log(p.sigma**2), _log(h / p.tau_s)],
+    lambda eta, h: (math.exp(eta[0] / 2), h * math.exp(-eta[1])),
+)
+COORDINATES: dict[type[Part], Coordinates] = {
+    White: _LEVEL,
+    Floor: _LEVEL,
+    Relaxation: _DECAYING,
+    Alternating: _DECAYING,
+    Walk: Coordinates(lambda p, h: [_log(p.K**2 * h)], lambda eta, h: (math.sqrt(math.exp(eta[0]) / h),)),
+    Order: Coordinates(_eta_of_order, _order_of_eta),  # α, logit(-g / 2^α), log s2
+    # d, log -log φ, and log of the level s2 / (1 - φ)²
+    Arfima: Coordinates(
+        lambda p, h: [p.d, math.log(-math.log(max(p.phi, 1e-6))), _log(p.s2) - 2 * math.log1p(-p.phi)],
+        _arfima_of_eta,
+    ),
+    # logarithms of height, of λ, and of half the width over the frequency
+    Resonance: Coordinates(
+        lambda p, h: [
+            _log(p.height),
+            _log(2 * math.pi * p.frequency_hz * h),
+            _log(p.width_hz / 2 / p.frequency_hz),
+        ],
+        lambda eta, h: (math.exp(eta[0]), _hz(eta[1], h), 2 * _hz(eta[1], h) * math.exp(eta[2])),
+    ),
+    Quantisation: Coordinates(
+        lambda p, h: [_log((p.Q / h) ** 2)], lambda eta, h: (h * math.exp(eta[0] / 2),)
+    ),
+    Rise: Coordinates(lambda p, h: [_log(p.power), p.delta], lambda eta, h: (math.exp(eta[0]), eta[1])),
+    LowPass: Coordinates(_eta_of_low_pass, _low_pass_of_eta),  # log λ² of the corner, logit of the poles
+    Sharpening: Coordinates(lambda p, h: [p.s], lambda eta, h: (eta[0],)),
+    # logarithms of λ and of the width over the frequency
+    Notch: Coordinates(
+        lambda p, h: [_log(2 * math.pi * p.frequency_hz * h), _log(p.width_hz / p.frequency_hz)],
+        lambda eta, h: (_hz(eta[0], h), _hz(eta[0], h) * math.exp(eta[1])),
+    ),
+    Mean: Coordinates(lambda p, h: [], lambda eta, h: ()),
+}
 
 
 def kind_of(code: int) -> type[Part]:
@@ -366,7 +330,3 @@ def spectrum_of(codes: Sequence[int], eta: Sequence[float], lam: Array, h: float
     found = np.empty(len(lam))
     _native.sentence_spectrum(list(codes), list(eta), np.ascontiguousarray(lam, dtype=np.float64), h, found)
     return found
-
-
-def _log(value: float) -> float:
-    return math.log(max(value, SMALLEST))

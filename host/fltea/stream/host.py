@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 from fltea.estimator.bank import Bank
 from fltea.estimator.lanes import Reason
@@ -215,7 +216,7 @@ class HostEstimates(Stage):
 
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch, from what was saved if it fits."""
-        hello, saved = beginning.hello, beginning.saved or Saved(None, None)
+        hello, saved = beginning.hello, beginning.saved or Saved()
         gyro, accel = beginning.axes(self._config.channels)
         self._sensors = {}
         if gyro and self._settings is not None:
@@ -259,10 +260,10 @@ class HostEstimates(Stage):
             accel=info.get("accel"),
         )
 
-    def save(self) -> Saved | None:
-        """Both sensors' estimators; None while one of them has nothing to keep."""
+    def save(self) -> dict[str, Any]:
+        """Both sensors' estimators; nothing while one of them has nothing to keep."""
         found = {name: channels.save() for name, channels in self._sensors.items()}
-        return Saved(found.get("gyro"), found.get("accel")) if found and all(found.values()) else None
+        return found if all(found.values()) else {}
 
     def _estimate(self, block: Block, host_ns: Ints) -> Iterator[Item]:
         found: list[AxisColumns] = []

@@ -14,7 +14,7 @@ counts before the sums do, and these leave out what it calls motion.
 """
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
@@ -29,7 +29,7 @@ from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes, Looked, Noise
 from fltea.stream.beside import Beside
 from fltea.stream.fit_times import Look, LookTimes, period_s
-from fltea.stream.stages import Beginning, Item, Moment, Saved, SavedFits, Stage, Standing
+from fltea.stream.stages import Beginning, Item, Moment, Saved, Stage, Standing
 
 NO_VERDICT = ("too few samples",)
 """Kinds that say nothing of the noise."""
@@ -109,21 +109,20 @@ class LiveFits(Stage):
         """Begin an epoch, with the sums of the one before or of what was saved if the sensor is the same."""
         if self._resumed:  # what was saved has been refused by another stage
             self._of, self._resumed = None, False
-        hello, saved = beginning.hello, beginning.saved
+        hello, saved = beginning.hello, beginning.saved or Saved()
         gyro, accel = beginning.axes(self._config.channels)
         identity = (_sensor_of(hello), tuple(gyro), tuple(accel))
-        if saved is not None or identity != self._of:
+        if beginning.saved is not None or identity != self._of:
             h, of_live = 1.0 / hello.rate_hz, self._config.live
-            kept = (saved.fits if saved else None) or SavedFits(None, None)
             self._sensors, self._settled, self._begun = {}, {}, None
             for name, axes, unit, data in (
-                ("gyro", gyro, GYRO_UNIT, kept.gyro),
-                ("accel", accel, ACCEL_UNIT, kept.accel),
+                ("gyro", gyro, GYRO_UNIT, saved.gyro_fit),
+                ("accel", accel, ACCEL_UNIT, saved.accel_fit),
             ):
                 if axes:
                     live = LiveAxes(tuple(axes), h, of_live, unit, data)
                     self._sensors[name] = _Sensor(live, list(axes.values()))
-            self._of, self._resumed = identity, saved is not None
+            self._of, self._resumed = identity, beginning.saved is not None
             self._rate_hz = hello.rate_hz
             grows = self._config.live.period_s is None
             self._times = LookTimes(hello.rate_hz, grows=grows, every=self._watched)
@@ -206,10 +205,9 @@ class LiveFits(Stage):
         """How often it fits."""
         return Standing(fit_period_s=period_s(self._config, self._beside) if self._sensors else None)
 
-    def save(self) -> Saved | None:
+    def save(self) -> dict[str, Any]:
         """The sums of both sensors."""
-        found = {name: sensor.live.save() for name, sensor in self._sensors.items()}
-        return Saved(None, None, SavedFits(found.get("gyro"), found.get("accel"))) if found else None
+        return {f"{name}_fit": sensor.live.save() for name, sensor in self._sensors.items()}
 
     @property
     def _samples(self) -> int:

@@ -46,7 +46,7 @@ from fltea.stream.snapshot import (
     sensor_of,
     why_unused,
 )
-from fltea.stream.stages import Beginning, Item, Notice, SavedFits, SavedTracks, Stage, Standing
+from fltea.stream.stages import Beginning, Item, Notice, Stage, Standing
 from fltea.stream.tracking import Tracking
 
 Output = AnyRecord | Block
@@ -127,24 +127,11 @@ class Pipeline:
     def save(self) -> DeviceState | None:
         """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
         hello, sample_ns = self._decoder.place.hello, self._sample_ns
-        saved = [found for stage in self._stages if (found := stage.save()) is not None]
-        filters = next((found for found in saved if found.gyro or found.accel), None)
-        if hello is None or sample_ns is None or filters is None:
+        saved = {name: one for stage in self._stages for name, one in stage.save().items()}
+        if hello is None or sample_ns is None or not saved.keys() & {"gyro", "accel"}:
             return None
-        fits = next((found.fits for found in saved if found.fits), SavedFits(None, None))
-        tracks = next((found.tracks for found in saved if found.tracks), SavedTracks(None, None))
         unix_ns = sample_ns + self._source.unix_offset_ns  # the epoch's own would keep a date set since
-        return DeviceState(
-            sensor_of(hello, self._config),
-            unix_ns,
-            filters.gyro,
-            filters.accel,
-            fits.gyro,
-            fits.accel,
-            self._last,
-            tracks.gyro,
-            tracks.accel,
-        )
+        return DeviceState(sensor=sensor_of(hello, self._config), unix_ns=unix_ns, last=self._last, **saved)
 
     @property
     def hello(self) -> Hello | None:
@@ -279,7 +266,7 @@ class Pipeline:
         notices: list[Item] = []
         raw, hello = decoded.raw, decoded.hello
         has_accel = decoded.block.accel_ms2 is not None
-        beginning = Beginning(hello, raw.gyro.shape[1], has_accel, None, decoded.missing)
+        beginning = Beginning(hello, raw.gyro.shape[1], has_accel, missing=decoded.missing)
         if absent := self._absent(beginning):
             notices.append(Notice("no_axis", absent, self._now_ns))
         state, self._state = self._state, None
@@ -289,7 +276,7 @@ class Pipeline:
             if problem is None:
                 try:
                     for stage in self._stages:
-                        stage.begin(beginning._replace(saved=state.estimators))
+                        stage.begin(beginning._replace(saved=state))
                 except ValueError as error:
                     problem = str(error)
                     self._refuse()

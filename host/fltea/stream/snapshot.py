@@ -9,12 +9,11 @@ was reset in between (opening its port resets a Due) does not matter: its sensor
 
 import msgspec
 
-from fltea.estimator.snapshot import OnlineState
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US
 from fltea.records.records import Hello
 from fltea.settings.config import Config
 from fltea.stream.place import CLOCK_TOLERANCE
-from fltea.stream.stages import Saved, SavedFits, SavedTracks
+from fltea.stream.stages import Saved
 
 LONGEST_WRAP_S = 30 * 60.0
 """Beyond it the wraps of device time (71.6 minutes) cannot be counted."""
@@ -28,32 +27,15 @@ class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     device_us: int
 
 
-class DeviceState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class DeviceState(Saved, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The estimators of one device. sensor: what has to be the same; unix_ns: time of the last sample.
 
-    gyro_fit, accel_fit: sums of the live fits; gyro_track, accel_track: what the trackers know; None where
-    there is none. last: by which it is known how many samples are missing if the device has gone on; else by
-    the time.
+    last: by which it is known how many samples are missing if the device has gone on; else by the time.
     """
 
     sensor: dict[str, str]
     unix_ns: int
-    gyro: OnlineState | None
-    accel: OnlineState | None
-    gyro_fit: bytes | None = None
-    accel_fit: bytes | None = None
     last: LastSample | None = None
-    gyro_track: bytes | None = None
-    accel_track: bytes | None = None
-
-    @property
-    def estimators(self) -> Saved:
-        """The estimators of both sensors."""
-        fits, tracks = (
-            SavedFits(self.gyro_fit, self.accel_fit),
-            SavedTracks(self.gyro_track, self.accel_track),
-        )
-        return Saved(self.gyro, self.accel, fits, tracks)
 
 
 def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float) -> int:

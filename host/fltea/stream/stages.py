@@ -2,7 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import msgspec
 
 from fltea.estimator.snapshot import OnlineState
 from fltea.records.block import Block
@@ -50,7 +52,7 @@ class Beginning(NamedTuple):
     hello: Hello
     gyro_axes: int
     accel: bool
-    saved: "Saved | None"
+    saved: "Saved | None" = None
     missing: int = 0
 
     def axes(self, wanted: Sequence[str] | None) -> tuple[dict[str, int], dict[str, int]]:
@@ -62,27 +64,19 @@ class Beginning(NamedTuple):
         )
 
 
-class SavedFits(NamedTuple):
-    """Sums of the live fits of both sensors; None where there is none."""
+class Saved(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What the stages of a device need to go on; None where there is none.
 
-    gyro: bytes | None
-    accel: bytes | None
+    gyro, accel: the filters. gyro_fit, accel_fit: sums of the live fits. gyro_track, accel_track: what the
+    trackers know.
+    """
 
-
-class SavedTracks(NamedTuple):
-    """What the trackers of both sensors know; None where there is none."""
-
-    gyro: bytes | None
-    accel: bytes | None
-
-
-class Saved(NamedTuple):
-    """What the estimators and fits of a device need to go on; None where there is none."""
-
-    gyro: OnlineState | None
-    accel: OnlineState | None
-    fits: SavedFits | None = None
-    tracks: SavedTracks | None = None
+    gyro: OnlineState | None = None
+    accel: OnlineState | None = None
+    gyro_fit: bytes | None = None
+    accel_fit: bytes | None = None
+    gyro_track: bytes | None = None
+    accel_track: bytes | None = None
 
 
 @dataclass
@@ -126,6 +120,6 @@ class Stage:
         """Return how the stage gets on."""
         return Standing()
 
-    def save(self) -> Saved | None:
-        """Return what `Beginning.saved` takes; None while there is nothing to keep."""
-        return None
+    def save(self) -> dict[str, Any]:
+        """Return what the stage needs to go on, by the fields of `Saved`."""
+        return {}

@@ -7,6 +7,7 @@ stable, or half a minute long, a bank of random walks stands for the noise.
 
 import math
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace as with_fields
@@ -28,7 +29,7 @@ from fltea.spectrum.innovation_whiteness import describes
 from fltea.spectrum.live_axes import Noise
 from fltea.spectrum.wording import names
 from fltea.stream.live import LiveFits, SettledFit, settled_by
-from fltea.stream.stages import Beginning, Item, Saved, SavedTracks, Stage, Standing
+from fltea.stream.stages import Beginning, Item, Saved, Stage, Standing
 
 ENOUGH = 3000
 """Samples: a fit of fewer knows too little of what is slow, and the bank of walks goes on."""
@@ -147,13 +148,12 @@ class Tracking(Stage):
 
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch, from what was saved if it fits."""
-        hello, saved = beginning.hello, beginning.saved
+        hello, saved = beginning.hello, beginning.saved or Saved()
         gyro, accel = beginning.axes(self._config.channels)
-        h, kept = 1 / hello.rate_hz, (saved.tracks if saved else None) or SavedTracks(None, None)
-        self._sensors = {}
+        h, self._sensors = 1 / hello.rate_hz, {}
         for name, axes, config, unit, data in (
-            ("gyro", gyro, self._config.estimator, GYRO_UNIT, kept.gyro),
-            ("accel", accel, self._config.accel, ACCEL_UNIT, kept.accel),
+            ("gyro", gyro, self._config.estimator, GYRO_UNIT, saved.gyro_track),
+            ("accel", accel, self._config.accel, ACCEL_UNIT, saved.accel_track),
         ):
             if axes:
                 self._sensors[name] = sensor = SensorTracks(axes, config, h, unit)
@@ -186,10 +186,9 @@ class Tracking(Stage):
         """How the trackers get on."""
         return Standing(tracker={axis: one for s in self._sensors.values() for axis, one in s.stats()})
 
-    def save(self) -> Saved | None:
+    def save(self) -> dict[str, Any]:
         """What the trackers of both sensors know."""
-        found = {name: sensor.save() for name, sensor in self._sensors.items()}
-        return Saved(None, None, tracks=SavedTracks(found.get("gyro"), found.get("accel"))) if found else None
+        return {f"{name}_track": sensor.save() for name, sensor in self._sensors.items()}
 
 
 def _offsets(config: EstimatorConfig, axes: int) -> list[float | None]:

@@ -137,9 +137,8 @@ def _relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int
     slow = len(inner) + sum(not isinstance(part, White | Differenced | Through) for part in noise.parts)
     several = 3.0 * max(2 * min(slow, 6) - 3, 0)
     rises = bins.truth[-1] > bins.truth.min()
-    order, walk = contrast.order, contrast.walk
-    if rises:
-        order, walk = contrast.order_and_rise, contrast.walk_and_rise
+    order = contrast.order_and_rise if rises else contrast.order
+    walk = contrast.walk_and_rise if rises else contrast.walk
     notes.may(EITHER, order(bins), "an order between 0.15 and 0.85", several)
     notes.may("drift", walk(bins), "a random walk")
     notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
