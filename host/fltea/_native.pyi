@@ -4,12 +4,14 @@ The device's encoder (firmware/core), for tests; the decoder of the wire; the es
 spectra.
 """
 
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 _V = NDArray[np.float64]
+_Ints = NDArray[np.int64]
 
 SCHEMA_HASH: int
 
@@ -25,6 +27,40 @@ def encode_message(type: int, sequence: int, device_us: int, fields: tuple[Any, 
 # Seven int64 a record of an unpacked MCAP chunk: kind, begin, end, channel, sequence, log_time, publish_time;
 # the last four are 0 for all but messages. ValueError if a record runs beyond the end.
 def chunk_records(chunk: bytes) -> bytes: ...
+
+# The chunks of one MCAP file; compression: MCAP's name of how `end` packs them. ValueError for reads that do
+# not follow one another, and where lines and times are not as many.
+class McapChunks:
+    def __init__(self, compression: str) -> None: ...
+
+    # Bytes of the records in the chunk in progress.
+    @property
+    def size(self) -> int: ...
+
+    # A record that is no message, as it is.
+    def add_record(self, record: bytes) -> None: ...
+    def add_message(self, channel: int, sequence: int, log_ns: int, publish_ns: int, data: bytes) -> None: ...
+
+    # A message a read: where each ends in the data, and its times.
+    def add_reads(
+        self,
+        channel: int,
+        sequence: int,
+        data: bytes,
+        end: _Ints,
+        log_ns: _Ints,
+        publish_ns: _Ints,
+    ) -> None: ...
+
+    # A message a line, without its end.
+    def add_lines(self, channel: int, log_ns: _Ints, lines: bytes) -> None: ...
+
+    # Ends the chunk: what the file has of it from byte `at` on, with its index; nothing without a message.
+    def end(self, at: int, packed: Callable[[bytes], bytes]) -> bytes: ...
+
+    # Of all chunks that have ended: the records of their index, first and last log time, how many they are,
+    # and how many messages there are by channel.
+    def summary(self) -> tuple[bytes, int, int, int, dict[int, int]]: ...
 
 # See fltea.wire.block_reader.
 class Decoder:

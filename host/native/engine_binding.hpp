@@ -48,5 +48,6 @@ void bind_lanes(nanobind::module_& m);
 void bind_bank(nanobind::module_& m);
 void bind_allan(nanobind::module_& m);
 void bind_lines(nanobind::module_& m);
+void bind_mcap(nanobind::module_& m);
 void bind_octaves(nanobind::module_& m);
 void bind_tracker(nanobind::module_& m);

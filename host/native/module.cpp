@@ -10,7 +10,6 @@
 #include <type_traits>
 #include <vector>
 
-#include "chunk_index.hpp"
 #include "cobs.h"
 #include "crc32.h"
 #include "decoder_binding.hpp"
@@ -133,15 +132,6 @@ nb::bytes cobs_encode(nb::bytes bytes) {
     return nb::bytes(out.data(), n);
 }
 
-// The records of an unpacked chunk, seven numbers each (chunk_index.hpp).
-nb::bytes chunk_records(nb::bytes chunk) {
-    std::vector<fltea::ChunkRecord> records;
-    if (!fltea::index_chunk(data(chunk), chunk.size(), records)) {
-        throw nb::value_error("a record runs beyond the end of its chunk");
-    }
-    return nb::bytes(records.data(), records.size() * sizeof(fltea::ChunkRecord));
-}
-
 }  // namespace
 
 NB_MODULE(_native, m) {
@@ -153,7 +143,6 @@ NB_MODULE(_native, m) {
           nb::arg("payload"));
     m.def("encode_message", &encode_message, nb::arg("type"), nb::arg("sequence"), nb::arg("device_us"),
           nb::arg("fields"));
-    m.def("chunk_records", &chunk_records, nb::arg("chunk"));
     bind_decoder(m);
     bind_engine(m);
     bind_lanes(m);
@@ -163,5 +152,6 @@ NB_MODULE(_native, m) {
     bind_octaves(m);
     bind_tracker(m);
     bind_lines(m);
+    bind_mcap(m);
     bind_port_reader(m);
 }

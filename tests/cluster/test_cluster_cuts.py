@@ -19,9 +19,11 @@ from fltea.cluster.pieces import cuts_of, write_piece
 from fltea.cluster.whole import Ask
 from fltea.identification.load import Loaded, load
 from fltea.records.errors import UsageError
+from fltea.records.records import Hello
 from fltea.settings.config import RecordConfig
 from fltea.settings.how import How
 from fltea.sinks.record import RecordSink
+from fltea.sources.wire_events import WireEvents
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap_support import transport
@@ -75,8 +77,12 @@ def ros2(folder: Path) -> Path:
 def ours(folder: Path) -> Path:
     """Recorded as the daemon does."""
     sink = RecordSink(RecordConfig(folder=str(folder / "rec")), "due", lambda kind, text: None)
+    wire = WireEvents("/dev/due")
     for number, item in enumerate(transport(900, boots=2)):
         sink.write(item)
+        for event in wire.feed(item, item.host_ns):
+            if isinstance(event, Hello):
+                sink.write(event)
         if number % 100 == 50:
             sink._part.flush(sink._part.flushed_ns)  # ends a chunk, as a second or a megabyte does
     sink.close()

@@ -11,7 +11,7 @@ from fltea.recording.schema import record_schema
 from fltea.recording.session import LinkMessage, from_metadata
 from fltea.records import clock
 from fltea.records.errors import UsageError
-from fltea.records.events import Chunk, Failed, Opened
+from fltea.records.events import Chunk, Failed, Opened, TransportEvent
 from fltea.records.records import ACCEL_AXES, AXES, AxisEstimate, Error, Estimate, Sample
 from fltea.settings.config import load_config
 from fltea.settings.outputs import RecordConfig
@@ -20,6 +20,7 @@ from fltea.sinks.record import KINDS, RecordSink
 from fltea.sinks.record_session import MOST_NOTES
 from fltea.sources.mcap import read_info
 from fltea.sources.synthetic import parse_noise
+from fltea.wire.messages import encode
 from mcap.reader import make_reader
 from mcap_support import (
     MONOTONIC_NS,
@@ -37,6 +38,8 @@ from mcap_support import (
     written,
 )
 from mcap_support import of as only
+
+from tools.board_voice import HELLO
 
 # --- what is in a file ---
 
@@ -179,14 +182,15 @@ def test_files_end_by_age_and_size_and_nothing_falls_between(
 
 def test_a_board_that_says_ever_new_things_leaves_few_notes(tmp_path: Path) -> None:
     """The index of all metadata stays in memory until the file ends; the bytes hold every HELLO anyway."""
-    hellos = [
+    items: list[TransportEvent] = [Opened(MONOTONIC_NS, OFFSET_NS)]
+    items += [
         Chunk(standin.Device(parse_noise("seed=1"), boot_id=k).boot(), MONOTONIC_NS + k, OFFSET_NS)
         for k in range(1, 3 * MOST_NOTES)
     ]
-    written(sink_in(tmp_path), Opened(MONOTONIC_NS, OFFSET_NS), *hellos)
+    record(tmp_path, items)
     notes = [name for name, _ in metadata_of(files(tmp_path)[0])]
     assert notes.count("fltea.hello") == MOST_NOTES
-    assert len(wire_data(files(tmp_path)[0])) == len(hellos)
+    assert len(wire_data(files(tmp_path)[0])) == len(items) - 1
 
 
 def test_what_a_device_said_before_it_was_lost_is_not_carried_over(tmp_path: Path) -> None:
@@ -196,6 +200,16 @@ def test_what_a_device_said_before_it_was_lost_is_not_carried_over(tmp_path: Pat
     record(tmp_path, items, rotate_s=1.9)
     ((_, metadata),) = metadata_of(files(tmp_path)[-1])
     assert from_metadata(metadata).hello is None
+
+
+def test_what_a_device_said_before_it_was_refused_is_not_carried_over(tmp_path: Path) -> None:
+    items = transport(samples=120)
+    bad = encode(HELLO._replace(sample_rate=0), 0, 0)
+    later_ns = items[-1].host_ns + 2 * 10**9
+    items += [Chunk(bad, items[-1].host_ns, OFFSET_NS), Chunk(b"\0", later_ns, OFFSET_NS)]
+    record(tmp_path, items, rotate_s=1.9)
+    first, last = (from_metadata(dict(metadata_of(path))["fltea.session"]) for path in files(tmp_path))
+    assert (first.part, last.part, last.hello) == (0, 1, None)
 
 
 def test_a_second_run_touches_nothing_of_the_first(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from blocks import in_samples, of_samples, raw_samples
 from fltea.records.errors import UsageError
 from fltea.records.events import Break, Chunk, Event, Failed, LinkDown, Opened, RawSample, Tick, Trouble
 from fltea.records.records import DeviceStatus, Hello
-from fltea.sources.as_wire import AsWire
+from fltea.sources.as_wire import AsWire, as_stated
 from fltea.sources.synthetic import SyntheticSource
 from fltea.sources.wire_events import WireEvents
 from fltea.wire import layout as wire
@@ -57,6 +57,18 @@ hellos = st.builds(
     st.integers(0, 2**16 - 1),
     st.integers(0, 2**16 - 1),
 )
+
+
+@given(hellos, st.sampled_from([None, "abc", "00" * 16, "12" * 16]), st.booleans())
+def test_a_hello_has_the_names_that_the_next_one_has_on_the_wire(one: Hello, device: str, bare: bool) -> None:
+    one = msgspec.structs.replace(one, device_id=device)
+    if bare:
+        one = msgspec.structs.replace(one, boot_id=None, who_am_i=None, sensor_starts=None)
+    (stated,) = (event for event in round_trip([one]) if isinstance(event, Hello))
+    names = ("boot_id", "device_id", "who_am_i", "sensor_starts")
+    assert [getattr(as_stated(one), name) for name in names] == [getattr(stated, name) for name in names]
+
+
 statuses = st.builds(
     DeviceStatus,
     *[st.integers(0, 2**32 - 1)] * 5,

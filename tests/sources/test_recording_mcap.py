@@ -18,6 +18,7 @@ from fltea.sources.as_wire import AsWire
 from fltea.sources.mcap import McapRecording, find_session, read_entries
 from fltea.sources.replay import ReplaySource
 from fltea.sources.synthetic import SyntheticSource
+from fltea.sources.wire_events import WireEvents
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from mcap.opcode import Opcode
@@ -52,11 +53,13 @@ def test_what_the_line_did_is_counted_again(tmp_path: Path) -> None:
     items = transport(samples=100, boots=2)
     whole = items[20]
     items[20] = whole._replace(data=b"\xff" + whole.data)
-    _, sink = record(tmp_path, items)
-    source = ReplaySource(tmp_path)
+    record(tmp_path, items)
+    source, live = ReplaySource(tmp_path), WireEvents("/dev/due")
     for _ in source.events():
         pass
-    assert source.link_stats() == sink._wire.link_stats()
+    for item in items:
+        list(live.feed(item, item.host_ns))
+    assert source.link_stats() == live.link_stats()
     assert source.link_stats().bad_frames
     assert source.link_stats().reconnects == 1
 

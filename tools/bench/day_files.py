@@ -13,9 +13,10 @@ import numpy as np
 from fltea.records.events import Chunk, Opened
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.record import RecordSink
+from fltea.wire.message_events import hello_event
 from numpy.typing import NDArray
 
-from tools.bench.feeder import RATE_HZ, frames
+from tools.bench.feeder import RATE_HZ, frames, hello_of
 
 LSB_PER_DPS = 16.4
 BEGIN_NS = 10**9
@@ -56,6 +57,7 @@ def write_mcap(folder: Path, gyro: NDArray[np.int16]) -> Path:
     """By the recorder itself; the folder."""
     sink = RecordSink(RecordConfig(folder=str(folder)), "bench", lambda kind, text: print(kind, text))
     sink.write(Opened(BEGIN_NS, UNIX_NS))
+    sink.write(hello_event(hello_of(0), "serial:bench", BEGIN_NS + UNIX_NS))
     parts = (gyro[begin : begin + AT_ONCE].tolist() for begin in range(0, len(gyro), AT_ONCE))
     for i, data in enumerate(frames(0, chain.from_iterable(parts))):
         sink.write(Chunk(data, BEGIN_NS + i * (10**9 // RATE_HZ) + 900_000, UNIX_NS))

@@ -27,11 +27,15 @@ VOICES = 8
 """Different noises; devices of the same one differ in their HELLO."""
 
 
+def hello_of(k: int, boot_id: int | None = None) -> wire.Hello:
+    """Return what device k says of itself."""
+    names = boot_id or k + 1, k.to_bytes(16, "big")
+    return HELLO._replace(boot_id=names[0], device_id=names[1], firmware_version="bench")
+
+
 def greeting(k: int, second: int, now_us: int, boot_id: int | None = None) -> bytes:
-    """Return what device k says of itself once a second: HELLO and STATUS."""
-    hello = HELLO._replace(
-        boot_id=boot_id or k + 1, device_id=k.to_bytes(16, "big"), firmware_version="bench"
-    )
+    """Return what device k sends once a second: HELLO and STATUS."""
+    hello = hello_of(k, boot_id)
     status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER, 0, 0)
     return b"".join(encode(one, second % 65536, now_us % TIME_WRAP_US) for one in (hello, status))
 

@@ -4,15 +4,34 @@ import contextlib
 import errno
 import fcntl
 import os
+import struct
+import threading
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import IO, cast
+from typing import Any
 
 import msgspec
-from mcap.writer import CompressionType, Writer
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    DataEnd,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.writer import MCAP0_MAGIC
+from zstandard import ZstdCompressor
 
+from fltea._native import McapChunks
 from fltea.recording.schema import record_schema
-from fltea.recording.session import HELLO, LINK, SESSION, WIRE, Entry, LinkMessage, PartInfo
+from fltea.recording.session import HELLO, LINK, SESSION, WIRE, LinkMessage, PartInfo
+from fltea.records.events import Ints, Reads
 from fltea.records.records import Hello
 from fltea.records.version import __version__
 
@@ -23,8 +42,7 @@ NO_RESERVING = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
 class AppendOnly:
     """A new file that is written in one piece at every flush.
 
-    good_bytes: length after the last flush that succeeded; `cut` goes back to it. To the library it looks
-    like a binary stream, of which it uses no more than `write`, `tell` and `flush`.
+    good_bytes: length after the last flush that succeeded; `cut` goes back to it.
     """
 
     def __init__(self, path: Path, reserve_bytes: int) -> None:
@@ -41,10 +59,9 @@ class AppendOnly:
             path.unlink(missing_ok=True)
             raise
 
-    def write(self, data: bytes) -> int:
+    def write(self, data: bytes) -> None:
         """Keep bytes for the next flush."""
         self._pending += data
-        return len(data)
 
     def tell(self) -> int:
         """Length of the file, as it will be after the next flush."""
@@ -82,6 +99,23 @@ def _reserve(fd: int, size_bytes: int) -> None:
     os.ftruncate(fd, 0)
 
 
+class _Packer(threading.local):
+    """Packs chunks; for all files that a thread writes, since it takes a megabyte of memory."""
+
+    def __init__(self) -> None:
+        self.packed = ZstdCompressor(level=1, write_checksum=True).compress
+
+
+_packer = _Packer()
+
+
+def _bytes_of(*records: McapRecord) -> bytes:
+    builder: Any = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return bytes(builder.end())
+
+
 class PartWriter:
     """One file: the session's metadata, then messages in compressed chunks.
 
@@ -97,20 +131,18 @@ class PartWriter:
     ) -> None:
         self.path = path
         self._file = AppendOnly(path, reserve_bytes)
-        stream = cast(IO[bytes], self._file)
-        self._writer = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self._writer.start(library=f"fltea {__version__}")
-        self._writer.add_metadata(SESSION, info.to_metadata())
+        self._chunks = McapChunks("zstd")
+        self._notes: list[MetadataIndex] = []
+        self._schemas: list[Schema] = []
+        self._channels: dict[str, Channel] = {}
+        self._file.write(MCAP0_MAGIC + _bytes_of(Header("", f"fltea {__version__}")))
+        self._note(SESSION, info.to_metadata())
         if info.hello is not None:
             self.note_hello(info.hello)
-        link = self._writer.register_schema("fltea.Link", "jsonschema", record_schema(LinkMessage))
-        self._channels = {
-            WIRE: self._writer.register_channel(f"/{info.device}/{WIRE}", "application/octet-stream", 0),
-            LINK: self._writer.register_channel(f"/{info.device}/{LINK}", "json", link),
-        }
+        self._describe(info.device, WIRE, None)
+        self._describe(info.device, LINK, LinkMessage)
         for name, kind in records.items():
-            schema = self._writer.register_schema(f"fltea.{kind.__name__}", "jsonschema", record_schema(kind))
-            self._channels[name] = self._writer.register_channel(f"/{info.device}/{name}", "json", schema)
+            self._describe(info.device, name, kind)
         try:
             self.flush()
         except OSError:
@@ -122,25 +154,46 @@ class PartWriter:
         """Length of the file so far, without the chunk in progress."""
         return self._file.tell()
 
-    def add(self, entry: Entry) -> None:
+    def add(self, topic: str, log_ns: int, publish_ns: int, data: bytes) -> None:
         """Append one message."""
-        topic, log_ns, publish_ns, sequence, data = entry
-        self._writer.add_message(self._channels[topic], log_ns, data, publish_ns, sequence)
+        self._chunks.add_message(self._channels[topic].id, 0, log_ns, publish_ns, data)
+        self._end_large()
+
+    def add_reads(self, reads: Reads, offset_ns: int, sequence: int) -> None:
+        """Append what came over the wire, a message a read. offset_ns: from its clock to log times."""
+        end, host_ns = reads.end, reads.host_ns
+        times = host_ns + offset_ns, host_ns + reads.unix_offset_ns
+        self._chunks.add_reads(self._channels[WIRE].id, sequence, reads.data, end, *times)
+        self._end_large()
+
+    def add_lines(self, topic: str, log_ns: Ints, lines: bytes) -> None:
+        """Append a message a line."""
+        self._chunks.add_lines(self._channels[topic].id, log_ns, lines)
+        self._end_large()
 
     def note_hello(self, hello: Hello) -> None:
         """Write what a device says of itself as metadata."""
         fields = msgspec.structs.asdict(hello)
-        self._writer.add_metadata(
-            HELLO, {key: str(value) for key, value in fields.items() if value is not None}
-        )
+        self._note(HELLO, {key: str(value) for key, value in fields.items() if value is not None})
 
     def flush(self) -> None:
         """End the chunk and hand everything to the operating system."""
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._end_chunk()
+        self._file.flush()
 
     def finish(self) -> None:
         """Write summary and indexes, and close."""
-        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._end_chunk()
+        self._file.write(_bytes_of(DataEnd(0)))
+        begin = at = self._file.tell()
+        groups, offsets = self._summary(), list[McapRecord]()
+        for kind, data in groups.items():
+            offsets.append(SummaryOffset(kind, at, len(data)))
+            at += len(data)
+        summary = b"".join(groups.values()) + _bytes_of(*offsets)
+        footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, begin, at)
+        crc = zlib.crc32(footer, zlib.crc32(summary))
+        self._file.write(summary + footer + struct.pack("<I", crc) + MCAP0_MAGIC)
         self._file.flush()
         self._file.close()
 
@@ -153,3 +206,51 @@ class PartWriter:
         self._file.close()
         with contextlib.suppress(OSError):
             self.path.unlink()
+
+    def _describe(self, device: str, name: str, kind: type[msgspec.Struct] | None) -> None:
+        """Describe a channel in the first chunk; kind: of its records, None for bytes."""
+        schema, encoding = 0, "application/octet-stream"
+        if kind is not None:
+            schema, encoding = len(self._schemas) + 1, "json"
+            one = Schema(
+                schema, record_schema(kind), "jsonschema", f"fltea.{kind.__name__.removesuffix('Message')}"
+            )
+            self._schemas.append(one)
+            self._chunks.add_record(_bytes_of(one))
+        channel = Channel(len(self._channels) + 1, f"/{device}/{name}", encoding, {}, schema)
+        self._channels[name] = channel
+        self._chunks.add_record(_bytes_of(channel))
+
+    def _note(self, name: str, metadata: dict[str, str]) -> None:
+        record = _bytes_of(Metadata(name, metadata))
+        self._notes.append(MetadataIndex(self._file.tell(), len(record), name))
+        self._file.write(record)
+
+    def _end_large(self) -> None:
+        if self._chunks.size > CHUNK_BYTES:
+            self._end_chunk()
+
+    def _end_chunk(self) -> None:
+        self._file.write(self._chunks.end(self._file.tell(), _packer.packed))
+
+    def _summary(self) -> dict[int, bytes]:
+        """Return the records of the summary by their kind."""
+        index, first_ns, last_ns, chunks, counts = self._chunks.summary()
+        statistics = Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=counts,
+            chunk_count=chunks,
+            message_count=sum(counts.values()),
+            message_end_time=last_ns,
+            message_start_time=first_ns,
+            metadata_count=len(self._notes),
+            schema_count=len(self._schemas),
+        )
+        return {
+            Opcode.SCHEMA: _bytes_of(*self._schemas),
+            Opcode.CHANNEL: _bytes_of(*self._channels.values()),
+            Opcode.STATISTICS: _bytes_of(statistics),
+            Opcode.CHUNK_INDEX: index,
+            Opcode.METADATA_INDEX: _bytes_of(*self._notes),
+        }

@@ -90,6 +90,7 @@ class Sink:
     name: key of the output's counts in `stats.outputs`.
     lossless: a recording that is replayed faster than it was made waits for this sink.
     takes_wire: it is also given `Opened`, `Chunk`, `Reads` and `Failed`, before anything interprets them.
+    together: one thread writes to all of its name, and not one each; so none may wait for long.
     capacity: items that may wait in the queue before newer ones are dropped. rest_s: between two batches, so
     that records of many devices go out together, not with a change of threads each.
     """
@@ -97,6 +98,7 @@ class Sink:
     name: str = "output"
     lossless: ClassVar[bool] = False
     takes_wire: ClassVar[bool] = False
+    together: ClassVar[bool] = False
     capacity: ClassVar[int] = 10_000
     rest_s: ClassVar[float] = 0.002
     lost: int = 0

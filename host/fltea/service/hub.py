@@ -7,7 +7,7 @@ from fltea.records.block import Block
 from fltea.records.events import Reads, TransportEvent
 from fltea.records.ports import Departed, Item, Sink
 from fltea.records.records import AnyRecord, Error, OutputStats
-from fltea.service.outlet import Outlet
+from fltea.service.outlet import Outlet, OutletThread
 
 ESSENTIAL = "stdout"
 """The output without which a program that has no other need not go on; its failure is then the program's."""
@@ -30,10 +30,14 @@ class Hub:
         self._of: dict[str, list[Outlet]] = {}
         self._log: Outlet | None = None
         self._ended: list[Outlet] = []
+        self._threads: dict[str, OutletThread] = {}
 
     def add(self, sink: Sink, device: str | None = None) -> Outlet:
         """Add an output, of one device or of all; also while the program runs."""
-        outlet = Outlet(sink, self._on_end)
+        thread = None
+        if sink.together:
+            thread = self._threads.setdefault(sink.name, OutletThread(f"sinks {sink.name}"))
+        outlet = Outlet(sink, self._on_end, thread)
         outlet.start()
         if device is None:
             self._shared = [*self._shared, outlet]

@@ -1,4 +1,4 @@
-"""A sink behind a bounded queue and in a thread of its own: slow or broken, it loses only its own records."""
+"""A sink behind a bounded queue, and a thread that writes: slow or broken, it loses only its own records."""
 
 import threading
 import time
@@ -23,26 +23,75 @@ def weight(item: Item | Departed) -> int:
     return item.weight if isinstance(item, Block) else 1
 
 
+class OutletThread:
+    """Writes to outlets, one after the other, for as long as it has any.
+
+    due: one of them has something; hurry: it closes.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.changed = threading.Condition()
+        self.due = False
+        self.hurry = threading.Event()
+        self._name = name
+        self._outlets: list[Outlet] = []
+
+    def add(self, outlet: "Outlet") -> None:
+        """Begin to write to an outlet."""
+        with self.changed:
+            self._outlets.append(outlet)
+            first = len(self._outlets) == 1
+        if first:
+            threading.Thread(target=self._run, name=self._name, daemon=True).start()
+
+    def _run(self) -> None:
+        going, rested_s = True, 0.0
+        while going:
+            with self.changed:
+                if not self.due:
+                    self.changed.wait(IDLE_S)
+            # Only who has just written rests: to wake up for each of many that come together costs more.
+            self.hurry.wait(max(0.0, rested_s - time.monotonic()))
+            with self.changed:
+                self.due = False
+                self.hurry.clear()
+                outlets = list(self._outlets)
+            ended = [outlet for outlet in outlets if not outlet.write()]
+            rested_s = time.monotonic() + max(outlet.sink.rest_s for outlet in outlets)
+            with self.changed:
+                self._outlets = [outlet for outlet in self._outlets if outlet not in ended]
+                going = bool(self._outlets)
+            for outlet in ended:
+                outlet.done.set()
+
+
 class Outlet:
     """Feeds one sink.
 
     on_end: called once, from the outlet's thread, when the sink can take no more: with None if its reader
-    left, else with the exception.
+    left, else with the exception. thread: that of several outlets; else it has its own.
     """
 
-    def __init__(self, sink: Sink, on_end: Callable[["Outlet", Exception | None], None]) -> None:
+    def __init__(
+        self,
+        sink: Sink,
+        on_end: Callable[["Outlet", Exception | None], None],
+        thread: OutletThread | None = None,
+    ) -> None:
         self.sink = sink
         self.latency = Latency()
+        self.closing = False
+        self.done = threading.Event()
         self._on_end = on_end
         self._queue: deque[tuple[Item | Departed, int | None]] = deque()
         self._waiting = 0  # records in the queue
-        self._changed = threading.Condition()
-        self._closing = self._ended = False
+        self._thread = thread or OutletThread(f"sink {sink.name}")
+        self._changed = self._thread.changed
+        self._ended = False
         self._written = self._dropped = self._overflow = 0
         self._in_hand = 0
-        self._rested_s = 0.0
+        self._idle_s = 0.0
         self._lost_before: int | None = None  # the sink's own count, while a batch is in hand
-        self._thread = threading.Thread(target=self._run, name=f"sink {sink.name}", daemon=True)
 
     @property
     def name(self) -> str:
@@ -51,7 +100,7 @@ class Outlet:
 
     def start(self) -> None:
         """Begin to write."""
-        self._thread.start()
+        self._thread.add(self)
 
     def put(
         self, items: Iterable[Item | Departed], arrived_ns: int | None = None, *, wait: bool = False
@@ -63,8 +112,8 @@ class Outlet:
         with self._changed:
             for item in items:
                 if wait:
-                    while self._waiting >= self.sink.capacity and not (self._ended or self._closing):
-                        self._changed.notify_all()
+                    while self._waiting >= self.sink.capacity and not (self._ended or self.closing):
+                        self._wake()
                         self._changed.wait(IDLE_S)
                 count = weight(item)
                 if self._ended or self._waiting >= self.sink.capacity:
@@ -73,13 +122,13 @@ class Outlet:
                 else:
                     self._queue.append((item, arrived_ns))
                     self._waiting += count
-            self._changed.notify_all()
+            self._wake()
 
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until the queue is less than half full, or has ended; False if it is not in time."""
         with self._changed:
             return self._changed.wait_for(
-                lambda: self._waiting < self.sink.capacity // 2 or self._ended or self._closing, timeout_s
+                lambda: self._waiting < self.sink.capacity // 2 or self._ended or self.closing, timeout_s
             )
 
     def stats(self) -> OutputStats:
@@ -91,39 +140,39 @@ class Outlet:
     def close(self) -> None:
         """Take nothing more; what is queued still goes out (see `join`)."""
         with self._changed:
-            self._closing = True
-            self._changed.notify_all()
+            self.closing = True
+            self._thread.hurry.set()
+            self._wake()
 
     def join(self, timeout_s: float) -> bool:
         """Wait until the sink has written everything and is closed; False if it did not manage."""
-        self._thread.join(timeout_s)
-        return not self._thread.is_alive()
+        return self.done.wait(timeout_s)
 
-    def _run(self) -> None:
+    def write(self) -> bool:
+        """Write what is queued; False once closed and empty, or at its end."""
+        if not (self._queue or self.closing or time.monotonic() >= self._idle_s):
+            return True
         try:
-            while self._write_batch():
-                pass
+            if self._write_batch():
+                return True
             self.sink.close()
         except SinkClosed:
             self._end(None)
         except Exception as error:  # whatever a library raises ends this output alone
             self._end(error)
+        return False
+
+    def _wake(self) -> None:
+        self._thread.due = True
+        self._changed.notify_all()
 
     def _write_batch(self) -> bool:
-        """Write what is queued; False when closed and empty."""
-        with self._changed:
-            if not self._queue and not self._closing:
-                self._changed.wait(IDLE_S)
-        # Only who has just written rests: to wake up twice for what comes now and then costs as much again.
-        left_s = self._rested_s - time.monotonic()
-        if left_s > 0 and not self._closing:
-            time.sleep(left_s)
         with self._changed:
             batch = list(self._queue)
             self._queue.clear()
             count, self._waiting = self._waiting, 0
             overflow, self._overflow = self._overflow, 0
-            closing = self._closing
+            closing = self.closing
             self._in_hand, self._lost_before = count, self.sink.lost
             self._changed.notify_all()
         for item, _ in batch:
@@ -137,7 +186,7 @@ class Outlet:
         with self._changed:
             self._written += count
             self._in_hand, self._lost_before = 0, None
-        self._rested_s = time.monotonic() + self.sink.rest_s
+        self._idle_s = time.monotonic() + IDLE_S
         now_ns = host_ns()
         for item, arrived_ns in batch:
             if arrived_ns is not None:

@@ -9,7 +9,6 @@ from typing import Any
 
 import msgspec
 
-from fltea.records import clock
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.ports import RecordingView
 from fltea.records.records import Hello
@@ -17,7 +16,6 @@ from fltea.service.hub import Hub
 from fltea.service.outlet import Outlet
 from fltea.settings.extras import load
 from fltea.settings.outputs import RecordConfig
-from fltea.sources.as_wire import AsWire
 
 FINISH_S = 5.0
 FREE_EVERY_S = 5.0
@@ -84,7 +82,6 @@ class RecorderOfHub:
                 raise UsageError(REPLAYED)
             if hello is None:
                 raise UsageError("Nothing was heard of the device yet; try again when its samples arrive.")
-            AsWire(clock.unix_offset_ns).encode(hello)  # refuses what no recording can state
             module = load("fltea.sinks.record", "mcap", "record", "recording needs")
             hello = msgspec.structs.replace(hello, device=None)
             sink = module.RecordSink(self._settings, device, self._hub.report(device), hello)

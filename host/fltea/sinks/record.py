@@ -1,29 +1,31 @@
 """Records what comes over the wire, and the records made of it, in MCAP files."""
 
 import errno
-from itertools import chain
 from pathlib import Path
 from typing import get_args
 
 import msgspec
 
 from fltea.recording.schema import encode_message
-from fltea.recording.session import OVERFLOW, WIRE, WIRE_WRAP, Entry, LinkMessage
+from fltea.recording.session import OVERFLOW, WIRE_WRAP, LinkMessage
 from fltea.records import clock
 from fltea.records.block import Block
-from fltea.records.events import Chunk, Failed, LinkDown, Reads, TransportEvent
+from fltea.records.events import Chunk, Failed, Opened, Reads
 from fltea.records.ports import Item, Report, Sink
-from fltea.records.records import AnyRecord, Hello
+from fltea.records.records import AnyRecord, Error, Hello
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.lines import BlockLines, Wanted
 from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer
-from fltea.sources.wire_events import WireEvents
+from fltea.sources.as_wire import as_stated
 
 FLUSH_NS = 500_000_000
 """What a killed program loses is at most this and the pause between two calls of `flush`."""
 
 RETRY_NS = 5 * 10**9
 """A disk that failed is looked at so often."""
+
+REFUSED = ("version", "bad_hello")
+"""Errors of a device whose samples are not believed until its next good HELLO."""
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
@@ -51,8 +53,9 @@ class RecordSink(Sink):
 
     name = "record"
     lossless = True
-    takes_wire = True
+    takes_wire = together = True
     capacity = 50_000
+    rest_s = 0.1
 
     def __init__(
         self, settings: RecordConfig, device: str, report: Report, hello: Hello | None = None
@@ -72,9 +75,7 @@ class RecordSink(Sink):
         self._offset_ns: int | None = None
         self._now_ns = self._retry_ns = 0
         self._sequence = 0
-        self._hello = hello
-        self._wire = WireEvents(device)
-        self._unread: list[Chunk] = []
+        self._hello = None if hello is None else as_stated(hello)
         self._gap: LinkMessage | None = None
 
     @property
@@ -90,22 +91,23 @@ class RecordSink(Sink):
 
     def write(self, item: Item) -> None:
         """Take one item; a new file begins only before one from the wire."""
-        if isinstance(item, TransportEvent):
-            self._on_wire(item)
-        elif isinstance(item, Reads):
-            for one in item.chunks():
-                self._on_wire(one)
-        elif isinstance(item, Block):
-            self._on_block(item)
-        elif type(item) in self._topics:
-            self._on_message(self._topics[type(item)], item.host_ns, encode_message(item))
+        match item:
+            case Reads():
+                self._on_reads(item)
+            case Chunk():
+                self._on_reads(Reads.of(item))
+            case Opened() | Failed():
+                self._on_link(item)
+            case Block():
+                self._on_block(item)
+            case _:
+                self._on_record(item)
 
     def flush(self) -> None:
         """Hand what has been gathered to the operating system, if the last time is long enough ago."""
         now_ns = clock.host_ns()
         if self._part is None or now_ns - self._part.flushed_ns < FLUSH_NS:
             return
-        self._read()
         try:
             self._part.flush(now_ns)
         except OSError as error:
@@ -113,7 +115,6 @@ class RecordSink(Sink):
 
     def on_overflow(self, count: int) -> None:
         """Mark the place, and forget what was known of the device."""
-        self._read()
         self._hello = None
         if self._part is not None:
             self._part.add_link(LinkMessage("gap", kind=OVERFLOW, items=count), self._log_ns)
@@ -122,82 +123,78 @@ class RecordSink(Sink):
         """Finish the file."""
         self._finish()
 
-    def _on_wire(self, item: TransportEvent) -> None:
-        self._now_ns = item.host_ns
+    def _on_reads(self, reads: Reads) -> None:
+        self._come(int(reads.host_ns[0]), int(reads.unix_offset_ns[0]))
+        count = len(reads.end)
+        if self._part is None or self._offset_ns is None:
+            self._lose(count, len(reads.data), chunks=count)
+        else:
+            self._part.add_reads(reads, self._offset_ns, self._sequence)
+        self._sequence = (self._sequence + count) % WIRE_WRAP
+        self._now_ns = int(reads.host_ns[-1])
+
+    def _on_link(self, item: Opened | Failed) -> None:
+        self._come(item.host_ns, item.unix_offset_ns)
+        message = LinkMessage("opened")
+        if isinstance(item, Failed):
+            message = LinkMessage("failed", kind=item.kind, message=item.message)
+            self._hello = None
+        if self._part is None:
+            self._lose()
+        else:
+            self._part.add_link(message, self._log_ns, item.host_ns + item.unix_offset_ns)
+
+    def _come(self, host_ns: int, unix_offset_ns: int) -> None:
+        """Get ready for what came over the wire: with a new file if it is time."""
+        self._now_ns = host_ns
         if self._offset_ns is None:
-            self._offset_ns = item.unix_offset_ns
+            self._offset_ns = unix_offset_ns
         if self._part is not None and self._is_due(self._part):
             self._finish()
         if self._part is None:
             self._begin()
-        publish_ns = item.host_ns + item.unix_offset_ns
-        if isinstance(item, Chunk):
-            if self._part is None:
-                self._lose(len(item.data), chunks=1)
-            else:
-                self._part.add(Entry(WIRE, self._log_ns, publish_ns, self._sequence, item.data))
-            self._sequence = (self._sequence + 1) % WIRE_WRAP
-        elif self._part is None:
-            self._lose()
-        elif isinstance(item, Failed):
-            failed = LinkMessage("failed", kind=item.kind, message=item.message)
-            self._part.add_link(failed, self._log_ns, publish_ns)
-        else:
-            self._part.add_link(LinkMessage("opened"), self._log_ns, publish_ns)
-        if isinstance(item, Chunk):
-            self._unread.append(item)
-            if item.host_ns - self._unread[0].host_ns >= FLUSH_NS:
-                self._read()
-        else:
-            self._read(item)
-
-    def _read(self, *last: TransportEvent) -> None:
-        """Take note of what the device says of itself; of many reads at once, which costs less."""
-        reads = (Reads.of(*self._unread),) if self._unread else ()
-        self._unread = []
-        for item in (*reads, *last):
-            for event in self._wire.feed(item, self._now_ns):
-                if isinstance(event, Hello):
-                    self._on_hello(event)
-                elif isinstance(event, LinkDown):
-                    self._hello = None
 
     def _on_block(self, block: Block) -> None:
         rows = block.due_rows
-        times = block.host_ns[rows.start : rows.stop : rows.step].tolist()
-        kinds = []
+        times = block.host_ns[rows.start : rows.stop : rows.step]
         for name, wanted in self._of_blocks.items():
-            lines = self._lines.of(block, wanted, rows).splitlines()
-            if lines:
-                kinds.append([(name, *one) for one in zip(times, lines, strict=True)])
-        for message in chain.from_iterable(zip(*kinds, strict=True)):
-            self._on_message(*message)
+            if lines := self._lines.of(block, wanted, rows):
+                if part := self._file():
+                    part.add_lines(name, times, lines)
+                else:
+                    self._lose(len(times))
 
-    def _on_message(self, name: str, host_ns: int, data: bytes) -> None:
-        if self._offset_ns is None:  # an error of another output, before anything from the device
-            self._offset_ns = clock.unix_offset_ns()
-            self._now_ns = clock.host_ns()
-            self._begin()
-        if self._part is None:
-            self._lose()
+    def _on_record(self, record: AnyRecord) -> None:
+        if isinstance(record, Hello):
+            self._hello = as_stated(msgspec.structs.replace(record, device=None))
+            if self._part is not None:
+                self._part.note(self._hello)
+        elif isinstance(record, Error) and record.kind in REFUSED:
+            self._hello = None
+        name = self._topics.get(type(record))
+        if name is None:
+            return
+        if part := self._file():
+            part.add(name, record.host_ns, record.host_ns, encode_message(record))
         else:
-            self._part.add(Entry(name, host_ns, host_ns, 0, data))
+            self._lose()
 
-    def _on_hello(self, hello: Hello) -> None:
-        self._hello = hello
-        if self._part is not None:
-            self._part.note(hello)
+    def _file(self) -> OpenPart | None:
+        """Return the open file, if any; an error of another output may come before all from the device."""
+        if self._offset_ns is None:
+            self._come(clock.host_ns(), clock.unix_offset_ns())
+        return self._part
 
     @property
     def _log_ns(self) -> int:
         """Time of the newest item, as the file has it."""
         return self._now_ns + (self._offset_ns or 0)
 
-    def _lose(self, size_bytes: int = 0, chunks: int = 0) -> None:
-        """Count one item that no file takes."""
-        self.lost += 1
+    def _lose(self, items: int = 1, size_bytes: int = 0, chunks: int = 0) -> None:
+        """Count what no file takes."""
+        self.lost += items
         if self._gap is not None:
-            self._gap = longer(self._gap, size_bytes, chunks)
+            self._gap = longer(self._gap, items, size_bytes, chunks)
 
     def _is_due(self, part: OpenPart) -> bool:
         """Whether the file is large or old enough."""
@@ -209,7 +206,6 @@ class RecordSink(Sink):
 
     def _begin(self) -> None:
         """Begin the next file; after a failure only now and then, and only if there is room for some time."""
-        self._read()
         now_ns = clock.host_ns()
         if self._gap is not None and now_ns < self._retry_ns:
             return
@@ -238,7 +234,6 @@ class RecordSink(Sink):
     def _finish(self) -> None:
         if self._part is None:
             return
-        self._read()
         try:
             self._part.writer.finish()
         except OSError as error:

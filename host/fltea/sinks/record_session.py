@@ -11,8 +11,9 @@ import msgspec
 
 from fltea.recording.part import PartWriter
 from fltea.recording.schema import encode_message
-from fltea.recording.session import LINK, WIRE, Entry, LinkMessage, PartInfo
+from fltea.recording.session import LINK, LinkMessage, PartInfo
 from fltea.records.errors import UsageError
+from fltea.records.events import Ints, Reads
 from fltea.records.records import AnyRecord, Hello
 from fltea.records.version import __version__
 
@@ -23,10 +24,10 @@ NOTHING = LinkMessage("gap")
 """A gap with nothing in it."""
 
 
-def longer(gap: LinkMessage, size_bytes: int, chunks: int) -> LinkMessage:
-    """Return the same gap, one item longer."""
+def longer(gap: LinkMessage, items: int, size_bytes: int = 0, chunks: int = 0) -> LinkMessage:
+    """Return the same gap, so many items longer."""
     return msgspec.structs.replace(
-        gap, bytes=gap.bytes + size_bytes, chunks=gap.chunks + chunks, items=gap.items + 1
+        gap, bytes=gap.bytes + size_bytes, chunks=gap.chunks + chunks, items=gap.items + items
     )
 
 
@@ -42,16 +43,25 @@ class OpenPart:
         self.unflushed = NOTHING
         self._noted, self._notes = hello, 0
 
-    def add(self, entry: Entry) -> None:
-        """Write one entry."""
-        self.writer.add(entry)
-        is_wire = entry.topic == WIRE
-        self.unflushed = longer(self.unflushed, len(entry.data) if is_wire else 0, int(is_wire))
+    def add(self, topic: str, log_ns: int, publish_ns: int, data: bytes) -> None:
+        """Write one message."""
+        self.writer.add(topic, log_ns, publish_ns, data)
+        self.unflushed = longer(self.unflushed, 1)
 
     def add_link(self, message: LinkMessage, log_ns: int, publish_ns: int | None = None) -> None:
         """Write what happened to the connection; publish_ns: None if the times are the same."""
-        publish_ns = log_ns if publish_ns is None else publish_ns
-        self.add(Entry(LINK, log_ns, publish_ns, 0, encode_message(message)))
+        self.add(LINK, log_ns, log_ns if publish_ns is None else publish_ns, encode_message(message))
+
+    def add_reads(self, reads: Reads, offset_ns: int, sequence: int) -> None:
+        """Write what came over the wire, as `PartWriter.add_reads`."""
+        self.writer.add_reads(reads, offset_ns, sequence)
+        count = len(reads.end)
+        self.unflushed = longer(self.unflushed, count, len(reads.data), chunks=count)
+
+    def add_lines(self, topic: str, log_ns: Ints, lines: bytes) -> None:
+        """Write a message a line."""
+        self.writer.add_lines(topic, log_ns, lines)
+        self.unflushed = longer(self.unflushed, len(log_ns))
 
     def flush(self, now_ns: int) -> None:
         """Hand everything to the operating system.

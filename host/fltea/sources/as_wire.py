@@ -4,6 +4,8 @@ import hashlib
 import struct
 from collections.abc import Callable
 
+import msgspec
+
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import (
@@ -109,6 +111,20 @@ def _impossible(why: str) -> UsageError:
     return UsageError(
         f"this source cannot be recorded as frames: {why}. Write its samples instead: fltea run --samples."
     )
+
+
+def as_stated(hello: Hello) -> Hello:
+    """Return a HELLO with the names that its device has in a recording.
+
+    Raises:
+        UsageError: a frame cannot state it.
+    """
+    try:
+        stated = hello_event(_hello(hello), hello.source, hello.host_ns)
+    except (struct.error, ValueError) as error:
+        raise _impossible(f"Hello: {error}") from error
+    names = {name: getattr(stated, name) for name in ("boot_id", "device_id", "who_am_i", "sensor_starts")}
+    return msgspec.structs.replace(hello, **names)
 
 
 def _hello(hello: Hello) -> wire.Hello:

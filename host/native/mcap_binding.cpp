@@ -1,0 +1,115 @@
+// fltea._native.McapChunks: messages as chunks of MCAP (host/fltea/recording/part.py); and where the records
+// of a chunk stand (host/fltea/recording/scan.py).
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+
+#include <cstdint>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "chunk_index.hpp"
+#include "chunk_writer.hpp"
+#include "engine_binding.hpp"
+
+namespace nb = nanobind;
+
+namespace {
+
+using Times = nb::ndarray<const int64_t, nb::ndim<1>, nb::device::cpu>;
+
+const char* text_of(const nb::bytes& bytes) { return static_cast<const char*>(bytes.data()); }
+
+nb::bytes as_text(const std::string& text) { return nb::bytes(text.data(), text.size()); }
+
+uint64_t at(const Times& times, size_t k) { return static_cast<uint64_t>(times(k)); }
+
+class McapChunks {
+  public:
+    explicit McapChunks(const std::string& compression) : writer_(compression) {}
+
+    void add_record(nb::bytes record) { writer_.add_record(text_of(record), record.size()); }
+
+    void add_message(uint16_t channel, uint32_t sequence, uint64_t log_ns, uint64_t publish_ns,
+                     nb::bytes data) {
+        writer_.add_message(channel, sequence, log_ns, publish_ns, text_of(data), data.size());
+    }
+
+    // A message for each read: of the bytes up to its end.
+    void add_reads(uint16_t channel, uint32_t sequence, nb::bytes data, const Times& end, const Times& log_ns,
+                   const Times& publish_ns) {
+        const size_t n = end.shape(0);
+        if (log_ns.shape(0) != n || publish_ns.shape(0) != n) throw nb::value_error("a read has two times");
+        size_t begin = 0;
+        for (size_t k = 0; k < n; ++k) {
+            if (at(end, k) < begin || at(end, k) > data.size())
+                throw nb::value_error("reads follow one another");
+            writer_.add_message(channel, sequence++, at(log_ns, k), at(publish_ns, k), text_of(data) + begin,
+                                static_cast<size_t>(at(end, k)) - begin);
+            begin = static_cast<size_t>(at(end, k));
+        }
+    }
+
+    // A message for each line, without its end.
+    void add_lines(uint16_t channel, const Times& log_ns, nb::bytes lines) {
+        const char *from = text_of(lines), *const end = from + lines.size();
+        for (size_t k = 0; k < log_ns.shape(0); ++k) {
+            const void* const found =
+                from < end ? std::memchr(from, '\n', static_cast<size_t>(end - from)) : nullptr;
+            if (!found) throw nb::value_error("fewer lines than times");
+            const char* const stop = static_cast<const char*>(found);
+            writer_.add_message(channel, 0, at(log_ns, k), at(log_ns, k), from,
+                                static_cast<size_t>(stop - from));
+            from = stop + 1;
+        }
+        if (from != end) throw nb::value_error("more lines than times");
+    }
+
+    // What the file has of the chunk in progress, from byte `at` on; nothing without a message.
+    nb::bytes end(uint64_t at, nb::callable packed) {
+        if (!writer_.messages()) return nb::bytes("", 0);
+        const nb::bytes found = nb::cast<nb::bytes>(packed(as_text(writer_.records())));
+        return as_text(writer_.end(text_of(found), found.size(), at));
+    }
+
+    // Of all chunks that have ended: the records of their index, first and last time, number, and messages by
+    // channel.
+    nb::tuple summary() const {
+        nb::dict counts;
+        for (const auto& one : writer_.counts()) counts[nb::cast(one.first)] = one.second;
+        return nb::make_tuple(as_text(writer_.summary()), writer_.first_ns(), writer_.newest_ns(),
+                              writer_.chunks(), counts);
+    }
+
+    size_t size() const { return writer_.records().size(); }
+
+  private:
+    fltea::ChunkWriter writer_;
+};
+
+// The records of an unpacked chunk, seven numbers each (chunk_index.hpp).
+nb::bytes chunk_records(nb::bytes chunk) {
+    std::vector<fltea::ChunkRecord> records;
+    if (!fltea::index_chunk(static_cast<const uint8_t*>(chunk.data()), chunk.size(), records)) {
+        throw nb::value_error("a record runs beyond the end of its chunk");
+    }
+    return nb::bytes(records.data(), records.size() * sizeof(fltea::ChunkRecord));
+}
+
+}  // namespace
+
+void bind_mcap(nb::module_& m) {
+    m.def("chunk_records", &chunk_records, nb::arg("chunk"));
+    nb::class_<McapChunks>(m, "McapChunks")
+        .def(nb::init<const std::string&>(), nb::arg("compression"))
+        .def("add_record", &McapChunks::add_record, nb::arg("record"))
+        .def("add_message", &McapChunks::add_message, nb::arg("channel"), nb::arg("sequence"),
+             nb::arg("log_ns"), nb::arg("publish_ns"), nb::arg("data"))
+        .def("add_reads", &McapChunks::add_reads, nb::arg("channel"), nb::arg("sequence"), nb::arg("data"),
+             nb::arg("end"), nb::arg("log_ns"), nb::arg("publish_ns"))
+        .def("add_lines", &McapChunks::add_lines, nb::arg("channel"), nb::arg("log_ns"), nb::arg("lines"))
+        .def("end", &McapChunks::end, nb::arg("at"), nb::arg("packed"))
+        .def("summary", &McapChunks::summary)
+        .def_prop_ro("size", &McapChunks::size);
+}
