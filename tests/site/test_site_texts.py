@@ -81,6 +81,29 @@ def test_commands_in_a_text_exist_with_their_options(text: str) -> None:
                 assert not re.match(r"--?[A-Za-z]", flag) or flag in FLAGS[words[1]], line
 
 
+@pytest.mark.parametrize(
+    "word",
+    [
+        *("Excel", "gzip", "PX4", "Betaflight", "phyphox", "Sensor Logger", "Jupyter", "Home Assistant"),
+        *("ESP32", "Arduino", "Raspberry Pi", "IIO", "Docker", "BNO055", "MPU-6050", "LSM6DS3"),
+        *(
+            "allan_variance_ros",
+            "imu_utils",
+            "Kalibr",
+            "VINS",
+            "ROS 2",
+            "Grafana",
+            "Prometheus",
+            "data sheet",
+        ),
+    ],
+)
+def test_what_people_search_for_is_found(word: str) -> None:
+    """The site's search looks for words as they stand in the pages; one in a link's address is none."""
+    texts = (re.sub(r"\]\([^)]*\)", "]", page.read_text(encoding="utf-8")) for page in PAGES)
+    assert any(re.search(rf"\b{re.escape(word)}\b", text, re.IGNORECASE) for text in texts)
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(DOCS).as_posix())
 def test_settings_on_a_page_are_not_refused(page: Path) -> None:
     for block in re.findall(
