@@ -115,16 +115,15 @@ def test_sums_that_are_no_sums(board: Board) -> None:
 
 
 class Worker:
-    """Records as a program's."""
+    """What a program has written, and how it ended."""
+
+    code, stderr = 0, ""
 
     def __init__(self, *records: dict[str, Any]) -> None:
-        self._records = records
-
-    def of(self, kind: str) -> list[dict[str, Any]]:
-        return [record for record in self._records if record["class"] == kind]
+        self.records = records
 
     def errors(self) -> list[str]:
-        return [record["kind"] for record in self.of("error")]
+        return [record["kind"] for record in self.records if record["class"] == "error"]
 
 
 def walked(*numbers: int) -> list[dict[str, Any]]:
@@ -162,6 +161,33 @@ def test_what_is_wrong_is_named(records: list[dict[str, Any]], text: str) -> Non
     outcome = shared(Worker(*records))
     assert outcome.wrong == [text]
     assert not outcome.is_right
+
+
+def counts(stdout: tuple[int, int, int], mqtt: tuple[int, int, int]) -> dict[str, Any]:
+    """Last statistics; of each output what it has written, dropped, and what waits."""
+    names = "written", "dropped", "queued"
+    outputs = {"stdout": stdout, "mqtt": mqtt}
+    return {
+        "class": "stats",
+        "outputs": {one: dict(zip(names, of, strict=True)) for one, of in outputs.items()},
+    }
+
+
+@pytest.mark.parametrize(
+    ("stdout", "mqtt", "wrong"),
+    [
+        ((280, 20, 10), (300, 5, 5), []),
+        ((280, 20, 10), (300, 5, 4), ["mqtt accounts for 309 of 310 records"]),
+        ((279, 20, 10), (305, 5, 0), ["stdout accounts for 309 of 310 records"]),
+        ((281, 9, 9), (299, 0, 0), ["nobody knows of: 10 of a from 290"]),
+    ],
+)
+def test_what_outputs_dropped_is_part_of_the_account(
+    stdout: tuple[int, int, int], mqtt: tuple[int, int, int], wrong: list[str]
+) -> None:
+    outcome = shared(Worker(*walked(*range(290)), counts(stdout, mqtt)))
+    assert outcome.wrong == wrong
+    assert outcome.uncounted == (10 if "nobody" in "".join(wrong) else 0)
 
 
 # --- playing and reporting ---

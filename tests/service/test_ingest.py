@@ -51,11 +51,13 @@ def test_names_that_are_made_up_take_nobodys_place_and_are_told() -> None:
     losses = Losses(inbox, "mqtt://broker")
     for k in range(CANDIDATES + 300):
         inbox.put(f"u{k}", b"x")
+    while inbox.has_messages:
+        assert not inbox.take(0)[0]
     assert len(inbox.admission) == 0
     assert len(inbox.admission._candidates) == CANDIDATES
     for part in (b"first", b"second"):
         inbox.put("real", part)
-    assert [m[:2] for m in inbox.take(0)] == [("real", b"first"), ("real", b"second")]
+    assert [m[:2] for m in inbox.take(0)[0]] == [("real", b"first"), ("real", b"second")]
     ((kind, text, *_),) = losses.look(0)
     assert kind == "devices_refused"
     assert "301 names were heard once" in text
@@ -65,6 +67,7 @@ def test_names_that_are_made_up_take_nobodys_place_and_are_told() -> None:
 def test_names_are_told_so_that_no_terminal_obeys_them() -> None:
     inbox = Inbox(2, 1 << 24)
     inbox.put("\x1b[2J" + "x" * 500, b"")
+    inbox.take(0)
     ((_, text, *_),) = Losses(inbox, "mqtt://broker").look(0)
     assert text.isprintable()
     assert len(text) < 400
@@ -75,12 +78,12 @@ def test_a_first_message_for_which_there_was_no_room_is_counted(monkeypatch: pyt
     inbox = Inbox(2, 1 << 24)
     for name, size in (("a", 700), ("b", 500), ("b", 10), ("a", 20)):
         inbox.put(name, bytes(size))
-    assert [(m.device, len(m.data)) for m in inbox.take(0)] == [("b", 10), ("a", 700), ("a", 20)]
-    assert inbox.overflow() == {"b": 500}
+    assert [(m.device, len(m.data)) for m in inbox.take(0)[0]] == [("b", 10), ("a", 700), ("a", 20)]
+    assert inbox.overflow_bytes == {"b": 500}
     inbox.forget("b")
     inbox.put("b", bytes(500))
     inbox.put("b", b"")
-    assert [len(m.data) for m in inbox.take(0)] == [500, 0], "the first one's room is free again"
+    assert [len(m.data) for m in inbox.take(0)[0]] == [500, 0], "the first one's room is free again"
 
 
 @pytest.mark.parametrize("size", [0, 1000])
@@ -90,9 +93,9 @@ def test_all_together_are_bounded_and_who_receives_waits(size: int) -> None:
         assert inbox.wait_for_room(0)
         inbox.put(f"d{k % 2}", bytes(size))
     assert not inbox.wait_for_room(0)
-    assert len(inbox.take(0)) == 10
+    assert len(inbox.take(0)[0]) == 10
     assert inbox.wait_for_room(0)
-    assert not inbox.overflow()
+    assert not inbox.overflow_bytes
 
 
 def test_what_is_left_at_the_end_is_counted_by_device() -> None:
@@ -101,8 +104,8 @@ def test_what_is_left_at_the_end_is_counted_by_device() -> None:
         inbox.put(f"d{k % 2}", b"frames")
     assert inbox.end() == 10 * len(b"frames")
     inbox.put("d0", b"late")
-    assert inbox.overflow() == {"d0": 34, "d1": 30}
-    assert not inbox.take(0)
+    assert inbox.overflow_bytes == {"d0": 34, "d1": 30}
+    assert not inbox.take(0)[0]
 
 
 def test_fits_come_more_rarely_while_messages_wait_and_oftener_when_it_is_calm() -> None:
@@ -168,8 +171,8 @@ def test_whoever_catches_up_loses_nothing(rate_hz: int, outage_s: int) -> None:
     begin_ns = host_ns() - 3600 * S
     for k in range(outage_s + 600):
         inbox.put("a", message, 0, k + 1, begin_ns + max(0, k - outage_s) * S)
-        assert inbox.take(0)
-    assert not inbox.overflow()
+        assert inbox.take(0)[0]
+    assert not inbox.overflow_bytes
 
 
 @pytest.mark.parametrize("is_stream", [True, False])
@@ -187,12 +190,12 @@ def test_whoever_floods_loses_its_own_and_is_named(is_stream: bool, monkeypatch:
             monkeypatch.setattr("fltea.service.ingest.inbox.host_ns", lambda now_ns=now_ns: now_ns)
         inbox.put("flood", message, *more)
         inbox.put("quiet", b"frames", *more)
-        items = inbox.take(0)
-        assert items[-1].device == "quiet"  # type: ignore[union-attr]
+        items, _ = inbox.take(0)
+        assert items[-1].device == "quiet"
         taken += len(items) - 1
     size = len(message) + MESSAGE_BYTES
     assert taken == pytest.approx((BURST_BYTES + 60 * SECOND_BYTES) / size, rel=0.01)
-    assert inbox.overflow() == {"flood": (6000 - taken) * len(message)}
+    assert inbox.overflow_bytes == {"flood": (6000 - taken) * len(message)}
     ((kind, text, *_),) = losses.look(0)
     assert kind == "frames_overflow"
     assert f"flood ({(6000 - taken) * len(message)} bytes)" in text
@@ -203,5 +206,5 @@ def test_a_message_from_the_future_waits_for_nothing() -> None:
     inbox = Inbox(10, 1 << 20)
     inbox.admission.admit("a")
     inbox.put("a", b"frames", 0, 1, host_ns() + 3600 * S)
-    ((_, _, arrived_ns, *_),) = inbox.take(0)
-    assert arrived_ns <= host_ns()  # type: ignore[operator]
+    ((_, _, arrived_ns, *_),), _ = inbox.take(0)
+    assert arrived_ns <= host_ns()

@@ -11,7 +11,7 @@ from fltea.records.ports import Departed, Sink
 from fltea.records.records import Epoch, Error, Gap, Hello, Stats
 from fltea.service.hub import Hub
 from fltea.service.ingest.devices import Line
-from fltea.service.ingest.inbox import Inbox, Left, Served
+from fltea.service.ingest.inbox import Left, Served
 from fltea.service.ingest.kept import Kept, pack, unpack
 from fltea.service.ingest.leases import LEASE_S, Lease, Sightings, is_free, lease_of, share, surplus
 from fltea.service.ingest.loop import Ingest
@@ -108,6 +108,8 @@ class Worker:
 
     def turn(self) -> None:
         self.ingest.take_all(0)
+        while self.ingest.inbox.has_messages:
+            self.ingest.take_all(0)
 
     def keep(self, device: str = "a") -> Kept:
         """The device's snapshot, taken now."""
@@ -205,6 +207,24 @@ def test_a_partition_that_is_another_ones_is_not_walked_and_its_devices_are_forg
     worker.say("b", 5, 11, partition=0)
     assert worker.receiver.done == {0: 7, 1: 10}, "a name is of one partition"
     assert worker.end().sink.gone == [Departed("a", True)]
+
+
+def test_once_a_message_was_left_out_none_is_walked_until_it_comes_again() -> None:
+    """A partition that is let go of and taken again while messages of the time before still wait."""
+    worker = Worker()
+    worker.hear(range(4))
+    worker.receiver.mine = set()
+    worker.hear([4])  # was left out
+    worker.receiver.mine = {0}  # taken again; that is still on its way through the inbox
+    worker.hear([5, 6])
+    worker.ingest.inbox.post(Left(0))
+    kept = Kept(3, 1003 * S, worker.lines["a"].walk.hello)
+    worker.ingest.inbox.post(Served(0, {"a": kept}, 4))
+    worker.hear(range(3, 8))
+    items = worker.end().sink.items
+    assert of(Gap, items) == []
+    last = of(Stats, items)[-1]
+    assert (last.samples.lost, last.samples.duplicates) == (0, 0)
 
 
 def test_a_silent_device_comes_as_far_as_its_partition() -> None:
@@ -326,14 +346,14 @@ def test_all_partitions_are_served_and_none_by_two(partitions: int, workers: int
 
 
 def test_a_device_that_another_let_in_is_believed_at_once() -> None:
-    inbox = Inbox(3, 1 << 20)
-    inbox.post(Served(2, {"known": Kept(1, unix_offset_ns())}, 1))
-    inbox.put("known", b"x", 2, 2, 5)
-    inbox.put("stranger", b"x", 2, 3, 5)
-    served, message = inbox.take(0)
-    assert isinstance(served, Served)
-    assert message[:2] == ("known", b"x")
-    assert inbox.admission.turned_away["candidate"] == 1
+    worker = Worker()
+    kept = {"a": Kept(1, unix_offset_ns())}
+    for item in (Served(0, kept, 1), Left(0), Served(0, kept, 1)):
+        worker.ingest.inbox.post(item)
+    worker.hear([1])
+    worker.say("b", 1, 3)
+    assert worker.ingest.inbox.admission.turned_away["candidate"] == 1
+    assert {name: line.mark for name, line in worker.lines.items()} == {"a": 2}
 
 
 def nothing(worker: Worker) -> None: ...

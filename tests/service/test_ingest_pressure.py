@@ -104,7 +104,7 @@ class Scene:
 
 def counted(scene: Scene) -> int:
     """Samples that were delivered, and left at the end."""
-    left = sum(scene.ingest.inbox.overflow().values())
+    left = sum(scene.ingest.inbox.overflow_bytes.values())
     return scene.sink.samples + 100 * left // len(second_of(0, 1))
 
 
@@ -116,7 +116,7 @@ def test_an_output_that_takes_nothing_for_long_holds_the_broker_and_loses_nothin
     wait_until(lambda: scene.sink.samples == 100 * len(DEVICES) * SECONDS, "all samples")
     scene.end()
     assert scene.outlet.stats().dropped == 0
-    assert scene.ingest.inbox.overflow() == {}
+    assert scene.ingest.inbox.overflow_bytes == {}
     (stats, *_) = reversed(of(Stats, scene.sink.items))
     assert (stats.samples.lost, stats.link.overflow_bytes) == (0, 0)
 
@@ -129,7 +129,7 @@ def test_what_is_left_at_the_end_is_counted_and_said() -> None:
     texts = [one.message for one in of(Error, scene.sink.items) if one.kind == "frames_overflow"]
     assert any("when the program ended" in text for text in texts)
     last = {one.device: one.link.overflow_bytes for one in of(Stats, scene.sink.items)}
-    assert sum(last.values()) == sum(scene.ingest.inbox.overflow().values())
+    assert sum(last.values()) == sum(scene.ingest.inbox.overflow_bytes.values())
 
 
 def test_an_output_that_holds_all_up_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -167,9 +167,9 @@ def test_a_broker_holds_what_has_no_room_and_does_not_give_us_up(
         wait_until(lambda: broker.said().count("Received SUBSCRIBE") > 8, "signs of life")
         found: list[int] = []
         while len(found) < count:
-            taken = inbox.take(PATIENCE_S)
-            assert sum(len(one.data) for one in taken) <= 100_000 + size  # type: ignore[union-attr]
-            found += [int.from_bytes(one.data[:2], "big") for one in taken]  # type: ignore[union-attr]
+            taken, _ = inbox.take(PATIENCE_S)
+            assert sum(len(one.data) for one in taken) <= 100_000 + size
+            found += [int.from_bytes(one.data[:2], "big") for one in taken]
         assert found == list(range(count))
         assert troubles == []
     finally:

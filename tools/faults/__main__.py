@@ -25,8 +25,7 @@ from tools.faults import (
     daemon_outputs,
     daemon_program,
     fleet,
-    ingest_server,
-    ingest_worker,
+    ingest,
 )
 from tools.faults.case import Case, Outcome, play_all
 from tools.faults.program import Skip
@@ -44,7 +43,7 @@ PARTS = {
     "board": Part(board.CASES, at_once=1),
     "daemon": Part((*daemon_line.CASES, *daemon_outputs.CASES, *daemon_program.CASES)),
     "fleet": Part(fleet.CASES),
-    "ingest": Part((*ingest_worker.CASES, *ingest_server.CASES)),
+    "ingest": Part(ingest.CASES),
     "cluster": Part(cluster.CASES, at_once=1),
 }
 OUT = Path("build/faults.md")

@@ -4,16 +4,22 @@ from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple
 
+from tools.faults.program import Program
+
 Sample = tuple[Any, int]
 """Whose sample it is, such as the name of a board, and its number there."""
 Record = dict[str, Any]
 
 
 class Heard(NamedTuple):
-    """What one program reported: how often it delivered each sample, and how often it counted it as lost."""
+    """What one program reported: how often it delivered each sample, and how often it counted it as lost.
+
+    dropped: records for which its standard output had no room, as its last counts have it.
+    """
 
     delivered: Counter[Sample]
     lost: Counter[Sample]
+    dropped: int
 
 
 class Account(NamedTuple):
@@ -26,14 +32,16 @@ class Account(NamedTuple):
 
 def heard(records: Sequence[Record], sample: Callable[[Record], Sample]) -> Heard:
     """Read a program's records. sample: which one a `sample` is, or the first that a `gap` misses."""
-    found = Heard(Counter(), Counter())
+    delivered, lost, dropped = Counter[Sample](), Counter[Sample](), 0
     for record in records:
         if record["class"] == "sample":
-            found.delivered[sample(record)] += 1
+            delivered[sample(record)] += 1
         elif record["class"] == "gap":
             whose, number = sample(record)
-            found.lost.update((whose, number + k) for k in range(record["missing"]))
-    return found
+            lost.update((whose, number + k) for k in range(record["missing"]))
+        elif record["class"] == "stats":
+            dropped = record.get("outputs", {}).get("stdout", {}).get("dropped", 0)
+    return Heard(delivered, lost, dropped)
 
 
 def account(
@@ -56,17 +64,18 @@ def account(
     both = delivered.keys() & lost.keys()
     missed = lost.keys() - delivered.keys()
     rest = set(excused) - delivered.keys() - missed
+    unknown = due - delivered.keys() - lost.keys() - rest
+    dropped = len(unknown) if len(unknown) <= sum(one.dropped for one in programs) else 0
     checks = {
         "nobody sent": (delivered.keys() | lost.keys()) - due,
         "counted as lost, but delivered": both,
         "counted as lost, but nothing came after it": missed & set(excused) if once else set(),
-        "nobody knows of": due - delivered.keys() - lost.keys() - rest,
+        "nobody knows of": set() if dropped else unknown,
         "delivered twice": {one for one, times in delivered.items() if once and times > 1},
         "counted as lost twice": {one for one, times in lost.items() if once and times > 1},
     }
-    where = {"delivered": len(delivered), "counted as lost": len(missed)} | (
-        {excuse: len(rest)} if excuse else {}
-    )
+    where = {"delivered": len(delivered), "counted as lost": len(missed)}
+    where |= ({excuse: len(rest)} if excuse else {}) | ({"dropped by its output": dropped} if dropped else {})
     return Account(len(due), where, [f"{what}: {shown(which)}" for what, which in checks.items() if which])
 
 
@@ -77,3 +86,31 @@ def shown(samples: set[Sample]) -> str:
         f"{count} of {whose} from {min(number for one, number in samples if one == whose)}"
         for whose, count in sorted(counts.items())
     )
+
+
+def wrong_ends(program: Program) -> list[str]:
+    """What is wrong about the end of a program that nobody killed, and about its outputs' last counts."""
+    if program.code is None or program.code < 0:
+        return []
+    found = [f"exit code {program.code}: {program.stderr[-500:]}"] if program.code else []
+    found += [program.stderr[-500:]] if "Traceback" in program.stderr else []
+    return found + wrong_sums(program.records)
+
+
+def wrong_sums(records: Sequence[Record]) -> list[str]:
+    """Outputs that have not written, dropped or queued as much as was published before the last counts.
+
+    An error that another thread reported meanwhile may be too much.
+    """
+    last = max((k for k, record in enumerate(records) if record["class"] == "stats"), default=None)
+    outputs = {} if last is None else records[last].get("outputs", {})
+    if last is None or "stdout" not in outputs:
+        return []
+    published = last + outputs["stdout"]["dropped"]
+    errors = sum(record["class"] == "error" for record in records)
+    sums = {name: one["written"] + one["dropped"] + one["queued"] for name, one in outputs.items()}
+    return [
+        f"{name} accounts for {count} of {published} records"
+        for name, count in sums.items()
+        if name != "record" and not 0 <= published - count <= errors  # which takes the wire, too
+    ]

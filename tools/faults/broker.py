@@ -33,7 +33,12 @@ class Broker(Server):
         file.write_text("\n".join([*lines, f"log_type {'all' if logs else 'none'}"]) + "\n")
         super().__init__([installed("mosquitto"), "-c", file], [port], folder / "mosquitto.log")
 
-    def has_subscriber(self) -> bool:
+    @property
+    def mqtt_port(self) -> int:
+        """Where boards publish."""
+        return self.port
+
+    def is_heard(self) -> bool:
         """Whether anybody has subscribed since it was first started."""
         return "Sending SUBACK to" in self.said()
 

@@ -10,7 +10,7 @@ from fltea.recording.session import LINK, WIRE, Entry, LinkMessage
 from fltea.sources.mcap import find_session, read_entries
 from msgspec import json
 
-from tools.faults.account import Account, Record, Sample, account, heard, shown
+from tools.faults.account import Account, Record, Sample, account, heard, shown, wrong_ends
 from tools.faults.case import Outcome
 from tools.faults.program import Program
 from tools.faults.pty_board import LSB_PER_DPS, Board
@@ -100,12 +100,9 @@ class Scene:
         samples = samples_of(self.board, records, excuse=excuse, line_is_known=line_is_known)
         found = [*wrong, *samples.wrong]
         for program in programs:
+            found += wrong_ends(program)
             if program.code == 0:
                 found += check_totals(program.records)
-            elif program.code is not None and program.code > 0:
-                found.append(f"exit code {program.code}: {program.stderr[-500:]}")
-            if "Traceback" in program.stderr:
-                found.append(program.stderr[-500:])
         if recording_is_whole:
             found += missing_in_recording(self.recording, self.board)
         if others is None:

@@ -1,102 +1,135 @@
 """Boards that publish by MQTT, and the programs that walk their samples: workers of NATS, or one alone."""
 
+import contextlib
+import threading
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import chain
 
-from tools.faults.account import Sample, account, heard
+from paho.mqtt.client import Client
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+
+from tools.faults.account import Sample, account, heard, wrong_ends
+from tools.faults.broker import Broker
 from tools.faults.case import Outcome
-from tools.faults.mqtt_boards import Boards
 from tools.faults.nats_server import NatsServer
 from tools.faults.program import Program, wait_until
 from tools.faults.stage import Stage
+from tools.frames_load import RATE_HZ, Sensors
 
+DEVICES = 8
+EVERY_S = 0.5
+"""From message to message of a board. Each holds a second of samples: twice as fast as real boards."""
 PARTITIONS, SNAPSHOT_S, KEPT_MB = 4, 2, 24
+OF_NATS = {
+    "ingest.partitions": PARTITIONS,
+    "ingest.snapshot_s": SNAPSHOT_S,
+    "ingest.keep_mb": KEPT_MB,
+    "ingest.snapshots_mb": KEPT_MB,
+}
 
 
-class BrokerScene:
-    """A broker, boards that send with QoS 1, and a program. line: between broker and program."""
+class Boards:
+    """Publish a second of samples each, again and again, from a thread and over one connection.
 
-    def __init__(self, stage: Stage) -> None:
-        self.broker = stage.broker()
-        self.line = stage.line(self.broker.port)
-        self.workers = [_walker(stage, f"mqtt://127.0.0.1:{self.line.port}", {"name": "lab"})]
-        self.workers[0].wait_for(self.broker.has_subscriber, "its subscription")
-        self.boards = stage.closing(Boards(self.broker.port, qos=1))
-        self.boards.start()
-        until_all_again(self.boards, self.workers)
-
-
-class NatsScene:
-    """Server, boards and two workers that share them.
-
-    server: one that runs; else the scene has its own. line: between the first worker and the server. The
-    first worker has the stage's clock.
+    qos: with 1 what is not acknowledged is sent again. seconds: how many each has published.
     """
 
-    def __init__(self, stage: Stage, qos: int = 1, server: NatsServer | None = None) -> None:
-        self.server = server or NatsServer(stage.folder, PARTITIONS)
-        stage.later(self.server.kill)
-        self.line = stage.line(self.server.port)
-        self.workers = [_worker(stage, "first", f"nats://127.0.0.1:{self.line.port}")]
-        self.boards = stage.closing(Boards(self.server.mqtt_port, qos))
-        self.workers[0].wait_for(self.server.has_stream, "the stream")
-        self.boards.start()
-        self.until_all_by(self.workers[0])
-        self.workers.append(_worker(stage, "second", self.server.url))
-        wait_until(lambda: bool(walked_by(self.workers[1])), "the second worker's share")
-        time.sleep(2 * SNAPSHOT_S + 1)  # snapshots
+    def __init__(self, port: int, qos: int) -> None:
+        self._qos = qos
+        self._sensors = Sensors(DEVICES)
+        self.names = self._sensors.names
+        self.seconds = 0
+        self._client = Client(CallbackAPIVersion.VERSION2, "boards", protocol=MQTTProtocolVersion.MQTTv311)
+        self._client.max_inflight_messages_set(1)  # else the library changes their order after an outage
+        self._client.reconnect_delay_set(1, 1)
+        self._client.connect("127.0.0.1", port)
+        self._client.loop_start()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
 
-    def until_all_by(self, worker: Program) -> None:
-        """Wait until a worker has walked samples of all boards."""
-        wait_until(lambda: walked_by(worker) == set(self.boards.names), "one worker for all")
+    @property
+    def samples(self) -> int:
+        """How many each has published."""
+        return self.seconds * RATE_HZ
+
+    def _run(self) -> None:
+        while not self._stop.wait(EVERY_S):
+            for k, name in enumerate(self.names):
+                message = self._sensors.message(k, self.seconds)
+                self._client.publish(f"fltea/{name}/frames", message, qos=self._qos)
+            self.seconds += 1
+
+    def stop(self) -> None:
+        """Publish no more; comes back when the server has all that waited."""
+        self._stop.set()
+        self._thread.join()
+        with contextlib.suppress(TimeoutError):
+            wait_until(lambda: not self._client._out_messages, "acknowledgements")
+
+    def close(self) -> None:
+        """Leave."""
+        self.stop()
+        self._client.disconnect()
+        self._client.loop_stop()
 
 
-def _worker(stage: Stage, name: str, url: str) -> Program:
-    chosen = {
-        "name": name,
-        "ingest.partitions": PARTITIONS,
-        "ingest.snapshot_s": SNAPSHOT_S,
-        "ingest.keep_mb": KEPT_MB,
-        "ingest.snapshots_mb": KEPT_MB,
-    }
-    return _walker(stage, url, chosen, **({"clock": stage.clock} if name == "first" else {}))
+class Scene:
+    """A server, boards that send to it, and programs behind it: one of MQTT, or two workers of NATS.
 
+    line: between the first program, which has the stage's clock, and the server.
+    """
 
-def _walker(stage: Stage, url: str, chosen: dict[str, object], **how: object) -> Program:
-    flags = [word for key, value in chosen.items() for word in ("--set", f"{key}={value}")]
-    return stage.daemon("-s", url, "--format", "ndjson", "--set", "live.on=false", *flags, **how)
+    def __init__(self, stage: Stage, server: Broker | NatsServer, qos: int = 1) -> None:
+        self._stage, self.server = stage, server
+        stage.later(server.kill)
+        self.line = stage.line(server.port)
+        self._shared = OF_NATS if isinstance(server, NatsServer) else {}
+        first = self._walker("first", server.url.replace(str(server.port), str(self.line.port)))
+        self.workers = [first]
+        first.wait_for(server.is_heard, "that it listens")
+        self.boards = stage.closing(Boards(server.mqtt_port, qos))
+        self.until_all_by(first)
+        if self._shared:
+            self.workers.append(self._walker("second", server.url))
+            wait_until(lambda: bool(walked_by(self.workers[1])), "the second worker's share")
+            time.sleep(2 * SNAPSHOT_S + 1)  # snapshots
+
+    def _walker(self, name: str, url: str) -> Program:
+        chosen = {"name": name, "live.on": "false", **self._shared}
+        flags = [word for key, value in chosen.items() for word in ("--set", f"{key}={value}")]
+        how = {"clock": self._stage.clock} if name == "first" else {}
+        return self._stage.daemon("-s", url, "--format", "ndjson", *flags, **how)
+
+    def until_all_by(self, *workers: Program, since: int = 0) -> None:
+        """Wait until these have walked samples of all boards. since: of this number or later."""
+        names = set(self.boards.names)
+        wait_until(
+            lambda: set().union(*(walked_by(one, since) for one in workers)) == names,
+            "samples of all sensors",
+        )
+
+    def until_all_again(self) -> None:
+        """Wait until samples of all boards arrive that are not published yet."""
+        self.until_all_by(*self.workers, since=self.boards.samples)
+
+    def outcome(self, more: str, wrong: Sequence[str] = ()) -> Outcome:
+        """Let all that was published arrive, end the workers, and account for it."""
+        time.sleep(1.0)
+        boards = self.boards
+        boards.stop()
+        living = [worker for worker in self.workers if worker.code is None]
+        self.until_all_by(*living, since=boards.samples - 1)
+        with ThreadPoolExecutor() as pool:  # together: else the last one takes what the others give back
+            list(pool.map(lambda worker: worker.end(), living))
+        return samples_of(boards.names, boards.samples, self.workers, more, wrong)
 
 
 def walked_by(worker: Program, since: int = 0) -> set[str]:
     """The boards of which a worker has walked samples of these numbers or later."""
     return {device for device, newest in worker.walked.copy().items() if newest >= since}
-
-
-def until_all_again(boards: Boards, workers: Sequence[Program]) -> None:
-    """Wait until samples of all boards arrive that are not published yet."""
-    since = boards.samples
-    wait_until(
-        lambda: set().union(*(walked_by(one, since) for one in workers)) == set(boards.names),
-        "samples of all sensors",
-    )
-
-
-def outcome(boards: Boards, workers: Sequence[Program], more: str, wrong: Sequence[str] = ()) -> Outcome:
-    """Let all that was published arrive, end the workers, and account for it."""
-    time.sleep(1.0)
-    boards.stop()
-    living = [worker for worker in workers if worker.code is None]
-    last = boards.samples - 1
-    wait_until(
-        lambda: set().union(*(walked_by(one, last) for one in living)) == set(boards.names),
-        "the last samples",
-    )
-    with ThreadPoolExecutor() as pool:  # at the same time: else the last one takes what the others give back
-        list(pool.map(lambda worker: worker.end(), living))
-    found = [*wrong, *(worker.stderr[-500:] for worker in living if worker.code != 0)]
-    return samples_of(boards.names, boards.samples, workers, more, found)
 
 
 def samples_of(
@@ -111,14 +144,13 @@ def samples_of(
     def sample(record: dict[str, object]) -> Sample:
         return record["device"], int(str(record["seq"]))
 
-    found = [heard([*one.of("sample"), *one.of("gap")], sample) for one in workers]
-    due = {(name, number) for name in names for number in range(published)}
-    sums = account(due, found)
+    found = [heard(one.records, sample) for one in workers]
+    sums = account({(name, number) for name in names for number in range(published)}, found)
     twice = sum(one.delivered.total() for one in found) - sums.where["delivered"]
     return Outcome(
         list(dict.fromkeys(chain(*(worker.errors() for worker in workers)))),
         sums.due,
         sums.where,
         more=f"{more}; {twice} delivered twice",
-        wrong=[*wrong, *sums.wrong],
+        wrong=[*wrong, *chain(*map(wrong_ends, workers)), *sums.wrong],
     )

@@ -1,11 +1,11 @@
 """A nats-server of our own on the loopback, as benchmarks and faults need it."""
 
 import asyncio
-import contextlib
 import json
 from collections import Counter
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from pathlib import Path
+from typing import Any, TypeVar
 
 import nats
 from fltea.service.ingest import mapping
@@ -17,6 +17,7 @@ from tools.faults.server import Server, free_port, installed
 BUCKET, STREAM = "fltea_lanes", "FLTEA_FRAMES"
 BALLAST = "BALLAST"
 BALLAST_BYTES = 500_000
+T = TypeVar("T")
 
 
 class NatsServer(Server):
@@ -44,45 +45,42 @@ class NatsServer(Server):
         command = [*before, installed("nats-server"), "-c", str(settings)]
         super().__init__(command, [port, self.mqtt_port], folder / "nats.log")
 
-    @contextlib.asynccontextmanager
-    async def jetstream(self) -> AsyncIterator[JetStreamContext]:
-        """A connection of our own."""
-        client = await nats.connect(self.url, allow_reconnect=False)
-        try:
-            yield client.jetstream()
-        finally:
-            await client.close()
+    def _ask(self, question: Callable[[JetStreamContext], Coroutine[Any, Any, T]]) -> T:
+        """Ask over a connection of our own."""
 
-    def has_stream(self) -> bool:
-        """Whether a worker has made it; what is published before goes nowhere."""
-        return asyncio.run(self._has_stream())
-
-    async def _has_stream(self) -> bool:
-        async with self.jetstream() as stream:
+        async def asked() -> T:
+            client = await nats.connect(self.url, allow_reconnect=False)
             try:
-                return bool(await stream.stream_info(STREAM))
-            except NotFoundError:
-                return False
+                return await question(client.jetstream())
+            finally:
+                await client.close()
+
+        return asyncio.run(asked())
+
+    def is_heard(self) -> bool:
+        """Whether a worker has made the stream; what is published before goes nowhere."""
+        try:
+            return bool(self._ask(lambda stream: stream.stream_info(STREAM)))
+        except NotFoundError:
+            return False
 
     def is_shared_by(self, workers: int) -> bool:
         """Whether so many workers have all partitions, each as many."""
-        return sorted(asyncio.run(self._shares()).values()) == [self._partitions // workers] * workers
+        try:
+            shares = self._ask(self._shares)
+        except NotFoundError:
+            return False
+        return sorted(shares.values()) == [self._partitions // workers] * workers
 
-    async def _shares(self) -> Counter[str]:
-        async with self.jetstream() as stream:
-            try:
-                bucket = await stream.key_value(BUCKET)
-                entries = [await bucket.get(f"lease.{number}") for number in range(self._partitions)]
-            except NotFoundError:
-                return Counter()
+    async def _shares(self, stream: JetStreamContext) -> Counter[str]:
+        bucket = await stream.key_value(BUCKET)
+        entries = [await bucket.get(f"lease.{number}") for number in range(self._partitions)]
         return Counter(json.loads(entry.value or b"{}").get("owner", "") for entry in entries)
 
     def fill_store(self) -> None:
         """Fill it with a stream of somebody else, up to the server's own limit."""
-        asyncio.run(self._fill_store())
 
-    async def _fill_store(self) -> None:
-        async with self.jetstream() as stream:
+        async def fill(stream: JetStreamContext) -> None:
             await stream.add_stream(name=BALLAST, subjects=["ballast"])
             size = BALLAST_BYTES
             while size:
@@ -91,10 +89,8 @@ class NatsServer(Server):
                 except ServiceUnavailableError:
                     size //= 8
 
+        self._ask(fill)
+
     def empty_store(self) -> None:
         """Delete that stream."""
-        asyncio.run(self._empty_store())
-
-    async def _empty_store(self) -> None:
-        async with self.jetstream() as stream:
-            await stream.delete_stream(BALLAST)
+        self._ask(lambda stream: stream.delete_stream(BALLAST))

@@ -2,7 +2,7 @@
 
 import threading
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from fltea.records.clock import host_ns
@@ -58,15 +58,17 @@ Item = Message | Served | Resumed | Left
 
 
 class Inbox:
-    """A queue between who receives messages and who reads them.
+    """A queue between who receives messages and who reads them, and the gate in front of the reader.
 
-    Who receives waits for room before it takes more from a broker, however long that is; so nothing but what
-    a device floods is left out, and counted. A message counts with `MESSAGE_BYTES` more than it has, so that
-    empty ones have a bound too. queue_bytes: as much may wait. reserved: a name that none may have.
+    Who receives waits for room before it takes more from a broker, however long that is; so nothing is left
+    out but what comes of nobody, or of a device that floods, and that is counted. A message counts with
+    `MESSAGE_BYTES` more than it has, so that empty ones have a bound too. queue_bytes: as much may wait.
+    reserved: a name that none may have. `put`, `post`, `wait_for_room`, and `wake` may be called from any
+    thread, all else from the reader's.
     """
 
     def __init__(self, devices: int, queue_bytes: int, reserved: str = "") -> None:
-        self.admission = Admission[tuple[Message, int]](devices, reserved)
+        self.admission = Admission[Message](devices, reserved)
         self.overflow_bytes: Counter[str] = Counter()
         self.last_turned_away: dict[Verdict, str] = {}
         self.queue_bytes = queue_bytes
@@ -84,50 +86,23 @@ class Inbox:
         mark: int = 0,
         arrived_ns: int | None = None,
     ) -> None:
-        """Queue a message, unless its device is not believed, or publishes more than any has to.
-
-        arrived_ns: when a stream took it, on the clock of `host_ns`; None: now.
-        """
+        """Queue a message. arrived_ns: when a stream took it, on the clock of `host_ns`; None: now."""
+        now_ns = host_ns()
+        # By a clock that differs it may seem to come from the future.
+        arrived_ns = now_ns if arrived_ns is None else min(arrived_ns, now_ns)
         with self._changed:
-            now_ns = host_ns()
-            # By a clock that differs it may seem to come from the future.
-            taken_ns = now_ns if arrived_ns is None else arrived_ns
-            message = Message(device, data, min(taken_ns, now_ns), partition, mark)
-            size = len(data) + MESSAGE_BYTES
-            verdict, first, missed_bytes = self.admission.judge(device, now_ns, (message, taken_ns), size)
-            if verdict not in ("in", "new"):
-                self.last_turned_away["once" if verdict == "candidate" else verdict] = visible(
-                    device[:LONGEST_SHOWN]
-                )
+            if self._ended:
+                self.overflow_bytes[device] += len(data)
                 return
-            if missed_bytes:
-                self.overflow_bytes[device] += missed_bytes - MESSAGE_BYTES
-            if first is not None:
-                self._put(*first)
-            self._put(message, taken_ns)
+            self._queue.append(Message(device, data, arrived_ns, partition, mark))
+            self._bytes += len(data) + MESSAGE_BYTES
             self._changed.notify_all()
-
-    def _put(self, message: Message, taken_ns: int) -> None:
-        size = len(message.data) + MESSAGE_BYTES
-        if self._ended or not self._allowance.takes(message.device, size, taken_ns):
-            self.overflow_bytes[message.device] += len(message.data)
-            return
-        self._bytes += size
-        self._queue.append(message)
 
     def post(self, item: Served | Resumed | Left) -> None:
         """Queue what is rare, behind all messages that are there."""
         with self._changed:
             self._queue.append(item)
-            if isinstance(item, Served):
-                for device in item.kept:
-                    self.admission.admit(device)
             self._changed.notify_all()
-
-    @property
-    def has_messages(self) -> bool:
-        """Whether anything waits."""
-        return bool(self._queue)
 
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until who receives may take more; False if it may not in time."""
@@ -136,20 +111,55 @@ class Inbox:
         with self._changed:
             return self._changed.wait_for(lambda: self._bytes < self.queue_bytes, timeout_s)
 
-    def take(self, timeout_s: float) -> list[Item]:
-        """Messages in their order, after at most so long; none if none came or somebody woke us up."""
-        found: list[Item] = []
-        size = 0
+    def wake(self) -> None:
+        """End the waiting of `take`."""
+        with self._changed:
+            self._changed.notify_all()
+
+    @property
+    def has_messages(self) -> bool:
+        """Whether anything waits."""
+        return bool(self._queue)
+
+    def take(self, timeout_s: float) -> tuple[list[Message], Served | Resumed | Left | None]:
+        """Messages in their order, after at most so long, and what stood behind them.
+
+        None if none came or somebody woke us up. Who believes a device, or forgets it, does so in between.
+        """
+        messages, size = list[Message](), 0
+        behind: Served | Resumed | Left | None = None
         with self._changed:
             if not self._queue:
                 self._changed.wait(timeout_s)
-            while self._queue and size < BATCH_BYTES:
+            while self._queue and size < BATCH_BYTES and behind is None:
                 item = self._queue.popleft()
-                size += len(item.data) + MESSAGE_BYTES if isinstance(item, Message) else 0
-                found.append(item)
+                if isinstance(item, Message):
+                    messages.append(item)
+                    size += len(item.data) + MESSAGE_BYTES
+                else:
+                    behind = item
             self._bytes -= size
             self._changed.notify_all()
-        return found
+        now_ns = host_ns()
+        return [one for message in messages for one in self._let_in(message, now_ns)], behind
+
+    def _let_in(self, message: Message, now_ns: int) -> Iterator[Message]:
+        """Yield a message, unless its device is not believed, or publishes more than any has to."""
+        device = message.device
+        size = len(message.data) + MESSAGE_BYTES
+        verdict, first, missed_bytes = self.admission.judge(device, now_ns, message, size)
+        if verdict not in ("in", "new"):
+            self.last_turned_away["once" if verdict == "candidate" else verdict] = visible(
+                device[:LONGEST_SHOWN]
+            )
+            return
+        if missed_bytes:
+            self.overflow_bytes[device] += missed_bytes - MESSAGE_BYTES
+        for one in (message,) if first is None else (first, message):
+            if self._allowance.takes(device, len(one.data) + MESSAGE_BYTES, one.arrived_ns):
+                yield one
+            else:
+                self.overflow_bytes[device] += len(one.data)
 
     def put_back(self, messages: Sequence[Message]) -> None:
         """Take back what was not walked."""
@@ -170,24 +180,8 @@ class Inbox:
             self.overflow_bytes.update(left)
         return left.total()
 
-    def overflow(self) -> dict[str, int]:
-        """Bytes that had no room, by device."""
-        with self._changed:
-            return dict(self.overflow_bytes)
-
-    def expire(self, now_ns: int) -> None:
-        """Give up names that were heard once and not again in time."""
-        with self._changed:
-            self.admission.expire(now_ns)
-
-    def wake(self) -> None:
-        """End the waiting of `take`."""
-        with self._changed:
-            self._changed.notify_all()
-
     def forget(self, device: str) -> None:
         """Give the device's place to others."""
-        with self._changed:
-            self.admission.forget(device)
-            self.overflow_bytes.pop(device, None)
-            self._allowance.forget(device)
+        self.admission.forget(device)
+        self.overflow_bytes.pop(device, None)
+        self._allowance.forget(device)

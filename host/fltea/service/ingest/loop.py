@@ -88,6 +88,7 @@ class Ingest:
         self._pressure = Pressure(beside)
         self._losses = Losses(self.inbox, url)
         self._held_ns = 0
+        self._left_out = set[int | None]()
         self._once_a_minute = OnceAMinute()
         self._ends_s: float | None = None
 
@@ -118,15 +119,14 @@ class Ingest:
 
     def take_all(self, timeout_s: float) -> None:
         """Walk what waits in the inbox, after at most so long; what is of one device together."""
+        messages, behind = self.inbox.take(timeout_s)
         groups: dict[str, list[Message]] = {}
-        for item in self.inbox.take(timeout_s):
-            if not isinstance(item, Message):
-                self._walk(groups)
-                groups = {}
-                self._on_partition(item)
-            elif self._is_due(item):
-                groups.setdefault(item.device, []).append(item)
+        for message in messages:
+            if self._is_due(message):
+                groups.setdefault(message.device, []).append(message)
         self._walk(groups)
+        if behind is not None:
+            self._on_partition(behind)
 
     def _drain(self) -> None:
         """Walk what has arrived, as far as the time allows; count the rest."""
@@ -179,7 +179,7 @@ class Ingest:
         if partition is None:
             return True
         line = self.devices.lines.get(name)
-        if shared is None or not shared.serves(partition):
+        if shared is None or not self._serves(partition):
             return False
         if line is not None and (mark <= line.mark or line.partition != partition):
             return False
@@ -191,26 +191,30 @@ class Ingest:
             self._report("partition_caught_up", text)
         return True
 
+    def _serves(self, partition: int) -> bool:
+        """Whether messages of a partition may be walked: once one was left out, not until it comes again."""
+        shared = self._receiver.partitions
+        if shared is None or partition in self._left_out or not shared.serves(partition):
+            self._left_out.add(partition)
+        return partition not in self._left_out
+
     def _walk(self, groups: dict[str, list[Message]]) -> None:
         """Walk messages by device; a partition has come as far as the last of them if none was left out."""
         shared = self._receiver.partitions
         done: dict[int, int] = {}
-        left_out = set[int | None]()
         for name, messages in groups.items():
             partition = messages[0].partition
             self.moved_s = time.monotonic()
             if self._is_over():
                 self.inbox.put_back(messages)
-                left_out.add(partition)
+                self._left_out.add(partition)
             elif partition is None or shared is None:
                 self._walk_device(name, messages)
-            elif shared.serves(partition):
+            elif self._serves(partition):
                 self._walk_device(name, messages)
                 done[partition] = max(done.get(partition, 0), messages[-1].mark)
-            else:
-                left_out.add(partition)
         if shared is not None:
-            for partition in done.keys() - left_out:
+            for partition in done.keys() - self._left_out:
                 shared.walked(partition, done[partition])
 
     def _walk_device(self, name: str, messages: Sequence[Message]) -> None:
@@ -233,6 +237,7 @@ class Ingest:
         """Go on with a partition's devices where another left them or we did, or let go of them."""
         shared, devices = self._receiver.partitions, self.devices
         assert shared is not None
+        self._left_out.discard(item.partition)
         if isinstance(item, Resumed):
             shared.resume(item.partition)
             return
@@ -245,6 +250,7 @@ class Ingest:
         shared.walked(item.partition, item.start)
         self.catching_up.begin(item.partition, item.done)
         for name, kept in item.kept.items():
+            self.inbox.admission.admit(name)
             now_ns, arrived_ns = host_ns(), kept.unix_ns - devices.offset_ns()
             line = devices.open(name, arrived_ns, item.partition, kept.state)
             line.heard_ns = line.looked_ns = now_ns

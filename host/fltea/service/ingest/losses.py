@@ -54,7 +54,7 @@ class Losses:
     def look(self, now_ns: int) -> Iterator[Trouble]:
         """Yield what is to be reported."""
         inbox = self._inbox
-        inbox.expire(now_ns)
+        inbox.admission.expire(now_ns)
         for verdict, reason in REASONS.items():
             count = inbox.admission.turned_away[verdict]
             new = count - self._away.get(verdict, 0)
@@ -65,7 +65,7 @@ class Losses:
                     f"{self._where}: {new} {reason.text}. The last was {last}; the limit is {limit} devices."
                 )
                 yield Trouble("devices_refused", text, now_ns, fatal=False)
-        overflow = inbox.overflow()
+        overflow = dict(inbox.overflow_bytes)
         new_bytes = {name: size - self._overflow.get(name, 0) for name, size in overflow.items()}
         worst = max(new_bytes, key=lambda name: new_bytes[name], default=None)
         if worst is not None and new_bytes[worst] > 0 and self._due.is_due("overflow", now_ns):

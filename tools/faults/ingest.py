@@ -1,0 +1,207 @@
+"""Faults of who walks samples of many boards, and of the server in between.
+
+A worker of NATS is killed, stopped, cut off, and has a clock that jumps; the NATS server that two workers
+share, or the MQTT broker of one program, is killed, away, cut off, or full.
+"""
+
+import os
+import signal
+import time
+from functools import partial
+from typing import Any
+
+from tools.faults.case import Case, Outcome
+from tools.faults.ingest_scene import DEVICES, PARTITIONS, Scene, walked_by
+from tools.faults.nats_server import NatsServer
+from tools.faults.program import Program, Skip, wait_until
+from tools.faults.small_disk import SmallDisk
+from tools.faults.stage import Stage
+from tools.frames_load import RATE_HZ
+
+PAST_LEASE_S = AWAY_S = 8.0
+DAY_NS = 86_400 * 10**9
+DISK, STORE = "160m", "96MB"
+"""The server's limit is less than the disk, and has room for what workers ask for."""
+
+
+def nats_scene(stage: Stage, **how: Any) -> Scene:
+    """Two workers of NATS."""
+    return Scene(stage, NatsServer(stage.folder, PARTITIONS), **how)
+
+
+# --- a worker ---
+
+
+def worker_killed(stage: Stage) -> Outcome:
+    """By `kill -9`."""
+    return _killed(nats_scene(stage))
+
+
+def worker_stands_still(stage: Stage) -> Outcome:
+    """Stopped for longer than a lease, and let go on."""
+    scene = nats_scene(stage)
+    first, second = scene.workers
+    before, published = len(first.records), scene.boards.samples
+    os.kill(first.process.pid, signal.SIGSTOP)
+    try:
+        scene.until_all_by(second)
+    finally:
+        os.kill(first.process.pid, signal.SIGCONT)
+    _share_again(scene, first)
+    early = _walked_without_a_lease(first.records[before:], published + 2 * RATE_HZ)
+    wrong = [f"it walked {early} samples that were the other's"] if early else []
+    return scene.outcome("both share again", wrong)
+
+
+def worker_cut_off(stage: Stage) -> Outcome:
+    """The network between it and the server is split until the other has all, and then is whole again."""
+    scene = nats_scene(stage)
+    first, second = scene.workers
+    scene.line.cut()
+    cut_s = time.monotonic()
+    scene.until_all_by(second)
+    taken_s = time.monotonic() - cut_s
+    walked = len(first.of("sample"))
+    time.sleep(PAST_LEASE_S)
+    late = len(first.of("sample")) - walked
+    scene.line.heal()
+    _share_again(scene, first)
+    wrong = [f"the one that was cut off walked {late} samples more"] if late else []
+    return scene.outcome(f"taken over after {taken_s:.0f} s; both share again", wrong)
+
+
+def clock_jumps(stage: Stage, *days: int) -> Outcome:
+    """A worker's clock goes so many days ahead, in this order; then it is killed."""
+    scene, wrong = nats_scene(stage), []
+    for ahead in days:
+        before = _taken(scene.workers)
+        stage.set_clock(ahead * DAY_NS)
+        time.sleep(PAST_LEASE_S)
+        if moved := _taken(scene.workers) - before:
+            wrong.append(f"{moved} partitions were taken when the clock was set")
+    return _killed(scene, wrong)
+
+
+def _taken(workers: list[Program]) -> int:
+    return sum(worker.errors().count("partition_taken") for worker in workers)
+
+
+def _killed(scene: Scene, wrong: list[str] | None = None) -> Outcome:
+    """Kill the first worker, and let the second take all. wrong: before."""
+    first, second = scene.workers
+    before = walked_by(second)
+    epochs = len(second.of("epoch"))
+    first.kill()
+    killed_s = time.monotonic()
+    scene.until_all_by(second)
+    taken_s = time.monotonic() - killed_s
+    reasons = {r["device"]: r["reason"] for r in second.of("epoch")[epochs:] if r["device"] not in before}
+    found = [f"did not go on from snapshots: {reasons}"] if set(reasons.values()) != {"resumed"} else []
+    more = f"{DEVICES - len(before)} of {DEVICES} sensors taken over after {taken_s:.0f} s"
+    return scene.outcome(more, [*(wrong or []), *found])
+
+
+def _walked_without_a_lease(records: list[dict[str, Any]], since: int) -> int:
+    """Samples of these numbers or later before it took a partition; earlier ones were on their way."""
+    lease = next(i for i, r in enumerate(records) if r["class"] == "error" and r["kind"] == "partition_taken")
+    return sum(r["class"] == "sample" and r["seq"] >= since for r in records[:lease])
+
+
+def _share_again(scene: Scene, worker: Program) -> None:
+    since = scene.boards.samples
+    wait_until(lambda: bool(walked_by(worker, since)), "its share")
+    scene.until_all_again()
+
+
+# --- the server ---
+
+
+def server_killed(stage: Stage, *, nats: bool, away_s: float, qos: int = 1) -> Outcome:
+    """It is killed, and started again after some seconds. qos: 0 if boards keep nothing."""
+    scene = nats_scene(stage, qos=qos) if nats else Scene(stage, stage.broker())
+    scene.server.kill()
+    time.sleep(away_s)
+    scene.server.start()
+    return _outcome_when_back(scene)
+
+
+def cut_off(stage: Stage) -> Outcome:
+    """The network between program and broker is split until that is reported; boards go on."""
+    scene = Scene(stage, stage.broker())
+    (program,) = scene.workers
+    scene.line.cut()
+    cut_s = time.monotonic()
+    program.wait_for(lambda: "broker_lost" in program.errors(), "word of it")
+    reported_s = time.monotonic() - cut_s
+    scene.line.heal()
+    scene.until_all_again()
+    return scene.outcome(f"reported after {reported_s:.0f} s")
+
+
+def store_full(stage: Stage, *, qos: int = 1) -> Outcome:
+    """A stream of somebody else fills the server's store up to its limit; it is deleted."""
+    server, _ = _server_on_small_disk(stage)
+    scene = Scene(stage, server, qos)
+    server.fill_store()
+    _wait_until_lost(scene)
+    server.empty_store()
+    return _outcome_when_back(scene)
+
+
+def disk_full(stage: Stage) -> Outcome:
+    """Files of somebody else fill the server's disk; they are deleted, and the server is started again."""
+    server, disk = _server_on_small_disk(stage)
+    scene = Scene(stage, server)
+    disk.fill()
+    _wait_until_lost(scene)
+    disk.free()
+    server.kill()
+    server.start()
+    return _outcome_when_back(scene)
+
+
+def _server_on_small_disk(stage: Stage) -> tuple[NatsServer, SmallDisk]:
+    """A server that may be killed and started again; the disk stays."""
+    disk = stage.disk("js", size=DISK)
+    if not disk.is_mounted:
+        raise Skip("no small disk can be made here (unshare, mount)")
+    return NatsServer(stage.folder, PARTITIONS, store=STORE, before=disk.hold()), disk
+
+
+def _wait_until_lost(scene: Scene) -> None:
+    """Until all workers have reported it, and for some seconds more."""
+    for worker in scene.workers:
+        worker.wait_for(lambda worker=worker: "nats_lost" in worker.errors(), "word of it")  # type: ignore[misc]
+    time.sleep(AWAY_S)
+
+
+def _outcome_when_back(scene: Scene) -> Outcome:
+    back_s = time.monotonic()
+    scene.until_all_again()
+    more = f"samples of all sensors again {time.monotonic() - back_s:.0f} s after it was back"
+    if isinstance(scene.server, NatsServer):
+        reported = max(worker.errors().count("nats_lost") for worker in scene.workers)
+        more += f"; `nats_lost` {reported} times a worker"
+    return scene.outcome(more)
+
+
+AWAY = f"away for {AWAY_S:g} s"
+STORE_FULL = f"NATS server's store at its limit for {AWAY_S:g} s"
+AT_ONCE = "killed (`kill -9`), started again at once"
+QOS_0 = ", boards send with QoS 0"
+CASES = (
+    Case("one of two workers killed (`kill -9`)", worker_killed),
+    Case("one of two workers stopped (SIGSTOP) until the other had all, and let go on", worker_stands_still),
+    Case("one of two workers cut off from the server until the other had all", worker_cut_off),
+    Case("clock of a worker set a day forward, and back; then it was killed", lambda s: clock_jumps(s, 1, 0)),
+    Case("a worker killed while its clock was a day ahead", lambda stage: clock_jumps(stage, 1)),
+    Case(f"NATS server {AT_ONCE}", partial(server_killed, nats=True, away_s=0.0)),
+    Case(f"NATS server {AWAY}", partial(server_killed, nats=True, away_s=AWAY_S)),
+    Case(f"NATS server {AWAY}{QOS_0}", partial(server_killed, nats=True, away_s=AWAY_S, qos=0)),
+    Case(STORE_FULL, store_full),
+    Case(STORE_FULL + QOS_0, partial(store_full, qos=0)),
+    Case(f"MQTT broker {AT_ONCE}", partial(server_killed, nats=False, away_s=0.0)),
+    Case(f"MQTT broker {AWAY}", partial(server_killed, nats=False, away_s=AWAY_S)),
+    Case("cut off from the MQTT broker until it was reported", cut_off),
+    Case(f"NATS server's disk full for {AWAY_S:g} s; room again, and the server started again", disk_full),
+)
