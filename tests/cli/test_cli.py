@@ -88,6 +88,10 @@ USAGE = {
     "1200 baud": (["run", "-s", "/dev/ttyACM0", "--baud", "1200"], "1200 baud is refused"),
     "no such scheme": (["run", "-s", "ftp://x"], "ftp://x"),
     "bad bias": (["run", "--bias", "much"], "estimator.bias must be |got 'much'"),
+    "no start within the guard": (
+        ["run", "--set", "estimator.joint.beta0=2"],
+        "estimator.joint.beta0 must be",
+    ),
     "bad R": (["run", "--r", "0.1,x"], "estimator.R must be |got [0.1, 'x']"),
     "no source": (["run", "-s", ""], "--source: say where it is"),
     "no folder to record to": (["record", ""], "record.folder must be the name of a folder"),

@@ -5,7 +5,7 @@ import stat
 from pathlib import Path
 
 import pytest
-from fltea.records.errors import FlteaError
+from fltea.records.errors import FlteaError, UsageError
 from fltea.records.whole_file import text_of, whole_file
 
 
@@ -82,6 +82,18 @@ def test_names_as_long_as_can_be_and_rights_as_usual(tmp_path: Path) -> None:
             assert stat.S_IMODE((tmp_path / name).stat().st_mode) == 0o640
     finally:
         os.umask(before)
+
+
+def test_what_is_no_file_is_not_replaced(tmp_path: Path) -> None:
+    """As root, a file would take the place of a device."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    for name in ("pipe", "folder"):
+        kind = stat.S_IFMT((tmp_path / name).stat().st_mode)
+        with pytest.raises(UsageError, match="cannot be written"), whole_file(tmp_path / name):
+            pytest.fail("it was begun")
+        assert stat.S_IFMT((tmp_path / name).stat().st_mode) == kind
+    assert len(list(tmp_path.iterdir())) == 2
 
 
 @pytest.mark.parametrize("name", ["no/such/folder", "a\0b", "", "/proc/out"])

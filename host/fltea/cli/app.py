@@ -18,7 +18,7 @@ from fltea.cli.output import print_lines, say
 from fltea.cli.record import export, info, record, recover
 from fltea.cli.reproduce import bench, reproduce
 from fltea.cli.run import run
-from fltea.records.errors import FlteaError, UsageError
+from fltea.records.errors import FlteaError, UsageError, of_input
 from fltea.records.version import __version__
 from fltea.wire import layout as wire
 
@@ -48,11 +48,14 @@ def main() -> None:
         if sys.stdout is None:
             raise UsageError("standard output is closed; give it a file, a pipe or /dev/null.")
         app()
-    except FlteaError as error:
-        say(f"fltea: error: {error}")
-        sys.exit(error.exit_code)
     except KeyboardInterrupt:
         sys.exit(130)
+    except Exception as error:
+        failure = error if isinstance(error, FlteaError) else of_input(error)
+        if failure is None or (failure is not error and sys.flags.dev_mode):
+            raise
+        say(f"fltea: error: {failure}")
+        sys.exit(failure.exit_code)
 
 
 def _show_version(wanted: bool) -> None:

@@ -9,6 +9,7 @@ from fltea.cli.output import end_with, print_lines, say
 from fltea.cli.setting_flags import LIMITS, RECORDING, takes_settings
 from fltea.records.errors import FlteaError, Incomplete, UsageError
 from fltea.settings.config import load_config
+from fltea.settings.duration import MOST_S
 from fltea.settings.extras import load
 
 Recordings = Annotated[
@@ -46,8 +47,8 @@ def record(
 
         fltea record -s serial:/dev/ttyACM0 night --rotate-s 600
     """
-    if for_ is not None and not for_ > 0:
-        raise UsageError("--for takes a positive number of seconds.")
+    if for_ is not None and not 0 < for_ < MOST_S:
+        raise UsageError(f"--for takes a positive number of seconds, up to {MOST_S:g}.")
     channels = () if raw else ("hello", "gap", "sample", "error")
     config = load_config(
         None, {"source": source, "record.folder": folder, "record.channels": list(channels)} | settings

@@ -8,6 +8,7 @@ import pyarrow.parquet as pq
 
 from fltea.fleet.databases import Database
 from fltea.fleet.history import COLUMNS, FIGURES
+from fltea.records.whole_file import whole_file
 
 AT_ONCE = 50_000
 
@@ -25,19 +26,16 @@ SCHEMA = pa.schema(
 
 def write(database: Database, out: Path) -> int:
     """Write all rows; how many there were. The file appears whole or not at all."""
-    part = out.with_name(f".{out.name}.part")
     count = 0
     try:
-        with pq.ParquetWriter(part, SCHEMA) as writer:
+        with whole_file(out) as file, pq.ParquetWriter(file, SCHEMA) as writer:
             rows = database.rows(f"SELECT {', '.join(COLUMNS)} FROM fit ORDER BY unix_s, device_id, axis")
             while block := list(itertools.islice(rows, AT_ONCE)):
                 columns = zip(*block, strict=True)
                 arrays = [pa.array(c, field.type) for c, field in zip(columns, SCHEMA, strict=True)]
                 writer.write_batch(pa.record_batch(arrays, schema=SCHEMA))
                 count += len(block)
-        part.replace(out)
     finally:
-        part.unlink(missing_ok=True)
         database.close()
     assert SCHEMA.names == COLUMNS
     return count

@@ -8,6 +8,7 @@ import msgspec
 from fltea.identification.noise_model import AxisModel, check_possible
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES
+from fltea.records.small_file import read_small
 from fltea.records.version import __version__
 from fltea.records.whole_file import whole_file
 
@@ -78,13 +79,10 @@ def read_models(path: Path) -> NoiseModels:
     Raises:
         UsageError: no such file, another kind or version, or models that cannot be.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
+    data = read_small(path)
     try:
         head = msgspec.json.decode(data, type=_Head)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise UsageError(f"{path}: is no noise model: {error}.") from error
     if head.format != FORMAT:
         raise UsageError(
@@ -98,5 +96,5 @@ def read_models(path: Path) -> NoiseModels:
         )
     try:
         return msgspec.json.decode(data, type=NoiseModels)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise UsageError(f"{path}: {error}.") from error

@@ -105,7 +105,7 @@ def _impossible() -> Iterator[None]:
     """Tell what cannot be drawn, or takes more memory than there is."""
     try:
         yield
-    except (ValueError, MemoryError) as error:
+    except (ValueError, ArithmeticError, MemoryError) as error:
         raise UsageError(f"simulate: {error}.") from error
 
 

@@ -22,6 +22,7 @@ from serial.tools import list_ports
 
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Chunk, Failed
+from fltea.records.small_file import read_small
 from fltea.records.visible import visible
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
@@ -179,8 +180,8 @@ def _bossac_plan(port: str, image: Path | None, root: Path | None) -> Plan:
     check_image(image)
     facts = image.with_suffix(".json")
     try:
-        build_id = str(json.loads(facts.read_text("utf-8"))["build_id"]) if facts.is_file() else None
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        build_id = str(json.loads(read_small(facts))["build_id"]) if facts.is_file() else None
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise UsageError(f"{facts}: does not state the image's build_id ({error}).") from error
     name = os.path.relpath(port, "/dev") if port.startswith("/dev/") else port
     bossac = _bossac()
@@ -202,10 +203,7 @@ def check_image(image: Path) -> None:
     Raises:
         UsageError: the file cannot be read, or is no image.
     """
-    try:
-        content = image.read_bytes()
-    except OSError as error:
-        raise UsageError(f"{image}: cannot be read ({error}).") from error
+    content = read_small(image)
     if not 8 <= len(content) <= FLASH_BYTES:
         wrong = f"it has {len(content)} bytes, the flash {FLASH_BYTES}"
     else:

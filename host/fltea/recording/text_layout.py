@@ -296,7 +296,8 @@ def split(line: str, separator: str | None) -> list[str]:
     if separator is None:
         fields = line.split()
     elif '"' in line and len(line) < csv.field_size_limit():
-        fields = next(csv.reader([line.rstrip("\r\n")], delimiter=separator, skipinitialspace=True), [])
+        text = line.rstrip("\r\n").replace("\r", " ")
+        fields = next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
     else:
         fields = line.rstrip("\r\n").split(separator)
     return [field.strip().strip('"').strip() for field in fields]

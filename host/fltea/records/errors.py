@@ -7,7 +7,19 @@ FlteaError                     exit 1  something failed while running
 └── SourceFailed               exit 1  the source gave up, and `--once` says not to wait for it
 """
 
+import errno
 from collections.abc import Sequence
+
+MOST_SHOWN = 300
+"""Characters of a library's own text that a sentence repeats."""
+
+OF_NAMES = frozenset(
+    (
+        *(errno.ENOENT, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG, errno.ELOOP, errno.EISDIR),
+        *(errno.ENOTDIR, errno.EINVAL, errno.ENXIO, errno.ENODEV, errno.EEXIST, errno.EROFS),
+    )
+)
+"""What the system says of a name that cannot be used; all else came while something ran."""
 
 
 class FlteaError(Exception):
@@ -40,3 +52,30 @@ class Incomplete(FlteaError):
 
 class SourceFailed(FlteaError):
     """A live source failed and was not to be waited for."""
+
+
+def of_input(error: BaseException) -> FlteaError | None:
+    """Return the sentence on an error that words or files of a user's cause and that nothing named better.
+
+    None of all others, which are faults of the program: they keep their traceback.
+    """
+    kind: type[FlteaError] = UsageError
+    match error:
+        case RecursionError():
+            what = "something in it is nested too deeply"
+        case MemoryError():
+            what, kind = "it needs more memory than there is", FlteaError
+        case UnicodeError():
+            what = "a name or a text in it is not UTF-8"
+        case OSError():
+            what = f"{error.strerror}: {error.filename}" if error.filename is not None else str(error)
+            kind = UsageError if error.errno in OF_NAMES else FlteaError
+        case ValueError() | ArithmeticError():
+            what = str(error)
+        case _:
+            return None
+    shown = what if len(what) <= MOST_SHOWN else f"{what[:MOST_SHOWN]}…"
+    return kind(
+        f"the command line, or a file that it names, cannot be used: {shown}. (If it is right, this is a "
+        "fault of fltea: `python -X dev -m fltea …` shows where.)"
+    )

@@ -4,6 +4,7 @@ import contextlib
 import io
 import os
 import secrets
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,8 +26,10 @@ def whole_file(out: Path) -> Iterator[BinaryIO]:
     there is not followed. It is on the disk before it takes its name.
 
     Raises:
+        UsageError: a device, a pipe or a folder has the name, which nothing takes the place of.
         FlteaError: the file cannot be written; what was at `out` is as it was.
     """
+    _check_replaceable(out)
     part = out.parent / f".{out.name[:KEPT_OF_NAME]}.{secrets.token_hex(8)}.part"
     try:
         descriptor = os.open(part, NEW, 0o666)
@@ -43,6 +46,17 @@ def whole_file(out: Path) -> Iterator[BinaryIO]:
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+def _check_replaceable(out: Path) -> None:
+    """Refuse what is no file. Root may put one in the place of /dev/null, and then the system is broken."""
+    try:
+        mode = os.lstat(out).st_mode
+    except (OSError, ValueError):  # nothing is there, or whoever opens it says what is wrong
+        return
+    in_dev = out.absolute().parent == Path("/dev")
+    if not (stat.S_ISREG(mode) or (stat.S_ISLNK(mode) and not in_dev)):
+        raise UsageError(f"{out}: cannot be written (it is no file, and only a file is replaced).")
 
 
 @contextlib.contextmanager

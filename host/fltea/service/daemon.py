@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.errors import FlteaError, Incomplete, SourceFailed, UsageError
 from fltea.records.ports import Source
 from fltea.records.visible import visible_lines
@@ -114,6 +115,8 @@ class _Run:
         shared = [config for config in self._configs if is_shared(config.source)]
         sources: list[Source] = []
         state: StateFile | None = None
+        for config in self._configs:
+            _check_filters(config)
         try:
             for config in configs:  # the sources first: a wrong one leaves no half-open outputs
                 sources.append(open_source(config))
@@ -264,6 +267,15 @@ def _check_shared(configs: Sequence[Config]) -> None:
                 f"{wrong} is not for --source {config.source}, behind which many devices stand. Their "
                 "records go to --mqtt, --metrics and the standard output."
             )
+
+
+def _check_filters(config: Config) -> None:
+    """Refuse what is right setting by setting, and no filter can start from."""
+    for name in ("estimator", "accel"):
+        try:
+            LaneSettings(getattr(config, name), h=1.0, R=1.0).table(1)
+        except ValueError as error:
+            raise UsageError(f"{name}.{error}.") from error
 
 
 def _check_recordable(config: Config, source: Source) -> None:

@@ -12,9 +12,13 @@ from pathlib import Path
 import msgspec
 
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.small_file import read_small
 from fltea.records.whole_file import whole_file
 from fltea.settings.outputs import StateConfig
 from fltea.stream.snapshot import DeviceState
+
+MOST_BYTES = 1 << 30
+"""Of all devices, each with every sample of a direct memory."""
 
 VERSION = 4
 """Earlier ones had a running test of whiteness in place of the sums of the live fit."""
@@ -58,14 +62,14 @@ class StateFile:
     def _read(self) -> dict[str, DeviceState]:
         path = self._path
         try:
-            data = path.read_bytes()
-        except FileNotFoundError:
-            return {}
-        except OSError as error:
-            raise UsageError(f"--state {path}: cannot be read ({error}).") from error
+            data = read_small(path, what="--state", most_bytes=MOST_BYTES)
+        except UsageError as error:
+            if isinstance(error.__cause__, FileNotFoundError):
+                return {}
+            raise
         try:
             version = msgspec.json.decode(data, type=_Header).version
-        except msgspec.DecodeError as error:
+        except (ValueError, RecursionError) as error:
             text = f"--state {path}: is no snapshot of fltea ({error}). Give another name, or remove it."
             raise UsageError(text) from error
         if version != VERSION:
@@ -77,7 +81,7 @@ class StateFile:
             return {}
         try:
             return dict(msgspec.json.decode(data, type=_File).devices)
-        except msgspec.DecodeError as error:
+        except (ValueError, RecursionError) as error:
             self._set_aside(f"{path} holds what no snapshot does ({error}), so the start-up window begins")
             return {}
 
@@ -139,7 +143,7 @@ def _check_writable(path: Path) -> None:
     folder = path.parent
     if not folder.is_dir():
         raise UsageError(f"--state {path}: there is no folder {folder}.")
-    if path.is_dir() or not os.access(folder, os.W_OK):
+    if (path.exists() and not path.is_file()) or not os.access(folder, os.W_OK):
         raise UsageError(
             f"--state {path}: cannot be written there. It has to be a file in a folder of yours."
         )
@@ -153,7 +157,7 @@ def _hold(path: Path) -> int:
     lock = path.with_name(f".{path.name}.lock")
     try:
         held = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    except OSError as error:
+    except (OSError, ValueError) as error:  # ValueError: a name with a NUL
         raise UsageError(f"--state {path}: {lock} cannot be made ({error}).") from error
     try:
         fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -10,6 +10,7 @@ import msgspec
 
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES
+from fltea.records.small_file import read_small
 from fltea.settings.device_name import NAME, device_name, device_names
 from fltea.settings.duration import Duration, in_seconds
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
@@ -25,8 +26,11 @@ from fltea.settings.outputs import (
     RecordConfig,
     StateConfig,
 )
-from fltea.settings.setting import Setting, Table, all_declared, joined, of_sensor, tables
+from fltea.settings.setting import Setting, Table, all_declared, joined, of_sensor, shown, tables
 from fltea.wire import layout as wire
+
+MOST_BYTES = 250_000
+"""Of a file of settings: a thousand devices, and no more keys within keys than are read in a moment."""
 
 MOST_MB = 1e9
 """A thousand TB; beyond it a limit is none."""
@@ -275,7 +279,7 @@ def parse_setting(text: str) -> tuple[str, Any]:
         raise UsageError(f"--set {text}: give PATH=VALUE, for instance --set estimator.order.Q0=0.05.")
     try:
         return path, tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return path, SETTINGS[path].read(value) if path in SETTINGS else value
 
 
@@ -290,10 +294,8 @@ def of_flags(flags: Mapping[str, Any]) -> dict[str, Any]:
 
 def _read_toml(file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{file}: cannot be read ({error}).") from error
-    except tomllib.TOMLDecodeError as error:
+        return tomllib.loads(read_small(file, most_bytes=MOST_BYTES).decode())
+    except (ValueError, RecursionError) as error:
         raise UsageError(f"{file}: is not TOML: {error}.") from error
 
 
@@ -312,6 +314,8 @@ def _convert(tree: Mapping[str, Any], origin: str) -> Config:
         return msgspec.convert(tree, Config)
     except msgspec.ValidationError as error:
         raise UsageError(f"{origin}: {_explain(str(error), tree)}") from error
+    except UnicodeEncodeError as error:
+        raise UsageError(f"{origin}: {shown(error.object)} is not UTF-8.") from error
 
 
 def _explain(message: str, tree: Mapping[str, Any]) -> str:

@@ -8,6 +8,8 @@ Duration = int | str
 
 SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 EXAMPLE = "30 s"
+MOST_S = 1e9
+"""Thirty years; nothing waits longer."""
 
 
 def in_samples(value: Duration, rate_hz: float, least: int) -> int:
@@ -32,4 +34,4 @@ def in_seconds(text: str) -> float | None:
     if found is None or found[2] not in SECONDS:
         return None
     seconds = float(found[1]) * SECONDS[found[2]]
-    return seconds if math.isfinite(seconds) and seconds < 1e9 else None
+    return seconds if math.isfinite(seconds) and seconds < MOST_S else None

@@ -1,10 +1,9 @@
 """A user and a password from a file that others must not be able to read."""
 
-import os
-import stat
 from pathlib import Path
 
 from fltea.records.errors import UsageError
+from fltea.records.small_file import read_small
 
 
 def read_login(setting: str, file: str | Path) -> tuple[str, str]:
@@ -14,14 +13,9 @@ def read_login(setting: str, file: str | Path) -> tuple[str, str]:
         UsageError: it cannot be read, everybody may read it, or it is not one line USER:PASSWORD.
     """
     try:
-        with Path(file).open(encoding="utf-8") as stream:
-            mode = os.fstat(stream.fileno()).st_mode
-            lines = stream.read().splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8"
-        raise UsageError(f"{setting} {file}: cannot be read ({reason}).") from error
-    if mode & stat.S_IRWXO:
-        raise UsageError(f"{setting} {file}: everybody on this machine may read it. Do: chmod o= {file}")
+        lines = read_small(Path(file), what=setting, most_bytes=4096, private=True).decode().splitlines()
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{setting} {file}: cannot be read (not UTF-8).") from error
     user, colon, password = lines[0].partition(":") if len(lines) == 1 else ("", "", "")
     if not (user and colon and password):
         raise UsageError(f"{setting} {file}: must hold one line, USER:PASSWORD.")

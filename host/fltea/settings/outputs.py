@@ -291,7 +291,9 @@ class StateConfig(Table, frozen=True):
             example="fltea.state",
         ),
     ] = None
-    max_age_s: Annotated[float, Setting("An older snapshot is not used.", unit="s", above=0)] = 3600.0
+    max_age_s: Annotated[float, Setting("An older snapshot is not used.", unit="s", above=0, most=1e9)] = (
+        3600.0
+    )
     period_s: Annotated[
         float,
         Setting("Time from one snapshot to the next; there is another at the end.", unit="s", above=0),

@@ -8,7 +8,6 @@ documentation and the board's header all come from these. The range is not msgsp
 made in Python passes by, which lets NaN through, and whose message knows neither unit nor value.
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import KW_ONLY, dataclass
 from functools import cache
@@ -19,6 +18,12 @@ from msgspec import inspect as types
 
 from fltea.settings.duration import EXAMPLE, in_seconds
 
+END = 2.0**63
+"""No number goes so far whose setting has no end of its own: beyond, whole numbers have no room."""
+
+MOST_SHOWN = 200
+"""Characters of a wrong value that a sentence repeats."""
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -28,9 +33,9 @@ class Setting:
     """a sentence or two, for the help of a flag as well as for a table"""
     _: KW_ONLY
     unit: str = ""
-    least: float = -math.inf
-    above: float = -math.inf
-    most: float = math.inf
+    least: float = -END
+    above: float = -END
+    most: float = END
     text: str = ""
     """what a text has to be, such as "the name of a folder"; it must then not be empty"""
     time: bool = False
@@ -44,10 +49,8 @@ class Setting:
     """whether the board's header has this default too"""
 
     def contains(self, number: Any) -> Any:
-        """Whether a number is finite and in range; of an array, for each of its numbers."""
-        return (
-            (abs(number) < math.inf) & (number >= self.least) & (number > self.above) & (number <= self.most)
-        )
+        """Whether a number is in range, and so finite; of an array, for each of its numbers."""
+        return (number >= self.least) & (number > self.above) & (number <= self.most)
 
     def accepts(self, value: Any) -> bool:
         """Whether a value of the right type can be used; of a list, each of its values."""
@@ -55,7 +58,7 @@ class Setting:
             return all(map(self.accepts, value))
         if isinstance(value, str):
             if not self.time:
-                return bool(value) or not self.text
+                return "\0" not in value and (bool(value) or not self.text)
             seconds = in_seconds(value)
             return seconds is not None and (self.unit != "s" or bool(self.contains(seconds)))
         return value is None or isinstance(value, bool) or bool(self.contains(value))
@@ -63,11 +66,11 @@ class Setting:
     @property
     def range(self) -> str:
         """The range in words, with a blank before them; nothing where there is none."""
-        if self.least > -math.inf:
+        if self.least != -END:
             low = f"{self.least:.15g}"
-            return f" from {low} to {self.most:.15g}" if self.most < math.inf else f" of at least {low}"
-        up = f" and up to {self.most:.15g}" if self.most < math.inf else ""
-        return f" above {self.above:g}{up}" if self.above > -math.inf else ""
+            return f" from {low} to {self.most:.15g}" if self.most != END else f" of at least {low}"
+        up = f" and up to {self.most:.15g}" if self.most != END else ""
+        return f" above {self.above:g}{up}" if self.above != -END else ""
 
     def words(self, kind: types.Type) -> list[str]:
         """What a value of this type has to be, one text for each alternative."""
@@ -141,7 +144,7 @@ class Declared(NamedTuple):
 
     def wrong(self, value: Any) -> str:
         """The one sentence about a value that it does not take."""
-        return f"{self.path} must be {self.takes}, got {value!r}"
+        return f"{self.path} must be {self.takes}, got {shown(value)}"
 
     def read(self, text: str) -> Any:
         """What the text of a flag means here: numbers and lists where they are taken, else the text."""
@@ -205,6 +208,15 @@ def joined(path: str, name: str) -> str:
 def of_sensor(path: str, text: str) -> str:
     """A text on a setting with the unit of its sensor: the accelerometer has the gyroscope's settings."""
     return text.replace("deg/s", "m/s²") if path.startswith("accel.") else text
+
+
+def shown(value: Any) -> str:
+    """A wrong value as a sentence repeats it: whoever is wrong by accident is so within some characters."""
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):
+        return "a number of thousands of digits, or a list in lists without end"
+    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}…"
 
 
 def _scalar(text: str, kinds: tuple[type[types.Type], ...]) -> Any:

@@ -1,0 +1,232 @@
+"""Command lines and files that nobody writes by accident: an exit code, a sentence, never a traceback.
+
+Every option of every command takes every word of `WORDS`, as every setting does by --set; a seed chooses.
+"""
+
+import os
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import typer.main
+from fltea.cli import fleet
+from fltea.cli.app import app
+from fltea.machine import flash
+from fltea.records import small_file
+from fltea.records.errors import FlteaError, UsageError, of_input
+from fltea.settings.config import SETTINGS
+from host_support import fltea, fltea_here
+from tiers import slow
+
+COMMANDS = typer.main.get_command(app).commands
+FAST = ["run", "--once", "--format", "none", "--startup", "50"]
+BASES = {
+    "run": [*FAST, "-s", "replay:rest.npz"],
+    "run live": [*FAST, "--pace", "fast", "-s", "synthetic:?n=120"],
+    "identify": ["identify", "--shuffles", "0", "--jobs", "1", "rest.npz"],
+    "record": ["record", "-s", "synthetic:?n=100", "--for", "0.1", "recordings"],
+    "info": ["info", "rest.npz"],
+    "export": ["export", "rest.npz", "--to", "out.npz", "--force"],
+    "recover": ["recover", "rest.mcap"],
+    "doctor": ["doctor", "--source", "replay:rest.npz"],
+    "flash": ["flash", "--dry-run", "--method", "bossac", "--port", "/dev/null"],
+    "fleet": ["fleet", "--mqtt", "127.0.0.1:1", "--json"],
+    "inspect": ["inspect", "rest.npz"],
+    "simulate": ["simulate", "out.csv", "-n", "20", "--window", "20"],
+    "reproduce": ["reproduce", "--table", "9"],
+    "bench": ["bench", "--repetitions", "1"],
+}
+TEXTUAL = [
+    "",
+    " ",
+    "-",
+    "a:b:c",
+    "\udcff\udcfe",
+    "a\0b",
+    '"a\\u0000b"',
+    "\x1b[31m",
+    "😀" * 100,
+    "[1e308,-1e308,1e-308]",
+]
+NESTED = ["[" * 100_000, '{"a":' * 50_000, "{a=" * 5000]
+NUMBERS = [
+    *(
+        "9" * 6000,
+        "-" + "9" * 6000,
+        "0x" + "f" * 6000,
+        "٣",
+        "1_000",
+        "9" * 400 + "s",
+        "0." + "0" * 320 + "1s",
+    ),
+    *("0", "-1", "0.5", "1e-308", "5e-324", "1e-300", "1e12", "1e300", "1e308", "-1e308", "1e400"),
+    *("nan", "inf", "-inf", str(2**31), str(2**63), str(-(2**63) - 1)),
+]
+FILES = [
+    *(
+        "folder",
+        "loop",
+        "sparse",
+        "rest.npz/x",
+        "x" * 300,
+        "/tmp/" + "y" * 300,
+        "x" * 252 + ".npz",
+        "../" * 1500,
+    ),
+]
+"""No devices: tests run as root too, and many of these options write."""
+URLS = [
+    *(
+        "http://[",
+        "mqtt://\udcff:1",
+        "mqtt://127.0.0.1:" + "9" * 20,
+        "mqtt://" + "a" * 100 + ".x",
+        "nats://\udcff",
+    ),
+    *("serial:\udcff", "serial:/dev/" + "x" * 300, "socket://[::1", "socket://a:999999", "hwgrep://("),
+    *("spy:///dev/null?file=/x/y", "serial-text:\udcff?baud=1e308", "i2c:///dev/i2c-1?addr=" + "9" * 5000),
+    *("replay:\udcff", "replay:" + "x" * 300 + ".csv", "replay:a\0b.csv"),
+    *(
+        "iio:\udcff",
+        "iio:" + "x" * 300,
+        "iio:a\0b",
+        "synthetic:?n=" + "9" * 5000,
+        "synthetic:?alpha=1e308&n=100",
+    ),
+    *(
+        f"synthetic:?{what}&n=600"
+        for what in ("rate=1e-308", "rate=1e308", "f=-1e308", "r=1e-320", "q=1e308")
+    ),
+]
+WORDS = TEXTUAL + NESTED + NUMBERS + FILES + URLS
+TEXTS: dict[str, bytes] = {
+    "deep array": b"a = " + b"[" * 200_000,
+    "deep table": b"[" + b"a." * 5_000 + b"a]\n",
+    "deep JSON": b"[" * 500_000,
+    "deep objects": b'{"a":' * 200_000,
+    "digits": b"[link]\nbaud = " + b"9" * 6000,
+    "hexadecimal digits": b"[replay]\nrate_hz = 0x" + b"f" * 6000,
+    "digits of JSON": b'{"version":' + b"9" * 6000 + b',"devices":{}}',
+    "a NUL in a path": b'[record]\nfolder = "a\\u0000b"',
+    "a NUL in the state's": b'[state]\nfile = "a\\u0000b"',
+    "a NUL in a port's": b'source = "serial:a\\u0000b"',
+    "a device without a table": b"[device]\nx = 1",
+    "any bytes": bytes(range(256)),
+    "NULs": bytes(1000),
+    "other letters": "name = 'x'".encode("utf-16"),
+    "nothing": b"",
+}
+NAMES = ["folder", "loop", "sparse", "pipe", "\udcff", "x" * 300, "a\0b", "none"]
+WHOLE = {
+    "settings": [*BASES["run live"], "-c"],
+    "settings of a fleet": ["fleet", "--json", "-c"],
+    "state": [*FAST, "--pace", "fast", "-s", "synthetic:?n=60", "--state"],
+    "model": ["simulate", "out.csv", "-n", "10", "--model"],
+    "password": ["fleet", "--mqtt", "127.0.0.1:1", "--listen", "0", "--password-file"],
+    "image": ["flash", "--dry-run", "--method", "bossac", "--port", "/dev/null", "--image"],
+}
+"""Files that are read whole."""
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(fleet, "FIRST_S", 0.05)
+    monkeypatch.setattr(small_file, "PATIENCE_S", 0.05)
+    monkeypatch.setattr(fleet, "_serve", lambda running, *_: running.close())
+    monkeypatch.setattr(flash, "_bossac", lambda: "/bin/true")
+    counts = np.random.default_rng(1).integers(-50, 50, (120, 3)).astype(np.int16)
+    np.savez("rest.npz", gyro_raw=counts, fs_hz=100.0, lsb_per_dps=16.4)
+    Path("folder").mkdir()
+    Path("loop").symlink_to("loop")
+    os.mkfifo("pipe")
+    with Path("sparse").open("wb") as file:
+        file.truncate(50_000_000_000)
+
+
+def lines() -> list[list[str]]:
+    found = []
+    for base in BASES.values():
+        for parameter in COMMANDS[base[0]].params:
+            if parameter.param_type_name == "argument":
+                found += [[*base, *(["--"] if word.startswith("-") else []), word] for word in WORDS]
+            elif not parameter.is_flag:
+                flag = max(parameter.opts, key=len)
+                found += [[*base, f"{flag}={word}"] for word in WORDS]
+    for path in SETTINGS:
+        found += [[*BASES[name], "--set", f"{path}={word}"] for name in ("run", "run live") for word in WORDS]
+    return found
+
+
+def check(line: list[str], codes: tuple[int, ...] = (0, 1, 2)) -> str:
+    said = "\n".join(word[:80] for word in line).encode("utf-8", "backslashreplace").decode()
+    try:
+        done = fltea_here(*line)
+    except Exception as error:
+        raise AssertionError(said) from error
+    assert done.returncode in codes, said + done.stderr
+    assert "Traceback" not in done.stderr, said
+    assert "Warning" not in done.stderr, said
+    assert done.returncode == 0 or done.stderr or done.stdout, said
+    return done.stderr
+
+
+@pytest.mark.parametrize("count", [150, slow(2500)])
+def test_every_option_takes_any_word(count: int) -> None:
+    for line in random.Random(count).sample(lines(), count):
+        check(line)
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+def test_a_file_that_is_read_whole_may_hold_anything(kind: str) -> None:
+    for name, data in TEXTS.items():
+        file = Path(name)
+        file.write_bytes(data)
+        file.chmod(0o600)
+        harmless = kind == "password" or (name == "nothing" and "settings" in kind)
+        text = check([*WHOLE[kind], name], (0, 1, 2) if harmless else (2,))
+        assert "python -X dev" not in text, text
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+def test_a_file_that_is_read_whole_may_be_anything(kind: str) -> None:
+    for name in [*NAMES, *([] if kind == "state" else ["/dev/zero"])]:
+        text = check(
+            [*WHOLE[kind], name], (0, 2) if (kind, name) in (("state", "none"), ("state", "\udcff")) else (2,)
+        )
+        assert len(text) < 1000
+
+
+def test_a_real_process_says_it_too() -> None:
+    for line in (
+        ["info", "\udcff.csv"],
+        ["info", "x" * 300],
+        ["run", "-c", "/dev/zero"],
+        ["bench", "\udcff"],
+    ):
+        done = fltea(*line)
+        assert (done.returncode, "Traceback" in done.stderr) == (2, False), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("error", "kind", "words"),
+    [
+        (RecursionError("maximum"), UsageError, "nested too deeply"),
+        (UnicodeEncodeError("utf-8", "\udcff", 0, 1, "surrogates"), UsageError, "not UTF-8"),
+        (FileNotFoundError(2, "No such file", "x" * 5000), UsageError, "No such file: xxx"),
+        (OSError(28, "No space left", "out"), FlteaError, "No space left: out"),
+        (MemoryError(), FlteaError, "more memory"),
+        (OverflowError("too large"), UsageError, "too large"),
+        (TypeError("ours"), None, ""),
+        (AssertionError(), None, ""),
+    ],
+)
+def test_what_input_causes_is_told_from_faults_of_the_program(
+    error: Exception, kind: Any, words: str
+) -> None:
+    found = of_input(error)
+    assert (None if found is None else type(found)) is kind
+    assert words in str(found)
+    assert len(str(found)) < 600
