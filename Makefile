@@ -117,13 +117,11 @@ docs: .venv/.dev
 man: .venv/.run
 	@$(PY) tools/man_pages.py
 
-# What is published, in build/dist: sdist, wheels and Debian packages for x86-64 and aarch64, each tried. Four minutes;
-# what it needs: tools/dist/RELEASE.md.
+# What is published, in build/dist: sdist, wheels and Debian packages for x86-64 and aarch64, each tried, and how long that took.
+# What it needs: tools/dist/RELEASE.md.
 dist: .venv/.dev
-	@tools/dist/wheels.sh
-	@tools/dist/try.sh
-	@tools/dist/deb.sh
-	@tools/dist/try_deb.sh
+	@begin=$$(date +%s); for step in wheels try deb try_deb; do tools/dist/$$step.sh || exit; done; \
+		echo "dist: done in $$(($$(date +%s) - begin)) s" >&2
 
 # As root. PREFIX=/opt/fltea: where the program goes; DESTDIR=FOLDER: only write the files, into that tree.
 install-service:

@@ -49,7 +49,7 @@ class Columns {
           buffer_(
               nb::steal(PyByteArray_FromStringAndSize(nullptr, static_cast<Py_ssize_t>(rows * row_bytes)))) {
         if (!buffer_.is_valid()) nb::raise_python_error();
-        next_ = PyByteArray_AS_STRING(buffer_.ptr());
+        next_ = PyByteArray_AsString(buffer_.ptr());
     }
 
     // `values(row, out)` writes the numbers of a row. Wider types come first, so that all are aligned.
@@ -62,7 +62,7 @@ class Columns {
             std::memcpy(next_, numbers, sizeof numbers);
             next_ += sizeof numbers;
         }
-        const std::ptrdiff_t offset = start - PyByteArray_AS_STRING(buffer_.ptr());
+        const std::ptrdiff_t offset = start - PyByteArray_AsString(buffer_.ptr());
         return ndarray_(Width == 1 ? one_wide_ : three_wide_, dtype, buffer_, offset);
     }
 

@@ -60,7 +60,7 @@ class PortReader {
         const nb::object buffer =
             nb::steal(PyByteArray_FromStringAndSize(nullptr, static_cast<Py_ssize_t>(3 * column)));
         if (!buffer.is_valid()) nb::raise_python_error();
-        char* const bytes = PyByteArray_AS_STRING(buffer.ptr());
+        char* const bytes = PyByteArray_AsString(buffer.ptr());
         for (std::size_t k = 0; k < n; ++k) {
             const std::int64_t row[] = {reads[k].end, reads[k].stamp.host_ns, reads[k].stamp.unix_offset_ns};
             for (std::size_t c = 0; c < 3; ++c) {

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Builds the Debian package of each machine named, from its wheel, into build/dist, and looks at it with lintian.
+# Builds the Debian packages of each machine named, one for each system, from its wheel, into build/dist, and looks at
+# them with lintian.
 # Usage: tools/dist/deb.sh [amd64] [arm64]          (without a name: both)
 #   DEBFULLNAME, DEBEMAIL    who answers for the package; default: who made the last commit
 set -euo pipefail
@@ -12,21 +13,18 @@ need dh_builddeb debhelper
 need lintian lintian
 here=$PWD
 maintainer="${DEBFULLNAME:-$(git log -1 --format=%an)} <${DEBEMAIL:-$(git log -1 --format=%ae)}>"
-deb_version=$version-1
 
 "$python" tools/man_pages.py >/dev/null
-for architecture in "${architectures[@]}"; do
-    case $architecture in
-    amd64) machine=x86_64 ;;
-    arm64) machine=aarch64 ;;
-    *) refuse "no rule to build for $architecture" ;;
-    esac
-    say "packing for $architecture"
-    folder=$work/deb-$architecture
+pack() { # SYSTEM ARCHITECTURE
+    local system=$1 architecture=$2 machine py=${python_of[$1]} package folder tree
+    machine=$(machine_of "$architecture")
+    package=$(deb_of "$system" "$architecture")
+    say "packing for $system, $architecture"
+    folder=$work/deb-$system-$architecture
     tree=$folder/debian/fltea
     rm -rf "$folder"
     mkdir -p "$folder/debian"
-    install_into "$machine" "$tree/usr/lib/fltea" "$parts"
+    install_into "$machine" "$py" "$tree/usr/lib/fltea" "$parts"
     (
         cd "$tree/usr/lib/fltea"
         # Commands, examples and tests of the libraries, and what only a compiler reads.
@@ -35,11 +33,13 @@ for architecture in "${architectures[@]}"; do
         find . -name '*.pyi' -delete
     )
     cd "$folder"
-    cp "$here"/tools/dist/debian/{postinst,prerm,postrm} debian/
-    sed "s|@MAINTAINER@|$maintainer|" "$here/tools/dist/debian/control" >debian/control
+    cp "$here"/tools/dist/debian/{prerm,postrm} debian/
+    sed "s|@PYTHON@|$py|" "$here/tools/dist/debian/postinst" >debian/postinst
+    sed "s|@MAINTAINER@|$maintainer|; s|@PYTHON@|$py|; s|@NEXT@|3.$((${py#3.} + 1))|" "$here/tools/dist/debian/control" \
+        >debian/control
     cp "$here/tools/dist/debian/lintian-overrides" debian/fltea.lintian-overrides
-    printf 'fltea (%s) bookworm; urgency=medium\n\n  * Release %s: see changelog.gz.\n\n -- %s  %s\n' "$deb_version" \
-        "$version" "$maintainer" "$(date -uR -d "@$SOURCE_DATE_EPOCH")" >debian/changelog
+    printf 'fltea (%s) %s; urgency=medium\n\n  * Release %s: see changelog.gz.\n\n -- %s  %s\n' "$version-1~$system" \
+        "${suite_of[$system]}" "$version" "$maintainer" "$(date -uR -d "@$SOURCE_DATE_EPOCH")" >debian/changelog
     "$python" "$here/tools/dist/deb_copyright.py" "$here/LICENSE" "$tree/usr/lib/fltea" /usr/lib/fltea >debian/copyright
 
     install -D -m 755 "$here/tools/dist/debian/fltea.py" "$tree/usr/bin/fltea"
@@ -49,9 +49,10 @@ for architecture in "${architectures[@]}"; do
     install -D -m 644 "$completions/bash/fltea" "$tree/usr/share/bash-completion/completions/fltea"
     install -D -m 644 "$completions/zsh/_fltea" "$tree/usr/share/zsh/vendor-completions/_fltea"
     install -D -m 644 "$completions/fish/fltea.fish" "$tree/usr/share/fish/vendor_completions.d/fltea.fish"
+    local unit='s|/opt/fltea/bin/|/usr/bin/|'
     # Debian 12's systemd, 252, restarts at an even pace: these came with 254.
-    sed 's|/opt/fltea/bin/|/usr/bin/|; /^RestartSteps=/d; /^RestartMaxDelaySec=/d' "$here/tools/deploy/fltea.service" \
-        >debian/fltea.service
+    [ "$system" != deb12 ] || unit+='; /^RestartSteps=/d; /^RestartMaxDelaySec=/d'
+    sed "$unit" "$here/tools/deploy/fltea.service" >debian/fltea.service
     cp "$here/tools/deploy/70-fltea.rules" debian/fltea.udev
     cp "$here/tools/deploy/fltea.sysusers" debian/fltea.sysusers
 
@@ -73,6 +74,9 @@ for architecture in "${architectures[@]}"; do
         dh_builddeb --destdir="$out" -- --root-owner-group -Zxz -z3
     )
     cd "$here"
-    lintian --allow-root --fail-on error,warning --tag-display-limit 0 "$out/fltea_${deb_version}_$architecture.deb"
-    say "$out/fltea_${deb_version}_$architecture.deb"
+    lintian --allow-root --fail-on error,warning --tag-display-limit 0 "$package"
+    say "$package"
+}
+for architecture in "${architectures[@]}"; do
+    for system in "${systems[@]}"; do pack "$system" "$architecture"; done
 done

