@@ -11,11 +11,12 @@ folder=$work/try
 mkdir -p "$folder/doctest"
 
 say "the C++ tests, compiled for aarch64, under QEMU"
+# gcc for ARM does not see that a filter of at most N states leaves none of its own unwritten.
 # The cross compiler does not look into /usr/include, where doctest is. Without sanitizers, which QEMU does not know.
 cp -r /usr/include/doctest "$folder/doctest/"
 need aarch64-linux-gnu-g++ g++-aarch64-linux-gnu
 make --silent -j2 -C tests/native BUILD="$folder/native" SETS=baseline CXX="aarch64-linux-gnu-g++ -isystem $folder/doctest" \
-    FLAGS="-std=gnu++11 -g1 -O2 -ffp-contract=off -Wall -Wextra -Werror -static" strict tests
+    FLAGS="-std=gnu++11 -g1 -O2 -ffp-contract=off -Wall -Wextra -Werror -Wno-maybe-uninitialized -static" strict tests
 (cd tests/native && qemu-aarch64-static "$folder/native/tests" >"$folder/native.log") ||
     { tail -n 40 "$folder/native.log" >&2; refuse "the C++ tests fail on aarch64"; }
 tail -n 3 "$folder/native.log" >&2
