@@ -119,8 +119,17 @@ def test_debian_package_asks_for_what_its_wheel_is_made_for() -> None:
     assert fields["Architecture"].split() == ["amd64", "arm64"]
     depends = {part.strip() for part in fields["Depends"].split(",")}
     common = (DIST / "common.sh").read_text("utf-8")
-    assert re.search(r"^abi=cp311$", common, re.MULTILINE)
-    assert {"python3 (>= 3.11)", "python3 (<< 3.12)"} <= depends
+    # The wheel is for the stable ABI; the libraries next to it are for the system's own Python.
+    assert re.search(r"^abi=cp311-abi3$", common, re.MULTILINE)
+    assert tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["scikit-build"]["wheel"] == {
+        "packages": ["host/fltea"],
+        "py-api": "cp311",
+    }
+    assert {"python3 (>= @PYTHON@)", "python3 (<< @NEXT@)"} <= depends
+    maps = re.findall(r"^declare -A (python|suite)_of=\((.*)\)$", common, re.MULTILINE)
+    names = [set(re.findall(r"\[(.*?)\]=", text)) for _, text in maps]
+    systems = re.search(r"^systems=\((.*)\)$", common, re.MULTILINE)
+    assert systems and names == [set(systems[1].split())] * 2
     glibc = re.search(r"^glibc=(\d)_(\d+)$", common, re.MULTILINE)
     assert glibc
     assert f"libc6 (>= {glibc[1]}.{glibc[2]})" in depends
