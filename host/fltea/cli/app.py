@@ -19,6 +19,7 @@ from fltea.cli.record import export, info, record, recover
 from fltea.cli.reproduce import bench, reproduce
 from fltea.cli.run import run
 from fltea.records.errors import FlteaError, UsageError, of_input
+from fltea.records.secret import refuse_secrets
 from fltea.records.version import __version__
 from fltea.wire import layout as wire
 
@@ -47,6 +48,7 @@ def main() -> None:
     try:
         if sys.stdout is None:
             raise UsageError("standard output is closed; give it a file, a pipe or /dev/null.")
+        refuse_secrets(sys.argv[1:])
         app()
     except KeyboardInterrupt:
         sys.exit(130)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fltea.records.errors import FlteaError
+from fltea.records.secret import hidden
 from fltea.records.visible import visible_lines
 from fltea.records.whole_file import whole_file
 
@@ -43,7 +44,7 @@ def progress_bar(total: int | None = None) -> Iterator[Callable[..., None]]:
 
 def say(text: str) -> None:
     """Write a line of ours to stderr; names of files in it may hold anything."""
-    print(visible_lines(text), file=sys.stderr, flush=True)
+    print(visible_lines(hidden(text)), file=sys.stderr, flush=True)
 
 
 def end_with(failures: Sequence[FlteaError]) -> None:

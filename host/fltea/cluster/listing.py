@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from fltea.recording.kind import KINDS
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.secret import refuse_secret
 from fltea.settings.extras import how_to_install, load
 
 PROTOCOLS = ("file", "s3", "s3a", "gs", "gcs", "abfs", "az", "http", "https", "memory")
@@ -120,11 +121,7 @@ def _split(pattern: str) -> tuple[str, str]:
     protocol, separator, rest = pattern.partition("://")
     if not separator:
         return "file", pattern
-    if "@" in rest.partition("/")[0]:
-        raise UsageError(
-            f"{protocol}://…@…: a name or password in a URL would stand in the table. The workers "
-            "take credentials from their environment (host/docs/guide/cluster.md)."
-        )
+    refuse_secret("FILE", pattern)
     if "::" in protocol:
         raise UsageError(f"{pattern}: chains of file systems are not read; name the file itself.")
     return protocol.lower(), pattern if protocol.lower() in WEB else rest

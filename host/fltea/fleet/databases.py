@@ -11,6 +11,7 @@ from types import ModuleType
 from typing import Any
 
 from fltea.records.errors import UsageError
+from fltea.records.secret import refuse_secret
 from fltea.settings.extras import load
 
 SCHEMA_VERSION = 2
@@ -138,6 +139,7 @@ class Postgres:
     """
 
     def __init__(self, url: str, tables: Sequence[str]) -> None:
+        refuse_secret("--postgres", url, "postgresql")
         self._library: ModuleType = load("psycopg", "psycopg", "postgres", "--postgres needs")
         self.failures: type[Exception] = self._library.Error
         self.away: tuple[type[Exception], ...] = (

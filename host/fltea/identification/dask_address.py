@@ -5,6 +5,7 @@ import re
 from urllib.parse import urlsplit
 
 from fltea.records.errors import UsageError
+from fltea.records.secret import refuse_secret
 
 SCHEMES = ("tcp", "tls", "ws", "wss")
 ENCRYPTED = ("tls", "wss")
@@ -18,6 +19,7 @@ def check_address(address: str) -> None:
     Raises:
         UsageError: then.
     """
+    refuse_secret("--dask", address, "dask")
     reason = _wrong_with(address)
     if reason:
         raise UsageError(

@@ -104,7 +104,8 @@ def write_model_simulation(
 def _impossible() -> Iterator[None]:
     """Tell what cannot be drawn, or takes more memory than there is."""
     try:
-        yield
+        with np.errstate(all="ignore"):  # what is no number in the end is reported
+            yield
     except (ValueError, ArithmeticError, MemoryError) as error:
         raise UsageError(f"simulate: {error}.") from error
 

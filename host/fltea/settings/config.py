@@ -10,6 +10,7 @@ import msgspec
 
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES
+from fltea.records.secret import refuse_secret
 from fltea.records.small_file import read_small
 from fltea.settings.device_name import NAME, device_name, device_names
 from fltea.settings.duration import Duration, in_seconds
@@ -182,6 +183,8 @@ class Config(Table, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.source is not None:
+            refuse_secret("source", self.source)
         known = AXES + ACCEL_AXES
         for channel in self.channels or ():
             if channel not in known:

@@ -4,6 +4,7 @@ import ipaddress
 from typing import Annotated, Literal, NamedTuple, get_args
 from urllib.parse import urlsplit
 
+from fltea.records.secret import refuse_secret
 from fltea.settings.setting import Setting, Table
 
 Recorded = Literal[
@@ -188,15 +189,11 @@ class MqttConfig(Table, frozen=True):
         """Take the broker's address apart.
 
         Raises:
-            ValueError: it is none; the text does not repeat it, since a password may be in it.
+            ValueError: it is none; the text does not repeat it.
+            UsageError: there is a password in it.
         """
         assert self.broker is not None
-        if "@" in self.broker:
-            raise ValueError(
-                "broker must not hold a user or a password, since others can read command lines and files; "
-                "they belong into the environment (FLTEA_MQTT_USER, FLTEA_MQTT_PASSWORD) or into a file "
-                "(mqtt.password_file)"
-            )
+        refuse_secret("mqtt.broker", self.broker, "mqtt")
         try:
             url = urlsplit(self.broker if "://" in self.broker else f"mqtt://{self.broker}")
             tls = self.tls or url.scheme == "mqtts"
