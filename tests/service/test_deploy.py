@@ -5,6 +5,7 @@ import re
 import shutil
 import stat
 import subprocess
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,7 @@ LARGEST_EXPOSURE = 20
 """Of systemd-analyze security, in tenths; 16 now, of which most is the network and the serial ports."""
 
 CLAUSE = re.compile(r'([A-Z_]+(?:\{[A-Za-z_]+\})?)(==|!=|\+=|=)"([^"]*)"')
-MATCHES = {"ACTION", "SUBSYSTEM", "ATTRS{idVendor}", "ATTRS{idProduct}", "ENV{ID_SERIAL_SHORT}"}
+MATCHES = {"ACTION", "SUBSYSTEM", "KERNEL", "ATTRS{idVendor}", "ATTRS{idProduct}", "ENV{ID_SERIAL_SHORT}"}
 ACTIONS = {
     "GOTO",
     "LABEL",
@@ -32,6 +33,7 @@ ACTIONS = {
     "MODE",
     "TAG",
     "SYMLINK",
+    "RUN",
 }
 
 
@@ -85,7 +87,7 @@ class Device(dict[str, str]):
 
     def _is(self, key: str, pattern: str) -> bool:
         value = self.get(key, "")
-        return bool(value) if pattern == "?*" else value == pattern
+        return fnmatchcase(value, pattern)
 
 
 def due(vendor: int, product: int, subsystem: str = "tty", action: str = "add") -> Device:
@@ -129,6 +131,26 @@ def test_the_native_port_gets_no_name_of_ours() -> None:
 def test_other_devices_are_left_alone(device: tuple[int, int]) -> None:
     assert not {"MODE", "GROUP", "SYMLINK", "ENV{ID_MM_DEVICE_IGNORE}"} & due(*device).keys()
     assert "MODE" not in due(DUE_VENDORS[0], DUE_PROGRAMMING_PORT, action="remove")
+
+
+def of_kernel(subsystem: str, kernel: str, action: str = "add") -> Device:
+    return Device({"ACTION": action, "SUBSYSTEM": subsystem, "KERNEL": kernel}).apply()
+
+
+@pytest.mark.parametrize("name", ["iio:device0", "iio:device12", "trigger0"])
+def test_a_sensor_of_the_kernel_and_its_trigger_may_be_set_up_by_the_group(name: str) -> None:
+    device = of_kernel("iio", name)
+    assert (device["GROUP"], device["MODE"]) == ("dialout", "0660")
+    assert "chgrp -R dialout /sys%p" in device["RUN"]
+    assert "SYMLINK" not in device
+    assert "RUN" not in of_kernel("iio", name, "remove")
+
+
+def test_a_timer_that_is_loaded_has_a_trigger() -> None:
+    assert of_kernel("module", "iio_trig_hrtimer")["RUN"].endswith(
+        " /sys/kernel/config/iio/triggers/hrtimer/fltea"
+    )
+    assert "RUN" not in of_kernel("module", "usbcore")
 
 
 def test_udev_itself_takes_the_rule() -> None:
@@ -222,8 +244,10 @@ def test_the_unit_fits_the_program() -> None:
     ):
         assert f"\n{wanted}\n" in unit
     drivers = set(re.findall(r"modprobe@(\w+)", unit))
-    assert drivers == {"cdc_acm", "usbserial", "i2c_dev"}
-    assert {"char-ttyACM", "char-ttyUSB", "char-i2c"} <= set(re.findall(r"DeviceAllow=(\S+) rw", unit))
+    assert drivers == {"cdc_acm", "usbserial", "i2c_dev", "industrialio"}
+    allowed = set(re.findall(r"\nDeviceAllow=(\S+) rw", unit))
+    assert {"char-ttyACM", "char-ttyUSB", "char-i2c", "char-iio"} <= allowed
+    assert "\nReadWritePaths=-/sys/devices\n" in unit
 
 
 def test_systemd_itself_takes_the_unit(tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ put_program() {
 reload_udev() {
     if command -v udevadm >/dev/null && [ -S /run/udev/control ]; then
         udevadm control --reload
-        udevadm trigger --subsystem-match=tty --subsystem-match=usb
+        udevadm trigger --subsystem-match=tty --subsystem-match=usb --subsystem-match=iio
     else
         say "no udev runs here, so $rule waits for one"
     fi

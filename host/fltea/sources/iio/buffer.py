@@ -207,8 +207,8 @@ def _explain_open(device: Attributes, error: OSError) -> Unusable:
 
 
 PERMISSION = (
-    "Run fltea as root, or install the udev rule of host/docs/cookbook/iio.md, which gives the sensor's "
-    "files to the group 'dialout'."
+    "Run fltea as root, or install the udev rule, which gives the sensor's files to the group 'dialout' "
+    "(sudo make install-udev, or the Debian package)."
 )
 
 
