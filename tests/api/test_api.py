@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from fltea.api import series
 from fltea.api._check import PARAMETERS, in_python
-from fltea.api._svg import Curve, log_log
+from fltea.documents.curves import Curve, log_log
 from fltea.identification.load import Request, load
 from fltea.settings.how import How
 from fltea.settings.setting import declared

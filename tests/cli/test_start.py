@@ -9,7 +9,6 @@ import numpy as np
 HEAVY = {
     *(
         "asyncio",
-        "bokeh",
         "dask",
         "email",
         "fontTools",
@@ -18,6 +17,7 @@ HEAVY = {
         "matplotlib",
         "mcap",
         "nats",
+        "tornado",
     ),
     *("paho", "pandas", "PIL", "prometheus_client", "pyarrow", "rich", "scipy", "smbus2", "sqlite3", "ssl"),
     *("fltea.api", "fltea.archive", "fltea.cluster", "fltea.fleet", "fltea.lab", "fltea.machine"),

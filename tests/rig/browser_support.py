@@ -9,6 +9,8 @@ from typing import Any
 from playwright.sync_api import Browser, Page, sync_playwright
 from toolchain import missing
 
+from tools.faults.program import wait_until
+
 CHROMIUM = shutil.which("chromium")
 ARGUMENTS = [
     "--headless",
@@ -52,7 +54,8 @@ class Watched:
         self.page.goto(url)
 
     def wait(self, condition: str) -> None:
-        self.page.wait_for_function(condition)
+        """Wait for an expression; the library's own way is a script that the page forbids."""
+        wait_until(lambda: self.page.evaluate(condition), condition)
 
     def wait_for_seq(self, least: int) -> None:
         self.wait(f"Number({SEQ}) >= {least}")

@@ -8,8 +8,8 @@ from typing import Any, ParamSpec
 import msgspec
 import numpy as np
 from blocks import as_block, records_of
-from bokeh.document import Document
 from fltea.records.events import Break, Event, RawSample
+from fltea.records.ports import Recorder
 from fltea.records.records import (
     AXES,
     AnyRecord,
@@ -28,7 +28,7 @@ from fltea.settings.config import Config
 from fltea.settings.estimator import EstimateOn, EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.page import Page
+from fltea.sinks.page.state import State
 from fltea.sinks.page.tables import Table
 from fltea.sinks.page.tiers import Cursor
 from fltea.sources.synthetic import SyntheticSource
@@ -115,23 +115,27 @@ def columns(history: DeviceHistory, table: Table, axis: str, window: int = 0) ->
     return {name: values[:, place] for name, place in history.tables.columns(table, axis).items()}
 
 
-class Browser:
-    """The other side of a page, in this thread."""
+class Reader:
+    """A page, which has what it was sent. parts: content by name; rows: columns by table."""
 
-    def __init__(self, *histories: DeviceHistory) -> None:
-        self.page = Page(Document(), {history.name: history for history in histories})
+    def __init__(self, *histories: DeviceHistory, recorder: Recorder | None = None) -> None:
+        self.state = State({history.name: history for history in histories}, recorder)
+        self.parts: dict[str, Any] = {}
+        self._checksums: dict[str, str] = {}
+        self._cursors: dict[str, str] = {}
 
-    def choose(self, **choice: Any) -> None:
-        usual: dict[str, Any] = {"device": "", "axis": "", "window": None, "ack": self.page._tick}
-        self.page._control.data = {name: [value] for name, value in {**usual, **choice}.items()}
-
-    def update(self, **choice: Any) -> dict[str, Any]:
-        """What the page has to say, once it has taken the choice and what was sent before."""
-        self.choose(**choice)
-        self.page.update()
-        said: dict[str, Any] = json.loads(self.page._facts.data["json"][0])
-        self.choose()
-        return said
+    def read(
+        self, device: str = "", axis: str = "", window: int = 1, parts: str = "now axes axis curves own"
+    ) -> dict[str, Any]:
+        """What the page is sent, and now has too; a second after it was sent something before."""
+        self.state._kept.clear()
+        had = {name: self._checksums.get(name, "") for name in parts.split()}
+        view = self.state.view(device, axis, window)
+        found: dict[str, Any] = json.loads(self.state.read(view, had, self._cursors))
+        for name, (checksum, content) in found["parts"].items():
+            self._checksums[name], self.parts[name] = checksum, content
+        self._cursors |= {name: rows["cursor"] for name, rows in found.get("rows", {}).items()}
+        return found
 
 
 def alone(found: Iterable[AnyRecord], every: int = 10, late: int = 0, **own: Any) -> list[AnyRecord]:

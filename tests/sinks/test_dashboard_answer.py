@@ -10,8 +10,9 @@ from fit_support import FRACTIONAL, UNDECIDED, WHITE, with_curves, with_fits
 from fltea.records.fit import AxisFit, FitAllan, Interval, Until, VerdictKind
 from fltea.records.records import Stats
 from fltea.sinks.page import facts
-from fltea.sinks.page.answer import HEADS, OFF, WITH_ORDER, answer
+from fltea.sinks.page.answer import HEADS, OFF, WITH_ORDER, answer, sentence
 from fltea.sinks.page.data_sheet import NOT_SEEN, coefficients
+from fltea.sinks.page.fits import TimeToTell
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
@@ -48,43 +49,87 @@ def test_no_figure_without_both_ends_of_its_interval(
 @pytest.mark.parametrize(
     ("p", "shown"),
     [
-        (Interval(0.803, 0.762, 0.847), ("0.80", "0.76 … 0.85")),
-        (Interval(0.8034, 0.7992, 0.8077), ("0.803", "0.799 … 0.808")),
-        (Interval(0.66, 0.2, 1.4), ("0.66", "0.20 … 1.40")),
-        (Interval(-1.02, -1.31, -0.77), ("−1.02", "−1.31 … −0.77")),
-        (Interval(-1.02, -1.12, -0.92), ("−1.02", "−1.12 … −0.92")),
-        (Interval(-0.5, -1.6, -0.01), ("−0.50", "−1.60 … −0.01")),
-        (Interval(-0.5, -1.6, -0.001), ("−0.50", "−1.60 … 0.00")),
-        (Interval(1.0, 1.0, 1.0), ("1.0000", "1.0000 … 1.0000")),
+        (Interval(0.803, 0.762, 0.847), "α = 0.80 (0.76 … 0.85)"),
+        (Interval(0.8034, 0.7992, 0.8077), "α = 0.803 (0.799 … 0.808)"),
+        (Interval(0.66, 0.2, 1.4), "α between 0.20 and 1.40"),
+        (Interval(-1.02, -1.31, -0.77), "α = −1.02 (−1.31 … −0.77)"),
+        (Interval(-1.02, -1.12, -0.92), "α = −1.02 (−1.12 … −0.92)"),
+        (Interval(-0.2, -0.3, -0.01), "α = −0.20 (−0.30 … −0.01)"),
+        (Interval(-0.2, -0.3, -0.001), "α = −0.20 (−0.30 … 0.00)"),
+        (Interval(1.0, 1.0, 1.0), "α = 1.0000 (1.0000 … 1.0000)"),
     ],
 )
-def test_digits_are_what_the_interval_is_worth(p: Interval, shown: tuple[str, str]) -> None:
+def test_digits_are_what_the_interval_is_worth(p: Interval, shown: str) -> None:
     found = answer(replace(FRACTIONAL, alpha=p)).alpha
-    assert found[:2] == shown
+    assert found is not None
+    assert found.said("α") == shown
+
+
+def test_f_is_no_value_where_it_is_one_more_or_less() -> None:
+    """The page said 0.0, of noise with f = -1."""
+    f = answer(replace(FRACTIONAL, f=Interval(-0.02, -2.0, 0.0))).f
+    assert f is not None
+    assert f.said("f") == "f between −2.0 and 0.0"
 
 
 @pytest.mark.parametrize(
-    ("fit", "words"),
+    ("fit", "left_s", "words"),
     [
-        (FRACTIONAL, "α ± 0.05: reached"),
-        (replace(FRACTIONAL, alpha=Interval(0.1, 0.07, 0.6)), "α ± 0.05: nobody can say when yet"),
-        (UNDECIDED, "α ± 0.05 in 7 min"),
-        (replace(UNDECIDED, until_s=Until(0.02, 40.9)), "α ± 0.02 in 40 s"),
-        (WHITE, "α ± 0.05: more data do not define it"),
-        (replace(WHITE, until_s=Until(0.05, 300.0)), ""),
-        (replace(WHITE, verdict="too few samples"), ""),
-        (replace(WHITE, until_s=None), ""),
+        (FRACTIONAL, None, "α ± 0.05: reached"),
+        (replace(FRACTIONAL, alpha=Interval(0.1, 0.07, 0.6)), None, "α ± 0.05: nobody can say when yet"),
+        (UNDECIDED, 440.0, "α ± 0.05 in about 10 min"),
+        (UNDECIDED, None, "α ± 0.05: too early to say when"),
+        (replace(UNDECIDED, until_s=Until(0.02, 40.9)), 36.0, "α ± 0.02 in about 30 s"),
+        (WHITE, None, "more data do not define α to ± 0.05"),
+        (replace(WHITE, until_s=Until(0.05, 300.0)), 300.0, ""),
+        (replace(WHITE, verdict="too few samples"), None, ""),
+        (replace(WHITE, until_s=None), None, ""),
     ],
 )
-def test_how_long_yet(fit: AxisFit, words: str) -> None:
-    assert answer(fit).until == words
+def test_how_long_yet(fit: AxisFit, left_s: float | None, words: str) -> None:
+    assert answer(fit, left_s).until == words
 
 
-def test_large_is_only_what_the_data_support_well() -> None:
-    wide = replace(FRACTIONAL, alpha=Interval(0.32, 0.05, 0.8), f=Interval(-1.7, -33.2, -0.1))
-    for fit, large in ((FRACTIONAL, True), (wide, False)):
-        said = answer(fit)
-        assert (said.alpha.large, said.f.large) == (large, large)
+def forecasts(*totals_s: float) -> list[int | None]:
+    """What a page says after each fit, of a tenth more samples than the one before, in seconds in all."""
+    one, said, samples = TimeToTell(), [], 1000.0
+    for total_s in totals_s:
+        samples *= 1.11
+        one.take(int(samples), 100.0, total_s - samples / 100)
+        left_s = one.left_s(int(samples), 100.0)
+        said.append(None if left_s is None else round(left_s + int(samples) / 100))
+    return said
+
+
+def test_a_time_to_tell_is_said_only_while_fits_agree_and_then_it_stays() -> None:
+    """The page went from 11 minutes to a month and back to 51 minutes."""
+    assert forecasts(660, 2.6e6, 3060, 660, 2.6e6, 3060) == [None] * 6
+    steady = forecasts(600, 700, 560, 650, 600, 640, 700, 610)
+    assert steady[:3] == [None] * 3
+    assert steady[3:] == [650] * 5
+    assert forecasts(600, 700, 560, 650, 9000)[-1] is None
+    one = TimeToTell()
+    for second in range(20):
+        one.take(1000 + second, 100.0, 600.0)
+    assert one.left_s(1020, 100.0) is None, "fits of the same samples are one"
+
+
+def test_an_axis_is_one_sentence() -> None:
+    bias = "bias 1.5 ± 0.2"
+    assert "".join(sentence(answer(FRACTIONAL), bias)) == (
+        "Fractional: α = 0.80 (0.76 … 0.85), f = −1.0 (−1.3 … −0.8) s^−α; bias 1.5 ± 0.2; α ± 0.05: reached."
+    )
+    assert "".join(sentence(answer(WHITE), bias)) == (
+        "White noise: α and f undefined; bias 1.5 ± 0.2; more data do not define α to ± 0.05."
+    )
+    assert "".join(sentence(answer(UNDECIDED), "")) == (
+        "Undecided: α = 0.66 (0.41 … 0.97), f between −6.0 and 0.4 s^−α, if the noise is of fractional "
+        "order; α ± 0.05: too early to say when."
+    )
+    assert "".join(sentence(answer(None), bias)) == f"No fit yet: {bias}."
+    assert "".join(sentence(answer(replace(WHITE, stable=False)), "")) == (
+        "No stable verdict yet: two fits have to agree."
+    )
 
 
 def test_what_is_left_out_is_said_in_a_line() -> None:
@@ -114,25 +159,26 @@ def test_an_order_that_is_not_yet_claimed_stands_under_its_condition() -> None:
 def test_without_a_fit_nothing_is_claimed() -> None:
     found = records("n=200")
     fitting = [msgspec.structs.replace(r, fit_period_s=1.0) if isinstance(r, Stats) else r for r in found]
-    for axis in facts.axes(told(fitting), 0):
-        said = axis["answer"]
-        assert (said["kind"], said["head"], said["alpha"], said["f"]) == ("", "No fit yet", None, None)
-    for axis in facts.axes(told(found), 0):
-        assert (axis["answer"]["head"], axis["answer"]["text"]) == ("No fit", OFF)
+    for axis in facts.axes(told(fitting)):
+        assert (axis["kind"], axis["head"]) == ("", "No fit yet")
+        assert "α" not in axis["rest"]
+    history = told(found)
+    assert {axis["head"] for axis in facts.axes(history)} == {"No fit"}
+    assert facts.axis(history, "gyro_x", 1)["text"] == [OFF]
 
 
 def test_facts_of_a_history_hold_the_answer_and_of_how_many_samples_it_is() -> None:
     history = told(with_fits(records("n=600"), {"gyro_x": with_curves(FRACTIONAL), "gyro_y": WHITE}))
-    x, y, z = facts.axes(history, 0)
-    assert (x["answer"]["head"], x["answer"]["alpha"]) == ("Fractional", ("0.80", "0.76 … 0.85", True))
-    assert y["answer"]["head"] == "White noise: order undefined"
-    assert z["answer"]["head"] == "No fit"
+    x, y, z = facts.axes(history)
+    assert (x["head"], "α = 0.80 (0.76 … 0.85)" in x["rest"]) == ("Fractional", True)
+    assert y["rest"].startswith(": α and f undefined; bias ")
+    assert z["head"] == "No fit"
     assert facts.fitted(history) == "fit of 599 samples (5 s)"
-    nothing = {"spectrum": False, "allan": False, "coefficients": [], "heading": False, "headings": []}
-    assert facts.curves(history, "gyro_y") == nothing
-    shown = facts.curves(history, "gyro_x")
-    assert shown["spectrum"]
-    assert shown["allan"]
+    assert [facts.curves(history, axis) for axis in ("gyro_y", "gyro_z")] == [[], []]
+    assert len(facts.curves(history, "gyro_x")) == 2
+    shown = [facts.axis(history, axis, 1) for axis in history.axes]
+    assert [one["text"][0] for one in shown[:2]] == [FRACTIONAL.text, WHITE.text]
+    assert [bool(one["coefficients"]) for one in shown] == [True, False, False]
     json.dumps([x, y, z, shown], allow_nan=False)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 import pytest
-from dashboard_support import Browser, alone, both, columns, records, told, with_breaks
+from dashboard_support import alone, both, columns, records, told, with_breaks
 from fltea.records.records import (
     ACCEL_AXES,
     AXES,
@@ -139,29 +139,29 @@ def test_largest_difference_is_that_of_what_is_shown_and_no_bucket_hides_it(sign
     peaks = {60: 5e-6, 600: 3e-6}
     found = both(records(SLOW), lambda seq: sign * peaks.get(seq, 1e-8), every=1)
     history = told(found, who="both")
-    at_most = {window: history.farthest(window)["gyro_x"] for window in (0, 1, 2)}
-    assert at_most[0] == pytest.approx((3e-6, 9e-6)), "the first was more than 30 s ago"
-    assert at_most[1] == pytest.approx((5e-6, 15e-6))
+    at_most = {window: history.farthest(window)["gyro_x"] for window in (1, 2, 3)}
+    assert at_most[1] == pytest.approx((3e-6, 9e-6)), "the first was more than 30 s ago"
     assert at_most[2] == pytest.approx((5e-6, 15e-6))
-    axis = facts.axes(history, 0)[0]["compared"]
+    assert at_most[3] == pytest.approx((5e-6, 15e-6))
+    axis = facts_of_device.compared(history, "gyro_x", 1)
     assert (axis["alpha_apart"], axis["f_apart"]) == (
         f"{'-+'[sign > 0]}1.0e-8 now, at most 3.0e-6",
         f"{'+-'[sign > 0]}3.0e-8 now, at most 9.0e-6",
     )
-    assert (axis["why_not"], axis["drawn"]) == ("", True)
+    assert axis["why_not"] == ""
 
 
 def test_rows_that_are_kept_longer_than_they_are_shown_do_not_count() -> None:
-    """One estimate in 2 s: the table of two minutes, with rows of 0.2 s, goes back further."""
+    """One estimate in 2 s: the table of two minutes, with rows of 0.4 s, goes back further."""
     found = both(records("n=700&rate_hz=5"), lambda seq: 5e-6 if seq == 60 else 1e-8)
     history = told(found, who="both")
-    at_most = [history.farthest(window)["gyro_x"][0] for window in (1, 2)]
+    at_most = [history.farthest(window)["gyro_x"][0] for window in (2, 3)]
     assert at_most == pytest.approx([1e-8, 5e-6])
 
 
 def test_newest_difference_counts_before_its_bucket_is_full() -> None:
     found = both(records(SLOW), lambda seq: 4e-6 if seq == 699 else 1e-8, every=1)
-    axis = facts.axes(told(found, who="both"), 2)[0]["compared"]
+    axis = facts_of_device.compared(told(found, who="both"), "gyro_x", 3)
     assert axis["alpha_apart"] == "+4.0e-6 now, at most 4.0e-6"
 
 
@@ -176,9 +176,9 @@ def test_newest_difference_counts_before_its_bucket_is_full() -> None:
 def test_what_cannot_be_compared_says_why_and_draws_no_difference(why: WhyNot, words: str) -> None:
     found = both(records(NOISE), lambda seq: None, why_not=why)
     history = told(found, who="both")
-    axis = facts.axes(history, 0)[1]["compared"]
+    axis = facts_of_device.compared(history, "gyro_y", 1)
     assert axis["why_not"] == words
-    assert (axis["alpha_apart"], axis["f_apart"], axis["apart"], axis["drawn"]) == ("", "", None, False)
+    assert (axis["alpha_apart"], axis["f_apart"], axis["apart"]) == ("", "", None)
     assert axis["alpha_text"] != "–", "the estimate itself is shown"
     assert np.isfinite(columns(history, "compared", "gyro_y")["alpha"]).all()
 
@@ -194,9 +194,12 @@ def test_what_is_not_valid_cannot_be_compared() -> None:
         [msgspec.structs.replace(last, axes={**last.axes, "gyro_x": gone, "gyro_z": tracked})],
         who="both",
     )
-    z = dict(facts.axes(history, 0)[2]["compared"]["rows"])
+    x, y, of_z = (facts_of_device.compared(history, f"gyro_{axis}", 1) for axis in "xyz")
+    assert x is not None
+    assert y is not None
+    assert of_z is not None
+    z = dict(of_z["rows"])
     assert (z["bias, device"], z["bias, device − host"]) == ("0.234 ± 0.012 deg/s", "+1.8e-2 deg/s = +1.5 σ")
-    x, y = (axis["compared"] for axis in facts.axes(history, 0)[:2])
     assert x["why_not"] == "not comparable: the device's estimate is not valid"
     assert x["alpha_text"] == "–"
     assert y["why_not"] == ""
@@ -209,14 +212,14 @@ def test_new_epoch_forgets_the_devices_estimates_and_cuts_their_lines() -> None:
     shown = columns(history, "compared", "gyro_x")
     assert np.isnan(shown["alpha"]).any()
     begun = both(with_breaks([400, 20]))
-    axis = facts.axes(told(begun, who="both"), 0)[0]["compared"]
+    axis = facts_of_device.compared(told(begun, who="both"), "gyro_x", 1)
     assert axis["why_not"] == "no estimate of the device yet"
 
 
 def test_rows_of_a_device_take_no_more_room_than_their_pace_needs() -> None:
     slow, quick = (told(both(records(NOISE), every=n), who="both") for n in (10, 1))
-    assert slow.tables.read("compared", 0, Cursor()).capacity == 302
-    assert quick.tables.read("compared", 0, Cursor()).capacity == 3002
+    assert slow.tables.read("compared", 0, Cursor()).capacity == 102
+    assert quick.tables.read("compared", 0, Cursor()).capacity == 1002
     assert len(quick.tables.read("compared", 0, Cursor()).values) >= 490
 
 
@@ -243,31 +246,3 @@ def test_facts_of_the_devices_estimator() -> None:
 )
 def test_difference_in_powers_of_ten(value: float, text: str) -> None:
     assert apart(value) == text
-
-
-def test_page_draws_what_belongs_to_each_device_and_empties_the_rest() -> None:
-    histories = {
-        "both": told(both(records(NOISE)), who="both"),
-        "alone": told(alone(records(NOISE)), who="device"),
-        "host": told(records(NOISE)),
-    }
-    for name, history in histories.items():
-        history.name = name
-    browser = Browser(*histories.values())
-    lengths = {}
-    for name in ("both", "alone", "both", "host"):
-        said = browser.update(device=name, axis="gyro_y", window=0)
-        assert said["device"] == name
-        f = browser.page._figures
-        lengths[said["estimator"]] = (
-            len(f.rows.data["y"]),
-            len(f.estimates.data["alpha"]),
-            len(f.compared.data["apart"]),
-        )
-        assert all((axis["compared"] is not None) == (name == "both") for axis in said["axes"])
-        assert bool(said["own"]) == (name != "host")
-    every = lengths["host"][0]
-    assert every == 500
-    assert lengths["host"] == (every, every, 0)
-    assert lengths["both"] == (every, every, pytest.approx(every / 10, abs=2))
-    assert lengths["device"] == (every - 1, pytest.approx(every / 10, abs=2), 0)  # no estimate of the last

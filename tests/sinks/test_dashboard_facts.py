@@ -8,7 +8,16 @@ import pytest
 from dashboard_support import records, told, with_breaks
 from example_records import STATS
 from fltea.records import clock
-from fltea.records.records import AnyRecord, Error, Estimate, FlteaEstimate, LinkStats, OutputStats, Stats
+from fltea.records.records import (
+    AnyRecord,
+    Error,
+    Estimate,
+    FlteaEstimate,
+    Gap,
+    LinkStats,
+    OutputStats,
+    Stats,
+)
 from fltea.sinks.page import facts
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.words import duration, figure, with_std
@@ -62,9 +71,7 @@ def test_status_names_the_axis_that_is_not_valid() -> None:
     history.write(estimate)
     assert later(history, 0)[0] == "bad"
     assert "gyro_x not valid" in later(history, 0)[1]
-    shown = facts.axes(history, 0)[0]
-    assert dict(shown["rows"])["α ± σ"] == "–"
-    assert shown["running"] == {"alpha": None, "f": None}
+    assert dict(facts.axis(history, "gyro_x", 1)["rows"])["α ± σ"] == "–"
 
 
 def test_axis_is_what_its_records_say() -> None:
@@ -72,13 +79,12 @@ def test_axis_is_what_its_records_say() -> None:
     history = told(found)
     whole = next(r for r in reversed(found) if isinstance(r, Estimate)).axes["gyro_y"]
     last = whole.fltea
-    shown = facts.axes(history, 0)[1]
-    assert (shown["name"], shown["running"]) == ("gyro_y", {"alpha": last.alpha, "f": last.f})
-    rows = dict(shown["rows"])
+    rows = dict(facts.axis(history, "gyro_y", 1)["rows"])
     assert rows["α ± σ"] == with_std(last.alpha, last.alpha_std)
     assert rows["offset removed"].startswith("1.5")
     assert rows["state x̂ (paper)"].endswith("deg/s")
     assert rows["bias"] == f"{with_std(whole.bias, whole.bias_std)} deg/s"
+    assert facts.axes(history)[1]["rest"] == f": bias {rows['bias']}."
     assert rows["bias"].startswith("1.5")
     assert rows["FLTEA (paper)"] in ("settled", "settling")
     assert rows["R"].endswith("(deg/s)²")
@@ -86,15 +92,32 @@ def test_axis_is_what_its_records_say() -> None:
 
 def test_the_heading_is_said_by_the_time_after_a_rest() -> None:
     history = told(records("n=600"))
-    assert not facts.curves(history, "gyro_x")["heading"]
+    assert facts.axis(history, "gyro_x", 1)["headings"] == facts.curves(history, "gyro_x") == []
     history.write(STATS)
-    shown = facts.curves(history, "gyro_x")
-    assert (shown["heading"], shown["headings"]) == (
-        True,
-        [["after 1 s", "± 0.014°"], ["after 60 s", "± 0.26°"]],
-    )
-    assert facts.axes(history, 0)[0]["bias"].endswith("; heading ± 0.26° after a minute")
-    assert not facts.curves(history, "accel_z")["heading"]
+    assert facts.axis(history, "gyro_x", 1)["headings"] == [
+        ["after 1 s", "± 0.014°"],
+        ["after 60 s", "± 0.26°"],
+    ]
+    assert "Heading after a rest" in facts.curves(history, "gyro_x")[0]
+    assert facts.curves(history, "accel_z") == []
+
+
+def test_a_clock_that_is_no_clock_is_said() -> None:
+    stats = told(with_breaks([200])).stats
+    assert stats is not None
+    assert facts.slow(msgspec.structs.replace(stats, clock_ppm=-250.0)) == facts.slow(None) == ""
+    words = facts.slow(msgspec.structs.replace(stats, clock_ppm=-380_000.0))
+    assert words.startswith("The device's clock runs at 0.62 times this computer's")
+
+
+def test_now_sums_up_what_is_opened_on_demand() -> None:
+    history = told(with_breaks([200]), [Gap(7, 2, 1, 10)])
+    assert history.stats is not None
+    history.write(msgspec.structs.replace(history.stats, link=LinkStats(reconnects=1, bad_frames={"crc": 2})))
+    found = facts.now(history, history.heard_ns or 0)
+    assert found["link"] == {"level": "bad", "text": "reconnects: 1, CRC errors: 2"}
+    assert found["happened"] == "a gap: 2 samples lost"
+    assert facts.now(told(records("n=60")), 0)["link"]["text"] == "nothing is lost"
 
 
 def test_link_shows_every_loss() -> None:
@@ -124,7 +147,8 @@ def test_device_is_what_hello_says() -> None:
 def test_everything_is_json_without_nan() -> None:
     history = told(with_breaks([60, 400]))
     told_all = [
-        facts.axes(history, 0),
+        facts.axes(history),
+        facts.axis(history, "gyro_x", 1),
         facts.link(history.stats),
         facts.events(history),
         facts.settings(history),

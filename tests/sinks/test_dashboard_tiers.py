@@ -44,7 +44,7 @@ def test_buckets_are_what_their_samples_say(values: list[float]) -> None:
                 assert row[3] == pytest.approx(good.mean(), rel=1e-9, abs=1e-6)
 
 
-@given(st.lists(st.integers(0, 500), min_size=1, max_size=6), st.integers(0, 2))
+@given(st.lists(st.integers(0, 150), min_size=1, max_size=6), st.integers(0, 2))
 def test_a_reader_gets_every_row_once(bursts: list[int], window: int) -> None:
     tiers = Tiers(KINDS, RATE_HZ)
     cursor, read, k = Cursor(), [], 0
@@ -65,8 +65,8 @@ def test_long_past_is_bounded_and_reaches_back_as_far_as_it_says() -> None:
     for number in range(len(WINDOWS)):
         new = tiers.read(number, Cursor())
         assert len(new.values) <= new.capacity <= MOST_ROWS
-    day = tiers.read(4, Cursor()).values[:, 0]
-    assert day[-1] - day[0] == pytest.approx(WINDOWS[4].length_s * 1e3, rel=0.01)
+    day = tiers.read(5, Cursor()).values[:, 0]
+    assert day[-1] - day[0] == pytest.approx(WINDOWS[5].length_s * 1e3, rel=0.01)
     assert Tiers(KINDS, 1e6).read(0, Cursor()).capacity == MOST_ROWS
 
 

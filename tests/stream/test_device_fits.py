@@ -344,7 +344,7 @@ def test_the_page_says_them_in_words() -> None:
         history.write(record)
     shown = facts_of_device.fit(history, "gyro_y")
     assert shown is not None
-    assert shown["alpha"] == ["0.50", "0.38 … 0.62", True]
+    assert shown["alpha"] == "α = 0.50 (0.38 … 0.62)"
     assert "896 samples" in shown["text"]
     assert "0.50 of the half-width" in shown["text"]
     assert history.fits.device_spectra["gyro_y"].hz[-1] == 7.0
@@ -352,7 +352,7 @@ def test_the_page_says_them_in_words() -> None:
     history.write(white)
     shown = facts_of_device.fit(history, "gyro_y")
     assert shown is not None
-    assert shown["alpha"] is None
+    assert shown["alpha"] == "α undefined"
     assert "order undefined" in shown["text"]
 
 

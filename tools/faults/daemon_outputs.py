@@ -11,7 +11,8 @@ from tools.faults.program import Program, wait_until
 from tools.faults.stage import Stage
 
 PAGES = 3
-ONE_UPDATE_KB = 30.0
+MOST_KB = 300.0
+"""What the kernels of both sides keep of one connection; all that is asked for are 1,500."""
 PAGE = ("--dashboard", "127.0.0.1:0")
 
 
@@ -67,7 +68,7 @@ def page_that_does_not_read(stage: Stage) -> Outcome:
     board.send_during(lambda: sent.extend(map(bytes_sent, pages)))
     sent_kb = sum(sent) / 1000
     figures = {"pages": len(pages), "sent to them [kB]": sent_kb, "memory grew by [MB]": growth_mb}
-    wrong = [] if sent_kb < ONE_UPDATE_KB * PAGES else [f"pages that read nothing were sent {sent_kb} kB"]
+    wrong = [] if sent_kb < MOST_KB * PAGES else [f"pages that read nothing were sent {sent_kb} kB"]
     return scene.outcome(figures=figures, wrong=wrong)
 
 

@@ -2,7 +2,7 @@
 
 from html import escape
 
-from fltea.api._svg import Curve, log_log
+from fltea.documents import curves
 from fltea.records.fit import FittedAxis, Interval
 
 UNDEFINED = "undefined"
@@ -40,21 +40,8 @@ def axis_html(axis: str, fitted: FittedAxis, heading: str) -> str:
 
 
 def _curves(fitted: FittedAxis) -> str:
-    shown = ""
-    if (s := fitted.spectrum) is not None:
-        curves = [Curve(s.hz, s.density, "data"), Curve(s.hz, s.model, "model")]
-        shown += log_log(
-            "Spectrum (orange: fitted)", "frequency [Hz]", f"density [{fitted.unit}/√Hz]", curves
-        )
-    if (a := fitted.allan) is not None:
-        curves = [Curve(a.tau_s, a.adev, "data", a.low, a.high), Curve(a.tau_s, a.model, "model")]
-        shown += log_log(
-            "Allan deviation, 95 % (orange: fitted)",
-            "averaging time τ [s]",
-            f"deviation [{fitted.unit}]",
-            curves,
-        )
-    return shown
+    shown = curves.spectrum(fitted.spectrum, fitted.unit) if fitted.spectrum is not None else ""
+    return shown + (curves.allan(fitted.allan, fitted.unit) if fitted.allan is not None else "")
 
 
 def _probability(p: float) -> str:

@@ -19,12 +19,12 @@ def html_page(title: str, body: str, made_by: str, head: str = "") -> str:
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<style>{STYLE.read_text(encoding='utf-8')}</style>{head}</head><body><h1>{escape(title)}</h1>"
-        f'<p class="faint">{MEANING}</p>{body}'
+        f"<style>{STYLE.read_text(encoding='utf-8')}</style>{head}</head><body><main><h1>{escape(title)}</h1>"
+        f'<p class="faint">{MEANING}</p>{body}</main>'
         f"<footer><p>fltea {__version__}, {made_by}</p></footer></body></html>\n"
     )
 
 
 def wide_table(head: str, lines: Sequence[str]) -> str:
     """Return a table that scrolls by itself where there is no room. head, lines: HTML of its rows."""
-    return f'<div class="wide"><table>{head}<tbody>{"".join(lines)}</tbody></table></div>'
+    return f'<div class="wide" tabindex="0"><table>{head}<tbody>{"".join(lines)}</tbody></table></div>'

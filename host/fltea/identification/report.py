@@ -130,7 +130,7 @@ def _table(axes: dict[str, AxisReport]) -> str:
         cells = "".join(f"<td>{escape(value)}</td>" for value in values)
         sub = ' class="sub"' if label.startswith(" ") else ""
         lines.append(f"<tr{sub}><th>{escape(label.strip())}</th>{cells}</tr>")
-    return wide_table(f"<thead><tr><th></th>{head}</tr></thead>", lines)
+    return wide_table(f"<thead><tr><td></td>{head}</tr></thead>", lines)
 
 
 def _traps(report: FileReport) -> str:

@@ -44,7 +44,7 @@ def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] =
         module = _module("metrics.sink", "metrics", "prometheus_client")
         hub.add(module.MetricsSink(program.metrics, hub.outlets, hub.report()))
     if program.dashboard.address is not None:
-        module = _module("page.sink", "dashboard", "bokeh")
+        module = _module("page.sink", "dashboard", "tornado")
         devices = {config.name: config.estimator.estimate_on for config in configs}
         page = module.DashboardSink(program.dashboard, devices, hub.report(), recorder)
         hub.add(page)

@@ -257,9 +257,7 @@ class DeviceView:
         for name in {**fits, **known}:
             fit, axis = fits.get(name), known.get(name)
             found = answer(fit)
-            alpha, f = (
-                "" if p is None else f"{p[0]} ({p[1].replace('…', 'to')})" for p in (found.alpha, found.f)
-            )
+            alpha, f = ("" if p is None else p.text.replace("…", "to") for p in (found.alpha, found.f))
             until = [] if not targets or fit is None else [_until(fit)]
             table.add_row(name, found.head, alpha, *([f] if wide else []), _bias_words(axis), *until)
         return table

@@ -15,7 +15,7 @@ RULE = "70-fltea.rules"
 RULE_FOLDERS = ("/etc/udev/rules.d", "/run/udev/rules.d", "/usr/lib/udev/rules.d", "/lib/udev/rules.d")
 INSTALL_RULE = "sudo make install-udev, in a clone of fltea; then plug the board in again."
 UNIT = "fltea.service"
-PACKAGES = {"record": "mcap", "mqtt": "paho", "dashboard": "bokeh", "metrics": "prometheus_client"}
+PACKAGES = {"record": "mcap", "mqtt": "paho", "dashboard": "tornado", "metrics": "prometheus_client"}
 """Optional parts of fltea, and the module that each needs."""
 
 

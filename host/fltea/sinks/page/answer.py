@@ -1,10 +1,10 @@
 """What the page says of an axis's fit: in words, and in no figure that the data do not support (pure)."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from fltea.records.fit import AxisFit, Interval, VerdictKind
-from fltea.sinks.page.words import duration
+from fltea.sinks.page.words import about
 
 HEADS: dict[VerdictKind, str] = {
     "white": "White noise: order undefined",
@@ -54,11 +54,22 @@ NARROW = 1.25
 
 
 class Figure(NamedTuple):
-    """A parameter with its interval. large: the data support it so well that it may be shown large."""
+    """A parameter with its interval. large: the data support a value, not only an interval."""
 
     value: str
-    interval: str
+    interval: tuple[str, str]
     large: bool
+
+    @property
+    def text(self) -> str:
+        """The value with its interval, or the interval alone where it is wide."""
+        low, high = self.interval
+        return f"{self.value} ({low} … {high})" if self.large else f"{low} … {high}"
+
+    def said(self, name: str) -> str:
+        """The same as part of a sentence."""
+        low, high = self.interval
+        return f"{name} = {self.text}" if self.large else f"{name} between {low} and {high}"
 
 
 class Answer(NamedTuple):
@@ -74,8 +85,8 @@ class Answer(NamedTuple):
     left_out: str
 
 
-def answer(fit: AxisFit | None, *, off: bool = False) -> Answer:
-    """Put a fit into words. off: nothing is fitted."""
+def answer(fit: AxisFit | None, left_s: float | None = None, *, off: bool = False) -> Answer:
+    """Put a fit into words. left_s: until the order is known, if fits agree on it. off: nothing is fitted."""
     if fit is None:
         return Answer("", "No fit" if off else "No fit yet", OFF if off else NO_FIT, None, None, "", "", "")
     if not fit.stable and fit.verdict not in SAYS_NOTHING:
@@ -88,9 +99,25 @@ def answer(fit: AxisFit | None, *, off: bool = False) -> Answer:
         _figure(alpha, 2, 0.3),
         _figure(f, 1, max(0.5, abs(f.value or 0.0) / 2) if f else 0.0),
         "if the noise is of fractional order" if fit.verdict in WITH_ORDER[1:] and alpha else "",
-        _until(fit),
+        _until(fit, left_s),
         _left_out(fit),
     )
+
+
+def sentence(found: Answer, bias: str) -> tuple[str, str]:
+    """All that is known of an axis in one sentence, its first words apart."""
+    head = found.head.partition(":")[0]
+    if not found.kind:
+        known = "" if found.head != UNSTABLE else "two fits have to agree"
+    elif found.alpha is None:
+        known = "α and f undefined"
+    else:
+        f = f"{found.f.said('f')} s^\u2212α" if found.f else "f undefined"
+        known = f"{found.alpha.said('α')}, {f}"
+    if found.condition:
+        known += f", {found.condition}"
+    rest = "; ".join(part for part in (known, bias, found.until) if part)
+    return head, f": {rest}." if rest else "."
 
 
 def order(fit: AxisFit) -> tuple[Interval | None, Interval | None]:
@@ -105,10 +132,9 @@ def _defined(p: Interval) -> bool:
     return all(v is not None and math.isfinite(v) for v in (p.value, p.low, p.high))
 
 
-def interval_words(p: Interval) -> list[Any] | None:
-    """α as a card shows it: value, interval, whether it may be shown large; None where it is undefined."""
-    found = _figure(p, 2, 0.3) if _defined(p) else None
-    return None if found is None else list(found)
+def figure_of(p: Interval) -> Figure | None:
+    """α as it is shown; None where it is undefined."""
+    return _figure(p, 2, 0.3) if _defined(p) else None
 
 
 def _figure(p: Interval | None, digits: int, widest: float) -> Figure | None:
@@ -118,7 +144,7 @@ def _figure(p: Interval | None, digits: int, widest: float) -> Figure | None:
     half = (p.high - p.low) / 2
     digits = min(max(math.ceil(-math.log10(half / 2)), digits), 4) if half > 0 else 4
     value, low, high = (_fixed(v, digits) for v in (p.value, p.low, p.high))
-    return Figure(value, f"{low} … {high}", half <= widest)
+    return Figure(value, (low, high), half <= widest)
 
 
 def _fixed(value: float, digits: int) -> str:
@@ -127,18 +153,18 @@ def _fixed(value: float, digits: int) -> str:
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "\u2212")
 
 
-def _until(fit: AxisFit) -> str:
-    """How long it takes until the order is known well enough."""
+def _until(fit: AxisFit, left_s: float | None) -> str:
+    """How long it takes until the order is known well enough; a figure only if fits agree on it."""
     until = fit.until_s
     if until is None or fit.verdict in SAYS_NOTHING:
         return ""
     target = f"α ± {until.target:g}"
     if until.seconds is None:
-        return f"{target}: more data do not define it"
+        return f"more data do not define α to ± {until.target:g}"
     if fit.verdict not in WITH_ORDER:
         return ""
     if until.seconds > 0:
-        return f"{target} in {duration(until.seconds)}"
+        return f"{target} in {about(left_s)}" if left_s else f"{target}: too early to say when"
     a = fit.alpha
     if a.low is None or a.high is None or a.high - a.low > 2 * NARROW * until.target:
         return f"{target}: nobody can say when yet"  # the information at the fit promises more than there is

@@ -7,12 +7,8 @@ from html import escape
 from typing import NamedTuple
 
 import msgspec
-from bokeh.document import Document
-from bokeh.embed import components
-from bokeh.io.doc import patch_curdoc
-from bokeh.model import Model
-from bokeh.resources import Resources
 
+from fltea.documents import curves
 from fltea.documents.html_page import html_page, wide_table
 from fltea.documents.imu_yaml import AxisNoise, Shown, imu_yaml
 from fltea.records.errors import UsageError
@@ -20,8 +16,7 @@ from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import ACCEL_AXES, AXES, Fit
 from fltea.records.visible import visible, visible_lines
 from fltea.sinks.page import facts
-from fltea.sinks.page.answer import answer, order
-from fltea.sinks.page.curve_figures import CurveFigures
+from fltea.sinks.page.answer import Answer, order
 from fltea.sinks.page.data_sheet import coefficients
 from fltea.sinks.page.history import DeviceHistory
 
@@ -36,6 +31,7 @@ class Seen(NamedTuple):
     when: datetime
     fit: Fit
     axes: dict[str, AxisFit]
+    answers: dict[str, Answer]
     rate_hz: float
     heading: str
     settings: str
@@ -73,6 +69,7 @@ def seen(history: DeviceHistory) -> Seen:
         when,
         fit,
         axes,
+        {axis: facts.answer_of(history, axis) for axis in axes},
         hello.rate_hz,
         ", ".join([*parts, f"until {when:%Y-%m-%d %H:%M:%S} UTC"]),
         facts.settings(history),
@@ -103,69 +100,35 @@ def yaml_of(found: Seen) -> str:
 
 def report_of(found: Seen) -> str:
     """The report: one HTML page, complete in itself, with the last fit as JSON in it."""
-    plots = _plots(found.axes)
-    empty = Document()  # bokeh keeps but a weak reference
-    with patch_curdoc(empty):  # else bokeh puts in what a page does when it is ready
-        script, places = components(plots) if plots else ("", {})
-    library = Resources(mode="inline", components=["bokeh"]).render_js() if plots else ""
     body = [f'<section><h2>{escape(found.name)}</h2><p class="faint">{escape(found.heading)}</p>']
-    body += [_verdict(axis, fit) for axis, fit in found.axes.items()]
+    body += [_verdict(axis, said) for axis, said in found.answers.items()]
     body.append(_parameters(found.axes))
     for axis, fit in found.axes.items():
         body.append(f'<h3 class="axis">{axis}</h3>')
         if fit.allan is not None:
             body.append(_pairs(coefficients(fit.allan, axis in AXES)))
-        drawn = [(kind, places[f"{axis} {kind}"]) for kind in FIGURES if f"{axis} {kind}" in places]
-        body.append(f'<div class="figures">{"".join(_figure(*one) for one in drawn)}</div>')
+        figures = "".join(f'<figure class="chart">{one}</figure>' for one in _figures(fit))
+        body.append(f'<div class="figures">{figures}</div>')
     for title, rows in found.tables.items():
         body.append(f"<h3>{title}</h3>{_pairs(rows)}")
     body.append(f"<h3>What happened</h3>{_pairs(found.events)}")
     body.append(f'<p class="faint">FLTEA: {escape(found.settings)}</p></section>')
     of_all = msgspec.structs.replace(found.fit, axes=found.axes)
     data = msgspec.json.encode(of_all).decode().replace("<", "\\u003c")
-    body.append(f'<script type="application/json" id="fit">{data}</script>{script}')
+    body.append(f'<script type="application/json" id="fit">{data}</script>')
     title, made_by = f"Noise of {found.name}, live", "the live page of <code>fltea run</code>"
-    return html_page(title, "".join(body), made_by, f"{STYLE}{library}")
+    return html_page(title, "".join(body), made_by)
 
 
-STYLE = "<style>.plot { background: #fff; border: 1px solid var(--line); border-radius: 6px }</style>"
-
-FIGURES = {
-    "spectrum": (
-        "Spectrum",
-        "Points: the density of the noise. Line: the fitted model. Grey: bands that were left out.",
-    ),
-    "allan": (
-        "Allan deviation",
-        "Blue, with its 95 %: of the samples. Green: of the fitted model. Dashed: the lines of N, B and K.",
-    ),
-}
+def _figures(fit: AxisFit) -> list[str]:
+    """Those of an axis that there are."""
+    shown = [curves.spectrum(fit.spectrum, fit.unit, fit.rate_left_out)] if fit.spectrum else []
+    return [*shown, curves.allan(fit.allan, fit.unit)] if fit.allan else shown
 
 
-def _plots(axes: dict[str, AxisFit]) -> dict[str, Model]:
-    """Those figures of all axes in which there is something, by axis and kind."""
-    plots: dict[str, Model] = {}
-    for axis, fit in axes.items():
-        curves = CurveFigures()
-        curves.show(axis, facts.unit_of(axis), fit)
-        if fit.spectrum is not None:
-            plots[f"{axis} spectrum"] = curves.spectrum
-        if fit.allan is not None:
-            plots[f"{axis} allan"] = curves.allan
-    return plots
-
-
-def _figure(kind: str, place: str) -> str:
-    title, meaning = FIGURES[kind]
-    return (
-        f'<figure><div class="plot">{place}</div><figcaption><b>{title}.</b> {meaning}</figcaption></figure>'
-    )
-
-
-def _verdict(axis: str, fit: AxisFit) -> str:
-    found = answer(fit)
+def _verdict(axis: str, found: Answer) -> str:
     rest = " ".join(f"{part}." for part in (found.until, found.left_out) if part)
-    return f'<p class="verdict"><b>{axis}: {escape(found.head)}.</b> {escape(fit.text)} {escape(rest)}</p>'
+    return f'<p class="verdict"><b>{axis}: {escape(found.head)}.</b> {escape(found.text)} {escape(rest)}</p>'
 
 
 def _pairs(rows: Sequence[Sequence[str]]) -> str:
@@ -194,7 +157,7 @@ def _parameters(axes: dict[str, AxisFit]) -> str:
         f"<tr><th>{escape(label)}</th>{''.join(f'<td>{escape(value)}</td>' for value in values)}</tr>"
         for label, values in rows.items()
     ]
-    return wide_table(f"<thead><tr><th></th>{head}</tr></thead>", lines)
+    return wide_table(f"<thead><tr><td></td>{head}</tr></thead>", lines)
 
 
 def _interval(p: Interval | None) -> str:

@@ -2,26 +2,28 @@
 
 from typing import Any
 
+from fltea.documents import curves as charts
 from fltea.records.records import (
     AXES,
     AxisEstimate,
-    AxisStats,
     Epoch,
     EstimatorInfo,
     Hello,
     Stats,
-    TrackerStats,
 )
 from fltea.records.visible import visible, visible_lines
 from fltea.sinks.page import facts_of_device
-from fltea.sinks.page.answer import answer
+from fltea.sinks.page.answer import Answer, answer, sentence
 from fltea.sinks.page.data_sheet import coefficients
+from fltea.sinks.page.fits import Curves
 from fltea.sinks.page.happenings import EPOCH_WORDS
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.words import Level, counted, duration, guard_words, quantity, with_std, within
 
 STALL_NS = 1_500_000_000
 SHOWN_EVENTS = 12
+FAR_PPM = 20_000
+"""No crystal is so far off."""
 
 
 def state(history: DeviceHistory, now_ns: int) -> dict[str, str]:
@@ -73,28 +75,87 @@ def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
     return max(of_host - history.samples_of_epoch, facts_of_device.startup_to_go(history))
 
 
-def axes(history: DeviceHistory, window: int) -> list[dict[str, Any]]:
-    """What is known of every axis: the fit first, then the filters. window: the one that is shown."""
-    stats = history.stats.axes if history.stats else {}
-    compared = facts_of_device.compared(history, window)
-    return [
-        _axis(history, name, history.newest.get(name), stats.get(name))
-        | {"compared": compared.get(name), "of_board": facts_of_device.fit(history, name)}
-        for name in history.axes
-    ]
+def slow(stats: Stats | None) -> str:
+    """A warning where the device's clock and this computer's have nothing to do with each other."""
+    if stats is None or stats.clock_ppm is None or abs(stats.clock_ppm) < FAR_PPM:
+        return ""
+    share = 1 + stats.clock_ppm * 1e-6
+    return (
+        f"The device's clock runs at {share:.2f} times this computer's, as an emulator's does on a busy "
+        "computer. α, f and noise are not affected: samples are placed by the device's clock."
+    )
 
 
-def _axis(
-    history: DeviceHistory, name: str, estimate: AxisEstimate | None, stats: AxisStats | None
-) -> dict[str, Any]:
-    unit = unit_of(name)
+def now(history: DeviceHistory, now_ns: int) -> dict[str, Any]:
+    """How a device is doing, in a few words for what is opened on demand."""
+    level, text = status(history, now_ns)
+    sample, newest = history.sample, list(history.happenings)[-1:]
+    lost = [f"{label}: {value}" for label, value, of in link(history.stats) if of == "bad"]
+    return {
+        "status": {"level": level, "text": text},
+        "slow": slow(history.stats),
+        "seq": sample.seq if sample else None,
+        "epoch": history.epoch.epoch if history.epoch else None,
+        "time_ms": sample.host_ns // 1_000_000 if sample else None,
+        "fit": fitted(history),
+        "settings": settings(history),
+        "link": {"level": "bad" if lost else "plain", "text": ", ".join(lost) or "nothing is lost"},
+        "happened": visible_lines(newest[0].text) if newest else "nothing yet",
+    }
+
+
+def axes(history: DeviceHistory) -> list[dict[str, Any]]:
+    """What is known of every axis, in a sentence."""
+    return [_axis(history, name) for name in history.axes]
+
+
+def _axis(history: DeviceHistory, name: str) -> dict[str, Any]:
+    found = answer_of(history, name)
+    head, rest = sentence(found, _bias(history.newest.get(name), unit_of(name)))
+    return {"name": name, "kind": found.kind, "head": head, "rest": rest}
+
+
+def answer_of(history: DeviceHistory, name: str) -> Answer:
+    """What the fit of an axis says, in words."""
+    fits, off = history.fits, history.stats is not None and history.stats.fit_period_s is None
+    told = fits.time_to_tell.get(name)
+    left_s = told.left_s(fits.newest.samples, history.rate_hz) if told and fits.newest else None
+    return answer(fits.axes.get(name), left_s, off=off)
+
+
+def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
+    """What else is known of an axis: behind its sentence, of the filter, and of the device's own estimates.
+
+    window: the one that is shown.
+    """
+    found = answer_of(history, name)
+    allan = history.fits.curves[name].allan if name in history.fits.curves else None
+    stats = history.stats.axes.get(name) if history.stats else None
+    return {
+        "estimator": history.tables.estimator(name),
+        "unit": unit_of(name),
+        "text": [part for part in (found.text, found.left_out) if part],
+        "coefficients": coefficients(allan, name in AXES) if allan else [],
+        "headings": [[f"after {duration(t)}", within(std)] for t, std in heading(history, name).items()],
+        "rows": _running(history, name),
+        "guard": guard_words(stats.interventions if stats else {}),
+        "compared": facts_of_device.compared(history, name, window),
+        "of_board": facts_of_device.fit(history, name),
+    }
+
+
+def _running(history: DeviceHistory, name: str) -> list[list[str]]:
+    """What the filters that run sample by sample say of an axis, by label."""
+    unit, estimate = unit_of(name), history.newest.get(name)
+    stats = history.stats.axes.get(name) if history.stats else None
     e = estimate.fltea if estimate is not None and estimate.fltea.valid else None
     bias, R = (None, None) if stats is None else (stats.bias, stats.R)
-    off = history.stats is not None and history.stats.fit_period_s is None
-    not_described = stats is not None and stats.describes_noise is False
     tracker = stats.tracker if stats else None
-    rows = [
-        *_tracked(estimate, unit),
+    state = "–" if estimate is None else f"{with_std(estimate.state, estimate.state_std)} {unit}"
+    not_described = stats is not None and stats.describes_noise is False
+    return [
+        ["bias", _bias(estimate, unit).removeprefix("bias ") or "–"],
+        ["state", state],
         ["model of the bias", tracker.model if tracker else "–"],
         ["its innovations, NIS", quantity(tracker.nis if tracker else None, "", 3)],
         ["FLTEA (paper)", "–" if e is None else "settled" if e.settled else "settling"],
@@ -102,8 +163,7 @@ def _axis(
         ["f ± σ", f"{with_std(e.f, e.f_std)} s^-α" if e else "–"],
         *(
             [["these do not describe the noise", "no order, another, or coloured innovations"]]
-            if not_described
-            else []
+            * not_described
         ),
         ["state x̂ (paper)", quantity(e.state if e else None, unit, 4)],
         ["offset removed", quantity(bias, unit, 4)],
@@ -112,40 +172,13 @@ def _axis(
         ["innovations, NIS", quantity(stats.innovation_nis if stats else None, "", 3)],
         ["started again", str(stats.restarts) if stats else "–"],
     ]
-    return {
-        "name": name,
-        "estimator": history.tables.estimator(name),
-        "bias": _bias(estimate, tracker, unit),
-        "answer": answer(history.fits.axes.get(name), off=off)._asdict(),
-        "running": {"alpha": e.alpha, "f": e.f} if e else {"alpha": None, "f": None},
-        "rows": rows,
-        "guard": guard_words(stats.interventions if stats else {}),
-    }
 
 
-def _bias(estimate: AxisEstimate | None, tracker: TrackerStats | None, unit: str) -> str:
-    """Return the first figure after the verdict: the bias, and how far a heading is off in a minute."""
+def _bias(estimate: AxisEstimate | None, unit: str) -> str:
     if estimate is None or estimate.bias is None:
         return ""
-    bias = f"bias {with_std(estimate.bias, estimate.bias_std)} {unit}" + (
-        ", moving" if estimate.moving else ""
-    )
-    if tracker is None or 60 not in tracker.heading_std:
-        return bias
-    return f"{bias}; heading {within(tracker.heading_std[60])} after a minute"
-
-
-def _tracked(estimate: AxisEstimate | None, unit: str) -> list[list[str]]:
-    """Return the rows of what the tracker knows."""
-    if estimate is None or estimate.bias is None or estimate.state is None:
-        return [["bias", "–"]]
-    return [
-        [
-            "bias",
-            f"{with_std(estimate.bias, estimate.bias_std)} {unit}" + (", moving" if estimate.moving else ""),
-        ],
-        ["state", f"{with_std(estimate.state, estimate.state_std)} {unit}"],
-    ]
+    moving = ", moving" if estimate.moving else ""
+    return f"bias {with_std(estimate.bias, estimate.bias_std)} {unit}{moving}".replace("-", "\u2212")
 
 
 def fitted(history: DeviceHistory) -> str:
@@ -157,18 +190,21 @@ def fitted(history: DeviceHistory) -> str:
     return f"fit of {fit.samples:,} samples{time}"
 
 
-def curves(history: DeviceHistory, axis: str) -> dict[str, Any]:
-    """Which curves of an axis there are, and what the Allan deviation says in units of data sheets."""
-    found = history.fits.curves.get(axis)
-    allan = found.allan if found else None
-    ahead = heading(history, axis)
-    return {
-        "spectrum": found is not None and found.spectrum is not None,
-        "allan": allan is not None,
-        "coefficients": coefficients(allan, axis in AXES) if allan else [],
-        "heading": bool(ahead),
-        "headings": [[f"after {duration(t)}", within(std)] for t, std in ahead.items()],
-    }
+def curves(history: DeviceHistory, name: str) -> list[str]:
+    """The figures of an axis that there are: spectrum, Allan deviation, and how far a heading will be off."""
+    fit, found = history.fits.axes.get(name), history.fits.curves.get(name, Curves())
+    board, unit, ahead = history.fits.device_spectra.get(name), unit_of(name), heading(history, name)
+    shown = []
+    if found.spectrum is not None:
+        crosses = (board.hz, board.density) if board else ((), ())
+        shown.append(charts.spectrum(found.spectrum, unit, fit.rate_left_out if fit else (), crosses))
+    if found.allan is not None:
+        shown.append(charts.allan(found.allan, unit))
+    if ahead:
+        line = charts.Curve([*ahead], [*ahead.values()], "model")
+        title = "Heading after a rest, rates less the bias"
+        shown.append(charts.log_log(title, "time after rest [s]", "σ of the angle [deg]", [line]))
+    return [one for one in shown if one]
 
 
 def heading(history: DeviceHistory, axis: str) -> dict[int, float]:

@@ -1,11 +1,10 @@
 """What the page says of a device that estimates by itself, as plain data (pure)."""
 
-import math
 from typing import Any
 
 from fltea.records.records import AXES, DeviceAxisEstimate
 from fltea.records.why_not import not_comparable
-from fltea.sinks.page.answer import interval_words
+from fltea.sinks.page.answer import figure_of
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.words import (
     apart,
@@ -65,14 +64,11 @@ def own(history: DeviceHistory) -> list[list[str]]:
     ]
 
 
-def compared(history: DeviceHistory, window: int) -> dict[str, dict[str, Any]]:
-    """Return, of every axis that both estimate, the device's figures and how far they are from the host's."""
-    names = [axis for axis in history.axes if history.tables.estimator(axis) == "both"]
-    farthest = history.farthest(window) if names else {}
-    return {axis: _compared(history, axis, farthest[axis]) for axis in names}
-
-
-def _compared(history: DeviceHistory, axis: str, farthest: tuple[float, float]) -> dict[str, Any]:
+def compared(history: DeviceHistory, axis: str, window: int) -> dict[str, Any] | None:
+    """Return the device's figures of an axis that both estimate, and how far they are from the host's."""
+    if history.tables.estimator(axis) != "both":
+        return None
+    farthest = history.farthest(window)[axis]
     e = history.compared.get(axis)
     why = NOTHING_YET if e is None else not_comparable(e.why_not) if e.why_not else ""
     stats = history.stats.device_estimator if history.stats else None
@@ -84,7 +80,6 @@ def _compared(history: DeviceHistory, axis: str, farthest: tuple[float, float]) 
         "alpha_apart": _apart(known.alpha_difference if known else None, farthest[0]),
         "f_apart": _apart(known.f_difference if known else None, farthest[1]),
         "why_not": why,
-        "drawn": math.isfinite(farthest[0]),
         "rows": [
             *_bias(e),
             ["state x̂, device − host", _difference(known.state_difference if known else None, "deg/s")],
@@ -120,7 +115,7 @@ def fit(history: DeviceHistory, axis: str) -> dict[str, Any] | None:
         "fractional": "fractional",
         "relaxation": "fractional, or a relaxation",
     }
-    order = interval_words(alpha)
+    order = figure_of(alpha)
     text = f"{words[found.verdict]}; {found.samples:,} samples"
     if found.bins_left_out:
         text += ", some of the lowest frequencies left out"
@@ -129,7 +124,7 @@ def fit(history: DeviceHistory, axis: str) -> dict[str, Any] | None:
             f"; board \u2212 host {signed(found.alpha_difference)}, "
             f"{abs(found.half_widths):.2f} of the half-width of the host's interval"
         )
-    return {"alpha": order, "text": text, "value": alpha.value, "low": alpha.low, "high": alpha.high}
+    return {"alpha": order.said("α") if order else "α undefined", "text": text}
 
 
 def _apart(newest: float | None, farthest: float) -> str:

@@ -6,6 +6,9 @@ from fltea.records.device_fit import DeviceAxisFit, DeviceSpectrum
 from fltea.records.fit import AxisFit, FitAllan, FitSpectrum
 from fltea.records.records import DeviceFits, Fit
 
+AGREE, GROWTH, APART = 4, 1.1, 1.5
+"""So many fits, each of so many times the samples, give times that are at most so many times apart."""
+
 
 class Curves(NamedTuple):
     """The newest curves of an axis."""
@@ -14,17 +17,47 @@ class Curves(NamedTuple):
     allan: FitAllan | None = None
 
 
+class TimeToTell:
+    """When the order of an axis will be known: only while fits agree on it, and then a steady figure."""
+
+    def __init__(self) -> None:
+        self._samples = 0
+        self._totals: list[float] = []
+        """Seconds of samples that it takes in all, by fits of ever more of them."""
+        self._steady_s: float | None = None
+
+    def take(self, samples: int, rate_hz: float, seconds: float | None) -> None:
+        """Take what a fit says: so many seconds more; None if it cannot."""
+        if not seconds:
+            self._totals, self._steady_s = [], None
+        if not seconds or samples < GROWTH * self._samples:
+            return
+        self._samples = samples
+        self._totals = [*self._totals[1 - AGREE :], samples / rate_hz + seconds]
+        low, high = min(self._totals), max(self._totals)
+        if len(self._totals) < AGREE or high > APART * low:
+            self._steady_s = None
+        elif self._steady_s is None or not low / APART < self._steady_s < high * APART:
+            self._steady_s = sorted(self._totals)[AGREE // 2]
+
+    def left_s(self, samples: int, rate_hz: float) -> float | None:
+        """How many seconds are left; None if nobody knows."""
+        return None if self._steady_s is None else max(self._steady_s - samples / rate_hz, 1.0)
+
+
 class Fits:
     """Takes records of fits; what it has goes on through epochs of the same sensor.
 
-    newest: the last record. axes, curves: by axis, the last fit and the last curves. device, device_spectra:
-    by axis, the device's own last fit of the epoch, and its last bins.
+    newest: the last record. axes, curves, time_to_tell: by axis, the last fit, the last curves, and when the
+    order will be known. device, device_spectra: by axis, the device's own last fit of the epoch, and its last
+    bins.
     """
 
     def __init__(self) -> None:
         self.newest: Fit | None = None
         self.axes: dict[str, AxisFit] = {}
         self.curves: dict[str, Curves] = {}
+        self.time_to_tell: dict[str, TimeToTell] = {}
         self.device: dict[str, DeviceAxisFit] = {}
         self.device_spectra: dict[str, DeviceSpectrum] = {}
 
@@ -32,13 +65,15 @@ class Fits:
         """Begin an epoch: the device's own fits are of one epoch."""
         self.device, self.device_spectra = {}, {}
 
-    def take(self, record: Fit) -> None:
+    def take(self, record: Fit, rate_hz: float) -> None:
         """Take a fit of this computer; one of fewer samples is of another sensor."""
         if self.newest is not None and record.samples < self.newest.samples:
-            self.axes, self.curves = {}, {}
+            self.axes, self.curves, self.time_to_tell = {}, {}, {}
         self.newest = record
         self.axes |= record.axes
         for axis, found in record.axes.items():
+            seconds = found.until_s.seconds if found.until_s and found.stable else None
+            self.time_to_tell.setdefault(axis, TimeToTell()).take(record.samples, rate_hz, seconds)
             if found.spectrum is not None or found.allan is not None:
                 before = self.curves.get(axis, Curves())
                 self.curves[axis] = Curves(found.spectrum or before.spectrum, found.allan or before.allan)

@@ -65,6 +65,11 @@ class DeviceHistory:
         self._written_seq: int | None = None
 
     @property
+    def rate_hz(self) -> float:
+        """Samples a second, as far as anybody has said."""
+        return self.hello.rate_hz if self.hello else 100.0
+
+    @property
     def axes(self) -> tuple[str, ...]:
         """Axes that are estimated, as statistics name them."""
         return self.tables.axes
@@ -83,7 +88,7 @@ class DeviceHistory:
                 case DeviceFits():
                     self.fits.take_device(record)
                 case Fit():
-                    self.fits.take(record)
+                    self.fits.take(record, self.rate_hz)
                     self.tables.add("fits", record.host_ns, record.axes)
                 case Stats():
                     self._on_stats(record)

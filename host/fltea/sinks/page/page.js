@@ -1,282 +1,237 @@
-// The page's words and numbers, its choices, and its theme. The figures are bokeh's.
-window.fltea = (() => {
-  "use strict"
-  const byId = id => document.getElementById(id)
-  const RETRY_MS = 2000
-  const OF_DEVICE = "of the device"  // what plot_style.py calls it
-  let facts, control, plots
-  let choice = {device: "", axis: "", window: null}
-  let shown = null
+// The live page: once a second it asks for the parts that are open, and gets those that are new.
+import {ask, button, byId, clock, draw, follow, make, put} from "./common.js"
 
-  function start(factsSource, controlSource, allPlots) {
-    facts = factsSource
-    control = controlSource
-    plots = allPlots
-    choice = {...choice, ...fromHash()}
-    window.addEventListener("hashchange", () => { Object.assign(choice, fromHash()); send() })
-    facts.document.on_event("connection_lost", lost)
-    applyTheme()
-    show(facts)
-    send()
+const choice = {device: "", axis: "", window: 2, course: false, ...fromHash()}
+const has = {}  // of each part: its checksum
+let table = {}  // rows of what is drawn over time, by table
+let shown = ""  // for which device, axis and window that is
+
+function fromHash() {
+  const found = new URLSearchParams(location.hash.slice(1))
+  return {device: found.get("device") ?? "", axis: found.get("axis") ?? "", course: found.has("course"),
+    window: Number(found.get("window") ?? 2)}
+}
+
+function choose(change) {
+  Object.assign(choice, change)
+  const kept = Object.entries(choice).filter(([, value]) => value !== "" && value !== false)
+  history.replaceState(null, "", "#" + new URLSearchParams(kept))
+  refresh()
+}
+
+const refresh = follow(async () => {
+  const asked = {...choice}, open = [...document.querySelectorAll("details[data-parts][open]")]
+  const parts = ["devices", "now", "axes", "recording", ...open.flatMap(one => one.dataset.parts.split(","))]
+  if (asked.axis) parts.push("axis", "curves")
+  const query = {device: asked.device, axis: asked.axis, window: asked.window,
+    parts: parts.map(part => `${part}:${has[part] ?? ""}`).join()}
+  if (asked.course && asked.axis) query.cursors = Object.entries(table).map(([name, {cursor}]) => `${name}:${cursor}`).join()
+  const found = await (await ask("state", query)).json()
+  if (["device", "axis", "window", "course"].some(name => asked[name] !== choice[name])) return  // chosen meanwhile: ask again
+  const of = [found.device, found.axis, found.window].join()
+  if (of !== shown) {  // what was asked for with the sums of another axis is not whole
+    const isFirst = !shown
+    shown = of
+    table = {}
+    if (!isFirst) for (const part in has) delete has[part]
+    choice.device = found.device
+    choice.window = found.window
+    if (!isFirst) { setTimeout(refresh); return }
   }
-
-  function show(source) {
-    const text = source.data.json[0]
-    if (!text || !control) return
-    shown = JSON.parse(text)
-    render(shown)
-    send()
+  for (const [part, [checksum, content]] of Object.entries(found.parts)) {
+    has[part] = checksum
+    SHOW[part](content)
   }
-
-  // What the reader has chosen, and that the update has arrived: without this there is no next one.
-  function send() {
-    control.data = {
-      device: [choice.device], axis: [choice.axis], window: [choice.window], ack: [shown ? shown.tick : 0],
-    }
+  document.title = `fltea ${found.device}`
+  byId("open").hidden = !found.axis
+  for (const card of document.querySelectorAll(".axis")) {
+    const isOpen = card.dataset.axis === found.axis
+    card.querySelector("button").setAttribute("aria-expanded", isOpen)
+    if (isOpen && card.nextSibling !== byId("open")) card.after(byId("open"))
   }
+  for (const one of byId("windows").children) one.setAttribute("aria-pressed", Number(one.dataset.window) === found.window)
+  if (found.rows) course(found)
+}, 1000)
 
-  function choose(change) {
-    Object.assign(choice, change)
-    history.replaceState(null, "", "#" + new URLSearchParams(
-      Object.entries(choice).filter(([, value]) => value !== "" && value !== null)))
-    send()
-  }
-
-  function fromHash() {
-    const found = new URLSearchParams(location.hash.slice(1))
-    const window = found.get("window")
-    return {
-      device: found.get("device") ?? "", axis: found.get("axis") ?? "",
-      window: window === null ? null : Number(window),
-    }
-  }
-
-  // --- words and numbers; all of them as text, since some come from the device ---
-
-  function element(tag, attributes = {}, ...children) {
-    const made = document.createElement(tag)
-    for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value)
-    made.append(...children)
-    return made
-  }
-
-  function button(label, onClick) {
-    const made = element("button", {type: "button"}, label)
-    made.addEventListener("click", onClick)
-    return made
-  }
-
-  function render(f) {
-    const root = document.documentElement
-    root.dataset.seq = f.seq ?? ""
-    root.dataset.epoch = f.epoch ?? ""
-    root.dataset.tick = f.tick
-    root.dataset.estimator = f.estimator
-    document.title = `fltea ${f.device}`
-    byId("status").textContent = f.status.text
-    byId("status").dataset.level = f.status.level
-    byId("settings").textContent = [
-      f.device, f.settings, f.seq === null ? "" : `sample ${f.seq.toLocaleString()}`,
-      f.time_ms === null ? "" : new Date(f.time_ms).toLocaleTimeString(),
-    ].filter(Boolean).join(" · ")
-    devices(f)
-    windows(f)
-    axes(f)
-    for (const place of document.querySelectorAll(".axis")) place.textContent = f.axis
-    byId("temperature").hidden = !f.hardware.some(([label]) => label === "temperature")
-    rows("link", f.link)
-    rows("hardware", f.hardware)
-    byId("own-part").hidden = !f.own.length
-    rows("own", f.own)
-    events(f.events)
-    window.fltea.actions.show(f)
-    byId("fitted").textContent = f.fit
-    for (const name of ["spectrum", "allan", "heading"]) {
-      for (const part of document.querySelectorAll(`#${name} .drawn`)) part.hidden = !f.curves[name]
-      for (const part of document.querySelectorAll(`#${name} .not-drawn`)) part.hidden = f.curves[name]
-    }
-    rows("coefficients", f.curves.coefficients)
-    rows("headings", f.curves.headings)
-    const label = f.unit ? `${f.axis} [${f.unit}]` : ""
-    const noise = plots.find(plot => plot.name === "noise").left[0]
-    if (noise.axis_label !== label) noise.setv({axis_label: label}, {sync: false})
-  }
-
-  function devices(f) {
+const SHOW = {
+  devices(found) {
     const place = byId("devices")
-    place.hidden = f.devices.length < 2
-    if (!place.children.length)
-      place.append(...f.devices.map(device => button(device.name, () => choose({device: device.name, axis: ""}))))
-    f.devices.forEach((device, number) => {
-      const one = place.children[number]
-      one.setAttribute("aria-pressed", device.name === f.device)
-      one.dataset.status = device.level
-      one.title = device.text
+    place.hidden = found.length < 2
+    if (place.children.length !== found.length)
+      place.replaceChildren(...found.map(one => button(one.name, () => choose({device: one.name, axis: ""}))))
+    found.forEach((one, number) => {
+      const made = place.children[number]
+      made.setAttribute("aria-pressed", one.name === choice.device)
+      made.dataset.status = one.level
+      made.title = one.text
     })
-  }
+  },
 
-  function windows(f) {
-    const place = byId("windows")
-    if (!place.children.length)
-      place.append(...f.windows.map((label, number) => button(label, () => choose({window: number}))))
-    ;[...place.children].forEach((b, number) => b.setAttribute("aria-pressed", number === f.window))
-  }
+  now(found) {
+    const root = document.documentElement.dataset
+    root.seq = found.seq ?? ""
+    root.epoch = found.epoch ?? ""
+    put(byId("status"), found.status.text)
+    byId("status").dataset.level = found.status.level
+    put(byId("slow"), found.slow)
+    byId("slow").hidden = !found.slow
+    const last = found.time_ms === null ? "" : `last sample ${clock(new Date(found.time_ms))}`
+    put(byId("about"), [choice.device, found.fit, last].filter(Boolean).join(" · "))
+    put(byId("settings"), found.settings)
+    put(byId("health"), found.link.text)
+    byId("health").dataset.level = found.link.level
+    put(byId("happened"), found.happened)
+    for (const [id, path] of [["report", "report.html"], ["yaml", "imu.yaml"]]) {
+      byId(id).hidden = !found.fit
+      byId(id).href = `${path}?device=${encodeURIComponent(choice.device)}`
+    }
+  },
 
-  function axes(f) {
-    const place = byId("axes")
-    const names = f.axes.map(axis => axis.name).join()
+  axes(found) {
+    const place = byId("axes"), names = found.map(axis => axis.name).join()
     if (place.dataset.names !== names) {
+      place.append(byId("open"))  // it stands below the axis that is open, but it is not one of them
       place.dataset.names = names
-      place.replaceChildren(...f.axes.map(card))
+      place.replaceChildren(...found.map(axis => {
+        const card = make("div", {class: "card axis", "data-axis": axis.name}, make("h2", {}, axis.name),
+          make("p", {}, make("b"), make("span")))
+        card.append(button("details", () => choose({axis: choice.axis === axis.name ? "" : axis.name}),
+          {"aria-controls": "open", "aria-label": `details of ${axis.name}`}))
+        return card
+      }), byId("open"))
     }
-    f.axes.forEach((axis, number) => fill(place.children[number], axis, axis.name === f.axis))
-    const chosen = f.axes.find(axis => axis.name === f.axis)
-    const compared = chosen ? chosen.compared : null
-    for (const apart of document.querySelectorAll("figure .apart")) compare(apart, compared, apart.dataset.of)
-    for (const part of document.querySelectorAll("#apart .drawn")) part.hidden = !(compared && compared.drawn)
-  }
-
-  // How far the device's own estimate is from the host's, or why nobody can say.
-  function compare(place, compared, name) {
-    place.textContent = !compared ? "" : compared.why_not || `device − host: ${compared[`${name}_apart`]} of what is shown`
-    place.dataset.compared = compared && compared.why_not ? "no" : "yes"
-  }
-
-  function card(axis) {
-    const made = element("section", {class: "card", "data-axis": axis.name, "aria-label": axis.name})
-    made.innerHTML = `<h2><button type="button" class="pick"></button></h2>
-      <p class="head"></p><p class="bias"></p>
-      <dl class="order"><div><dt>α</dt><dd class="alpha"></dd></div>
-        <div><dt>f</dt><dd class="f"></dd></div></dl>
-      <p class="condition"></p><p class="text"></p><p class="until"></p><p class="left-out"></p>
-      <dl class="of-board"><div><dt>α, the board's fit</dt><dd class="board-alpha"></dd></div></dl>
-      <p class="board-text"></p>
-      <p class="why-not"></p><p class="guard"></p><p class="guard guard-of-device"></p>
-      <details><summary>FLTEA, the running filter</summary><dl class="rows"></dl></details>`
-    made.querySelector(".pick").textContent = axis.name
-    made.addEventListener("click", event => { if (!event.target.closest("details")) choose({axis: axis.name}) })
-    return made
-  }
-
-  function fill(made, axis, pressed) {
-    const set = (selector, text) => {
-      const place = made.querySelector(selector)
-      if (place.textContent !== text) place.textContent = text  // else what is selected would be lost
-    }
-    const found = axis.answer, compared = axis.compared
-    made.querySelector(".pick").setAttribute("aria-pressed", pressed)
-    made.classList.toggle("picked", pressed)
-    made.dataset.verdict = found.kind
-    made.dataset.alpha = axis.running.alpha ?? ""
-    made.dataset.f = axis.running.f ?? ""
-    for (const text of ["head", "text", "condition", "until", "left_out"]) set("." + text.replace("_", "-"), found[text])
-    set(".bias", axis.bias)
-    made.querySelector(".order").hidden = !found.kind
-    parameter(made.querySelector("dd.alpha"), found.alpha, [])
-    parameter(made.querySelector("dd.f"), found.f, [" s", element("sup", {}, "−α")])
-    const board = axis.of_board
-    made.querySelector(".of-board").hidden = !board
-    if (board) parameter(made.querySelector("dd.board-alpha"), board.alpha, [])
-    set(".board-text", board ? board.text : "")
-    set(".guard", guard("FLTEA's guard", axis.guard))
-    made.dataset.apart = compared ? compared.apart ?? "" : ""
-    set(".why-not", compared ? compared.why_not : "")
-    set(".guard-of-device", compared ? guard("the device's guard", compared.guard) : "")
-    fillRows(made.querySelector("dl.rows"), compared ? [...axis.rows, ...compared.rows] : axis.rows)
-  }
-
-  // A figure is large only where the data support it.
-  function parameter(place, found, unit) {
-    const text = JSON.stringify(found)
-    if (place.dataset.text === text) return
-    place.dataset.text = text
-    if (!found) { place.replaceChildren(element("span", {class: "undefined"}, "undefined")); return }
-    const [value, interval, large] = found
-    place.replaceChildren(element("span", {class: large ? "big" : "small"}, value), " ",
-      element("span", {class: "interval"}, interval, ...unit))
-  }
-
-  function guard(whose, found) {
-    return found.length ? `${whose}: ` + found.map(([words, count]) => `${words} (${count})`).join(", ") : ""
-  }
-
-  function rows(id, found) { fillRows(byId(id), found) }
-
-  function fillRows(list, found) {
-    if (list.children.length !== 2 * found.length)
-      list.replaceChildren(...found.flatMap(() => [element("dt"), element("dd")]))
-    found.forEach(([label, value, level], number) => {
-      list.children[2 * number].textContent = label
-      list.children[2 * number + 1].textContent = value
-      list.children[2 * number + 1].dataset.level = level ?? "plain"
+    found.forEach(axis => {
+      const card = place.querySelector(`[data-axis="${axis.name}"]`)
+      card.dataset.kind = axis.kind
+      put(card.querySelector("b"), axis.head)
+      put(card.querySelector("p span"), axis.rest)
     })
-  }
+  },
 
-  function events(found) {
-    const text = JSON.stringify(found)
-    const list = byId("events")
-    if (list.dataset.text === text) return
-    list.dataset.text = text
-    list.replaceChildren(...found.map(event => element("li", {"data-kind": event.kind},
-      element("time", {}, new Date(event.time_ms).toLocaleTimeString()), event.text)))
-  }
+  axis(found) {
+    if (!found) return
+    byId("text").replaceChildren(...found.text.map(text => make("p", {}, text)))
+    rows("coefficients", found.coefficients)
+    rows("headings", found.headings)
+    for (const name of ["coefficients", "headings"]) byId(`${name}-part`).hidden = !found[name].length
+    const board = found.of_board, compared = found.compared
+    byId("board").hidden = !board
+    put(byId("board"), board ? `The board's own fit: ${board.alpha}; ${board.text}.` : "")
+    put(document.querySelector("#open .why-not"), compared ? compared.why_not : "")
+    rows("rows", [...found.rows, ...compared ? [["α, device", compared.alpha_text], ["f, device", compared.f_text],
+      ["α, device − host", compared.alpha_apart || "–"], ["f, device − host", compared.f_apart || "–"], ...compared.rows] : []])
+    put(byId("guard"), [guard("FLTEA's guard", found.guard), guard("the device's guard", compared ? compared.guard : [])]
+      .filter(Boolean).join("; "))
+    figures(found)
+  },
 
-  // --- theme: light, dark, or the system's ---
+  // Drawn by the daemon: an image of ours, in which there is no script.
+  curves(found) {
+    const parse = text => document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true)
+    byId("curves").replaceChildren(...found.map(text => make("figure", {}, parse(text))))
+    byId("no-curves").hidden = found.length > 0
+  },
 
-  const darkSystem = matchMedia("(prefers-color-scheme: dark)")
-  const THEMES = ["system", "light", "dark"]
-  const stored = () => { try { return localStorage.getItem("fltea-theme") ?? "system" } catch { return "system" } }
-  let theme = stored()
+  recording(found) {
+    const record = byId("record")
+    record.dataset.on = found.on
+    put(record.querySelector("span"), found.on ? "Stop recording" : "Record")
+    record.disabled = !found.can
+    put(byId("recording"), found.text)
+    byId("recording").dataset.level = found.level
+  },
 
-  function nextTheme() {
-    theme = THEMES[(THEMES.indexOf(theme) + 1) % THEMES.length]
-    try { localStorage.setItem("fltea-theme", theme) } catch { /* private window */ }
-    applyTheme()
-  }
+  events(found) {
+    byId("events").replaceChildren(...found.map(event =>
+      make("li", {"data-level": {error: "bad", missed: "bad", gap: "wait"}[event.kind] ?? "plain"},
+        make("time", {}, clock(new Date(event.time_ms))), event.text)))
+  },
 
-  function applyTheme() {
-    const dark = theme === "dark" || (theme === "system" && darkSystem.matches)
-    document.documentElement.dataset.theme = dark ? "dark" : "light"
-    const button = byId("theme")
-    if (button) button.textContent = `theme: ${theme}`
-    if (!plots) return
-    const style = getComputedStyle(document.documentElement)
-    const colour = name => style.getPropertyValue(name).trim()
-    const axis = {
-      axis_line_color: colour("--rule"), major_tick_line_color: colour("--rule"), minor_tick_line_color: null,
-      major_label_text_color: colour("--soft"), axis_label_text_color: colour("--ink"),
-      axis_label_text_font_style: "normal",
-    }
-    for (const plot of plots) {
-      for (const one of [...plot.below, ...plot.left]) one.setv(axis, {sync: false})
-      for (const one of plot.center)
-        if (one.type === "Grid") one.setv({grid_line_color: colour("--grid")}, {sync: false})
-      for (const one of plot.renderers)
-        if (one.name === OF_DEVICE) one.glyph.setv({line_color: colour("--ink")}, {sync: false})
-    }
-  }
-  applyTheme()
-  darkSystem.addEventListener("change", applyTheme)
-  document.addEventListener("DOMContentLoaded", () => {
-    applyTheme()
-    byId("theme").addEventListener("click", nextTheme)
+  link: found => rows("link", found),
+  hardware: found => rows("hardware", found),
+  own(found) {
+    byId("own-part").hidden = !found.length
+    rows("own", found)
+  },
+}
+
+function rows(id, found) {
+  const list = byId(id)
+  if (list.children.length !== 2 * found.length) list.replaceChildren(...found.flatMap(() => [make("dt"), make("dd")]))
+  found.forEach(([label, value, level], number) => {
+    put(list.children[2 * number], label)
+    put(list.children[2 * number + 1], value)
+    list.children[2 * number + 1].dataset.level = level ?? "plain"
   })
+}
 
-  // --- the daemon has ended ---
+const guard = (whose, found) => found.length ? `${whose}: ` + found.map(([words, count]) => `${words} (${count})`).join(", ") : ""
 
-  function lost() {
-    byId("gone").hidden = false
-    document.documentElement.dataset.connection = "lost"
-    setTimeout(retry, RETRY_MS)
+// --- over time ---
+
+const CHECKED = 1000, FIGURES = [
+  // name, title, of which estimators, what is drawn: kind, words, and its lines from the tables
+  ["noise", "samples less the offset, and state", "host device both", [["sample", "sample", "rows", "y", "y_low", "y_high"], ["state", "state x̂", "estimate", "state"]]],
+  ["alpha", "order α", "host device both", [["fit", "fit, 95 %", "fits", "alpha_mid", "alpha_low", "alpha_high"], ["estimate", "FLTEA ± σ", "estimate", "alpha", "±"], ["ink", "device", "compared", "alpha"]]],
+  ["f", "parameter f [s^−α]", "host device both", [["fit", "fit, 95 %", "fits", "f_mid", "f_low", "f_high"], ["estimate", "FLTEA ± σ", "estimate", "f", "±"], ["ink", "device", "compared", "f"]]],
+  ["apart", "α of the device minus α of the host", "both", [["sample", "difference and its extremes", "compared", "apart", "apart_low", "apart_high"]]],
+  ["lag1", "innovations: correlation of neighbours; grey: white", "host both", [["estimate", "last 1,000", "checks", "lag1"]], [-2 / Math.sqrt(CHECKED), 2 / Math.sqrt(CHECKED)]],
+  ["nis", "innovations: NIS; grey: right", "host both", [["estimate", "last 1,000", "checks", "nis"]], [1 - 2 * Math.sqrt(2 / CHECKED), 1 + 2 * Math.sqrt(2 / CHECKED)]],
+  ["temperature", "temperature of the sensor [°C]", "host device both", [["state", "", "rows", "temperature"]]],
+]
+
+function figures({estimator, unit}) {
+  const place = byId("courses"), of = `${estimator} ${unit} ${choice.axis}`
+  if (place.dataset.of === of) return
+  place.dataset.of = of
+  place.dataset.estimator = estimator
+  place.replaceChildren(...FIGURES.filter(([, , estimators]) => estimators.split(" ").includes(estimator)).map(([name, title, , lines]) => {
+    const words = name === "noise" ? `${title} [${unit}]` : title
+    const keys = lines.filter(([, , from]) => from !== "compared" || estimator === "both")
+      .flatMap(([kind, label]) => label ? [" ", make("span", {}, make("i", {class: `key ${kind}`}), label)] : [])
+    return make("figure", {"data-name": name}, make("figcaption", {}, words, ...keys),
+      make("svg:svg", {role: "img", "aria-label": `${words}, ${choice.axis}, over time`}))
+  }))
+}
+
+function course(found) {
+  for (const [name, {cursor, fresh, most, columns}] of Object.entries(found.rows)) {
+    const kept = fresh || !table[name] ? {} : table[name].columns
+    for (const column in columns) kept[column] = [...kept[column] ?? [], ...columns[column]].slice(-most)
+    table[name] = {cursor, columns: kept}
   }
-
-  async function retry() {
-    try {
-      const answer = await fetch("static/js/bokeh.min.js", {method: "HEAD", cache: "no-store"})
-      if (answer.ok) { location.reload(); return }
-    } catch { /* not there yet */ }
-    setTimeout(retry, RETRY_MS)
+  const estimate = byId("courses").dataset.estimator === "device" ? "own" : "rows"
+  for (const figure of byId("courses").children) {
+    const [, , , wanted, band] = FIGURES.find(([name]) => name === figure.dataset.name)
+    const lines = wanted.map(([kind, , from, y, low, high]) => {
+      const of = table[from === "estimate" ? estimate : from]?.columns
+      if (!of?.[y]) return null
+      const end = sign => of[y].map((v, i) => v === null || of[`${y}_std`][i] === null ? null : v + sign * of[`${y}_std`][i])
+      return {x: of.time, y: of[y], kind, loose: kind === "fit",
+        ...low === "±" ? {low: end(-1), high: end(1)} : low ? {low: of[low], high: of[high]} : {}}
+    }).filter(Boolean)
+    figure.hidden = !lines.some(one => one.y.some(v => v !== null))
+    draw(figure.querySelector("svg"), {lines, band, always: band ?? (figure.dataset.name === "apart" ? [0] : []),
+      from: found.end_ms - found.length_ms, to: found.end_ms})
   }
+}
 
-  return {start, show}
-})()
+// --- what can be pressed ---
+
+for (const one of byId("windows").children) one.addEventListener("click", () => choose({window: Number(one.dataset.window)}))
+for (const one of document.querySelectorAll("details[data-parts]")) one.addEventListener("toggle", refresh)
+byId("course").open = choice.course
+byId("course").addEventListener("toggle", () => choose({course: byId("course").open}))
+addEventListener("hashchange", () => { Object.assign(choice, fromHash()); refresh() })
+
+byId("record").addEventListener("click", async () => {
+  const record = byId("record"), want = record.dataset.on === "true" ? "off" : "on"
+  record.disabled = true
+  let problem = ""
+  try { await ask("recording", {device: choice.device, want}, "POST") }
+  catch (error) { problem = error instanceof TypeError ? "The daemon does not answer." : error.message }
+  put(byId("problem"), problem)
+  byId("problem").hidden = !problem
+  delete has.recording
+  refresh()
+})

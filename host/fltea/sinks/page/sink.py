@@ -1,24 +1,23 @@
-"""The live page: a web server that leads with what every device's noise is, and shows it."""
+"""The live page: a web server that says what every device's noise is, and draws it for who asks."""
 
-import logging
+import asyncio
+import threading
 from collections.abc import Mapping
 
-from bokeh.document import Document
+from tornado.ioloop import IOLoop
 
-from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.ports import Item, Recorder, Report, Sink
 from fltea.records.records import Record
-from fltea.records.repeat import OnceAMinute
 from fltea.settings.estimator import EstimateOn
 from fltea.settings.outputs import DashboardConfig
-from fltea.sinks.listening import url_of
-from fltea.sinks.page.actions import Actions
+from fltea.sinks.listening import own_names, url_of
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.page import Page
-from fltea.sinks.page.server import PageServer
+from fltea.sinks.page.requests import ROUTES, PageSite
+from fltea.sinks.page.state import State
+from fltea.sinks.web.door import Door, LibraryErrors, bind
 
-LIBRARIES = ("bokeh", "tornado")
+JOIN_S = 0.4
 
 
 class DashboardSink(Sink):
@@ -41,19 +40,18 @@ class DashboardSink(Sink):
         recorder: Recorder | None = None,
     ) -> None:
         self._histories = {name: DeviceHistory(name, estimate_on) for name, estimate_on in devices.items()}
+        host, port = settings.listen()
+        self._sockets = bind("--dashboard", host, port)
+        self.url = url_of(host, self._sockets[0].getsockname()[1])
         LibraryErrors(report)
-        self._host, port = settings.listen()
-        self._recorder = recorder
-        actions = Actions(self._histories, recorder if settings.may_record else None)
-        self._token, self._may_record = actions.token, settings.may_record
-        self._server = PageServer(
-            self._host, port, settings.names, self._make, settings.visitors, report, actions.rules()
-        )
-
-    @property
-    def url(self) -> str:
-        """The address of the page."""
-        return url_of(self._host, self._server.port)
+        state = State(self._histories, recorder, settings.may_record)
+        names, may = own_names(host, settings.names), recorder if settings.may_record else None
+        site = PageSite(names, report, settings.visitors, self._histories, state, may)
+        self._application, self._report = site.application(ROUTES), report
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="live page", daemon=True)
+        self._thread.start()
+        self._ready.wait()
 
     def write(self, item: Item) -> None:
         """Remember a record."""
@@ -70,36 +68,15 @@ class DashboardSink(Sink):
             history.missed(count)
 
     def close(self) -> None:
-        """End the server."""
-        self._server.close()
+        """End the server; open pages notice that nobody answers."""
+        self._loop.add_callback(self._door.close)
+        self._loop.add_callback(self._loop.stop)
+        self._thread.join(JOIN_S)
 
-    def _make(self, document: Document) -> None:
-        Page(document, self._histories, self._recorder, self._token, self._may_record)
-
-
-class LibraryErrors(logging.Handler):
-    """Reports errors of bokeh and tornado, at most one a minute, in place of their own handlers.
-
-    Those would write to stderr; all but errors is dropped.
-    """
-
-    def __init__(self, report: Report) -> None:
-        super().__init__(logging.ERROR)
-        self._report = report
-        self._once_a_minute = OnceAMinute()
-        for name in LIBRARIES:
-            logger = logging.getLogger(name)
-            logger.propagate = False
-            logger.setLevel(logging.ERROR)
-            logger.handlers = [self]
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Report an error, unless one was reported a moment ago."""
-        what = record.getMessage().strip().splitlines() or [""]
-        if what[-1].endswith(":"):  # that one only announces the next
-            return
-        if not self._once_a_minute.is_due("page_fault", clock.host_ns()):
-            return
-        error = record.exc_info[1] if record.exc_info else None
-        cause = "" if error is None else f" ({type(error).__name__}: {error})"
-        self._report("page_fault", f"the live page has a fault; all else goes on. {what[-1]}{cause}")
+    def _run(self) -> None:
+        asyncio.set_event_loop(asyncio.new_event_loop())
+        self._loop = IOLoop.current()
+        self._door = Door(self._sockets, self._application, self._report)
+        self._ready.set()
+        self._loop.start()
+        self._loop.close(all_fds=True)

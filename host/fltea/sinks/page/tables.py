@@ -121,6 +121,15 @@ class Tables:
         """Return who estimates an axis."""
         return self.estimate_on if axis in AXES else "host"
 
+    def drawn(self, axis: str) -> list[Table]:
+        """Tables that the figures of an axis draw."""
+        of: dict[EstimateOn, list[Table]] = {
+            "host": ["rows", "fits", "checks"],
+            "device": ["rows", "fits", "own"],
+            "both": ["rows", "fits", "checks", "compared"],
+        }
+        return [table for table in of[self.estimator(axis)] if table in self._tables]
+
     def begin(self, host_ns: int) -> None:
         """Interrupt all lines, since an epoch begins; what is later than it, after a change of date, goes."""
         now_ms = host_ns * 1e-6

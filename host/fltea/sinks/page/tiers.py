@@ -1,6 +1,7 @@
-"""A past that does not grow: every row for the last half minute, buckets of rows for longer windows."""
+"""A past that does not grow: every row for some seconds, buckets of rows for windows that can be shown."""
 
 import itertools
+import secrets
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
@@ -10,15 +11,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Kind = Literal["mean", "min", "max"]
 
-MOST_ROWS = 12_000
-"""Rows of a window at most: beyond 400 Hz the finest one is shorter than its label."""
+MOST_ROWS = 4_000
+"""Rows of a window at most: of a quick sensor there are fewer seconds of samples."""
 
-
-_generations = itertools.count()
+_generations = itertools.count(secrets.randbelow(2**40))
+"""A reader's cursor of an earlier start of the program is none of this one."""
 
 
 class Window(NamedTuple):
-    """A length of time that the page can show. bucket_ms: what one row stands for, 0 for a sample each."""
+    """A length of time. bucket_ms: what one row stands for, 0 for a sample each."""
 
     label: str
     length_s: float
@@ -26,12 +27,14 @@ class Window(NamedTuple):
 
 
 WINDOWS = (
-    Window("30 s", 30, 0),
-    Window("2 min", 120, 200),
-    Window("10 min", 600, 1_000),
-    Window("1 h", 3_600, 6_000),
-    Window("24 h", 86_400, 120_000),
+    Window("samples", 10, 0),
+    Window("30 s", 30, 100),
+    Window("2 min", 120, 400),
+    Window("10 min", 600, 2_000),
+    Window("1 h", 3_600, 12_000),
+    Window("24 h", 86_400, 288_000),
 )
+"""All but the first can be shown, with 300 rows each: so many points a figure has room for."""
 
 
 class Cursor(NamedTuple):

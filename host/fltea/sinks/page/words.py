@@ -87,3 +87,19 @@ def duration(seconds: float) -> str:
     if s < 7200:
         return f"{s // 60} min"
     return f"{s // 3600} h" if s < 48 * 3600 else f"{s // 86400} days"
+
+
+ABOUT_S = (
+    10,
+    20,
+    30,
+    *(m * 60 for m in (1, 2, 3, 5, 10, 20, 30, 45)),
+    *(h * 3600 for h in (1, 2, 3, 5, 10, 24)),
+)
+
+
+def about(seconds: float) -> str:
+    """A length of time that nobody knows exactly."""
+    if seconds > 1.5 * ABOUT_S[-1]:
+        return f"about {round(seconds / 86400)} days"
+    return f"about {duration(min(ABOUT_S, key=lambda one: abs(math.log(one / max(seconds, 1.0)))))}"

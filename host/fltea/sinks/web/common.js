@@ -21,7 +21,10 @@ export function put(place, text) { if (place.textContent !== text) place.textCon
 export async function ask(path, parameters = {}, method = "GET") {
   const answer = await fetch(`${path}?${new URLSearchParams(parameters)}`,
     {method, cache: "no-store", headers: {"X-Fltea": "1"}, signal: AbortSignal.timeout(20000)})
-  if (!answer.ok) throw new Error((await answer.text()).trim())
+  if (!answer.ok) {
+    const wait = 1000 * Number(answer.headers.get("Retry-After") ?? 0)
+    throw Object.assign(new Error((await answer.text()).trim()), {wait})
+  }
   return answer
 }
 
@@ -32,18 +35,20 @@ export function follow(turn, everyMs) {
     again = busy
     if (busy || document.hidden) return
     clearTimeout(timer)
+    let wait = everyMs
     busy = true
     try {
       await turn()
       last = new Date()
       show("")
     } catch (error) {
+      wait = Math.max(wait, error.wait ?? 0)
       const silent = error instanceof TypeError || error.name === "TimeoutError"
-      const since = last ? ` All below is as of ${last.toLocaleTimeString()}.` : ""
+      const since = last ? ` All below is as of ${clock(last)}.` : ""
       show((silent ? "fltea does not answer; this page goes on by itself when it does." : error.message) + since)
     }
     busy = false
-    timer = setTimeout(go, again ? 0 : byId("gone").hidden ? everyMs : Math.max(everyMs, 3000))
+    timer = setTimeout(go, again ? 0 : wait)
   }
   function show(text) {
     put(byId("gone"), text)
@@ -54,6 +59,8 @@ export function follow(turn, everyMs) {
   go()
   return go
 }
+
+export const clock = date => date.toLocaleTimeString([], {hour12: false})
 
 export const short = value => value === null || value === undefined ? "" : String(Number(value.toPrecision(4))).replace("-", "\u2212")
 
@@ -127,8 +134,8 @@ function times(from, to, width) {
   const zone = new Date(from).getTimezoneOffset() * 60000
   const found = []
   for (let t = Math.ceil((from - zone) / step) * step + zone; t <= to; t += step) {
-    const date = new Date(t), clock = {hour: "2-digit", minute: "2-digit", ...step < 60000 && {second: "2-digit"}}
-    found.push([t, step < 86400000 ? date.toLocaleTimeString([], {hour12: false, ...clock}) : date.toLocaleDateString()])
+    const date = new Date(t), digits = {hour: "2-digit", minute: "2-digit", ...step < 60000 && {second: "2-digit"}}
+    found.push([t, step < 86400000 ? date.toLocaleTimeString([], {hour12: false, ...digits}) : date.toLocaleDateString()])
   }
   return found
 }

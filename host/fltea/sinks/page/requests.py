@@ -1,0 +1,151 @@
+"""What a page can ask for: its state, a recording, and files to take home."""
+
+from collections.abc import Callable, Collection, Mapping
+from http import HTTPStatus
+from typing import Any, ClassVar
+
+from tornado.ioloop import IOLoop
+from tornado.web import HTTPError
+
+from fltea.records.errors import FlteaError
+from fltea.records.ports import Recorder, Report
+from fltea.sinks.page.downloads import Seen, report_of, seen, yaml_of
+from fltea.sinks.page.history import DeviceHistory
+from fltea.sinks.page.state import State
+from fltea.sinks.web.handler import BY_SCRIPT, Handler, Site
+
+NOT_ALLOWED = (
+    "Pages may not record here, since not only this machine reaches them. Start fltea with --record, or with "
+    "--set dashboard.record=true."
+)
+
+FULL = (
+    "The live page has {0} visitors and takes no more (setting dashboard.visitors). Close it elsewhere, or "
+    "start fltea with --set dashboard.visitors={1}. It is tried again in a moment."
+)
+
+MOST_PARTS = 20
+
+
+class PageSite(Site):
+    """What all requests about devices share. recorder: None where pages may not record."""
+
+    def __init__(
+        self,
+        names: Collection[str],
+        report: Report,
+        visitors: int,
+        histories: Mapping[str, DeviceHistory],
+        state: State,
+        recorder: Recorder | None,
+    ) -> None:
+        # Each asks once a second; some room for those that are a little early, or just opened.
+        full = FULL.format(visitors, 2 * visitors)
+        super().__init__(__package__, names, report, 1.2 * visitors + 1, full)
+        self.histories, self.state, self.recorder = histories, state, recorder
+
+
+class _Handler(Handler):
+    site: PageSite
+
+    @property
+    def history(self) -> DeviceHistory:
+        """The history of the device that is asked for."""
+        name = self.get_query_argument("device", "", strip=False)
+        if name not in self.site.histories:
+            raise HTTPError(HTTPStatus.NOT_FOUND)
+        return self.site.histories[name]
+
+
+class _State(_Handler):
+    """`GET /state?device=NAME&axis=NAME&window=N&parts=NAME:CHECKSUM,…&cursors=TABLE:CURSOR,…`."""
+
+    def get(self) -> None:
+        """Answer with what is new."""
+        state = self.site.state
+        view = state.view(
+            self.get_query_argument("device", "", strip=False),
+            self.get_query_argument("axis", ""),
+            self.number("window", 1, 9),
+        )
+        cursors = self.get_query_argument("cursors", None)
+        had = None if cursors is None else _pairs(cursors)
+        self.set_header("Content-Type", "application/json")
+        self.write(state.read(view, _pairs(self.get_query_argument("parts", "")), had))
+
+
+class _Recording(_Handler):
+    """`POST /recording?device=NAME&want=on|off`."""
+
+    async def post(self) -> None:
+        """Start or stop a recording, and come back when that is done."""
+        recorder, want = self.site.recorder, self.get_query_argument("want", "")
+        if self.request.headers.get(BY_SCRIPT) is None:
+            self.refuse(HTTPStatus.FORBIDDEN, "This is for the live page alone.")
+            return
+        history = self.history
+        if recorder is None:
+            self.refuse(HTTPStatus.FORBIDDEN, NOT_ALLOWED)
+            return
+        if want not in ("on", "off"):
+            self.refuse(HTTPStatus.BAD_REQUEST, "want is on or off.")
+            return
+        with history.lock:
+            hello = history.hello
+        loop = IOLoop.current()
+        try:
+            if want == "on":
+                await loop.run_in_executor(None, recorder.start, history.name, hello)
+            else:
+                await loop.run_in_executor(None, recorder.stop, history.name)
+        except FlteaError as error:
+            self.refuse(HTTPStatus.CONFLICT, str(error))
+            return
+        self.set_status(HTTPStatus.NO_CONTENT)
+
+
+class _Download(_Handler):
+    """A file, made in this thread of what was seen so far."""
+
+    kind: ClassVar[str]
+    ending: ClassVar[str]
+    make: ClassVar[Callable[[Seen], str]]
+
+    def get(self) -> None:
+        """Make it."""
+        history = self.history
+        try:
+            with history.lock:
+                found = seen(history)
+            text = type(self).make(found)
+        except FlteaError as error:
+            self.refuse(HTTPStatus.CONFLICT, str(error))
+            return
+        self.set_header("Content-Type", f"{self.kind}; charset=utf-8")
+        self.set_header("Content-Disposition", f'attachment; filename="{found.stem}{self.ending}"')
+        self.write(text)
+
+
+class _Report(_Download):
+    kind, ending, make = "text/html", ".html", report_of
+
+
+class _Yaml(_Download):
+    kind, ending, make = "application/yaml", "_imu.yaml", yaml_of
+
+
+ROUTES: list[tuple[str, type[Handler]]] = [
+    ("/state", _State),
+    ("/recording", _Recording),
+    ("/report.html", _Report),
+    ("/imu.yaml", _Yaml),
+]
+
+
+def _pairs(text: str) -> dict[str, str]:
+    """Names with what stands behind them: `a:1,b:,c` is a, b and c."""
+    found: dict[str, Any] = {}
+    for pair in text.split(",")[:MOST_PARTS]:
+        name, _, value = pair.partition(":")
+        found[name] = value
+    return found

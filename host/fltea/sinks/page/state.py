@@ -1,0 +1,161 @@
+"""What pages are sent: parts by name, made when somebody asks for them, and once a second at most.
+
+Nothing is kept for a visitor. He says of each part which one he has, by its checksum, and of rows how far he
+has come; so a page that was away, or is of another start of the program, gets what it lacks.
+"""
+
+import math
+import time
+import zlib
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import msgspec
+
+from fltea.records import clock
+from fltea.records.arrays import Array
+from fltea.records.ports import Recorder
+from fltea.sinks.page import facts, facts_of_device, recording
+from fltea.sinks.page.history import DeviceHistory
+from fltea.sinks.page.tables import Table
+from fltea.sinks.page.tiers import WINDOWS, Cursor
+
+FRESH_S = 0.8
+"""A part is not made again so soon, however many look: a page asks once a second."""
+
+MOST_KEPT = 256
+
+
+class View(NamedTuple):
+    """What a visitor looks at: a device, an axis or "", and a window by its number."""
+
+    device: str
+    axis: str
+    window: int
+
+
+class Part(NamedTuple):
+    """A part as JSON, with its checksum and the time when it was made."""
+
+    json: bytes
+    checksum: str
+    made_s: float
+
+
+def _of(make: Callable[[DeviceHistory], Any]) -> Callable[[DeviceHistory, View], Any]:
+    return lambda history, view: make(history)
+
+
+PARTS: dict[str, Callable[[DeviceHistory, View], Any]] = {
+    "now": lambda history, view: facts.now(history, clock.host_ns()),
+    "axes": _of(facts.axes),
+    "link": _of(lambda history: facts.link(history.stats)),
+    "hardware": _of(
+        lambda history: facts.device(history.hello, history.sample.temperature_c if history.sample else None)
+    ),
+    "own": _of(facts_of_device.own),
+    "events": _of(facts.events),
+    "axis": lambda history, view: facts.axis(history, view.axis, view.window) if view.axis else None,
+    "curves": lambda history, view: facts.curves(history, view.axis) if view.axis else [],
+}
+"""How each part of a device is made, under the lock of its history."""
+
+OF_VIEW = {"axis", "curves"}
+"""Parts that depend on more than the device."""
+
+
+class State:
+    """Answers what pages ask for; all from one thread.
+
+    recorder: knows how the recordings are; may_record: pages may press its button.
+    """
+
+    def __init__(
+        self,
+        histories: Mapping[str, DeviceHistory],
+        recorder: Recorder | None = None,
+        may_record: bool = False,
+    ) -> None:
+        self._histories = histories
+        self._recorder, self._may_record = recorder, may_record
+        self._kept: dict[tuple[str, View], Part] = {}
+
+    def view(self, device: str, axis: str, window: int) -> View:
+        """What is looked at; what there is not is replaced by what there is."""
+        if device not in self._histories:
+            device = next(iter(self._histories))
+        return View(
+            device,
+            axis if axis in self._histories[device].axes else "",
+            min(max(window, 1), len(WINDOWS) - 1),
+        )
+
+    def read(self, view: View, had: Mapping[str, str], cursors: Mapping[str, str] | None = None) -> bytes:
+        """Return what is new, as JSON. had: checksums by part; cursors: by table, None for no rows."""
+        parts = {}
+        for name in had:
+            if name in PARTS or name in ("devices", "recording"):
+                part = self._part(name, view)
+                if part.checksum != had[name]:
+                    parts[name] = [part.checksum, msgspec.Raw(part.json)]
+        found = {"device": view.device, "axis": view.axis, "window": view.window, "parts": parts}
+        if cursors is not None and view.axis:
+            found |= self._rows(view, cursors)
+        return msgspec.json.encode(found)
+
+    def _part(self, name: str, view: View) -> Part:
+        key = name, view if name in OF_VIEW else View(view.device, "", 0)
+        kept, now_s = self._kept.get(key), time.monotonic()
+        if kept is not None and now_s - kept.made_s < FRESH_S:
+            return kept
+        if len(self._kept) >= MOST_KEPT:
+            self._kept.clear()
+        encoded = msgspec.json.encode(self._make(name, view))
+        self._kept[key] = part = Part(encoded, f"{zlib.crc32(encoded):08x}", now_s)
+        return part
+
+    def _make(self, name: str, view: View) -> Any:
+        if name == "devices":
+            return [facts.state(history, clock.host_ns()) for history in self._histories.values()]
+        if name == "recording":
+            recorder = self._recorder
+            return (
+                recording.words(recorder.view(view.device), self._may_record)
+                if recorder
+                else recording.nothing()
+            )
+        history = self._histories[view.device]
+        with history.lock:
+            return PARTS[name](history, view)
+
+    def _rows(self, view: View, cursors: Mapping[str, str]) -> dict[str, Any]:
+        """Rows of all tables that are drawn, and the time that the figures end with."""
+        history = self._histories[view.device]
+        tables: dict[str, Any] = {}
+        with history.lock:
+            end_ms = history.sample.host_ns * 1e-6 if history.sample else 0.0
+            for table in history.tables.drawn(view.axis):
+                tables[table] = _new(history, table, view, cursors.get(table, ""))
+        return {"end_ms": round(end_ms), "length_ms": WINDOWS[view.window].length_s * 1e3, "rows": tables}
+
+
+def _new(history: DeviceHistory, table: Table, view: View, cursor: str) -> dict[str, Any]:
+    """Rows of a table that a visitor has not got; cursor: how far he has come, as he was told."""
+    generation, _, rows = cursor.partition(".")
+    known = Cursor(int(generation), int(rows)) if generation.isdigit() and rows.isdigit() else Cursor()
+    new = history.tables.read(table, view.window, known)
+    places = history.tables.columns(table, view.axis)
+    places.pop("seq", None)
+    return {
+        "cursor": f"{new.cursor.generation}.{new.cursor.rows}",
+        "fresh": new.fresh,
+        "most": new.capacity,
+        "columns": {name: _short(new.values[:, place], name) for name, place in places.items()},
+    }
+
+
+def _short(values: Array, name: str) -> list[float | None]:
+    """Numbers with as many digits as a figure shows; None for NaN."""
+    if name == "time":
+        return [round(v) for v in values.tolist()]
+    return [float(f"{v:.5g}") if math.isfinite(v) else None for v in values.tolist()]

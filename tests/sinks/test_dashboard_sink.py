@@ -1,0 +1,80 @@
+"""The page's output: it opens, serves, ends, and knows only what records say."""
+
+import ast
+import json
+import threading
+from pathlib import Path
+
+import pytest
+from dashboard_support import records
+from fltea.records.errors import FlteaError
+from fltea.settings.outputs import DashboardConfig
+from fltea.sinks import page
+from fltea.sinks.page.sink import DashboardSink
+from host_support import ask, port_of, wait_until
+from msgspec.structs import replace
+
+
+def no_report(kind: str, message: str) -> None:
+    raise AssertionError((kind, message))
+
+
+def make(port: int = 0, visitors: int = 20) -> DashboardSink:
+    return DashboardSink(DashboardConfig(address=port, visitors=visitors), {"due": "host"}, no_report)
+
+
+def test_it_serves_what_it_is_given_and_its_end_leaves_no_thread_and_frees_the_port() -> None:
+    before = set(threading.enumerate())
+    sink = make()
+    port = port_of(sink.url)
+    with pytest.raises(FlteaError, match=f"port {port} of 127.0.0.1 is taken .* give another port"):
+        make(port)
+    for record in records("n=200"):
+        sink.write(replace(record, device="due"))
+    assert "fltea" in ask(port).text
+    found = json.loads(ask(port, "/state?parts=now:,axes:").text)
+    assert (found["device"], found["parts"]["now"][1]["seq"]) == ("due", 199)
+    assert [axis["name"] for axis in found["parts"]["axes"][1]] == ["gyro_x", "gyro_y", "gyro_z"]
+    sink.close()
+    wait_until(lambda: before.issuperset(threading.enumerate()), "the end of its threads")
+    make(port).close()
+
+
+def test_a_visitor_too_many_is_told_how_to_be_let_in() -> None:
+    """200 took 260 MB, though 20 were allowed, since they shared one session."""
+    reports: list[str] = []
+    config = DashboardConfig(address=0, visitors=1)
+    sink = DashboardSink(config, {"due": "host"}, lambda kind, text: reports.append(kind))
+    port = port_of(sink.url)
+    found = [ask(port, "/state?parts=now:") for _ in range(40)]
+    assert [one.status for one in found[:15]] == [200] * 15
+    refused = next(one for one in found if one.status != 200)
+    assert refused.status == 503
+    assert "1 visitors" in refused.text
+    assert "--set dashboard.visitors=2" in refused.text
+    assert reports == ["too_many_visitors"]
+    sink.close()
+
+
+def test_the_page_knows_only_what_records_say() -> None:
+    """Neither estimator nor walk: nothing native that a thread which outlives the program could hold.
+
+    Nor do the documents that it writes know more.
+    """
+    folder = Path(page.__file__).parent
+    found = {module for file in folder.glob("*.py") for module in modules_of(file)}
+    assert {module.split(".")[1] for module in found} == {"documents", "records", "settings", "sinks"}
+    written = list((folder.parents[1] / "documents").glob("*.py"))
+    assert len(written) > 2
+    assert {module for file in written for module in modules_of(file)} <= {
+        "fltea.records.fit",
+        "fltea.records.version",
+        "fltea.records.visible",
+    }
+
+
+def modules_of(file: Path) -> set[str]:
+    """Our own modules that a file imports from."""
+    nodes = ast.walk(ast.parse(file.read_text()))
+    names = {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
+    return {name for name in names if name.startswith("fltea.")}
