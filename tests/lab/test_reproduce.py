@@ -201,7 +201,7 @@ def test_recordings_that_will_not_do_are_refused(tmp_path: Path) -> None:
         (too_short, "100 samples"),
         (still, "never changes"),
         (tmp_path / "none.npz", "no such file"),
-        (tmp_path / "notes.doc", "the kind is not known by its ending"),
+        (tmp_path / "notes.doc", "is empty"),
     ):
         with pytest.raises(UsageError, match=reason):
             gyroscope.recorded(path)

@@ -7,12 +7,12 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from blocks import samples_of
+from fltea.recording.apart import open_apart
 from fltea.recording.files import Stored
 from fltea.recording.npy_file import open_npy
-from fltea.recording.parquet_file import open_parquet
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
-from fltea.settings.limits import Limits
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource
 from pyarrow import parquet
 
@@ -30,6 +30,10 @@ def npy(folder: Path, array: np.ndarray, **how: object) -> Stored:
 def table(folder: Path, columns: dict[str, object], **how: object) -> Stored:
     parquet.write_table(pa.table(columns), folder / "rest.parquet", row_group_size=128)
     return open_parquet(folder / "rest.parquet", How(**how))  # type: ignore[arg-type]
+
+
+def open_parquet(path: Path, how: How, limits: Limits = DEFAULT_LIMITS) -> Stored:
+    return open_apart("parquet", path, how, limits)
 
 
 def refusal(read, *arguments: object, **how: object) -> str:
@@ -73,7 +77,11 @@ def test_npy_with_fields_is_read_by_their_names(tmp_path: Path) -> None:
 
 
 BAD_NPY = {
-    "six columns": (np.c_[GYRO, ACCEL], {"rate_hz": 1.0}, "their positions: --columns 1,2,3 (there are 6)"),
+    "six columns": (
+        np.c_[GYRO, ACCEL],
+        {"rate_hz": 1.0},
+        "name yours with --columns (it has: 1, 2, 3, 4, 5, 6)",
+    ),
     "no rate": (GYRO, {}, "--rate 100"),
     "transposed": (GYRO.T, {"rate_hz": 1.0}, "save its transpose"),
     "three dimensions": (GYRO[None], {"rate_hz": 1.0}, "has the shape (1, 300, 3)"),
@@ -141,7 +149,7 @@ def test_what_is_null_or_nan_is_missing(tmp_path: Path) -> None:
 
 def test_bad_parquet(tmp_path: Path) -> None:
     gx = {"gyro_x_dps": GYRO[:, 0]}
-    assert "no columns gyro_x_dps" in refusal(table, tmp_path, {"a": TIMES_S}, rate_hz=1.0)
+    assert "no columns with names of a gyroscope" in refusal(table, tmp_path, {"a": TIMES_S}, rate_hz=1.0)
     assert "gx does not hold numbers" in refusal(table, tmp_path, {"gx": ["a"]}, rate_hz=1.0, units="dps")
     assert "time_s does not hold numbers" in refusal(table, tmp_path, {"time_s": ["a"] * N, **gx})
     stored = table(tmp_path, {"time_s": [*TIMES_S[:-1], 1.0], **gx})
@@ -169,7 +177,6 @@ def test_tables_are_replayed(tmp_path: Path) -> None:
 
 def test_parquet_without_its_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     table(tmp_path, {"gyro_x_dps": GYRO[:, 0]}, rate_hz=100.0)
-    monkeypatch.delitem(sys.modules, "fltea.recording.parquet_file")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(UsageError, match=r"Parquet files need the package pyarrow.*\[tables\]"):
         ReplaySource(tmp_path / "rest.parquet", how=How(rate_hz=100.0))

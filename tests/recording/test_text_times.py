@@ -135,12 +135,12 @@ def test_jitter_of_a_device_is_no_gap_and_times_of_arrival_are_refused(tmp_path:
     assert "--rate" in reason
 
 
-def test_dates_number_nothing(tmp_path: Path) -> None:
-    text = "timestamp,gyro_x_dps\n" + "".join(f"2026-01-01 08:00:{k:02},{k}\n" for k in range(9))
+def test_times_of_a_form_that_nobody_knows_number_nothing(tmp_path: Path) -> None:
+    text = "timestamp,gyro_x_dps\n" + "".join(f"day 3 hour {k},{k}\n" for k in range(9))
     found = stored(tmp_path, text, rate_hz=1.0)
     assert found.samples == 9
-    assert "'2026-01-01 08:00:00' is no number, so it cannot tell" in found.notes[0].text
-    assert ":2: column 'timestamp': '2026-01-01 08:00:00' is not a number. " in refusal(tmp_path, text)
+    assert "'day 3 hour 0' is no number, so it cannot tell" in found.notes[0].text
+    assert ":2: column 'timestamp': 'day 3 hour 0' is not a number. " in refusal(tmp_path, text)
     assert "--rate 100" in refusal(tmp_path, text)
 
 

@@ -219,8 +219,8 @@ def test_missing_file_folder_and_unknown_ending(tmp_path: Path) -> None:
             ReplaySource(tmp_path / name)
     with pytest.raises(UsageError, match=r"no \.mcap file in this folder"):
         ReplaySource(tmp_path)
-    (tmp_path / "rest.wav").touch()
-    with pytest.raises(UsageError, match=r"rest\.wav: the kind is not known by its ending"):
+    (tmp_path / "rest.wav").write_bytes(b"RIFF" + bytes(40))
+    with pytest.raises(UsageError, match=r"rest\.wav: is a sound or a film, which holds no samples"):
         ReplaySource(tmp_path / "rest.wav")
 
 

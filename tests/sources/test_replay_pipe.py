@@ -70,14 +70,14 @@ def test_what_has_to_be_a_file_is_refused_from_a_pipe(begin: bytes, fifo: Path) 
     for suffix in (".npz", ".mcap"):
         fifo = fifo.rename(fifo.with_suffix(suffix))
         thread = feed(fifo, begin)
-        with pytest.raises(UsageError, match=rf"is a pipe, and \{suffix} has to be a file"):
+        with pytest.raises(UsageError, match=r"is a pipe, and \.(npz|mcap) has to be a file"):
             ReplaySource(fifo)
         thread.join()
 
 
 def test_nothing_in_a_pipe_and_more_than_allowed(fifo: Path) -> None:
     feed(fifo, b"")
-    with pytest.raises(UsageError, match="no header"):
+    with pytest.raises(UsageError, match="is empty"):
         ReplaySource(fifo)
     for text in (CSV, NDJSON):
         feed(fifo, text)

@@ -12,7 +12,7 @@ from fltea.cluster.cut import Cut, Ranges, open_bytes
 from fltea.cluster.fetch import COPY_BYTES, check_room
 from fltea.cluster.listing import WEB, File
 from fltea.cluster.whole import Ask
-from fltea.recording.kind import KINDS, MAGIC, Kind
+from fltea.recording.kind import KINDS, Kind, kind_of
 from fltea.records.errors import FlteaError
 
 
@@ -75,7 +75,5 @@ def write_piece(file: File, cut: Cut, folder: Path) -> Path:
 
 
 def _kind_of(file: File, begin: bytes) -> Kind | None:
-    """Return the format by the ending of the name, or without an ending by the first bytes."""
-    if file.suffix:
-        return KINDS.get(file.suffix)
-    return next((kind for magic, kind in MAGIC.items() if begin.startswith(magic)), None)
+    """Return the format by the first bytes, or else by the ending of the name."""
+    return kind_of(begin) or KINDS.get(file.suffix)

@@ -1,7 +1,7 @@
 """What the names of columns say, as loggers of all kinds write them: axis, time, unit (pure)."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from fltea.recording.files import LONGEST_NAME
 from fltea.settings.how import TimeUnit
@@ -22,7 +22,20 @@ RATE_UNITS = {
     **dict.fromkeys(("degree/s", "degrees/s", "deg_per_s", "deg_per_sec", "degrees/sec"), "deg/s"),
     **dict.fromkeys(("mdps", "mdeg/s", "m°/s"), "mdps"),
     **dict.fromkeys(
-        ("rad/s", "rads^-1", "rads-1", "rad/sec", "radps", "rad_s", "rads", "rad_per_s"), "rad/s"
+        (
+            "rad/s",
+            "rads^-1",
+            "rads-1",
+            "rad/sec",
+            "radps",
+            "rad_s",
+            "rads",
+            "rad_per_s",
+            "radians/s",
+            "radian/s",
+            "radians/sec",
+        ),
+        "rad/s",
     ),
 }
 ACCEL_MS2 = {
@@ -44,17 +57,29 @@ TIME_NAMES |= {
     "sample_time",
     "header_stamp",
     "time_since_start",
+    "timestamp_sample",
+    "seconds_elapsed",
+    "datetime",
+    "date_time",
+    "date",
+    "zeit",
+    "uhrzeit",
+    "datum",
+    "zeitstempel",
 }
 
 _PREFIX = r"(?:(?:field|imu\d*|imu_raw|imu_data|data|sensor|raw|board|mpu\d*|icm\d*)_)*"
-_LONG = (
-    r"gyroscope|gyros?|gyr|angular_velocity|angular_rate|ang_vel|angvel|omega|rotation_rate|rot_rate|w_rs_s"
-)
+_LONG = "gyroscope|gyros?|gyr|rotation|rotation_rate|rot_rate|angular_velocity|angular_rate|ang_vel|angvel"
+_LONG += "|omega|w_rs_s"
 _ACCEL = "accelerometer|acceleration|accel|acc|linear_acceleration|lin_acc|a_rs_s"
-_AXIS = re.compile(rf"{_PREFIX}(?:(?:{_LONG})_?|[gw]_?)([xyz])")
+_SORT = r"(?:_(?:raw|data|calibrated|uncalibrated|uncal|scaled))?"
+_AXIS = re.compile(rf"{_PREFIX}(?:(?:{_LONG}){_SORT}_?|[gw]_?)([xyz])")
 _ACCEL_AXIS = re.compile(rf"{_PREFIX}(?:(?:{_ACCEL})_?|a_?)([xyz])")
 _NUMBERED = re.compile(rf"{_PREFIX}(?:{_LONG}|gyroadc)(?:_rad)?\[([012])\]")
 """As PX4 and Betaflight call axes."""
+
+_SECONDS = re.compile(r"(.*?)_?(?:secs?|seconds|s)")
+_FINE = re.compile(r"(.*?)_?(nanosec(?:ond)?s?|nsecs?|nanos|ns|usecs?|microsec(?:ond)?s?|micros|us)")
 
 _UNIT_BEHIND = re.compile(r"(.+?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))")
 
@@ -94,10 +119,34 @@ def is_time(name: str) -> bool:
     return (base in TIME_NAMES and end in TIME_UNITS) or (plain in TIME_UNITS and len(plain) > 3)
 
 
+def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
+    """Places of whole seconds whose fraction has a column: its place, and seconds in one of its unit."""
+    parts: dict[int, tuple[int, float]] = {}
+    bases = {}
+    for place, name in enumerate(names):
+        found = _FINE.fullmatch(_plain(name)) if len(name) <= LONGEST_NAME else None
+        if found is not None:
+            bases[found[1]] = place, 1e-9 if found[2].startswith("n") else 1e-6
+    for place, name in enumerate(names if bases else ()):
+        found = _SECONDS.fullmatch(_plain(name)) if len(name) <= LONGEST_NAME else None
+        if found is not None and found[1] in bases and bases[found[1]][0] != place:
+            parts[place] = bases[found[1]]
+    return parts
+
+
 def axis_of(name: str) -> str | None:
     """The axis, x, y or z, of a gyroscope."""
     numbered = _NUMBERED.fullmatch(_plain(name)) if len(name) <= LONGEST_NAME else None
     return _axis_in(name, _AXIS, RATE_UNITS) if numbered is None else "xyz"[int(numbered[1])]
+
+
+def named_axis(name: str, axis: int) -> str:
+    """The name of an axis, from 0, of an array with three columns: `gyro_dps` has `gyro_x_dps`."""
+    base, unit = _parts(name)
+    if unit:
+        return f"{base}_{'xyz'[axis]} [{unit}]"
+    end = _unit_end(name.lower(), (*RATE_UNITS, *ACCEL_MS2))
+    return f"{name[: len(name) - len(end)]}_{'xyz'[axis]}{end}"
 
 
 def accel_axis_of(name: str) -> str | None:

@@ -17,6 +17,7 @@ from fltea.recording.column_names import (
     bare_unit,
     is_time,
     rate_unit_of,
+    split_seconds,
     time_unit_of,
 )
 from fltea.recording.files import TIME_COLUMN, UNITS_HELP, listed, parse_units
@@ -33,7 +34,8 @@ class Chosen(NamedTuple):
     """What to read: places from 0 of the axes and of the times (None without), and what they are counted in.
 
     factor, lsb: as of `parse_units`. time_unit: None if neither the name nor the user says it. accel: places
-    of the accelerometer's axes x, y, z, or none; accel_ms2: m/s² in one of their unit.
+    of the accelerometer's axes x, y, z, or none; accel_ms2: m/s² in one of their unit. fine: place of what is
+    added to whole seconds, fine_s: seconds in one of its unit.
     """
 
     names: list[str]
@@ -45,6 +47,8 @@ class Chosen(NamedTuple):
     time_unit: TimeUnit | None
     accel: tuple[int, ...] = ()
     accel_ms2: float = 1.0
+    fine: int | None = None
+    fine_s: float = 0.0
 
     @property
     def time_name(self) -> str:
@@ -54,7 +58,7 @@ class Chosen(NamedTuple):
     @property
     def needed(self) -> tuple[int, ...]:
         """Without which a row is no sample: the axes, then the times."""
-        return self.gyro if self.time is None else (*self.gyro, self.time)
+        return tuple(place for place in (*self.gyro, self.time, self.fine) if place is not None)
 
     @property
     def places(self) -> tuple[int, ...]:
@@ -64,7 +68,10 @@ class Chosen(NamedTuple):
     def scale(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Numbers of the columns that are read, (n, places): in place to deg/s or counts, and m/s²."""
         with np.errstate(over="ignore", invalid="ignore"):
-            values[:, : len(self.gyro)] *= self.factor
+            axes = len(self.gyro)
+            values[:, :axes] *= self.factor
+            if self.fine is not None:
+                values[:, axes] += values[:, axes + 1] * self.fine_s
             if self.accel:
                 values[:, len(self.needed) :] *= self.accel_ms2
         return values
@@ -113,10 +120,10 @@ class Wanted(NamedTuple):
         lacking = [name for name in self.names if header is None or name not in header]
         has = f"no header{line}" if header is None else listed(header)
         if self.columns is None and not (lacking and header):
-            at = " or, since there is no header, their positions: --columns 1,2,3" if header is None else ""
-            return f"no columns gyro_x_dps, …; name yours with --columns{at} (it has: {has})"
-        at = "; give positions: --columns 1,2,3" if header is None else ""
-        return f"no column {', '.join(lacking)} (it has: {has}{at})"
+            yours = "say which are yours by their positions" if header is None else "name yours"
+            known = "no columns with names of a gyroscope, such as gyro_x_dps"
+            return f"{known}; {yours} with --columns (it has: {has})"
+        return f"no column {', '.join(lacking)} (it has: {has})"
 
 
 def wanted_of(how: How) -> Wanted:
@@ -172,17 +179,21 @@ def choose(
         )
     time_unit = how.time_unit
     if time is not None:
-        stated = time_unit_of(names[time]) or TIME_UNITS.get(bare_unit(beside[time]))
+        stated = TIME_UNITS.get(bare_unit(beside[time])) or time_unit_of(names[time])
         if stated is not None and time_unit not in (None, stated):
             raise UsageError(
                 f"{where}: the column {listed([names[time]])} is in {stated} by its name or line of units, "
                 f"and --time-unit {time_unit} says otherwise. Leave --time-unit out, or mend the header."
             )
         time_unit = time_unit or stated
+    fine, fine_s = None, 0.0
+    if time is not None and time in (parts := split_seconds(names)):
+        fine, fine_s = parts[time]
+        time_unit = "s"
     accel, accel_ms2 = _accel_of(names, beside)
     if {*gyro, time} & {*accel}:
         accel = ()
-    return Chosen(list(names), gyro, time, unit, factor, lsb, time_unit, accel, accel_ms2)
+    return Chosen(list(names), gyro, time, unit, factor, lsb, time_unit, accel, accel_ms2, fine, fine_s)
 
 
 def _axes_of(names: Sequence[str]) -> list[str]:
@@ -246,9 +257,15 @@ def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known
 
 
 def _time_of(where: str, names: Sequence[str], how: How) -> int | None:
+    if parts := split_seconds(names):
+        return next(iter(parts))
     found = [TIME_COLUMN] if TIME_COLUMN in names else [name for name in names if is_time(name)]
     if not found:
         return None
+    if len(found) > 1:  # a date beside a time of day; and phones' own count of seconds beside their clock
+        found = [name for name in found if name.lower() == "seconds_elapsed"] or [
+            name for name in found if name.lower() not in ("date", "datum")
+        ]
     if (len(found) > 1 or names.count(found[0]) > 1) and how.rate_hz is None:
         raise UsageError(
             f"{where}: {listed(found)} are times by their names; say which is meant: --time-column NAME."
@@ -267,8 +284,8 @@ def _by_position(where: str, names: Sequence[str] | None, width: int, wanted: Wa
         return wanted.columns
     if names is None:
         raise UsageError(
-            f"{where}: the columns have no names; say which are the axes by their positions: "
-            f"--columns 1,2,3 (there are {width})."
+            f"{where}: the {width} columns have no names; say which are the axes by their positions, from 1: "
+            "--columns 1,2,3."
         )
     raise UsageError(f"{where}: {wanted.lacking(names)}.")
 

@@ -1,5 +1,6 @@
 """Recordings as text: CSV and its relatives, whatever separates their columns, and objects of JSON."""
 
+import codecs
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import BinaryIO
 from fltea.recording.files import Note, Recording, Stored, parse_units
 from fltea.recording.table import Rows, gather
 from fltea.recording.text_rows import UTF_16, TextReader
-from fltea.records.errors import UsageError
+from fltea.records.errors import Implausible, UsageError
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
@@ -53,21 +54,24 @@ def open_csv(
     except OSError as error:
         raise UsageError(f"{path}: cannot be read as CSV ({error}).") from error
     except UsageError as error:
+        if isinstance(error, Implausible):
+            error = reader.with_hint(error)
         bad = reader.first
         if reader.chosen is not None and bad is not None and bad.why not in str(error):
             error.args = (f"{error} Lines were left out, the first is {bad.line}: {bad.why}",)
-        raise
+        raise error from None
     return found._replace(notes=(*_notes(path, reader), *found.notes))
 
 
 def _rows(path: Path, reader: TextReader, stream: BinaryIO) -> Iterator[Rows]:
     """All rows; the columns have to be known near the beginning."""
     size = 0
+    utf_16: codecs.IncrementalDecoder | None = None
     while data := stream.read1(BLOCK_BYTES) if hasattr(stream, "read1") else stream.read(BLOCK_BYTES):
-        if not size and data.startswith(UTF_16):
-            raise UsageError(f"{path}: cannot be read as CSV (it is UTF-16; save it as UTF-8).")
+        if not size and data.startswith(UTF_16):  # as PowerShell and Excel's "Unicode text" write it
+            utf_16 = codecs.getincrementaldecoder("utf-16")("replace")
         size += len(data)
-        yield from reader.feed(data)
+        yield from reader.feed(data if utf_16 is None else utf_16.decode(data).encode())
         if reader.chosen is None and size > HEAD_BYTES:
             raise reader.refusal()
     yield from reader.finish()

@@ -1,7 +1,9 @@
-"""What kind of recording a path is: its ending says it, or without one, and of a pipe, its first bytes."""
+"""What kind of recording a path is: its first bytes say it, or else its ending; and what others are."""
 
 import os
+import re
 import stat
+import zipfile
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NamedTuple
 
@@ -9,30 +11,104 @@ import msgspec
 
 from fltea.recording import bag_files
 from fltea.recording.bag_files import is_bag_folder, is_ros_mcap
+from fltea.recording.lines import shown
 from fltea.records.errors import UsageError
 
-Kind = Literal["npz", "npy", "parquet", "csv", "ndjson", "mcap", "bag"]
+Kind = Literal[
+    "arrays",
+    "bag",
+    "csv",
+    "feather",
+    "hdf5",
+    "json",
+    "mat",
+    "mcap",
+    "ndjson",
+    "npy",
+    "npz",
+    "packed",
+    "parquet",
+    "ulg",
+    "xlsx",
+]
 
 KINDS: dict[str, Kind] = {
     ".npz": "npz",
     ".npy": "npy",
     ".mcap": "mcap",
+    ".mat": "mat",
+    ".ulg": "ulg",
+    ".xlsx": "xlsx",
+    ".json": "json",
     **dict.fromkeys((".parquet", ".pq"), "parquet"),
+    **dict.fromkeys((".feather", ".arrow"), "feather"),
+    **dict.fromkeys((".h5", ".hdf5", ".hdf"), "hdf5"),
     **dict.fromkeys((".csv", ".txt", ".log", ".tsv", ".dat"), "csv"),
+    **dict.fromkeys((".gz", ".bz2", ".xz", ".zip"), "packed"),
     **dict.fromkeys((".ndjson", ".jsonl"), "ndjson"),
     **dict.fromkeys(bag_files.SUFFIXES, "bag"),
 }
 """Of an .mcap file and of a folder the content says whether it is ROS' or ours."""
 
+ZIP = b"PK\x03\x04"
 MAGIC: dict[bytes, Kind] = {
-    b"PK\x03\x04": "npz",
+    ZIP: "npz",
     b"\x93NUMPY": "npy",
     b"PAR1": "parquet",
+    b"ARROW1": "feather",
+    b"\x89HDF\r\n\x1a\n": "hdf5",
+    b"MATLAB 5.0 MAT-file": "mat",
+    b"MATLAB 7.3 MAT-file": "hdf5",
+    b"ULog\x01\x12\x35": "ulg",
+    b"\x1f\x8b": "packed",
+    b"BZh": "packed",
+    b"\xfd7zXZ": "packed",
     b"\x89MCAP": "mcap",
     bag_files.ROS1: "bag",
     bag_files.SQLITE: "bag",
 }
 BOM = b"\xef\xbb\xbf"
+UTF_16 = b"\xff\xfe", b"\xfe\xff"
+
+BEGIN_BYTES = 512
+TEXTS = "csv", "ndjson", "json"
+OURS, ARRAY = re.compile(rb'\{\s*"class"'), re.compile(rb"\[\s*\{")
+"""How our NDJSON begins, and an array of objects."""
+
+IN_ONE_GO = "csv", "ndjson"
+"""Kinds that may come through a pipe."""
+
+FOREIGN: dict[bytes, tuple[str, str]] = {
+    b"H Product:Blackbox": (
+        "a Betaflight blackbox log. Its own program turns it into CSV, which is read",
+        "blackbox_decode {path}",
+    ),
+    b"\xa3\x95\x80\x80": (
+        "an ArduPilot DataFlash log. pymavlink turns its gyroscope into CSV, which is read",
+        "mavlogdump.py --format csv --types IMU {path} > imu.csv",
+    ),
+    b"\xd0\xcf\x11\xe0": (
+        "a file of an old Excel (.xls). Save it as .xlsx, or",
+        "libreoffice --headless --convert-to csv {path}",
+    ),
+    b"FEA1": (
+        "a Feather file of the first version. pandas writes one that is read",
+        "python3 -c \"import pandas; pandas.read_feather('{path}').to_csv('imu.csv', index=False)\"",
+    ),
+    b"(\xb5/\xfd": ("packed by zstd. Unpack it", "zstd -d {path}"),
+    b"7z\xbc\xaf\x27\x1c": ("an archive of 7-Zip. Unpack it", "7z x {path}"),
+    b"Rar!": ("an archive of RAR. Unpack it", "unrar x {path}"),
+    b"%PDF": ("a PDF, which holds no samples. Export the numbers as CSV", ""),
+    b"\x89PNG": ("a picture, which holds no samples. Export the numbers as CSV", ""),
+    b"\xff\xd8\xff": ("a picture, which holds no samples. Export the numbers as CSV", ""),
+    b"RIFF": ("a sound or a film, which holds no samples of a gyroscope", ""),
+    b"\x7fELF": ("a program", ""),
+    b"\xfa\xff": (
+        "a log of Xsens, as MT Manager writes it. Export it as text there, or",
+        "mtb2txt {path}",
+    ),
+}
+"""What is known and not read: what it is, and the command that makes a file of it that is read."""
 
 
 class Opened(NamedTuple):
@@ -46,19 +122,15 @@ def is_one_file(path: Path) -> bool:
     """Whether a path names a recording that is read whole: not our MCAP, whose sessions have many files."""
     if path.is_dir():
         return is_bag_folder(path)
-    if path.suffix.lower() in KINDS:
-        if path.suffix.lower() == ".mcap" and path.is_file():
-            return is_ros_mcap(path)
-        return KINDS[path.suffix.lower()] != "mcap" or is_stream(path)
     if is_stream(path):
         return True
-    if path.suffix or not path.is_file():
-        return False
+    kind = KINDS.get(path.suffix.lower())
     try:
         with path.open("rb") as file:
-            return _kind_of_content(file) != "mcap" or is_ros_mcap(path)
-    except OSError:
-        return True  # opening it will tell why
+            kind = kind_of(file.read(BEGIN_BYTES)) or kind
+    except (OSError, ValueError):
+        return kind not in (None, "mcap")  # opening it will tell why
+    return kind != "mcap" or is_ros_mcap(path)
 
 
 def is_stream(path: Path) -> bool:
@@ -75,25 +147,34 @@ def is_of_this_process(path: Path) -> bool:
     return is_stream(path) or path.is_relative_to("/dev") or path.is_relative_to("/proc")
 
 
+def kind_of(begin: bytes) -> Kind | None:
+    """The kind that the first bytes of a file say without a doubt."""
+    return next((kind for magic, kind in MAGIC.items() if begin.startswith(magic)), None)
+
+
 def open_one_file(path: Path) -> Opened:
     """Open a recording that `is_one_file`. Of a pipe this waits for its first bytes.
 
     Raises:
-        UsageError: it cannot be opened, or is of a kind that cannot come through a pipe.
+        UsageError: it cannot be opened, is of a kind that cannot come through a pipe, or that is not read.
     """
     if path.is_dir():
         return Opened("bag", None)
     try:
         file = path.open("rb")
-        kind = KINDS.get(path.suffix.lower()) or _kind_of_content(file)
-        if kind == "ndjson" and _is_foreign(file.peek()):
-            kind = "csv"
-    except OSError as error:
+        begin = file.peek() if hasattr(file, "peek") else b""
+        kind = _kind(path, begin)
+        if kind == "npz" and not is_stream(path):
+            kind = _kind_of_zip(path, file)
+    except (OSError, UsageError) as error:
+        if isinstance(error, UsageError):
+            file.close()
+            raise
         raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
     if not is_stream(path):
         file.close()
         return Opened("bag" if kind == "mcap" else kind, None)
-    if kind in ("npz", "npy", "parquet", "mcap", "bag"):
+    if kind not in IN_ONE_GO:
         file.close()
         raise UsageError(
             f"{path}: is a pipe, and .{kind} has to be a file, since it is not read in one go. "
@@ -102,19 +183,54 @@ def open_one_file(path: Path) -> Opened:
     return Opened(kind, file)
 
 
+def _kind(path: Path, begin: bytes) -> Kind:
+    known, by_end = kind_of(begin), KINDS.get(path.suffix.lower())
+    if known is not None:
+        return known
+    for magic, (what, command) in FOREIGN.items():
+        if begin.startswith(magic) and by_end != "bag":
+            how = f": {command.format(path=path)}" if command else ""
+            raise UsageError(f"{path}: is {what}{how}.")
+    if by_end not in (*TEXTS, None):
+        return by_end
+    text = begin.removeprefix(BOM).lstrip()
+    if OURS.match(text) or (by_end == "ndjson" and not _is_foreign(text)):
+        return "ndjson"
+    if ARRAY.match(text) or (by_end == "json" and not _is_foreign(text)):
+        return "json"
+    if not begin and by_end is None:
+        raise UsageError(f"{path}: is empty.")
+    most = 0 if by_end is None else len(begin[:BEGIN_BYTES]) // 20
+    if begin[:BEGIN_BYTES].count(0) > most and not begin.startswith(UTF_16):
+        raise UsageError(
+            f"{path}: is neither text nor a kind of file that this program knows (it begins with "
+            f"{shown(begin[:8].decode('latin-1'))}). Export it as CSV where it was made."
+        )
+    return "csv"
+
+
+def _kind_of_zip(path: Path, file: BinaryIO) -> Kind:
+    """What is in an archive: numpy's arrays, a book of Excel, or text."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            names = archive.namelist()
+    except (OSError, ValueError, zipfile.BadZipFile, NotImplementedError):
+        return "npz" if path.suffix.lower() == ".npz" else "packed"  # which say what is wrong
+    if "xl/workbook.xml" in names:
+        return "xlsx"
+    if "content.xml" in names:
+        command = f"libreoffice --headless --convert-to csv {path}"
+        raise UsageError(f"{path}: is a file of LibreOffice (.ods). Save it as .xlsx or CSV: {command}.")
+    arrays = {name.removesuffix(".npy") for name in names if name.endswith(".npy")}
+    if not arrays:
+        return "npz" if path.suffix.lower() == ".npz" else "packed"
+    return "npz" if "gyro_raw" in arrays or {"gyro_dps", "fs_hz"} <= arrays else "arrays"
+
+
 def _is_foreign(begin: bytes) -> bool:
     """Whether the first line is an object that fltea has not written: then its keys name columns of text."""
-    line, end, _ = begin.removeprefix(BOM).lstrip().partition(b"\n")
+    line, end, _ = begin.partition(b"\n")
     try:
         return bool(end) and "class" not in msgspec.json.decode(line, type=dict[str, Any])
     except (ValueError, RecursionError):
         return False
-
-
-def _kind_of_content(file: BinaryIO) -> Kind:
-    """By the first bytes, which stay unread."""
-    begin = file.peek() if hasattr(file, "peek") else b""
-    for magic, kind in MAGIC.items():
-        if begin.startswith(magic):
-            return kind
-    return "ndjson" if begin.removeprefix(BOM).lstrip().startswith(b"{") else "csv"

@@ -1,7 +1,6 @@
-"""Recordings in .npy files: one array, whose columns have no names unless its type has fields."""
+"""Recordings in .npy files: one array; its columns have positions for names, unless its type has fields."""
 
-from collections.abc import Iterator
-from functools import partial
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,16 +8,15 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.recording.columns import Chosen, choose, wanted_of
+from fltea.recording.columns import wanted_of
 from fltea.recording.files import AT_ONCE, UNITS_HELP, Stored
-from fltea.recording.npz_arrays import KINDS, NUMBER_BYTES
-from fltea.recording.table import Rows, gather, row_place
+from fltea.recording.npz_arrays import KINDS
+from fltea.recording.sample_times import Floats
+from fltea.recording.sheet import SAMPLE_ROWS, Sheet, open_sheet
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
-
-Columns = list[NDArray[Any]]
 
 
 def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored:
@@ -31,21 +29,39 @@ def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
         UsageError: not such a file, numbers without a unit, or what `table.gather` refuses.
     """
     array = _mapped(path)
-    names = list(array.dtype.names) if array.dtype.names is not None else None
-    columns = [array[name] for name in names] if names is not None else list(np.atleast_2d(array.T))
-    width = len(columns)
-    size_bytes = len(array) * NUMBER_BYTES
-    if size_bytes > limits.whole_bytes:
-        raise limits.whole_too_large(f"{path}: declares the shape {array.shape}", size_bytes)
-    if names is None:
+    if array.dtype.names is not None:
+        names = list(array.dtype.names)
+        columns = [array[name] for name in names]
+    else:
+        columns = list(np.atleast_2d(array.T))
+        names = [str(place + 1) for place in range(len(columns))]
         if how.units is None:
             raise UsageError(f"{path}: an array says no unit; say it: --units {UNITS_HELP}.")
-        how = _all_axes(how, width)
-    chosen = choose(str(path), names, None, width, how)
-    for name, column in zip(chosen.read, (columns[place] for place in chosen.places), strict=True):
-        if column.ndim != 1 or column.dtype.kind not in KINDS:
-            raise UsageError(f"{path}: column {name} does not hold numbers, one in each row.")
-    return gather(path, chosen, _blocks(columns, chosen), how, limits, partial(row_place, path))
+        rest = [name for name in names if name != how.time_column]
+        if wanted_of(how).columns is None and len(rest) <= len(AXES):
+            how = msgspec.structs.replace(how, columns=rest)
+
+    def blocks(places: Sequence[int]) -> Iterator[Floats]:
+        for place in places:
+            if columns[place].ndim != 1 or columns[place].dtype.kind not in KINDS:
+                raise UsageError(f"{path}: column {names[place]} does not hold numbers, one in each row.")
+        for begin in range(0, len(array), AT_ONCE):
+            rows = slice(begin, begin + AT_ONCE)
+            yield np.stack([np.asarray(columns[place][rows], np.float64) for place in places], axis=1)
+
+    return open_sheet(
+        path, Sheet(names, [""] * len(names), len(array), blocks, sample=_sample(columns)), how, limits
+    )
+
+
+def _sample(columns: list[NDArray[Any]]) -> Floats:
+    """The first rows, NaN in columns without numbers."""
+    are_numbers = [column.ndim == 1 and column.dtype.kind in KINDS for column in columns]
+    rows = [
+        np.asarray(column[:SAMPLE_ROWS], np.float64) if fits else np.full(len(column[:SAMPLE_ROWS]), np.nan)
+        for column, fits in zip(columns, are_numbers, strict=True)
+    ]
+    return np.stack(rows, axis=1)
 
 
 def _mapped(path: Path) -> NDArray[Any]:
@@ -66,20 +82,3 @@ def _mapped(path: Path) -> NDArray[Any]:
             f"{path}: has the shape {found.shape}: rows have to be samples, so save its transpose (array.T)."
         )
     return found
-
-
-def _all_axes(how: How, width: int) -> How:
-    """Without names all columns beside the times are the axes, if they are no more than three."""
-    if how.columns is not None or wanted_of(how).columns is not None:
-        return how
-    rest = [str(place + 1) for place in range(width) if str(place + 1) != how.time_column]
-    return msgspec.structs.replace(how, columns=rest) if len(rest) <= len(AXES) else how
-
-
-def _blocks(columns: Columns, chosen: Chosen) -> Iterator[Rows]:
-    n = len(columns[0])
-    for begin in range(0, n, AT_ONCE):
-        rows = slice(begin, min(begin + AT_ONCE, n))
-        values = [np.asarray(columns[place][rows], dtype=np.float64) for place in chosen.places]
-        row = np.arange(rows.start, rows.stop)
-        yield Rows(row, chosen.scale(np.stack(values, axis=1)), row)

@@ -82,18 +82,28 @@ class Elapsed:
     """Times of rows as the time since the first row, in the same unit; it never runs back.
 
     repeated: rows with the time of the row before them. odd: steps that are no clock's, backwards or with a
-    repeated time and other values.
+    repeated time and other values; backwards: of them the first kind. rows: how many there were. first: the
+    number of the first row that repeats a time or runs backwards, None without one.
     """
 
     def __init__(self, unit: TimeUnit | None) -> None:
-        self.repeated = self.odd = 0
+        self.repeated = self.odd = self.backwards = self.rows = 0
+        self.first: int | None = None
         self._wrap = COUNTER_WRAP if unit in ("ms", "us") else None
         self._longest = LONGEST_GAP_S / SECONDS[unit or "s"]
         self._offset = 0.0
         self._last: tuple[float, float, Floats] | None = None
 
-    def add(self, time: Floats, values: Floats) -> tuple[Floats, Marks]:
-        """Take the next rows, (n,) and (n, columns); elapsed times, and marks where a new run begins."""
+    @property
+    def span(self) -> float:
+        """From the first row to the last."""
+        return 0.0 if self._last is None else self._last[1]
+
+    def add(self, time: Floats, values: Floats, numbers: Ints | None = None) -> tuple[Floats, Marks]:
+        """Take the next rows, (n,) and (n, columns); elapsed times, and marks where a new run begins.
+
+        numbers: of the rows, for messages.
+        """
         is_first = self._last is None
         last_time, last_elapsed, last_values = self._last or (float(time[0]), 0.0, values[0])
         if is_first:
@@ -110,6 +120,7 @@ class Elapsed:
                 begins &= ~wraps
             offset = self._offset + np.cumsum(jump)
             self._offset = float(offset[-1])
+            self.backwards += int(begins.sum())
             self.odd += int(begins.sum())
         elapsed = time + offset
         flat = (_differences(elapsed, last_elapsed) <= 0) & ~begins
@@ -118,6 +129,9 @@ class Elapsed:
             before = np.concatenate([last_values[np.newaxis], values[:-1]])
             self.repeated += int(flat.sum())
             self.odd += int((flat & (values != before).any(axis=1)).sum())
+        self.rows += len(time)
+        if self.first is None and numbers is not None and (flat.any() or begins.any()):
+            self.first = int(numbers[int(np.argmax(flat | begins))])
         self._last = float(time[-1]), float(elapsed[-1]), values[-1]
         return elapsed, begins
 
@@ -223,11 +237,18 @@ class Timing(NamedTuple):
 
 
 def timing(
-    where: str, column: str, unit: TimeUnit | None, clock: Clock | None, given_hz: float | None
+    where: str,
+    column: str,
+    unit: TimeUnit | None,
+    clock: Clock | None,
+    given_hz: float | None,
+    elapsed: Elapsed,
+    place: Callable[[int], str] = str,
 ) -> Timing:
     """The rate of rows, and how they are numbered.
 
-    where, column: for messages. given_hz: the rate that the user gives.
+    where, column: for messages. given_hz: the rate that the user gives. elapsed: what the clock was found of.
+    place: a row, for messages.
 
     Raises:
         UsageError: no rate is given, and the times tell none.
@@ -245,13 +266,33 @@ def timing(
             "the unit right (--time-unit)? Or give the rate: --rate 100."
         )
     if not clock.even:
-        shown = unit or "s"
-        raise UsageError(
-            f"{where}: column '{column}': the steps are too uneven for a sensor's clock (median "
-            f"{clock.median:.3g} {shown}, from {clock.least:.3g} to {clock.largest:.3g} {shown}). If these "
-            "are times of arrival, give the rate: --rate 100 (the column then tells no gaps)."
-        )
+        raise UsageError(f"{where}: column '{column}': {_why_uneven(unit, clock, elapsed, place)}")
     return Timing(1.0 / (clock.typical * unit_s), clock.typical, unit_s)
+
+
+def _why_uneven(unit: TimeUnit | None, clock: Clock, elapsed: Elapsed, place: Callable[[int], str]) -> str:
+    """What is wrong with times that are no sensor's clock, and what to do."""
+    shown = unit or "s"
+    is_coarse = elapsed.repeated > (1 - EVEN_SHARE) * elapsed.rows
+    steps, span = (elapsed.rows, clock.median) if is_coarse else (elapsed.rows - 1, 0.0)
+    rate_hz = steps / (elapsed.span + span) / SECONDS[shown] if elapsed.span > 0 else 100.0
+    at = "" if elapsed.first is None else f", the first at {place(elapsed.first)}"
+    remedy = f"Give the rate: --rate {rate_hz:.4g} (the mean of these times, which then tell no gaps)."
+    if elapsed.backwards > (1 - EVEN_SHARE) * elapsed.rows:
+        return (
+            f"{elapsed.backwards} of {elapsed.rows} times are earlier than the one before{at}. Sort the rows "
+            "by their times, or if they stand in the order in which they were measured, give their rate: "
+            "--rate 100."
+        )
+    if is_coarse:
+        return (
+            f"{elapsed.repeated} of {elapsed.rows} times are the same as the one before{at}: the clock is "
+            f"coarser than the samples, with steps of {clock.median:.3g} {shown}. {remedy}"
+        )
+    return (
+        f"the steps are too uneven for a sensor's clock (median {clock.median:.3g} {shown}, from "
+        f"{clock.least:.3g} to {clock.largest:.3g} {shown}{at}), as times of arrival are. {remedy}"
+    )
 
 
 def _is_plausible(rate_hz: float) -> bool:

@@ -21,9 +21,15 @@ from fltea.recording.files import (
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.sample_times import Elapsed, Floats, Ints, Marks, Numbering, Timing, clock_of, timing
 from fltea.recording.spool import Spool
-from fltea.records.errors import NoNumbers, UsageError
+from fltea.records.errors import Implausible, NoNumbers, UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
+
+MOST_DPS = 4000.0
+"""No gyroscope that is used for navigation or in phones has a wider range; and these rest."""
+
+ENOUGH_ROWS = 50
+"""For a judgement of what a gyroscope may give."""
 
 STEPS_AT_ONCE = 1 << 16
 LATEST = LARGEST_NUMBER * 1e3
@@ -81,6 +87,50 @@ def samples_of(rows: Rows, chosen: Chosen) -> Samples:
     return Samples(numbers, ordinal, values[:, :axes], time, accel, left_out)
 
 
+class Plausible:
+    """Whether rates may be a resting gyroscope's; a wrong unit or column gives figures that none has."""
+
+    def __init__(self, chosen: Chosen) -> None:
+        self._chosen, self._rows = chosen, 0
+        self._large = np.zeros(len(chosen.gyro), np.int64)
+        self._rises: Marks = np.ones(len(chosen.gyro), np.bool_)
+        self._last: Floats | None = None
+
+    def add(self, gyro: Floats) -> None:
+        """Look at the next samples."""
+        self._rows += len(gyro)
+        self._large += (np.abs(gyro) > MOST_DPS * (self._chosen.lsb or 1.0)).sum(axis=0)
+        if self._rises.any():
+            steps = np.diff(gyro, axis=0, prepend=gyro[:1] - 1.0 if self._last is None else self._last)
+            self._rises &= (steps > 0).all(axis=0)
+        self._last = gyro[-1:]
+
+    def check(self, where: str) -> None:
+        """Look at all of them, if they are enough.
+
+        Raises:
+            Implausible: no gyroscope gives such figures.
+        """
+        if self._rows < ENOUGH_ROWS:
+            return
+        chosen = self._chosen
+        names = [chosen.names[place] for place in chosen.gyro]
+        for name, rises, large in zip(names, self._rises, self._large, strict=True):
+            if rises:
+                raise Implausible(
+                    f"{where}: column '{name}' rises from each of its {self._rows} rows to the next, as "
+                    "times and counters do and no gyroscope at rest does. It is taken for an axis by "
+                    "--columns or its name."
+                )
+            if large > self._rows // 2:
+                raise Implausible(
+                    f"{where}: column '{name}' is beyond {MOST_DPS:g} deg/s in {large} of {self._rows} rows, "
+                    f"read in the unit {chosen.units}; no gyroscope at rest gives that. If it holds counts, "
+                    "say how many a deg/s has by the data sheet, such as --units lsb:131; if thousandths, "
+                    "--units mdps."
+                )
+
+
 def is_of_sensor(values: Floats) -> Marks:
     """Mark the rows of numbers that a sensor may give, in deg/s or m/s²; NaN is none."""
     return np.asarray((np.abs(values) <= LARGEST_DPS).all(axis=1))
@@ -125,6 +175,7 @@ class _Table:
         self._spool = Spool()
         self._rows = 0
         self._left_out: dict[str, tuple[int, int]] = {}
+        self._plausible = Plausible(chosen)
         self._some = np.zeros(len(chosen.needed), dtype=bool)
         self._has_accel = bool(chosen.accel)
         self._is_new_run = False
@@ -150,10 +201,11 @@ class _Table:
         self._is_new_run |= block.begins
         if not len(found.gyro):
             return
+        self._plausible.add(found.gyro)
         row = self._spool.length("gyro")
         begins = np.zeros(len(found.gyro), dtype=bool)
         if found.time is not None:
-            elapsed, begins = self._elapsed.add(found.time, found.gyro)
+            elapsed, begins = self._elapsed.add(found.time, found.gyro, found.numbers)
             self._spool.append("time", elapsed)
             self._last_elapsed = float(elapsed[-1])
         if self._is_new_run and row:
@@ -187,6 +239,7 @@ class _Table:
         n = spool.length("gyro")
         if not n:
             raise self._none()
+        self._plausible.check(str(self._path))
         self._note_left_out()
         found = self._timing()
         if found.warning:
@@ -242,7 +295,10 @@ class _Table:
         clock = clock_of(
             lambda: (times for (times,) in spool.blocks(["time"], STEPS_AT_ONCE)), self._elapsed.odd
         )
-        found = timing(str(self._path), chosen.time_name, chosen.time_unit, clock, self._rate_hz)
+        where = str(self._path)
+        found = timing(
+            where, chosen.time_name, chosen.time_unit, clock, self._rate_hz, self._elapsed, self._place
+        )
         if found.period is None:
             self._begins = [np.array(self._headers, np.int64)]
         elif runs := sum(map(len, self._begins)):

@@ -3,15 +3,18 @@
 Lines are looked at one by one, so a file and an endless stream are understood in the same way.
 """
 
+import contextlib
 import csv
+import math
 import re
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import msgspec
+import numpy as np
 
-from fltea.recording.column_names import known_unit
+from fltea.recording.column_names import known_unit, named_axis
 from fltea.recording.columns import (
     DECIMAL_COMMA,
     Chosen,
@@ -23,7 +26,10 @@ from fltea.recording.columns import (
 )
 from fltea.recording.files import Note, listed
 from fltea.recording.lines import shown
+from fltea.recording.suggest import options
+from fltea.recording.text_labels import labelled, values_in
 from fltea.records.errors import UsageError
+from fltea.records.records import AXES
 from fltea.settings.how import How
 
 COMMENTS = ("#", "%", "//")
@@ -36,25 +42,49 @@ MOST_BEFORE = 200
 MOST_COLUMNS = 10_000
 """Names in a line; a file of text may hold lines of a million."""
 
-DATE = re.compile(r"\d[-:/.T ]\d+[-:/.T ]\d")
-"""What is in a time that is written as text."""
-
 ONE_WITH_UNIT = re.compile(r"[^\[\]()]+[\[(][^\[\]()]*[\])]")
 
-decode_object = msgspec.json.Decoder(dict[str, Any]).decode
+_decode = msgspec.json.Decoder(dict[str, Any]).decode
+DEEPEST = 4
+"""Objects in objects."""
+
+
+def decode_object(line: str) -> dict[str, Any]:
+    """Read an object of JSON; of one in it the names are `gyro.x`, of three numbers in it `gyro_x` and so on.
+
+    Raises:
+        ValueError: it is none.
+    """
+    found = _decode(line)
+    if any(type(value) in (dict, list) for value in found.values()):
+        flat: dict[str, Any] = {}
+        _flatten("", found, flat, DEEPEST)
+        return flat
+    return found
+
+
+def _flatten(name: str, value: Any, flat: dict[str, Any], depth: int) -> None:
+    if isinstance(value, dict) and depth:
+        for key, inner in value.items():
+            _flatten(f"{name}.{key}" if name else key, inner, flat, depth - 1)
+    elif isinstance(value, list) and len(value) == len(AXES):
+        flat.update((named_axis(name, axis), inner) for axis, inner in enumerate(value))
+    else:
+        flat[name] = value
 
 
 class Layout(NamedTuple):
     """Where the numbers of a row stand.
 
-    separator: what is between two fields; None is white space. is_json: rows are JSON objects, and names are
-    their keys. usual: fields of the first row. least: a row has at least so many. most: fields beyond them
-    hold no numbers. begin: the line of the first row, from 1. notes: what the user has to know.
+    separator: what is between two fields; None is white space. parse: of rows that name each number, objects
+    of JSON or lines with labels, what gives them by their names; else None. usual: fields of the first row.
+    least: a row has at least so many. most: fields beyond them hold no numbers. begin: the line of the first
+    row, from 1. notes: what the user has to know.
     """
 
     chosen: Chosen
     separator: str | None
-    is_json: bool
+    parse: Callable[[str], Mapping[str, Any]] | None
     usual: int
     least: int
     most: int
@@ -84,6 +114,7 @@ class LayoutFinder:
         self.is_other = False
         self._wanted = wanted_of(how)
         self._where, self._how = where, how
+        self._first: list[tuple[int, str]] = []
         self._before: deque[tuple[int, str]] = deque(maxlen=MOST_BEFORE)
         self._header: _Header | None = None
         self._units: list[str] | None = None
@@ -114,9 +145,11 @@ class LayoutFinder:
                     self._units = units
                     return None
                 self._choose_named()
-            found = None if comment else self._of_row(number, line)
+            found = None if comment else self._of_row(number, line) or self._of_labels(number, line)
         if found is None:
             self._before.append((number, line))
+            if len(self._first) < MOST_BEFORE:
+                self._first.append((number, line))
             self.is_other = not comment
         return found
 
@@ -124,9 +157,9 @@ class LayoutFinder:
         """Why no line so far is a row."""
         if self._header is not None or self._why_no_row:
             return UsageError(self._why_no_row or f"{self._where}: has a header but no rows.")
-        lines = [line for _, line in self._before]
+        lines = [line for _, line in self._first]
         place, has = _what_there_is(lines)
-        where = f"{self._where}:{self._before[place][0] if lines else 1}"
+        where = f"{self._where}:{self._first[place][0] if lines else 1}"
         wanted = self._wanted
         if wanted.by_position and has is None and lines:
             width = len(split(lines[place], separator_of(lines[place])))
@@ -187,7 +220,15 @@ class LayoutFinder:
         if not all(found[name] is None or type(found[name]) in (int, float) for name in chosen.read):
             self._why_no_row = f"{self._where}:{number}: {listed(chosen.read)}: not all are numbers."
             return None
-        return Layout(chosen, None, True, 0, 0, 0, number)
+        return Layout(chosen, None, decode_object, 0, 0, 0, number)
+
+    def _of_labels(self, number: int, line: str) -> Layout | None:
+        found = labelled(line) if self._header is None else None
+        if found is None or self._wanted.by_position or not self._wanted.are_in(list(found.values)):
+            return None
+        names, units = list(found.values), list(found.units.values())
+        chosen = choose(f"{self._where}:{number}", names, units, len(names), self._how)
+        return Layout(chosen, None, values_in, 0, 0, 0, number)
 
     def _names_above(self, width: int) -> tuple[int | None, list[str] | None, list[str] | None]:
         """The header above rows whose columns go by their positions: its line, names, and units below it."""
@@ -203,6 +244,36 @@ class LayoutFinder:
         return None, None, None
 
 
+def hint_for(lines: Sequence[str], how: How) -> str:
+    """Options that probably read lines whose columns are not clear, or ""."""
+    rows: list[Mapping[str, Any]] = []
+    names: list[str] | None = None
+    for line in lines:
+        if line.lstrip().startswith("{"):
+            with contextlib.suppress(ValueError, RecursionError):
+                rows.append(decode_object(line))
+        elif not is_comment(line) and any(is_number(field) for field in split(line, separator_of(line))):
+            fields = split(line, separator_of(line))
+            rows.append({str(k + 1): field for k, field in enumerate(fields)})
+        elif found := values_in(line):
+            rows.append(found)
+        elif len(names_here := _bare_fields(line)) > 1:
+            names = names_here
+    keys: list[str] = max(map(list, rows), key=len, default=[])
+    if not 0 < len(keys) <= MOST_COLUMNS:
+        return ""
+    values = np.array([[_value(row.get(key)) for key in keys] for row in rows if len(row) == len(keys)])
+    by_position = keys[0] == "1"
+    known = (names if names is not None and len(names) == len(keys) else None) if by_position else keys
+    return options(known, values, how)
+
+
+def _value(field: Any) -> float:
+    if isinstance(field, str):
+        return float(field.replace(",", ".")) if is_number(field) else math.nan
+    return float(field) if isinstance(field, int | float) else math.nan
+
+
 def _layout(
     chosen: Chosen,
     separator: str | None,
@@ -215,7 +286,7 @@ def _layout(
     while filled and not fields[filled - 1].strip():
         filled -= 1
     least = max(min(filled, columns), max(chosen.needed) + 1)
-    return Layout(chosen, separator, False, len(fields), least, columns, number, notes)
+    return Layout(chosen, separator, None, len(fields), least, columns, number, notes)
 
 
 def why_too_many(fields: Sequence[str], columns: int) -> str:
@@ -247,7 +318,7 @@ def why_no_row(chosen: Chosen, fields: Sequence[str], separator: str | None) -> 
 
 
 def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Chosen, str]:
-    """Leave aside a column of times that holds dates and was not asked for; and a text for the user."""
+    """Leave aside a column of times that holds words and was not asked for; and a text for the user."""
     if (
         chosen.time is None
         or chosen.time >= len(fields)
@@ -256,7 +327,7 @@ def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Cho
     ):
         return chosen, ""
     first = fields[chosen.time]
-    if is_number(first) or not DATE.search(first):
+    if is_number(first) or is_missing(first):
         return chosen, ""
     text = f"column {shown(chosen.time_name)}: {shown(first)} is no number, so it cannot tell which samples "
     return chosen._replace(time=None), text + "are missing."

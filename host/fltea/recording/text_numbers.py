@@ -10,16 +10,17 @@ import csv
 import io
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from fltea.recording.columns import DECIMAL_COMMA, is_missing, is_number
 from fltea.recording.lines import shown
 from fltea.recording.sample_times import Floats
+from fltea.recording.text_labels import values_in
 from fltea.recording.text_layout import (
     Layout,
-    decode_object,
     is_blank,
     is_comment,
     why_no_row,
@@ -59,7 +60,7 @@ class RowParser:
 
         None if one of them needs a closer look.
         """
-        if self.layout.is_json:
+        if self.layout.parse is not None:
             return None
         values = self._at_once(data, count, clean=False)
         if values is not None:
@@ -77,8 +78,8 @@ class RowParser:
     def one(self, text: str) -> list[float] | WhyNot | None:
         """The numbers in one line; why it holds no sample; or None, if it is empty or a comment."""
         layout = self.layout
-        if layout.is_json:
-            return None if self._is_empty(text) else _of_object(layout, text)
+        if layout.parse is not None:
+            return None if self._is_empty(text) else _of_named(layout, layout.parse, text)
         separator = layout.separator
         if '"' not in text and "_" not in text and text.isascii() and (separator == "," or "," not in text):
             fields = text.split(separator)
@@ -209,9 +210,11 @@ def _number(field: str, separator: str | None) -> float:
     return float(text)
 
 
-def _of_object(layout: Layout, text: str) -> list[float] | WhyNot:
+def _of_named(
+    layout: Layout, parse: Callable[[str], Mapping[str, Any]], text: str
+) -> list[float] | WhyNot | None:
     try:
-        found = decode_object(text)
+        found = parse(text)
     except (ValueError, RecursionError):
         if not text.lstrip().startswith("{"):
             return "text", f"{shown(text)} is no object."
@@ -219,6 +222,10 @@ def _of_object(layout: Layout, text: str) -> list[float] | WhyNot:
     chosen = layout.chosen
     names = chosen.read[: len(chosen.needed)]
     if lacking := [name for name in names if name not in found]:
+        if parse is values_in:  # a board writes other quantities on lines of their own
+            return (
+                None if len(lacking) == len(names) else ("fields", f"has no number for {shown(lacking[0])}.")
+            )
         return "columns", f"is an object without {shown(lacking[0])}."
     values = [found.get(name) for name in chosen.read]
     if not {type(value) for value in values[: len(names)]} <= {int, float, type(None)}:

@@ -14,15 +14,20 @@ from fltea.recording.columns import Chosen, wanted_of
 from fltea.recording.files import Note
 from fltea.recording.lines import LONGEST_LINE, shown
 from fltea.recording.sample_times import Floats, Ints
+from fltea.recording.suggest import with_hint
 from fltea.recording.table import Rows
-from fltea.recording.text_layout import Layout, LayoutFinder, header_of
+from fltea.recording.text_layout import Layout, LayoutFinder, header_of, hint_for
 from fltea.recording.text_numbers import RowParser, decoded
+from fltea.recording.text_times import A_CLOCK, with_seconds
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 BOM, UTF_16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
 MANY = 24
 """Lines from which on numpy's reader is quicker than a loop."""
+
+SAMPLE_LINES, SAMPLE_BYTES = 60, 1 << 14
+"""Of what comes first, which tells what the columns may be."""
 
 NO_NAME = "0123456789+-."
 """With what a line of names does not begin."""
@@ -80,6 +85,7 @@ class TextReader:
         self._ordinal = 0
         self._begins = self._skipping = False
         self._rest = b""
+        self._sample: list[str] = []
 
     @property
     def chosen(self) -> Chosen | None:
@@ -95,8 +101,15 @@ class TextReader:
         """The sender was lost and is back; within_line: what comes first may be the end of a line."""
         self._rest, self._skipping = b"", within_line
 
+    def with_hint(self, error: UsageError) -> UsageError:
+        """An error with the options that probably read what came first."""
+        return with_hint(error, hint_for(self._sample, self._how))
+
     def refusal(self) -> UsageError:
         """Why there was no row so far."""
+        return self.with_hint(self._refusal())
+
+    def _refusal(self) -> UsageError:
         if self.first is None or (self._known is None and self.first.reason != "too_long"):
             return self._finder.refusal()
         return UsageError(f"{self._where}:{self.first.line}: {self.first.why}")
@@ -140,6 +153,10 @@ class TextReader:
 
     def _take(self, data: bytes) -> list[Rows]:
         """Whole lines, without the end of the last one."""
+        if A_CLOCK.search(data):
+            data = with_seconds(decoded(data)).encode()
+        if len(self._sample) < SAMPLE_LINES:
+            self._sample += decoded(data[:SAMPLE_BYTES]).split("\n")
         found = []
         left: bytes | None = data
         while left is not None:
@@ -166,7 +183,7 @@ class TextReader:
                 layout = self._finder.take(self.lines + 1, text)
             except UsageError as error:
                 if self._known is None:
-                    raise
+                    raise self.with_hint(error) from None
                 self._count(Bad(self.lines + 1, "header", str(error)))
                 layout = None
             if layout is not None and self._is_as_before(layout.chosen):
@@ -238,7 +255,7 @@ class TextReader:
         return self._rows(parser.layout, np.array(numbers), np.array(values), np.array(ordinals)), left
 
     def _is_header(self, parser: RowParser, text: str) -> bool:
-        might_be = not parser.layout.is_json and text.lstrip()[:1] not in NO_NAME
+        might_be = parser.layout.parse is None and text.lstrip()[:1] not in NO_NAME
         return might_be and header_of(text, self._wanted) is not None
 
     def _count(self, bad: Bad) -> None:

@@ -34,6 +34,10 @@ class UsageError(FlteaError):
     exit_code = 2
 
 
+class Implausible(UsageError):
+    """A column that was taken for a gyroscope's holds what none gives."""
+
+
 class NoNumbers(UsageError):
     """No row of a recording, or of a piece of one, has all numbers of a sample. rows: how many there are."""
 

@@ -45,7 +45,8 @@ def open_source(config: Config) -> Source:
     scheme, colon, rest = url.partition(":")
     of_pyserial = rest.startswith("//") and scheme != "i2c"
     if not colon or of_pyserial or url.startswith("/"):  # a bare path, or pyserial's own URLs
-        is_file = Path(url).suffix.lower() in RECORDING_SUFFIXES or Path(url).is_dir()
+        place = Path(url)
+        is_file = place.suffix.lower() in RECORDING_SUFFIXES or place.is_dir() or place.is_file()
         is_pipe = url in ("-", "/dev/stdin") or Path(url).is_fifo()
         scheme, rest = ("replay" if is_file else "stdin" if is_pipe else "serial"), url
     if scheme in SAMPLES_ONLY:

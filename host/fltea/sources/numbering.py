@@ -153,7 +153,7 @@ class ByTime:
         elapsed = np.concatenate([one.elapsed for one in waiting])
         clock = clock_of(lambda: [elapsed], self._elapsed.odd)
         try:
-            found = timing(self._where, self._column, self._unit, clock, self._given_hz)
+            found = timing(self._where, self._column, self._unit, clock, self._given_hz, self._elapsed)
             if not LOWEST_RATE_HZ <= found.rate_hz <= HIGHEST_RATE_HZ:
                 raise UsageError(f"{self._where}: a rate of {found.rate_hz:.6g} Hz is no gyroscope's.")
         except UsageError as error:

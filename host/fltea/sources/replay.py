@@ -3,13 +3,13 @@
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
 from fltea.recording.bag_files import bags_in
 from fltea.recording.files import Recording, Stored, listed
-from fltea.recording.kind import is_one_file, is_stream, open_one_file
+from fltea.recording.kind import Kind, is_one_file, is_stream, open_one_file
 from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
 from fltea.recording.npz_file import open_npz
 from fltea.recording.sample_times import Numbering
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 AT_ONCE = 8192
 """Samples of a block."""
 
-TABLES = "csv", "npy", "parquet"
-"""Kinds of which `--columns` and the like say what they hold."""
+NAMED = "mcap", "ndjson", "bag", "npz"
+"""Kinds that say themselves what they hold; of all others `--columns` and the like may say it."""
 
 
 class ReplaySource:
@@ -75,17 +75,13 @@ class ReplaySource:
         self.about = self.topic = ""
         printable = str(path).encode(errors="replace").decode()  # a name may hold bytes that are no text
         name = f"replay:{printable}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
-        kind, file = "mcap", None
+        kind: Kind = "mcap"
+        file: BinaryIO | None = None
         if is_one_file(path):
             if not (path.exists() or is_stream(path)):
                 raise UsageError(f"{path}: there is no such file.")
             kind, file = open_one_file(path)
-        elif path.is_file() and path.suffix and path.suffix.lower() != ".mcap":
-            raise UsageError(
-                f"{path}: the kind is not known by its ending; .mcap, .npz, .csv, .ndjson, .bag or .db3 is "
-                "needed (or .txt, .log, .tsv, .npy, .parquet)."
-            )
-        if shuffle is not None and kind not in ("npz", "bag", *TABLES):
+        if shuffle is not None and kind in ("ndjson", "mcap"):
             if file is not None:
                 file.close()
             raise UsageError(f"{path}: --shuffle works on .npz and CSV recordings, other tables and bags.")
@@ -99,33 +95,18 @@ class ReplaySource:
             self._mcap = open_again()
             self._events = self._mcap.events()
         else:
-            if kind == "npz":
-                recording = open_npz(path, limits)
-            elif kind == "npy":
-                from fltea.recording.npy_file import open_npy
-
-                recording = open_npy(path, how, limits)
-            elif kind == "parquet":
-                recording = _parquet_library().open_parquet(path, how, limits)
-            elif kind == "bag":
-                from fltea.recording.ros_bag import open_bag  # SQLite loads where it is needed
-
-                recording = open_bag(path, how, limits)
-            else:
-                from fltea.recording.csv_file import open_csv
-
-                recording = open_csv(path, how, limits, file)
+            recording = _open_stored(kind, path, how, limits, file)
             self._events = _from_recording(name, recording, shuffle)
             samples = recording.samples
             self._offset_ns, self.about = recording.start_unix_ns, recording.about
             self.topic = recording.topic
-        if kind not in TABLES and how.of_text:
+        if kind in NAMED and how.of_text:
             raise UsageError(
                 f"{path}: --columns, --units, --rate and --time-column are for text and tables; this one "
                 "names its own."
             )
-        if kind != "bag" and how.topic is not None:
-            raise UsageError(f"{path}: --topic is for bags of ROS; this is none.")
+        if kind not in ("bag", "ulg") and how.topic is not None:
+            raise UsageError(f"{path}: --topic is for bags of ROS and PX4 logs; this is none.")
         if samples <= startup:
             raise UsageError(
                 f"{path}: {samples} rows, but the start-up window alone takes {startup} and estimates begin "
@@ -215,8 +196,31 @@ def _mcap_library() -> ModuleType:
     return load("fltea.sources.mcap", "mcap", "record", "MCAP recordings need")
 
 
-def _parquet_library() -> ModuleType:
-    return load("fltea.recording.parquet_file", "pyarrow", "tables", "Parquet files need")
+def _open_stored(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO | None) -> Stored:
+    """Open a recording that is one file; libraries load where they are needed."""
+    match kind:
+        case "npz":
+            return open_npz(path, limits)
+        case "npy":
+            from fltea.recording.npy_file import open_npy
+
+            return open_npy(path, how, limits)
+        case "bag":
+            from fltea.recording.ros_bag import open_bag
+
+            return open_bag(path, how, limits)
+        case "csv":
+            from fltea.recording.csv_file import open_csv
+
+            return open_csv(path, how, limits, file)
+        case "packed":
+            from fltea.recording.packed import open_packed
+
+            return open_packed(path, how, limits)
+        case _:
+            from fltea.recording.apart import open_apart
+
+            return open_apart(kind, path, how, limits)
 
 
 def _count_samples(recording: "McapRecording", limit: int) -> int:

@@ -1,0 +1,181 @@
+"""Files of other programs, read by their own libraries in a process apart, which the system holds to a quota.
+
+A library in C may be sent round in circles, or fall, by a file that was made for it; here it takes nothing
+with it. What the process may take is set before it opens the file: processor time, memory, and no byte on the
+disk. It sends columns, or lines of text, as `foreign.main` says.
+"""
+
+import contextlib
+import importlib.util
+import os
+import signal
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import IO, BinaryIO, NamedTuple, cast
+
+import msgspec
+import numpy as np
+
+from fltea.recording.csv_file import open_csv
+from fltea.recording.files import Stored
+from fltea.recording.quota import Quota
+from fltea.recording.sample_times import Floats
+from fltea.recording.sheet import Sheet, open_sheet
+from fltea.records.errors import UsageError
+from fltea.settings.extras import how_to_install
+from fltea.settings.how import How
+from fltea.settings.limits import Limits
+
+STARTUP_S = 10
+"""Of processor time, to load a library: on a Raspberry Pi the largest takes four."""
+
+STARTUP_BYTES = 2 << 30
+"""Of address space that interpreter and libraries reserve."""
+
+LENGTH = struct.Struct("<I")
+FAILED = (1 << 32) - 1
+"""In place of a length: a reason follows."""
+
+
+class Library(NamedTuple):
+    """What reads a kind of file: the module, the extra that installs it, and how its files are called."""
+
+    module: str
+    extra: str
+    files: str
+
+
+LIBRARIES = {
+    "parquet": Library("pyarrow", "tables", "Parquet files"),
+    "feather": Library("pyarrow", "tables", "Feather and Arrow files"),
+    "hdf5": Library("h5py", "hdf5", "HDF5 files"),
+    "mat": Library("scipy", "matlab", "MATLAB's files"),
+    "ulg": Library("pyulog", "px4", "PX4 logs"),
+    "xlsx": Library("openpyxl", "excel", "Excel's files"),
+    "arrays": Library("numpy", "tables", "Archives of arrays"),
+    "json": Library("msgspec", "tables", "JSON files"),
+}
+"""By the kind of file."""
+
+
+class Head(msgspec.Struct):
+    """What the process says first: a `Sheet` but for its rows. text: lines follow, there are no columns."""
+
+    names: list[str] = []
+    units: list[str] = []
+    rows: int = 0
+    stamps: list[str] = []
+    rate_hz: float | None = None
+    sample: list[list[float | None]] = []
+    text: bool = False
+
+
+def open_apart(kind: str, path: Path, how: How, limits: Limits) -> Stored:
+    """Read a file of a kind that `LIBRARIES` has.
+
+    Raises:
+        UsageError: the library is not installed, the file is none of its kind or damaged, it takes more than
+            the quota, or what `open_sheet` and `open_csv` refuse.
+    """
+    library = LIBRARIES[kind]
+    if sys.modules.get(library.module, library) is None or importlib.util.find_spec(library.module) is None:
+        raise UsageError(
+            f"{path}: {library.files} need the package {library.module}, which is not installed: "
+            f"{how_to_install(library.extra)}."
+        )
+    quota = _quota(path, limits)
+    with _process(kind, path, how.topic, quota) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        frames = _frames(path, process, quota)
+        head = msgspec.json.decode(next(frames), type=Head)
+        if head.text:
+            return open_csv(path, how, limits, cast(BinaryIO, _Text(frames)))
+        blocks = partial(_columns, process.stdin, frames)
+        sheet = Sheet(head.names, head.units, head.rows, blocks, tuple(head.stamps), head.rate_hz)
+        if head.sample:
+            sheet = sheet._replace(sample=np.array(head.sample, np.float64))
+        return open_sheet(path, sheet, how, limits)
+
+
+def _quota(path: Path, limits: Limits) -> Quota:
+    try:
+        path.open("rb").close()
+        return Quota(path, limits)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
+
+
+@contextlib.contextmanager
+def _process(kind: str, path: Path, topic: str | None, quota: Quota) -> Iterator["subprocess.Popen[bytes]"]:
+    """Start `foreign.main`, and end it."""
+    seconds = STARTUP_S + round(quota.seconds)
+    memory = STARTUP_BYTES + 2 * quota.limits.whole_bytes
+    command = [sys.executable, "-B", "-m", "fltea.recording.foreign", str(seconds), str(memory)]
+    # One thread a library: each more reserves memory, and takes processor time that is counted here.
+    threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "ARROW_NUM_THREADS"), "1")
+    environment = {
+        **os.environ,
+        **threads,
+        "ARROW_DEFAULT_MEMORY_POOL": "system",
+        "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+    }
+    with subprocess.Popen(
+        [*command, kind, os.fspath(path), topic or ""],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def _frames(path: Path, process: "subprocess.Popen[bytes]", quota: Quota) -> Iterator[bytes]:
+    """What the process sends, each piece as it was sent.
+
+    Raises:
+        UsageError: the process failed, or fell.
+    """
+    assert process.stdout is not None
+    while len(head := process.stdout.read(LENGTH.size)) == LENGTH.size:
+        (length,) = LENGTH.unpack(head)
+        if length == FAILED:
+            raise UsageError(f"{path}: {process.stdout.read().decode(errors='replace')}")
+        if not length:
+            return
+        quota.unpack(length)
+        yield process.stdout.read(length)
+    code = process.wait()
+    if code in (-signal.SIGXCPU, -signal.SIGKILL):
+        raise quota.too_slow()
+    why = signal.strsignal(-code) if code < 0 else f"exit code {code}"
+    raise UsageError(f"{path}: cannot be read: its library failed on it ({why}). Is the file damaged?")
+
+
+def _columns(stdin: IO[bytes], frames: Iterator[bytes], places: Sequence[int]) -> Iterator[Floats]:
+    with contextlib.suppress(BrokenPipeError):  # it has failed, and the next frame says why
+        stdin.write(msgspec.json.encode(list(places)) + b"\n")
+        stdin.flush()
+    for data in frames:
+        yield np.frombuffer(data, np.float64).reshape(-1, len(places)).copy()
+
+
+class _Text(contextlib.AbstractContextManager["_Text"]):
+    """Lines from the process, as a file."""
+
+    def __init__(self, frames: Iterator[bytes]) -> None:
+        self._frames = frames
+
+    def __exit__(self, *exception: object) -> None:
+        pass
+
+    def read1(self, _: int) -> bytes:
+        """The next piece."""
+        return next(self._frames, b"")

@@ -1,0 +1,111 @@
+"""Which options probably make a recording of columns that do not name themselves (pure).
+
+They are a guess for a person to check: rising numbers are times, three whose length is that of gravity are an
+accelerometer, and the next three are the gyroscope.
+"""
+
+import math
+import shlex
+from collections.abc import Sequence
+
+import numpy as np
+
+from fltea.recording.column_names import accel_axis_of, axis_of, is_time, rate_unit_of, time_unit_of
+from fltea.recording.sample_times import PLAUSIBLE_HZ, SECONDS, Floats
+from fltea.records.errors import UsageError
+from fltea.records.records import AXES
+from fltea.settings.how import How, TimeUnit
+
+GRAVITY = 9.81, 1.0, 1000.0, 2048.0, 4096.0, 8192.0, 16384.0
+"""In m/s², g, mg and counts of the usual ranges."""
+
+SPREAD = 0.15
+"""Of what is gravity, to its mean, and of this to the true one."""
+
+FEWEST = 3
+"""Rows."""
+
+MOST_FILLED = 0.8
+
+
+TRY = "Probably this reads it; check which columns are the gyroscope's: "
+
+
+def with_hint(error: UsageError, found: str) -> UsageError:
+    """Return the error with options behind it, unless its text names some already."""
+    text = str(error)
+    says_it = "--" in text and "--columns" not in text
+    return error if not found or TRY in text or says_it else type(error)(f"{text} {TRY}{found}")
+
+
+def options(names: Sequence[str] | None, values: Floats, how: How) -> str:
+    """Return options for columns of numbers (rows, columns), NaN where is none; "" if they tell none."""
+    if len(values) < FEWEST:
+        return ""
+    width = values.shape[1]
+    labels = [str(place + 1) for place in range(width)]
+    if names is not None and len(set(names)) == width and not any("," in name for name in names):
+        labels = list(names)
+    filled = np.isfinite(values).mean(axis=0) >= MOST_FILLED
+    time = _times(names, values, filled)
+    gravity = _accelerometer(names, values)
+    rest = [p for p in range(width) if filled[p] and p != time and p not in gravity]
+    named = [p for p in rest if names is not None and axis_of(names[p])]
+    moving = [p for p in rest if np.nanstd(values[:, p]) > 0]
+    axes = (named or moving or rest)[: len(AXES)]
+    if not axes:
+        return ""
+    found = ["--columns", ",".join(labels[p] for p in axes)]
+    if time is not None:
+        found += ["--time-column", labels[time]]
+        unit = how.time_unit or _unit(values[:, time])
+        if unit is not None and (names is None or time_unit_of(names[time]) is None):
+            found += ["--time-unit", unit]
+    else:
+        found += ["--rate", f"{how.rate_hz or 100:g}"]
+    if names is None or not all(rate_unit_of(names[p]) for p in axes):
+        whole = bool((values[:, axes] == np.rint(values[:, axes])).all())
+        found += ["--units", how.units or ("lsb:131" if whole else "dps")]
+    return shlex.join(found)
+
+
+def _times(names: Sequence[str] | None, values: Floats, filled: "np.typing.NDArray[np.bool_]") -> int | None:
+    """The first column that is called so, or else rises, at a rate that a gyroscope may have."""
+    rising = [
+        place
+        for place in np.flatnonzero(filled).tolist()
+        if is_rising(values[:, place]) and _unit(values[:, place]) is not None
+    ]
+    named = [place for place in rising if names is not None and is_time(names[place])]
+    return next(iter(named or rising), None)
+
+
+def is_rising(column: Floats) -> bool:
+    """Whether numbers never fall, as times do."""
+    steps = np.diff(column[np.isfinite(column)])
+    return len(steps) > 1 and bool((steps >= 0).all() and steps.any())
+
+
+def _unit(times: Floats) -> TimeUnit | None:
+    """The unit in which steps are a gyroscope's."""
+    steps = np.diff(times[np.isfinite(times)])
+    mean = float(steps.mean()) if len(steps) else math.nan
+    fits: list[TimeUnit] = [
+        unit
+        for unit, s in SECONDS.items()
+        if mean > 0 and PLAUSIBLE_HZ[0] <= 1 / (mean * s) <= PLAUSIBLE_HZ[1]
+    ]
+    return fits[0] if fits else None
+
+
+def _accelerometer(names: Sequence[str] | None, values: Floats) -> set[int]:
+    """Columns of an accelerometer, by their names or by the length of three in a row."""
+    if names is not None and (named := {p for p, name in enumerate(names) if accel_axis_of(name)}):
+        return named
+    found = []
+    for first in range(values.shape[1] - 2):
+        length = np.linalg.norm(values[:, first : first + 3], axis=1)
+        spread = length.std() / length.mean() if np.isfinite(length).all() and length.any() else math.inf
+        if spread < SPREAD and any(abs(length.mean() / g - 1) < SPREAD for g in GRAVITY):
+            found.append((spread, first))
+    return {*range(min(found)[1], min(found)[1] + 3)} if found else set()

@@ -1,0 +1,68 @@
+"""Lines whose numbers have labels, as plotters and the example programs of boards write them (pure).
+
+`gx:1.2,gy:3.4` has a label a number; `Gyro X: 1.2 Y: 3.4 Z: 5.6 rad/s` a group and a unit for all of them;
+`Gyr (DPS) [ 0.1, 0.2, 0.3 ]` has three numbers behind one label.
+"""
+
+import re
+from typing import NamedTuple
+
+from fltea.recording.column_names import known_unit
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_COMMA = r"[-+]?\d+,\d+(?=[\s;|]|$)"
+_PAIR = re.compile(
+    rf"(?P<label>[^\W\d][^:=,;|\t\[\]{{}}]*?)\s*(?:[:=]\s*\[?|\[)\s*"
+    rf"(?P<first>{_COMMA}|{_NUMBER}(?![\d,.]*:))"
+    rf"(?:\s*[,\s]\s*(?P<second>{_NUMBER})\s*[,\s]\s*(?P<third>{_NUMBER})(?![\w:=.]|\s*[,\s]\s*[-+\d]))?\s*\]?"
+)
+_UNIT_BEHIND = re.compile(r"^\s*\(?([^\s,;|\])(]+(?: per [a-z]+)?)\)?")
+_GROUP_BEFORE = re.compile(r"([^\W\d][\w .]*?)\s*(?:[\[(]([^\[\]()]*)[\])])?\s*:\s*$")
+_AXES = ("x", "y", "z")
+
+
+class Labelled(NamedTuple):
+    """The numbers in a line by their names, and the units of these, "" where none is stated."""
+
+    values: dict[str, float]
+    units: dict[str, str]
+
+
+def labelled(line: str) -> Labelled | None:
+    """Read a line; None if it has no labels with numbers."""
+    values: dict[str, float] = {}
+    units: dict[str, str] = {}
+    members: list[str] = []
+    group, end = "", 0
+    for found in _PAIR.finditer(line):
+        before = _GROUP_BEFORE.search(line[end : found.start()])
+        words = found["label"].split()
+        while len(words) > 1 and known_unit(words[0]):  # the unit of the number before
+            units.update(dict.fromkeys(members, words.pop(0)))
+        unit = ""
+        if len(words) > 1 and words[-1][0] in "([":
+            unit = words.pop().strip("()[]")
+        label = " ".join(words)
+        if before is not None:
+            group, members, unit = before[1].split()[-1], [], unit or before[2] or ""
+        if label.lower() in _AXES and group:
+            label = f"{group} {label}"
+        elif label.lower() not in _AXES:
+            is_axis = len(words) > 1 and words[-1].lower() in _AXES
+            group, members = (" ".join(words[:-1]) if is_axis else ""), []
+            label = " ".join(words) if is_axis else words[-1]
+        names = [label] if found["third"] is None else [f"{label} {axis}" for axis in _AXES]
+        for name, text in zip(names, found.group("first", "second", "third"), strict=False):
+            values[name], units[name] = float(text.replace(",", ".")), unit or units.get(name, "")
+        members += names
+        end = found.end()
+        behind = _UNIT_BEHIND.match(line[end:])
+        if behind is not None and known_unit(behind[1]):
+            units.update(dict.fromkeys(members, behind[1]))
+    return Labelled(values, units) if values else None
+
+
+def values_in(line: str) -> dict[str, float]:
+    """Return the numbers in a line by their names."""
+    found = labelled(line)
+    return {} if found is None else found.values
