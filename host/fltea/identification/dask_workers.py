@@ -15,6 +15,7 @@ from distributed import Client
 from distributed.security import Security
 
 from fltea.identification.dask_address import ENCRYPTED
+from fltea.identification.workers import Workers
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.version import __version__
 
@@ -28,7 +29,7 @@ RETRIES = 3
 SETTINGS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and …__CLIENT__KEY"
 
 
-class DaskWorkers:
+class DaskWorkers(Workers):
     """Connected to the scheduler at `address`, such as tcp://10.0.0.5:8786.
 
     Raises:
@@ -79,9 +80,6 @@ class DaskWorkers:
                 self._check_scheduler(error)
                 raise
         return future
-
-    def renew(self) -> None:
-        """Do nothing, since the scheduler replaces workers that die."""
 
     def check(self) -> None:
         """Complain when there has been no worker for a minute, or the scheduler is gone.

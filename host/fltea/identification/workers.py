@@ -9,28 +9,27 @@ from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from multiprocessing import forkserver
 from multiprocessing.reduction import ForkingPickler
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 T = TypeVar("T")
 
 
-class Workers(Protocol):
-    """The interface of what runs tasks."""
+class Workers:
+    """What runs tasks; all but `submit` may be left out."""
 
     @property
     def slots(self) -> int:
         """The number of tasks that are worth handing over at a time."""
-        ...
+        return 1
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
         """Begin a task, which may be done by then."""
-        ...
+        raise NotImplementedError
 
     def renew(self) -> None:
         """Go on after a worker's death has broken all that was under way (`BrokenExecutor`)."""
-        ...
 
     def check(self) -> None:
         """Raise an error if the workers are lost; it is called now and then while tasks are awaited.
@@ -38,17 +37,13 @@ class Workers(Protocol):
         Raises:
             FlteaError: they will never be done.
         """
-        ...
 
     def close(self) -> None:
         """End at once what is under way."""
-        ...
 
 
-class Here:
+class Here(Workers):
     """This process and thread; done when `submit` returns."""
-
-    slots = 1
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
         """Do it now."""
@@ -58,15 +53,6 @@ class Here:
         except Exception as error:
             future.set_exception(error)
         return future
-
-    def renew(self) -> None:
-        """Do nothing, since nothing can break."""
-
-    def check(self) -> None:
-        """Do nothing, since there is nothing to wait for."""
-
-    def close(self) -> None:
-        """Do nothing, since nothing is under way."""
 
 
 def _reduce(array: "np.memmap[Any, Any]") -> Any:
@@ -79,12 +65,10 @@ def _reduce(array: "np.memmap[Any, Any]") -> Any:
 ForkingPickler.register(np.memmap, _reduce)
 
 
-class Processes:
+class Processes(Workers):
     """Processes on this machine, copies of one that has loaded all they need and has no threads of ours."""
 
     def __init__(self, jobs: int) -> None:
-        # One more, so that none has to wait for its next task.
-        self.slots = jobs + 1
         self._jobs = jobs
         self._context = multiprocessing.get_context("forkserver")
         # It loads while a recording is read here.
@@ -97,6 +81,11 @@ class Processes:
             signal.signal(signal.SIGINT, ours)
         self._pool = self._start()
 
+    @property
+    def slots(self) -> int:
+        """One more than processes, so that none has to wait for its next task."""
+        return self._jobs + 1
+
     def _start(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(self._jobs, self._context, _prepare)
 
@@ -108,9 +97,6 @@ class Processes:
         """Start new processes in place of the old ones."""
         self.close()
         self._pool = self._start()
-
-    def check(self) -> None:
-        """Do nothing, since a task reports the death of its process itself."""
 
     def close(self) -> None:
         """End the processes."""

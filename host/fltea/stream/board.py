@@ -28,6 +28,9 @@ from fltea.stream.board_settings import host_settings, info_of
 from fltea.stream.live import LiveFits, settled_by
 from fltea.stream.stages import Beginning, Item, Notice, Stage, Standing
 
+AS_STATED = "begun", "every", "queue", "skipped", "longest_axis_us", "fit_every", "longest_slice_us"
+"""Of the board's estimator: what its statistics have as it came."""
+
 
 class BoardEstimates(Stage):
     """Follows the board's own estimates.
@@ -164,21 +167,15 @@ class BoardEstimates(Stage):
         if s is None:
             return None
         return DeviceEstimatorStats(
-            begun=s.begun,
+            **{name: getattr(s, name) for name in AS_STATED},
             startup_remaining=s.remaining,
-            every=s.every,
-            queue=s.queue,
-            skipped=s.skipped,
-            longest_axis_us=s.longest_axis_us,
             estimates=self._estimates,
             lost=self._lost,
             unplaced=self._unplaced,
             restarts=dict(zip(AXES, s.restarts, strict=True)),
             interventions={axis: e.interventions for axis, e in self._newest.items()},
-            fit_every=s.fit_every,
             fits=self._fits.came,
             fits_refused=self._fits.refused,
-            longest_slice_us=s.longest_slice_us,
         )
 
     def _record(self, sample: RecentSample, variant: str) -> Iterator[Estimate | DeviceEstimates]:

@@ -35,6 +35,12 @@ MOST_DPS2 = 1e8
 CHECK_EVERY_NS = 1_000_000_000
 """Time between two fits of an axis's bins: a sound device sends them every half minute."""
 
+AS_STATED = (
+    *("number", "age", "samples", "ordinates", "evaluations", "searched", "tuned", "bins_left_out"),
+    *("ratio_white", "ratio_relaxation"),
+)
+"""Of a fit: what the record has as it came."""
+
 VERDICTS: tuple[DeviceVerdict, ...] = get_args(DeviceVerdict)
 
 
@@ -117,15 +123,8 @@ class BoardFits:
 
 def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
     """The fit of an axis; None if its numbers are none of a fit."""
-    numbers = (
-        fit.ordinates,
-        fit.ratio_white,
-        fit.ratio_relaxation,
-        fit.alpha,
-        fit.f,
-        fit.s2_dps2,
-        fit.R_dps2,
-    )
+    ratios = fit.ordinates, fit.ratio_white, fit.ratio_relaxation
+    numbers = *ratios, fit.alpha, fit.f, fit.s2_dps2, fit.R_dps2
     verdict = next((one for one in VERDICTS if one == fit.verdict), None)
     if verdict is None or not all(map(math.isfinite, numbers)):
         return None
@@ -146,17 +145,8 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
         if host.alpha.low is not None and host.alpha.high is not None and host.alpha.high > host.alpha.low:
             half_widths = difference / ((host.alpha.high - host.alpha.low) / 2)
     return DeviceAxisFit(
+        **{name: getattr(fit, name) for name in AS_STATED},
         verdict=verdict,
-        number=fit.number,
-        age=fit.age,
-        samples=fit.samples,
-        ordinates=fit.ordinates,
-        evaluations=fit.evaluations,
-        searched=fit.searched,
-        tuned=fit.tuned,
-        bins_left_out=fit.bins_left_out,
-        ratio_white=fit.ratio_white,
-        ratio_relaxation=fit.ratio_relaxation,
         alpha=alpha,
         f=fit.f if ordered else None,
         s2=fit.s2_dps2 if ordered else None,

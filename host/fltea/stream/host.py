@@ -79,12 +79,7 @@ class Channels:
             self._unit,
             tuple(one.null_p for one in settled),
             tuple(one.whiteness for one in settled),
-            found.alpha,
-            found.alpha_std,
-            found.f,
-            found.f_std,
-            found.x,
-            found.innovation,
+            *found[:6],
             found.valid,
             found.white & [not self._tuned or axis in self._bank.tuned for axis in self._names],
         )

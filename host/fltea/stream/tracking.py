@@ -67,12 +67,7 @@ class SensorTracks:
         return TrackedColumns(
             self.names,
             self.unit,
-            found.state,
-            found.state_std,
-            found.bias,
-            found.bias_std,
-            found.innovation,
-            found.moving,
+            *found,
             tuple(one.verdict if one else None for one in stands),
             tuple(one.alpha if one else UNDEFINED for one in stands),
             tuple(one.f if one else UNDEFINED for one in stands),

@@ -14,7 +14,7 @@ from fltea.estimator.engine import Estimates
 from fltea.lab.reproduce.runs import Outcome
 from fltea.lab.reproduce.scenarios import SOURCE_ALPHA, Data, Scenario
 from fltea.records.arrays import Array
-from fltea.records.errors import FlteaError
+from fltea.records.whole_file import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -189,7 +189,5 @@ def _drawable(values: Array) -> Array:
 
 
 def _save(figure: "Figure", path: Path) -> None:
-    try:
-        figure.savefig(path, format="png")
-    except OSError as error:
-        raise FlteaError(f"{path}: cannot be written ({error}).") from error
+    with whole_file(path) as file:
+        figure.savefig(file, format="png")

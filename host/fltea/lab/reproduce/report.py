@@ -11,7 +11,7 @@ from fltea.lab.reproduce.request import Request
 from fltea.lab.reproduce.runs import Outcome, estimate, outcomes
 from fltea.lab.reproduce.scenarios import Data, Scenario, example, unknown_input
 from fltea.records.errors import FlteaError, UsageError
-from fltea.records.whole_file import prepare_folder
+from fltea.records.whole_file import prepare_folder, whole_file
 from fltea.settings.extras import need_matplotlib
 
 Progress = Callable[[str, int], None]
@@ -49,7 +49,9 @@ class Report:
         """Make every table and figure; return the rows by table."""
         rows = {table: self._table(table) for table in self.request.tables}
         if rows and self.request.folder is not None:
-            self._write_text(self.request.folder / "tables.md", rows)
+            self.files.append(self.request.folder / "tables.md")
+            with whole_file(self.files[-1]) as file:
+                file.write(paper_tables.document(rows).encode())
         for figure in self._figures():
             self._figure(figure)
         return rows
@@ -112,13 +114,6 @@ class Report:
             if request.folder is not None:
                 self._write_seeds(request.folder / f"{_file_name('table', table)}.csv", name, results)
         return rows
-
-    def _write_text(self, path: Path, rows: Mapping[str, list[Row]]) -> None:
-        try:
-            path.write_text(paper_tables.document(rows), encoding="utf-8")
-        except OSError as error:
-            raise FlteaError(f"{path}: cannot be written ({error}).") from error
-        self.files.append(path)
 
     def _write_seeds(self, path: Path, name: str, results: Mapping[int, Outcome]) -> None:
         """One line a seed and length; the first scenario of a table begins its file."""
