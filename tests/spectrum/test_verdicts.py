@@ -1,7 +1,8 @@
 """What is said of noises of known parts, and that what is said agrees with the figures."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from copy import copy
 from typing import Any
 
 import msgspec
@@ -9,12 +10,14 @@ import numpy as np
 import pytest
 from fltea.identification.sums import examined
 from fltea.noise import parts as p
+from fltea.spectrum import wording
 from fltea.spectrum.drift import SlowPower
 from fltea.spectrum.evidence import ANYTIME_LEVEL, Evidence
 from fltea.spectrum.lines import Peak
+from fltea.spectrum.reading import Reading
 from fltea.spectrum.residuals import kolmogorov
 from fltea.spectrum.stationarity import Change
-from fltea.spectrum.verdict import Verdict, decide
+from fltea.spectrum.verdict import Verdict, decide, winner
 from identify_support import H, white
 from sentence_support import samples, sound
 from tiers import slow
@@ -131,6 +134,54 @@ def test_what_else_was_found_is_always_told(name: str) -> None:
     verdict = decide(e._replace(peaks=(LINE,), slow=DRIFT))
     assert "31.4 Hz" in verdict.text
     assert "drift" in verdict.text
+
+
+NOTHING = Reading((), False, None, None, None, False, False)
+BESIDE, ALIKE = "beside other parts", {"pure": "plain"}
+
+
+@pytest.fixture(scope="module")
+def ordered() -> Evidence:
+    """Three minutes of noise that has an order."""
+    return seen(FAMILIES["an order"][0], 20_000, 1)[0]
+
+
+@pytest.mark.parametrize(
+    ("at", "over_rich", "same", "reading", "said"),
+    [
+        # At 0: the sentence that is compared with white noise, the one that stands, and a walk or an order.
+        (0.0, 0.0, ALIKE, None, lambda e, v: wording.names(e.frontier.ordered.kinds) in v.rules[3].figure),
+        (0.0, 0.0, ALIKE, None, lambda e, v: winner(e, v) is e.frontier.order),
+        (0.0, 0.0, ALIKE, NOTHING._replace(drifts=True), lambda e, v: v.kind != "drift"),
+        # At what counts as apart: a claim, an order beside other parts, and one beside nothing.
+        (6.0, 50.0, {}, None, lambda e, v: v.kind == "fractional"),
+        (
+            -6.0,
+            0.0,
+            {"pure": "white"},
+            None,
+            lambda e, v: next(r for r in v.rules if BESIDE in r.question).answer,
+        ),
+        (-6.0, 0.0, ALIKE, NOTHING, lambda e, v: v.has_order),
+    ],
+)
+@pytest.mark.parametrize("step", [-0.1, 0.1])
+def test_how_far_an_order_is_ahead_decides(
+    ordered: Evidence,
+    at: float,
+    over_rich: float,
+    same: dict[str, str],
+    reading: Reading | None,
+    said: Callable[[Evidence, Verdict], bool],
+    step: float,
+) -> None:
+    """Each question turns where the lead passes its bound, and only there."""
+    frontier = copy(ordered.frontier)
+    frontier.lead, frontier.lead_over_rich = at + step, over_rich
+    for name, other in same.items():
+        setattr(frontier, name, getattr(frontier, other))
+    e = ordered._replace(frontier=frontier, reading=reading or ordered.reading)
+    assert said(e, decide(e)) == (step > 0)
 
 
 def test_critical_value() -> None:
