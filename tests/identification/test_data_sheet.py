@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.identification.axis import identify_axis
 from fltea.identification.data_sheet import SHEETS, compare, sheet_name
 from fltea.records.errors import UsageError
 from fltea.records.fit import Interval, Level
 from host_support import fltea_here
+from identify_files import identify_axis
 
 RATE_HZ = 100.0
 
