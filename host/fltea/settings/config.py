@@ -54,8 +54,7 @@ class LinkConfig(Table, frozen=True):
     latency: Annotated[
         str,
         Setting(
-            "How long samples of a serial port may wait for more to come, which costs less than to take each "
-            "at once, as 0 ms does. No record depends on it.",
+            "How long samples of a serial port may wait for more, which costs less; 0 ms takes each at once.",
             unit="s",
             least=0,
             most=1,
@@ -67,8 +66,8 @@ class LinkConfig(Table, frozen=True):
     max_gap: Annotated[
         Duration,
         Setting(
-            "Longest gap that is bridged by prediction, in samples or as a time; a longer one begins a new "
-            "epoch.",
+            "Longest gap that is bridged by prediction, in samples or as a time; a longer one begins a "
+            "new epoch.",
             unit="samples",
             least=0,
             time=True,
@@ -96,17 +95,17 @@ class ReplayConfig(How, frozen=True):
     shuffle: Annotated[
         int | None,
         Setting(
-            "Shuffle a recording, with this seed: what would white noise of this size give?",
+            "Shuffle the samples of a recording, with this seed: shows what white noise of this size gives.",
             least=0,
             flags=("--shuffle",),
             metavar="SEED",
             example=1,
         ),
     ] = None
-    max_chunk_mb: Annotated[
-        float, _memory("Most memory that one record of an MCAP file may take, unpacked.")
-    ] = DEFAULT_LIMITS.max_chunk_mb
-    max_mb: Annotated[float, _memory("Most memory that any other recording may take, 8 bytes a number.")] = (
+    max_chunk_mb: Annotated[float, _memory("Most memory for one record of an MCAP file, unpacked.")] = (
+        DEFAULT_LIMITS.max_chunk_mb
+    )
+    max_mb: Annotated[float, _memory("Most memory for any other recording, 8 bytes a number.")] = (
         DEFAULT_LIMITS.max_mb
     )
 
@@ -126,7 +125,7 @@ class Config(Table, frozen=True):
 
     source: Annotated[
         str | None,
-        Setting("Where samples come from, as `--source` says it.", example="serial:/dev/ttyACM0"),
+        Setting("Where samples come from, as for `--source`.", example="serial:/dev/ttyACM0"),
     ] = None
     name: Annotated[
         str | None,
@@ -135,8 +134,8 @@ class Config(Table, frozen=True):
     channels: Annotated[
         list[str] | None,
         Setting(
-            "Axes to estimate: gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z. Unset: all of the "
-            "gyroscope's.",
+            "Axes to estimate: gyro_x, gyro_y, gyro_z, accel_x, accel_y, accel_z. Unset: those of the "
+            "gyroscope.",
             flags=("--channels",),
             metavar="A,B,…",
             example=["gyro_z", "accel_x"],
@@ -152,7 +151,8 @@ class Config(Table, frozen=True):
     pace: Annotated[
         Literal["auto", "real", "fast"],
         Setting(
-            "`real` or `fast`, for recordings and synthetic noise; `auto`: recordings fast, noise real.",
+            "Speed of recordings and synthetic noise: `real`, `fast`, or `auto`: recordings fast, noise "
+            "real.",
             flags=("--pace",),
         ),
     ] = "auto"

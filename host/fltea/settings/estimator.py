@@ -15,8 +15,8 @@ LONGEST_WINDOW = 10_000_000
 
 SQUARED = "(deg/s)²"
 DELTA = Setting(
-    "Forgetting factor of Robbins and Monro: how fast the variance of the walk follows the innovations; 0: "
-    "it stays Q0.",
+    "Forgetting factor of Robbins and Monro: how fast the variance of the walk follows the innovations; "
+    "0: it stays Q0.",
     least=0,
     most=1,
     board=True,
@@ -86,8 +86,8 @@ class EstimatorConfig(Table, frozen=True):
     window: Annotated[
         Duration,
         Setting(
-            "Length L of the memory, in samples or as a time; 0: unlimited, which only memory `compressed` "
-            "has.",
+            "Length L of the filters' memory, in samples or as a time; 0: unlimited (with memory "
+            "`compressed`).",
             unit="samples",
             least=0,
             most=LONGEST_WINDOW,
@@ -113,8 +113,8 @@ class EstimatorConfig(Table, frozen=True):
     bias: Annotated[
         Literal["startup", "none"] | float | list[float],
         Setting(
-            "What is subtracted from every sample: `startup` (the mean of the start-up window), `none`, or "
-            "a number for all axes, or one an axis: 0.1,0,-0.2.",
+            "What is subtracted from every sample: `startup` (mean of the start-up window), `none`, a "
+            "number, or one an axis: 0.1,0,-0.2.",
             unit="deg/s",
             least=-LARGEST / 2,
             most=LARGEST / 2,
@@ -124,8 +124,7 @@ class EstimatorConfig(Table, frozen=True):
     R: Annotated[
         Literal["auto"] | float | list[float],
         Setting(
-            "Measurement variance: `auto` (the variance of the start-up window), or a number for all axes, "
-            "or one an axis.",
+            "Measurement variance: `auto` (variance of the start-up window), a number, or one an axis.",
             unit=SQUARED,
             least=1 / LARGEST,
             most=LARGEST,
@@ -135,15 +134,15 @@ class EstimatorConfig(Table, frozen=True):
     estimate_on: Annotated[
         EstimateOn,
         Setting(
-            "Who estimates the gyroscope: `host` (this computer), `device` (an Arduino Due by itself, and "
-            "nothing is estimated here) or `both` (here with the Due's settings, and with the difference).",
+            "Who estimates the gyroscope: `host` (this computer), `device` (the Arduino Due), or `both`, "
+            "with the difference.",
             flags=("--estimate-on",),
         ),
     ] = "host"
     memory: Annotated[
         Literal["compressed", "direct"],
         Setting(
-            "Memory of past states: `compressed` (any window at one cost) or `direct` (exact).",
+            "Memory of past states: `compressed` (fast) or `direct` (exact).",
             flags=("--memory",),
         ),
     ] = "compressed"
@@ -158,8 +157,8 @@ class EstimatorConfig(Table, frozen=True):
     guard: Annotated[
         Literal["off", "faithful", "consistent"],
         Setting(
-            "`off` (the printed algorithm), `faithful` (within bounds) or `consistent` (within bounds, and "
-            "with the variance that the printed algorithm leaves out).",
+            "`off` (the printed algorithm), `faithful` (within bounds) or `consistent` (within bounds, "
+            "and with the variance that the printed algorithm leaves out).",
             flags=("--guard",),
             board=True,
         ),
@@ -177,9 +176,9 @@ class EstimatorConfig(Table, frozen=True):
     tuning: Annotated[
         Tuning | None,
         Setting(
-            "Who sets the filters' Q and R while they run: `live` (the live fit, as soon as it knows them) "
-            "or `startup` (nobody: the paper's way). Unset: `live`, but `startup` where Q or R is given "
-            "and with guard `off`.",
+            "Who sets the filters' Q and R: `live` (the live fit, once it knows them) or `startup` (the "
+            "start-up window, as in the paper). Unset: `live`, but `startup` if Q or R is given or guard "
+            "is `off`.",
             flags=("--tuning",),
             example="startup",
         ),

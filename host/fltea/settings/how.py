@@ -13,7 +13,7 @@ class How(Table, frozen=True, kw_only=True):
     columns: Annotated[
         list[str] | None,
         Setting(
-            "Text, tables: the columns of the axes, or their positions from 1.",
+            "Text and tables: the columns of the axes, by name or position from 1.",
             flags=("--columns",),
             metavar="A,B,C",
             example=["gx", "gy", "gz"],
@@ -22,7 +22,8 @@ class How(Table, frozen=True, kw_only=True):
     units: Annotated[
         str | None,
         Setting(
-            "Text, tables: deg/s, °/s, dps, mdps, rad/s, or lsb:N.",
+            "Text and tables: unit of the rates: deg/s, °/s, dps, mdps, rad/s, or lsb:N (N counts are 1 "
+            "deg/s).",
             flags=("--units",),
             metavar="UNIT",
             example="dps",
@@ -31,7 +32,7 @@ class How(Table, frozen=True, kw_only=True):
     rate_hz: Annotated[
         float | None,
         Setting(
-            "Text, tables: samples per second.",
+            "Text and tables: samples per second.",
             unit="Hz",
             above=0,
             flags=("--rate",),
@@ -42,7 +43,7 @@ class How(Table, frozen=True, kw_only=True):
     time_column: Annotated[
         str | None,
         Setting(
-            "Text, tables: the column of times.",
+            "Text and tables: the column of times, by name or position.",
             flags=("--time-column",),
             metavar="NAME",
             example="t_ms",
@@ -50,12 +51,12 @@ class How(Table, frozen=True, kw_only=True):
     ] = None
     time_unit: Annotated[
         TimeUnit | None,
-        Setting("Text, tables: what the times are counted in.", flags=("--time-unit",), example="ms"),
+        Setting("Text and tables: unit of the times.", flags=("--time-unit",), example="ms"),
     ] = None
     topic: Annotated[
         str | None,
         Setting(
-            "Bags: the Imu topic, where there are several.",
+            "ROS bags: the Imu topic, if there are several.",
             flags=("--topic",),
             metavar="NAME",
             example="/imu",

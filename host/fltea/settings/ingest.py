@@ -25,11 +25,13 @@ def is_partitioned(url: str | None) -> bool:
 class IngestConfig(Table, frozen=True):
     """Devices that publish their frames to a broker; from `stream` on, of NATS only."""
 
-    devices: Annotated[int, Setting("Most devices at a time.", unit="devices", least=1, most=100_000)] = 2000
+    devices: Annotated[
+        int, Setting("Most devices at the same time.", unit="devices", least=1, most=100_000)
+    ] = 2000
     forget_s: Annotated[
         float,
         Setting(
-            "A device that has been silent for so long is given up, and makes room for another.",
+            "A device that is silent for so long makes room for another.",
             unit="s",
             least=10,
             most=7 * DAY_S,
@@ -38,26 +40,22 @@ class IngestConfig(Table, frozen=True):
     queue_mb: Annotated[
         float,
         Setting(
-            "Messages that may wait to be read, of all devices together.",
+            "Memory for messages that wait, of all devices together.",
             unit="MB",
             least=1,
             most=4096,
         ),
     ] = 64.0
-    stream: Annotated[str, Setting("Name of the JetStream stream, which is made where it is missing.")] = (
-        "FLTEA_FRAMES"
-    )
-    bucket: Annotated[str, Setting("Name of the key-value bucket, which is made where it is missing.")] = (
-        "fltea_lanes"
-    )
+    stream: Annotated[str, Setting("Name of the JetStream stream; it is made if missing.")] = "FLTEA_FRAMES"
+    bucket: Annotated[str, Setting("Name of the key-value bucket; it is made if missing.")] = "fltea_lanes"
     partitions: Annotated[
         int,
-        Setting("As many as the server's subject mapping has.", unit="partitions", least=1, most=1024),
+        Setting("Partitions of the server's subject mapping.", unit="partitions", least=1, most=1024),
     ] = 16
     snapshot_s: Annotated[
         float,
         Setting(
-            "Time from one snapshot of a device to the next; shorter than `keep_s`.",
+            "Time between snapshots of a device; shorter than `keep_s`.",
             unit="s",
             least=1,
             most=365 * DAY_S,
@@ -65,13 +63,12 @@ class IngestConfig(Table, frozen=True):
     ] = 60.0
     keep_s: Annotated[
         float,
-        Setting("How long a stream that is made here keeps frames.", unit="s", least=1, most=365 * DAY_S),
+        Setting("How long the stream keeps frames.", unit="s", least=1, most=365 * DAY_S),
     ] = 3600.0
     keep_mb: Annotated[
         float,
         Setting(
-            "Most that the frames of all devices may have on the server, whose max_file_store has to be "
-            "larger.",
+            "Room for frames on the server, whose max_file_store has to be larger.",
             unit="MB",
             least=1,
             most=MOST_KEPT_MB,
@@ -79,20 +76,20 @@ class IngestConfig(Table, frozen=True):
     ] = 4000.0
     snapshots_mb: Annotated[
         float,
-        Setting("Most that all snapshots may have on the server.", unit="MB", least=1, most=MOST_KEPT_MB),
+        Setting("Room for snapshots on the server.", unit="MB", least=1, most=MOST_KEPT_MB),
     ] = 1000.0
     replicas: Annotated[
         Literal[1, 3, 5],
-        Setting("Replicas of stream and bucket, when they are made; 3 need three nodes."),
+        Setting("Replicas of stream and bucket; 3 need three nodes."),
     ] = 1
     change_limits: Annotated[
         bool,
-        Setting("Whether a stream and buckets that exist get these limits; else differences are reported."),
+        Setting("Give an existing stream and buckets these limits, instead of reporting differences."),
     ] = False
     ca: Annotated[
         str | None,
         Setting(
-            "PEM file of the authority that signed the server's certificate; with it TLS is spoken.",
+            "PEM file of the authority that signed the server's certificate; switches TLS on.",
             text="the name of a file",
             example="ca.pem",
         ),

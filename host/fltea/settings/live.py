@@ -14,12 +14,12 @@ interval is too narrow by chance (host/docs/evaluation/live.md)."""
 class LiveConfig(Table, frozen=True):
     """The spectrum and the maximum-likelihood fit of every axis, live."""
 
-    on: Annotated[bool, Setting("Whether there is a fit at all.")] = True
+    on: Annotated[bool, Setting("Fit the noise live.")] = True
     period_s: Annotated[
         float | None,
         Setting(
-            "Time of samples between fits. Unset: whenever the record has grown by a hundredth, once a "
-            "second at most and once a minute at least.",
+            "Time between fits. Unset: whenever the record has grown by a hundredth, once a second at "
+            "most and once a minute at least.",
             unit="s",
             least=0.1,
             most=86400,
@@ -29,7 +29,7 @@ class LiveConfig(Table, frozen=True):
     memory: Annotated[
         str | None,
         Setting(
-            "Time constant with which older samples are forgotten. Unset: nothing is.",
+            "Time constant with which older samples are forgotten. Unset: none are.",
             unit="s",
             least=10,
             most=366 * 86400,

@@ -57,9 +57,8 @@ class OutputConfig(Table, frozen=True):
     every: Annotated[
         int,
         Setting(
-            "Samples and estimates of every N-th sample only go out (`seq` a multiple of N), to all "
-            "outputs alike; of MQTT's estimate_every and this the larger rules. All samples are estimated, "
-            "and events, statistics and the bytes of a recording stay whole.",
+            "Write samples and estimates of every N-th sample only (`seq` a multiple of N), to all "
+            "outputs. All samples are estimated and recorded.",
             unit="samples",
             least=1,
             most=1_000_000,
@@ -70,8 +69,7 @@ class OutputConfig(Table, frozen=True):
     corrected: Annotated[
         bool,
         Setting(
-            "Records `corrected`: the gyroscope's rates less their biases, with their deviations, for those "
-            "who integrate them.",
+            "Write records `corrected`: rates less their biases, with σ.",
             flags=("--corrected",),
         ),
     ] = False
@@ -83,7 +81,7 @@ class RecordConfig(Table, frozen=True):
     folder: Annotated[
         str | None,
         Setting(
-            "Folder for a recording, as MCAP files, of all that comes over the wire, and of all records.",
+            "Record all bytes and records as MCAP files in this folder.",
             text="the name of a folder",
             flags=("--record",),
             metavar="DIR",
@@ -93,26 +91,26 @@ class RecordConfig(Table, frozen=True):
     rotate_mb: Annotated[
         float,
         Setting(
-            "A new file begins beyond this size.", unit="MB", above=0, flags=("--rotate-mb",), metavar="MB"
+            "Start a new file beyond this size.", unit="MB", above=0, flags=("--rotate-mb",), metavar="MB"
         ),
     ] = 256.0
     rotate_s: Annotated[
         float,
         Setting(
-            "A new file begins beyond this age.", unit="s", above=0, flags=("--rotate-s",), metavar="SECONDS"
+            "Start a new file beyond this age.", unit="s", above=0, flags=("--rotate-s",), metavar="SECONDS"
         ),
     ] = 3600.0
     resume_mb: Annotated[
         float,
         Setting(
-            "Room that there has to be before a recording that a full disk stopped goes on.",
+            "Room needed before a recording that a full disk stopped goes on.",
             unit="MB",
             least=0,
         ),
     ] = 16.0
     channels: Annotated[
         tuple[Recorded, ...],
-        Setting("Decoded records that ride along with the bytes from the wire."),
+        Setting("Decoded records that are written with the bytes."),
     ] = RECORDED
 
 
@@ -134,8 +132,8 @@ class MqttConfig(Table, frozen=True):
     broker: Annotated[
         str | None,
         Setting(
-            "MQTT broker to publish to: HOST[:PORT], or mqtts://HOST[:PORT] for TLS. User and password "
-            "come from FLTEA_MQTT_USER and FLTEA_MQTT_PASSWORD.",
+            "MQTT broker to publish to: HOST[:PORT], or mqtts://HOST[:PORT] for TLS; user and password "
+            "from FLTEA_MQTT_USER and FLTEA_MQTT_PASSWORD.",
             flags=("--mqtt",),
             metavar="BROKER",
             example="mqtts://broker.example",
@@ -145,20 +143,18 @@ class MqttConfig(Table, frozen=True):
     estimate_every: Annotated[
         int,
         Setting(
-            "The estimate of one in so many samples is published, by `seq`, of those that `output.every` "
-            "leaves: the larger of the two rules.",
+            "Publish one estimate in so many samples, by `seq`; the larger of this and `output.every` "
+            "counts.",
             unit="samples",
             least=1,
         ),
     ] = 10
-    sample_every: Annotated[
-        int, Setting("The same for samples; 0: none is published.", unit="samples", least=0)
-    ] = 0
+    sample_every: Annotated[int, Setting("The same for samples; 0: none.", unit="samples", least=0)] = 0
     stream_qos: Annotated[
         Literal[0, 1],
         Setting("Quality of service of estimates and samples; everything else has 1."),
     ] = 0
-    tls: Annotated[bool, Setting("Whether TLS is spoken, as with mqtts://.")] = False
+    tls: Annotated[bool, Setting("Use TLS, as with mqtts://.")] = False
     ca: Annotated[
         str | None,
         Setting("PEM file of the authority that signed the broker's certificate.", example="ca.pem"),
@@ -167,7 +163,7 @@ class MqttConfig(Table, frozen=True):
         None
     )
     key: Annotated[str | None, Setting("PEM file of the certificate's key.", example="client.key")] = None
-    insecure: Annotated[bool, Setting("Whether any certificate of the broker is taken.")] = False
+    insecure: Annotated[bool, Setting("Accept any certificate of the broker.")] = False
     password_file: Annotated[
         str | None, Setting("File with one line USER:PASSWORD.", example="/etc/fltea/mqtt")
     ] = None
@@ -209,7 +205,7 @@ class MqttConfig(Table, frozen=True):
 
 def _address(what: str, flag: str, port: int) -> Setting:
     return Setting(
-        f"{what}, PORT or HOST:PORT; without a host it is for this machine only.",
+        f"{what}, PORT or HOST:PORT; without a host for this machine only.",
         text="PORT or HOST:PORT",
         least=0,
         most=65535,
@@ -226,7 +222,7 @@ class Listening(Table, frozen=True):
     names: Annotated[
         tuple[str, ...],
         Setting(
-            "Further names under which browsers may ask for it, such as that of a proxy in front.",
+            "Further host names that browsers may use, such as a proxy's.",
             example=("pi.example",),
         ),
     ] = ()
@@ -245,11 +241,11 @@ class DashboardConfig(Listening, frozen=True):
     """The live page; off without an address."""
 
     address: Annotated[str | int | None, _address("Address of the live page", "--dashboard", 5006)] = None
-    visitors: Annotated[int, Setting("Pages that may be open at a time.", unit="pages", least=1)] = 20
+    visitors: Annotated[int, Setting("Pages that may be open at the same time.", unit="pages", least=1)] = 20
     record: Annotated[
         bool | None,
         Setting(
-            "Whether pages may start and stop recordings. Unset: if none but this machine reaches them.",
+            "Let pages start and stop recordings. Unset: if only this machine reaches them.",
             example=False,
         ),
     ] = None
@@ -270,9 +266,9 @@ class DashboardConfig(Listening, frozen=True):
 class MetricsConfig(Listening, frozen=True):
     """Metrics for Prometheus; off without an address."""
 
-    address: Annotated[
-        str | int | None, _address("Address at which Prometheus finds metrics", "--metrics", 9100)
-    ] = None
+    address: Annotated[str | int | None, _address("Address of metrics for Prometheus", "--metrics", 9100)] = (
+        None
+    )
 
 
 class StateConfig(Table, frozen=True):
@@ -281,7 +277,7 @@ class StateConfig(Table, frozen=True):
     file: Annotated[
         str | None,
         Setting(
-            "File in which the estimators are kept, to go on from there after a restart.",
+            "File that keeps the estimators over a restart.",
             text="the name of a file",
             flags=("--state",),
             metavar="FILE",
@@ -293,5 +289,5 @@ class StateConfig(Table, frozen=True):
     )
     period_s: Annotated[
         float,
-        Setting("Time from one snapshot to the next; there is another at the end.", unit="s", above=0),
+        Setting("Time between snapshots; another is written at the end.", unit="s", above=0),
     ] = 60.0
