@@ -13,7 +13,7 @@ from due_support import DUE_CASES, NOISE, ROOT, DueRun, Measured, image, with_fa
 from fltea.wire import layout as wire
 from tiers import slow
 
-from tools.faults.report import cells, line
+from tools.faults.case import cells, line
 
 
 class Expected(NamedTuple):

@@ -10,9 +10,8 @@ from host_support import ROOT
 from toolchain import missing, needed
 
 from tools.faults.__main__ import PARTS
-from tools.faults.case import Case, Outcome, play, play_all
+from tools.faults.case import Case, Outcome, line, play, play_all
 from tools.faults.program import Skip
-from tools.faults.report import line
 from tools.faults.small_disk import SmallDisk
 
 AT_ONCE = 5

@@ -21,7 +21,7 @@ from host_support import PATIENCE_S, wait_until
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 
-from tools.faults.broker import Broker
+from tools.faults.server import Broker
 
 SECONDS, DEVICES = 120, ("a", "b")
 """More than a queue of 10,000 records holds."""

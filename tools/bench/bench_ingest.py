@@ -15,9 +15,9 @@ from subprocess import DEVNULL, PIPE
 from typing import Any
 
 from tools.bench.measured import Watch, rounded, started
-from tools.faults.broker import Broker
 from tools.faults.nats_server import NatsServer
 from tools.faults.program import wait_until
+from tools.faults.server import Broker
 from tools.validation.tables import Table
 
 DEVICES, SECONDS = 200, 15

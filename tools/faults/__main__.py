@@ -4,17 +4,14 @@
     make faults ARGS='ingest cluster'           only these parts
     make faults ARGS='--only disk --only clock' only faults with one of these words in their names
     make faults ARGS='daemon --long'            minutes in place of seconds, as the tables of host/*.md
-    make faults ARGS=--json                     the rows as JSON on the standard output too
 
 Exit code 1: something is not accounted for, or is wrong in another way. What cannot be played on this machine
 says why: a row without records.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,9 +24,8 @@ from tools.faults import (
     fleet,
     ingest,
 )
-from tools.faults.case import Case, Outcome, play_all
+from tools.faults.case import NOT_PLAYED, Case, Outcome, cells, line, play_all, report
 from tools.faults.program import Skip
-from tools.faults.report import NOT_PLAYED, cells, line, report
 
 
 class Part(NamedTuple):
@@ -63,7 +59,6 @@ def main() -> int:
     parser.add_argument("--long", action="store_true", help="minutes in place of seconds, where that differs")
     parser.add_argument("--image", type=Path, help="raw binary for the Due, for `board` (default: ours)")
     parser.add_argument("--out", type=Path, default=OUT, help=f"the report (default {OUT})")
-    parser.add_argument("--json", action="store_true", help="print the rows as JSON too")
     given = parser.parse_args()
     unknown = [part for part in given.parts if part not in PARTS]
     if unknown:
@@ -77,8 +72,6 @@ def main() -> int:
     text = report(rows)
     given.out.parent.mkdir(parents=True, exist_ok=True)
     given.out.write_text(text, encoding="utf-8")
-    if given.json:
-        print(json.dumps([_plain(*row) for row in rows], indent=2))
     print(f"{given.out}: {text.splitlines()[-1]}", file=sys.stderr)
     return 0 if all(one.is_right for _, _, one in rows) else 1
 
@@ -95,10 +88,6 @@ def played(
                 yield part, case.name, playing[case.name].result()
             except Skip as why:  # others need less
                 yield part, case.name, Outcome([], 0, {}, more=f"{NOT_PLAYED}: {why}")
-
-
-def _plain(part: str, name: str, one: Outcome) -> dict[str, object]:
-    return {"part": part, "fault": name, **asdict(one), "uncounted": one.uncounted}
 
 
 if __name__ == "__main__":

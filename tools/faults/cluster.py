@@ -1,13 +1,11 @@
 """Faults of `fltea identify --dask --out`: a worker killed in mid-file, the scheduler killed."""
 
-import asyncio
 import contextlib
 import logging
 import os
 import signal
 import subprocess
 import sys
-import threading
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -37,49 +35,34 @@ DONE = 3
 """Files after which the scheduler is killed."""
 
 
-SCHEDULER = """
-import asyncio
-from distributed import Scheduler
+CLUSTER = """
+import time
+from distributed import LocalCluster
 
-async def main():
-    async with Scheduler(host="127.0.0.1", port=0, dashboard=False) as scheduler:
-        print(scheduler.address, flush=True)
-        await scheduler.finished()
-
-asyncio.run(main())
+how = dict(threads_per_worker=1, processes=False, dashboard_address=None, host="127.0.0.1", protocol="tcp")
+with LocalCluster(n_workers=1, **how) as cluster:
+    print(cluster.scheduler_address, flush=True)
+    time.sleep(1e6)
 """
 
 
 class Cluster:
-    """A Dask scheduler in a process of its own, and a worker with one thread in this one."""
+    """A Dask scheduler and a worker with one thread, in a process of their own."""
 
     def __init__(self) -> None:
-        self.scheduler = subprocess.Popen(
-            [sys.executable, "-c", SCHEDULER], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", CLUSTER], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
         )
-        assert self.scheduler.stdout is not None
-        self.address = self.scheduler.stdout.readline().strip()
-        self._worker = threading.Thread(target=asyncio.run, args=(self._work(),))
-        self._worker.start()
-
-    async def _work(self) -> None:
-        from distributed import Worker
-
-        worker: Any = Worker  # it has no types
-        async with worker(self.address, nthreads=1, dashboard=False) as one:
-            await one.finished()  # ends with its scheduler
-
-    def kill(self) -> None:
-        """The scheduler, by `kill -9`."""
-        self.scheduler.kill()
-        self.scheduler.wait()
+        assert self._process.stdout is not None
+        with self._process.stdout as stdout:
+            self.address = stdout.readline().strip()
 
     def close(self) -> None:
-        """End both."""
-        self.kill()
-        assert self.scheduler.stdout is not None
-        self.scheduler.stdout.close()
-        self._worker.join()
+        """Kill it, by `kill -9`."""
+        self._process.kill()
+        self._process.wait()
+
+    kill = close
 
 
 @contextlib.contextmanager

@@ -11,10 +11,10 @@ from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
 from tools.faults.account import Sample, account, heard, wrong_ends
-from tools.faults.broker import Broker
 from tools.faults.case import Outcome
 from tools.faults.nats_server import NatsServer
 from tools.faults.program import Program, wait_until
+from tools.faults.server import Broker
 from tools.faults.stage import Stage
 from tools.frames_load import RATE_HZ, Sensors
 

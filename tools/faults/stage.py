@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from tools.faults.broker import Broker
 from tools.faults.cut_line import CutLine
 from tools.faults.program import Program
 from tools.faults.pty_board import Board
+from tools.faults.server import Broker
 from tools.faults.small_disk import SmallDisk
 
 QUICK = ("--startup", "50", "--set", "estimator.window=200")

@@ -222,6 +222,7 @@ class Partitions:
         if held.task is not None:
             held.task.cancel()
             await asyncio.wait([held.task])
+            _look_at(held.task)
         held.resuming = True
         self._inbox.post(Resumed(partition))
         held.task = self._pull(partition, self.done.get(partition, held.before) + 1)
