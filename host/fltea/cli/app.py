@@ -23,11 +23,10 @@ from fltea.records.secret import refuse_secrets
 from fltea.records.version import __version__
 from fltea.wire import layout as wire
 
-EXIT_CODES = """
-Exit codes: 0 ended as asked (end of a recording, Ctrl-C, SIGTERM, or the reader of the output left);
-1 failed while running; 2 the command line, the configuration or an input file is wrong;
-130 Ctrl-C broke off what has an end of its own, such as `fltea identify`.
-"""
+EXIT_CODES = (
+    "Exit codes: 0: ended as asked. 1: failed while running. 2: the command line, the configuration or an "
+    "input file is wrong. 130: interrupted by Ctrl-C."
+)
 
 app = typer.Typer(
     name="fltea",
@@ -35,8 +34,9 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     help=(
-        "Say what the noise of a MEMS gyroscope is, live or from a recording: order α and parameter f with "
-        "intervals, the bias now, and how far its heading will be off (`fltea identify --forecast`)."
+        "Identify the noise of a gyroscope at rest, live or from a recording: what it is made of, order α "
+        "and parameter f with intervals, the bias now, and the heading error to expect. Begin with "
+        "`fltea identify FILE` or `fltea run`; `fltea doctor` helps when something fails."
     ),
     epilog=EXIT_CODES,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -84,9 +84,9 @@ def inspect(
         ),
     ],
     baud: Annotated[int, typer.Option(help="Serial speed.")] = wire.BAUD,
-    limit: Annotated[int, typer.Option(metavar="N", help="Stop after N lines; 0 for no end.")] = 0,
+    limit: Annotated[int, typer.Option(metavar="N", help="Stop after N lines; 0: never.")] = 0,
 ) -> None:
-    """Decode raw frames for a person, one line each, damaged ones with the reason.
+    """Show raw frames of the wire protocol, one line each, damaged ones with the reason.
 
     For example:
 
@@ -164,12 +164,12 @@ GIVEN_BY_MODEL = ("alpha", "alpha_end", "f", "q", "r", "rate", "axes", "window")
 
 def simulate(
     context: typer.Context,
-    out: Annotated[Path, typer.Argument(metavar="FILE.csv|FILE.npz", help="What to write.")],
+    out: Annotated[Path, typer.Argument(metavar="FILE.csv|FILE.npz", help="File to write.")],
     alpha: Annotated[float, typer.Option(help="Order α; at the first sample if --alpha-end is given.")] = 0.3,
     alpha_end: Annotated[
         float | None, typer.Option(help="Order at the last sample: it varies linearly between.")
     ] = None,
-    f: Annotated[float, typer.Option("--f", help="Parameter f in s^-α.")] = -1.5,
+    f: Annotated[float, typer.Option("--f", help="Parameter f in s^-α, 0 or below.")] = -1.5,
     q: Annotated[
         float, typer.Option("--q", help="Variance of ω, (deg/s)² s^-2α; 0 gives white noise.")
     ] = 0.15,
@@ -190,13 +190,13 @@ def simulate(
         Path | None,
         typer.Option(
             metavar="FILE.json",
-            help="Noise of identified models, one for each axis: a file of `fltea identify --export-model`.",
+            help="Simulate the models of this file, which `fltea identify --export-model` wrote.",
         ),
     ] = None,
 ) -> None:
-    """Write fractional noise of known order, constant or varying: y = x + v, D^α x = f x + ω.
+    """Simulate noise of known order α, constant or varying: y = x + v, D^α x = f x + ω.
 
-    The file holds the measurement of each axis and, beside it, the true state and order; `fltea run
+    The file holds the measurement of each axis, the true state and the order; `fltea run
     -s replay:FILE` reads it.
 
     For example:

@@ -23,13 +23,12 @@ def devices(
         bool,
         typer.Option(
             "--probe",
-            help="Ask each Due that nobody uses who it is. Opening its port resets the board, so this is "
-            "not done unasked.",
+            help="Ask each free Due who it is. This resets the board.",
         ),
     ] = False,
     json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
 ) -> None:
-    """List boards, serial ports, I²C buses and sensors of the kernel (IIO), and who uses them or may not.
+    """List boards, serial ports, I²C buses and IIO sensors, who uses them, and whether you may open them.
 
     For example:
 
@@ -114,7 +113,7 @@ def doctor(
     config: ConfigFile = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
 ) -> None:
-    """Look at all that lies between the sensor and the records, and say what to do about each problem.
+    """Check everything from the sensor to the outputs, and say what to do about each problem.
 
     A port that nobody uses is opened and listened to for some seconds, which resets a Due. Exit code 0 if
     there is no problem (warnings may remain), 1 if there is one.

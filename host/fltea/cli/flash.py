@@ -20,7 +20,7 @@ def flash(
     ] = None,
     image: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Image for bossac; default: the committed one of the clone."),
+        typer.Option(metavar="FILE", help="Image for bossac; default: the one in the clone."),
     ] = None,
     method: Annotated[
         Literal["auto", "arduino-cli", "platformio", "bossac"],
@@ -32,7 +32,7 @@ def flash(
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the commands and do nothing.")] = False,
 ) -> None:
-    """Write the firmware to an Arduino Due, and wait until it says HELLO with the build that was written.
+    """Write the firmware to an Arduino Due, and check that it runs.
 
     What was on the board is erased. Wiring and both ports of the firmware: firmware/README.md.
 

@@ -37,27 +37,29 @@ def fleet(
         typer.Option("--mqtt", metavar="BROKER", help="HOST, HOST:PORT, `mqtt://…` or `mqtts://…` (TLS)."),
     ] = None,
     listen: Annotated[
-        str, typer.Option(metavar="[HOST:]PORT", help="Where the page is; without a host this machine only.")
+        str,
+        typer.Option(
+            metavar="[HOST:]PORT", help="Address of the page; without a host for this machine only."
+        ),
     ] = "5007",
     password_file: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="One line, USER:PASSWORD, that the page asks for; others must not read it."
+            metavar="FILE",
+            help="File with one line, USER:PASSWORD, that the page asks for; not readable by others.",
         ),
     ] = None,
     no_password: Annotated[
         bool,
-        typer.Option("--no-password", help="Let everybody in, though the page is not for this machine only."),
+        typer.Option("--no-password", help="Let everybody in, also from other machines."),
     ] = False,
     name: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME", help="Another name under which the page may be asked for, as behind a proxy."
-        ),
+        typer.Option(metavar="NAME", help="A further host name that browsers may use, such as a proxy's."),
     ] = None,
     history: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Keep the history in this file (SQLite); without it, in memory."),
+        typer.Option(metavar="FILE", help="Keep the history in this SQLite file; default: in memory."),
     ] = None,
     postgres: Annotated[
         str | None,
@@ -70,39 +72,38 @@ def fleet(
     history_every: Annotated[
         str,
         typer.Option(
-            metavar="TIME", help="How far apart an axis's fits are kept; changes of verdict always are."
+            metavar="TIME", help="Time between fits of an axis that are kept; changes of verdict always are."
         ),
     ] = "10min",
     keep: Annotated[
-        str, typer.Option(metavar="TIME", help="How long history is kept, and sensors are remembered.")
+        str, typer.Option(metavar="TIME", help="How long history and sensors are kept.")
     ] = "720h",
     silent_after: Annotated[
-        str, typer.Option(metavar="TIME", help="A sensor of which nothing is heard for so long is silent.")
+        str, typer.Option(metavar="TIME", help="A sensor that sends nothing for so long is silent.")
     ] = "90s",
     look_every: Annotated[
-        str, typer.Option(metavar="TIME", help="How often all sensors are compared.")
+        str, typer.Option(metavar="TIME", help="Time between comparisons of all sensors.")
     ] = "5s",
     most: Annotated[
-        int, typer.Option("--max-sensors", help="Further ones are counted and named, and not kept.")
+        int, typer.Option("--max-sensors", help="Most sensors that are kept; further ones are counted.")
     ] = 20_000,
     json: Annotated[
         bool,
-        typer.Option(
-            "--json", help="No page: print the fleet in numbers as one line, once the broker has sent all."
-        ),
+        typer.Option("--json", help="Print the fleet as one line of JSON, without a page, and end."),
     ] = False,
     every: Annotated[
-        str | None, typer.Option(metavar="TIME", help="With --json: another line every so often.")
+        str | None,
+        typer.Option(metavar="TIME", help="With --json: print a line every so often instead of ending."),
     ] = None,
     export: Annotated[
         Path | None,
         typer.Option(
-            metavar="OUT.parquet", help="No broker: write the history of --history as a Parquet file."
+            metavar="OUT.parquet", help="Write the history of --history as a Parquet file, without a broker."
         ),
     ] = None,
     config: ConfigFile = None,
 ) -> None:
-    """Show all sensors whose daemons publish to a broker: what their noise is, and who is unlike the others.
+    """Show all sensors that publish to a broker: the noise of each, and which are unlike the others.
 
     Estimation stays with the daemons (`fltea run --mqtt BROKER`). User and password for the broker come from
     FLTEA_MQTT_USER and FLTEA_MQTT_PASSWORD.

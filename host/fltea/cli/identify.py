@@ -31,57 +31,65 @@ def identify(
         list[str],
         typer.Argument(
             metavar="FILE…",
-            help="Recordings: .mcap, a folder of them, the name of a session, .npz, .csv, .ndjson, or ROS "
-            "bags: .bag, .db3, .mcap, a folder. With --out also URLs and patterns: 's3://lab/**/*.mcap'.",
+            help="Recordings: text (.csv, .txt, .log …), .npz, .npy, .parquet, .mcap, .ndjson, ROS bags "
+            "(.bag, .db3), a folder, or the name of a session. With --out also URLs and patterns: "
+            "'s3://lab/**/*.mcap'.",
             show_default=False,
         ),
     ],
     as_json: AsJson = False,
     report: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Write report.html, complete in itself, and its figures as PNG."),
+        typer.Option(
+            metavar="DIR", help="Write report.html with all figures, and the figures as PNG, to this folder."
+        ),
     ] = None,
     config: ConfigFile = None,
-    details: Annotated[bool, typer.Option("--details", help="Show the table of all figures, too.")] = False,
+    details: Annotated[bool, typer.Option("--details", help="Show all figures in a table.")] = False,
     forecast: Annotated[
         bool,
         typer.Option(
             "--forecast",
-            help="Tell how far the heading is off by time, and let the second half of the recording judge "
-            "what the first half's model says.",
+            help="Forecast the heading error over time from the first half, and check it on the second half.",
         ),
     ] = False,
     rest_for: Annotated[
         str | None,
         typer.Option(
             metavar="DEG@S",
-            help="Tell how long to rest so that the heading is good to ± DEG after S seconds: 0.5@60. With "
-            "the forecast.",
+            help="How long to rest so that the heading is good to ± DEG after S seconds, such as 0.5@60. "
+            "Includes --forecast.",
         ),
     ] = None,
     sheet: Annotated[
         str | None,
         typer.Option(
             metavar="PART",
-            help="Say whether the gyroscope is as good as the data sheet of this part, such as MPU-9250.",
+            help="Compare the noise with the data sheet of this part, such as MPU-9250.",
         ),
     ] = None,
     shuffles: Annotated[
-        int, typer.Option(metavar="N", min=0, help="Shuffled copies that are estimated beside the data.")
+        int,
+        typer.Option(
+            metavar="N",
+            min=0,
+            help="Shuffled copies that FLTEA is run on, to show what white noise gives; 0: none, and faster.",
+        ),
     ] = 200,
     notch: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="HZ±HZ|LO-HI", help="Leave out a band, such as 31.4±0.5 or 30.9-31.9; repeatable."
+            metavar="HZ±HZ|LO-HI",
+            help="Leave out a band of frequencies, such as 31.4±0.5 or 30.9-31.9; repeatable.",
         ),
     ] = None,
     from_hz: Annotated[
-        float, typer.Option("--from-hz", metavar="HZ", help="Leave out all below, such as drift.")
+        float, typer.Option("--from-hz", metavar="HZ", help="Leave out all lower frequencies, such as drift.")
     ] = 0.0,
     export_model: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Write the models of one recording; `fltea simulate --model` reads them."
+            metavar="FILE", help="Write the noise model of one recording, for `fltea simulate --model`."
         ),
     ] = None,
     imu_yaml: Annotated[
@@ -89,47 +97,49 @@ def identify(
         typer.Option(
             "--imu-yaml",
             metavar="FILE",
-            help="Write imu.yaml of one recording, as for Kalibr; without --channels, of both its sensors.",
+            help="Write imu.yaml for Kalibr; without --channels of both sensors.",
         ),
     ] = None,
     inflate: Annotated[
         str | None,
         typer.Option(
             metavar="X|X,Y",
-            help="imu.yaml: write X times what was measured; with Y, random walks Y times. 5 to 20 is "
-            "common, for what a sensor has in motion only.",
+            help="imu.yaml: multiply noise densities by X, and random walks by Y (else X). 5 to 20 is "
+            "common, for errors that only motion shows.",
         ),
     ] = None,
     gauss_markov: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write what a navigation filter needs of one recording: σ, τ, N, K, Q and drift, as JSON.",
+            help="Write what a navigation filter needs as JSON: σ, τ, N, K, Q and drift.",
         ),
     ] = None,
     jobs: Annotated[
-        int | None, typer.Option("--jobs", "-j", metavar="N", min=1, help="Processes; default: all cores.")
+        int | None,
+        typer.Option("--jobs", "-j", metavar="N", min=1, help="Number of processes; default: all cores."),
     ] = None,
     dask: Annotated[
         str | None,
         typer.Option(
-            metavar="ADDRESS", help="An existing Dask cluster instead: tcp://HOST:8786 or tls://HOST:8786."
+            metavar="ADDRESS",
+            help="Use an existing Dask cluster instead: tcp://HOST:8786 or tls://HOST:8786.",
         ),
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="NAME.parquet",
-            help="Write one row an axis to a table instead, and pass over files that are in it. Workers read "
-            "the files themselves (host/docs/guide/cluster.md).",
+            help="For many files: write one row an axis to this table, and skip files that are in it "
+            "(host/docs/guide/cluster.md).",
         ),
     ] = None,
 ) -> None:
-    """Identify the noise of recordings, and say what the figures are worth: one verdict an axis.
+    """Identify the noise of recordings of a sensor at rest: one verdict an axis.
 
-    What the noise is made of, with intervals, and whether it has an order; FLTEA beside what white noise
-    gives; a null test; the Allan deviation; and what in the data can mislead.
-    host/docs/guide/verdict.md explains every figure, host/docs/guide/bias_and_heading.md the forecast.
+    The verdict says what the noise is made of, with intervals, whether it has an order, and what in the data
+    can mislead. host/docs/guide/verdict.md explains every figure, host/docs/guide/bias_and_heading.md the
+    forecast.
 
     For example:
 

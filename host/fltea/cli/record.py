@@ -25,19 +25,20 @@ Recordings = Annotated[
 @takes_settings(["record.rotate_mb", "record.rotate_s", "link.baud"])
 def record(
     settings: dict[str, Any],
-    folder: Annotated[str, typer.Argument(metavar="DIR", help="Where the files go.")] = "recordings",
+    folder: Annotated[str, typer.Argument(metavar="DIR", help="Folder for the files.")] = "recordings",
     source: Annotated[
         str | None,
-        typer.Option("--source", "-s", metavar="URL", help="As of `fltea run`; default: the Arduino Due."),
+        typer.Option("--source", "-s", metavar="URL", help="As for `fltea run`; default: the Arduino Due."),
     ] = None,
     for_: Annotated[
         float | None, typer.Option("--for", metavar="SECONDS", help="Stop after this time.")
     ] = None,
     raw: Annotated[
-        bool, typer.Option("--raw", help="The bytes from the wire only, no decoded samples: half the size.")
+        bool,
+        typer.Option("--raw", help="Only the bytes from the wire, without decoded samples: half the size."),
     ] = False,
 ) -> None:
-    """Record a device without estimating anything: raw bytes and samples, in MCAP files.
+    """Record a device in MCAP files, raw bytes and samples, without estimating anything.
 
     Ctrl-C ends it. `fltea run -s replay:DIR` estimates later; `fltea run --record DIR` does both at once.
 
@@ -62,10 +63,10 @@ def info(
     paths: Recordings,
     settings: dict[str, Any],
     json: Annotated[
-        bool, typer.Option("--json", help="One JSON object a recording, each on a line.")
+        bool, typer.Option("--json", help="Print one JSON object a line, one a recording.")
     ] = False,
 ) -> None:
-    """Sum recordings up: device, settings, duration, samples, gaps, resets, rate, and what is missing.
+    """Show what recordings hold: device, settings, duration, samples, gaps, resets and rate.
 
     Everything is counted again from the raw bytes, which takes some minutes for a day at 100 Hz.
 
@@ -100,16 +101,15 @@ def info(
 def export(
     paths: Recordings,
     settings: dict[str, Any],
-    to: Annotated[Path, typer.Option("--to", metavar="OUT.csv|OUT.npz", help="What to write.")],
+    to: Annotated[Path, typer.Option("--to", metavar="OUT.csv|OUT.npz", help="File to write.")],
     what: Annotated[
         Literal["samples", "corrected", "estimates", "device_estimates", "fits"],
         typer.Option(
-            help="`samples`, decoded again; `corrected`: the gyroscope's rates less their biases, with their "
-            "deviations; `estimates` as they were published; `device_estimates`: those "
-            "that the device made beside the host's; `fits` of the maximum-likelihood fit."
+            help="`samples`; `corrected`: rates less their biases, with σ; `estimates` as published; "
+            "`device_estimates`: those of the device; `fits`: the maximum-likelihood fits."
         ),
     ] = "samples",
-    force: Annotated[bool, typer.Option("--force", help="Replace OUT if it exists already.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace OUT if it exists.")] = False,
 ) -> None:
     """Write one recording as a table, with the units in the headers.
 
@@ -144,10 +144,10 @@ def recover(
     settings: dict[str, Any],
     in_place: Annotated[
         bool,
-        typer.Option("--in-place", help="Replace the file; else NAME.recovered.mcap is written beside it."),
+        typer.Option("--in-place", help="Replace the file, instead of writing NAME.recovered.mcap."),
     ] = False,
 ) -> None:
-    """Make whole files of those that a killed program or a full disk left: with summary and indexes.
+    """Repair MCAP files that a killed program or a full disk cut off: add summary and indexes.
 
     fltea itself reads such files as they are; other programs want them whole.
 

@@ -22,9 +22,7 @@ def reproduce(
     settings: dict[str, Any],
     table: Annotated[
         list[str] | None,
-        typer.Option(
-            "--table", "-t", metavar="N", help="A table, 1 to 5, or 6.2 for that section; repeatable."
-        ),
+        typer.Option("--table", "-t", metavar="N", help="A table, 1 to 5, or 6.2; repeatable."),
     ] = None,
     figure: Annotated[
         list[str] | None,
@@ -46,7 +44,7 @@ def reproduce(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="For PNGs, tables.md, and a CSV a table with a line a seed. With figures: fltea-reproduce.",
+            help="Folder for PNGs, tables.md, and a CSV a table; with figures by default fltea-reproduce.",
         ),
     ] = None,
     recording: Annotated[
@@ -55,8 +53,8 @@ def reproduce(
             metavar="FILE", help="Recording of a resting gyroscope for table 5 and figures 12 to 20."
         ),
     ] = None,
-    amplitude: Annotated[float, typer.Option(help="Of the saw-tooth in examples 1 and 2.")] = 1.0,
-    period: Annotated[float, typer.Option(metavar="S", help="Of the saw-tooth, in seconds.")] = 1.0,
+    amplitude: Annotated[float, typer.Option(help="Amplitude of the saw-tooth in examples 1 and 2.")] = 1.0,
+    period: Annotated[float, typer.Option(metavar="S", help="Period of the saw-tooth in seconds.")] = 1.0,
     unipolar: Annotated[
         bool, typer.Option("--unipolar", help="The saw-tooth rises from 0, not from -amplitude.")
     ] = False,
@@ -68,7 +66,7 @@ def reproduce(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run the paper's experiments again: its tables beside its numbers, its figures as PNG.
+    """Run the paper's experiments again: tables next to the paper's numbers, figures as PNG.
 
     Without --table and --figure: everything. The paper prints neither amplitude nor period of the saw-tooth;
     ±1 at 1 Hz is the choice here. Without --recording the gyroscope's figures are made of white noise with
@@ -137,7 +135,9 @@ def _score(seeds: int, options: "Options", as_json: bool) -> None:
 def bench(
     what: Annotated[str, typer.Argument(metavar="estimator", help="What to measure.")],
     as_json: AsJson = False,
-    repetitions: Annotated[int, typer.Option(min=1, help="Of every measurement; medians are shown.")] = 5,
+    repetitions: Annotated[
+        int, typer.Option(min=1, help="Repetitions of every measurement; medians are shown.")
+    ] = 5,
 ) -> None:
     """Measure how fast this machine is: engine, numpy reference and filterpy's UKF side by side on one core.
 

@@ -12,12 +12,11 @@ def run(
     source: Sources = None,
     config: ConfigFile = None,
 ) -> None:
-    """Say sample by sample what the bias of each gyroscope axis is, and what its noise.
+    """Watch a sensor live, or replay a recording: the noise of each axis and its bias, sample by sample.
 
-    Writes one JSON object a line (host/docs/reference/records.md documents the records), or draws a live
-    table on a terminal: verdict, order α and parameter f with intervals, bias and state with their
-    deviations, and how far a heading will be off (host/docs/guide/bias_and_heading.md). A device that is
-    missing or falls silent is reported and waited for.
+    Draws a live table on a terminal, or writes one JSON object a line (host/docs/reference/records.md):
+    verdict, order α and parameter f with intervals, bias and state with σ, and the heading error to expect. A
+    device that is missing or falls silent is reported and waited for.
 
     For example:
 
