@@ -36,8 +36,8 @@ def test_help_tells_exit_codes_and_every_flag(command: str | None, width: int) -
     result = fltea_here(*([command] if command else []), "--help", columns=width)
     assert (result.returncode, result.stderr) == (0, "")
     text = plain(result.stdout)
-    assert "Exit codes: 0 ended as asked" in text
-    assert "1 failed while running; 2 the command line, the configuration or an input file is wrong" in text
+    assert "Exit codes: 0: ended as asked. 1: failed while running. 2: the command line" in text
+    assert "130: interrupted by Ctrl-C." in text
     if command is None:
         flags = ["--version", "--help", "-h", *COMMANDS]
     else:
