@@ -1,26 +1,33 @@
 """A made-up board that estimates by itself: what it sends, in its order, and what a wire makes of it."""
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
-from blocks import as_block
+from blocks import as_block, of, records_of
 from fltea.records.events import Chunk, Event, Opened, RawSample
+from fltea.records.records import AnyRecord, DeviceAxisEstimate, DeviceEstimates, Estimate, FlteaEstimate
+from fltea.settings.config import load_config
 from fltea.sources.wire_events import WireEvents
+from fltea.stream.pipeline import Pipeline
 from fltea.wire import layout as wire
 from fltea.wire.message_events import axis_event, estimator_event, hello_event
 from fltea.wire.messages import encode
 from host_support import WIRE_HELLO
 from own_estimator import JOINT, OwnEstimator
+from walk_support import Source
 
 from tools.board_voice import Voice
 
 ESTIMATOR = JOINT._replace(startup=30, remaining=30, gate=8.0)
 """Settings that are not the host's own: another start-up window, and a gate of its own."""
+STARTUP = ESTIMATOR.startup
 
 LSB_PER_DPS = 16.4
 PERIOD_US = 10_000
 START_NS = 10**9
+AXES = ("gyro_x", "gyro_y", "gyro_z")
 
 
 class Sent(NamedTuple):
@@ -117,3 +124,33 @@ def changed(
     for one in sent:
         is_meant = isinstance(one.message, kind) and which(one)
         yield one._replace(message=one.message._replace(**changes)) if is_meant else one
+
+
+def pipeline(who: str, **settings: object) -> Pipeline:
+    """A host that estimates itself, leaves it to the device, or both; `estimator__R` for estimator.R."""
+    changes = {"estimator__estimate_on": who} | settings
+    return Pipeline(Source(), load_config(None, {k.replace("__", "."): v for k, v in changes.items()}))
+
+
+def feed(walk: Pipeline, found: Iterable[Event]) -> list[AnyRecord]:
+    """What is published of events: valid JSON, and the same after it."""
+    records = records_of(item for event in found for item in walk.feed(event))
+    text = msgspec.json.encode(records)
+    assert b"NaN" not in text
+    assert msgspec.json.decode(text, type=list[AnyRecord]) == records
+    return records
+
+
+def estimates_of(who: str, records: Iterable[AnyRecord]) -> list[Any]:
+    """What is published of the device: its estimates alone, or beside the host's."""
+    return of(Estimate if who == "device" else DeviceEstimates, records)
+
+
+def of_filters(e: Estimate | DeviceEstimates) -> list[FlteaEstimate]:
+    """The board's own estimates of a sample, whichever record they are in."""
+    return [a if isinstance(a, DeviceAxisEstimate) else a.fltea for a in e.axes.values()]
+
+
+def reasons(compared: Iterable[DeviceEstimates], *axes: str) -> set[str | None]:
+    """Why axes, by default all, are not compared."""
+    return {a.why_not for e in compared for name, a in e.axes.items() if name in (axes or AXES)}
