@@ -21,7 +21,7 @@ from identify_support import H
 from numpy.typing import NDArray
 from spectrum_probe import BoardFit, BoardSpectrum
 
-from tools.validation.device import agreement
+from tools.validation.device import SIGMA, agreement, drawn
 
 # The first test compiles the probe.
 pytestmark = pytest.mark.timeout(300)
@@ -32,19 +32,6 @@ NOISES = (
     *((0.9, -0.01, 0.01),),
 )
 """α, g, share of the state's innovations."""
-SIGMA = 3.0
-"""Of the white part, in counts."""
-
-
-def drawn(n: int, alpha: float, g: float, weight: float, seed: int) -> NDArray[np.int16]:
-    """Counts of the fractional state in white noise, by its spectrum."""
-    rng = np.random.default_rng(seed)
-    lam = np.maximum(np.arange(n + 1), 1) * np.pi / n
-    turn = np.exp(-1j * lam)
-    density = weight / np.abs((1 - turn) ** alpha - g * turn) ** 2 + 1 - weight
-    parts = rng.standard_normal((2, n + 1))
-    y = np.fft.irfft(np.sqrt(density * n) * (parts[0] + 1j * parts[1]))[:n]
-    return np.rint(SIGMA * y).astype(np.int16)
 
 
 def on_board(counts: NDArray[np.int16], gaps: dict[int, int]) -> BoardFit:
@@ -78,7 +65,7 @@ def order_of(whole: Periodogram, h: float) -> OrderFit:
 def test_the_order_and_its_interval_are_near_the_hosts(
     noise: tuple[float, float, float], gaps: dict[int, int]
 ) -> None:
-    counts = drawn(60_000, *noise, seed=NOISES.index(noise))
+    counts = drawn(60_000, *noise, np.random.default_rng(NOISES.index(noise)))
     board = on_board(counts, gaps)
     whole = on_host(counts, gaps).periodogram(0, H)
     host = order_of(whole, H)
@@ -111,7 +98,8 @@ WEAK_ORDER = 0.35
 
 
 def weak_noise(seed: int) -> NDArray[np.int16]:
-    return drawn(120_000, WEAK_ORDER, -(0.01**WEAK_ORDER), 0.004 / 0.024, seed)[:60_000]
+    rng = np.random.default_rng(seed)
+    return drawn(120_000, WEAK_ORDER, -(0.01**WEAK_ORDER), 0.004 / 0.024, rng)[:60_000]
 
 
 def holds_weak_order(found: BoardFit) -> bool:

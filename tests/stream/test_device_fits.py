@@ -9,11 +9,10 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from blocks import records_of
-from estimating_board import Board, Sent, events, noise
+from blocks import of
+from estimating_board import AXES, Board, Sent, events, feed, noise, pipeline
 from fltea.records.fit import AxisFit, Interval
-from fltea.records.records import AnyRecord, DeviceFits, Sample
-from fltea.settings.config import load_config
+from fltea.records.records import DeviceFits, Sample
 from fltea.sinks.metrics.families import Families, Newest
 from fltea.sinks.page import facts_of_device
 from fltea.sinks.page.history import DeviceHistory
@@ -21,16 +20,13 @@ from fltea.sinks.table import DeviceView
 from fltea.stream import board_fits
 from fltea.stream.board_fits import BoardFits
 from fltea.stream.live import SettledFit
-from fltea.stream.pipeline import Pipeline
 from fltea.stream.stages import Moment
 from fltea.wire import layout as wire
 from fltea.wire.message_events import bins_event, fit_event
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console, Group
-from walk_support import Source
 
-AXES = ("gyro_x", "gyro_y", "gyro_z")
 FIT = wire.Fit(
     axis=wire.Axis.GYRO_Y,
     verdict=wire.FitVerdict.FRACTIONAL,
@@ -311,13 +307,11 @@ def with_fits(sent: Iterable[Sent]) -> Iterator[Sent]:
 
 @pytest.mark.parametrize("who", ["both", "device"])
 def test_the_pipeline_tells_them(who: str) -> None:
-    walk = Pipeline(Source(), load_config(None, {"estimator.estimate_on": who}))
-    found: list[AnyRecord] = records_of(
-        item for event in events(with_fits(Board().run(noise(200)))) for item in walk.feed(event)
-    )
-    fits = [record for record in found if isinstance(record, DeviceFits)]
+    walk = pipeline(who)
+    found = feed(walk, events(with_fits(Board().run(noise(200)))))
+    fits = of(DeviceFits, found)
     assert [fit.seq for fit in fits] == [60, 60]
-    place = next(s for s in found if isinstance(s, Sample) and s.seq == 60)
+    place = next(s for s in of(Sample, found) if s.seq == 60)
     at = (place.epoch, place.device_us, place.host_ns)
     assert (fits[0].epoch, fits[0].device_us, fits[0].host_ns) == at
     assert fits[1].axes["gyro_y"].spectrum is not None
@@ -327,11 +321,8 @@ def test_the_pipeline_tells_them(who: str) -> None:
 
 
 def test_a_host_that_estimates_alone_says_nothing_of_them() -> None:
-    walk = Pipeline(Source(), load_config(None, {"estimator.estimate_on": "host"}))
-    found = records_of(
-        item for event in events(with_fits(Board().run(noise(200)))) for item in walk.feed(event)
-    )
-    assert not any(isinstance(record, DeviceFits) for record in found)
+    found = feed(pipeline("host"), events(with_fits(Board().run(noise(200)))))
+    assert not of(DeviceFits, found)
 
 
 # --- what shows them ---
