@@ -14,6 +14,8 @@ from identify_support import H, ar, long_recursion, white
 from numpy_octaves import fed
 from tiers import slow
 
+from tools.validation.power import WHITE
+
 LEVEL = 0.01
 
 
@@ -21,10 +23,7 @@ def change(y: Array, level: float = LEVEL) -> Change | None:
     return find_change(fed(y).cells(0, H), H, level)
 
 
-NOISES: dict[str, Callable[[int, np.random.Generator], Array]] = {
-    "gauss": lambda n, rng: rng.standard_normal(n),
-    "t4": lambda n, rng: rng.standard_t(4, n),
-    "lsb": lambda n, rng: np.rint(rng.standard_normal(n)),
+NOISES: dict[str, Callable[[int, np.random.Generator], Array]] = WHITE | {
     "a relaxation": lambda n, rng: ar((0.99,), n, 1, int(rng.integers(1 << 30)))[0],
     "fractional": lambda n, rng: long_recursion(0.6, -0.02, n, int(rng.integers(1 << 30))),
     "random walk": lambda n, rng: rng.standard_normal(n).cumsum(),

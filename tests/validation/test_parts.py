@@ -77,7 +77,7 @@ def test_strong_noise_is_found() -> None:
 @pytest.mark.parametrize(
     ("noise", "rules"),
     [
-        ("gauss", ["null test", "sentences", "drift", "peaks", "not stationary", "verdict", "any rule"]),
+        ("Gaussian", ["null test", "sentences", "drift", "peaks", "not stationary", "verdict", "any rule"]),
         ("AR(.99)", ["fractional"]),
     ],
 )

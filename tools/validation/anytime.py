@@ -9,7 +9,6 @@ no order: of these it is counted how often they are ever called fractional.
 
 import math
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from fltea.records.arrays import Array
@@ -24,6 +23,7 @@ from fltea.spectrum.stationarity import find_change
 from fltea.spectrum.verdict import decide
 from fltea.stream.fit_times import LookTimes
 
+from tools.validation.power import WHITE
 from tools.validation.recursions import Stream
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped, share
@@ -53,23 +53,14 @@ def _relaxations(poles: tuple[float, ...], rng: np.random.Generator) -> Draw:
     return draw
 
 
-WHITE: dict[str, Callable[[np.random.Generator], Draw]] = {
-    "gauss": lambda rng: rng.standard_normal,
-    "lsb": lambda rng: lambda n: np.rint(rng.standard_normal(n)),
-    "t4": lambda rng: lambda n: rng.standard_t(4, n),
-}
-NOISES = WHITE | {
-    "AR(.5)": partial(_relaxations, (0.5,)),
-    "AR(.99)": partial(_relaxations, (0.99,)),
-    "AR(.99) + AR(.5)": partial(_relaxations, (0.99, 0.5)),
-}
+POLES = {"AR(.5)": (0.5,), "AR(.99)": (0.99,), "AR(.99) + AR(.5)": (0.99, 0.5)}
 
 
 def tasks(options: Options) -> list[Task]:
     """Return a task for each axis."""
     return [
         Task(name, axis, (name, SHORT if options.quick else DAY, seed))
-        for name in NOISES
+        for name in (*WHITE, *POLES)
         if options.wanted(name)
         for seed in range(options.seeds)
     ]
@@ -77,7 +68,8 @@ def tasks(options: Options) -> list[Task]:
 
 def axis(noise: str, samples: int, seed: int) -> list[Row]:
     """Return the highest level at which each rule is silent all the time."""
-    draw = NOISES[noise](np.random.default_rng((seed, samples)))
+    rng = np.random.default_rng((seed, samples))
+    draw: Draw = (lambda n: WHITE[noise](n, rng)) if noise in WHITE else _relaxations(POLES[noise], rng)
     sums, looks, taken, of = Octaves(1), Looks(), 0, _look if noise in WHITE else _claim
     times = LookTimes(1 / H, grows=True, every=True)
     times.begin(PERIOD)

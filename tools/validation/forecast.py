@@ -11,7 +11,7 @@ from fltea.identification.axis import IdentifyOptions, look
 from fltea.identification.forecast import judged, learned
 
 from tools.validation.runner import Options, Row, Task
-from tools.validation.states import NOISES, H, white
+from tools.validation.states import NOISES, H, state, white
 from tools.validation.tables import Table, grouped
 
 SEEDS, QUICK_SEEDS = 60, 6
@@ -28,10 +28,10 @@ def tasks(options: Options) -> list[Task]:
 def judge(name: str, series: int) -> list[Row]:
     """Judge series of one noise; a row for each of them and time, with the mean squares of said and seen."""
     rng = np.random.default_rng((20261125, zlib.crc32(name.encode())))
-    parts, draw = NOISES[name]
+    parts = NOISES[name]
     rows: list[Row] = []
     for number in range(series):
-        y = OFFSET + draw(rng, N) + white(parts, rng, N)
+        y = OFFSET + state(parts, rng, N) + white(parts, rng, N)
         half = y[: N // 2]
         found = look(half, H, IdentifyOptions(shuffles=0)).figures.sentence.parts(H)
         for one in judged(learned(found, half, H), y, N // 2, H):

@@ -6,7 +6,6 @@ goes the way of the live stage: samples, a settled fit whenever the record has g
 
 import math
 import zlib
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -33,55 +32,20 @@ SPANS = {"6–30 s": (600, 3_000), "60–200 s": (6_000, N)}
 OVERSAMPLED = 8
 """For a low-pass as it is in a sensor, in front of the sampling."""
 
-Draw = Callable[[np.random.Generator, int], Array]
-"""Draws so many samples of a state."""
-
-
-def _walk(step: float) -> Draw:
-    return lambda rng, n: np.cumsum(rng.normal(0, step, n))
-
-
-def _relaxation(sigma: float, samples: float) -> Draw:
-    a, before = math.exp(-1 / samples), round(20 * samples)
-
-    def draw(rng: np.random.Generator, n: int) -> Array:
-        driven = rng.normal(0, sigma * math.sqrt(1 - a * a), n + before)
-        return np.asarray(signal.lfilter([1.0], [1.0, -a], driven)[before:])
-
-    return draw
-
-
-def _order(alpha: float, f: float, s2: float) -> Draw:
-    of = cache(lambda n: FractionalState(alpha, H**alpha * f, n))
-    return lambda rng, n: np.asarray(math.sqrt(s2) * of(n).draw(rng))
-
-
-def _sum(*draws: Draw) -> Draw:
-    return lambda rng, n: np.asarray(sum(one(rng, n) for one in draws))
-
-
-NOISES: dict[str, tuple[tuple[Part, ...], Draw]] = {
-    "white": ((), lambda rng, n: np.zeros(n)),
-    "walk, 0.002 a sample": ((Walk(0.002 / math.sqrt(H)),), _walk(0.002)),
-    "walk, 0.0003 a sample": ((Walk(0.0003 / math.sqrt(H)),), _walk(0.0003)),
-    "relaxation of 2 s": ((Relaxation(0.1, 2.0),), _relaxation(0.1, 200)),
-    "relaxations of 0.2 and 10 s": (
-        (Relaxation(0.1, 0.2), Relaxation(0.1, 10.0)),
-        _sum(_relaxation(0.1, 20), _relaxation(0.1, 1000)),
-    ),
-    "α .7, f -2, s2/R .3": ((Order(0.7, -2.0, 0.3 * R / H**1.4),), _order(0.7, -2.0, 0.3 * R)),
-    "α .5, f -2, s2/R 1": ((Order(0.5, -2.0, R / H),), _order(0.5, -2.0, R)),
-    "α .8, f -1, s2/R 3": ((Order(0.8, -1.0, 3 * R / H**1.6),), _order(0.8, -1.0, 3 * R)),
-    "α .35, f -4, s2/R 1 (F < 0)": ((Order(0.35, -4.0, R / H**0.7),), _order(0.35, -4.0, R)),
-    "1/f^0.9": (
-        (Arfima(0.45, 1e-9, 0.2 * R),),
-        lambda rng, n: math.sqrt(0.2 * R) * fractional_noise(0.45, n, rng),
-    ),
-    "low-pass of 20 Hz, relaxation of 1 s": (
-        (Relaxation(0.1, 1.0), LowPass(20.0, 2.0)),
-        _relaxation(0.1, 100),
-    ),
+NOISES: dict[str, tuple[Part, ...]] = {
+    "white": (),
+    "walk, 0.002 a sample": (Walk(0.002 / math.sqrt(H)),),
+    "walk, 0.0003 a sample": (Walk(0.0003 / math.sqrt(H)),),
+    "relaxation of 2 s": (Relaxation(0.1, 2.0),),
+    "relaxations of 0.2 and 10 s": (Relaxation(0.1, 0.2), Relaxation(0.1, 10.0)),
+    "α .7, f -2, s2/R .3": (Order(0.7, -2.0, 0.3 * R / H**1.4),),
+    "α .5, f -2, s2/R 1": (Order(0.5, -2.0, R / H),),
+    "α .8, f -1, s2/R 3": (Order(0.8, -1.0, 3 * R / H**1.6),),
+    "α .35, f -4, s2/R 1 (F < 0)": (Order(0.35, -4.0, R / H**0.7),),
+    "1/f^0.9": (Arfima(0.45, 1e-9, 0.2 * R),),
+    "low-pass of 20 Hz, relaxation of 1 s": (Relaxation(0.1, 1.0), LowPass(20.0, 2.0)),
 }
+"""What is beside the white noise, and a low-pass that this goes through."""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -92,14 +56,14 @@ def tasks(options: Options) -> list[Task]:
 def track(name: str, series: int) -> list[Row]:
     """Track series of one noise; mean squares of errors, and shares within 2 σ, by span."""
     rng = np.random.default_rng((20261124, zlib.crc32(name.encode())))
-    parts, draw = NOISES[name]
-    x = np.stack([draw(rng, N) for _ in range(series)], axis=1)
+    parts = NOISES[name]
+    x = np.stack([state(parts, rng, N) for _ in range(series)], axis=1)
     y = x + np.stack([white(parts, rng, N) for _ in range(series)], axis=1)
     known = Tracker([0.0] * series)
     for lane in range(series):
         known.set(lane, system((White(R), *parts), H, N))
     best = known.run(y).bias - x
-    bias, std, state = _live(y)
+    bias, std, tracked = _live(y)
     rows = []
     for span, (begin, end) in SPANS.items():
         e, s = (bias - x)[begin:end], std[begin:end]
@@ -111,7 +75,7 @@ def track(name: str, series: int) -> list[Row]:
                 "y": _rms((y - x)[begin:end]),
                 "best": _rms(best[begin:end]),
                 "bias": _rms(e),
-                "state": _rms((state - x)[begin:end]),
+                "state": _rms((tracked - x)[begin:end]),
                 "within": float((np.abs(e) <= 2 * s).mean()),
             }
         )
@@ -120,6 +84,29 @@ def track(name: str, series: int) -> list[Row]:
 
 def _rms(e: Array) -> float:
     return math.sqrt(float((e**2).mean()))
+
+
+def state(parts: tuple[Part, ...], rng: np.random.Generator, n: int) -> Array:
+    """Return what the parts are together, (n,), without the white noise."""
+    x = np.zeros(n)
+    for part in parts:
+        match part:
+            case Walk():
+                x += np.cumsum(rng.normal(0, part.K * math.sqrt(H), n))
+            case Relaxation():
+                a, before = math.exp(-H / part.tau_s), round(20 * part.tau_s / H)
+                driven = rng.normal(0, part.sigma * math.sqrt(1 - a * a), n + before)
+                x += signal.lfilter([1.0], [1.0, -a], driven)[before:]
+            case Order():
+                x += math.sqrt(part.Q * H ** (2 * part.alpha)) * _fractional(part, n).draw(rng)
+            case Arfima():
+                x += math.sqrt(part.s2) * fractional_noise(part.d, n, rng)
+    return x
+
+
+@cache
+def _fractional(part: Order, n: int) -> FractionalState:
+    return FractionalState(part.alpha, H**part.alpha * part.f, n)
 
 
 def white(parts: tuple[Part, ...], rng: np.random.Generator, n: int) -> Array:
