@@ -120,7 +120,7 @@ man: .venv/.run
 # What is published, in build/dist: sdist, wheels and Debian packages for x86-64 and aarch64, each tried, and how long that took.
 # What it needs: tools/dist/RELEASE.md.
 dist: .venv/.dev
-	@begin=$$(date +%s); for step in wheels try deb try_deb; do tools/dist/$$step.sh || exit; done; \
+	@begin=$$(date +%s); for step in wheels try deb try_deb try_container; do tools/dist/$$step.sh || exit; done; \
 		echo "dist: done in $$(($$(date +%s) - begin)) s" >&2
 
 # As root. PREFIX=/opt/fltea: where the program goes; DESTDIR=FOLDER: only write the files, into that tree.
