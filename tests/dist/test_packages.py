@@ -1,11 +1,12 @@
 """What `make dist` builds from, as far as seconds allow: the sdist has all of the wheel; versions agree."""
 
+import json
 import re
-import shutil
 import subprocess
 import sys
 import tarfile
 import tomllib
+from fnmatch import fnmatch
 from pathlib import Path
 
 import fltea
@@ -82,8 +83,6 @@ def test_every_version_has_its_part_of_the_changelog() -> None:
     assert PROJECT["version"] in headings or headings[:1] == ["Unreleased"]
 
 
-
-
 def test_scripts_are_clean_bash() -> None:
     scripts = sorted((ROOT / "tools").rglob("*.sh"))
     command = [installed("shellcheck"), "-x", *scripts]
@@ -129,7 +128,8 @@ def test_debian_package_asks_for_what_its_wheel_is_made_for() -> None:
     maps = re.findall(r"^declare -A (python|suite)_of=\((.*)\)$", common, re.MULTILINE)
     names = [set(re.findall(r"\[(.*?)\]=", text)) for _, text in maps]
     systems = re.search(r"^systems=\((.*)\)$", common, re.MULTILINE)
-    assert systems and names == [set(systems[1].split())] * 2
+    assert systems
+    assert names == [set(systems[1].split())] * 2
     glibc = re.search(r"^glibc=(\d)_(\d+)$", common, re.MULTILINE)
     assert glibc
     assert f"libc6 (>= {glibc[1]}.{glibc[2]})" in depends
@@ -152,6 +152,22 @@ def test_files_that_are_packed_exist() -> None:
         f"\n{line}" in unit
         for line in ("ExecStart=/opt/fltea/bin/fltea ", "RestartSteps=", "RestartMaxDelaySec=")
     )
+
+
+def test_container_takes_the_package_that_is_built() -> None:
+    text = (ROOT / "tools/deploy/Containerfile").read_text("utf-8")
+    pattern = re.search(r"^COPY (\S+) ", text, re.MULTILINE)
+    common = (DIST / "common.sh").read_text("utf-8")
+    code = f'cd "{ROOT}"; {common}\nbasename "$(deb_of deb13 amd64)"'
+    built = subprocess.run(
+        ["bash", "-c", code], check=True, capture_output=True, text=True, timeout=30
+    ).stdout
+    assert pattern
+    assert fnmatch(built.strip(), pattern[1])
+    assert "USER fltea\n" in text
+    command = json.loads(re.findall(r"^CMD (.*)$", text, re.MULTILINE)[0])
+    unit = (ROOT / "tools/deploy/fltea.service").read_text("utf-8")
+    assert f"fltea {' '.join(command)}\n" in unit
 
 
 def test_every_override_says_why() -> None:

@@ -29,7 +29,8 @@ container=$(build from --pull-never fltea)
 inside() { build run "$container" -- "$@"; }
 [ "$(inside id -un)" = fltea ] || refuse "the image runs as another user"
 inside fltea simulate record.npz --alpha 0.5 --f -1 -n 2000 --seed 1
-inside fltea run --source replay:record.npz --once --set live.on=false | grep -q '"class":"estimate"' ||
+inside fltea run --source replay:record.npz --once --set live.on=false >"$work/container.ndjson"
+grep -q '"class":"estimate"' "$work/container.ndjson" ||
     refuse "the daemon in the image says nothing"
 inside fltea fleet --help >/dev/null
 say "the image runs daemon and fleet as the user fltea; log: $work/container.log"
