@@ -215,7 +215,7 @@ def test_what_breaks_is_a_wrong_outcome_and_what_it_started_ends() -> None:
     ended = []
 
     def breaks(stage: Stage) -> Outcome:
-        stage.later(lambda: ended.append(stage.folder))
+        stage.callback(lambda: ended.append(stage.folder))
         raise ValueError("broke")
 
     assert "ValueError: broke" in play(Case("a fault", breaks)).wrong[0]

@@ -1,6 +1,7 @@
 """The daemon on a board's port: what the board sent is held against all that the daemon gave out."""
 
 import contextlib
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -41,6 +42,7 @@ class Scene:
         self.stage = stage
         self.board = board or stage.board()
         self.recording = stage.folder / RECORDING
+        self._ended_ns = 0
         self.programs: list[Program] = []
         """Those that listened to the board, one after the other."""
         if source is None:
@@ -61,10 +63,10 @@ class Scene:
 
     @contextlib.contextmanager
     def fault(self, *, before: int = BEFORE) -> Iterator[Board]:
-        """Notes when the trouble begins, after so many quiet samples, and ends."""
+        """What happens after so many quiet samples; notes when the trouble ends."""
         self.board.send(before)
-        with self.stage.fault():
-            yield self.board
+        yield self.board
+        self._ended_ns = time.monotonic_ns()
 
     def send_until_error(self, kind: str) -> None:
         """Let the board go on until the daemon has reported such an error."""
@@ -108,12 +110,11 @@ class Scene:
         if others is None:
             others = dropped(programs[-1], but=but)
         times = sorted(ns for program in programs for ns in program.estimates_ns)
-        ended_ns = self.stage.ended_ns
-        after = [ns for ns in times if ns >= ended_ns]
+        after = [ns for ns in times if ns >= self._ended_ns]
         if not after:
             found.append("no estimates after the fault")
         pause_s = max((b - a for a, b in pairwise(times)), default=0) * 1e-9
-        again_s = (after[0] - ended_ns) * 1e-9 if after else 0.0
+        again_s = (after[0] - self._ended_ns) * 1e-9 if after else 0.0
         estimates = f"again after {again_s:.1f} s" if pause_s >= UNINTERRUPTED_S else "not interrupted"
         epochs = [record["reason"] for program in programs for record in program.of("epoch")][1:]
         return Outcome(

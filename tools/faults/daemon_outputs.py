@@ -45,7 +45,7 @@ def browser_killed(stage: Stage) -> Outcome:
     scene = Scene(stage, *PAGE)
     url, port = _page_of(scene.program)
     pid, browser = scene.program.process.pid, Browser(url, stage.folder / "chromium")
-    stage.later(browser.kill)
+    stage.callback(browser.kill)
     scene.board.send_until(lambda: connections(pid, port) > 0, "the browser")
     with scene.fault(before=200) as board:
         board.send_during(browser.kill)
@@ -58,7 +58,7 @@ def page_that_does_not_read(stage: Stage) -> Outcome:
     scene = Scene(stage, *PAGE)
     url, _ = _page_of(scene.program)
     pages: list[socket.socket] = []
-    stage.later(lambda: [page.close() for page in pages])  # type: ignore[func-returns-value]
+    stage.callback(lambda: [page.close() for page in pages])  # type: ignore[func-returns-value]
     with scene.fault() as board:
         board.send_during(lambda: pages.extend(open_page_and_read_nothing(url) for _ in range(PAGES)))
         before_mb = _memory_mb(scene.program)

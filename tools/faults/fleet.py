@@ -1,10 +1,7 @@
 """Faults of a fleet of daemons and its program: its broker, its network, its disk, its clock, its sensors."""
 
-import contextlib
-import sqlite3
 import time
 from functools import partial
-from pathlib import Path
 
 from tools.faults.case import Case, Outcome
 from tools.faults.fleet_scene import AXES, SENSORS, FleetScene
@@ -86,8 +83,7 @@ def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
 def disk_full(stage: Stage) -> Outcome:
     """The history's disk, and room again."""
     disk = stage.disk("disk")
-    history = disk.folder / "fleet.db"
-    scene = FleetScene(stage, "--history", history, "--history-every", "1ms", disk=disk)
+    scene = FleetScene(stage, history=disk.folder, disk=disk)
     disk.attach(scene.fleet.process.pid)
     scene.publish(1)
     disk.fill()
@@ -98,26 +94,20 @@ def disk_full(stage: Stage) -> Outcome:
     scene.publish(1)
     scene.until(lambda: scene.kinds() == ["disk_full", "history_back"], "room")
     due = scene.fits * AXES
-    scene.until(lambda: scene.kept() + scene.summary()["history"]["lost"] >= due, "rows")
-    where = {"kept": scene.kept(), "counted as lost": scene.summary()["history"]["lost"]}
+    scene.until(lambda: scene.rows() + scene.summary()["history"]["lost"] >= due, "rows")
+    where = {"kept": scene.rows(), "counted as lost": scene.summary()["history"]["lost"]}
     return scene.outcome("", of="rows of history", due=due, where=where)
-
-
-def _rows(path: Path) -> int:
-    with contextlib.closing(sqlite3.connect(path, timeout=5)) as database:
-        return int(database.execute("SELECT count(*) FROM fit").fetchone()[0])
 
 
 def fleet_killed(stage: Stage) -> Outcome:
     """`kill -9` while it writes its history, and started again."""
-    history = stage.folder / "fleet.db"
-    scene = FleetScene(stage, "--history", history, "--history-every", "1ms")
+    scene = FleetScene(stage, history=stage.folder)
     scene.publish(3)
-    scene.until(lambda: _rows(history) > 0, "rows")
+    scene.until(lambda: scene.rows() > 0, "rows")
     before = scene.summary()["fits"]
     scene.fleet.kill()
     scene.publish(2, arrive=False)
-    rows = _rows(history)
+    rows = scene.rows()
     scene.start_fleet()
     scene.until_up_to_date()
     return scene.outcome(
@@ -133,14 +123,13 @@ def fleet_killed(stage: Stage) -> Outcome:
 
 def clock_jumps(stage: Stage) -> Outcome:
     """The wall clock two days forward, and back."""
-    history = stage.folder / "fleet.db"
-    scene = FleetScene(stage, "--history", history, "--history-every", "1ms", "--keep", "1h")
+    scene = FleetScene(stage, "--keep", "1h", history=stage.folder)
     scene.publish(1, arrive=False)
-    scene.until(lambda: _rows(history) == SENSORS * AXES, "rows")
+    scene.until(lambda: scene.rows() == SENSORS * AXES, "rows")
     for ahead_ns in (2 * DAY_NS, 0):
         stage.set_clock(ahead_ns)
         scene.publish(1)
-    scene.until(lambda: _rows(history) == 3 * SENSORS * AXES, "rows")
+    scene.until(lambda: scene.rows() == 3 * SENSORS * AXES, "rows")
     found = scene.summary()["history"]
     return scene.outcome(
         f"{found['clock_jumps']} jumps counted, no row pruned, no sensor silent",

@@ -1,6 +1,8 @@
 """A broker, the fleet's program, and sensors that publish their fits."""
 
+import contextlib
 import json
+import sqlite3
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +15,7 @@ from tools.faults.stage import Stage
 from tools.fleet_load import Publisher, sensor
 
 SENSORS, AXES = 40, 3
+HISTORY = "fleet.db"
 EVERY_S = 0.05
 """From question to question to the fleet's page."""
 
@@ -20,20 +23,28 @@ EVERY_S = 0.05
 class FleetScene:
     """A broker, a fleet and its sensors.
 
-    flags: of `fltea fleet`. disk: that it has. behind_line: it reaches the broker by
-    `line`, which can be cut.
+    flags: of `fltea fleet`. history: the folder of its history, if it keeps one. disk: that it has.
+    behind_line: it reaches the broker by `line`, which can be cut.
 
     Raises:
         Skip: mosquitto is not installed.
     """
 
     def __init__(
-        self, stage: Stage, *flags: str | Path, disk: SmallDisk | None = None, behind_line: bool = False
+        self,
+        stage: Stage,
+        *flags: str | Path,
+        history: Path | None = None,
+        disk: SmallDisk | None = None,
+        behind_line: bool = False,
     ) -> None:
         self._stage, self._disk = stage, disk
         self.broker = stage.broker(persistent=True, logs=False)
         self.line = stage.line(self.broker.port)
         port = self.line.port if behind_line else self.broker.port
+        if history is not None:
+            flags = ("--history", history / HISTORY, "--history-every", "1ms", *flags)
+        self._folder = history
         self._flags = ("--mqtt", f"127.0.0.1:{port}", "--listen", "0", "--look-every", "200ms", *flags)
         self.publisher = stage.closing(Publisher("127.0.0.1", self.broker.port, "fltea"))
         self.sensors = [sensor(place, []) for place in range(SENSORS)]
@@ -86,9 +97,12 @@ class FleetScene:
         """Axes of which the newest fit is there."""
         return sum(row["samples"] == self.turn for row in self._ask("table?count=500")["rows"])
 
-    def kept(self) -> int:
-        """Rows of history, as the page shows them."""
-        return sum(len(self._ask(f"sensor?device={one.device_id}")["history"]) for one in self.sensors)
+    def rows(self) -> int:
+        """How many its history has; none before it is made."""
+        folder = self._folder if self._disk is None else self._disk.inside
+        assert folder is not None
+        with contextlib.closing(sqlite3.connect(folder / HISTORY, timeout=5)) as database:
+            return int(database.execute("SELECT count(*) FROM fit").fetchone()[0])
 
     def until_up_to_date(self) -> None:
         """Wait until the newest fit of every axis is there."""

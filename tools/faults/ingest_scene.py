@@ -84,7 +84,7 @@ class Scene:
 
     def __init__(self, stage: Stage, server: Broker | NatsServer, qos: int = 1) -> None:
         self._stage, self.server = stage, server
-        stage.later(server.kill)
+        stage.callback(server.kill)
         self.line = stage.line(server.port)
         self._shared = OF_NATS if isinstance(server, NatsServer) else {}
         first = self._walker("first", server.url.replace(str(server.port), str(self.line.port)))

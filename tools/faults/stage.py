@@ -2,8 +2,6 @@
 
 import contextlib
 import struct
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -24,41 +22,28 @@ class _Ends(Protocol):
 E = TypeVar("E", bound=_Ends)
 
 
-class Stage:
-    """One folder, and whatever runs in it; nothing is left running.
+class Stage(contextlib.ExitStack):
+    """One folder, and whatever runs in it; nothing is left running. Its `callback` is for what ends the rest.
 
     short: seconds in place of minutes. image: file for the emulated Due, if not ours. clock: the file that
     moves the clock of the programs that are started with it.
     """
 
     def __init__(self, folder: Path, *, short: bool = True, image: Path | None = None) -> None:
-        self.folder = folder
-        self.short = short
-        self.image = image
+        super().__init__()
+        self.folder, self.short, self.image = folder, short, image
         self.clock = folder / "clock"
         self.set_clock(0)
-        self.began_ns = self.ended_ns = 0
-        self._stack = contextlib.ExitStack()
-
-    def __enter__(self) -> "Stage":
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._stack.close()
-
-    def later(self, action: Callable[[], Any]) -> None:
-        """Do this at the end, whatever happens."""
-        self._stack.callback(action)
 
     def closing(self, made: E) -> E:
         """Close it at the end, whatever happens."""
-        self.later(made.close)
+        self.callback(made.close)
         return made
 
     def program(self, *command: str | Path, **how: Any) -> Program:
         """A command of `fltea`; see `Program`."""
         program = Program(command, **how)
-        self.later(program.kill)
+        self.callback(program.kill)
         return program
 
     def daemon(self, *arguments: str | Path, **how: Any) -> Program:
@@ -72,7 +57,7 @@ class Stage:
     def broker(self, *, persistent: bool = False, logs: bool = True) -> Broker:
         """An MQTT broker; see `Broker`."""
         broker = Broker(self.folder, persistent=persistent, logs=logs)
-        self.later(broker.kill)
+        self.callback(broker.kill)
         return broker
 
     def line(self, port: int) -> CutLine:
@@ -85,13 +70,5 @@ class Stage:
 
     def set_clock(self, ahead_ns: int) -> None:
         """Set the clock so far ahead of the machine's."""
-        self.clock.touch()
-        with self.clock.open("r+b") as file:
+        with self.clock.open("r+b" if self.clock.exists() else "wb") as file:
             file.write(struct.pack("<q", ahead_ns))
-
-    @contextlib.contextmanager
-    def fault(self) -> Iterator[None]:
-        """Notes when the trouble begins and ends."""
-        self.began_ns = time.monotonic_ns()
-        yield
-        self.ended_ns = time.monotonic_ns()
