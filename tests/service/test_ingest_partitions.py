@@ -115,7 +115,7 @@ class Worker:
         """The device's snapshot, taken now."""
         for line in self.lines.values():
             line.kept_ns = -(10**18)
-        self.ingest.snapshots.keep_due(self.lines, 0)
+        self.ingest.snapshots.keep_due(self.lines, self.ingest.walked, 0)
         kept = unpack(self.receiver.kept[device])
         assert kept is not None
         return kept
@@ -234,6 +234,18 @@ def test_a_silent_device_comes_as_far_as_its_partition() -> None:
         worker.say("b", k, k + 6)
     assert worker.keep("a").mark == 10
     worker.end()
+
+
+def test_a_device_that_says_nothing_since_it_was_taken_over_keeps_its_estimators() -> None:
+    first, second = Worker(), Worker()
+    first.hear(range(6))
+    kept = first.keep()
+    assert kept.state is not None
+    second.ingest.inbox.post(Served(0, {"a": kept}, 6))
+    second.turn()
+    assert second.keep().state == kept.state
+    first.end()
+    second.end()
 
 
 def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:

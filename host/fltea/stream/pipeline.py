@@ -126,6 +126,8 @@ class Pipeline:
 
     def save(self) -> DeviceState | None:
         """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
+        if self._state is not None:  # of an earlier run, and still to be used
+            return self._state
         hello, sample_ns = self._decoder.place.hello, self._sample_ns
         saved = {name: one for stage in self._stages for name, one in stage.save().items()}
         if hello is None or sample_ns is None or not saved.keys() & {"gyro", "accel"}:

@@ -89,6 +89,8 @@ class Ingest:
         self._losses = Losses(self.inbox, url)
         self._held_ns = 0
         self._left_out = set[int | None]()
+        self.walked: dict[int, int] = {}
+        """Of each partition, the last message of those that were walked without one left out."""
         self._once_a_minute = OnceAMinute()
         self._ends_s: float | None = None
 
@@ -162,7 +164,7 @@ class Ingest:
             lambda line: line.partition is None or not self.catching_up.is_behind(line.partition, now_ns),
         )
         if self.snapshots is not None:
-            self.snapshots.keep_due(lines, now_ns)
+            self.snapshots.keep_due(lines, self.walked, now_ns)
         if slowed := self._pressure.look(now_ns):
             self._report(slowed.kind, slowed.message)
         for trouble in self._losses.look(now_ns):
@@ -215,6 +217,7 @@ class Ingest:
                 done[partition] = max(done.get(partition, 0), messages[-1].mark)
         if shared is not None:
             for partition in done.keys() - self._left_out:
+                self.walked[partition] = done[partition]
                 shared.walked(partition, done[partition])
 
     def _walk_device(self, name: str, messages: Sequence[Message]) -> None:
@@ -245,8 +248,10 @@ class Ingest:
         for name, line in list(devices.lines.items()):
             if line.partition == item.partition:
                 devices.finish(name, moved=True)  # what was walked here is counted
+        self.walked.pop(item.partition, None)
         if isinstance(item, Left):
             return
+        self.walked[item.partition] = item.start
         shared.walked(item.partition, item.start)
         self.catching_up.begin(item.partition, item.done)
         for name, kept in item.kept.items():

@@ -6,11 +6,10 @@ from typing import Protocol
 class Shared(Protocol):
     """A worker's share of the partitions that devices belong to, and the store of their snapshots.
 
-    done: the last message of each partition that was walked. unix_offset_ns: what to add to `host_ns` for the
-    time of the stream, which is the same for all workers, whatever their own clocks say.
+    unix_offset_ns: what to add to `host_ns` for the time of the stream, which is the same for all workers,
+    whatever their own clocks say.
     """
 
-    done: dict[int, int]
     unix_offset_ns: int
 
     def serves(self, partition: int) -> bool:

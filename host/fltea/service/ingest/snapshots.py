@@ -34,8 +34,8 @@ class Snapshots:
             line.kept_ns = host_ns()
         return stored
 
-    def keep_due(self, lines: Mapping[str, Line], now_ns: int) -> None:
-        """Store those whose turn it is; a device that is silent has come as far as its partition."""
+    def keep_due(self, lines: Mapping[str, Line], walked: Mapping[int, int], now_ns: int) -> None:
+        """Store those whose turn it is. walked: how far partitions have come, with all of their devices."""
         for name, line in lines.items():
             young = now_ns - line.kept_ns
             if line.partition is None or young < (self._period_ns if line.is_whole else FIRST_NS):
@@ -44,9 +44,7 @@ class Snapshots:
             if state is None and young < self._period_ns:
                 continue  # the start-up window fills: who takes over begins with its first message
             line.is_whole = True
-            # All messages of this device up to the last one of its partition have been walked.
-            served = self._shared.serves(line.partition)
-            done = self._shared.done.get(line.partition, 0) if served else 0
+            mark = max(line.mark, walked.get(line.partition, 0))
             unix_ns = host_ns() + self._shared.unix_offset_ns
-            if not self.keep(name, line, Kept(max(line.mark, done), unix_ns, line.walk.hello, state)):
+            if not self.keep(name, line, Kept(mark, unix_ns, line.walk.hello, state)):
                 return
