@@ -1,7 +1,7 @@
 """Tables of what was counted: for a terminal and as Markdown, with intervals of shares (pure)."""
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
-from typing import NamedTuple, TypeVar
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple, TypeVar
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table as Drawn
@@ -39,6 +39,11 @@ class Table(NamedTuple):
         for row in self.rows:
             table.add_row(*map(Text, row))
         return table
+
+
+def table(title: str, rows: Iterable[Any], columns: Mapping[str, Callable[[Any], str]]) -> Table:
+    """Return a table of what each column says of a row, under its heading."""
+    return Table(title, tuple(columns), [tuple(of(row) for of in columns.values()) for row in rows])
 
 
 def number(value: float | None, form: str) -> str:

@@ -8,7 +8,7 @@ from pandas import Categorical, DataFrame, concat
 from tools.validation.evaluate.fits import QUANTITIES
 from tools.validation.evaluate.run import LIVE, WHITTLE
 from tools.validation.runner import Row
-from tools.validation.tables import NONE, Table, number, share_within
+from tools.validation.tables import NONE, Table, number, share_within, table
 
 ERROR = 0.1
 """Largest root mean square error of α of a figure that is called right."""
@@ -132,82 +132,72 @@ def _held(series: int, held: int, undefined: int) -> str:
 
 def parts(counts: DataFrame) -> Table:
     """Intervals of the parts of composite noises, of the series whose sentence is of the same parts."""
-    cells = [
-        (
-            *(one.noise, one.quantity, f"{one.same} of {one.series}"),
-            *(share_within(one.held, one.same), f"{one.told}"),
-        )
-        for one in counts.itertuples()
-    ]
-    headings = ("composite noise", "quantity", "same parts", "held", "with two ends")
-    return Table("Intervals of parts", headings, cells)
+    columns = {
+        "composite noise": lambda one: one.noise,
+        "quantity": lambda one: one.quantity,
+        "same parts": lambda one: f"{one.same} of {one.series}",
+        "held": lambda one: share_within(one.held, one.same),
+        "with two ends": lambda one: f"{one.told}",
+    }
+    return table("Intervals of parts", counts.itertuples(), columns)
 
 
 def claims(counts: DataFrame) -> Table:
     """Verdicts on mixtures of relaxations and something that rises."""
-    cells = [
-        (
-            *(f"{one.samples:,}", f"{one.series}", f"{one.verdicts.get('fractional', 0)}"),
-            ", ".join(f"{n} {what}" for what, n in one.verdicts.items()),
-        )
-        for one in counts.itertuples()
-    ]
-    return Table("Mixtures with a rise", ("samples", "mixtures", "called fractional", "verdicts"), cells)
+    columns = {
+        "samples": lambda one: f"{one.samples:,}",
+        "mixtures": lambda one: f"{one.series}",
+        "called fractional": lambda one: f"{one.verdicts.get('fractional', 0)}",
+        "verdicts": lambda one: _counts(one.verdicts),
+    }
+    return table("Mixtures with a rise", counts.itertuples(), columns)
 
 
 def referee(judged: DataFrame) -> Table:
     """The exact likelihood beside Whittle's."""
-    cells = [
-        (
-            one.noise,
-            str(one.series),
-            number(one.exact_rmse, ".3f"),
-            *(number(rmse / one.exact_rmse, ".2f") for rmse in (one.whole_rmse, one.live_rmse)),
-            *(number(s, ".0%") for s in (one.exact_coverage, one.whole_coverage, one.live_coverage)),
-        )
-        for one in judged.itertuples()
-    ]
-    ratios = ("exact", "whole / exact", "live / exact")
-    return Table(
-        "The exact likelihood", ("noise", "series", *ratios, "hold α: exact", "whole", "live"), cells
-    )
+    columns = {
+        "noise": lambda one: one.noise,
+        "series": lambda one: str(one.series),
+        "exact": lambda one: number(one.exact_rmse, ".3f"),
+        "whole / exact": lambda one: number(one.whole_rmse / one.exact_rmse, ".2f"),
+        "live / exact": lambda one: number(one.live_rmse / one.exact_rmse, ".2f"),
+        "hold α: exact": lambda one: number(one.exact_coverage, ".0%"),
+        "whole": lambda one: number(one.whole_coverage, ".0%"),
+        "live": lambda one: number(one.live_coverage, ".0%"),
+    }
+    return table("The exact likelihood", judged.itertuples(), columns)
 
 
 def shifts(scored: DataFrame) -> Table:
     """Noises that change."""
-    cells = [
-        (
-            one.change,
-            "all" if np.isnan(one.memory_s) else f"{one.memory_s:g} s",
-            f"{one.holds} of {one.series}",
-            number(one.median_error, ".3f"),
-            *(
-                ", ".join(f"{n} {what}" for what, n in counts.items()) or NONE
-                for counts in (one.verdicts, one.left_out)
-            ),
-        )
-        for one in scored.itertuples()
-    ]
-    return Table(
-        "Noises that change", ("change", "memory", "holds α", "error α", "verdicts", "left out"), cells
-    )
+    columns = {
+        "change": lambda one: one.change,
+        "memory": lambda one: "all" if np.isnan(one.memory_s) else f"{one.memory_s:g} s",
+        "holds α": lambda one: f"{one.holds} of {one.series}",
+        "error α": lambda one: number(one.median_error, ".3f"),
+        "verdicts": lambda one: _counts(one.verdicts),
+        "left out": lambda one: _counts(one.left_out),
+    }
+    return table("Noises that change", scored.itertuples(), columns)
+
+
+def _counts(counts: dict[str, int]) -> str:
+    return ", ".join(f"{n} {what}" for what, n in counts.items()) or NONE
 
 
 def summary(scores: DataFrame) -> Table:
     """A row for each estimator and length, over the noises that have an order."""
-    cells = [
-        (
-            *_names(at),
-            _of_all(some.right),
-            number(some.rmse.median(), ".2f"),
-            _worst(some.bias),
-            _of_all(some.coverage >= COVERAGE),
-            number(some.without.sum() / some.seeds.sum(), ".0%"),
-        )
-        for at, some in _of_order(scores).groupby(["estimator", "samples"], observed=True)
-    ]
-    headings = ("estimator", "samples", "right", "error α", "worst bias", "σ honest", "no value")
-    return Table("Right figures", headings, cells)
+    columns = {
+        "estimator": lambda some: str(some.estimator.iloc[0]),
+        "samples": lambda some: f"{some.samples.iloc[0]:,}",
+        "right": lambda some: _of_all(some.right),
+        "error α": lambda some: number(some.rmse.median(), ".2f"),
+        "worst bias": lambda some: _worst(some.bias),
+        "σ honest": lambda some: _of_all(some.coverage >= COVERAGE),
+        "no value": lambda some: number(some.without.sum() / some.seeds.sum(), ".0%"),
+    }
+    groups = _of_order(scores).groupby(["estimator", "samples"], observed=True)
+    return table("Right figures", (some for _, some in groups), columns)
 
 
 def white(scores: DataFrame) -> Table:
@@ -228,20 +218,17 @@ def changes(scores: DataFrame) -> Table:
     last = scores[(scores.samples == scores.samples.max()) & scores.alpha.notna()]
     relative = last[last.quantity == "f"].assign(error=lambda some: some.median_error / some.f.abs())
     errors_of_f = relative.groupby("estimator", observed=True).error.median()
-    cells = [
-        (
-            name,
-            _of_all(some.right),
-            number(some.rmse.median(), ".2f"),
-            _worst(some.bias),
-            number(some.reported_sd.median(), ".3f"),
-            _of_all(some.coverage >= COVERAGE),
-            number(errors_of_f[name], ".0%"),
-        )
-        for name, some in _of_order(last).groupby("estimator", observed=True)
-    ]
-    headings = ("setting", "right", "error α", "worst", "σ", "honest", "error f")
-    return Table("Changed settings", headings, cells)
+    columns = {
+        "setting": lambda some: some.estimator.iloc[0],
+        "right": lambda some: _of_all(some.right),
+        "error α": lambda some: number(some.rmse.median(), ".2f"),
+        "worst": lambda some: _worst(some.bias),
+        "σ": lambda some: number(some.reported_sd.median(), ".3f"),
+        "honest": lambda some: _of_all(some.coverage >= COVERAGE),
+        "error f": lambda some: number(errors_of_f[some.estimator.iloc[0]], ".0%"),
+    }
+    groups = _of_order(last).groupby("estimator", observed=True)
+    return table("Changed settings", (some for _, some in groups), columns)
 
 
 def conclusion(scores: DataFrame) -> str:
