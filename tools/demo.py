@@ -52,6 +52,7 @@ MEANING = (
 )
 STOP_TIMEOUT_S = 5.0
 PAGE_PORT = 5006
+STATE = ROOT / "build/demo.state"
 
 
 @contextlib.contextmanager
@@ -91,16 +92,21 @@ def stop(process: subprocess.Popen[str]) -> str:
 
 
 def page(arguments: list[str]) -> list[str]:
-    """The flag for the live page, unless one was given; its usual port, or any if that is taken."""
+    """The flag for the live page, unless one was given; its usual port, or any if that is taken.
+
+    On the usual port the estimators are kept, too, so that the next run goes on with what this one knew.
+    """
     if any(argument.startswith("--dashboard") for argument in arguments):
         return []
+    kept = any(argument.startswith(("--state", "--estimate-on")) for argument in arguments)
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind(("127.0.0.1", PAGE_PORT))
         except OSError:
             return ["--dashboard", "0"]
-    return ["--dashboard", str(PAGE_PORT)]
+    STATE.parent.mkdir(exist_ok=True)
+    return ["--dashboard", str(PAGE_PORT), *([] if kept else ["--state", str(STATE)])]
 
 
 def output(arguments: list[str]) -> list[str]:

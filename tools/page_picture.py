@@ -1,8 +1,9 @@
-"""A picture of the live page, as a browser shows it.
+"""A picture of the live page, or of a fleet's, as a browser shows it.
 
     make run                                             # in another terminal
-    .venv/bin/python -m tools.page_picture http://127.0.0.1:5006/ host/docs/guide/dashboard.png
-    .venv/bin/python -m tools.page_picture http://127.0.0.1:5006/ host/docs/guide/dashboard-dark.png --dark
+    url='http://127.0.0.1:5006/#axis=gyro_y'
+    .venv/bin/python -m tools.page_picture "$url" host/docs/guide/dashboard.png
+    .venv/bin/python -m tools.page_picture "$url" host/docs/guide/dashboard-dark.png --dark
 
 Needs Debian's Chromium. Waits until the page has settled; complaints of the page go to stderr.
 """

@@ -1,6 +1,5 @@
 """Readers of the live page: one that goes away in the middle, and one that stays and does not read."""
 
-import contextlib
 import os
 import shutil
 import signal
@@ -9,9 +8,6 @@ import subprocess
 from pathlib import Path
 
 from tools.faults.program import PATIENCE_S, Skip
-
-QUIET_S = 0.15
-"""After so long nothing more comes."""
 
 
 class Browser:
@@ -48,16 +44,6 @@ def open_page_and_read_nothing(url: str) -> socket.socket:
     client.connect((host, int(port)))
     client.sendall(f"GET /page.js HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode() * 100)
     return client
-
-
-def bytes_sent(page: socket.socket) -> int:
-    """Read what has been sent to a page all the while; how much it is."""
-    found = 0
-    page.settimeout(QUIET_S)
-    with contextlib.suppress(TimeoutError, ConnectionResetError):
-        while data := page.recv(1 << 16):
-            found += len(data)
-    return found
 
 
 def connections(pid: int, port: int) -> int:

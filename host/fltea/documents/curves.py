@@ -57,7 +57,8 @@ def allan(a: FitAllan, unit: str) -> str:
         if value is not None:
             line = [(tau, value * (tau / read_at) ** slope) for tau in a.tau_s]
             seen = [(tau, y) for tau, y in line if min(a.adev) / 2 <= y <= max(a.adev) * 2]
-            curves.append(Curve([tau for tau, _ in seen], [y for _, y in seen], "mark", name=name))
+            if len(seen) > 1:
+                curves.append(Curve([tau for tau, _ in seen], [y for _, y in seen], "mark", name=name))
     title = "Allan deviation, 95 % (orange: fitted)"
     return log_log(title, "averaging time τ [s]", f"deviation [{unit}]", curves)
 

@@ -82,7 +82,7 @@ def slow(stats: Stats | None) -> str:
     share = 1 + stats.clock_ppm * 1e-6
     return (
         f"The device's clock runs at {share:.2f} times this computer's, as an emulator's does on a busy "
-        "computer. α, f and noise are not affected: samples are placed by the device's clock."
+        "computer: fewer samples come a second, and the figures are not affected."
     )
 
 

@@ -31,6 +31,8 @@ REST_S = 1.0
 """After an accept that failed, as for want of descriptors, nobody is let in for so long."""
 
 LARGEST_HEADER = 16_384
+UNREAD = 1 << 16
+"""Bytes that the system keeps of what a browser does not read; left to itself, megabytes."""
 
 
 def bind(option: str, host: str, port: int) -> list[socket.socket]:
@@ -40,9 +42,12 @@ def bind(option: str, host: str, port: int) -> list[socket.socket]:
         FlteaError: it is taken, or not ours.
     """
     try:
-        return bind_sockets(port, host)
+        sockets = bind_sockets(port, host)
     except (OSError, UnicodeError) as error:
         raise cannot_listen(option, host, port, error) from error
+    for one in sockets:  # its connections inherit it
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD)
+    return sockets
 
 
 class Door(HTTPServerConnectionDelegate):
