@@ -73,8 +73,8 @@ def test_fractional_noise_is_called_so_with_the_sum_that_does_as_well() -> None:
     y = long_recursion(0.6, -0.19, 60_000, 0) + 0.5 * white(60_000, 1, 10)[0]
     verdict = decide(examined(y, H).evidence)
     assert verdict.kind == "fractional or relaxations"
-    assert "Noise of the order 0.5" in verdict.text or "Noise of the order 0.6" in verdict.text
-    assert "record of" in verdict.next
+    assert "an order of 0.5" in verdict.text or "an order of 0.6" in verdict.text
+    assert "the model without an order" in verdict.next
 
 
 def test_notch_and_from_hz_leave_out() -> None:

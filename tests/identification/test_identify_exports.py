@@ -142,7 +142,7 @@ def assert_one_result(found: AxisReport) -> None:
     if not r.verdict.has_order:
         assert {value.value for value in (r.order.alpha, r.order.f, r.order.F, r.order.R)} == {None}
     elif r.order.alpha.value is not None:
-        assert f"order {r.order.alpha.value:.2f}" in r.verdict.text
+        assert f"order of {r.order.alpha.value:.2f}" in r.verdict.text
     rows = dict(side_by_side({"gyro_x": found}))
     assert rows["made of"] == [r.made_of]
     (shown,) = rows["order α"]

@@ -19,7 +19,7 @@ FRACTIONAL = AxisFit(
 )
 WHITE = AxisFit(
     "white",
-    "White noise: no order can be told from it, α and f are undefined.",
+    "White noise, so there is no order: α and f are undefined.",
     "deg/s",
     null_p=0.4,
     alpha=Interval(0.09),

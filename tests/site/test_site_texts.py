@@ -137,7 +137,7 @@ def test_the_notebook_runs_as_it_stands(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=os.pathsep)
     exec(block, {})
-    assert capsys.readouterr().out.startswith("gyro_x White noise. A filter needs its density only")
+    assert capsys.readouterr().out.startswith("gyro_x White noise. A filter needs only its density N")
 
 
 def test_samples_of_a_linux_driver_become_a_recording(

@@ -103,7 +103,7 @@ def plain() -> Evidence:
     ("changes", "kind", "words"),
     [
         ({}, "white", "The null test does not reject white noise (p = "),
-        ({"p_clean": 1e-4, "level": ANYTIME_LEVEL}, "white", "level 1e-05, low since it is asked again"),
+        ({"p_clean": 1e-4, "level": ANYTIME_LEVEL}, "white", "level 1e-05, strict since it is repeated live"),
         ({"p_clean": 1e-4}, "undecided", "Record longer"),
         ({"change": STEP}, "not stationary", "fell by a factor of 2 around 5 min of 10 min"),
         ({"change": WANDER}, "not stationary", "up and down by a factor of about 2.1"),
@@ -113,8 +113,8 @@ def plain() -> Evidence:
         ({"peaks": (RESONANCE,)}, "resonance", "A resonance at 20.0 Hz"),
         ({"peaks": (msgspec.structs.replace(LINE, kind="peak"),)}, "line or resonance", "A peak at"),
         ({"peaks": (LINE,) * 5}, "line", "2 more"),
-        ({"slow": DRIFT}, "drift", "drift below 0.0167 Hz, 8 times"),
-        ({"slow": CUBIC}, "drift", "25 times the power"),
+        ({"slow": DRIFT}, "drift", "drift below 0.0167 Hz with 8 times"),
+        ({"slow": CUBIC}, "drift", "25 times the model's power"),
         ({"slow": DRIFT, "peaks": (LINE,)}, "drift", "There is also a line at 31.4 Hz"),
         ({"slow": SlowPower(1 / 60, 1.9, 1e-9)}, "white", "undefined"),
         ({"slow": SlowPower(1 / 60, 8.0, 0.002)}, "white", "undefined"),
@@ -137,7 +137,7 @@ def test_what_else_was_found_is_always_told(name: str) -> None:
 
 
 NOTHING = Reading((), False, None, None, None, False, False)
-BESIDE, ALIKE = "beside other parts", {"pure": "plain"}
+BESIDE, ALIKE = "with other parts", {"pure": "plain"}
 
 
 @pytest.fixture(scope="module")

@@ -122,7 +122,7 @@ def sheets(axes: Mapping[str, AxisReport]) -> list[str]:
     return [f"{name}: {one.text}" for name, one in found] + list(sources)
 
 
-FORECAST_HEADINGS = ("after", "said", "seen", "within 95 %", "pieces", "")
+FORECAST_HEADINGS = ("after", "predicted", "seen", "within 95 %", "pieces", "")
 
 
 def heading(report: FileReport) -> str:

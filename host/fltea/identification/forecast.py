@@ -246,17 +246,17 @@ def integral(unit: str) -> str:
 def said(pieces: Sequence[Piece], unit: str) -> str:
     """Return what the judge says, in a sentence; of several times that fail, the one that fails most."""
     if not pieces:
-        return f"The second half is too short to judge a forecast: it takes {FEWEST} pieces of a second."
+        return f"The second half is too short to check a forecast: it takes {FEWEST} pieces of a second."
     its = integral(unit)
     failed = max((one for one in pieces if one.fails), key=lambda one: abs(one.deviations), default=None)
     if failed is None:
         longest = pieces[-1]
         return (
-            f"The second half does not contradict the first half's model up to {longest.t_s:g} s: "
-            f"{longest.seen:.2g}{its} seen then, {longest.said:.2g}{its} said ({longest.pieces} pieces)."
+            f"The first half's forecast holds in the second half up to {longest.t_s:g} s: "
+            f"{longest.said:.2g}{its} predicted, {longest.seen:.2g}{its} seen ({longest.pieces} pieces)."
         )
-    how = "It drifts faster" if failed.deviations > 0 else "It drifts less"
+    how = "faster" if failed.deviations > 0 else "less"
     return (
-        f"{how} than its model: {failed.seen:.2g}{its} seen after {failed.t_s:g} s, "
-        f"{failed.said:.2g}{its} said ({failed.pieces} pieces)."
+        f"The heading drifts {how} than predicted: after {failed.t_s:g} s {failed.seen:.2g}{its} seen, "
+        f"{failed.said:.2g}{its} predicted ({failed.pieces} pieces)."
     )

@@ -320,7 +320,7 @@ def _longer(result: AxisResult) -> str:
     """Return how long a record should be, as the verdict has it."""
     if not result.verdict.has_order:
         return "ten minutes or more"
-    return "as long as can be" if result.decides_s is None else f"some {duration(result.decides_s)}"
+    return "as long as can be" if result.decides_s is None else f"about {duration(result.decides_s)}"
 
 
 def _text(error: Any) -> str:

@@ -131,7 +131,7 @@ def timing_traps(
         done = [f"{used} of {samples} samples, in {stretches} stretches, are used."]
         if bridged:
             done.append(
-                f"{bridged} lost ones are drawn between their neighbours; nothing is made up for others."
+                f"{bridged} lost ones are filled in at random between their neighbours; longer gaps are not."
             )
         if used < samples:
             done.append("The others are of another rate or scale.")
@@ -139,7 +139,7 @@ def timing_traps(
             "gaps",
             "warning" if used < 0.5 * samples or share > 0.01 else "note",
             f"{lost} samples ({share:.2%}) are missing in {gaps} gaps. {' '.join(done)}",
-            "Look at what the recording says of the link (`fltea info`); record again without losses.",
+            "Look at the link with `fltea info`, and record again without losses.",
         )
     if clock_ppm is not None and abs(clock_ppm) > RATE_PPM:
         true_hz = rate_hz * (1 + clock_ppm * 1e-6)
@@ -148,8 +148,8 @@ def timing_traps(
             "bad" if abs(clock_ppm) > 0.05 * 1e6 else "warning",
             f"The samples come {clock_ppm:+.0f} ppm off the stated rate: {true_hz:.6g} Hz by the host's "
             f"clock, not {rate_hz:.6g}.",
-            f"f, N and all frequencies are off in proportion; give the true rate (--rate {true_hz:.6g} "
-            "for CSV).",
+            f"f, N and all frequencies are wrong in proportion: give the true rate (--rate {true_hz:.6g} for "
+            "text).",
         )
 
 
@@ -164,7 +164,7 @@ def _too_short(n: int, h: float, longer: str) -> Iterator[Trap]:
         yield Trap(
             "short",
             "note",
-            f"{seconds:.3g} s, {n} samples: too short to tell fractional noise from a sum of relaxations.",
+            f"{seconds:.3g} s, {n} samples: too short to separate an order from relaxations.",
             f"Record {longer}, at rest; bias instability and rate random walk show even later.",
         )
 
@@ -249,7 +249,7 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> I
             "bad" if others > 1e-3 * len(y) else "warning",
             f"{others} samples stand out from both neighbours, by up to {largest:.3g} {unit} or "
             f"{largest / scale:.0f} standard deviations ({first}).",
-            "Was the sensor touched, or is the link at fault? Leave that part out, or record again.",
+            "Was the sensor touched, or is the link bad? Leave that part out, or record again.",
         )
 
 
@@ -294,7 +294,7 @@ def _peaks(peaks: Sequence[Peak]) -> Iterator[Trap]:
             "warning" if peak.power_share > LINE_SHARE else "note",
             f"A {'narrow line' if peak.kind == 'line' else 'broad resonance'} at {peak.frequency_hz:.4g} Hz, "
             f"{peak.width_hz:.2g} Hz wide, has {peak.power_share:.2%} of the power.",
-            "It is no memory: the fits leave it out. Look for a fan, mains or a resonance of the mounting; "
+            "The fits leave it out. Look for a fan, mains or a resonance of the mounting; "
             f"--notch {peak.notch_hz[0]:.4g}-{peak.notch_hz[1]:.4g} leaves it out of the null test too.",
         )
 

@@ -98,8 +98,7 @@ def decide(e: Evidence) -> Verdict:
             "not stationary",
             f"The noise changed during the record: {wording.change(e)}.{wording.also_found(e)}",
             "All figures are averages over different noises.",
-            "Judge the parts by themselves, or follow slow changes with a live.memory that is shorter than "
-            "they are.",
+            "Identify its parts one by one; live, follow slow changes with live.memory.",
         )
     q.ask("Are there lines or resonances?", bool(e.peaks), wording.peaks(e.peaks) if e.peaks else "none")
     q.ask(
@@ -109,7 +108,7 @@ def decide(e: Evidence) -> Verdict:
     )
     best = f.plain if f.ordered is None or f.lead < 0 else f.ordered
     coloured = q.ask(
-        f"Is any sentence better than white noise by more than {e.apart:.0f} after BIC's price?",
+        f"Is any model better than white noise, its BIC lower by more than {e.apart:.0f}?",
         -f.bic(best) > e.apart,
         f"{wording.names(best.kinds)}: {-f.bic(best):+.1f}",
     )
@@ -127,12 +126,12 @@ def _claimed(e: Evidence, q: _Questions) -> bool:
     if f.ordered is None:
         return False
     ahead = q.ask(
-        f"Is an order ahead of the best sentence without one by more than {e.apart:.0f}, after BIC's price?",
+        f"Is a model with an order better than the best without, its BIC lower by more than {e.apart:.0f}?",
         f.lead > e.apart,
         f"{f.lead:+.1f}, of {wording.names(f.plain.kinds)}",
     )
     rich = q.ask(
-        f"Is it ahead of the richest sentence without one by more than {e.apart:.0f} in 2 log L?",
+        f"Is it better than the richest model without one, 2 log L higher by more than {e.apart:.0f}?",
         f.lead_over_rich > e.apart,
         f"{f.lead_over_rich:+.1f}, of {wording.names(f.rich.kinds)}",
     )
@@ -140,7 +139,7 @@ def _claimed(e: Evidence, q: _Questions) -> bool:
         return False
     order = order_of(f.ordered)
     if not q.ask(
-        "Is the order inside the range that is sought?",
+        "Is the order inside the range that is searched?",
         order is not None,
         "at its limit" if order is None else f"{order:.2f}",
     ):
@@ -160,14 +159,14 @@ def _either(e: Evidence, q: _Questions) -> bool:
     behind = f.gain(f.plain) - f.gain(f.pure)
     allowed = e.apart + BY_CHANCE * max(more, 0)
     if q.ask(
-        f"Is an order in place of all slow parts at most {allowed:.0f} behind in 2 log L?",
+        f"Does one order describe all slow parts as well, 2 log L at most {allowed:.0f} lower?",
         more >= -1 and behind < allowed,
         f"{-behind:+.1f}, of {wording.names(f.pure.kinds)}",
     ):
         return True
     allowed = e.apart + BY_CHANCE * max(f.rich.parameters - f.ordered.parameters, 0)
     return q.ask(
-        f"Is an order beside other parts at most {e.apart:.0f} behind by BIC, and {allowed:.0f} in 2 log L?",
+        f"Does an order with other parts, BIC at most {e.apart:.0f} higher, 2 log L {allowed:.0f} lower?",
         f.lead > -e.apart and -f.lead_over_rich < allowed and order_of(f.ordered) is not None,
         f"{f.lead:+.1f} and {f.lead_over_rich:+.1f}, of {wording.names(f.ordered.kinds)}",
     )
@@ -179,12 +178,12 @@ def _fractional(e: Evidence, q: _Questions) -> Verdict:
     q.has_order, q.order = True, order_fit(f, f.order)
     what = wording.sentence(f.order.parts(f.h), e, q.order)
     if e.duration_s < SHORT_S:
-        what += f", if nothing slower than {wording.duration(1 / e.from_hz)} is hidden"
+        what += f", provided that nothing slower than {wording.duration(1 / e.from_hz)} is hidden"
     return q.say(
         "fractional",
         f"{wording.capital(what)}: the noise is fractional.{wording.also_found(e)}",
-        f"Every sentence without an order is worse by {f.lead_over_rich:.0f} or more in 2 log L.",
-        "Believe the maximum-likelihood figures with their intervals.",
+        f"Every model without an order fits worse, by {f.lead_over_rich:.0f} or more in 2 log L.",
+        "Use α and f with their intervals.",
     )
 
 
@@ -214,12 +213,12 @@ def _without_order(e: Evidence, q: _Questions) -> Verdict:
         return q.say(
             "notch",
             f"{wording.capital(said)}.{wording.also_found(e)}",
-            f"It is better than white noise by {-f.bic(f.plain):.0f} after BIC's price: {wording.UNDEFINED}.",
+            f"It fits better than white noise (BIC lower by {-f.bic(f.plain):.0f}): {wording.UNDEFINED}.",
             NEXT_FILTER,
         )
     if q.ask("Is there a filter, or a rise?", found.coloured, said):
         return _rising(e, q, said) if found.rises else _low_pass(e, q, found, said)
-    return _white(e, q, f"What is left ({said}) is the trace of what was found")
+    return _white(e, q, f"What is left ({said}) is a trace of what was found")
 
 
 def _both(e: Evidence, q: _Questions, kind: VerdictKind, said: str) -> Verdict:
@@ -229,10 +228,9 @@ def _both(e: Evidence, q: _Questions, kind: VerdictKind, said: str) -> Verdict:
     ordered = wording.sentence(f.order.parts(f.h), e, q.order)
     return q.say(
         kind,
-        f"{wording.capital(ordered)}, or {said}: the data do not tell.{wording.also_found(e)}",
-        f"Both describe {wording.band(e)}: 2 log L differs by {abs(f.gain(f.order) - f.gain(f.plain)):.1f}, "
-        f"with {f.order.parameters} and {f.plain.parameters} parameters.",
-        f"{wording.record_for(e)}; a navigation filter can take either, and that without an order is easier.",
+        f"This record cannot separate {ordered} from {said}.{wording.also_found(e)}",
+        f"Both fit {wording.band(e)} equally well.",
+        wording.record_for(e),
     )
 
 
@@ -241,12 +239,12 @@ def _relaxations(e: Evidence, q: _Questions, said: str) -> Verdict:
     against = "Nothing looks like an order."
     if f.pure is not None:
         behind = f.gain(f.plain) - f.gain(f.pure)
-        against = f"An order in place of them is worse by {behind:.0f} in 2 log L."
+        against = f"An order in their place fits worse, by {behind:.0f} in 2 log L."
     return q.say(
         "relaxations",
         f"{wording.capital(said)}.{wording.also_found(e)}",
         against,
-        "A navigation filter takes them as Gauss-Markov processes: σ and correlation time are given.",
+        "In a navigation filter they are Gauss–Markov processes: use σ and correlation time.",
     )
 
 
@@ -254,10 +252,10 @@ def _drift(e: Evidence, q: _Questions, said: str) -> Verdict:
     q.has_order = False
     return q.say(
         "drift",
-        f"White noise, and drift that is slower than the record can tell from a random walk ({said})."
+        f"White noise and drift that is too slow for this record to tell from a random walk ({said})."
         f"{wording.also_found(e, with_drift=False)}",
-        f"Its corner is below {wording.hz(SLOW * e.from_hz)}: too few periods tell it from an order below 1.",
-        "A longer record shows where it ends; until then a filter takes it as a random walk.",
+        f"Its corner is below {wording.hz(SLOW * e.from_hz)}, where the record has too few periods.",
+        "Record longer to see where it ends; until then take it for a random walk.",
     )
 
 
@@ -275,9 +273,9 @@ def _rising(e: Evidence, q: _Questions, said: str) -> Verdict:
     return q.say(
         "anti-persistent",
         f"Noise whose power rises with frequency: {said}.{wording.also_found(e)}",
-        f"It is better than white noise by {-e.frontier.bic(e.frontier.plain):.0f} after BIC's price, and no "
-        f"order describes it as well: {wording.UNDEFINED}.",
-        "So looks quantisation of an angle, a differentiator or a sharpening filter before the output.",
+        f"It fits better than white noise (BIC lower by {-e.frontier.bic(e.frontier.plain):.0f}), and no "
+        f"order fits as well: {wording.UNDEFINED}.",
+        "Typical causes: a rounded angle that is differentiated, or a sharpening filter before the output.",
     )
 
 
@@ -292,7 +290,7 @@ def _low_pass(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict:
         (
             "A relaxation that has nearly all of the power would look the same"
             if one
-            else f"2 log L is {gain:.0f} higher than that of white noise"
+            else f"It fits better than white noise (2 log L higher by {gain:.0f})"
         )
         + f": {wording.UNDEFINED}.",
         NEXT_FILTER,
@@ -307,28 +305,28 @@ def _white(e: Evidence, q: _Questions, accepted: str) -> Verdict:
         return q.say(
             "drift",
             f"White noise, and {wording.drift(e)}.{wording.also_found(e, with_drift=False)}",
-            f"{accepted} above that: {wording.UNDEFINED}.",
-            "Let the sensor warm up, and let the navigation filter estimate its offset; a longer record "
-            "shows what the drift is.",
+            f"{accepted} above that frequency: {wording.UNDEFINED}.",
+            "Let the sensor warm up, and let the navigation filter estimate its offset. Record longer to see "
+            "what the drift is.",
         )
     if e.peaks:
         return q.say(
             PEAKS[e.peaks[0].kind],
             f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
             f"{wording.also_found(e, with_peaks=False)}",
-            f"{accepted} without that: {wording.UNDEFINED}.",
+            f"{accepted} apart from that: {wording.UNDEFINED}.",
             NEXT_PEAK,
         )
     if rejected:
         return q.say(
             "undecided",
             f"Not quite white (p = {e.p_clean:.2g}), but too faint to say what it is.",
-            "No sentence is better than white noise after BIC's price.",
+            "No model is clearly better than white noise.",
             "Record longer.",
         )
     return q.say(
         "white",
         "White noise.",
-        f"{accepted}: no order can be told from it, {wording.UNDEFINED}.",
-        "A filter needs its density only (the Allan deviation's N).",
+        f"{accepted}, so there is no order: {wording.UNDEFINED}.",
+        "A filter needs only its density N.",
     )

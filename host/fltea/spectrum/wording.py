@@ -96,11 +96,11 @@ def _source(part: Part, order: OrderFit | None) -> str:
         case Resonance():
             return f"a resonance at {hz(part.frequency_hz)}"
         case Quantisation():
-            return "noise that rises as that of an angle which is rounded"
+            return "quantisation noise of an angle"
         case Rise():
-            return f"noise that rises with f^{2 * part.delta:.2g}"
+            return f"noise whose power rises as frequency^{2 * part.delta:.2g}"
         case Alternating():
-            return "noise of which neighbours are of opposite sign"
+            return "noise that alternates in sign"
         case _:
             return ""
 
@@ -108,9 +108,9 @@ def _source(part: Part, order: OrderFit | None) -> str:
 def _order(found: OrderFit) -> str:
     alpha = found.alpha
     if alpha.value is None:
-        return "noise of an order that the data do not define"
+        return "an order that the data do not define"
     kind = " (ARFIMA)" if found.arfima else ""
-    return f"noise of the order {alpha.value:.2f} ({alpha.low:.2f} … {alpha.high:.2f}){kind}"
+    return f"an order of {alpha.value:.2f} ({alpha.low:.2f} … {alpha.high:.2f}){kind}"
 
 
 def _filter(part: Part, e: Evidence) -> str:
@@ -167,8 +167,8 @@ def drift(e: Evidence) -> str:
     ratio = max(e.slow.offset, e.slow.ratio)
     times = f"{ratio:.2g}" if ratio < 1000 else f"{ratio:.0e}"
     return (
-        f"drift below {hz(e.slow.below_hz)}, {times} times the power that the model has there (too few "
-        "periods to say what it is)"
+        f"drift below {hz(e.slow.below_hz)} with {times} times the model's power there (too few periods to "
+        "say what it is)"
     )
 
 
@@ -204,14 +204,14 @@ def band(e: Evidence) -> str:
 def record_for(e: Evidence) -> str:
     """Return how long a record has to be to decide for an order or what looks like it."""
     if e.decides_s is None:
-        return "No record of up to a month would tell"
-    return f"A record of some {duration(e.decides_s)} would tell"
+        return "Use the model without an order: no record of up to a month separates them."
+    return f"Record about {duration(e.decides_s)}, or use the model without an order."
 
 
 def null_test(e: Evidence) -> str:
     """Return what the null test says, and at which level."""
     level = f"{e.level:.2g}" if e.level >= 0.01 else f"{e.level:.0e}"
-    why = "" if e.level >= 0.01 else ", low since it is asked again and again"
+    why = "" if e.level >= 0.01 else ", strict since it is repeated live"
     rejects = "rejects" if e.p_clean < e.level else "does not reject"
     return f"The null test {rejects} white noise (p = {e.p_clean:.2g}, level {level}{why})"
 
