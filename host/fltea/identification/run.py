@@ -25,6 +25,7 @@ from fltea.identification.axis import (
 )
 from fltea.identification.curves import Curves, curves
 from fltea.identification.data_sheet import SheetComparison, compare
+from fltea.identification.fltea_fit import LEAST
 from fltea.identification.forecast import Forecast, Goal, Now, SentenceParts, found
 from fltea.identification.gaps import longest_epoch
 from fltea.identification.hand_out import HandOut, Task
@@ -255,6 +256,17 @@ class _Loop(HandOut[_Task]):
             except FlteaError as error:
                 report.axes[name] = Failure(str(error))
                 continue
+            needed = options.estimator.startup_needed + LEAST
+            if len(series.y) < needed:
+                report.recording, report.axes = None, {}
+                report.failure = UsageError(
+                    f"{report.name}: {len(series.y)} samples, {len(series.y) * h:.1f} s, are too short for a "
+                    f"verdict; {needed} are the least (the start-up window takes "
+                    f"{options.estimator.startup_needed}: --startup). Record ten minutes at rest, or an "
+                    "hour to know the bias instability."
+                )
+                self._total -= USUAL_TASKS
+                return
             axis = _Axis(name)
             arguments = (series, h, options, self._settings.figures, self._settings.forecast)
             axes.append(_Task(identify_series, arguments, report, axis))

@@ -17,8 +17,8 @@ OF_FOLDERS = ("*.mcap", "*.db3")
 PACKED = ".zstd"
 
 PROFILES = (b"ros1", b"ros2")
-ENCODINGS = ("ros1", "cdr")
-"""How ROS writes messages."""
+ENCODINGS = ("ros1", "cdr", "json", "protobuf")
+"""How ROS writes messages, and other programs than fltea."""
 
 BEGIN_BYTES = 4096
 PROFILE_AT = len(MCAP) + 1 + 8
@@ -85,6 +85,8 @@ def is_ros_mcap(path: Path) -> bool:
         for item in module.Scan(path):
             if isinstance(item, module.Channel):
                 return item.message_encoding in ENCODINGS
+            if isinstance(item, module.Schema) and item.name.startswith("fltea."):
+                return False
     except (OSError, ValueError, UsageError):
         pass
     return False

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 IMU_TYPES = ("sensor_msgs/Imu", "sensor_msgs/msg/Imu")
 """As ROS 1 and ROS 2 write it."""
 
-Encoding = Literal["ros1", "cdr"]
+Encoding = Literal["ros1", "cdr", "json", "protobuf"]
 
 NUMBERS = 37
 GYRO, GYRO_COVARIANCE = slice(13, 16), 16

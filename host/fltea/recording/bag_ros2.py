@@ -180,16 +180,19 @@ def read_mcap(path: Path, limits: Limits) -> Iterator[Batch | Note]:
         UsageError: a record of it would take more memory than the limits allow, or the library is not there.
     """
     module = load("fltea.recording.scan", "mcap", "ros", "MCAP files need")
-    schemas: dict[int, str] = {}
+    schemas: dict[int, tuple[str, bytes]] = {}
     topics: dict[int, Topic] = {}
     scan = module.Scan(path, limits)
     for item in scan:
         match item:
             case module.Schema():
-                schemas[item.id] = item.name
+                schemas[item.id] = item.name, item.data
             case module.Channel():
                 encoding = encoding_of(item.message_encoding)
-                topics[item.id] = Topic(item.topic, schemas.get(item.schema_id, ""), encoding)
+                name, schema = schemas.get(item.schema_id, ("", b""))
+                topics[item.id] = Topic(item.topic, name, encoding)
+                if topics[item.id].is_of_objects:
+                    topics[item.id] = topics[item.id]._replace(schema=schema)
                 yield Batch(topics[item.id])
             case module.Messages():
                 channels = item.table[:, module.CHANNEL]

@@ -49,7 +49,19 @@ OTHER_UNITS = {"c", "°c", "degc", "k", "ut", "µt", "gauss", "pa", "hpa", "v", 
 OTHER_UNITS |= {"lsb", "counts", "raw", "%"}
 """Of columns beside them; a second line of a header has them too."""
 
-TIME_NAMES = {"time", "t", "timestamp", "timestamps", "time_stamp", "stamp", "ts", "times", "elapsed"}
+TIME_NAMES = {
+    "ms",
+    "us",
+    "time",
+    "t",
+    "timestamp",
+    "timestamps",
+    "time_stamp",
+    "stamp",
+    "ts",
+    "times",
+    "elapsed",
+}
 TIME_NAMES |= {
     "elapsed_time",
     "device_time",
@@ -96,7 +108,8 @@ def time_unit_of(name: str) -> TimeUnit | None:
     if unit:
         return TIME_UNITS.get(bare_unit(unit))
     words = _plain(base).split("_")
-    return TIME_UNITS.get(words[-1]) if len(words) > 1 or len(words[0]) > 3 else None
+    is_said = len(words) > 1 or len(words[0]) > 3 or words[0] in TIME_NAMES
+    return TIME_UNITS.get(words[-1]) if is_said else None
 
 
 def rate_unit_of(name: str) -> str | None:

@@ -249,9 +249,10 @@ def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known
             f"as deg/s. Give --units: {UNITS_HELP}."
         )
     if unit is None and known:
+        likely = "rad/s" if any("angular_velocity" in name for name in names) else "dps"
         raise UsageError(
             f"{where}: the columns {listed(names)} are a gyroscope's by their names, which say no unit. "
-            f"Give it with --units: {UNITS_HELP}."
+            f"Give it: --units {likely} (or {UNITS_HELP})."
         )
     return unit or "deg/s"
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.recording.bag_files import MCAP, ROS1, SQLITE, files_of
-from fltea.recording.bag_imu import Encoding, read_imu
+from fltea.recording.bag_imu import read_imu
 from fltea.recording.bag_messages import LONGEST_MESSAGE, Batch, Topic
 from fltea.recording.bag_ros1 import read_ros1
 from fltea.recording.bag_ros2 import read_mcap, read_sqlite, unpacked_file
@@ -101,7 +101,8 @@ def _none(path: Path, topics: dict[Topic, int], name: str | None, notes: list[No
     if name is not None and any(topic.is_imu and count for topic, count in topics.items()):
         what = f"has no Imu messages of the topic {shown(name)}"
     else:
-        what = "has no messages of the type sensor_msgs/Imu, the only one that is read"
+        known = "has no messages of the type sensor_msgs/Imu"
+        what = f"{known}, nor any of JSON or protobuf with a gyroscope's rates"
     return UsageError(f"{path}: {what}.{why} It holds:\n{_listed(topics)}")
 
 
@@ -162,7 +163,7 @@ class _Messages:
         self._path, self._limits = path, limits
         self._spool = Spool()
         self._waiting: list[tuple[int, bytes]] = []
-        self._encoding: Encoding = "cdr"
+        self._topic = Topic("", "", "cdr")
         self._last: NDArray[np.int64] | None = None
         self._unusable = self._not_numbers = self._twice = 0
         self._moves = self._accel_moves = False
@@ -171,10 +172,9 @@ class _Messages:
 
     def add(self, batch: Batch) -> None:
         """Take the next ones; they are looked at many at a time."""
-        assert batch.topic.encoding is not None
-        if batch.topic.encoding != self._encoding:
+        if batch.topic.encoding != self._topic.encoding:
             self._look()
-        self._encoding = batch.topic.encoding
+        self._topic = batch.topic
         self._waiting.extend(zip(batch.arrival_ns, batch.data, strict=True))
         if len(self._waiting) >= AT_ONCE:
             self._look()
@@ -186,7 +186,14 @@ class _Messages:
         self._waiting.clear()
         if any(message.startswith(ZSTD) for message in messages):
             messages = tuple(map(_unpacked, messages))
-        imu = read_imu(messages, self._encoding)
+        encoding = self._topic.encoding
+        assert encoding is not None
+        if self._topic.is_of_objects:
+            from fltea.recording.bag_objects import read_objects
+
+            imu = read_objects(messages, encoding, self._topic.type, self._topic.schema)
+        else:
+            imu = read_imu(messages, encoding)
         self._unusable += len(messages) - len(imu.row)
         numbers = is_of_sensor(imu.gyro_rads * PER_UNIT["rad/s"])
         self._not_numbers += len(numbers) - int(np.count_nonzero(numbers))

@@ -266,17 +266,20 @@ def timing(
             "the unit right (--time-unit)? Or give the rate: --rate 100."
         )
     if not clock.even:
-        raise UsageError(f"{where}: column '{column}': {_why_uneven(unit, clock, elapsed, place)}")
+        raise UsageError(f"{where}: column '{column}': {_why_uneven(where, unit, clock, elapsed, place)}")
     return Timing(1.0 / (clock.typical * unit_s), clock.typical, unit_s)
 
 
-def _why_uneven(unit: TimeUnit | None, clock: Clock, elapsed: Elapsed, place: Callable[[int], str]) -> str:
+def _why_uneven(
+    where: str, unit: TimeUnit | None, clock: Clock, elapsed: Elapsed, place: Callable[[int], str]
+) -> str:
     """What is wrong with times that are no sensor's clock, and what to do."""
     shown = unit or "s"
     is_coarse = elapsed.repeated > (1 - EVEN_SHARE) * elapsed.rows
     steps, span = (elapsed.rows, clock.median) if is_coarse else (elapsed.rows - 1, 0.0)
     rate_hz = steps / (elapsed.span + span) / SECONDS[shown] if elapsed.span > 0 else 100.0
-    at = "" if elapsed.first is None else f", the first at {place(elapsed.first)}"
+    first = "" if elapsed.first is None else place(elapsed.first).removeprefix(where).strip(": ")
+    at = f", the first in {f'line {first}' if first.isdigit() else first}" if first else ""
     remedy = f"Give the rate: --rate {rate_hz:.4g} (the mean of these times, which then tell no gaps)."
     if elapsed.backwards > (1 - EVEN_SHARE) * elapsed.rows:
         return (

@@ -49,7 +49,7 @@ def options(names: Sequence[str] | None, values: Floats, how: How) -> str:
     filled = np.isfinite(values).mean(axis=0) >= MOST_FILLED
     time = _times(names, values, filled)
     gravity = _accelerometer(names, values)
-    rest = [p for p in range(width) if filled[p] and p != time and p not in gravity]
+    rest = [p for p in range(width) if filled[p] and not is_rising(values[:, p]) and p not in gravity]
     named = [p for p in rest if names is not None and axis_of(names[p])]
     moving = [p for p in rest if np.nanstd(values[:, p]) > 0]
     axes = (named or moving or rest)[: len(AXES)]

@@ -91,14 +91,14 @@ class Plausible:
     """Whether rates may be a resting gyroscope's; a wrong unit or column gives figures that none has."""
 
     def __init__(self, chosen: Chosen) -> None:
-        self._chosen, self._rows = chosen, 0
+        self._chosen, self.rows = chosen, 0
         self._large = np.zeros(len(chosen.gyro), np.int64)
         self._rises: Marks = np.ones(len(chosen.gyro), np.bool_)
         self._last: Floats | None = None
 
     def add(self, gyro: Floats) -> None:
         """Look at the next samples."""
-        self._rows += len(gyro)
+        self.rows += len(gyro)
         self._large += (np.abs(gyro) > MOST_DPS * (self._chosen.lsb or 1.0)).sum(axis=0)
         if self._rises.any():
             steps = np.diff(gyro, axis=0, prepend=gyro[:1] - 1.0 if self._last is None else self._last)
@@ -111,20 +111,20 @@ class Plausible:
         Raises:
             Implausible: no gyroscope gives such figures.
         """
-        if self._rows < ENOUGH_ROWS:
+        if self.rows < ENOUGH_ROWS:
             return
         chosen = self._chosen
         names = [chosen.names[place] for place in chosen.gyro]
         for name, rises, large in zip(names, self._rises, self._large, strict=True):
             if rises:
                 raise Implausible(
-                    f"{where}: column '{name}' rises from each of its {self._rows} rows to the next, as "
+                    f"{where}: column '{name}' rises from each of its {self.rows} rows to the next, as "
                     "times and counters do and no gyroscope at rest does. It is taken for an axis by "
                     "--columns or its name."
                 )
-            if large > self._rows // 2:
+            if large > self.rows // 2:
                 raise Implausible(
-                    f"{where}: column '{name}' is beyond {MOST_DPS:g} deg/s in {large} of {self._rows} rows, "
+                    f"{where}: column '{name}' is beyond {MOST_DPS:g} deg/s in {large} of {self.rows} rows, "
                     f"read in the unit {chosen.units}; no gyroscope at rest gives that. If it holds counts, "
                     "say how many a deg/s has by the data sheet, such as --units lsb:131; if thousandths, "
                     "--units mdps."

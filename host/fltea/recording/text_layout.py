@@ -44,6 +44,9 @@ MOST_COLUMNS = 10_000
 
 ONE_WITH_UNIT = re.compile(r"[^\[\]()]+[\[(][^\[\]()]*[\])]")
 
+OF_PHONE = How(columns=["x", "y", "z"], units="rad/s", time_column="seconds_elapsed")
+"""How to read a gyroscope of the app Sensor Logger, whose files of all sensors have the same names."""
+
 _decode = msgspec.json.Decoder(dict[str, Any]).decode
 DEEPEST = 4
 """Objects in objects."""
@@ -331,6 +334,12 @@ def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Cho
         return chosen, ""
     text = f"column {shown(chosen.time_name)}: {shown(first)} is no number, so it cannot tell which samples "
     return chosen._replace(time=None), text + "are missing."
+
+
+def is_of_phone(where: str, line: str) -> bool:
+    """Whether a first line is of the app Sensor Logger, and the file's name says that it is a gyroscope's."""
+    names = {name.strip() for name in line.split(",")}
+    return {"seconds_elapsed", "x", "y", "z"} <= names and "gyro" in where.rpartition("/")[2].lower()
 
 
 def is_blank(line: str) -> bool:

@@ -16,7 +16,7 @@ from fltea.recording.lines import LONGEST_LINE, shown
 from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.suggest import with_hint
 from fltea.recording.table import Rows
-from fltea.recording.text_layout import Layout, LayoutFinder, header_of, hint_for
+from fltea.recording.text_layout import OF_PHONE, Layout, LayoutFinder, header_of, hint_for, is_of_phone
 from fltea.recording.text_numbers import RowParser, decoded
 from fltea.recording.text_times import A_CLOCK, with_seconds
 from fltea.records.errors import UsageError
@@ -179,6 +179,9 @@ class TextReader:
             if self.lines == 0:
                 line = line.removeprefix(BOM)
             text = decoded(line)
+            if self.lines == 0 and not self._how.of_text and is_of_phone(self._where, text):
+                self._how = OF_PHONE
+                self._wanted, self._finder = wanted_of(OF_PHONE), LayoutFinder(self._where, OF_PHONE)
             try:
                 layout = self._finder.take(self.lines + 1, text)
             except UsageError as error:

@@ -23,17 +23,21 @@ _MINUTES = re.compile(r"(?<![\w:.])(\d{1,3}):(\d\d)([.,]\d+)(?![\w:])")
 A_CLOCK = re.compile(rb"\d:[0-5]\d")
 """Without which there is none in some bytes, and they need no closer look."""
 
-_ARROW = re.compile(r"^(\d+(?:\.\d+)?) -> ?([^\n]*)", re.M)
+_DECIMAL_COMMAS = re.compile(r"[;\t][-+ ]*\d+,\d")
+"""In a line whose fields are separated by other signs."""
+
+_ARROW = re.compile(r"^(\d+(?:[.,]\d+)?) -> ?([^\n]*)", re.M)
 
 
 def with_seconds(text: str) -> str:
     """Return lines with seconds in place of dates and times of day."""
-    found = _TIME.sub(_seconds, text)
+    with_commas = _DECIMAL_COMMAS.search(text) is not None
+    found = _TIME.sub(lambda m: _seconds(m, "," if with_commas else "."), text)
     found = _MINUTES.sub(lambda m: f"{60 * int(m[1]) + int(m[2])}{m[3].replace(',', '.')}", found)
     return _ARROW.sub(_before_line, found) if " -> " in found else found
 
 
-def _seconds(found: re.Match[str]) -> str:
+def _seconds(found: re.Match[str], mark: str) -> str:
     part = found.groupdict()
     seconds = 3600 * int(part["h"]) + 60 * int(part["m"]) + int(part["s"])
     if part["half"]:
@@ -47,7 +51,7 @@ def _seconds(found: re.Match[str]) -> str:
             return found[0]
         seconds += 86_400 * day
     fraction = part["f"] or part["g"]
-    return f"{seconds}.{fraction}" if fraction else str(seconds)
+    return f"{seconds}{mark}{fraction}" if fraction else str(seconds)
 
 
 def _day_of(part: dict[str, str]) -> int | None:

@@ -9,10 +9,11 @@ import numpy as np
 
 from fltea.recording.columns import Chosen
 from fltea.recording.files import parse_units
+from fltea.recording.sample_times import Floats
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
-from fltea.recording.table import Rows, Samples, is_of_sensor, samples_of
+from fltea.recording.table import ENOUGH_ROWS, Plausible, Rows, Samples, is_of_sensor, samples_of
 from fltea.recording.text_rows import REASONS, TextReader
-from fltea.records.errors import UsageError
+from fltea.records.errors import Implausible, UsageError
 from fltea.records.events import (
     SEQUENCE_WRAP,
     TIME_WRAP_US,
@@ -54,6 +55,7 @@ class TextEvents:
         self.reader = TextReader(self._where, how)
         self._numbers: ByOrder | ByTime | None = None
         self._watch: ArrivalWatch | None = None
+        self._plausible: Plausible | None = None
         self._left_out: Counter[str] = Counter()
         self._newest = ""
         self._reported = OnceAMinute()
@@ -143,6 +145,8 @@ class TextEvents:
             if not len(samples.gyro):
                 continue
             values = samples.gyro
+            if self._plausible is not None:
+                self._judge_gyro(self._plausible, values)
             if samples.accel is not None:
                 yield from self._judge_accel(samples, now_ns)
                 values = np.hstack([values, samples.accel])
@@ -158,8 +162,23 @@ class TextEvents:
             self._watch = ArrivalWatch(self.url, self._how.rate_hz)
         else:
             self._numbers = ByTime(self._where, chosen.time_name, chosen.time_unit, self._how.rate_hz)
+        self._plausible = Plausible(chosen)
         for note in self.reader.notes:
             yield Trouble(note.kind, note.text, now_ns, fatal=False)
+
+    def _judge_gyro(self, plausible: Plausible, gyro: Floats) -> None:
+        """Look at the first samples: a wrong column or unit does not come right later.
+
+        Raises:
+            Implausible: no gyroscope gives such figures.
+        """
+        plausible.add(gyro)
+        try:
+            plausible.check(self._where)
+        except Implausible as error:
+            raise self.reader.with_hint(error) from None
+        if plausible.rows >= ENOUGH_ROWS:
+            self._plausible = None
 
     def _judge_accel(self, samples: Samples, now_ns: int) -> Iterator[Event]:
         """Leave the accelerometer out from the first sample without it on."""
