@@ -27,7 +27,8 @@ def axis_html(axis: str, fitted: FittedAxis, heading: str) -> str:
     ]
     rows = [f"<tr><th>{label}</th><td>{_interval(one)} {of}</td></tr>" for label, one, of in parameters]
     if fitted.null_p is not None:
-        rows.append(f"<tr><th>p of the null test</th><td>{_probability(fitted.null_p)}</td></tr>")
+        p = f"{fitted.null_p:.2g}" if fitted.null_p > SMALLEST else f"below {SMALLEST:g}"
+        rows.append(f"<tr><th>p of the null test</th><td>{p}</td></tr>")
     if fitted.allan is not None:
         for name, of in (("N", "/√Hz"), ("B", ""), ("K", "/√s")):
             value = getattr(fitted.allan, name)
@@ -42,10 +43,6 @@ def axis_html(axis: str, fitted: FittedAxis, heading: str) -> str:
 def _curves(fitted: FittedAxis) -> str:
     shown = curves.spectrum(fitted.spectrum, fitted.unit) if fitted.spectrum is not None else ""
     return shown + (curves.allan(fitted.allan, fitted.unit) if fitted.allan is not None else "")
-
-
-def _probability(p: float) -> str:
-    return f"{p:.2g}" if p > SMALLEST else f"below {SMALLEST:g}"
 
 
 def _interval(one: Interval) -> str:

@@ -12,7 +12,7 @@ from fltea.cluster.cut import Cut, Ranges, open_bytes
 from fltea.cluster.fetch import COPY_BYTES, check_room
 from fltea.cluster.listing import WEB, File
 from fltea.cluster.whole import Ask
-from fltea.recording.kind import KINDS, Kind, kind_of
+from fltea.recording.kind import KINDS, kind_of
 from fltea.records.errors import FlteaError
 
 
@@ -29,7 +29,7 @@ def cuts_of(file: File, ask: Ask) -> list[Cut]:
         if file.protocol in WEB and not source.are_there():
             return []
         found: list[Cut] = []
-        match _kind_of(file, source.read(0, 16)):
+        match kind_of(source.read(0, 16)) or KINDS.get(file.suffix):
             case "npy":
                 found = cut_npy.cuts(source, ask.block_bytes)
             case "csv":
@@ -72,8 +72,3 @@ def write_piece(file: File, cut: Cut, folder: Path) -> Path:
             left -= len(data)
         out.write(cut.tail)
     return path
-
-
-def _kind_of(file: File, begin: bytes) -> Kind | None:
-    """Return the format by the first bytes, or else by the ending of the name."""
-    return kind_of(begin) or KINDS.get(file.suffix)

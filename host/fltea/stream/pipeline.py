@@ -52,11 +52,6 @@ from fltea.stream.tracking import Tracking
 Output = AnyRecord | Block
 
 
-def no_outputs() -> dict[str, OutputStats]:
-    """Counts of the outputs where there are none."""
-    return {}
-
-
 def stages_of(config: Config, fits: LiveFits | None) -> list[Stage]:
     """What samples go through: tracker with live fit, then this computer's filters, the board's, or both."""
     first: list[Stage] = [*([] if fits is None else [fits]), Tracking(config, fits)]
@@ -80,7 +75,7 @@ class Pipeline:
         self,
         source: Source,
         config: Config,
-        outputs: Callable[[], dict[str, OutputStats]] = no_outputs,
+        outputs: Callable[[], dict[str, OutputStats]] = dict,
         state: DeviceState | None = None,
         refuse: Callable[[], None] = lambda: None,
         beside: Beside | None = None,

@@ -65,7 +65,9 @@ def draw(
     figure = _figure(caption, note, height=5.6 if quantity == "state" else 4.4)
     t = _times(scenario)
     original, curves = _curves(quantity, scenario, data, estimates)
-    names = [None] if quantity != "state" else [None, _enlarged(len(t))]
+    # Whole runs hide what happens from sample to sample.
+    fortieth = slice(len(t) // 2, len(t) // 2 + len(t) // 40)
+    names = [None, fortieth] if quantity == "state" else [None]
     panels = figure.subplots(len(names), squeeze=False, height_ratios=[5, 3][: len(names)])[:, 0]
     for axes, part in zip(panels, names, strict=True):
         _panel(axes, t, original, curves, _label(quantity, scenario), part, measured=scenario.alpha is None)
@@ -125,11 +127,6 @@ def _times(scenario: Scenario) -> Array:
 def _label(quantity: str, scenario: Scenario) -> str:
     state = f"state [{scenario.unit}]" if scenario.unit else "state"
     return {"state": state, "order": "order α", "parameter": "parameter f [s$^{-α}$]"}[quantity]
-
-
-def _enlarged(n: int) -> slice:
-    """A fortieth of a run of n samples: whole runs hide what happens from sample to sample."""
-    return slice(n // 2, n // 2 + n // 40)
 
 
 def _figure(caption: str, note: str, height: float) -> "Figure":
