@@ -3,46 +3,62 @@
 import itertools
 
 import pytest
-from fltea.records.records import WhyNot
+from example_records import GOOD, INVALID
+from fltea.records.events import DeviceAxis
+from fltea.records.records import DeviceAxisEstimate, WhyNot
 from fltea.records.why_not import WHY_NOT
-from fltea.stream.board_compare import why_not_comparable
+from fltea.stream.board_compare import compare
 
-SAME = {
-    "device_valid": True,
-    "host_valid": True,
-    "device_age": 7,
-    "host_age": 7,
-    "device_skipped": False,
-    "same_settings": True,
-}
+NUMBERS = {"alpha": 0.4, "alpha_std": 0.03, "f": -2.0, "f_std": 0.2, "state_dps": 0.1, "innovation_dps": 0.0}
+OF_DEVICE = DeviceAxis(
+    *(1, 0, "gyro_x", 9, 7),
+    valid=True,
+    constant=False,
+    missing=False,
+    skipped=False,
+    tuned=False,
+    **NUMBERS,
+    interventions={},
+)
 FAULTS: dict[WhyNot, dict[str, object]] = {
-    "device_not_valid": {"device_valid": False},
-    "host_not_valid": {"host_valid": False},
+    "device_not_valid": {"valid": False},
+    "host_not_valid": {"known": INVALID},
     "other_start": {"host_age": 8},
-    "device_skipped": {"device_skipped": True},
+    "device_skipped": {"skipped": True},
     "other_settings": {"same_settings": False},
 }
 
 
+def compared(**changes: object) -> DeviceAxisEstimate:
+    facts = {"known": GOOD, "host_age": 7, "same_settings": True} | changes
+    of_host = {name: facts.pop(name) for name in ("known", "host_age", "same_settings")}
+    return compare(OF_DEVICE._replace(**facts), **of_host)
+
+
 def test_two_of_the_same_steps_and_settings_are_comparable() -> None:
-    assert why_not_comparable(**SAME) is None
+    found = compared()
+    differences = found.alpha_difference, found.f_difference, found.state_difference
+    assert differences == pytest.approx((0.4 - 0.412, -2 + 2.125, 0.1 - 0.1234))
+    assert found.why_not is None
 
 
 @pytest.mark.parametrize("first", FAULTS)
 def test_the_first_reason_is_told(first: WhyNot) -> None:
     order = list(WHY_NOT)
     later = order[order.index(first) + 1 :]
-    for others in itertools.chain.from_iterable(
-        itertools.combinations(later, n) for n in range(len(later) + 1)
-    ):
-        facts = SAME.copy()
-        for fault in (*reversed(others), first):
-            facts |= FAULTS[fault]
-        assert why_not_comparable(**facts) == first
+    for n in range(len(later) + 1):
+        for others in itertools.combinations(later, n):
+            found = compared(**{name: one for why in (*others, first) for name, one in FAULTS[why].items()})
+            assert (found.why_not, found.alpha_difference) == (first, None)
 
 
-def test_a_host_that_has_no_estimate_yet_began_at_another_sample() -> None:
-    assert why_not_comparable(**(SAME | {"host_valid": None, "host_age": 0})) == "other_start"
+def test_a_board_that_uses_what_it_has_fitted_has_other_settings() -> None:
+    assert compared(tuned=True).why_not == "other_settings"
+
+
+@pytest.mark.parametrize("nothing", [{"host_age": None}, {"known": None}])
+def test_a_host_that_has_no_estimate_yet_began_at_another_sample(nothing: dict[str, None]) -> None:
+    assert compared(**nothing).why_not == "other_start"
 
 
 def test_every_reason_has_words() -> None:

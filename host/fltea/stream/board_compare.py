@@ -1,7 +1,6 @@
 """A board's estimate of an axis as records state it, alone or with its difference from the host's (pure)."""
 
 import math
-from typing import TypedDict
 
 import msgspec
 
@@ -23,81 +22,45 @@ def compare(
     """Return the board's estimate, and its difference from the host's or why there is none.
 
     known: what the host knows after the same sample. host_age: steps since the start-up window of its
-    filters; None where they estimate nothing.
+    filters, the first one is 1; None where they estimate nothing. same_settings: the host computes with the
+    settings that the device states.
     """
     valid, numbers = _numbers(e)
     host = None if known is None or host_age is None else known.fltea
-    tracked = _tracked(e, None if known is None else known.bias)
-    why_not = why_not_comparable(
-        device_valid=valid,
-        host_valid=host.valid if host else None,
-        device_age=e.age,
-        host_age=host_age or 0,
-        device_skipped=e.skipped,
-        same_settings=same_settings and not e.tuned,
-    )
-    if why_not is not None or host is None or host.alpha is None or host.f is None or host.state is None:
-        return DeviceAxisEstimate(
-            *numbers, valid, e.tuned, age=e.age, why_not=why_not or "host_not_valid", **tracked
-        )
+    why_not: WhyNot | None = None
+    alpha = f = state = None
+    if not valid:  # the first reason that applies, in the order of `records.why_not.WHY_NOT`
+        why_not = "device_not_valid"
+    elif host is None:
+        why_not = "other_start"
+    elif not host.valid or host.alpha is None or host.f is None or host.state is None:
+        why_not = "host_not_valid"
+    elif host_age != e.age:
+        why_not = "other_start"
+    elif e.skipped:
+        why_not = "device_skipped"
+    elif e.tuned or not same_settings:
+        why_not = "other_settings"
+    else:
+        alpha, f, state = map(finite, (e.alpha - host.alpha, e.f - host.f, e.state_dps - host.state))
+    bias, bias_std, of_state, of_state_std = map(finite, e.tracker or (math.nan,) * 4)
     return DeviceAxisEstimate(
         *numbers,
         valid,
         e.tuned,
         age=e.age,
-        alpha_difference=finite(e.alpha - host.alpha),
-        f_difference=finite(e.f - host.f),
-        state_difference=finite(e.state_dps - host.state),
-        **tracked,
+        tracker_bias=bias,
+        tracker_bias_std=bias_std,
+        tracker_state=of_state,
+        tracker_state_std=of_state_std,
+        tracker_bias_difference=None
+        if bias is None or known is None or known.bias is None
+        else bias - known.bias,
+        alpha_difference=alpha,
+        f_difference=f,
+        state_difference=state,
+        why_not=why_not,
     )
-
-
-def why_not_comparable(
-    *,
-    device_valid: bool,
-    host_valid: bool | None,
-    device_age: int,
-    host_age: int,
-    device_skipped: bool,
-    same_settings: bool,
-) -> WhyNot | None:
-    """Return why the estimates of board and host cannot be compared; None if they can.
-
-    It is the first reason that applies, in the order of `records.why_not.WHY_NOT`. host_valid: None while
-    there is no estimate. ages: steps since each one's start-up window, the first one is 1. device_skipped:
-    its estimator skipped samples that the host took. same_settings: the host computes with the settings that
-    the device states.
-    """
-    if not device_valid:
-        return "device_not_valid"
-    if host_valid is False:
-        return "host_not_valid"
-    if host_valid is None or host_age != device_age:
-        return "other_start"
-    if device_skipped:
-        return "device_skipped"
-    return None if same_settings else "other_settings"
-
-
-class _Tracked(TypedDict, total=False):
-    tracker_bias: float | None
-    tracker_bias_std: float | None
-    tracker_state: float | None
-    tracker_state_std: float | None
-    tracker_bias_difference: float | None
-
-
-def _tracked(e: DeviceAxis, of_host: float | None) -> _Tracked:
-    if e.tracker is None:
-        return {}
-    bias, bias_std, state, state_std = map(finite, e.tracker)
-    return {
-        "tracker_bias": bias,
-        "tracker_bias_std": bias_std,
-        "tracker_state": state,
-        "tracker_state_std": state_std,
-        "tracker_bias_difference": None if bias is None or of_host is None else bias - of_host,
-    }
 
 
 _Six = tuple[float | None, float | None, float | None, float | None, float | None, float | None]
