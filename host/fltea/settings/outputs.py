@@ -140,6 +140,13 @@ class MqttConfig(Table, frozen=True):
         ),
     ] = None
     prefix: Annotated[str, Setting("Beginning of all topics.")] = "fltea"
+    discovery: Annotated[
+        str | None,
+        Setting(
+            "Prefix under which Home Assistant looks for devices; each board then appears there by itself.",
+            example="homeassistant",
+        ),
+    ] = None
     estimate_every: Annotated[
         int,
         Setting(
@@ -170,9 +177,10 @@ class MqttConfig(Table, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for level in self.prefix.split("/"):
-            if not level or any(c in "+#" or ord(c) < 32 for c in level) or self.prefix.startswith("$"):
-                raise ValueError("prefix must be a topic without +, #, a leading $ or empty levels")
+        for name, topic in (("prefix", self.prefix), ("discovery", self.discovery)):
+            for level in () if topic is None else topic.split("/"):
+                if not level or any(c in "+#" or ord(c) < 32 for c in level) or level.startswith("$"):
+                    raise ValueError(f"{name} must be a topic without +, #, a leading $ or empty levels")
         if self.key is not None and self.cert is None:
             raise ValueError("key belongs to a certificate: give cert too")
         tls_only = [name for name in ("ca", "cert", "insecure") if getattr(self, name)]

@@ -15,6 +15,7 @@ from fltea.settings.outputs import MqttConfig
 from fltea.sinks.lines import BlockLines, Wanted
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.delivery import BACKLOG, Delivery, Message
+from fltea.sinks.mqtt.discovery import discovery, discovery_topic
 from fltea.sinks.mqtt.link import Link
 from fltea.sinks.mqtt.shared import SharedConnection
 from fltea.sinks.mqtt.status import DeviceStatus, status_of
@@ -62,6 +63,7 @@ class MqttSink(Sink):
         self._turned_away = False
         self._level = self._client_id = ""
         self._fit: bytes | None = None
+        self._discovery: Message | None = None
         self._status: DeviceStatus | None = None
         self._seen: dict[str, int] = {}
         if shared is None:
@@ -87,6 +89,8 @@ class MqttSink(Sink):
             if self._is_due(_kind(item), item.seq, self._settings.estimate_every):
                 self._stream(_kind(item), self._encode(item), self._settings.stream_qos)
         elif isinstance(item, DeviceFits | Stats):
+            if isinstance(item, Stats):
+                self._offer_discovery(item)
             self._stream(_kind(item), self._encode(item), 1, again=not isinstance(item, Stats))
         elif self._turned_away:
             self._delivery.lost += 1
@@ -184,7 +188,7 @@ class MqttSink(Sink):
         status = status_of("offline", self._hello, self._device, clock.host_ns(), "replaced")
         self._delivery.keep(Message(self._topic("status"), self._encode(status), True, again=True))
         self._delivery.leave(0.0 if self._shared else FAREWELL_S)
-        self._hello = self._status = self._fit = None
+        self._hello = self._status = self._fit = self._discovery = None
 
     def _turn_away(self, hello: Hello) -> None:
         """Give a device no topics: its records count as lost until a device comes that may have some."""
@@ -218,7 +222,20 @@ class MqttSink(Sink):
         self._publish_state("hello", self._encode(self._hello))
         if self._fit is not None:
             self._publish_state("fit", self._fit)
+        if self._discovery is not None:
+            self._delivery.state(self._discovery)
         self._publish_status()
+
+    def _offer_discovery(self, stats: Stats) -> None:
+        """Publish what Home Assistant finds the device by, once the axes are known, and when they change."""
+        if self._settings.discovery is None or self._hello is None or not stats.axes:
+            return
+        found = discovery(f"{self._settings.prefix}/{self._level}", self._level, self._hello, stats.axes)
+        topic = discovery_topic(self._settings.discovery, self._level)
+        message = Message(topic, self._encode(found), retain=True)
+        if message != self._discovery:
+            self._discovery = message
+            self._delivery.state(message)
 
     def _publish_status(self) -> None:
         if self._status is not None:

@@ -1,0 +1,74 @@
+"""How Home Assistant finds a device: the configuration that its MQTT discovery reads, retained.
+
+Home Assistant, "MQTT discovery", device discovery: `<prefix>/device/<object_id>/config` names the device
+and all of its sensors, each with a topic and a template that takes its value out of the payload.
+"""
+
+import re
+from typing import Final
+
+from fltea.records.records import AxisStats, Hello
+from fltea.records.version import __version__
+
+_AXIS: Final = "value_json.axes.%s"
+_BIAS: Final = "{%% set tracker = value_json.axes.%s.tracker %%}{{ tracker.%s if tracker else None }}"
+
+
+def discovery_topic(prefix: str, level: str) -> str:
+    """Return the topic of a device whose own topics have this level.
+
+    Home Assistant takes letters, digits, _ and - only. Any other character of a name stands as its number, so
+    that names that differ have topics that differ.
+    """
+    return f"{prefix}/device/{_object_id(level)}/config"
+
+
+def discovery(topics: str, level: str, hello: Hello, axes: dict[str, AxisStats]) -> dict[str, object]:
+    """Return the configuration of a device.
+
+    topics: what all of its topics begin with, `<mqtt.prefix>/<level>`. axes: those that it has, by name.
+    """
+    device = {
+        "identifiers": [_object_id(level)],
+        "name": f"Gyroscope {level}",
+        "manufacturer": "fltea",
+        "model": hello.sensor or hello.source,
+    }
+    if hello.device_id:
+        device["serial_number"] = hello.device_id
+    if hello.firmware_version:
+        device["sw_version"] = hello.firmware_version
+    components = {"lost": _sensor("samples lost", f"{topics}/stats", "{{ value_json.samples.lost }}")}
+    components["lost"] |= {"state_class": "total_increasing", "entity_category": "diagnostic"}
+    for axis, stats in axes.items():
+        fit, one = f"{topics}/fit", _AXIS % axis
+        components[f"{axis}_noise"] = _sensor(f"{axis} noise", fit, f"{{{{ {one}.verdict }}}}")
+        for name, title, unit in (("alpha", "α", None), ("f", "f", "s^-α")):
+            sensor = _sensor(f"{axis} {title}", fit, f"{{{{ {one}.{name}.value }}}}", unit)
+            sensor |= {
+                "state_class": "measurement",
+                "json_attributes_topic": fit,
+                "json_attributes_template": f"{{{{ {one}.{name} | tojson }}}}",
+            }
+            components[f"{axis}_{name}"] = sensor
+        for name, title in (("bias", "bias"), ("bias_std", "bias σ")):
+            sensor = _sensor(f"{axis} {title}", f"{topics}/stats", _BIAS % (axis, name), stats.unit)
+            components[f"{axis}_{name}"] = sensor | {"state_class": "measurement"}
+    for key, component in components.items():
+        component["unique_id"] = f"{_object_id(level)}_{key}"
+    return {
+        "device": device,
+        "origin": {"name": "fltea", "sw_version": __version__},
+        "availability_topic": f"{topics}/status",
+        "availability_template": "{{ 'online' if value_json.status == 'online' else 'offline' }}",
+        "components": components,
+    }
+
+
+def _sensor(name: str, topic: str, template: str, unit: str | None = None) -> dict[str, str]:
+    sensor = {"platform": "sensor", "name": name, "state_topic": topic, "value_template": template}
+    return sensor if unit is None else sensor | {"unit_of_measurement": unit}
+
+
+def _object_id(level: str) -> str:
+    return "fltea_" + re.sub(r"[^A-Za-z0-9-]", lambda one: f"_{ord(one[0]):x}_", level)

@@ -1,0 +1,128 @@
+"""Home Assistant finds a device by what is published for it.
+
+The keys are those of its documentation, "MQTT discovery" (device discovery) and "MQTT sensor", as of 2025.4,
+typed here by hand. Jinja renders the templates, as in Home Assistant, from the payloads that are published.
+"""
+
+import json
+import re
+from typing import Any
+
+import jinja2
+import pytest
+from example_records import STATS
+from fit_support import FRACTIONAL
+from fltea.records.records import Fit
+from fltea.settings.outputs import MqttConfig
+from fltea.sinks.mqtt.connection import Up
+from fltea.sinks.mqtt.discovery import discovery_topic
+from hypothesis import example, given
+from hypothesis import strategies as st
+from mqtt_support import Bench, MakeBench, make_bench, stats
+
+TOPIC = "homeassistant/device/fltea_a0/config"
+DEVICE_KEYS = {
+    "identifiers", "connections", "manufacturer", "model", "model_id", "name", "hw_version", "serial_number",
+    "sw_version", "via_device", "suggested_area", "configuration_url",
+}  # fmt: skip
+ROOT_KEYS = {
+    "device", "origin", "components", "availability", "availability_mode", "availability_template",
+    "availability_topic", "payload_available", "payload_not_available", "command_topic", "state_topic",
+    "qos", "encoding",
+}  # fmt: skip
+SENSOR_KEYS = {
+    "platform", "unique_id", "name", "state_topic", "value_template", "unit_of_measurement", "state_class",
+    "device_class", "json_attributes_topic", "json_attributes_template", "entity_category", "icon",
+    "expire_after", "force_update", "object_id", "enabled_by_default", "suggested_display_precision",
+    "options", "qos", "encoding",
+}  # fmt: skip
+FIT = Fit(99, 1, 0, 0, 100, {"gyro_x": FRACTIONAL, "accel_z": FRACTIONAL}, device="due")
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> MakeBench:
+    return make_bench(monkeypatch)
+
+
+def found(bench: Bench) -> list[dict[str, Any]]:
+    return [json.loads(payload) for topic, payload, *_ in bench.connection.sent if topic == TOPIC]
+
+
+def test_nothing_is_published_for_home_assistant_unless_it_is_asked_for(bench: MakeBench) -> None:
+    b = bench()
+    b.write(stats())
+    assert all(topic.startswith("fltea/") for topic, *_ in b.connection.sent)
+
+
+def test_configuration_has_the_documented_keys_and_an_identity_for_each_sensor(bench: MakeBench) -> None:
+    b = bench(discovery="homeassistant")
+    b.write(stats(), stats())
+    (sent,) = [(qos, retain) for topic, _, qos, retain in b.connection.sent if topic == TOPIC]
+    assert sent == (1, True)
+    (config,) = found(b)
+    assert config.keys() <= ROOT_KEYS
+    assert config["device"].keys() <= DEVICE_KEYS
+    assert config["device"]["identifiers"] == ["fltea_a0"]
+    assert config["origin"]["name"] == "fltea"
+    sensors = config["components"].values()
+    assert all(one.keys() <= SENSOR_KEYS and one["platform"] == "sensor" for one in sensors)
+    assert len({one["unique_id"] for one in sensors}) == len(sensors) == 1 + 2 * 5
+
+
+def rendered(template: str, payload: bytes) -> str:
+    return jinja2.Template(template).render(value_json=json.loads(payload))
+
+
+def test_templates_take_the_figures_out_of_what_is_published(bench: MakeBench) -> None:
+    b = bench(discovery="homeassistant")
+    b.write(stats(), FIT)
+    (config,) = found(b)
+    last = {topic: payload for topic, payload, *_ in b.connection.sent}
+    values = {
+        key: rendered(one["value_template"], last[one["state_topic"]])
+        for key, one in config["components"].items()
+    }
+    tracker = STATS.axes["gyro_x"].tracker
+    assert tracker is not None
+    assert values["lost"] == str(STATS.samples.lost)
+    assert values["gyro_x_noise"] == FRACTIONAL.verdict
+    assert float(values["gyro_x_alpha"]) == FRACTIONAL.alpha.value
+    assert float(values["gyro_x_f"]) == FRACTIONAL.f.value
+    assert values["gyro_x_bias"] == str(tracker.bias)
+    # Home Assistant takes "None" as "unknown".
+    assert values["accel_z_bias"] == "None"
+    assert config["components"]["accel_z_bias"]["unit_of_measurement"] == STATS.axes["accel_z"].unit
+    alpha = config["components"]["gyro_x_alpha"]
+    attributes = json.loads(rendered(alpha["json_attributes_template"], last[alpha["json_attributes_topic"]]))
+    assert (attributes["low"], attributes["high"]) == (FRACTIONAL.alpha.low, FRACTIONAL.alpha.high)
+    states = {
+        status: rendered(config["availability_template"], json.dumps({"status": status}).encode())
+        for status in ("online", "stalled", "offline")
+    }
+    assert states == {"online": "online", "stalled": "offline", "offline": "offline"}
+    assert config["availability_topic"] in last
+
+
+def test_configuration_comes_again_with_a_new_connection(bench: MakeBench) -> None:
+    b = bench(discovery="homeassistant")
+    b.write(stats())
+    first = b.connection
+    first.close()
+    b.sink.flush()
+    b.wait(60)
+    assert b.connection is not first
+    b.happens(Up())
+    assert len(found(b)) == 1
+
+
+@example("a+", "a_2b_")
+@given(st.text(min_size=1, max_size=40), st.text(min_size=1, max_size=40))
+def test_topics_are_of_letters_that_home_assistant_takes_and_differ_as_names_do(one: str, other: str) -> None:
+    topics = [discovery_topic("homeassistant", name) for name in (one, other)]
+    assert all(re.fullmatch(r"homeassistant/device/[a-zA-Z0-9_-]+/config", topic) for topic in topics)
+    assert (topics[0] == topics[1]) == (one == other)
+
+
+def test_prefix_is_a_topic() -> None:
+    with pytest.raises(ValueError, match="discovery must be a topic"):
+        MqttConfig(discovery="home/+/assistant")
