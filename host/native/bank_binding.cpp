@@ -68,7 +68,7 @@ class Bank {
         block.white = white.data();
         std::vector<Lost> lost;
         {
-            nb::gil_scoped_release release;
+            const LockGivenAway given(rows);
             const std::lock_guard<std::mutex> alone(mutex_);
             bank_.run(y.data(), rows, block, lost);
         }

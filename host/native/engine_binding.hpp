@@ -5,6 +5,7 @@
 #include <nanobind/ndarray.h>
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,18 @@ using Rows = nanobind::ndarray<const double, nanobind::ndim<2>, nanobind::c_cont
 using Flags = nanobind::ndarray<const uint8_t, nanobind::ndim<2>, nanobind::c_contig, nanobind::device::cpu>;
 using Results = nanobind::ndarray<double, nanobind::ndim<3>, nanobind::c_contig, nanobind::device::cpu>;
 using Counts = nanobind::ndarray<int32_t, nanobind::ndim<2>, nanobind::c_contig, nanobind::device::cpu>;
+
+// Gives Python's lock away for work on many rows only: who does may wait long until he has it again.
+class LockGivenAway {
+  public:
+    explicit LockGivenAway(size_t rows) {
+        if (rows >= kManyRows) release_.emplace();
+    }
+
+  private:
+    static constexpr size_t kManyRows = 64;
+    std::optional<nanobind::gil_scoped_release> release_;
+};
 
 // Squares of larger numbers, and sums of thousands of them, would leave the range of doubles.
 constexpr double kLargestInput = 1e100;

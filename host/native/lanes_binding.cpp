@@ -42,7 +42,7 @@ class Lanes {
         for (size_t i = 0; i < fltea::kLaneColumns; ++i) columns[i] = out.data() + i * rows * lanes;
         std::vector<Lost> lost;
         {
-            nb::gil_scoped_release release;
+            const LockGivenAway given(rows);
             const std::lock_guard<std::mutex> alone(mutex_);
             lanes_.run(y.data(), gone, rows, columns, valid.data(), lost);
         }

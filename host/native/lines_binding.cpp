@@ -24,8 +24,6 @@ using Column = nb::ndarray<nb::ro, nb::device::cpu>;
 
 // No number takes more, its sign and exponent included.
 constexpr size_t kLongest = 32;
-// A thread that gives Python's lock away may wait long for it: not for a few lines.
-constexpr size_t kManyRows = 16;
 
 // The shortest digits that give the number back; positional from 1e-5 to below 1e16, as msgspec has it.
 char* put_real(double value, char* out) {
@@ -86,15 +84,10 @@ class Lines {
         const size_t rows = begin < end ? (end - begin - 1) / step + 1 : 0;
         std::string lines(rows * room_, '\0');
         char* out = lines.data();
-        const auto write_all = [&] {
+        {
+            const LockGivenAway given(rows);
             for (size_t row = begin, i = 0; i < rows; ++i, row += step)
                 out = write_row(cells, static_cast<int64_t>(row), out);
-        };
-        if (rows < kManyRows) {
-            write_all();
-        } else {
-            const nb::gil_scoped_release release;
-            write_all();
         }
         return nb::bytes(lines.data(), static_cast<size_t>(out - lines.data()));
     }

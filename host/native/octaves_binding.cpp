@@ -42,7 +42,7 @@ class Octaves {
         const size_t rows = y.shape(0), lanes = lanes_.size();
         if (y.shape(1) != lanes) throw nb::value_error("y must have shape (rows, lanes)");
         check_numbers("y", y.data(), rows, lanes, nullptr, kLargestSample);
-        nb::gil_scoped_release release;
+        const LockGivenAway given(rows);
         const std::lock_guard<std::mutex> alone(mutex_);
         for (size_t i = 0; i < lanes; ++i) lanes_[i].add(y.data() + i, rows, lanes);
     }
@@ -55,7 +55,7 @@ class Octaves {
         check_numbers("y", y.data(), rows, lanes, nullptr, kLargestSample);
         if (!(longest >= 0 && longest <= kMostSamples)) throw nb::value_error("no motion lasts so long");
         const uint8_t* const flags = moving.data();
-        nb::gil_scoped_release release;
+        const LockGivenAway given(rows);
         const std::lock_guard<std::mutex> alone(mutex_);
         for (size_t i = 0; i < lanes; ++i)
             lanes_[i].add(y.data() + i, flags + i, rows, lanes, static_cast<uint64_t>(longest));

@@ -83,7 +83,7 @@ class Tracker {
         check_numbers("y", y.data(), rows, lanes, nullptr, kLargestSample);
         double* const to = out.data();
         uint8_t* const flags = moving.data();
-        nb::gil_scoped_release release;
+        const LockGivenAway given(rows);
         const std::lock_guard<std::mutex> alone(mutex_);
         for (size_t lane = 0; lane < lanes; ++lane) {
             for (size_t i = lane; i < all; i += lanes) {
