@@ -80,10 +80,7 @@ class Decoder {
         ndarray_ = numpy.attr("ndarray");
         const auto dtype = [&numpy](const char* name) { return numpy.attr("dtype")(name); };
         int64_ = dtype("int64");
-        uint32_ = dtype("uint32");
-        uint16_ = dtype("uint16");
         int16_ = dtype("int16");
-        uint8_ = dtype("uint8");
         for (std::size_t i = 0; i < kReasons; ++i) {
             const char* name = fltea::reason_name(static_cast<Reason>(i));
             reasons_[i] = name ? nb::object(nb::str(name)) : nb::none();
@@ -118,13 +115,15 @@ class Decoder {
     // None for no samples.
     nb::object columns(const std::vector<SampleRow>& samples) const {
         if (samples.empty()) return nb::none();
-        Columns table(ndarray_, samples.size(), 8 + 4 + 2 + 6 + 6 + 2 + 1);
+        Columns table(ndarray_, samples.size(), 8 + 8 + 8 + 8 + 6 + 6 + 2);
         const auto end = table.add<std::int64_t, 1>(int64_, samples,
                                                     [](const SampleRow& row, auto* out) { *out = row.end; });
-        const auto device_us = table.add<std::uint32_t, 1>(
-            uint32_, samples, [](const SampleRow& row, auto* out) { *out = row.device_us; });
-        const auto sequence = table.add<std::uint16_t, 1>(
-            uint16_, samples, [](const SampleRow& row, auto* out) { *out = row.sequence; });
+        const auto device_us = table.add<std::int64_t, 1>(
+            int64_, samples, [](const SampleRow& row, auto* out) { *out = row.device_us; });
+        const auto sequence = table.add<std::int64_t, 1>(
+            int64_, samples, [](const SampleRow& row, auto* out) { *out = row.sequence; });
+        const auto flags = table.add<std::int64_t, 1>(
+            int64_, samples, [](const SampleRow& row, auto* out) { *out = row.sample.flags; });
         const auto gyro = table.add<std::int16_t, 3>(int16_, samples, [](const SampleRow& row, auto* out) {
             out[0] = row.sample.gyro_x;
             out[1] = row.sample.gyro_y;
@@ -137,8 +136,6 @@ class Decoder {
         });
         const auto temperature = table.add<std::int16_t, 1>(
             int16_, samples, [](const SampleRow& row, auto* out) { *out = row.sample.temperature; });
-        const auto flags = table.add<std::uint8_t, 1>(
-            uint8_, samples, [](const SampleRow& row, auto* out) { *out = row.sample.flags; });
         return nb::make_tuple(sequence, device_us, gyro, accel, temperature, flags, end);
     }
 
@@ -154,7 +151,7 @@ class Decoder {
 
     fltea::Decoder decoder_;
     mutable std::mutex mutex_;
-    nb::object ndarray_, int64_, uint32_, uint16_, int16_, uint8_;
+    nb::object ndarray_, int64_, int16_;
     nb::object reasons_[kReasons];
 };
 

@@ -132,7 +132,7 @@ def test_columns_are_plain_arrays_of_their_own(n: int) -> None:
     reader.feed(encode(wire.Sample(*(1,) * 8), 7, 7) * n)
     del reader
     shapes = {"gyro": (n, 3), "accel": (n, 3)}
-    types = ["uint16", "uint32", "int16", "int16", "int16", "uint8", "int64"]
+    types = ["int64", "int64", "int16", "int16", "int16", "int64", "int64"]
     for (name, column), type in zip(columns._asdict().items(), types, strict=True):
         assert (column.dtype, column.shape) == (np.dtype(type), shapes.get(name, (n,)))
         assert column.flags.carray  # contiguous, aligned, writable

@@ -227,8 +227,9 @@ class WireEvents:
             self._refused_frames += n
         else:
             at = _at(reads, columns.end)
-            raw = _raw_block(columns, reads.host_ns[at])
-            breaks = (np.flatnonzero(np.diff(raw.sequence) != 1) + 1).tolist() if n > 1 else []
+            sequence, device_us, *values, _ = columns
+            raw = RawBlock(sequence, device_us, reads.host_ns[at], *values)
+            breaks = (np.flatnonzero(sequence[1:] - sequence[:-1] != 1) + 1).tolist() if n > 1 else []
             for begin, end in zip([0, *breaks], [*breaks, n], strict=True):
                 self.unix_offset_ns = int(reads.unix_offset_ns[at[begin]])
                 yield raw if end - begin == n else raw.rows(begin, end)
@@ -342,15 +343,3 @@ def _at(reads: Reads, ends: Ints) -> "np.ndarray[tuple[int], np.dtype[np.intp]]"
     if len(reads.end) == 1:
         return np.zeros(len(ends), dtype=np.intp)
     return np.searchsorted(reads.end, ends)
-
-
-def _raw_block(columns: SampleColumns, host_ns: Ints) -> RawBlock:
-    return RawBlock(
-        columns.sequence.astype(np.int64),
-        columns.device_us.astype(np.int64),
-        host_ns,
-        columns.gyro,
-        columns.accel,
-        columns.temperature,
-        columns.flags.astype(np.int64),
-    )

@@ -1,7 +1,6 @@
 """The stage in which this computer estimates: the axes of both sensors, each sensor's in a bank."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -274,7 +273,7 @@ class HostEstimates(Stage):
                 found.append(columns)
                 variant = variant or channels.config.variant
         if found:
-            block = replace(block, variant=variant, estimates=tuple(found))
+            block = block.but(variant=variant, estimates=tuple(found))
         begin = 0
         for row, axis, why in sorted(lost):
             for notice in self._lost(axis, why, int(host_ns[row])):

@@ -18,9 +18,9 @@ from fltea.wire.messages import BadFrame, Frame, Refused, refusal
 class SampleColumns(NamedTuple):
     """SAMPLE frames that follow each other without anything between them, n ≥ 1 of them."""
 
-    sequence: NDArray[np.uint16]
+    sequence: NDArray[np.int64]
     """Number of the sampling instant, modulo 2**16; shape (n,)."""
-    device_us: NDArray[np.uint32]
+    device_us: NDArray[np.int64]
     """Device time since boot, modulo 2**32 [us]; shape (n,)."""
     gyro: NDArray[np.int16]
     """Rates about x, y, z; HELLO gives the scale [LSB]; shape (n, 3)."""
@@ -28,7 +28,7 @@ class SampleColumns(NamedTuple):
     """Specific force along x, y, z; HELLO gives the scale [LSB]; shape (n, 3)."""
     temperature: NDArray[np.int16]
     """Die temperature [LSB]; shape (n,)."""
-    flags: NDArray[np.uint8]
+    flags: NDArray[np.int64]
     """Bits of `wire.SampleFlags`; shape (n,)."""
     end: NDArray[np.int64]
     """Offset within the bytes of the call, just behind the frame's closing 0x00 [bytes]; shape (n,)."""
