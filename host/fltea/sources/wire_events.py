@@ -227,9 +227,9 @@ class WireEvents:
             self._refused_frames += n
         else:
             at = _at(reads, columns.end)
-            sequence, device_us, *values, _ = columns
-            raw = RawBlock(sequence, device_us, reads.host_ns[at], *values)
-            breaks = (np.flatnonzero(sequence[1:] - sequence[:-1] != 1) + 1).tolist() if n > 1 else []
+            sequence, device_us, gyro, accel, temperature, flags, _ = columns
+            raw = RawBlock(sequence, device_us, reads.host_ns[at], gyro, accel, temperature, flags)
+            breaks = ((sequence[1:] - sequence[:-1] != 1).nonzero()[0] + 1).tolist() if n > 1 else []
             for begin, end in zip([0, *breaks], [*breaks, n], strict=True):
                 self.unix_offset_ns = int(reads.unix_offset_ns[at[begin]])
                 yield raw if end - begin == n else raw.rows(begin, end)
@@ -241,7 +241,7 @@ class WireEvents:
         """Take note of a good frame: what came in later reads is not read yet."""
         last = len(reads.end) - 1
         if last:
-            last = int(np.searchsorted(reads.end, end))
+            last = int(reads.end.searchsorted(end))
         if last + 1 == len(reads.end):
             self._unread_since_ns = None
         else:
@@ -342,4 +342,4 @@ def _at(reads: Reads, ends: Ints) -> "np.ndarray[tuple[int], np.dtype[np.intp]]"
     """Return in which read each of the ends stands."""
     if len(reads.end) == 1:
         return np.zeros(len(ends), dtype=np.intp)
-    return np.searchsorted(reads.end, ends)
+    return reads.end.searchsorted(ends)

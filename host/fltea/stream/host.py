@@ -4,11 +4,13 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from fltea.estimator.bank import Bank
 from fltea.estimator.lanes import Reason
 from fltea.estimator.snapshot import OnlineState
 from fltea.records.arrays import Array
-from fltea.records.block import AxisColumns, Block
+from fltea.records.block import AxisColumns, Block, Bools
 from fltea.records.errors import UsageError
 from fltea.records.events import Ints
 from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, GYRO_UNIT, AxisStats, EstimatorInfo
@@ -80,9 +82,14 @@ class Channels:
             tuple(one.whiteness for one in settled),
             *found[:6],
             found.valid,
-            found.white & [not self._tuned or axis in self._bank.tuned for axis in self._names],
+            self._settled_of(found.white),
         )
         return columns, [(row, self._names[lane], why) for row, lane, why in found.lost]
+
+    def _settled_of(self, white: Bools) -> Bools:
+        """Return after which samples the axes are settled; white: after which their innovations are."""
+        waiting = [axis not in self._bank.tuned for axis in self._names] if self._tuned else []
+        return white & ~np.array(waiting) if any(waiting) else white
 
     def _tune(self) -> None:
         """Hand what the fit knows of the noise to the filters."""

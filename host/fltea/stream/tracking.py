@@ -53,7 +53,7 @@ class SensorTracks:
         self._walks = [UNDEFINED] * len(self.names)
         self._models: list[tuple[System, Array] | None] = [None] * len(self.names)
         self._headings: list[dict[int, float]] = [{} for _ in self.names]
-        self._biases = np.full((len(self.names), 2), math.nan)
+        self._biases = (np.full(len(self.names), math.nan),) * 2
         self._known: dict[str, SettledFit] = {}
         self._learned: dict[str, Noise] = {}
 
@@ -62,7 +62,7 @@ class SensorTracks:
         own = values if len(self._places) == values.shape[1] else values[:, self._places]
         found = self._tracker.run(own)
         if len(own):
-            self._biases = np.column_stack((found.bias[-1], found.bias_std[-1]))
+            self._biases = found.bias[-1], found.bias_std[-1]
         stands = [self._known[axis].stands if axis in self._known else None for axis in self.names]
         return TrackedColumns(
             self.names,
@@ -115,7 +115,7 @@ class SensorTracks:
 
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
         """Yield how each axis gets on."""
-        figures = self._tracker.figures(), self._walks, self._headings, self._biases
+        figures = self._tracker.figures(), self._walks, self._headings, zip(*self._biases, strict=True)
         for axis, one, K, heading, biases in zip(self.names, *figures, strict=True):
             holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
             words = names(map(type, self._learned[axis].parts)) if axis in self._learned else "walks"
