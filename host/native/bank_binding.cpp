@@ -30,6 +30,9 @@ using Mask = nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::c
 // Half, so that it stays within what the engine takes when the bias is taken off.
 constexpr double kLargestOffset = kLargestInput / 2;
 
+// They are bridged one by one.
+constexpr size_t kMostSkipped = 10'000'000;
+
 // Mean, variance (at least that of the resolution's rounding), and whether it never changed.
 using Moments = std::tuple<double, double, bool>;
 
@@ -76,6 +79,7 @@ class Bank {
     }
 
     nb::list skip(size_t count) {
+        if (count > kMostSkipped) throw nb::value_error("so many lost samples are not bridged");
         std::vector<Lost> lost;
         {
             nb::gil_scoped_release release;

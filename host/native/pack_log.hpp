@@ -21,12 +21,11 @@ inline Binary<double> split(double x) {
 }
 template <int W>
 inline Binary<Pack<double, W>> split(Pack<double, W> x) {
-    typedef typename Vectors<W>::Bits Bits;
+    typedef typename Vectors<W>::Words Words;
     typedef typename Vectors<W>::Doubles Doubles;
-    // The sign is 0, so that the arithmetic shift moves in zeros.
-    const Bits bits = (Bits)x.v + (std::int64_t(0x3ff00000 - 0x3fe6a09e) << 32);
-    return {Pack<double, W>((Doubles)((bits >> 52) | (std::int64_t(0x433) << 52))),
-            Pack<double, W>((Doubles)((bits & 0xfffffffffffffLL) + (std::int64_t(0x3fe6a09e) << 32)))};
+    const Words bits = (Words)x.v + (std::uint64_t(0x3ff00000 - 0x3fe6a09e) << 32);
+    return {Pack<double, W>((Doubles)((bits >> 52) | (std::uint64_t(0x433) << 52))),
+            Pack<double, W>((Doubles)((bits & 0xfffffffffffffULL) + (std::uint64_t(0x3fe6a09e) << 32)))};
 }
 
 template <class T>

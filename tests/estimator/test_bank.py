@@ -43,6 +43,14 @@ def noise(n: int, axes: int = 3, seed: int = 0, quantised: bool = True) -> Array
 
 @pytest.mark.parametrize("changes", SETTINGS, ids=str)
 @pytest.mark.parametrize("lsb", [LSB, None])
+def test_a_gap_without_end_is_refused_and_not_bridged() -> None:
+    bank = Bank(AXES, config(), H, LSB)
+    bank.run(noise(300))
+    for count in (2**31, 2**63):
+        with pytest.raises(ValueError, match="not bridged"):
+            bank.on_missing(count)
+
+
 def test_equals_the_oracle_on_noise(changes: dict[str, object], lsb: float | None) -> None:
     y = noise(1500, quantised=lsb is not None)
     assert_close(by_bank(y, config(**changes), lsb, cuts=[700]), by_sample(y, config(**changes), lsb))

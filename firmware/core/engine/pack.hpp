@@ -64,6 +64,7 @@ template <class T>
 using Real = typename Lanes<T>::Real;
 
 // The vector types of the compiler, one width each: gcc drops attributes that depend on a template parameter.
+// Bits are what comparisons give, Words what is computed with, since unsigned numbers overflow by rule.
 // may_alias: storage is handed over as packs, and tables of single numbers live in it too.
 template <int W>
 struct Vectors;
@@ -71,16 +72,19 @@ template <>
 struct Vectors<2> {
     typedef double Doubles __attribute__((vector_size(16), may_alias));
     typedef std::int64_t Bits __attribute__((vector_size(16), may_alias));
+    typedef std::uint64_t Words __attribute__((vector_size(16), may_alias));
 };
 template <>
 struct Vectors<4> {
     typedef double Doubles __attribute__((vector_size(32), may_alias));
     typedef std::int64_t Bits __attribute__((vector_size(32), may_alias));
+    typedef std::uint64_t Words __attribute__((vector_size(32), may_alias));
 };
 template <>
 struct Vectors<8> {
     typedef double Doubles __attribute__((vector_size(64), may_alias));
     typedef std::int64_t Bits __attribute__((vector_size(64), may_alias));
+    typedef std::uint64_t Words __attribute__((vector_size(64), may_alias));
 };
 
 // One truth value a lane, all bits set or none; the counterpart for plain numbers is bool.

@@ -63,18 +63,18 @@ inline R negate_if_odd(R y, R rounded) {
 }
 template <int W>
 inline Pack<double, W> scale_up(Pack<double, W> y, Pack<double, W> rounded) {
-    typedef typename Vectors<W>::Bits Bits;
-    return Pack<double, W>((typename Vectors<W>::Doubles)((Bits)y.v + ((Bits)rounded.v << 52)));
+    typedef typename Vectors<W>::Words Words;
+    return Pack<double, W>((typename Vectors<W>::Doubles)((Words)y.v + ((Words)rounded.v << 52)));
 }
 template <int W>
 inline Pack<double, W> scale_down(Pack<double, W> y, Pack<double, W> rounded) {
-    typedef typename Vectors<W>::Bits Bits;
-    return Pack<double, W>((typename Vectors<W>::Doubles)((Bits)y.v - ((Bits)rounded.v << 52)));
+    typedef typename Vectors<W>::Words Words;
+    return Pack<double, W>((typename Vectors<W>::Doubles)((Words)y.v - ((Words)rounded.v << 52)));
 }
 template <int W>
 inline Pack<double, W> negate_if_odd(Pack<double, W> y, Pack<double, W> rounded) {
-    typedef typename Vectors<W>::Bits Bits;
-    return Pack<double, W>((typename Vectors<W>::Doubles)((Bits)y.v ^ ((Bits)rounded.v << 63)));
+    typedef typename Vectors<W>::Words Words;
+    return Pack<double, W>((typename Vectors<W>::Doubles)((Words)y.v ^ ((Words)rounded.v << 63)));
 }
 
 // A number and its reciprocal.

@@ -14,7 +14,7 @@ from fltea.records.secret import refuse_secret
 from fltea.records.small_file import read_small
 from fltea.settings.device_name import NAME, device_name, device_names
 from fltea.settings.duration import Duration, in_seconds
-from fltea.settings.estimator import AccelConfig, EstimatorConfig
+from fltea.settings.estimator import LONGEST_GAP, AccelConfig, EstimatorConfig
 from fltea.settings.how import How
 from fltea.settings.ingest import IngestConfig
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -70,6 +70,7 @@ class LinkConfig(Table, frozen=True):
             "new epoch.",
             unit="samples",
             least=0,
+            most=LONGEST_GAP,
             time=True,
             flags=("--max-gap",),
             metavar="N|TIME",

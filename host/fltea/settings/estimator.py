@@ -13,6 +13,9 @@ LARGEST = 1e100
 LONGEST_WINDOW = 10_000_000
 """Samples; more than a day at 100 Hz, and as much memory as a small computer has to spare."""
 
+LONGEST_GAP = 1_000_000
+"""Samples that are bridged at most, one by one: seconds of work, and of three hours at 100 Hz nothing is left."""
+
 SQUARED = "(deg/s)²"
 DELTA = Setting(
     "Forgetting factor of Robbins and Monro: how fast the variance of the walk follows the innovations; "

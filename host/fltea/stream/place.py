@@ -13,6 +13,7 @@ import numpy as np
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, Ints, RawBlock
 from fltea.records.records import EpochReason, Hello
 from fltea.settings.duration import Duration, in_samples
+from fltea.settings.estimator import LONGEST_GAP
 
 MAX_SILENCE_NS = 30 * 60 * 10**9
 """After half an hour without a sample the wraps of device time (71.6 minutes) cannot be counted."""
@@ -178,7 +179,8 @@ class Place:
             missing = step - 1
             self.lost += missing
             self.gaps += missing > 0
-            reason = reason or ("gap" if missing > in_samples(self._max_gap, hello.rate_hz, 1) else None)
+            longest = min(in_samples(self._max_gap, hello.rate_hz, 1), LONGEST_GAP)
+            reason = reason or ("gap" if missing > longest else None)
         self._pending = None
         seq, device_us = self._seq + step, self._device_us + time_step_us
         return Piece(raw, np.array([seq]), np.array([device_us]), missing, reason)
