@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "146dadbd";
+constexpr char kBuildId[] = "29ce75b5";
 
 }  // namespace fltea

@@ -174,7 +174,7 @@ def test_the_error_says_setting_range_unit_and_value(told: Any) -> None:
         (
             "link.max_gap",
             "-1",
-            'must be a whole number of at least 0 samples or a time such as "30 s", got -1.',
+            'must be a whole number from 0 to 1000000 samples or a time such as "30 s", got -1.',
         ),
         ("live.memory", "5s", "must be a time such as \"30 s\" from 10 to 31622400 s, got '5s'."),
     ):

@@ -14,7 +14,7 @@ LONGEST_WINDOW = 10_000_000
 """Samples; more than a day at 100 Hz, and as much memory as a small computer has to spare."""
 
 LONGEST_GAP = 1_000_000
-"""Samples that are bridged at most, one by one: seconds of work, and of three hours at 100 Hz nothing is left."""
+"""Samples that are bridged at most, one by one: seconds of work, for what is three hours at 100 Hz."""
 
 SQUARED = "(deg/s)²"
 DELTA = Setting(

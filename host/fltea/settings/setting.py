@@ -8,6 +8,7 @@ documentation and the board's header all come from these. The range is not msgsp
 made in Python passes by, which lets NaN through, and whose message knows neither unit nor value.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import KW_ONLY, dataclass
 from functools import cache
@@ -34,7 +35,7 @@ class Setting:
     _: KW_ONLY
     unit: str = ""
     least: float = -END
-    above: float = -END
+    above: float = -math.inf
     most: float = END
     text: str = ""
     """what a text has to be, such as "the name of a folder"; it must then not be empty"""
@@ -70,7 +71,7 @@ class Setting:
             low = f"{self.least:.15g}"
             return f" from {low} to {self.most:.15g}" if self.most != END else f" of at least {low}"
         up = f" and up to {self.most:.15g}" if self.most != END else ""
-        return f" above {self.above:g}{up}" if self.above != -END else ""
+        return f" above {self.above:g}{up}" if self.above > -math.inf else ""
 
     def words(self, kind: types.Type) -> list[str]:
         """What a value of this type has to be, one text for each alternative."""
