@@ -22,7 +22,7 @@ def test_the_summary_says_what_there_is_and_what_is_missing(tmp_path: Path) -> N
 
 
 def test_a_recording_is_none_to_be_recorded(tmp_path: Path) -> None:
-    rows = "".join(f"{k / 100},{k}\n" for k in range(600))
+    rows = "".join(f"{k / 100},{k * 7 % 11}\n" for k in range(600))
     (tmp_path / "a.csv").write_text(f"time_s,gyro_x_dps\n{rows}")
-    with pytest.raises(UsageError, match="a recording is one already"):
+    with pytest.raises(UsageError, match="this source is a recording already"):
         recorded(tmp_path / "rec", f"replay:{tmp_path / 'a.csv'}")

@@ -81,7 +81,7 @@ USAGE = {
     "flag without value": (["run", "--source"], "--source"),
     "no length": (["run", "--window", "x"], "estimator.window must be a whole number| or a time such as"),
     "too many words": (["run", "rest.npz"], "rest.npz"),
-    "no such source": (["run", "-s", "coap:x"], "'coap:' is no kind of source"),
+    "no such source": (["run", "-s", "coap:x"], "'coap:' is not a kind of source"),
     "no such file": (["run", "-s", "replay:none.npz"], "none.npz: there is no such file"),
     "no such folder": (["run", "-s", "replay:/none/x.csv"], "/none/x.csv: there is no such file"),
     "bad query": (["run", "-s", "synthetic:?alfa=1"], "alfa|Known keys: alpha"),

@@ -126,7 +126,7 @@ def test_memory_holds_no_more_than_a_folder(lab: Path) -> None:
     ("pattern", "text"),
     [
         ("zip::s3://lab/a.zip", "chains"),
-        ("ssh://host/file.csv", "not a file system"),
+        ("ssh://host/file.csv", "not supported"),
         ("s3://key:secret@lab/a.csv", r"^FILE: an address must not hold a user or a password"),
         ("nowhere/*.csv", "no recording is there"),
     ],

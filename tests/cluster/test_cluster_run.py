@@ -240,11 +240,16 @@ QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100", "--jobs", "1"
 @pytest.mark.parametrize(
     ("files", "out", "others", "text"),
     [
-        (["a.npz", "s3://lab/a.npz"], None, [], r"s3://lab/a.npz: of files by URL .* --out verdicts.parquet"),
+        (
+            ["a.npz", "s3://lab/a.npz"],
+            None,
+            [],
+            r"s3://lab/a.npz: files by URL need a table .* --out verdicts.parquet",
+        ),
         (["a.npz"], "report", [], r"call it NAME\.parquet\. A page is --report DIR"),
         (["a.npz"], "v.parquet", ["--json"], "--json and --out do not go together"),
-        (["a.npz", ""], "v.parquet", [], r"an empty name, as a variable that is not set gives it"),
-        ([""], None, [], "an empty name"),
+        (["a.npz", ""], "v.parquet", [], r"a file name is empty"),
+        ([""], None, [], "a file name is empty"),
     ],
 )
 def test_what_does_not_go_together(files: list[str], out: str | None, others: list[str], text: str) -> None:

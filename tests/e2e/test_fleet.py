@@ -174,7 +174,7 @@ def test_the_page_is_for_those_who_know_the_password(start: Start, tmp_path: Pat
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ([], "which broker?"),
+        ([], "no broker is named"),
         (["--mqtt", "x", "--listen", "0.0.0.0:0"], "others could see the page without a password"),
         (["--mqtt", "x", "--listen", "x:y"], "--listen"),
         (["--mqtt", "x", "--keep", "soon"], "--keep"),
@@ -182,11 +182,11 @@ def test_the_page_is_for_those_who_know_the_password(start: Start, tmp_path: Pat
         (["--mqtt", "x", "--silent-after", "0s"], "has to be longer"),
         (["--export", "o.parquet", "--history", "f.db", "--mqtt", "x"], "asks no broker"),
         (["--export", "o.parquet", "--history", "f.db", "--json"], "asks no broker"),
-        (["--mqtt", "x", "--every", "3s"], "--every goes with --json"),
+        (["--mqtt", "x", "--every", "3s"], "--every needs --json"),
         (["--mqtt", "x", "--password-file", "gone"], "cannot be read"),
         (["--mqtt", "x", "--set", "live.on=false"], "settings of [mqtt] only"),
-        (["--mqtt", "x", "--max-sensors", "0"], "at least one"),
-        (["--mqtt", "x", "--history", "a", "--postgres", "b"], "one of them"),
+        (["--mqtt", "x", "--max-sensors", "0"], "give 1 or more"),
+        (["--mqtt", "x", "--history", "a", "--postgres", "b"], "not both"),
     ],
 )
 def test_mistakes(arguments: list[str], words: str) -> None:

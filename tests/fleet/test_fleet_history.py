@@ -245,7 +245,7 @@ def test_export(tmp_path: Path) -> None:
     assert write(Sqlite(tmp_path / "h.db", TABLES), tmp_path / "again.parquet") == 10
     assert not [name for name in os.listdir(tmp_path) if name.endswith(".part")]
     done = fltea_here("fleet", "--export", tmp_path / "x.parquet")
-    assert (done.returncode, "which history?" in done.stderr) == (2, True)
+    assert (done.returncode, "no history is named" in done.stderr) == (2, True)
 
 
 def test_a_wall_clock_that_jumps() -> None:

@@ -115,10 +115,10 @@ def test_synthetic(url: str, pace: str, offset: bool) -> None:
 @pytest.mark.parametrize(
     ("url", "words"),
     [
-        ("serial:", "nothing stands behind 'serial:'"),
-        ("replay:", "nothing stands behind 'replay:'"),
-        ("file:rest.npz", "'file:' is no kind of source|serial:PORT, i2c:"),
-        ("mqtt:broker", "'mqtt:' is no kind of source"),
+        ("serial:", "nothing follows 'serial:'"),
+        ("replay:", "nothing follows 'replay:'"),
+        ("file:rest.npz", "'file:' is not a kind of source|serial:PORT, i2c:"),
+        ("mqtt:broker", "'mqtt:' is not a kind of source"),
         ("http://localhost/", "no serial port that this program knows"),
         ("serial:ftp://x", "no serial port that this program knows"),
         ("replay:/none/rest.npz", "/none/rest.npz: there is no such file"),
@@ -186,7 +186,7 @@ def test_lines_of_text_take_the_options_of_text() -> None:
     assert isinstance(opened("serial-text:/dev/ttyUSB0?baud=9600", **how), SerialText)
     assert "stdin:" in refusal("serial:/dev/ttyACM0", **how)
     assert "--shuffle" in refusal("stdin:", **how, **{"replay.shuffle": 1})
-    assert "nothing stands behind" in refusal("serial-text:", **how)
+    assert "nothing follows" in refusal("serial-text:", **how)
 
 
 @pytest.mark.parametrize("name", ["-", "/dev/stdin", "fifo"])

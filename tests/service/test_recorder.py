@@ -115,7 +115,7 @@ def test_what_cannot_be_recorded_says_why_and_ends_nothing(tmp_path: Path) -> No
     with pytest.raises(UsageError, match="cannot be made"):
         recorder.start("due", hello())
     _, recorder = made(tmp_path)
-    with pytest.raises(UsageError, match="recording is one already"):
+    with pytest.raises(UsageError, match="is a recording already"):
         recorder.start("old", hello())
     assert recorder.view("old").why_not == REPLAYED
     with pytest.raises(UsageError, match="Nothing was heard"):

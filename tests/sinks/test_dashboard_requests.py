@@ -177,7 +177,7 @@ NOT = "NOT recording: recording to /data stopped: No space left on device. 1,234
         (BROKEN, True, "bad", True, NOT),
         (YOUNG, True, "bad", True, "3 items were not recorded."),
         (VIEW._replace(fixed=True), True, "good", False, "It ends with the program (--record)."),
-        (OFF._replace(why_not="A recording is one already."), True, "plain", False, "already."),
+        (OFF._replace(why_not="This source is a recording already."), True, "plain", False, "already."),
         (OFF, False, "plain", False, "--set dashboard.record=true"),
         (VIEW, False, "good", False, "Recording to /data/due_1.mcap"),
     ],

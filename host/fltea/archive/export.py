@@ -266,7 +266,7 @@ def gather_samples(spool: Spool, decoded: Iterable[Decoded]) -> tuple[dict[str, 
 
 def _counts(values: Values) -> NDArray[np.int32]:
     if np.abs(values.astype(np.float64)).max() >= 2**31:
-        raise UsageError("the counts in it are no sensor's, being beyond 32 bits; export it as .csv.")
+        raise UsageError("its counts do not fit 32 bits; export it as .csv.")
     return values.astype(np.int32)
 
 

@@ -37,9 +37,7 @@ def record(config: Config, seconds: float | None) -> str:
     with StopOnSignal() as stop:
         source = open_source(config)
         if isinstance(source, ReplaySource):
-            raise UsageError(
-                "a recording is one already; 'fltea export' and 'fltea recover' make others of it."
-            )
+            raise UsageError("this source is a recording already; use 'fltea export' or 'fltea recover'.")
         run = _Recorder(source, config)
         stop.armed = True
         end_ns = None if seconds is None else clock.host_ns() + int(seconds * 1e9)

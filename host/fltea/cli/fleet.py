@@ -128,14 +128,14 @@ def fleet(
     broker = {} if mqtt is None else {"mqtt.broker": mqtt}
     chosen = load_config(config, settings | broker).mqtt
     if chosen.broker is None:
-        raise UsageError("which broker? Give --mqtt HOST, or broker in the table [mqtt] of --config.")
+        raise UsageError("no broker is named: give --mqtt HOST, or broker in the table [mqtt] of --config.")
     load("paho.mqtt.client", "paho", "fleet", "fltea fleet needs")
     load("tornado.web", "tornado", "fleet", "fltea fleet needs")
     load("prometheus_client", "prometheus_client", "fleet", "fltea fleet needs")
     from fltea.fleet.program import Fleet, Plan
 
     if most < 1:
-        raise UsageError("--max-sensors: at least one.")
+        raise UsageError("--max-sensors: give 1 or more.")
     plan = Plan(
         chosen,
         history,
@@ -148,9 +148,9 @@ def fleet(
     )
     every_s = None if every is None else _seconds("--every", every)
     if postgres is not None and history is not None:
-        raise UsageError("--history and --postgres: one of them.")
+        raise UsageError("give --history or --postgres, not both.")
     if every_s is not None and not json:
-        raise UsageError("--every goes with --json.")
+        raise UsageError("--every needs --json.")
     if json:
         _print(Fleet(plan, say), every_s)
         return
@@ -227,7 +227,7 @@ def _settle(running: "Fleet", quiet_s: float) -> None:
 def _export(history: Path | None, postgres: str | None, out: Path) -> None:
     if postgres is None and (history is None or not history.is_file()):
         raise UsageError(
-            "--export: which history? Give --history FILE, the file of a fleet, or --postgres URL."
+            "--export: no history is named: give --history FILE, the file of a fleet, or --postgres URL."
         )
     load("pyarrow", "pyarrow", "tables", "Parquet files need")
     from fltea.fleet.databases import Postgres, Sqlite

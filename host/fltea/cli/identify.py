@@ -174,7 +174,9 @@ def identify(
     goal = None if rest_for is None else goal_of(rest_for)
     configs = load_configs(config, settings)
     if len(configs) > 1:
-        raise UsageError(f"{config}: sets up several devices; give one that sets up none, or --set.")
+        raise UsageError(
+            f"{config}: has settings of several devices; give a file without [device] tables, or --set."
+        )
     (chosen,) = configs
     try:
         options = IdentifyOptions(

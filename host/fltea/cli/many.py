@@ -29,14 +29,12 @@ def check(files: Sequence[str], out: Path | None, others: Sequence[str]) -> None
         UsageError: then.
     """
     if "" in files:
-        raise UsageError(
-            "an empty name, as a variable that is not set gives it; the folder you are in has the name `.`."
-        )
+        raise UsageError("a file name is empty (an unset shell variable?); the current folder is `.`.")
     urls = [file for file in files if "://" in file]
     if out is None:
         if urls:
             raise UsageError(
-                f"{urls[0]}: of files by URL the verdicts go to a table: --out verdicts.parquet."
+                f"{urls[0]}: files by URL need a table for their verdicts: --out verdicts.parquet."
             )
         return
     if out.suffix != SUFFIX:

@@ -92,7 +92,7 @@ def reproduce(
     if score:
         if table or figure or out or recording:
             raise UsageError(
-                "--score makes its own cases; it goes with --seeds, --variant, --memory and --json."
+                "--score has its own cases; it goes with --seeds, --variant, --memory and --json."
             )
         _score(seeds, Options(variant, guard, memory), as_json)
         return

@@ -63,7 +63,7 @@ def check_room(file: File, size: int, folder: Path, size_text: str = "") -> None
     if size + LEAST_FREE > free:
         raise FlteaError(
             f"{file.url}: {size_text or _mb(size)}, and the worker's disk for temporary files has "
-            f"{_mb(free)} left. Let TMPDIR of the workers name a larger one."
+            f"{_mb(free)} left. Set TMPDIR of the workers to a larger one."
         )
 
 

@@ -61,9 +61,7 @@ def file_system(protocol: str) -> Any:
         UsageError: its package is not installed, or it may not be used here.
     """
     if protocol not in PROTOCOLS:
-        raise UsageError(
-            f"{protocol}://: not a file system that is used here; known: {', '.join(PROTOCOLS)}."
-        )
+        raise UsageError(f"{protocol}://: not supported; supported are {', '.join(PROTOCOLS)}.")
     fsspec = load("fsspec", "fsspec", "cloud", "Files by URL need")
     try:
         options = _patience() if protocol in WEB else {}

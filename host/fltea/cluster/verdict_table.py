@@ -62,7 +62,7 @@ class VerdictTable:
             raise UsageError(f"{folder}: is a file; the table of verdicts is a folder of Parquet files.")
         strange = [path.name for path in folder.glob("*") if not _is_ours(path)] if folder.exists() else []
         if strange:
-            raise UsageError(f"{folder}: holds {strange[0]!r}, which is none of a table of verdicts.")
+            raise UsageError(f"{folder}: holds {strange[0]!r}, which does not belong to a table of verdicts.")
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._journal = os.open(
@@ -134,7 +134,9 @@ class VerdictTable:
     def _read(self) -> None:
         for path in sorted(self._folder.glob("part-*.parquet")):
             if not path.stem.removeprefix("part-").isdecimal():
-                raise UsageError(f"{path}: is no part of this table. Move it away, or take another table.")
+                raise UsageError(
+                    f"{path}: does not belong to this table. Move it away, or name another table."
+                )
             self._numbers.append(int(path.stem.removeprefix("part-")))
             self._read_part(path)
         # Left out: what a kill cut off, and what is in a Parquet file already, should it have come between.

@@ -236,4 +236,4 @@ Database = Sqlite | Postgres
 
 def _check_version(name: str, version: int) -> None:
     if not 0 <= version <= SCHEMA_VERSION:
-        raise UsageError(f"{name}: is a history of another version of fltea ({version}). Take a new one.")
+        raise UsageError(f"{name}: is a history of another version of fltea ({version}). Give a new file.")

@@ -87,7 +87,7 @@ def check_possible(model: AxisModel, h: float) -> None:
         except ZeroDivisionError:
             found = np.array([np.nan])
         if not np.isfinite(found).all():
-            raise ValueError(f"there is no {kind} with {', '.join(_told(part))}")
+            raise ValueError(f"a {kind} cannot have {', '.join(_told(part))}")
     for resonance in model.resonances:
         if resonance.frequency_hz >= 0.5 / h:
             raise ValueError(f"a resonance at {resonance.frequency_hz:g} Hz is above half the sample rate")

@@ -92,7 +92,7 @@ def write_model_simulation(
     _check(out, n, sensor)
     models = read_models(model)
     if not models.axes:
-        raise UsageError(f"{model}: has no axis of a gyroscope, and nothing else is simulated.")
+        raise UsageError(f"{model}: has no gyroscope axis, and only these are simulated.")
 
     def drawn(axis: int) -> tuple[Array, Array]:
         return draw(models.axes[AXES[axis]], models.h_s, n, np.random.default_rng((seed, axis)))

@@ -35,7 +35,7 @@ def read_small(path: Path, *, what: str = "", most_bytes: int = MOST_BYTES, priv
                 if not chunk:
                     return bytes(data)
                 data += chunk
-            raise UsageError(f"{name}: has more than {most_bytes} bytes, so it is something else.")
+            raise UsageError(f"{name}: has more than {most_bytes} bytes, so it is another kind of file.")
         finally:
             os.close(descriptor)
     except (OSError, ValueError) as error:  # ValueError: a name with a NUL

@@ -280,7 +280,7 @@ def _check_filters(config: Config) -> None:
 
 def _check_recordable(config: Config, source: Source) -> None:
     if isinstance(source, ReplaySource) and (config.record.folder or config.state.file):
-        raise UsageError("--record and --state are for devices; a recording is one already.")
+        raise UsageError("--record and --state are for devices, and the source is a recording.")
     if config.state.file and config.estimator.estimate_on in BY_DEVICE:
         raise UsageError(
             "--state cannot keep what a device estimates, which begins again with its boot; leave "

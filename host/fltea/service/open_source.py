@@ -60,7 +60,7 @@ def open_source(config: Config) -> Source:
     if scheme != "replay" and (replay.topic or replay.shuffle is not None):
         raise UsageError("--topic and --shuffle are for recordings (replay:FILE).")
     if not rest and scheme not in ("synthetic", "stdin"):
-        raise UsageError(f"--source {url}: nothing stands behind '{scheme}:'.")
+        raise UsageError(f"--source {url}: nothing follows '{scheme}:'.")
     match scheme:
         case "serial":
             return SerialSource(rest, config.link.baud, config.link.latency_s)
@@ -97,7 +97,7 @@ def open_source(config: Config) -> Source:
 
             return SyntheticSource(rest, realtime=config.pace != "fast")
     raise UsageError(
-        f"--source {url}: '{scheme}:' is no kind of source. Kinds: serial:PORT, "
+        f"--source {url}: '{scheme}:' is not a kind of source. Known are serial:PORT, "
         "i2c:///dev/i2c-1?addr=0x68, iio:NAME, stdin:, serial-text:PORT?baud=115200, "
         "mqtt://BROKER, nats://SERVER, replay:FILE, synthetic:?KEY=VALUE&…"
     )

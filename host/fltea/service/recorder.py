@@ -21,7 +21,7 @@ FINISH_S = 5.0
 FREE_EVERY_S = 5.0
 """How often the disk is asked for its room."""
 
-REPLAYED = "A recording is one already."
+REPLAYED = "This source is a recording already."
 FAULT = "The recording ended by a fault of its own, which the list of events names."
 
 

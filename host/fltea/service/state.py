@@ -165,7 +165,7 @@ def _hold(path: Path) -> int:
         who = os.read(held, 20).decode("ascii", "replace").strip()
         os.close(held)
         raise UsageError(
-            f"--state {path}: another fltea (process {who}) keeps its snapshots there. Give each a file."
+            f"--state {path}: another fltea (process {who}) keeps its snapshots there. Give each one file."
         ) from None
     os.truncate(held, 0)
     os.write(held, b"%d\n" % os.getpid())

@@ -155,7 +155,9 @@ class ByTime:
         try:
             found = timing(self._where, self._column, self._unit, clock, self._given_hz, self._elapsed)
             if not LOWEST_RATE_HZ <= found.rate_hz <= HIGHEST_RATE_HZ:
-                raise UsageError(f"{self._where}: a rate of {found.rate_hz:.6g} Hz is no gyroscope's.")
+                raise UsageError(
+                    f"{self._where}: a rate of {found.rate_hz:.6g} Hz is impossible for a gyroscope."
+                )
         except UsageError as error:
             self.unrated += sum(len(one.elapsed) for one in waiting)
             self.why_no_rate = str(error)

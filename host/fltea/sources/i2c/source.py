@@ -85,7 +85,7 @@ def parse_url(rest: str) -> Place:
     usual = "Give for instance 'i2c:///dev/i2c-1?addr=0x68' (in quotes, for the shell knows '?' too)"
     parts = urlsplit(rest)
     if parts.netloc or not parts.path.startswith("/dev/") or parts.fragment:
-        raise UsageError(f"i2c:{rest}: no path of a bus such as /dev/i2c-1. {usual}.")
+        raise UsageError(f"i2c:{rest}: not the path of a bus such as /dev/i2c-1. {usual}.")
     keys = dict(parse_qsl(parts.query, keep_blank_values=True))
     if unknown := sorted(keys.keys() - {"addr", "chip"}):
         raise UsageError(f"i2c:{rest}: there is no key '{unknown[0]}'; it takes addr and chip. {usual}.")

@@ -60,7 +60,7 @@ def parse_url(rest: str) -> Place:
             except ValueError:
                 rate_hz = math.nan
             if not LOWEST_RATE_HZ <= rate_hz <= HIGHEST_RATE_HZ:
-                raise UsageError(f"iio:{rest}: rate_hz={value} is no rate of a gyroscope.")
+                raise UsageError(f"iio:{rest}: rate_hz={value} is not a rate of a gyroscope.")
         elif key == "trigger":
             trigger = value
         elif (key, value) == ("mount", "off"):
