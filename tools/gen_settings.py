@@ -1,11 +1,10 @@
 """Writes what holds settings from their declarations in host/fltea/settings.
 
-These are the board's header of the filters' numbers, and the TOML file with every default in
-host/docs/reference/settings.md.
+These are the board's header of the filters' numbers, and the TOML file with every default,
+host/docs/reference/defaults.toml.
 """
 
 import json
-import re
 import textwrap
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from fltea.settings.setting import Declared, declared
 
 SOURCE = "host/fltea/settings"
 CPP = "firmware/core/filter_settings.h"
-PAGE = "host/docs/reference/settings.md"
+TOML = "host/docs/reference/defaults.toml"
 WIDTH = 108
 
 CPP_TEXT = """\
@@ -90,7 +89,5 @@ def _line(one: Declared) -> str:
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the header, and the page with the example as it has to be."""
-    page = (root / PAGE).read_text(encoding="utf-8")
-    text = re.sub(r"(?s)(\n```toml\n).*?(\n```\n)", lambda m: m[1] + example() + m[2], page, count=1)
-    return {CPP: cpp(), PAGE: text}
+    """Return the header and the TOML file."""
+    return {CPP: cpp(), TOML: f"# Every setting of fltea with its default.\n{example()}\n"}
