@@ -80,7 +80,7 @@ def test_a_page_outlives_its_daemon_and_goes_on_with_the_next_one(
     common = ("--source", f"serial:{tmp_path / 'due'}", "--state", tmp_path / "state")
     processes.stand_in(tmp_path / "due")
     daemon, url = start(processes, *common)
-    one = Watched(chromium, url + "#window=1&axis=gyro_z&course=true")
+    one = Watched(chromium, url + "#window=0&axis=gyro_z&course=true")
     one.wait_for_seq(150)
     one.page.evaluate("window.isTheSame = true")
     assert daemon.end()[0] == 0

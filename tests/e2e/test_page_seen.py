@@ -108,7 +108,7 @@ def test_over_time_is_drawn_where_somebody_looks(seen: Watched) -> None:
     seen.page.click("#windows button:nth-child(1)")
     seen.wait(f"({points % 'alpha'}).some(n => n > 100)")
     assert "course=true" in seen.page.url
-    assert "window=1" in seen.page.url
+    assert "window=0" in seen.page.url
     drawn = [
         one.get_attribute("data-name") for one in seen.page.locator("#courses figure:not([hidden])").all()
     ]
@@ -131,7 +131,7 @@ def test_over_time_is_drawn_where_somebody_looks(seen: Watched) -> None:
 def test_a_device_that_estimates_too_stands_beside_and_its_slow_clock_is_said(
     sink: DashboardSink, chromium: Browser
 ) -> None:
-    one = Watched(chromium, sink.url + "#device=own&axis=gyro_y&course=true&window=1")
+    one = Watched(chromium, sink.url + "#device=own&axis=gyro_y&course=true&window=0")
     expect(one.page.locator("#slow")).to_contain_text("runs at 0.62 times this computer's")
     one.wait("document.querySelector('[data-name=apart] polyline')")
     one.page.click("#running summary")

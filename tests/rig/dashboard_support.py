@@ -29,7 +29,6 @@ from fltea.settings.estimator import EstimateOn, EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.state import State
-from fltea.sinks.page.tables import Table
 from fltea.sinks.page.tiers import Cursor
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
@@ -109,32 +108,32 @@ def told(*groups: list[AnyRecord], who: EstimateOn = "host") -> DeviceHistory:
     return history
 
 
-def columns(history: DeviceHistory, table: Table, axis: str, window: int = 0) -> dict[str, np.ndarray]:
-    """The columns of an axis as a figure of one window gets them."""
-    values = history.tables.read(table, window, Cursor()).values
-    return {name: values[:, place] for name, place in history.tables.columns(table, axis).items()}
+def columns(history: DeviceHistory, axis: str, window: int = 0) -> dict[str, np.ndarray]:
+    """The columns of an axis as the figures of one window get them."""
+    values = history.course.read(window, Cursor()).values
+    return {name: values[:, place] for name, place in history.course.columns(axis).items()}
 
 
 class Reader:
-    """A page, which has what it was sent. parts: content by name; rows: columns by table."""
+    """A page, which has what it was sent. parts: content by name."""
 
     def __init__(self, *histories: DeviceHistory, recorder: Recorder | None = None) -> None:
         self.state = State({history.name: history for history in histories}, recorder)
         self.parts: dict[str, Any] = {}
         self._checksums: dict[str, str] = {}
-        self._cursors: dict[str, str] = {}
+        self.cursor = ""
 
     def read(
-        self, device: str = "", axis: str = "", window: int = 1, parts: str = "now axes axis curves own"
+        self, device: str = "", axis: str = "", window: int = 0, parts: str = "now axes axis curves own"
     ) -> dict[str, Any]:
         """What the page is sent, and now has too; a second after it was sent something before."""
         self.state._kept.clear()
         had = {name: self._checksums.get(name, "") for name in parts.split()}
         view = self.state.view(device, axis, window)
-        found: dict[str, Any] = json.loads(self.state.read(view, had, self._cursors))
+        found: dict[str, Any] = json.loads(self.state.read(view, had, self.cursor))
         for name, (checksum, content) in found["parts"].items():
             self._checksums[name], self.parts[name] = checksum, content
-        self._cursors |= {name: rows["cursor"] for name, rows in found.get("rows", {}).items()}
+        self.cursor = found.get("cursor", self.cursor)
         return found
 
 

@@ -164,7 +164,7 @@ def test_without_a_fit_nothing_is_claimed() -> None:
         assert "α" not in axis["rest"]
     history = told(found)
     assert {axis["head"] for axis in facts.axes(history)} == {"No fit"}
-    assert facts.axis(history, "gyro_x", 1)["text"] == [OFF]
+    assert facts.axis(history, "gyro_x", 0)["text"] == [OFF]
 
 
 def test_facts_of_a_history_hold_the_answer_and_of_how_many_samples_it_is() -> None:
@@ -176,7 +176,7 @@ def test_facts_of_a_history_hold_the_answer_and_of_how_many_samples_it_is() -> N
     assert facts.fitted(history) == "fit of 599 samples (5 s)"
     assert [facts.curves(history, axis) for axis in ("gyro_y", "gyro_z")] == [[], []]
     assert len(facts.curves(history, "gyro_x")) == 2
-    shown = [facts.axis(history, axis, 1) for axis in history.axes]
+    shown = [facts.axis(history, axis, 0) for axis in history.axes]
     assert [one["text"][0] for one in shown[:2]] == [FRACTIONAL.text, WHITE.text]
     assert [bool(one["coefficients"]) for one in shown] == [True, False, False]
     json.dumps([x, y, z, shown], allow_nan=False)

@@ -19,7 +19,6 @@ from fltea.records.records import (
 from fltea.settings.estimator import EstimateOn
 from fltea.sinks.page import facts, facts_of_device
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.tiers import Cursor
 from fltea.sinks.page.words import apart
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
@@ -37,21 +36,21 @@ def status(history: DeviceHistory) -> tuple[str, str]:
 def test_device_alone_is_drawn_as_published_at_a_pace_of_its_own(late: int) -> None:
     found = alone(records(NOISE), late=late)
     history = told(found, who="device")
-    assert history.tables.estimator("gyro_y") == "device"
-    shown, samples = columns(history, "own", "gyro_y"), columns(history, "rows", "gyro_y")
-    expected = [
-        (e.host_ns * 1e-6, e.seq, y.fltea.alpha, y.fltea.alpha_std, y.fltea.f, y.fltea.f_std)
-        for e in found
-        if isinstance(e, Estimate)
-        for y in (e.axes["gyro_y"],)
-    ]
-    names = ("time", "seq", "alpha", "alpha_std", "f", "f_std")
-    got = list(zip(*(shown[name] for name in names), strict=True))
-    assert len(got) >= 50
-    assert got == expected[-len(got) :]
-    seqs = samples["seq"][np.isfinite(samples["seq"])]
-    assert (np.diff(seqs) == 1).all(), "every sample is drawn"
-    assert len(columns(history, "own", "gyro_y", window=1)["alpha"]) >= 20
+    assert history.estimator("gyro_y") == "device"
+    shown = columns(history, "gyro_y")
+    published = [e.axes["gyro_y"].fltea.alpha or 0.0 for e in found if isinstance(e, Estimate)]
+    drawn = shown["alpha"][1:]  # in the first row the axes get known
+    assert np.isfinite(drawn).all(), "each until the next comes"
+    assert min(published) <= drawn.min() < drawn.max() <= max(published)
+    assert np.isfinite(shown["y"]).all(), "every sample is drawn"
+
+
+def test_what_a_device_estimated_is_not_drawn_for_ever() -> None:
+    found = alone(records("n=1500"))
+    silent = [r for r in found if not (isinstance(r, Estimate) and r.seq > 700)]
+    shown = columns(told(silent, who="device"), "gyro_y")
+    drawn = shown["time"][np.isfinite(shown["alpha"])]
+    assert drawn[-1] - drawn[0] == pytest.approx(7_000 - 1_000 + 5_000, abs=300)
 
 
 def test_axes_of_the_accelerometer_are_the_hosts_and_leave_the_devices_alone() -> None:
@@ -68,11 +67,10 @@ def test_axes_of_the_accelerometer_are_the_hosts_and_leave_the_devices_alone() -
         else:
             found.append(record)
     history = told(found, who="device")
-    assert [history.tables.estimator(axis) for axis in history.axes] == ["device", "host", "host"]
+    assert [history.estimator(axis) for axis in history.axes] == ["device", "host", "host"]
     assert history.newest.keys() == {"gyro_x", "accel_x", "accel_y"}
-    assert np.isfinite(columns(history, "rows", "accel_y")["alpha"][-2])
-    assert np.isnan(columns(history, "rows", "gyro_x")["alpha"]).all()
-    assert np.isfinite(columns(history, "own", "gyro_x")["alpha"]).all()
+    for axis in ("accel_y", "gyro_x"):
+        assert np.isfinite(columns(history, axis)["alpha"][-2])
 
 
 def test_status_counts_the_devices_window_down_and_waits_for_its_estimates() -> None:
@@ -118,20 +116,15 @@ def test_engine_is_named_with_whose_the_estimates_are(
 def test_the_devices_estimates_stand_beside_and_the_hosts_stay_as_they_are() -> None:
     found = both(records(NOISE), lambda seq: seq * 1e-9 if seq % 20 else None)
     history, plain = told(found, who="both"), told(records(NOISE))
-    assert history.tables.estimator("gyro_z") == "both"
-    np.testing.assert_array_equal(
-        history.tables.read("rows", 0, Cursor()).values, plain.tables.read("rows", 0, Cursor()).values
-    )
-    shown = columns(history, "compared", "gyro_z")
-    records_of_device = [r for r in found if isinstance(r, DeviceEstimates)][-len(shown["time"]) :]
-    assert len(records_of_device) >= 50
-    for i, record in enumerate(records_of_device):
-        e = record.axes["gyro_z"]
-        assert (shown["time"][i], shown["alpha"][i], shown["f"][i]) == (record.host_ns * 1e-6, e.alpha, e.f)
-        for name in ("apart_low", "apart", "apart_high"):
-            assert shown[name][i] == e.alpha_difference or (
-                np.isnan(shown[name][i]) and not record.comparable
-            )
+    assert history.estimator("gyro_z") == "both"
+    ours, theirs = columns(history, "gyro_z"), columns(plain, "gyro_z")
+    for name in ("y", "alpha", "f", "state"):
+        np.testing.assert_array_equal(ours[name], theirs[name])
+    assert np.isnan(theirs["device_alpha"]).all()
+    apart = ours["apart"][np.isfinite(ours["apart"])]
+    assert len(apart) >= 20
+    assert 0 < apart.min() < apart.max() < 600e-9
+    assert (ours["apart_low"] <= ours["apart_high"])[np.isfinite(ours["apart"])].all()
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -139,11 +132,11 @@ def test_largest_difference_is_that_of_what_is_shown_and_no_bucket_hides_it(sign
     peaks = {60: 5e-6, 600: 3e-6}
     found = both(records(SLOW), lambda seq: sign * peaks.get(seq, 1e-8), every=1)
     history = told(found, who="both")
-    at_most = {window: history.farthest(window)["gyro_x"] for window in (1, 2, 3)}
-    assert at_most[1] == pytest.approx((3e-6, 9e-6)), "the first was more than 30 s ago"
+    at_most = {window: history.course.farthest(window, "gyro_x") for window in (0, 1, 2)}
+    assert at_most[0] == pytest.approx((3e-6, 9e-6)), "the first was more than 30 s ago"
+    assert at_most[1] == pytest.approx((5e-6, 15e-6))
     assert at_most[2] == pytest.approx((5e-6, 15e-6))
-    assert at_most[3] == pytest.approx((5e-6, 15e-6))
-    axis = facts_of_device.compared(history, "gyro_x", 1)
+    axis = facts_of_device.compared(history, "gyro_x", 0)
     assert (axis["alpha_apart"], axis["f_apart"]) == (
         f"{'-+'[sign > 0]}1.0e-8 now, at most 3.0e-6",
         f"{'+-'[sign > 0]}3.0e-8 now, at most 9.0e-6",
@@ -155,13 +148,13 @@ def test_rows_that_are_kept_longer_than_they_are_shown_do_not_count() -> None:
     """One estimate in 2 s: the table of two minutes, with rows of 0.4 s, goes back further."""
     found = both(records("n=700&rate_hz=5"), lambda seq: 5e-6 if seq == 60 else 1e-8)
     history = told(found, who="both")
-    at_most = [history.farthest(window)["gyro_x"][0] for window in (2, 3)]
+    at_most = [history.course.farthest(window, "gyro_x")[0] for window in (1, 2)]
     assert at_most == pytest.approx([1e-8, 5e-6])
 
 
 def test_newest_difference_counts_before_its_bucket_is_full() -> None:
     found = both(records(SLOW), lambda seq: 4e-6 if seq == 699 else 1e-8, every=1)
-    axis = facts_of_device.compared(told(found, who="both"), "gyro_x", 3)
+    axis = facts_of_device.compared(told(found, who="both"), "gyro_x", 2)
     assert axis["alpha_apart"] == "+4.0e-6 now, at most 4.0e-6"
 
 
@@ -176,11 +169,11 @@ def test_newest_difference_counts_before_its_bucket_is_full() -> None:
 def test_what_cannot_be_compared_says_why_and_draws_no_difference(why: WhyNot, words: str) -> None:
     found = both(records(NOISE), lambda seq: None, why_not=why)
     history = told(found, who="both")
-    axis = facts_of_device.compared(history, "gyro_y", 1)
+    axis = facts_of_device.compared(history, "gyro_y", 0)
     assert axis["why_not"] == words
     assert (axis["alpha_apart"], axis["f_apart"], axis["apart"]) == ("", "", None)
     assert axis["alpha_text"] != "–", "the estimate itself is shown"
-    assert np.isfinite(columns(history, "compared", "gyro_y")["alpha"]).all()
+    assert np.isfinite(columns(history, "gyro_y")["device_alpha"][-10:]).all()
 
 
 def test_what_is_not_valid_cannot_be_compared() -> None:
@@ -194,7 +187,7 @@ def test_what_is_not_valid_cannot_be_compared() -> None:
         [msgspec.structs.replace(last, axes={**last.axes, "gyro_x": gone, "gyro_z": tracked})],
         who="both",
     )
-    x, y, of_z = (facts_of_device.compared(history, f"gyro_{axis}", 1) for axis in "xyz")
+    x, y, of_z = (facts_of_device.compared(history, f"gyro_{axis}", 0) for axis in "xyz")
     assert x is not None
     assert y is not None
     assert of_z is not None
@@ -209,18 +202,12 @@ def test_what_is_not_valid_cannot_be_compared() -> None:
 
 def test_new_epoch_forgets_the_devices_estimates_and_cuts_their_lines() -> None:
     history = told(both(with_breaks([400, 60])), who="both")
-    shown = columns(history, "compared", "gyro_x")
-    assert np.isnan(shown["alpha"]).any()
+    shown = columns(history, "gyro_x")
+    assert np.isfinite(shown["device_alpha"]).any()
+    assert np.isnan(shown["device_alpha"][-4:]).all()
     begun = both(with_breaks([400, 20]))
-    axis = facts_of_device.compared(told(begun, who="both"), "gyro_x", 1)
+    axis = facts_of_device.compared(told(begun, who="both"), "gyro_x", 0)
     assert axis["why_not"] == "no estimate of the device yet"
-
-
-def test_rows_of_a_device_take_no_more_room_than_their_pace_needs() -> None:
-    slow, quick = (told(both(records(NOISE), every=n), who="both") for n in (10, 1))
-    assert slow.tables.read("compared", 0, Cursor()).capacity == 102
-    assert quick.tables.read("compared", 0, Cursor()).capacity == 1002
-    assert len(quick.tables.read("compared", 0, Cursor()).values) >= 490
 
 
 # --- facts and the page ---

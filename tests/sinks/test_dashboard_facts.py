@@ -71,7 +71,7 @@ def test_status_names_the_axis_that_is_not_valid() -> None:
     history.write(estimate)
     assert later(history, 0)[0] == "bad"
     assert "gyro_x not valid" in later(history, 0)[1]
-    assert dict(facts.axis(history, "gyro_x", 1)["rows"])["α ± σ"] == "–"
+    assert dict(facts.axis(history, "gyro_x", 0)["rows"])["α ± σ"] == "–"
 
 
 def test_axis_is_what_its_records_say() -> None:
@@ -79,7 +79,7 @@ def test_axis_is_what_its_records_say() -> None:
     history = told(found)
     whole = next(r for r in reversed(found) if isinstance(r, Estimate)).axes["gyro_y"]
     last = whole.fltea
-    rows = dict(facts.axis(history, "gyro_y", 1)["rows"])
+    rows = dict(facts.axis(history, "gyro_y", 0)["rows"])
     assert rows["α ± σ"] == with_std(last.alpha, last.alpha_std)
     assert rows["offset removed"].startswith("1.5")
     assert rows["state x̂ (paper)"].endswith("deg/s")
@@ -92,9 +92,9 @@ def test_axis_is_what_its_records_say() -> None:
 
 def test_the_heading_is_said_by_the_time_after_a_rest() -> None:
     history = told(records("n=600"))
-    assert facts.axis(history, "gyro_x", 1)["headings"] == facts.curves(history, "gyro_x") == []
+    assert facts.axis(history, "gyro_x", 0)["headings"] == facts.curves(history, "gyro_x") == []
     history.write(STATS)
-    assert facts.axis(history, "gyro_x", 1)["headings"] == [
+    assert facts.axis(history, "gyro_x", 0)["headings"] == [
         ["after 1 s", "± 0.014°"],
         ["after 60 s", "± 0.26°"],
     ]
@@ -148,7 +148,7 @@ def test_everything_is_json_without_nan() -> None:
     history = told(with_breaks([60, 400]))
     told_all = [
         facts.axes(history),
-        facts.axis(history, "gyro_x", 1),
+        facts.axis(history, "gyro_x", 0),
         facts.link(history.stats),
         facts.events(history),
         facts.settings(history),

@@ -5,7 +5,7 @@ import json
 import pytest
 from dashboard_support import Reader, alone, both, records, told
 from fit_support import FRACTIONAL, WHITE, fit_after, with_curves
-from fltea.records.records import Estimate, Sample
+from fltea.records.records import Sample
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.tiers import WINDOWS
 from msgspec.structs import replace
@@ -44,39 +44,32 @@ def test_a_part_is_made_once_for_all_who_ask(monkeypatch: pytest.MonkeyPatch) ->
     assert sorted(made) == ["axes", "now"]
 
 
-def test_rows_are_those_of_the_tables_and_only_new_ones_are_sent() -> None:
+def test_only_new_rows_are_sent_and_of_them_what_there_is() -> None:
     found = records(NOISE)
     history = told(found)
     reader = Reader(history)
-    first = reader.read(axis="gyro_y")["rows"]["rows"]
+    first = reader.read(axis="gyro_y")
+    rows = first["rows"]
     assert first["fresh"]
-    times = first["columns"]["time"]
-    estimates = {round(e.host_ns * 1e-6): e for e in found if isinstance(e, Estimate)}
-    last = estimates[max(t for t in estimates if t <= times[-1] + 50)].axes["gyro_y"].fltea
-    assert first["columns"]["alpha"][-1] == pytest.approx(last.alpha, abs=2e-3)
-    assert len(times) == len(first["columns"]["y_low"]) == pytest.approx(50, abs=2)
-    assert all(
-        low <= y <= high
-        for low, y, high in zip(*(first["columns"][k] for k in ("y_low", "y", "y_high")), strict=True)
-    )
-    assert reader.read(axis="gyro_y")["rows"]["rows"]["columns"]["time"] == []
+    assert len(rows["time"]) == len(rows["y_low"]) == len(rows["alpha"]) == pytest.approx(50, abs=2)
+    assert not {"device_alpha", "alpha_mid", "temperature"} & rows.keys()
+    assert reader.read(axis="gyro_y")["rows"] == {"time": []}
     sample = next(r for r in reversed(found) if isinstance(r, Sample))
     for k in range(1, 31):
         history.write(replace(sample, seq=sample.seq + k, host_ns=sample.host_ns + k * 10_000_000))
-    again = reader.read(axis="gyro_y")["rows"]["rows"]
-    assert not again["fresh"]
-    assert len(again["columns"]["time"]) == 3
-    assert again["most"] <= 302
+    again = reader.read(axis="gyro_y")
+    assert (again["fresh"], len(again["rows"]["time"])) == (False, 3)
+    assert reader.read(axis="gyro_y", window=1)["most"] == 302
 
 
 def test_a_reader_of_another_start_gets_all() -> None:
     reader, other = (Reader(told(records("n=400"))) for _ in range(2))
     reader.read(axis="gyro_x")
-    other._cursors = reader._cursors
-    assert other.read(axis="gyro_x")["rows"]["rows"]["fresh"]
+    other.cursor = reader.cursor
+    assert other.read(axis="gyro_x")["fresh"]
 
 
-def test_each_device_has_the_tables_of_its_estimator() -> None:
+def test_each_device_has_what_belongs_to_its_estimator() -> None:
     histories = {
         "both": told(both(records(NOISE)), who="both"),
         "alone": told(alone(records(NOISE)), who="device"),
@@ -85,14 +78,9 @@ def test_each_device_has_the_tables_of_its_estimator() -> None:
     for name, history in histories.items():
         history.name = name
     reader = Reader(*histories.values())
-    tables = {name: set(reader.read(name, "gyro_y")["rows"]) for name in histories}
-    assert tables == {
-        "both": {"rows", "fits", "checks", "compared"},
-        "alone": {"rows", "fits", "own"},
-        "host": {"rows", "fits", "checks"},
-    }
     for name in histories:
-        reader.read(name, "gyro_y", parts="own axis")
+        found = reader.read(name, "gyro_y", parts="own axis")
+        assert ("device_alpha" in found["rows"]) == (name == "both")
         assert (reader.parts["axis"]["compared"] is not None) == (name == "both")
         assert bool(reader.parts["own"]) == (name != "host")
 
@@ -100,11 +88,10 @@ def test_each_device_has_the_tables_of_its_estimator() -> None:
 @pytest.mark.parametrize(
     ("choice", "seen"),
     [
-        (("", "", 1), ("due", "", 1)),
+        (("", "", 0), ("due", "", 0)),
         (("due", "gyro_z", 3), ("due", "gyro_z", 3)),
         (("other", "gyro_x", 2), ("other", "", 2)),
         (("<script>", "gyro_q", 99), ("due", "", len(WINDOWS) - 1)),
-        (("due", "gyro_x", 0), ("due", "gyro_x", 1)),
     ],
 )
 def test_what_there_is_not_is_replaced(
@@ -116,10 +103,10 @@ def test_what_there_is_not_is_replaced(
 
 def test_nonsense_changes_nothing(reader: Reader) -> None:
     view = reader.state.view("due", "gyro_x", 1)
-    for cursors in ({"rows": "x.y"}, {"rows": "1.-5"}, {"rows": "9" * 50 + "." + "9" * 50}, {"q": ""}):
-        found = json.loads(reader.state.read(view, {"no such part": "", "": ""}, cursors))
+    for cursor in ("x.y", "1.-5", "9" * 50 + "." + "9" * 50, ".", "²."):
+        found = json.loads(reader.state.read(view, {"no such part": "", "": ""}, cursor))
         assert found["parts"] == {}
-        assert found["rows"]["rows"]["fresh"]
+        assert found["fresh"]
 
 
 def test_what_is_kept_is_bounded() -> None:

@@ -7,7 +7,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 KINDS = ("mean", "max", "min", "mean", "max")
-RATE_HZ = 100.0
 
 
 def fill(tiers: Tiers, values: list[float], begin_ms: float = 1e12, step_ms: float = 10.0) -> np.ndarray:
@@ -21,10 +20,9 @@ def fill(tiers: Tiers, values: list[float], begin_ms: float = 1e12, step_ms: flo
 @given(st.lists(st.floats(-1e6, 1e6) | st.just(float("nan")), min_size=1, max_size=900))
 @example([float("nan")] * 300)  # a 0 in its place would be drawn as an estimate
 def test_buckets_are_what_their_samples_say(values: list[float]) -> None:
-    tiers = Tiers(KINDS, RATE_HZ)
+    tiers = Tiers(KINDS)
     rows = fill(tiers, values)
-    np.testing.assert_array_equal(tiers.read(0, Cursor()).values, rows)
-    for window in (1, 2):
+    for window in (0, 1):
         width_ms = WINDOWS[window].bucket_ms
         buckets = rows[:, 0] // width_ms
         found = tiers.read(window, Cursor()).values
@@ -39,14 +37,14 @@ def test_buckets_are_what_their_samples_say(values: list[float]) -> None:
                 assert np.isnan(row[2:]).all()
                 continue
             assert (row[2], row[4]) == (good.min(), good.max())
-            if window == 1:  # of the coarser ones the mean is one of means
+            if window == 0:  # of the coarser ones the mean is one of means
                 assert row[0] == pytest.approx(inside[:, 0].mean())
                 assert row[3] == pytest.approx(good.mean(), rel=1e-9, abs=1e-6)
 
 
-@given(st.lists(st.integers(0, 150), min_size=1, max_size=6), st.integers(0, 2))
+@given(st.lists(st.integers(0, 500), min_size=1, max_size=6), st.integers(0, 2))
 def test_a_reader_gets_every_row_once(bursts: list[int], window: int) -> None:
-    tiers = Tiers(KINDS, RATE_HZ)
+    tiers = Tiers(KINDS)
     cursor, read, k = Cursor(), [], 0
     for number, burst in enumerate(bursts):
         for _ in range(burst):
@@ -60,18 +58,17 @@ def test_a_reader_gets_every_row_once(bursts: list[int], window: int) -> None:
 
 
 def test_long_past_is_bounded_and_reaches_back_as_far_as_it_says() -> None:
-    tiers = Tiers(KINDS, RATE_HZ)
+    tiers = Tiers(KINDS)
     fill(tiers, [0.0] * 5_000, step_ms=25_000.0)  # 35 hours
     for number in range(len(WINDOWS)):
         new = tiers.read(number, Cursor())
-        assert len(new.values) <= new.capacity <= MOST_ROWS
-    day = tiers.read(5, Cursor()).values[:, 0]
-    assert day[-1] - day[0] == pytest.approx(WINDOWS[5].length_s * 1e3, rel=0.01)
-    assert Tiers(KINDS, 1e6).read(0, Cursor()).capacity == MOST_ROWS
+        assert len(new.values) <= MOST_ROWS
+    day = tiers.read(4, Cursor()).values[:, 0]
+    assert day[-1] - day[0] == pytest.approx(WINDOWS[4].length_s * 1e3, rel=0.01)
 
 
 def test_cut_separates_what_was_from_what_comes_at_every_resolution() -> None:
-    tiers = Tiers(KINDS, RATE_HZ)
+    tiers = Tiers(KINDS)
     rows = fill(tiers, [1.0] * 1000)
     tiers.cut(rows[-1, 0] + 5)
     fill(tiers, [2.0] * 1000, begin_ms=rows[-1, 0] + 60_000)
@@ -84,7 +81,7 @@ def test_cut_separates_what_was_from_what_comes_at_every_resolution() -> None:
 
 
 def test_after_clearing_readers_begin_anew() -> None:
-    tiers, other = Tiers(KINDS, RATE_HZ), Tiers(KINDS, RATE_HZ)
+    tiers, other = Tiers(KINDS), Tiers(KINDS)
     fill(tiers, [1.0] * 10)
     cursor = tiers.read(0, Cursor()).cursor
     assert not tiers.read(0, cursor).fresh

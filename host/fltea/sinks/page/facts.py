@@ -132,7 +132,7 @@ def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
     allan = history.fits.curves[name].allan if name in history.fits.curves else None
     stats = history.stats.axes.get(name) if history.stats else None
     return {
-        "estimator": history.tables.estimator(name),
+        "estimator": history.estimator(name),
         "unit": unit_of(name),
         "text": [part for part in (found.text, found.left_out) if part],
         "coefficients": coefficients(allan, name in AXES) if allan else [],

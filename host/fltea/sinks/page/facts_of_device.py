@@ -22,7 +22,7 @@ NOTHING_YET = "no estimate of the device yet"
 
 def silent(history: DeviceHistory) -> bool:
     """Whether the device alone estimates the gyroscope, and has sent no estimate in this epoch."""
-    expected = [axis for axis in history.axes or AXES if history.tables.estimator(axis) == "device"]
+    expected = [axis for axis in history.axes or AXES if history.estimator(axis) == "device"]
     return bool(expected) and not any(axis in history.newest for axis in expected)
 
 
@@ -66,9 +66,9 @@ def own(history: DeviceHistory) -> list[list[str]]:
 
 def compared(history: DeviceHistory, axis: str, window: int) -> dict[str, Any] | None:
     """Return the device's figures of an axis that both estimate, and how far they are from the host's."""
-    if history.tables.estimator(axis) != "both":
+    if history.estimator(axis) != "both":
         return None
-    farthest = history.farthest(window)[axis]
+    farthest = history.course.farthest(window, axis)
     e = history.compared.get(axis)
     why = NOTHING_YET if e is None else not_comparable(e.why_not) if e.why_not else ""
     stats = history.stats.device_estimator if history.stats else None

@@ -25,9 +25,10 @@ from fltea.records.records import (
     Stats,
 )
 from fltea.settings.estimator import EstimateOn
+from fltea.sinks.page.answer import order
+from fltea.sinks.page.course import FIT, Course
 from fltea.sinks.page.fits import Fits
 from fltea.sinks.page.happenings import EPOCH_WORDS, Happening, Happenings
-from fltea.sinks.page.tables import Tables
 
 
 class HeardError(NamedTuple):
@@ -57,12 +58,12 @@ class DeviceHistory:
         self.newest: dict[str, AxisEstimate] = {}
         self.compared: dict[str, DeviceAxisEstimate] = {}
         self.error: HeardError | None = None
-        self.tables = Tables(estimate_on)
+        self.course = Course()
+        self._estimate_on = estimate_on
         self.fits = Fits()
         self.happenings = Happenings()
         self._lost = 0
         self._means: dict[str, tuple[int, float]] = {}
-        self._written_seq: int | None = None
 
     @property
     def rate_hz(self) -> float:
@@ -72,7 +73,11 @@ class DeviceHistory:
     @property
     def axes(self) -> tuple[str, ...]:
         """Axes that are estimated, as statistics name them."""
-        return self.tables.axes
+        return self.course.axes
+
+    def estimator(self, axis: str) -> EstimateOn:
+        """Return who estimates an axis."""
+        return self._estimate_on if axis in AXES else "host"
 
     def write(self, record: AnyRecord) -> None:
         """Take a record."""
@@ -84,16 +89,21 @@ class DeviceHistory:
                     self._on_estimate(record)
                 case DeviceEstimates():
                     self.compared |= record.axes
-                    self.tables.add("compared", record.host_ns, record.axes)
+                    for axis, found in record.axes.items():
+                        self.course.know(axis, record.host_ns, _compared(found))
                 case DeviceFits():
                     self.fits.take_device(record)
                 case Fit():
                     self.fits.take(record, self.rate_hz)
-                    self.tables.add("fits", record.host_ns, record.axes)
+                    for axis, fit in record.axes.items():
+                        values = [
+                            v for p in order(fit) for v in ([p.low, p.value, p.high] if p else [None] * 3)
+                        ]
+                        self.course.know(axis, record.host_ns, dict(zip(FIT, values, strict=True)))
                 case Stats():
                     self._on_stats(record)
                 case Hello():
-                    self._on_hello(record)
+                    self.hello = record
                 case Epoch():
                     self._on_epoch(record)
                 case Gap():
@@ -119,10 +129,6 @@ class DeviceHistory:
             return 0
         return self.sample.seq - self.epoch.seq + 1 - self._lost
 
-    def farthest(self, window: int) -> dict[str, tuple[float, float]]:
-        """Return how far device and host are apart at most in a window, in α and in f; NaN: unknown."""
-        return self.tables.farthest(window, self.sample.host_ns * 1e-6 if self.sample else 0.0)
-
     def offset(self, axis: str) -> float:
         """What is taken off the samples of an axis: its bias, or in the start-up window the mean so far."""
         stats = self._stats_of_epoch(axis)
@@ -133,62 +139,50 @@ class DeviceHistory:
             return None
         return self.stats.axes.get(axis)
 
-    def _on_hello(self, record: Hello) -> None:
-        changed = self.hello is None or self.hello.rate_hz != record.rate_hz
-        self.hello = record
-        if changed:
-            self.tables.set_rate(record.rate_hz)
-
     def _on_epoch(self, record: Epoch) -> None:
-        self._commit(None)
         self.epoch, self.estimate = record, None
         self.newest, self.compared, self._means = {}, {}, {}
         self.fits.begin()
         self._lost = 0
-        self.tables.begin(record.host_ns)
+        self.course.begin(record.host_ns)
         text = f"epoch {record.epoch} begins: {EPOCH_WORDS[record.reason]}"
         self.happenings.append(Happening(record.host_ns, "epoch", text))
 
     def _on_sample(self, record: Sample) -> None:
-        self._commit(None)
         self.sample, self.heard_ns = record, clock.host_ns()
+        y: dict[str, float] = {}
         for axis in self.axes:
+            value = _value(record, axis)
             stats = self._stats_of_epoch(axis)
             if stats is None or stats.bias is None:
                 count, mean = self._means.get(axis, (0, 0.0))
-                self._means[axis] = count + 1, mean + (_value(record, axis) - mean) / (count + 1)
+                self._means[axis] = count + 1, mean + (value - mean) / (count + 1)
+            y[axis] = value - self.offset(axis)
+        self.course.sample(record.host_ns, record.temperature_c, y)
 
     def _on_estimate(self, record: Estimate) -> None:
-        found = record.axes
         self.estimate = record
-        self.newest.update(found)
-        if self.tables.estimate_on == "device" and any(axis in AXES for axis in found):
-            # The device's own estimates come at a pace of their own.
-            own = {axis: (self.offset(axis), one) for axis, one in found.items()}
-            self.tables.add("own", record.host_ns, own, record.seq)
-        else:
-            self._commit(record)
+        self.newest.update(record.axes)
+        for axis, e in record.axes.items():
+            own, state = e.fltea, None if e.bias is None else e.bias - self.offset(axis)
+            values = {"state": state, "alpha": own.alpha, "alpha_std": own.alpha_std, "f": own.f}
+            self.course.know(axis, record.host_ns, values | {"f_std": own.f_std})
 
     def _on_stats(self, record: Stats) -> None:
         self.stats = record
-        if record.device_estimator:
-            self.tables.set_device_pace(record.device_estimator.every)
         if record.axes and tuple(record.axes) != self.axes:
-            self.tables.set_axes(tuple(record.axes))
-            self._written_seq = self.sample.seq if self.sample else None  # its offset is not known
-        if self.sample is not None:
-            self.tables.add("checks", self.sample.host_ns, record.axes)
+            self.course.set_axes(tuple(record.axes))
+        for axis, found in record.axes.items():
+            checks = {"lag1": found.innovation_lag1, "nis": found.innovation_nis}
+            self.course.know(axis, record.host_ns, checks)
 
-    def _commit(self, estimate: Estimate | None) -> None:
-        """Write the row of the last sample, with its estimate once there is one."""
-        sample = self.sample
-        if sample is None or sample.seq == self._written_seq or not self.axes:
-            return
-        self._written_seq = sample.seq
-        estimates = estimate.axes if estimate is not None and estimate.seq == sample.seq else {}
-        found = {axis: (self.offset(axis), _value(sample, axis), estimates.get(axis)) for axis in self.axes}
-        self.tables.follow(sample.host_ns)
-        self.tables.add("rows", sample.host_ns, found, sample.seq, sample.temperature_c)
+
+def _compared(e: DeviceAxisEstimate) -> dict[str, float | None]:
+    """What a device's own estimate says, and how far it is from the host's, by column."""
+    apart, f_apart = e.alpha_difference, e.f_difference
+    differences = dict.fromkeys(("apart_low", "apart", "apart_high"), apart)
+    far = None if f_apart is None else abs(f_apart)
+    return {"device_alpha": e.alpha, "device_f": e.f, "f_apart": far, **differences}
 
 
 def _value(sample: Sample, axis: str) -> float:

@@ -1,15 +1,15 @@
 // The live page: once a second it asks for the parts that are open, and gets those that are new.
 import {ask, button, byId, clock, draw, follow, make, put} from "./common.js"
 
-const choice = {device: "", axis: "", window: 2, course: false, ...fromHash()}
+const choice = {device: "", axis: "", window: 1, course: false, ...fromHash()}
 const has = {}  // of each part: its checksum
-let table = {}  // rows of what is drawn over time, by table
+let table = {cursor: "", columns: {}}  // rows of what is drawn over time
 let shown = ""  // for which device, axis and window that is
 
 function fromHash() {
   const found = new URLSearchParams(location.hash.slice(1))
   return {device: found.get("device") ?? "", axis: found.get("axis") ?? "", course: found.has("course"),
-    window: Number(found.get("window") ?? 2)}
+    window: Number(found.get("window") ?? 1)}
 }
 
 function choose(change) {
@@ -25,14 +25,14 @@ const refresh = follow(async () => {
   if (asked.axis) parts.push("axis", "curves")
   const query = {device: asked.device, axis: asked.axis, window: asked.window,
     parts: parts.map(part => `${part}:${has[part] ?? ""}`).join()}
-  if (asked.course && asked.axis) query.cursors = Object.entries(table).map(([name, {cursor}]) => `${name}:${cursor}`).join()
+  if (asked.course && asked.axis) query.cursor = table.cursor
   const found = await (await ask("state", query)).json()
   if (["device", "axis", "window", "course"].some(name => asked[name] !== choice[name])) return  // chosen meanwhile: ask again
   const of = [found.device, found.axis, found.window].join()
   if (of !== shown) {  // what was asked for with the sums of another axis is not whole
     const isFirst = !shown
     shown = of
-    table = {}
+    table.cursor = ""
     if (!isFirst) for (const part in has) delete has[part]
     choice.device = found.device
     choice.window = found.window
@@ -170,49 +170,46 @@ const guard = (whose, found) => found.length ? `${whose}: ` + found.map(([words,
 // --- over time ---
 
 const CHECKED = 1000, FIGURES = [
-  // name, title, of which estimators, what is drawn: kind, words, and its lines from the tables
-  ["noise", "samples less the offset, and state", "host device both", [["sample", "sample", "rows", "y", "y_low", "y_high"], ["state", "state x̂", "estimate", "state"]]],
-  ["alpha", "order α", "host device both", [["fit", "fit, 95 %", "fits", "alpha_mid", "alpha_low", "alpha_high"], ["estimate", "FLTEA ± σ", "estimate", "alpha", "±"], ["ink", "device", "compared", "alpha"]]],
-  ["f", "parameter f [s^−α]", "host device both", [["fit", "fit, 95 %", "fits", "f_mid", "f_low", "f_high"], ["estimate", "FLTEA ± σ", "estimate", "f", "±"], ["ink", "device", "compared", "f"]]],
-  ["apart", "α of the device minus α of the host", "both", [["sample", "difference and its extremes", "compared", "apart", "apart_low", "apart_high"]]],
-  ["lag1", "innovations: correlation of neighbours; grey: white", "host both", [["estimate", "last 1,000", "checks", "lag1"]], [-2 / Math.sqrt(CHECKED), 2 / Math.sqrt(CHECKED)]],
-  ["nis", "innovations: NIS; grey: right", "host both", [["estimate", "last 1,000", "checks", "nis"]], [1 - 2 * Math.sqrt(2 / CHECKED), 1 + 2 * Math.sqrt(2 / CHECKED)]],
-  ["temperature", "temperature of the sensor [°C]", "host device both", [["state", "", "rows", "temperature"]]],
+  // name, title, of which estimators, what is drawn: kind, words, and its columns
+  ["noise", "samples less the offset, and state", "host device both", [["sample", "sample", "y", "y_low", "y_high"], ["state", "state x̂", "state"]]],
+  ["alpha", "order α", "host device both", [["fit", "fit, 95 %", "alpha_mid", "alpha_low", "alpha_high"], ["estimate", "FLTEA ± σ", "alpha", "±"], ["ink", "device", "device_alpha"]]],
+  ["f", "parameter f [s^−α]", "host device both", [["fit", "fit, 95 %", "f_mid", "f_low", "f_high"], ["estimate", "FLTEA ± σ", "f", "±"], ["ink", "device", "device_f"]]],
+  ["apart", "α of the device minus α of the host", "both", [["sample", "difference and its extremes", "apart", "apart_low", "apart_high"]]],
+  ["lag1", "innovations: correlation of neighbours; grey: white", "host both", [["estimate", "last 1,000", "lag1"]], [-2 / Math.sqrt(CHECKED), 2 / Math.sqrt(CHECKED)]],
+  ["nis", "innovations: NIS; grey: right", "host both", [["estimate", "last 1,000", "nis"]], [1 - 2 * Math.sqrt(2 / CHECKED), 1 + 2 * Math.sqrt(2 / CHECKED)]],
+  ["temperature", "temperature of the sensor [°C]", "host device both", [["state", "", "temperature"]]],
 ]
 
 function figures({estimator, unit}) {
   const place = byId("courses"), of = `${estimator} ${unit} ${choice.axis}`
   if (place.dataset.of === of) return
   place.dataset.of = of
-  place.dataset.estimator = estimator
   place.replaceChildren(...FIGURES.filter(([, , estimators]) => estimators.split(" ").includes(estimator)).map(([name, title, , lines]) => {
     const words = name === "noise" ? `${title} [${unit}]` : title
-    const keys = lines.filter(([, , from]) => from !== "compared" || estimator === "both")
+    const keys = lines.filter(([kind]) => kind !== "ink" || estimator === "both")
       .flatMap(([kind, label]) => label ? [" ", make("span", {}, make("i", {class: `key ${kind}`}), label)] : [])
     return make("figure", {"data-name": name}, make("figcaption", {}, words, ...keys),
       make("svg:svg", {role: "img", "aria-label": `${words}, ${choice.axis}, over time`}))
   }))
 }
 
-function course(found) {
-  for (const [name, {cursor, fresh, most, columns}] of Object.entries(found.rows)) {
-    const kept = fresh || !table[name] ? {} : table[name].columns
-    for (const column in columns) kept[column] = [...kept[column] ?? [], ...columns[column]].slice(-most)
-    table[name] = {cursor, columns: kept}
+function course({rows, fresh, cursor, most, end_ms, length_ms}) {
+  const kept = fresh ? {} : table.columns, had = (kept.time ?? []).length
+  for (const name of new Set([...Object.keys(kept), ...Object.keys(rows)])) {
+    const before = kept[name] ?? new Array(had).fill(null), more = rows[name] ?? new Array(rows.time.length).fill(null)
+    kept[name] = [...before, ...more].slice(-most)
   }
-  const estimate = byId("courses").dataset.estimator === "device" ? "own" : "rows"
+  table = {cursor, columns: kept}
   for (const figure of byId("courses").children) {
     const [, , , wanted, band] = FIGURES.find(([name]) => name === figure.dataset.name)
-    const lines = wanted.map(([kind, , from, y, low, high]) => {
-      const of = table[from === "estimate" ? estimate : from]?.columns
-      if (!of?.[y]) return null
-      const end = sign => of[y].map((v, i) => v === null || of[`${y}_std`][i] === null ? null : v + sign * of[`${y}_std`][i])
-      return {x: of.time, y: of[y], kind, loose: kind === "fit",
-        ...low === "±" ? {low: end(-1), high: end(1)} : low ? {low: of[low], high: of[high]} : {}}
-    }).filter(Boolean)
+    const lines = wanted.filter(([, , y]) => kept[y]).map(([kind, , y, low, high]) => {
+      const end = sign => kept[y].map((v, i) => v === null || kept[`${y}_std`]?.[i] == null ? null : v + sign * kept[`${y}_std`][i])
+      return {x: kept.time, y: kept[y], kind, loose: kind === "fit",
+        ...low === "±" ? {low: end(-1), high: end(1)} : low ? {low: kept[low], high: kept[high]} : {}}
+    })
     figure.hidden = !lines.some(one => one.y.some(v => v !== null))
     draw(figure.querySelector("svg"), {lines, band, always: band ?? (figure.dataset.name === "apart" ? [0] : []),
-      from: found.end_ms - found.length_ms, to: found.end_ms})
+      from: end_ms - length_ms, to: end_ms})
   }
 }
 

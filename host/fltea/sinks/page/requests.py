@@ -58,7 +58,7 @@ class _Handler(Handler):
 
 
 class _State(_Handler):
-    """`GET /state?device=NAME&axis=NAME&window=N&parts=NAME:CHECKSUM,…&cursors=TABLE:CURSOR,…`."""
+    """`GET /state?device=NAME&axis=NAME&window=N&parts=NAME:CHECKSUM,…&cursor=CURSOR`."""
 
     def get(self) -> None:
         """Answer with what is new."""
@@ -68,10 +68,9 @@ class _State(_Handler):
             self.get_query_argument("axis", ""),
             self.number("window", 1, 9),
         )
-        cursors = self.get_query_argument("cursors", None)
-        had = None if cursors is None else _pairs(cursors)
+        had = _pairs(self.get_query_argument("parts", ""))
         self.set_header("Content-Type", "application/json")
-        self.write(state.read(view, _pairs(self.get_query_argument("parts", "")), had))
+        self.write(state.read(view, had, self.get_query_argument("cursor", None)))
 
 
 class _Recording(_Handler):

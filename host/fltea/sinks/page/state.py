@@ -17,8 +17,7 @@ from fltea.records.arrays import Array
 from fltea.records.ports import Recorder
 from fltea.sinks.page import facts, facts_of_device, recording
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.tables import Table
-from fltea.sinks.page.tiers import WINDOWS, Cursor
+from fltea.sinks.page.tiers import MOST_ROWS, WINDOWS, Cursor
 
 FRESH_S = 0.8
 """A part is not made again so soon, however many look: a page asks once a second."""
@@ -87,11 +86,11 @@ class State:
         return View(
             device,
             axis if axis in self._histories[device].axes else "",
-            min(max(window, 1), len(WINDOWS) - 1),
+            min(window, len(WINDOWS) - 1),
         )
 
-    def read(self, view: View, had: Mapping[str, str], cursors: Mapping[str, str] | None = None) -> bytes:
-        """Return what is new, as JSON. had: checksums by part; cursors: by table, None for no rows."""
+    def read(self, view: View, had: Mapping[str, str], cursor: str | None = None) -> bytes:
+        """Return what is new, as JSON. had: checksums by part; cursor: in the rows, None for none."""
         parts = {}
         for name in had:
             if name in PARTS or name in ("devices", "recording"):
@@ -99,8 +98,8 @@ class State:
                 if part.checksum != had[name]:
                     parts[name] = [part.checksum, msgspec.Raw(part.json)]
         found = {"device": view.device, "axis": view.axis, "window": view.window, "parts": parts}
-        if cursors is not None and view.axis:
-            found |= self._rows(view, cursors)
+        if cursor is not None and view.axis:
+            found |= self._rows(view, cursor)
         return msgspec.json.encode(found)
 
     def _part(self, name: str, view: View) -> Part:
@@ -128,30 +127,24 @@ class State:
         with history.lock:
             return PARTS[name](history, view)
 
-    def _rows(self, view: View, cursors: Mapping[str, str]) -> dict[str, Any]:
-        """Rows of all tables that are drawn, and the time that the figures end with."""
+    def _rows(self, view: View, cursor: str) -> dict[str, Any]:
+        """Rows that a visitor has not got, and the time that the figures end with."""
         history = self._histories[view.device]
-        tables: dict[str, Any] = {}
+        generation, _, rows = cursor.partition(".")
+        known = Cursor(int(generation), int(rows)) if generation.isdigit() and rows.isdigit() else Cursor()
         with history.lock:
             end_ms = history.sample.host_ns * 1e-6 if history.sample else 0.0
-            for table in history.tables.drawn(view.axis):
-                tables[table] = _new(history, table, view, cursors.get(table, ""))
-        return {"end_ms": round(end_ms), "length_ms": WINDOWS[view.window].length_s * 1e3, "rows": tables}
-
-
-def _new(history: DeviceHistory, table: Table, view: View, cursor: str) -> dict[str, Any]:
-    """Rows of a table that a visitor has not got; cursor: how far he has come, as he was told."""
-    generation, _, rows = cursor.partition(".")
-    known = Cursor(int(generation), int(rows)) if generation.isdigit() and rows.isdigit() else Cursor()
-    new = history.tables.read(table, view.window, known)
-    places = history.tables.columns(table, view.axis)
-    places.pop("seq", None)
-    return {
-        "cursor": f"{new.cursor.generation}.{new.cursor.rows}",
-        "fresh": new.fresh,
-        "most": new.capacity,
-        "columns": {name: _short(new.values[:, place], name) for name, place in places.items()},
-    }
+            new = history.course.read(view.window, known)
+            places = history.course.columns(view.axis)
+        columns = {name: _short(new.values[:, place], name) for name, place in places.items()}
+        return {
+            "end_ms": round(end_ms),
+            "length_ms": WINDOWS[view.window].length_s * 1e3,
+            "cursor": f"{new.cursor.generation}.{new.cursor.rows}",
+            "fresh": new.fresh,
+            "most": MOST_ROWS,
+            "rows": {n: c for n, c in columns.items() if n == "time" or any(v is not None for v in c)},
+        }
 
 
 def _short(values: Array, name: str) -> list[float | None]:

@@ -1,4 +1,4 @@
-"""A past that does not grow: every row for some seconds, buckets of rows for windows that can be shown."""
+"""A past that does not grow: for each window that can be shown, buckets of rows."""
 
 import itertools
 import secrets
@@ -6,20 +6,20 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fltea.records.arrays import Array
+
 Kind = Literal["mean", "min", "max"]
 
-MOST_ROWS = 4_000
-"""Rows of a window at most: of a quick sensor there are fewer seconds of samples."""
+MOST_ROWS = 302
+"""Rows of a window: so many points a figure has room for, and two for its ends."""
 
 _generations = itertools.count(secrets.randbelow(2**40))
 """A reader's cursor of an earlier start of the program is none of this one."""
 
 
 class Window(NamedTuple):
-    """A length of time. bucket_ms: what one row stands for, 0 for a sample each."""
+    """A length of time. bucket_ms: what one row stands for."""
 
     label: str
     length_s: float
@@ -27,14 +27,12 @@ class Window(NamedTuple):
 
 
 WINDOWS = (
-    Window("samples", 10, 0),
     Window("30 s", 30, 100),
     Window("2 min", 120, 400),
     Window("10 min", 600, 2_000),
     Window("1 h", 3_600, 12_000),
     Window("24 h", 86_400, 288_000),
 )
-"""All but the first can be shown, with 300 rows each: so many points a figure has room for."""
 
 
 class Cursor(NamedTuple):
@@ -45,92 +43,80 @@ class Cursor(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """What a reader has not seen yet, (n, columns).
-
-    fresh: what it has seen is void. capacity: rows that the window holds at most.
-    """
+    """What a reader has not seen yet, (n, columns). fresh: what it has seen is void."""
 
     values: Array
     fresh: bool
     cursor: Cursor
-    capacity: int
 
 
 class Ring:
-    """The last `capacity` rows, numbered from 0."""
+    """The last rows, numbered from 0."""
 
-    def __init__(self, capacity: int, columns: int) -> None:
-        self.capacity = capacity
-        self._rows = np.full((capacity, columns), np.nan)
+    def __init__(self, columns: int) -> None:
+        self._rows = np.full((MOST_ROWS, columns), np.nan)
         self.end = 0
 
     def append(self, row: Array) -> None:
         """Take a row in place of the oldest."""
-        self._rows[self.end % len(self._rows)] = row
+        self._rows[self.end % MOST_ROWS] = row
         self.end += 1
 
     def since(self, number: int) -> Array:
         """Copy the rows from `number` on, as far as they are still there."""
-        first = max(number, self.end - len(self._rows), 0)
-        return self._rows[np.arange(first, self.end) % len(self._rows)]
+        first = max(number, self.end - MOST_ROWS, 0)
+        return self._rows[np.arange(first, self.end) % MOST_ROWS]
 
 
 class Tiers:
     """Rows of numbers at all windows' resolutions; the first column is the time in ms.
 
-    kinds: how each column is summed up in a bucket; NaN is left out. rate_hz: rows a second, roughly.
+    kinds: how each column is summed up in a bucket; NaN is left out.
     """
 
-    def __init__(self, kinds: Sequence[Kind], rate_hz: float) -> None:
+    def __init__(self, kinds: Sequence[Kind]) -> None:
         self._low = np.array([kind == "min" for kind in kinds])
         self._high = np.array([kind == "max" for kind in kinds])
         self._columns = len(kinds)
-        self._rate_hz = rate_hz
         self.clear()
 
     def clear(self) -> None:
         """Forget everything, readers' cursors included."""
         self._generation = next(_generations)
-        self._rings = [Ring(self._capacity(window), self._columns) for window in WINDOWS]
+        self._rings = [Ring(self._columns) for _ in WINDOWS]
         self._buckets = [0.0] * len(WINDOWS)
-        self._taken = [0] * len(WINDOWS)
+        self._waiting: list[list[Array]] = [[] for _ in WINDOWS]
 
-    def append(self, row: Array) -> None:
-        """Take a row; buckets that end with it go to the coarser tiers."""
-        self._rings[0].append(row)
-        time_ms = row[0]
-        for i in range(1, len(WINDOWS)):
-            bucket = time_ms // WINDOWS[i].bucket_ms
-            if bucket == self._buckets[i]:
-                return
-            self._buckets[i] = bucket
-            self._fill(i, self._rings[i - 1].end - (i == 1))  # of the finest tier, all but this row
+    def append(self, row: Array, tier: int = 0) -> None:
+        """Take a row into the bucket of its time; a bucket that ends with it goes to the coarser tiers."""
+        bucket = row[0] // WINDOWS[tier].bucket_ms
+        if bucket != self._buckets[tier]:
+            self._close(tier)
+            self._buckets[tier] = bucket
+        self._waiting[tier].append(row)
 
     def cut(self, time_ms: float) -> None:
         """Let no line join what was before with what comes next."""
         gap = np.full(self._columns, np.nan)
         gap[0] = time_ms
-        for i, ring in enumerate(self._rings):
-            if i:
-                self._fill(i, self._rings[i - 1].end - 1)
-                self._taken[i] = self._rings[i - 1].end
+        for tier, ring in enumerate(self._rings):
+            self._close(tier)
             ring.append(gap)
 
     def read(self, window: int, cursor: Cursor) -> Rows:
         """What is new to a reader of one window."""
         ring = self._rings[window]
         fresh = cursor.generation != self._generation
-        values = ring.since(0 if fresh else cursor.rows)
-        return Rows(values, fresh, Cursor(self._generation, ring.end), ring.capacity)
+        return Rows(ring.since(0 if fresh else cursor.rows), fresh, Cursor(self._generation, ring.end))
 
-    def _fill(self, tier: int, end: int) -> None:
-        """Sum up the finer tier's rows that are not yet taken, those before number `end`."""
-        finer = self._rings[tier - 1]
-        rows = finer.since(self._taken[tier])
-        rows = rows[: len(rows) - (finer.end - end)]
-        self._taken[tier] = end
-        if len(rows):
-            self._rings[tier].append(self._sum_up(rows))
+    def _close(self, tier: int) -> None:
+        if not self._waiting[tier]:
+            return
+        row = self._sum_up(np.array(self._waiting[tier]))
+        self._waiting[tier] = []
+        self._rings[tier].append(row)
+        if tier + 1 < len(WINDOWS):
+            self.append(row, tier + 1)
 
     def _sum_up(self, rows: Array) -> Array:
         good = np.isfinite(rows)
@@ -140,7 +126,3 @@ class Tiers:
         result[self._high] = np.where(good, rows, -np.inf).max(axis=0)[self._high]
         result[count == 0] = np.nan
         return result
-
-    def _capacity(self, window: Window) -> int:
-        period_s = window.bucket_ms / 1000 or 1 / self._rate_hz
-        return min(int(np.ceil(window.length_s / period_s)) + 2, MOST_ROWS)

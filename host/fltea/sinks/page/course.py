@@ -1,0 +1,112 @@
+"""The past of a device as figures over time draw it: rows of all axes, one a sample, kept as buckets."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fltea.records.arrays import Array
+from fltea.sinks.page.tiers import WINDOWS, Cursor, Kind, Rows, Tiers
+
+SILENCE_MS = 1000.0
+"""After a pause of this length a line is interrupted."""
+
+STALE_MS = 5000.0
+"""An estimate is drawn for so long, unless another one comes."""
+
+COMMON: dict[str, Kind] = {"time": "mean", "temperature": "mean"}
+
+FIT = ("alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high")
+
+ESTIMATED: dict[str, Kind] = {
+    **dict.fromkeys(("state", "alpha", "alpha_std", "f", "f_std", "lag1", "nis"), "mean"),
+    **dict.fromkeys(("device_alpha", "device_f", "apart"), "mean"),
+    "apart_low": "min",
+    "apart_high": "max",
+    "f_apart": "max",
+}
+"""apart: α of the device minus that of the host; f_apart: how far its f is from the host's."""
+
+OF_AXIS: dict[str, Kind] = {
+    "y_low": "min",
+    "y": "mean",
+    "y_high": "max",
+    **dict.fromkeys(FIT, "mean"),
+    **ESTIMATED,
+}
+"""Columns of each axis. y: the sample without its offset."""
+
+
+class Course:
+    """Takes samples, and what is known beside them; a row is a sample with what is known then."""
+
+    def __init__(self) -> None:
+        self._last_ms = -np.inf
+        self.set_axes(())
+
+    def set_axes(self, axes: tuple[str, ...]) -> None:
+        """Begin with other axes."""
+        self.axes = axes
+        self._row = np.full(len(COMMON) + len(axes) * len(OF_AXIS), np.nan)
+        self._places = {axis: self.columns(axis) for axis in axes}
+        self._estimated_ms = dict.fromkeys(axes, -np.inf)
+        self._tiers = Tiers([*COMMON.values(), *[*OF_AXIS.values()] * len(axes)])
+
+    def columns(self, axis: str) -> dict[str, int]:
+        """Return where the columns that concern an axis stand in the rows."""
+        first = len(COMMON) + self.axes.index(axis) * len(OF_AXIS)
+        return {name: i for i, name in enumerate(COMMON)} | {
+            name: first + i for i, name in enumerate(OF_AXIS)
+        }
+
+    def know(self, axis: str, host_ns: int, values: Mapping[str, float | None]) -> None:
+        """Take what is known of an axis from a time on, by column."""
+        places = self._places.get(axis)
+        if places is None:
+            return
+        for name, value in values.items():
+            self._row[places[name]] = np.nan if value is None else value
+        if "alpha" in values or "device_alpha" in values:
+            self._estimated_ms[axis] = host_ns * 1e-6
+
+    def begin(self, host_ns: int) -> None:
+        """Interrupt all lines, since an epoch begins; what is later than it, after a change of date, goes."""
+        time_ms = host_ns * 1e-6
+        if time_ms < self._last_ms:
+            self._tiers.clear()
+        elif np.isfinite(self._last_ms):
+            self._tiers.cut(time_ms)
+        self._last_ms = time_ms
+        for axis in self.axes:
+            self._forget(axis)
+
+    def sample(self, host_ns: int, temperature_c: float | None, y: Mapping[str, float]) -> None:
+        """Append a row. y: the sample without its offset, by axis."""
+        time_ms = host_ns * 1e-6
+        if time_ms - self._last_ms > SILENCE_MS and np.isfinite(self._last_ms):
+            self._tiers.cut(self._last_ms)
+        self._last_ms = time_ms
+        row = self._row
+        row[:2] = time_ms, np.nan if temperature_c is None else temperature_c
+        for axis, places in self._places.items():
+            first = places["y_low"]
+            row[first : first + 3] = y[axis]
+            if time_ms - self._estimated_ms[axis] > STALE_MS:
+                self._forget(axis)
+        if self.axes:
+            self._tiers.append(row.copy())
+
+    def read(self, window: int, cursor: Cursor) -> Rows:
+        """Return rows that are new to a reader; columns as in `columns`."""
+        return self._tiers.read(window, cursor)
+
+    def farthest(self, window: int, axis: str) -> tuple[float, float]:
+        """Return how far device and host are apart at most in a window, in α and in f; NaN: unknown."""
+        values, places = self.read(window, Cursor()).values, self._places[axis]
+        shown: Array = values[values[:, 0] >= self._last_ms - WINDOWS[window].length_s * 1e3]
+        low, high, f = (shown[:, places[name]] for name in ("apart_low", "apart_high", "f_apart"))
+        alpha = np.fmax.reduce(np.fmax(-low, high), initial=np.nan)
+        return float(alpha), float(np.fmax.reduce(f, initial=np.nan))
+
+    def _forget(self, axis: str) -> None:
+        for name in ESTIMATED:
+            self._row[self._places[axis][name]] = np.nan
