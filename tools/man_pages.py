@@ -20,10 +20,13 @@ METAVARS = {"<str>": "WORD", "<int>": "N", "<float>": "NUMBER"}
 COMPLETIONS = {"bash": "bash/fltea", "zsh": "zsh/_fltea", "fish": "fish/fltea.fish"}
 """Shell to its file, by the name that the shell looks for in a folder of completions."""
 
+DOCUMENTS = "/usr/share/doc/fltea"
+"""Where the Debian package has what is in `host/docs`: whoever reads a man page may have no clone."""
+
 
 def roff(text: str) -> str:
     """Return text as a man page's: nothing of it is a request, and `words` are bold."""
-    text = text.replace("\\", r"\e").replace("-", r"\-")
+    text = text.replace("host/docs/", f"{DOCUMENTS}/").replace("\\", r"\e").replace("-", r"\-")
     text = re.sub(r"`([^`]*)`", r"\\fB\1\\fP", text)
     return "\n".join(r"\&" + line if line[:1] in (".", "'") else line for line in text.split("\n"))
 
@@ -99,7 +102,11 @@ def page(name: str, command: Any) -> str:
     for example in filter(str.strip, examples.splitlines()):
         lines += [".PP", ".nf", roff(example.strip()), ".fi"]
     lines += [".SH EXIT STATUS", _words((command.epilog or "").strip().removeprefix("Exit codes: "))]
-    lines += [] if below else [".SH SEE ALSO", r"\fBfltea\fP(1)"]
+    lines += [
+        ".SH SEE ALSO",
+        "" if below else r"\fBfltea\fP(1),",
+        roff(f"{DOCUMENTS}/guide/troubleshooting.md"),
+    ]
     return "\n".join(lines) + "\n"
 
 

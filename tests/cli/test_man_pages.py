@@ -51,7 +51,7 @@ def test_a_page_lists_every_option_with_its_text(name: str) -> None:
         if parameter.param_type_name == "option":
             for flag in (*parameter.opts, *parameter.secondary_opts):
                 assert re.search(rf"^ +(\S+, )*{re.escape(flag)}\b", page, re.MULTILINE), flag
-        words = " ".join(parameter.help.replace("`", "").split())
+        words = " ".join(parameter.help.replace("`", "").replace("host/docs", man_pages.DOCUMENTS).split())
         assert words.rstrip(".") in " ".join(page.split()), parameter.name
     assert "EXIT STATUS" in page
 
@@ -62,6 +62,18 @@ def test_a_page_lists_every_command_and_every_example() -> None:
         examples = command.help.partition(man_pages.EXAMPLES)[2].split("\n")
         assert any(examples)
         assert all(example.strip() in seen(f"fltea-{name}.1") for example in examples)
+
+
+def test_pages_name_documents_that_the_package_holds() -> None:
+    """deb.sh packs all of host/docs."""
+    named = {
+        path
+        for text in PAGES.values()
+        for path in re.findall(rf"{man_pages.DOCUMENTS}/([\w/]+\.md)", text.replace("\\-", "-"))
+    }
+    assert len(named) > 3
+    assert [path for path in sorted(named) if not (man_pages.ROOT / "host/docs" / path).is_file()] == []
+    assert not any("host/docs" in text for text in PAGES.values())
 
 
 def test_text_is_no_request_of_roff() -> None:

@@ -58,14 +58,15 @@ pack() { # SYSTEM ARCHITECTURE
 
     (
         eval "$(dpkg-architecture -a"$architecture" -s 2>/dev/null)"
-        dh_installdocs
+        # What man pages name.
+        dh_installdocs "$here"/host/docs/*
         dh_installchangelogs "$here/CHANGELOG.md"
         dh_installman "$here"/build/man/*.1
         dh_installsysusers
         dh_installsystemd
         dh_installudev --priority=70
         dh_lintian
-        dh_compress
+        dh_compress --exclude=.md
         # The file of the broker's password stays root's.
         dh_fixperms --exclude=mqtt.env
         dh_installdeb

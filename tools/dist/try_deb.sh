@@ -30,7 +30,9 @@ id fltea
 fltea doctor --config /etc/fltea/fltea.toml >/tmp/doctor.txt || true
 grep -q '70-fltea.rules is installed' /tmp/doctor.txt
 test "$(stat -c '%a %U' /etc/fltea/mqtt.env)" = "600 root"
-test -e /usr/share/man/man1/fltea-run.1.gz
+for page in $(zgrep -oh '/usr/share/doc/fltea/[a-z_/\\-]*[.]md' /usr/share/man/man1/fltea*.1.gz | tr -d '\\' | sort -u); do
+    test -s "$page"
+done
 apt-get remove -q -y fltea
 test ! -e /usr/lib/fltea
 test -e /etc/fltea/fltea.toml
