@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from fltea.records.clock import SECOND_NS
@@ -23,7 +24,7 @@ from fltea.records.events import (
     TransportEvent,
     Trouble,
 )
-from fltea.records.records import LinkStats
+from fltea.records.records import Hello, LinkStats
 from fltea.records.repeat import REPEAT_NS, OnceAMinute
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import BlockReader, SampleColumns
@@ -86,6 +87,7 @@ class WireEvents:
         self._connected = False
         self._refused = False
         self._heard_hello = False
+        self._said: tuple[wire.Hello, Hello] | None = None  # devices say the same once a second
         self._opened_ns = self._byte_ns = 0
         self._unread_since_ns: int | None = None
         self._unread_bytes = 0
@@ -266,7 +268,9 @@ class WireEvents:
                 yield from self._report(Trouble("bad_hello", f"{self.url}: {problem}", host_ns))
             case wire.Hello() as hello:
                 self._refused, self._heard_hello, self._reported = False, True, None
-                yield hello_event(hello, self._source, host_ns)
+                if self._said is None or self._said[0] != hello:
+                    self._said = hello, hello_event(hello, self._source, host_ns)
+                yield msgspec.structs.replace(self._said[1], host_ns=host_ns)
                 yield from self._on_sensor(hello, host_ns)
             case wire.Status() as s:
                 yield status_event(s)
