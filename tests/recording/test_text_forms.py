@@ -238,7 +238,7 @@ BAD = {
     "times that stand": (
         OURS + "0,1,2,3\n1,4,5,6\n1,4,5,7\n",
         {},
-        "'time_s': 1 of 3 times are the same as the one before, the first at",
+        "'time_s': 1 of 3 times are the same as the one before, the first in line 4",
     ),
     "times that run backwards": (
         OURS + "0,1,2,3\n2,4,5,6\n\n1,4,5,6\n3,1,1,1\n",

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from fltea.sources.mcap import McapRecording
 
 
+OF_A_FILE = "recording"
+"""How `sources.replay` says that a file of another program was sampled, which states nothing of a device."""
+
+
 class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     """The summary of one recording.
 
@@ -157,24 +161,28 @@ def as_text(s: Summary) -> str:
     lines: list[tuple[str, Any]] = [("recording", s.name)]
     if s.session is not None:
         lines.append(("device", f"{s.device}, session {s.session}"))
-    if s.hello is not None:
+    is_foreign = s.hello is not None and s.hello.sampling_mode == OF_A_FILE
+    if s.hello is not None and not is_foreign:
         lines += _hello_lines(s.hello)
     if s.about:
-        lines.append(("bag", s.about))
+        lines.append(("bag" if s.about.startswith("topic ") else "read", s.about))
     remedy = "" if s.about else " (fltea recover)"  # which is for our files
     state = "whole" if s.whole else f"not finished: killed, cut or still being written{remedy}"
     if s.unread:
         state = f"and {len(s.unread)} more that cannot be read"
-    lines.append(("files", f"{s.files}, {s.size_bytes / 1e6:.1f} MB, {state}"))
+    lines.append(("files", f"{s.files}, {_size(s.size_bytes)}, {state}"))
     if s.start_unix_ns is not None:
         start = datetime.fromtimestamp(s.start_unix_ns * 1e-9, UTC)
         lines.append(("start", f"{start:%Y-%m-%d %H:%M:%S} UTC"))
     lines.append(("duration", _duration(s.duration_s)))
-    lines.append(("samples", f"{s.samples}, {s.lost} lost in {s.gaps} gaps, {s.before_hello} before a HELLO"))
+    early = "" if is_foreign else f", {s.before_hello} before a HELLO"
+    lines.append(("samples", f"{s.samples}, {s.lost} lost in {s.gaps} gaps{early}"))
     reasons = ", ".join(f"{count} x {reason}" for reason, count in s.epochs.items()) or "none"
-    lines.append(("epochs", reasons))
-    lines.append(("resets", f"{s.resets} of the device, {s.link.reconnects} times reconnected"))
-    lines.append(("breaks", f"{s.breaks} in the recording itself"))
+    if not is_foreign or reasons != "1 x start":
+        lines.append(("epochs", reasons))
+    if not is_foreign:
+        lines.append(("resets", f"{s.resets} of the device, {s.link.reconnects} times reconnected"))
+        lines.append(("breaks", f"{s.breaks} in the recording itself"))
     if s.link.frames:
         bad = ", ".join(f"{count} {reason}" for reason, count in s.link.bad_frames.items()) or "no bad one"
         lines.append(("frames", f"{s.link.frames}, {bad}; {s.link.bytes / 1e6:.1f} MB from the wire"))
@@ -190,7 +198,7 @@ def _hello_lines(h: Hello) -> list[tuple[str, str]]:
     lines = []
     if h.device_id is not None:
         lines.append(("firmware", f"{h.firmware_version or 'not known'}, device id {h.device_id}"))
-    sensor = h.sensor or "sensor not known"
+    sensor = h.sensor or "not known"
     if h.gyro_range_dps:
         sensor += f", ±{h.gyro_range_dps:g} deg/s"
     if h.gyro_lsb_per_dps:
@@ -202,6 +210,10 @@ def _hello_lines(h: Hello) -> list[tuple[str, str]]:
         ("sensor", sensor),
         ("settings", f"{h.rate_hz:g} Hz nominal, sampled by {h.sampling_mode}"),
     ]
+
+
+def _size(size_bytes: int) -> str:
+    return f"{size_bytes / 1e6:.1f} MB" if size_bytes >= 1e5 else f"{size_bytes / 1e3:.1f} kB"
 
 
 def _duration(seconds: float) -> str:

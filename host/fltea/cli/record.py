@@ -58,7 +58,7 @@ def record(
     say(run.record(config, for_))
 
 
-@takes_settings(["link.max_gap", "replay.topic"], only=LIMITS)
+@takes_settings(["link.max_gap", *RECORDING], only=LIMITS)
 def info(
     paths: Recordings,
     settings: dict[str, Any],
@@ -73,6 +73,8 @@ def info(
     For example:
 
         fltea info recordings
+
+        fltea info rest.csv --units dps
 
         fltea info --json recordings/due_20270801T120000Z_1f0c2b3a
     """

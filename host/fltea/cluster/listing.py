@@ -137,7 +137,7 @@ def _matching(system: Any, protocol: str, path: str) -> Iterator[File | Unlisted
             return
         for one in _below(system, protocol, path, None):
             file = one if isinstance(one, Unlisted) else _file(system, protocol, one)
-            if isinstance(file, Unlisted) or file.suffix in KINDS:
+            if isinstance(file, Unlisted) or (file.suffix in KINDS and file.suffix != ".json"):
                 yield file
         return
     from fsspec.utils import glob_translate

@@ -252,7 +252,7 @@ def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known
         likely = "rad/s" if any("angular_velocity" in name for name in names) else "dps"
         raise UsageError(
             f"{where}: the columns {listed(names)} are a gyroscope's by their names, which say no unit. "
-            f"Give it: --units {likely} (or {UNITS_HELP})."
+            f"Give it: --units {likely}; known are {UNITS_HELP}."
         )
     return unit or "deg/s"
 

@@ -72,7 +72,7 @@ def of_arrays(arrays: Mapping[str, Any], units: Mapping[str, str] = MappingProxy
                 stated[label] = units.get(name, "")
     columns.pop(1, None)
     if not columns:
-        raise ValueError(f"it holds no columns of numbers, but {listed(list(arrays)) or 'nothing'}")
+        raise UsageError(f"holds no columns of numbers, but {listed(list(arrays)) or 'nothing'}.")
     rows = max(columns, key=lambda n: (sum(axis_of(name) is not None for name in columns[n]), n))
     found = columns[rows]
     wanted = list(found.values())
@@ -169,7 +169,7 @@ def px4(path: Path, topic: str) -> Sheet:
     name = topic or next((known for known in PX4_TOPICS if known in there), "")
     if name not in there:
         asked = f"no topic {topic}" if topic else f"no topic {' or '.join(PX4_TOPICS)}"
-        raise ValueError(f"it is a PX4 log with {asked}; it has {listed(sorted(there))}")
+        raise UsageError(f"is a PX4 log with {asked}; name one by --topic: {listed(sorted(there))}.")
     data = log.get_dataset(name).data
     sheet = of_arrays(data)
     of_sensor = name.startswith("sensor_gyro")
@@ -213,7 +213,7 @@ def _arrow(schema: Any, rows: int, batches: Callable[[list[str]], Iterator[Any]]
     def blocks(places: Sequence[int]) -> Iterator[Floats]:
         bad = [names[p] for p in places if not (_is_stamp(kinds[p]) or _is_number(kinds[p]))]
         if bad:
-            raise ValueError(f"column {listed(bad)} does not hold numbers")
+            raise UsageError(f"column {listed(bad)} does not hold numbers.")
         begin = None
         for batch in batches([names[p] for p in places]):
             table = _flat(pa.Table.from_batches([batch]))
@@ -266,9 +266,8 @@ def json_objects(path: Path, _: str) -> Sheet | Iterator[bytes]:
         sensors = {str(row.get("sensor")) for row in rows}
         sensor = next((name for name in PHONE_GYROSCOPES if name in sensors), None)
         if sensor is None:
-            raise ValueError(
-                f"it is of the app Sensor Logger without a gyroscope; it has {listed(sorted(sensors))}"
-            )
+            has = listed(sorted(sensors))
+            raise UsageError(f"is of the app Sensor Logger, without a gyroscope; it has {has}.")
         keys = {"seconds_elapsed": "time_s", **{axis: f"gyro_{axis}_rad_s" for axis in "xyz"}}
         rows = [
             {name: row.get(key) for key, name in keys.items()} for row in rows if row.get("sensor") == sensor
@@ -289,9 +288,10 @@ def excel(path: Path, _: str) -> Iterator[bytes]:
     from openpyxl import load_workbook
 
     book = load_workbook(path, read_only=True, data_only=True, keep_links=False)
-    sheets = [sheet for sheet in book.worksheets if (sheet.max_row or 11) > 10] or book.worksheets
+    sheet = next((one for one in book.worksheets if (one.max_row or 11) > 10), book.worksheets[0])
+    sheet.reset_dimensions()  # some programs write wrong ones, and rows beyond them would be missing
     lines: list[str] = []
-    for row in sheets[0].iter_rows(values_only=True):
+    for row in sheet.iter_rows(values_only=True):
         lines.append("\t".join("" if cell is None else _cell(cell) for cell in row).rstrip("\t"))
         if len(lines) == AT_ONCE:
             yield "".join(line + "\n" for line in lines).encode()
@@ -370,7 +370,7 @@ def _sample(sheet: Sheet) -> list[list[float | None]]:
         try:
             values = next(iter(sheet.blocks([place])))[:count, 0]
             columns.append([float(value) if np.isfinite(value) else None for value in values])
-        except (ValueError, StopIteration):
+        except (UsageError, ValueError, StopIteration):
             columns.append([None] * count)
     return [list(row) for row in zip(*columns, strict=True)]
 

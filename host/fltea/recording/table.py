@@ -254,7 +254,10 @@ class _Table:
         check_span(self._path, found.rate_hz, samples, last_s)
         begins = np.concatenate(self._begins) if self._begins else np.empty(0, np.int64)
         make = partial(_blocks, spool, chosen, found, begins, given=self._rate_hz is not None)
-        return Stored(samples, found.rate_hz, chosen.lsb, None, make, tuple(self._notes))
+        names = listed([chosen.names[place] for place in chosen.gyro])
+        times = f"; times of {listed([chosen.time_name])}" if found.period is not None else ""
+        about = f"{names} in {chosen.units}{times}"
+        return Stored(samples, found.rate_hz, chosen.lsb, None, make, tuple(self._notes), about=about)
 
     def _none(self) -> UsageError:
         chosen = self._chosen
