@@ -244,7 +244,7 @@ BAD = {
         OURS + "0,1,2,3\n2,4,5,6\n\n1,4,5,6\n3,1,1,1\n",
         {},
         "1 of 4 times are earlier",
-        "rest.csv:5",
+        "in line 5",
         "--rate 100",
     ),
     "neither times nor a rate": ("gyro_x_dps\n1\n2\n", {}, "no column 'time_s'", "--rate"),
