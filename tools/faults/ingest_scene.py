@@ -3,6 +3,7 @@
 import contextlib
 import threading
 import time
+from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import chain
@@ -33,7 +34,8 @@ OF_NATS = {
 class Boards:
     """Publish a second of samples each, again and again, from a thread and over one connection.
 
-    qos: with 1 what is not acknowledged is sent again. seconds: how many each has published.
+    qos: with 1 what is not acknowledged is sent again, one message after the other: of several the library
+    would change the order after an outage. seconds: how many each has published.
     """
 
     def __init__(self, port: int, qos: int) -> None:
@@ -41,8 +43,10 @@ class Boards:
         self._sensors = Sensors(DEVICES)
         self.names = self._sensors.names
         self.seconds = 0
+        self._waiting: deque[tuple[str, bytes]] = deque()
+        self._lock, self._sending = threading.RLock(), False
         self._client = Client(CallbackAPIVersion.VERSION2, "boards", protocol=MQTTProtocolVersion.MQTTv311)
-        self._client.max_inflight_messages_set(1)  # else the library changes their order after an outage
+        self._client.on_publish = lambda *_: self._next(acknowledged=True)
         self._client.reconnect_delay_set(1, 1)
         self._client.connect("127.0.0.1", port)
         self._client.loop_start()
@@ -58,16 +62,24 @@ class Boards:
     def _run(self) -> None:
         while not self._stop.wait(EVERY_S):
             for k, name in enumerate(self.names):
-                message = self._sensors.message(k, self.seconds)
-                self._client.publish(f"fltea/{name}/frames", message, qos=self._qos)
+                self._waiting.append((f"fltea/{name}/frames", self._sensors.message(k, self.seconds)))
+                self._next()
             self.seconds += 1
+
+    def _next(self, *, acknowledged: bool = False) -> None:
+        """Send what waits: all of QoS 0, of which the library keeps none, else one."""
+        with self._lock:
+            self._sending = self._sending and self._qos > 0 and not acknowledged
+            while self._waiting and not self._sending:
+                self._client.publish(*self._waiting.popleft(), qos=self._qos)
+                self._sending = self._qos > 0
 
     def stop(self) -> None:
         """Publish no more; comes back when the server has all that waited."""
         self._stop.set()
         self._thread.join()
         with contextlib.suppress(TimeoutError):
-            wait_until(lambda: not self._client._out_messages, "acknowledgements")
+            wait_until(lambda: not (self._waiting or self._sending), "acknowledgements")
 
     def close(self) -> None:
         """Leave."""

@@ -11,13 +11,13 @@ from pathlib import Path
 from fltea.wire import layout as wire
 
 from tools.board_voice import HELLO, Voice
+from tools.faults.program import PATIENCE_S
 from tools.pty_port import PtyPort
 
 RATE_HZ = 100
 PERIOD_NS = 10**9 // RATE_HZ
 LSB_PER_DPS = HELLO.gyro_lsb / 10
 INTRODUCTION_S = 0.2
-PATIENCE_S = 60.0
 
 Damage = Callable[[bytes], bytes]
 Instants = set[tuple[int, int]]

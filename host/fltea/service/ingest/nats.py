@@ -20,7 +20,7 @@ from fltea.records.errors import UsageError
 from fltea.records.ports import Report
 from fltea.service.ingest import mapping
 from fltea.service.ingest.inbox import Inbox
-from fltea.service.ingest.leases import RENEW_S, STOP_S
+from fltea.service.ingest.leases import LEASE_S, RENEW_S
 from fltea.service.ingest.nats_reports import PASSWORD, USER, Reports
 from fltea.service.ingest.partitions import Partitions
 from fltea.service.ingest.store import Store
@@ -96,7 +96,8 @@ class NatsFrames:
                 error_cb=_ignore,
             )
             self._reports.on_server()
-            store = Store(self._settings, client.jetstream(timeout=STOP_S / 2))
+            # A busy server is not away: leases know by themselves when nothing may be walked.
+            store = Store(self._settings, client.jetstream(timeout=LEASE_S))
             await store.prepare()
             self._reports.differences(store.differs)
             self.partitions.begin(store)
