@@ -82,6 +82,16 @@ def serving(server: Servers, start: Start) -> tuple[Server, Worker]:
     return one, worker
 
 
+def taken(worker: Worker, timeout_s: float) -> list[Message | Served | Resumed | Left]:
+    """All that waits, in its order."""
+    found: list[Message | Served | Resumed | Left] = []
+    messages, behind = worker.inbox.take(timeout_s)
+    while messages or behind:
+        found += [*messages, *([] if behind is None else [behind])]
+        messages, behind = worker.inbox.take(0) if worker.inbox.has_messages else ([], None)
+    return found
+
+
 def ask(server: Server, what: Callable[[Any], Coroutine[Any, Any, Any]], **options: Any) -> Any:
     """What a client of the server finds."""
 
@@ -233,7 +243,7 @@ def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
 
     def hears(word: bytes) -> bool:
         publish(one, ("fltea.s1.frames", word))
-        return word in [item.data for item in worker.inbox.take(0.3) if isinstance(item, Message)]
+        return word in [item.data for item in taken(worker, 0.3) if isinstance(item, Message)]
 
     wait_until(lambda: hears(b"at first"), "frames")
     ask(one, lambda client: client.jetstream().delete_consumer(stream, consumer))
@@ -255,7 +265,7 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
 
     def hears(last: int) -> bool:
         """Walk as the loop of the worker does."""
-        for item in worker.inbox.take(0.1):
+        for item in taken(worker, 0.1):
             items.append(item)
             if isinstance(item, Resumed):
                 worker.frames.partitions.resume(item.partition)
@@ -297,7 +307,7 @@ def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(server: Se
     first.frames.close()
     second = start(one)
     wait_until(second.serves_all, "all partitions again")
-    found = [item for item in second.inbox.take(1) if isinstance(item, Served) and item.partition == 0]
+    found = [item for item in taken(second, 1) if isinstance(item, Served) and item.partition == 0]
     assert {name: kept.mark for name, kept in found[0].kept.items()} == {"a": 3, "b": 4}
     assert second.frames.partitions.done[0] == 3
     assert "from message 4: 2 devices" in second.texts("partition_taken")
@@ -321,7 +331,7 @@ def test_a_clock_that_differs_is_told_and_no_message_waits_for_it(
     heard: list[Message] = []
 
     def hears() -> bool:
-        heard.extend(item for item in worker.inbox.take(0.3) if isinstance(item, Message))
+        heard.extend(item for item in taken(worker, 0.3) if isinstance(item, Message))
         return bool(heard)
 
     wait_until(hears, "the message")

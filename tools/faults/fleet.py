@@ -94,8 +94,8 @@ def disk_full(stage: Stage) -> Outcome:
     scene.publish(1)
     scene.until(lambda: scene.kinds() == ["disk_full", "history_back"], "room")
     due = scene.fits * AXES
-    scene.until(lambda: scene.rows() + scene.summary()["history"]["lost"] >= due, "rows")
-    where = {"kept": scene.rows(), "counted as lost": scene.summary()["history"]["lost"]}
+    scene.until(lambda: scene.shown() + scene.summary()["history"]["lost"] >= due, "rows")
+    where = {"kept": scene.shown(), "counted as lost": scene.summary()["history"]["lost"]}
     return scene.outcome("", of="rows of history", due=due, where=where)
 
 

@@ -99,10 +99,13 @@ class FleetScene:
 
     def rows(self) -> int:
         """How many its history has; none before it is made."""
-        folder = self._folder if self._disk is None else self._disk.inside
-        assert folder is not None
-        with contextlib.closing(sqlite3.connect(folder / HISTORY, timeout=5)) as database:
+        assert self._folder is not None
+        with contextlib.closing(sqlite3.connect(self._folder / HISTORY, timeout=5)) as database:
             return int(database.execute("SELECT count(*) FROM fit").fetchone()[0])
+
+    def shown(self) -> int:
+        """How many rows of history the page shows, whoever may see the file."""
+        return sum(len(self._ask(f"sensor?device={one.device_id}")["history"]) for one in self.sensors)
 
     def until_up_to_date(self) -> None:
         """Wait until the newest fit of every axis is there."""
