@@ -238,7 +238,8 @@ def test_errors_name_what_a_call_takes(tmp_path: Path) -> None:
         return str(error.value)
 
     rows = "0.1,0.2,0.3\n0.2,0.1,0.2\n" * 30
-    assert "columns=['1', '2', '3']" in told(rows)
+    assert "columns=[1, 2, 3], rate_hz=100, units='dps'" in told(rows)
+    assert len(fltea.open(tmp_path / "a.csv", columns=[1, 2, 3], rate_hz=100, units="dps")) == 3
     assert told(rows, units="foo").startswith("units foo: ")
     for text in (rows, "gx,gy,gz\n" + rows, "a,b,c\n" + rows):
         assert "--" not in told(text)
@@ -248,9 +249,9 @@ def test_errors_name_what_a_call_takes(tmp_path: Path) -> None:
 
 def test_flags_become_parameters() -> None:
     assert in_python("give it: --rate 100.") == "give it: rate_hz=100."
-    assert in_python("--columns gx,gy,gz --units deg/s") == "columns=['gx', 'gy', 'gz'] units='deg/s'"
+    assert in_python("--columns gx,gy,gz --units deg/s") == "columns=['gx', 'gy', 'gz'], units='deg/s'"
     assert in_python("--time-column NAME --time-unit ms (it has") == (
-        "time_column='NAME' time_unit='ms' (it has"
+        "time_column='NAME', time_unit='ms' (it has"
     )
     assert (
         in_python("such as --topic /imu/data, --time-unit says")

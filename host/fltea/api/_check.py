@@ -25,10 +25,8 @@ PARAMETERS = {
 }
 """What the flags of `fltea identify` are called here."""
 
-_FLAG = re.compile(
-    rf"({'|'.join(PARAMETERS)})\b(?!-)"
-    r"(?:[ =](\d[\d.]*(?![\w,])|\w+(?:,\w+)+|/[\w/]+|[A-Z]+\b|deg/s|rad/s|m?dps|lsb:\S+|(?:[mun]?s\b)))?"
-)
+_VALUE = r"\d[\d.]*(?![\w,])|\w+(?:,\w+)+|/[\w/]+|[A-Z]+\b|deg/s|rad/s|m?dps|lsb:\S+|(?:[mun]?s\b)"
+_FLAG = re.compile(rf"({'|'.join(PARAMETERS)})\b(?!-)(?:[ =]({_VALUE})( (?=--))?)?")
 
 
 @contextlib.contextmanager
@@ -42,15 +40,17 @@ def python_words() -> Iterator[None]:
 
 
 def in_python(text: str) -> str:
-    """Return a text with parameters for flags."""
-    return _FLAG.sub(lambda found: PARAMETERS[found[1]] + _argument(found[1], found[2]), text)
+    """Return a text with parameters for flags, those that follow each other separated by commas."""
+    return _FLAG.sub(
+        lambda found: PARAMETERS[found[1]] + _argument(found[1], found[2]) + (", " if found[3] else ""), text
+    )
 
 
 def _argument(flag: str, value: str | None) -> str:
     if value is None:
         return ""
     if flag == "--columns":
-        return f"={value.split(',')}"
+        return f"={[int(one) if one.isdigit() else one for one in value.split(',')]}"
     return f"={value}" if flag in ("--rate", "--from-hz") else f"={value!r}"
 
 

@@ -154,10 +154,10 @@ def open(
     path: str | os.PathLike[str],
     *,
     axes: Sequence[str] | None = None,
-    columns: Sequence[str] | None = None,
+    columns: Sequence[str | int] | None = None,
     units: str | None = None,
     rate_hz: float | None = None,
-    time_column: str | None = None,
+    time_column: str | int | None = None,
     time_unit: TimeUnit | None = None,
     topic: str | None = None,
 ) -> Recording:
@@ -166,10 +166,10 @@ def open(
     Args:
         path: a file, a folder of parts of one session, or the session's name.
         axes: which ones; None: all of the gyroscope's, and the accelerometer's where there is one.
-        columns: of text: which columns are the axes.
+        columns: of text: which columns are the axes, by name or position from 1.
         units: of text: deg/s, mdps, rad/s, or lsb:N.
         rate_hz: of text without times: sample rate in Hz.
-        time_column: of text: the column of times.
+        time_column: of text: the column of times, by name or position from 1.
         time_unit: of that column: s, ms, us or ns.
         topic: of a bag: which one.
 
@@ -180,10 +180,10 @@ def open(
     if rate_hz is not None:
         period_s(rate_hz)
     how = How(
-        columns=None if columns is None else list(columns),
+        columns=None if columns is None else list(map(str, columns)),
         units=units,
         rate_hz=rate_hz,
-        time_column=time_column,
+        time_column=None if time_column is None else str(time_column),
         time_unit=time_unit,
         topic=topic,
     )
