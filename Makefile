@@ -1,4 +1,4 @@
-# setup run test test-slow test-all lint gen bench validate reproduce firmware flash emulate mutants faults docs man dist: each does
+# setup hashes run test test-slow test-all lint gen bench validate reproduce firmware flash emulate mutants faults docs man dist: each does
 # first what it needs, and nothing twice on an unchanged tree.
 #   make run ARGS='--format ndjson'             arguments for 'fltea run'
 #   make test ARGS='-k timebase'                arguments for pytest
@@ -7,12 +7,12 @@
 #   make flash PORT=/dev/ttyACM0                the board's programming port, if it is not the only one
 #   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
-.PHONY: setup run test test-slow test-all test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench validate reproduce \
+.PHONY: setup hashes run test test-slow test-all test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench validate reproduce \
         firmware flash emulate mutants faults docs man dist clean install-service install-udev uninstall-service
 .DELETE_ON_ERROR:
 
 PY := .venv/bin/python
-NATIVE := pyproject.toml constraints.txt tools/setup.sh host/native/CMakeLists.txt \
+NATIVE := pyproject.toml constraints.txt $(wildcard tools/hashes/*.txt) tools/setup.sh host/native/CMakeLists.txt \
           $(wildcard host/native/*.cpp host/native/*.hpp firmware/core/engine/*.hpp) $(addprefix firmware/core/,cobs.h crc32.h frame.h messages.h)
 CXX_FILES := $(wildcard host/native/*.cpp host/native/*.hpp firmware/core/*.h firmware/core/*.cpp firmware/core/engine/*.hpp firmware/due/*.cpp firmware/due/*.h \
                        firmware/arduino/fltea/*.h tests/firmware/*.cpp tests/firmware/*.h tests/firmware/arduino_stub/*.cpp \
@@ -28,6 +28,10 @@ setup: .venv/.dev
 .venv/.dev: $(NATIVE)
 	@FLTEA_WERROR=ON tools/setup.sh dev
 	@touch .venv/.run $@
+
+# After a change of constraints.txt or of the dependencies in pyproject.toml: the hashes of what set-up installs.
+hashes:
+	@tools/hashes.sh
 
 run: .venv/.run
 	@$(PY) tools/demo.py

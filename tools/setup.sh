@@ -84,8 +84,8 @@ if [ ${#others[@]} -gt 0 ]; then
     install "${others[@]}" >"$others_log" 2>&1 &
     others_work=$!
 fi
-steps=3
-[ "$level" != dev ] || steps=4
+steps=4
+[ "$level" != dev ] || steps=5
 step=0
 
 # One step: its name, then its command. A terminal shows the seconds and what the command said last.
@@ -113,18 +113,17 @@ else
 fi
 export PATH="$PWD/.venv/bin:$PATH" PIP_DISABLE_PIP_VERSION_CHECK=1
 pip() { quietly "$1" .venv/bin/python -m pip "${@:2}"; }
+# Only files whose hashes tools/hashes.sh has written down, and nothing that these want beside: pip checks each. What has
+# to be compiled is so by the pinned tools.
+checked=(install --require-hashes --no-deps --no-build-isolation)
 pip "installing what builds the native module (cmake, ninja, nanobind)" \
-    install -c constraints.txt pip setuptools scikit-build-core nanobind cmake ninja
-extras='[emulator,outputs]'
-options=()
-if [ "$level" = dev ]; then
-    extras='[test,lint,plot,bench,emulator,outputs,dask,cloud,docs,tables,postgres]'
-    # pip would make bytecode on one core: a quarter of its time.
-    options=(--no-compile)
-fi
-# Editable: an edited Python file is live at once. Without isolation: the build uses the pinned tools.
-pip "installing pinned Python packages and building the native module ($level); this is most of the time" \
-    install "${options[@]}" -c constraints.txt --no-build-isolation --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e ".$extras"
+    "${checked[@]}" -r tools/hashes/build.txt
+# pip would make bytecode on one core: a quarter of its time.
+[ "$level" != dev ] || checked+=(--no-compile)
+pip "installing pinned Python packages ($level); this is most of the time" "${checked[@]}" -r "tools/hashes/$level.txt"
+# Editable: an edited Python file is live at once.
+pip "building the native module" install --no-deps --no-build-isolation \
+    --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e .
 # Some packages hold files that are no Python of today; nothing imports them.
 bytecode() { .venv/bin/python -m compileall -q -j 0 .venv/lib || true; }
 [ "$level" != dev ] || quietly "making bytecode of them" bytecode

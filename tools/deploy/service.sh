@@ -52,10 +52,13 @@ put_program() {
     # shellcheck disable=SC2064  # the folder's name as of now
     trap "rm -rf '$build'" EXIT
     "$python" -m venv "$prefix"
-    # Built outside of the clone, so that no file of root's is left in it.
-    "$prefix/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt \
-        --config-settings=build-dir="$build" ".[outputs]" ||
+    local pip=("$prefix/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation)
+    # The packages by their hashes; the program is built outside of the clone, so that no file of root's is left in it.
+    if ! { "${pip[@]}" --require-hashes -r tools/hashes/build.txt &&
+        "${pip[@]}" --require-hashes -r tools/hashes/run.txt &&
+        PATH="$prefix/bin:$PATH" "${pip[@]}" --config-settings=build-dir="$build" .; }; then
         refuse "the program could not be installed; see above. It needs g++ and python3-dev, and the network."
+    fi
     if [ ! -e "$command" ] || [ "$(readlink "$command")" = "$prefix/bin/fltea" ]; then
         install -d "$(dirname "$command")"
         ln -sf "$prefix/bin/fltea" "$command"
