@@ -92,12 +92,11 @@ def test_how_long_yet(fit: AxisFit, left_s: float | None, words: str) -> None:
 
 def forecasts(*totals_s: float) -> list[int | None]:
     """What a page says after each fit, of a tenth more samples than the one before, in seconds in all."""
-    one, said, samples = TimeToTell(), [], 1000.0
+    one, said, samples = TimeToTell(), [], 1000
     for total_s in totals_s:
-        samples *= 1.11
-        one.take(int(samples), 100.0, total_s - samples / 100)
-        left_s = one.left_s(int(samples), 100.0)
-        said.append(None if left_s is None else round(left_s + int(samples) / 100))
+        samples = round(samples * 1.11)
+        one.take(samples, 100.0, replace(UNDECIDED, until_s=Until(0.05, total_s - samples / 100)))
+        said.append(None if one.left_s is None else round(one.left_s + samples / 100))
     return said
 
 
@@ -110,8 +109,8 @@ def test_a_time_to_tell_is_said_only_while_fits_agree_and_then_it_stays() -> Non
     assert forecasts(600, 700, 560, 650, 9000)[-1] is None
     one = TimeToTell()
     for second in range(20):
-        one.take(1000 + second, 100.0, 600.0)
-    assert one.left_s(1020, 100.0) is None, "fits of the same samples are one"
+        one.take(1000 + second, 100.0, UNDECIDED)
+    assert one.left_s is None, "fits of the same samples are one"
 
 
 def test_an_axis_is_one_sentence() -> None:

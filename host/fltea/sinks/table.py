@@ -32,7 +32,8 @@ from fltea.records.records import (
 from fltea.records.visible import visible
 from fltea.records.why_not import not_comparable
 from fltea.sinks.page.answer import WITH_ORDER, answer
-from fltea.sinks.page.words import duration, figure, in_deviations, quantity, with_std, within
+from fltea.sinks.page.fits import TimeToTell
+from fltea.sinks.page.words import about, duration, figure, in_deviations, quantity, with_std, within
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
@@ -128,6 +129,7 @@ class DeviceView:
         self._epoch: Epoch | None = None
         self._newest: Estimate | Block | None = None
         self._fit: Fit | None = None
+        self._time_to_tell: dict[str, TimeToTell] = {}
         self._of_device: DeviceEstimates | None = None
         self._device_fits: dict[str, DeviceAxisFit] = {}
         self._stats: Stats | None = None
@@ -160,6 +162,9 @@ class DeviceView:
                 self._device_fits |= record.axes
             case Fit():
                 self._fit = record
+                rate_hz = self._hello.rate_hz if self._hello else 100.0
+                for name, fit in record.axes.items():
+                    self._time_to_tell.setdefault(name, TimeToTell()).take(record.samples, rate_hz, fit)
             case Gap():
                 self._events.append(f"gap: {record.missing} samples lost from number {record.seq}")
             case Error():
@@ -258,7 +263,7 @@ class DeviceView:
             fit, axis = fits.get(name), known.get(name)
             found = answer(fit)
             alpha, f = ("" if p is None else p.text.replace("…", "to") for p in (found.alpha, found.f))
-            until = [] if not targets or fit is None else [_until(fit)]
+            until = [] if not targets or fit is None else [_until(fit, self._time_to_tell[name].left_s)]
             table.add_row(name, found.head, alpha, *([f] if wide else []), _bias_words(axis), *until)
         return table
 
@@ -327,11 +332,11 @@ def _unit(axis: AxisEstimate) -> str:
     return axis.unit.replace("^2", "²")
 
 
-def _until(fit: AxisFit) -> str:
+def _until(fit: AxisFit, left_s: float | None) -> str:
     """How long it takes until the order is known well enough; empty where nobody can say."""
     if fit.verdict not in WITH_ORDER or not fit.stable or fit.until_s is None or fit.until_s.seconds is None:
         return ""
-    return duration(fit.until_s.seconds) if fit.until_s.seconds > 0 else "reached"
+    return "reached" if fit.until_s.seconds <= 0 else about(left_s) if left_s else ""
 
 
 def _device_rows(record: DeviceEstimates) -> Table:

@@ -27,10 +27,10 @@ FAR_PPM = 20_000
 
 
 def state(history: DeviceHistory, now_ns: int) -> dict[str, str]:
-    """Name of a device and how it is doing."""
+    """Name of a device, how it is doing, and what is wrong if anything is."""
     with history.lock:
         level, text = status(history, now_ns)
-    return {"name": history.name, "level": level, "text": text}
+    return {"name": history.name, "level": level, "text": "" if level == "good" else text}
 
 
 def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
@@ -119,8 +119,7 @@ def answer_of(history: DeviceHistory, name: str) -> Answer:
     """What the fit of an axis says, in words."""
     fits, off = history.fits, history.stats is not None and history.stats.fit_period_s is None
     told = fits.time_to_tell.get(name)
-    left_s = told.left_s(fits.newest.samples, history.rate_hz) if told and fits.newest else None
-    return answer(fits.axes.get(name), left_s, off=off)
+    return answer(fits.axes.get(name), told.left_s if told else None, off=off)
 
 
 def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:

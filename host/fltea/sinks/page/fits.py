@@ -21,28 +21,31 @@ class TimeToTell:
     """When the order of an axis will be known: only while fits agree on it, and then a steady figure."""
 
     def __init__(self) -> None:
-        self._samples = 0
+        self._newest_s = self._taken_s = 0.0
         self._totals: list[float] = []
         """Seconds of samples that it takes in all, by fits of ever more of them."""
         self._steady_s: float | None = None
 
-    def take(self, samples: int, rate_hz: float, seconds: float | None) -> None:
-        """Take what a fit says: so many seconds more; None if it cannot."""
+    def take(self, samples: int, rate_hz: float, fit: AxisFit) -> None:
+        """Take what a fit of so many samples says."""
+        seconds = fit.until_s.seconds if fit.until_s and fit.stable else None
+        self._newest_s = samples / rate_hz
         if not seconds:
             self._totals, self._steady_s = [], None
-        if not seconds or samples < GROWTH * self._samples:
+        if not seconds or self._newest_s < GROWTH * self._taken_s:
             return
-        self._samples = samples
-        self._totals = [*self._totals[1 - AGREE :], samples / rate_hz + seconds]
+        self._taken_s = self._newest_s
+        self._totals = [*self._totals[1 - AGREE :], self._newest_s + seconds]
         low, high = min(self._totals), max(self._totals)
         if len(self._totals) < AGREE or high > APART * low:
             self._steady_s = None
         elif self._steady_s is None or not low / APART < self._steady_s < high * APART:
             self._steady_s = sorted(self._totals)[AGREE // 2]
 
-    def left_s(self, samples: int, rate_hz: float) -> float | None:
-        """How many seconds are left; None if nobody knows."""
-        return None if self._steady_s is None else max(self._steady_s - samples / rate_hz, 1.0)
+    @property
+    def left_s(self) -> float | None:
+        """How many seconds are left after the newest fit; None if nobody knows."""
+        return None if self._steady_s is None else max(self._steady_s - self._newest_s, 1.0)
 
 
 class Fits:
@@ -72,8 +75,7 @@ class Fits:
         self.newest = record
         self.axes |= record.axes
         for axis, found in record.axes.items():
-            seconds = found.until_s.seconds if found.until_s and found.stable else None
-            self.time_to_tell.setdefault(axis, TimeToTell()).take(record.samples, rate_hz, seconds)
+            self.time_to_tell.setdefault(axis, TimeToTell()).take(record.samples, rate_hz, found)
             if found.spectrum is not None or found.allan is not None:
                 before = self.curves.get(axis, Curves())
                 self.curves[axis] = Curves(found.spectrum or before.spectrum, found.allan or before.allan)

@@ -73,6 +73,10 @@ const SHOW = {
     root.epoch = found.epoch ?? ""
     put(byId("status"), found.status.text)
     byId("status").dataset.level = found.status.level
+    if (root.told !== `${found.status.level} ${found.epoch}`) {  // not each second that it runs or stands still
+      root.told = `${found.status.level} ${found.epoch}`
+      put(byId("told"), found.status.text)
+    }
     put(byId("slow"), found.slow)
     byId("slow").hidden = !found.slow
     const last = found.time_ms === null ? "" : `last sample ${clock(new Date(found.time_ms))}`

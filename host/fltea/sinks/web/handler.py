@@ -4,7 +4,7 @@ import asyncio
 import base64
 import hmac
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from http import HTTPStatus
 from importlib import resources
 from typing import Any
@@ -152,13 +152,6 @@ class Handler(RequestHandler):
         if not (text.isascii() and text.isdigit()) or len(text) > 9:
             raise HTTPError(HTTPStatus.BAD_REQUEST)
         return min(int(text), most)
-
-    def known(self, name: str, known: Mapping[str, Any]) -> str:
-        """Return an argument that is a key of what is known."""
-        found = self.get_argument(name, "", strip=False)
-        if found not in known:
-            raise HTTPError(HTTPStatus.NOT_FOUND)
-        return found
 
 
 class File(Handler):
