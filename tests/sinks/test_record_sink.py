@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 import standin
-from fltea.recording.schema import record_schema
+from fltea.recording.schema import encode_message, record_schema
 from fltea.recording.session import LinkMessage, from_metadata
 from fltea.records import clock
 from fltea.records.errors import UsageError
@@ -21,6 +21,9 @@ from fltea.sinks.record_session import MOST_NOTES
 from fltea.sources.mcap import read_info
 from fltea.sources.synthetic import parse_noise
 from fltea.wire.messages import encode
+from host_support import hello
+from hypothesis import given
+from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_support import (
     MONOTONIC_NS,
@@ -132,6 +135,21 @@ def test_schemas_are_such_as_foxglove_reads(kind: type[msgspec.Struct]) -> None:
     schema = msgspec.json.decode(record_schema(kind))
     check(schema)
     assert schema["type"] == "object"
+
+
+def without_nulls(value: Any) -> Any:
+    if isinstance(value, list):
+        return [without_nulls(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    return {key: without_nulls(item) for key, item in value.items() if item is not None}
+
+
+@given(st.text(), st.text('":,null{}\\'), st.none() | st.floats(), st.none() | st.text('":,null\\'))
+def test_what_is_null_is_left_out_whatever_texts_say(a: str, b: str, x: float | None, c: str | None) -> None:
+    for one in (Error(a, b, 1, device=c), hello(source=a, sampling_mode=b, firmware_version=c, rate_hz=x)):
+        whole = msgspec.json.decode(msgspec.json.encode(one))
+        assert msgspec.json.decode(encode_message(one)) == without_nulls(whole)
 
 
 def test_plots_find_the_numbers_of_every_axis() -> None:

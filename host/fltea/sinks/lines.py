@@ -12,13 +12,13 @@ import msgspec
 from numpy.typing import NDArray
 
 from fltea._native import Lines
+from fltea.recording.schema import NULL
 from fltea.records.block import Block, Values
 
 MOST = 4096
 """Texts that are kept; where devices come and go by the thousand they are made again."""
 
 HOLE = re.compile(rb"\0(\d+) (\d+)\0")
-NULL = re.compile(rb',"\w+":null|"\w+":null,?')
 _encode = msgspec.json.Encoder().encode
 
 

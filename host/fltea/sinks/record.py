@@ -18,7 +18,7 @@ from fltea.sinks.lines import BlockLines, Wanted
 from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer
 from fltea.sources.as_wire import as_stated
 
-FLUSH_NS = 500_000_000
+FLUSH_NS = 750_000_000
 """What a killed program loses is at most this and the pause between two calls of `flush`."""
 
 RETRY_NS = 5 * 10**9
