@@ -239,7 +239,7 @@ def test_numbers_and_units_at_every_width(width: int) -> None:
     assert all((part in text) == (width >= 135) for part in headings)
     assert "…" not in text
     assert max(map(len, text.splitlines())) <= width
-    assert "believe the fit above" in " ".join(text.split()), "α is not shown alone"
+    assert "use the fit above" in " ".join(text.split()), "α is not shown alone"
     assert "fltea identify" in " ".join(text.split())
 
 

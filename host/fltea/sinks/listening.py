@@ -57,7 +57,7 @@ def cannot_listen(option: str, host: str, port: int, error: Exception) -> FlteaE
         )
     if isinstance(error, socket.gaierror | UnicodeError) or number == errno.EADDRNOTAVAIL:
         return UsageError(
-            f"{option}: {host} is no address of this machine: leave it out for the loopback, or give "
+            f"{option}: {host} is not an address of this machine: leave it out for the loopback, or give "
             "0.0.0.0 to be reached from the network."
         )
     return UsageError(f"{option}: cannot listen on {host}:{port}: {error}.")

@@ -49,8 +49,8 @@ WHITE_NOTES = {
     "triple": "Pure white noise gives this variant α ≈ 0.4 and f ≈ -2 (0.15 and -0.3 with guard consistent)",
     "joint": "Pure white noise gives this variant α ≈ 0.10 after 3,000 samples, 0.01 after 20,000",
 }
-NOT_DESCRIBED = "* does not describe the noise: no order, another, or coloured innovations. "
-ADVICE = "; believe the fit above. Of a recording ask fltea identify."
+NOT_DESCRIBED = "* does not describe the noise: no order, another one, or innovations that are not white. "
+ADVICE = "; use the fit above, or for a recording fltea identify."
 
 
 def sparkline(values: Sequence[float]) -> str:

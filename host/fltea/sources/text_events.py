@@ -248,7 +248,7 @@ class TextEvents:
             text = f"{self.url}: {total} lines hold no sample and are left out; the newest is {what}"
             yield Trouble("bad_lines", text, now_ns, fatal=False)
         if self.reader.chosen is None and early >= FEW_LINES:
-            text = f"{self.url}: lines come, and none is a sample yet. {self._why_none()}"
+            text = f"{self.url}: lines come, but none is a sample. {self._why_none()}"
             yield from self._report("no_columns", text, now_ns, fatal=self._fatal)
 
     def _why_none(self) -> str:

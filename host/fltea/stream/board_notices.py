@@ -74,7 +74,7 @@ class BoardNotices:
         if self._settings_reported:
             return
         self._settings_reported = True
-        text = f"the device's settings cannot be this program's, so nothing is compared: {problem}."
+        text = f"this program cannot use the device's settings, so nothing is compared: {problem}."
         yield Notice("device_settings", text, now_ns)
 
     def on_estimator(self, stated: DeviceEstimator) -> Iterator[Notice]:
@@ -89,7 +89,7 @@ class BoardNotices:
                 "device_skipped",
                 f"the device's estimator skipped {stated.skipped - before} samples ({stated.skipped} since "
                 "its boot): it had fallen behind, so its estimates are of fewer samples than there were, and "
-                "nothing is compared until it begins again. No sample itself is lost by this. A lower rate "
+                "nothing is compared until it begins again. No sample is lost. A lower rate "
                 "in the firmware's settings helps.",
                 stated.host_ns,
             )
@@ -99,7 +99,7 @@ class BoardNotices:
         if e.constant and e.axis not in self._constant:
             self._constant.add(e.axis)
             text = (
-                f"{e.axis} did not change over the device's start-up window, so R cannot be drawn from it, "
+                f"{e.axis} did not change over the device's start-up window, so R is not known, "
                 "and the axis stays invalid until the device begins again. Is the sensor alive?"
             )
             yield Notice("constant_axis", text, e.host_ns)

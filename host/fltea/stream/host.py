@@ -131,7 +131,7 @@ class Channels:
         for axis in baseline.constant_axes if baseline else ():
             remedy = "--set accel.R=9e-4" if axis in ACCEL_AXES else "--r 0.02"
             text = (
-                f"{axis} did not change over the start-up window, so R cannot be drawn from it, and the axis "
+                f"{axis} did not change over the start-up window, so R is not known, and the axis "
                 f"stays invalid. Is the sensor alive? If such data are meant, give R: {remedy}."
             )
             yield Notice("constant_axis", text, host_ns)
@@ -301,7 +301,7 @@ def explain_lost(axis: str, reason: Reason) -> tuple[str, str]:
     if reason == "runaway":
         return "axis_runaway", (
             f"{axis} ran away (order or parameter beyond all bounds) and begins again: an offset, a wrong R "
-            "or a moving sensor does this to the unguarded algorithm. --guard consistent holds it."
+            "or a moving sensor does this to the unguarded algorithm. Use --guard consistent."
         )
     return "axis_bound", (
         f"{axis} needs the guard in more than a quarter of its samples, so it is not valid until that ends: "

@@ -106,7 +106,7 @@ class Devices:
             self._broken_ns[name] = host_ns() + FAULT_NS
             self._give_up(name, moved=False)
             if self._once_a_minute.is_due("line_broken", host_ns()):
-                text = f"{name}: nothing more is made of it for a minute: {type(error).__name__}: {error}"
+                text = f"{name}: its samples are not processed for a minute: {type(error).__name__}: {error}"
                 self._report("line_broken", text)
 
     def finish(self, name: str, *, moved: bool) -> None:

@@ -135,7 +135,7 @@ class Ingest:
         while self.inbox.has_messages and not self._is_over():
             self.take_all(0)
         if left := self.inbox.end():
-            text = f"{left} bytes had arrived and were not walked yet when the program ended."
+            text = f"{left} bytes had arrived and were not processed when the program ended."
             self._report("frames_overflow", f"{self._receiver.url}: {text}")
 
     def _is_over(self) -> bool:
@@ -187,7 +187,7 @@ class Ingest:
             return False
         if again := self.catching_up.walked_again(partition, mark):
             text = (
-                f"partition {partition} is where it was left: {again} messages were walked again, whose "
+                f"partition {partition} has caught up: {again} messages were processed again; their "
                 "estimates and fits may have been published before."
             )
             self._report("partition_caught_up", text)

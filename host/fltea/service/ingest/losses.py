@@ -30,7 +30,7 @@ REASONS: dict[Verdict, _Reason] = {
     ),
     "bad_name": _Reason(
         1,
-        "messages came under names that no device has: of more than 64 characters, of others than letters, "
+        "messages came under impossible names: of more than 64 characters, of others than letters, "
         "digits, _ . and -, or of this program",
     ),
 }

@@ -112,7 +112,7 @@ class Reports:
             whose = "again"
         text = (
             f"{worker} serves partition {partition} {whose} from message {start}: {devices} devices go on "
-            f"from snapshots; messages up to {before.done} had been walked before."
+            f"from snapshots; messages up to {before.done} had been processed before."
         )
         if gone:
             text += f" The stream has let go of {len(gone)} messages before {gone.stop}."
@@ -131,7 +131,7 @@ def explain(error: BaseException) -> str:
     if isinstance(error, ConnectionRefusedError | NoServersError):
         return "no server answers: is it running, and is the port right?"
     if isinstance(error, ssl.SSLError):
-        return f"TLS could not be agreed on ({error.reason or error}); is ingest.ca the right authority?"
+        return f"TLS failed ({error.reason or error}); is ingest.ca the right authority?"
     if isinstance(error, NatsError) and "authorization" in str(error).lower():
         return f"the server refuses user or password; they come from {USER} and {PASSWORD}."
     if isinstance(error, APIError) and error.err_code in NO_ROOM:

@@ -111,8 +111,8 @@ class MetricsSink(Sink):
             return hello
         if identities.is_to_tell(now_ns):
             text = (
-                f"{hello.source} has stated more than {MOST} different identities within an hour, so "
-                "fltea_device_info leaves further ones out: each would be a time series. A faulty board?"
+                f"{hello.source} reported more than {MOST} device IDs in an hour; further ones are left out "
+                "of fltea_device_info, for each would be a time series. Is the board faulty?"
             )
             self._report("too_many_devices", text)
         return msgspec.structs.replace(

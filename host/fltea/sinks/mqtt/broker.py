@@ -73,7 +73,7 @@ class Broker:
             )
         if isinstance(error, ssl.SSLError):
             return "broker_certificate", (
-                f"{where}: TLS could not be agreed on ({error.reason or error}). Does this port speak "
+                f"{where}: TLS failed ({error.reason or error}). Does this port speak "
                 "TLS (usually 8883)? Does the broker want a certificate of ours (mqtt.cert, mqtt.key)?"
             )
         if isinstance(error, ConnectionRefusedError):

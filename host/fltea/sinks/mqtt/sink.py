@@ -197,8 +197,8 @@ class MqttSink(Sink):
         self._delivery.lost += 1
         if self._identities.is_to_tell(clock.host_ns()):
             text = (
-                f"{hello.source} has stated more than {MOST} different device_id within an hour, so further "
-                "ones get no topics of MQTT; their records are lost there and counted. Is the board faulty?"
+                f"{hello.source} reported more than {MOST} device IDs in an hour; further "
+                "ones get no MQTT topics, and their records are counted as lost. Is the board faulty?"
             )
             self._report("too_many_devices", text)
 
