@@ -42,22 +42,22 @@ FAILED = (1 << 32) - 1
 
 
 class Library(NamedTuple):
-    """What reads a kind of file: the module, the extra that installs it, and how its files are called."""
+    """What reads a kind of file: the module, the extra that installs it, and the name of the format."""
 
     module: str
     extra: str
-    files: str
+    name: str
 
 
 LIBRARIES = {
-    "parquet": Library("pyarrow", "tables", "Parquet files"),
-    "feather": Library("pyarrow", "tables", "Feather and Arrow files"),
-    "hdf5": Library("h5py", "hdf5", "HDF5 files"),
-    "mat": Library("scipy", "matlab", "MATLAB's files"),
-    "ulg": Library("pyulog", "px4", "PX4 logs"),
-    "xlsx": Library("openpyxl", "excel", "Excel's files"),
-    "arrays": Library("numpy", "tables", "Archives of arrays"),
-    "json": Library("msgspec", "tables", "JSON files"),
+    "parquet": Library("pyarrow", "tables", "Parquet"),
+    "feather": Library("pyarrow", "tables", "Feather"),
+    "hdf5": Library("h5py", "hdf5", "HDF5"),
+    "mat": Library("scipy", "matlab", "MATLAB"),
+    "ulg": Library("pyulog", "px4", "PX4"),
+    "xlsx": Library("openpyxl", "excel", "Excel"),
+    "arrays": Library("numpy", "tables", ".npz"),
+    "json": Library("msgspec", "tables", "JSON"),
 }
 """By the kind of file."""
 
@@ -84,7 +84,7 @@ def open_apart(kind: str, path: Path, how: How, limits: Limits) -> Stored:
     library = LIBRARIES[kind]
     if sys.modules.get(library.module, library) is None or importlib.util.find_spec(library.module) is None:
         raise UsageError(
-            f"{path}: {library.files} need the package {library.module}, which is not installed: "
+            f"{path}: {library.name} files need the package {library.module}, which is not installed: "
             f"{how_to_install(library.extra)}."
         )
     quota = _quota(path, limits)

@@ -23,7 +23,7 @@ from fltea.recording.column_names import (
 )
 from fltea.recording.files import PER_UNIT
 from fltea.recording.sample_times import LONGEST_S, SECONDS
-from fltea.recording.text_layout import decode_object
+from fltea.recording.text_labels import decode_object
 from fltea.recording.text_times import with_seconds
 from fltea.settings.extras import load
 

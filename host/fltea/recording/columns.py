@@ -1,6 +1,7 @@
 """Which columns of a table are meant: by what the user says, or by names that leave no doubt (pure)."""
 
 import re
+import shlex
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -240,13 +241,14 @@ def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known
         return how.units
     if len(found) > 1:
         raise UsageError(
-            f"{where}: the columns {listed(names)} are not all of one unit; say which: --units {UNITS_HELP}."
+            f"{where}: the columns {listed(names)} are not all of one unit; say which: --units dps; "
+            f"known are {UNITS_HELP}."
         )
     unit = found.pop()
     if unit is None and not known and any("rad" in name.lower() for name in names):
         raise UsageError(
             f"{where}: the columns {listed(names)} may be in rad/s, and without --units they would be read "
-            f"as deg/s. Give --units: {UNITS_HELP}."
+            f"as deg/s. Give it: --units rad/s; known are {UNITS_HELP}."
         )
     if unit is None and known:
         likely = "rad/s" if any("angular_velocity" in name for name in names) else "dps"
@@ -269,7 +271,8 @@ def _time_of(where: str, names: Sequence[str], how: How) -> int | None:
         ]
     if (len(found) > 1 or names.count(found[0]) > 1) and how.rate_hz is None:
         raise UsageError(
-            f"{where}: {listed(found)} are times by their names; say which is meant: --time-column NAME."
+            f"{where}: {listed(found)} are times by their names; say which is meant: "
+            f"--time-column {shlex.quote(found[0])}."
         )
     return list(names).index(found[0])
 

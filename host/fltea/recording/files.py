@@ -20,7 +20,7 @@ from fltea.records.errors import UsageError
 PER_UNIT = {"deg/s": 1.0, "°/s": 1.0, "dps": 1.0, "mdps": 1e-3, "rad/s": math.degrees(1.0)}
 """Degrees per second in one of each unit."""
 
-UNITS_HELP = f"{', '.join(PER_UNIT)}, or lsb:N (counts, N LSB per deg/s)"
+UNITS_HELP = f"{', '.join(PER_UNIT)}, or lsb:N for counts, N LSB per deg/s"
 TIME_COLUMN = "time_s"
 LARGEST_DPS = 1e6
 """Hundreds of times what any gyroscope measures; beyond it the unit is wrong, and squares overflow."""

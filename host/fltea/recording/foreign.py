@@ -17,7 +17,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from fltea.recording.apart import FAILED, LENGTH, Head
+from fltea.recording.apart import FAILED, LENGTH, LIBRARIES, Head
 from fltea.recording.column_names import axis_of, named_axis
 from fltea.recording.files import AT_ONCE, listed
 from fltea.recording.npz_arrays import KINDS
@@ -347,19 +347,7 @@ def main(seconds: str, memory: str, kind: str, path: str, topic: str) -> None:
         _fail(f"more than the {int(memory) / 1e9:.1f} GB would be needed that a file of its size may take.")
     except Exception as error:  # whatever a library raises on damaged bytes
         reason = str(error).partition("\n")[0] or type(error).__name__
-        _fail(f"cannot be read as {NAMES[kind]} ({reason}).")
-
-
-NAMES = {
-    "arrays": ".npz",
-    "mat": "MATLAB's",
-    "hdf5": "HDF5",
-    "ulg": "a PX4 log",
-    "parquet": "Parquet",
-    "feather": "Feather",
-    "xlsx": "Excel's",
-    "json": "JSON",
-}
+        _fail(f"cannot be read as {LIBRARIES[kind].name} ({reason}).")
 
 
 def _sample(sheet: Sheet) -> list[list[float | None]]:

@@ -3,11 +3,13 @@
 import contextlib
 import io
 import math
+import shutil
 import struct
+import tempfile
 import zipfile
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +32,7 @@ UNPACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """What numpy writes; Python unpacks the others without a limit."""
 
 NUMBER_BYTES = 8
+COPY_BYTES = 1 << 20
 
 
 class Header(NamedTuple):
@@ -43,7 +46,7 @@ class Header(NamedTuple):
 
 
 class NpzArrays:
-    """Those of the wanted arrays that a file has, read a block of rows at a time.
+    """Those of the wanted arrays that a file has, unpacked to temporary files.
 
     names: of all that it has.
 
@@ -52,16 +55,17 @@ class NpzArrays:
     """
 
     def __init__(self, path: Path, wanted: Collection[str], limits: Limits) -> None:
-        self._path = path
         with _archive_of(path) as archive:
             members = {info.filename.removesuffix(SUFFIX): info for info in archive.infolist()}
             self.names = list(members)
-            self._members = {name: info for name, info in members.items() if name in wanted}
-            self._headers = {name: _header(archive, info) for name, info in self._members.items()}
-            _check_sizes(path, self._headers, self._members, limits)
+            self._headers = {name: _header(archive, members[name]) for name in members if name in wanted}
+            _check_sizes(path, self._headers, members, limits)
+            self._arrays = {
+                name: _unpacked(archive, members[name], header) for name, header in self._headers.items()
+            }
 
     def __contains__(self, name: str) -> bool:
-        return name in self._members
+        return name in self._headers
 
     def shape(self, name: str) -> tuple[int, ...]:
         """The shape that an array declares."""
@@ -69,59 +73,22 @@ class NpzArrays:
 
     def whole(self, name: str) -> NDArray[Any]:
         """One array."""
-        with _archive_of(self._path) as archive, archive.open(self._members[name]) as file:
-            found: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
-            return found
+        return self._arrays[name]
 
     def rows(self, names: Sequence[str], at_once: int) -> Iterator[dict[str, NDArray[Any]]]:
-        """So many rows at a time of arrays that are alike in length.
-
-        Raises:
-            UsageError: damaged bytes.
-        """
-        with _archive_of(self._path) as archive, contextlib.ExitStack() as stack:
-            columns = {
-                name: _Rows(archive, self._members[name], self._headers[name], stack) for name in names
-            }
-            samples = self.shape(names[0])[0]
-            for begin in range(0, samples, at_once):
-                count = min(at_once, samples - begin)
-                yield {name: column.read(count) for name, column in columns.items()}
-            for column in columns.values():
-                column.end()
+        """So many rows at a time of arrays that are alike in length."""
+        for begin in range(0, self.shape(names[0])[0], at_once):
+            yield {name: self._arrays[name][begin : begin + at_once] for name in names}
 
 
-class _Rows:
-    """An array as it comes out of its archive, a few rows at a time."""
-
-    def __init__(
-        self, archive: zipfile.ZipFile, info: zipfile.ZipInfo, header: Header, stack: contextlib.ExitStack
-    ) -> None:
-        shape, by_columns, self._dtype, length = header
-        by_columns = by_columns and len(shape) > 1
-        streams, self._width = (math.prod(shape[1:]), 1) if by_columns else (1, math.prod(shape[1:]))
-        self._shape = (-1, *shape[1:])
-        self._streams = []
-        for i in range(streams):
-            stream = stack.enter_context(archive.open(info))
-            stream.seek(length + i * shape[0] * self._dtype.itemsize)
-            self._streams.append(stream)
-
-    def read(self, count: int) -> NDArray[Any]:
-        """The next rows."""
-        size = count * self._width * self._dtype.itemsize
-        columns = []
-        for stream in self._streams:
-            if len(data := stream.read(size)) != size:
-                raise ValueError("an array ends too early")
-            columns.append(np.frombuffer(data, self._dtype))
-        if len(columns) == 1:
-            return columns[0].reshape(self._shape)
-        return np.stack(columns, axis=1)
-
-    def end(self) -> None:
-        """At its end the archive compares checksums."""
-        self._streams[-1].read(1)
+def _unpacked(archive: zipfile.ZipFile, info: zipfile.ZipInfo, header: Header) -> NDArray[Any]:
+    """An array in a temporary file, whose rows come into memory where they are looked at."""
+    if not math.prod(header.shape):
+        return np.empty(header.shape, header.dtype)
+    with archive.open(info) as packed, tempfile.TemporaryFile() as file:
+        shutil.copyfileobj(packed, file, COPY_BYTES)
+        order: Literal["F", "C"] = "F" if header.columns_first else "C"
+        return np.memmap(file, header.dtype, "r", header.length, header.shape, order)
 
 
 @contextlib.contextmanager

@@ -62,20 +62,14 @@ GRAINS = (1.0, 0.1, 1e-2, 1e-3, 1e-4)
 SHORT_GAPS = 2, 3, 4
 """Steps of so many periods are a clock's, too, however many there are. Bursts leave longer ones."""
 
+MANY_STEPS = 32
+"""Over which rounded times are compared."""
+
 NEARLY = 1e-3
 """Of a grain: times are on it."""
 
 SAME_RATE = 0.2
 """A given rate and one by the times that differ by less are the same."""
-
-LEAK = 0.98
-"""How much of what is left over goes on to the next step: the rate is known to 0.1 %."""
-
-FEW, STRETCH, FADED = 8, 256, 2048
-"""More steps than the first are numbered together; LEAK to the second is a number, to the third 0."""
-
-NO_DOUBT = 0.499
-"""Of a period: what is left over does not change a number."""
 
 
 class Elapsed:
@@ -108,7 +102,7 @@ class Elapsed:
         last_time, last_elapsed, last_values = self._last or (float(time[0]), 0.0, values[0])
         if is_first:
             self._offset = -last_time
-        steps = _differences(time, last_time)
+        steps = differences(time, last_time)
         begins = steps < 0
         offset: float | Floats = self._offset
         if begins.any():
@@ -123,7 +117,7 @@ class Elapsed:
             self.backwards += int(begins.sum())
             self.odd += int(begins.sum())
         elapsed = time + offset
-        flat = (_differences(elapsed, last_elapsed) <= 0) & ~begins
+        flat = (differences(elapsed, last_elapsed) <= 0) & ~begins
         flat[0] &= not is_first
         if flat.any():
             before = np.concatenate([last_values[np.newaxis], values[:-1]])
@@ -136,7 +130,7 @@ class Elapsed:
         return elapsed, begins
 
 
-def _differences(values: Floats, before: float) -> Floats:
+def differences(values: Floats, before: float) -> Floats:
     """From one value to the next; of a few values quicker than `np.diff` with `prepend`."""
     found = np.empty(len(values))
     found[0] = values[0] - before
@@ -208,7 +202,7 @@ def _is_rounded(blocks: Iterable[Floats], grain: float) -> bool:
     """
     count = near = 0
     for times in blocks:
-        steps = min(STRETCH // 8, max(2, len(times) // 4))
+        steps = min(MANY_STEPS, max(2, len(times) // 4))
         long = np.diff(times[::steps])
         count += len(long)
         near += int((np.abs(long - np.median(long)) <= grain * (1 + NEARLY)).sum()) if len(long) else 0
@@ -330,73 +324,3 @@ def _with_rate(where: str, unit: TimeUnit | None, clock: Clock | None, rate_hz: 
             "tells only which samples are missing."
         )
     return Timing(rate_hz, clock.typical, warning=warning)
-
-
-class Numbered(NamedTuple):
-    """Numbers of samples. kept: (rows,) marks those that are one; the others are (samples,).
-
-    begins: marks the samples that begin a new run. elapsed: their times, which always increase.
-    """
-
-    kept: Marks
-    sequence: Ints
-    begins: Marks
-    elapsed: Floats
-
-
-class Numbering:
-    """Numbers samples by elapsed times, from 0. period: from one to the next. rate_hz: of the same."""
-
-    def __init__(self, period: float, rate_hz: float) -> None:
-        self._period = period
-        self._longest = period * max(LONGEST_GAP_S * rate_hz, LONGEST_GAP_PERIODS)
-        self._last: float | None = None
-        self._sequence = -1
-        self._ahead = self._shift = 0.0
-
-    def add(self, elapsed: Floats, begins: Marks) -> Numbered:
-        """Number the next rows, at least one; marks as of `Elapsed.add`."""
-        before = elapsed[0] - self._period if self._last is None else self._last
-        steps = _differences(elapsed, before)
-        self._last = float(elapsed[-1])
-        begins = begins | (steps > self._longest)
-        kept = begins | (steps > 0)
-        if not kept.all():
-            steps, elapsed, begins = steps[kept], elapsed[kept], begins[kept]
-        periods = steps / self._period
-        elapsed = elapsed + self._shift
-        if begins.any():
-            shift = self._period * np.cumsum(begins & (steps <= self._longest))
-            elapsed, self._shift = elapsed + shift, self._shift + float(shift[-1])
-            periods[begins] = 1.0
-        sequence = self._sequence + np.cumsum(self._whole(periods))
-        if len(sequence):
-            self._sequence = int(sequence[-1])
-        return Numbered(kept, sequence, begins, elapsed)
-
-    def _whole(self, periods: Floats) -> Ints:
-        """Steps as numbers of periods, at least 1; what is left over goes on to the next one."""
-        off = periods - 1
-        if len(off) > FEW and abs(self._ahead) + np.abs(off).max() / (1 - LEAK) < NO_DOUBT:
-            last = off[-FADED:]
-            self._ahead = self._ahead * LEAK ** len(off) + float(last @ LEAK ** np.arange(len(last))[::-1])
-            return np.ones(len(off), dtype=np.int64)
-        found = np.maximum(1, np.rint(periods)).astype(np.int64)
-        for begin in range(0, len(periods), STRETCH):
-            part = slice(begin, min(begin + STRETCH, len(periods)))
-            found[part] = self._of_stretch(periods[part], found[part])
-        return found
-
-    def _of_stretch(self, periods: Floats, rounded: Ints) -> Ints:
-        if len(periods) > FEW:  # where rounding each by itself leaves less than half over, it is right
-            weights = LEAK ** np.arange(1, len(periods) + 1)
-            ahead = weights * (self._ahead + np.cumsum((periods - rounded) / weights))
-            if (np.abs(ahead) < NO_DOUBT).all():
-                self._ahead = float(ahead[-1])
-                return rounded
-        found = []
-        for step in periods.tolist():
-            ahead_now = self._ahead * LEAK + step
-            found.append(max(1, round(ahead_now)))
-            self._ahead = min(0.5, max(-0.5, ahead_now - found[-1]))
-        return np.array(found, dtype=np.int64)

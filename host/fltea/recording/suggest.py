@@ -4,14 +4,19 @@ They are a guess for a person to check: rising numbers are times, three whose le
 accelerometer, and the next three are the gyroscope.
 """
 
+import contextlib
 import math
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from fltea.recording.column_names import accel_axis_of, axis_of, is_time, rate_unit_of, time_unit_of
+from fltea.recording.columns import is_number
 from fltea.recording.sample_times import PLAUSIBLE_HZ, SECONDS, Floats
+from fltea.recording.text_labels import decode_object, values_in
+from fltea.recording.text_layout import MOST_COLUMNS, bare_fields, is_comment, separator_of, split
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.settings.how import How, TimeUnit
@@ -109,3 +114,33 @@ def _accelerometer(names: Sequence[str] | None, values: Floats) -> set[int]:
         if spread < SPREAD and any(abs(length.mean() / g - 1) < SPREAD for g in GRAVITY):
             found.append((spread, first))
     return {*range(min(found)[1], min(found)[1] + 3)} if found else set()
+
+
+def hint_for(lines: Sequence[str], how: How) -> str:
+    """Options that probably read lines whose columns are not clear, or ""."""
+    rows: list[Mapping[str, Any]] = []
+    names: list[str] | None = None
+    for line in lines:
+        if line.lstrip().startswith("{"):
+            with contextlib.suppress(ValueError, RecursionError):
+                rows.append(decode_object(line))
+        elif not is_comment(line) and any(is_number(field) for field in split(line, separator_of(line))):
+            fields = split(line, separator_of(line))
+            rows.append({str(k + 1): field for k, field in enumerate(fields)})
+        elif found := values_in(line):
+            rows.append(found)
+        elif len(names_here := bare_fields(line)) > 1:
+            names = names_here
+    keys: list[str] = max(map(list, rows), key=len, default=[])
+    if not 0 < len(keys) <= MOST_COLUMNS:
+        return ""
+    values = np.array([[_value(row.get(key)) for key in keys] for row in rows if len(row) == len(keys)])
+    by_position = keys[0] == "1"
+    known = (names if names is not None and len(names) == len(keys) else None) if by_position else keys
+    return options(known, values, how)
+
+
+def _value(field: Any) -> float:
+    if isinstance(field, str):
+        return float(field.replace(",", ".")) if is_number(field) else math.nan
+    return float(field) if isinstance(field, int | float) else math.nan

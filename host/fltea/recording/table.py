@@ -19,7 +19,8 @@ from fltea.recording.files import (
     listed,
 )
 from fltea.recording.npz_arrays import NUMBER_BYTES
-from fltea.recording.sample_times import Elapsed, Floats, Ints, Marks, Numbering, Timing, clock_of, timing
+from fltea.recording.sample_numbers import Numbering
+from fltea.recording.sample_times import Elapsed, Floats, Ints, Marks, Timing, clock_of, timing
 from fltea.recording.spool import Spool
 from fltea.records.errors import Implausible, NoNumbers, UsageError
 from fltea.settings.how import How

@@ -1,13 +1,16 @@
-"""Lines whose numbers have labels, as plotters and the example programs of boards write them (pure).
+"""Lines that name each number: objects of JSON, and numbers with labels as boards write them (pure).
 
 `gx:1.2,gy:3.4` has a label a number; `Gyro X: 1.2 Y: 3.4 Z: 5.6 rad/s` a group and a unit for all of them;
 `Gyr (DPS) [ 0.1, 0.2, 0.3 ]` has three numbers behind one label.
 """
 
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from fltea.recording.column_names import known_unit
+import msgspec
+
+from fltea.recording.column_names import known_unit, named_axis
+from fltea.records.records import AXES
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _COMMA = r"[-+]?\d+,\d+(?=[\s;|]|$)"
@@ -19,6 +22,35 @@ _PAIR = re.compile(
 _UNIT_BEHIND = re.compile(r"^\s*\(?([^\s,;|\])(]+(?: per [a-z]+)?)\)?")
 _GROUP_BEFORE = re.compile(r"([^\W\d][\w .]*?)\s*(?:[\[(]([^\[\]()]*)[\])])?\s*:\s*$")
 _AXES = ("x", "y", "z")
+
+
+_decode = msgspec.json.Decoder(dict[str, Any]).decode
+DEEPEST = 4
+"""Objects in objects."""
+
+
+def decode_object(line: str) -> dict[str, Any]:
+    """Read an object of JSON; of one in it the names are `gyro.x`, of three numbers in it `gyro_x` and so on.
+
+    Raises:
+        ValueError: it is none.
+    """
+    found = _decode(line)
+    if any(type(value) in (dict, list) for value in found.values()):
+        flat: dict[str, Any] = {}
+        _flatten("", found, flat, DEEPEST)
+        return flat
+    return found
+
+
+def _flatten(name: str, value: Any, flat: dict[str, Any], depth: int) -> None:
+    if isinstance(value, dict) and depth:
+        for key, inner in value.items():
+            _flatten(f"{name}.{key}" if name else key, inner, flat, depth - 1)
+    elif isinstance(value, list) and len(value) == len(AXES):
+        flat.update((named_axis(name, axis), inner) for axis, inner in enumerate(value))
+    else:
+        flat[name] = value
 
 
 class Labelled(NamedTuple):

@@ -3,18 +3,13 @@
 Lines are looked at one by one, so a file and an endless stream are understood in the same way.
 """
 
-import contextlib
 import csv
-import math
 import re
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-import msgspec
-import numpy as np
-
-from fltea.recording.column_names import known_unit, named_axis
+from fltea.recording.column_names import known_unit
 from fltea.recording.columns import (
     DECIMAL_COMMA,
     Chosen,
@@ -26,10 +21,8 @@ from fltea.recording.columns import (
 )
 from fltea.recording.files import Note, listed
 from fltea.recording.lines import shown
-from fltea.recording.suggest import options
-from fltea.recording.text_labels import labelled, values_in
+from fltea.recording.text_labels import decode_object, labelled, values_in
 from fltea.records.errors import UsageError
-from fltea.records.records import AXES
 from fltea.settings.how import How
 
 COMMENTS = ("#", "%", "//")
@@ -43,37 +36,6 @@ MOST_COLUMNS = 10_000
 """Names in a line; a file of text may hold lines of a million."""
 
 ONE_WITH_UNIT = re.compile(r"[^\[\]()]+[\[(][^\[\]()]*[\])]")
-
-OF_PHONE = How(columns=["x", "y", "z"], units="rad/s", time_column="seconds_elapsed")
-"""How to read a gyroscope of the app Sensor Logger, whose files of all sensors have the same names."""
-
-_decode = msgspec.json.Decoder(dict[str, Any]).decode
-DEEPEST = 4
-"""Objects in objects."""
-
-
-def decode_object(line: str) -> dict[str, Any]:
-    """Read an object of JSON; of one in it the names are `gyro.x`, of three numbers in it `gyro_x` and so on.
-
-    Raises:
-        ValueError: it is none.
-    """
-    found = _decode(line)
-    if any(type(value) in (dict, list) for value in found.values()):
-        flat: dict[str, Any] = {}
-        _flatten("", found, flat, DEEPEST)
-        return flat
-    return found
-
-
-def _flatten(name: str, value: Any, flat: dict[str, Any], depth: int) -> None:
-    if isinstance(value, dict) and depth:
-        for key, inner in value.items():
-            _flatten(f"{name}.{key}" if name else key, inner, flat, depth - 1)
-    elif isinstance(value, list) and len(value) == len(AXES):
-        flat.update((named_axis(name, axis), inner) for axis, inner in enumerate(value))
-    else:
-        flat[name] = value
 
 
 class Layout(NamedTuple):
@@ -237,7 +199,7 @@ class LayoutFinder:
         """The header above rows whose columns go by their positions: its line, names, and units below it."""
         units = None
         for number, line in reversed(self._before):
-            found = _bare_fields(line)
+            found = bare_fields(line)
             if len(found) != width or any(map(is_number, found)):
                 continue
             if units is None and _units(line) is not None:
@@ -245,36 +207,6 @@ class LayoutFinder:
             else:
                 return number, found, units
         return None, None, None
-
-
-def hint_for(lines: Sequence[str], how: How) -> str:
-    """Options that probably read lines whose columns are not clear, or ""."""
-    rows: list[Mapping[str, Any]] = []
-    names: list[str] | None = None
-    for line in lines:
-        if line.lstrip().startswith("{"):
-            with contextlib.suppress(ValueError, RecursionError):
-                rows.append(decode_object(line))
-        elif not is_comment(line) and any(is_number(field) for field in split(line, separator_of(line))):
-            fields = split(line, separator_of(line))
-            rows.append({str(k + 1): field for k, field in enumerate(fields)})
-        elif found := values_in(line):
-            rows.append(found)
-        elif len(names_here := _bare_fields(line)) > 1:
-            names = names_here
-    keys: list[str] = max(map(list, rows), key=len, default=[])
-    if not 0 < len(keys) <= MOST_COLUMNS:
-        return ""
-    values = np.array([[_value(row.get(key)) for key in keys] for row in rows if len(row) == len(keys)])
-    by_position = keys[0] == "1"
-    known = (names if names is not None and len(names) == len(keys) else None) if by_position else keys
-    return options(known, values, how)
-
-
-def _value(field: Any) -> float:
-    if isinstance(field, str):
-        return float(field.replace(",", ".")) if is_number(field) else math.nan
-    return float(field) if isinstance(field, int | float) else math.nan
 
 
 def _layout(
@@ -334,12 +266,6 @@ def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Cho
         return chosen, ""
     text = f"column {shown(chosen.time_name)}: {shown(first)} is no number, so it cannot tell which samples "
     return chosen._replace(time=None), text + "are missing."
-
-
-def is_of_phone(where: str, line: str) -> bool:
-    """Whether a first line is of the app Sensor Logger, and the file's name says that it is a gyroscope's."""
-    names = {name.strip() for name in line.split(",")}
-    return {"seconds_elapsed", "x", "y", "z"} <= names and "gyro" in where.rpartition("/")[2].lower()
 
 
 def is_blank(line: str) -> bool:
@@ -404,7 +330,7 @@ def _is_row_of_positions(fields: Sequence[str], wanted: Wanted) -> bool:
     return wanted.by_position and any(is_number(field) and not field.isdecimal() for field in fields)
 
 
-def _bare_fields(line: str) -> list[str]:
+def bare_fields(line: str) -> list[str]:
     """The fields of a line that may be a comment."""
     text = line.strip().lstrip("#%/").strip()
     return split(text, separator_of(text))
@@ -412,7 +338,7 @@ def _bare_fields(line: str) -> list[str]:
 
 def _units(line: str) -> list[str] | None:
     """The units in the second line of a header, which holds nothing else."""
-    fields = _bare_fields(line)
+    fields = bare_fields(line)
     named = [known_unit(field) for field in fields if field not in ("", "-", "[]", "[-]", "1")]
     return fields if named and all(named) and not any(map(is_number, fields)) else None
 
@@ -427,7 +353,7 @@ def _what_there_is(lines: Sequence[str]) -> tuple[int, list[str] | None]:
         if not all_numbers(line):
             return i, split(line, separator_of(line))
         if comment is not None:
-            names = _bare_fields(lines[comment])
+            names = bare_fields(lines[comment])
             if len(names) == len(split(line, separator_of(line))) and len(names) > 1:
                 return comment, names
         return i, None

@@ -14,9 +14,9 @@ from fltea.recording.columns import Chosen, wanted_of
 from fltea.recording.files import Note
 from fltea.recording.lines import LONGEST_LINE, shown
 from fltea.recording.sample_times import Floats, Ints
-from fltea.recording.suggest import with_hint
+from fltea.recording.suggest import hint_for, with_hint
 from fltea.recording.table import Rows
-from fltea.recording.text_layout import OF_PHONE, Layout, LayoutFinder, header_of, hint_for, is_of_phone
+from fltea.recording.text_layout import Layout, LayoutFinder, header_of
 from fltea.recording.text_numbers import RowParser, decoded
 from fltea.recording.text_times import A_CLOCK, with_seconds
 from fltea.records.errors import UsageError
@@ -50,12 +50,22 @@ The last three are found where rows become samples (`fltea.recording.table`).
 """
 
 
+OF_PHONE = How(columns=["x", "y", "z"], units="rad/s", time_column="seconds_elapsed")
+"""How to read a gyroscope of the app Sensor Logger, whose files of all sensors have the same names."""
+
+
 class Bad(NamedTuple):
     """A line without a sample. line: its number, from 1. why: in full, with what the line holds."""
 
     line: int
     reason: str
     why: str
+
+
+def _is_of_phone(where: str, line: str) -> bool:
+    """Whether a first line is of the app Sensor Logger, and the file's name says that it is a gyroscope's."""
+    names = {name.strip() for name in line.split(",")}
+    return {"seconds_elapsed", "x", "y", "z"} <= names and "gyro" in where.rpartition("/")[2].lower()
 
 
 class TextReader:
@@ -153,7 +163,7 @@ class TextReader:
 
     def _take(self, data: bytes) -> list[Rows]:
         """Whole lines, without the end of the last one."""
-        if A_CLOCK.search(data):
+        if b":" in data and A_CLOCK.search(data):
             data = with_seconds(decoded(data)).encode()
         if len(self._sample) < SAMPLE_LINES:
             self._sample += decoded(data[:SAMPLE_BYTES]).split("\n")
@@ -179,7 +189,7 @@ class TextReader:
             if self.lines == 0:
                 line = line.removeprefix(BOM)
             text = decoded(line)
-            if self.lines == 0 and not self._how.of_text and is_of_phone(self._where, text):
+            if self.lines == 0 and not self._how.of_text and _is_of_phone(self._where, text):
                 self._how = OF_PHONE
                 self._wanted, self._finder = wanted_of(OF_PHONE), LayoutFinder(self._where, OF_PHONE)
             try:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fltea.recording.sample_numbers import Numbering
 from fltea.recording.sample_times import (
     LONGEST_GAP_S,
     SECONDS,
@@ -16,7 +17,6 @@ from fltea.recording.sample_times import (
     Floats,
     Ints,
     Marks,
-    Numbering,
     Timing,
     clock_of,
     timing,

@@ -12,7 +12,7 @@ from fltea.recording.files import Recording, Stored, listed
 from fltea.recording.kind import Kind, is_one_file, is_stream, open_one_file
 from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
 from fltea.recording.npz_file import open_npz
-from fltea.recording.sample_times import Numbering
+from fltea.recording.sample_numbers import Numbering
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import (
