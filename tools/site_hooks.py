@@ -71,11 +71,17 @@ def _part(asked: re.Match[str]) -> str:
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    r"""Turn \(…\) and \[…\] into MathML, which browsers draw without a script."""
-    return EQUATION.sub(_mathml, content)
+    r"""Turn \(…\) and \[…\] into MathML, which browsers draw without a script; let keys scroll tables."""
+    content = re.sub(r"<th( style=\"[^\"]*\")?></th>", "<td></td>", content)
+    return EQUATION.sub(_mathml, content).replace("<table>", '<table tabindex="0">')
+
+
+def on_post_page(output: str, **_: Any) -> str:
+    """Name what the theme leaves without a name, for readers of screens."""
+    return output.replace('role="dialog"', 'role="dialog" aria-label="Search"')
 
 
 def _mathml(match: re.Match[str]) -> str:
     display = "block" if match[1] == "div" else "inline"
     equation: str = latex2mathml.converter.convert(html.unescape(match[2]).strip(), display=display)
-    return f"<div class='equation'>{equation}</div>" if display == "block" else equation
+    return f"<div class='equation' tabindex='0'>{equation}</div>" if display == "block" else equation

@@ -62,6 +62,22 @@ def test_only_new_rows_are_sent_and_of_them_what_there_is() -> None:
     assert reader.read(axis="gyro_y", window=1)["most"] == 302
 
 
+def test_a_second_costs_little() -> None:
+    """Bytes before they are packed, which makes a third of them; the page of before took 28,000."""
+    found = records("n=1500")
+    begin = next(i for i, r in enumerate(found) if isinstance(r, Sample) and r.seq == 1300)
+    history = told(found[:begin])
+    quiet, open_one = Reader(history), Reader(history)
+    view = quiet.state.view("due", "gyro_x", 0)
+    for reader in (quiet, open_one):
+        reader.read(axis="gyro_x")
+    for record in found[begin : begin + 205]:
+        history.write(record)
+    quiet.state._kept.clear()
+    assert len(quiet.state.read(view, {"now": "", "axes": ""})) < 1500
+    assert len(json.dumps(open_one.read(axis="gyro_x"))) < 5000
+
+
 def test_a_reader_of_another_start_gets_all() -> None:
     reader, other = (Reader(told(records("n=400"))) for _ in range(2))
     reader.read(axis="gyro_x")
