@@ -279,9 +279,8 @@ def remarks(axes: Mapping[str, AxisReport]) -> list[str]:
         for fit in (axis.result.fltea, axis.result.fltea_other):
             if fit is not None and fit.describes_noise is False:
                 text = (
-                    f"FLTEA {fit.variant} does not describe the noise of {{}}: its innovations are not "
-                    "white, or the noise has no order or another one, so its α and f say nothing there, "
-                    "however small their ±."
+                    f"FLTEA {fit.variant} does not describe the noise of {{}}: ignore its α and f, however "
+                    "small their ±."
                 )
                 names.setdefault(text, []).append(name)
         if axis.result.level.reason:

@@ -72,8 +72,8 @@ def check_clock(system: System) -> Iterator[Finding]:
         case False:
             yield warning(
                 "clock",
-                "nothing keeps this machine's clock right: α and f take no harm, but time stamps may be off "
-                "by any amount, and jump once it is set.",
+                "this machine's clock is not synchronised: time stamps may be wrong, and jump once it is "
+                "set. α and f are not affected.",
                 "sudo timedatectl set-ntp true.",
             )
 
