@@ -125,6 +125,7 @@ def log_log(
         if curve.name and path:
             at, height = map(float, path[len(path) // 2].split(","))
             parts.append(_text(at, height - 4, curve.name))
+    parts += _tips(curves[0], x, y)
     for point in _path(x, y, *crosses):
         at, height = map(float, point.split(","))
         parts.append(
@@ -141,6 +142,24 @@ def log_log(
         f'viewBox="0 0 {WIDTH} {HEIGHT}" '
         f'role="img" aria-label="{escape(title)}" font-size="11" fill="currentColor">{"".join(parts)}</svg>'
     )
+
+
+def _tips(curve: Curve, x: _Scale, y: _Scale) -> list[str]:
+    """Points that nobody sees, with what a pointer that rests on them says."""
+    tips = []
+    for i, (a, b) in enumerate(zip(curve.x, curve.y, strict=False)):
+        for point in _path(x, y, [a], [b]):
+            at, height = point.split(",")
+            ends = (
+                f" ({curve.low[i]:.3g} to {curve.high[i]:.3g})"
+                if i < min(len(curve.low), len(curve.high))
+                else ""
+            )
+            tips.append(
+                f'<circle cx="{at}" cy="{height}" r="5" fill="none" pointer-events="all">'
+                f"<title>{a:.3g}: {b:.3g}{ends}</title></circle>"
+            )
+    return tips
 
 
 def _usable(values: Iterable[float]) -> list[float]:
