@@ -4,6 +4,7 @@ import functools
 
 import numpy as np
 import pytest
+from fltea.identification.load import Counts
 from fltea.identification.traps import axis_traps, sensor_traps, timing_traps
 from fltea.records.arrays import Array
 from fltea.spectrum.lines import find_peaks
@@ -11,18 +12,11 @@ from fltea.spectrum.periodogram import periodogram
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, ar, long_recursion, white
+from msgspec import structs
 
 LONG = 60_000
 LSB = 0.1
-QUIET = {
-    "used": 1000,
-    "samples": 1000,
-    "lost": 0,
-    "gaps": 0,
-    "stretches": 1,
-    "rate_hz": 100.0,
-    "clock_ppm": 20.0,
-}
+QUIET = Counts(1000, 1000, 0, 1, *[0] * 8)
 
 
 def kinds(y: Array, lsb: float | None = None) -> dict[str, str]:
@@ -169,11 +163,12 @@ def test_too_short(n: int, h: float, short: bool) -> None:
 
 
 def test_gaps() -> None:
-    (few,) = timing_traps(**QUIET | {"lost": 3, "gaps": 1, "stretches": 2, "used": 800})
+    lossy = structs.replace(QUIET, lost=3, gaps=1, stretches=2)
+    (few,) = timing_traps(structs.replace(lossy, used=800), 100.0, 20.0)
     assert (few.kind, few.severity) == ("gaps", "note")
     assert "800 of 1000" in few.text
     for change in ({"used": 400}, {"lost": 50}):
-        (many,) = timing_traps(**QUIET | {"lost": 3, "gaps": 1, "stretches": 2} | change)
+        (many,) = timing_traps(structs.replace(lossy, **change), 100.0, 20.0)
         assert many.severity == "warning"
 
 
@@ -182,7 +177,7 @@ def test_gaps() -> None:
     [(None, None), (900.0, None), (-7026.0, "warning"), (2000.0, "warning"), (-60_000.0, "bad")],
 )
 def test_sample_rate(ppm: float | None, severity: str | None) -> None:
-    found = list(timing_traps(**QUIET | {"clock_ppm": ppm}))
+    found = list(timing_traps(QUIET, 100.0, ppm))
     assert [trap.severity for trap in found] == ([severity] if severity else [])
     if severity and ppm:
         assert f"{100 * (1 + ppm * 1e-6):.6g} Hz" in found[0].text

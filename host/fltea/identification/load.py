@@ -199,16 +199,7 @@ def _traps(
 ) -> tuple[Trap, ...]:
     assert used.hello is not None
     gyro = [name for name in AXES if name in axes]
-    of_time = timing_traps(
-        used=counts.used,
-        samples=counts.samples,
-        lost=counts.lost,
-        gaps=counts.gaps,
-        stretches=counts.stretches,
-        bridged=counts.bridged,
-        rate_hz=used.hello.rate_hz,
-        clock_ppm=clock_ppm,
-    )
+    of_time = timing_traps(counts, used.hello.rate_hz, clock_ppm)
     # One axis at a time in memory.
     return *of_time, *sensor_traps(map(used.axis, gyro), [axes[name].lsb for name in gyro])
 

@@ -5,7 +5,7 @@ Each trap is looked for with a threshold that clean noise, white or coloured, ha
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 import numpy as np
@@ -17,6 +17,9 @@ from fltea.identification.repeated import repeats
 from fltea.records.arrays import Array
 from fltea.records.kinds import ERROR_KINDS
 from fltea.spectrum.lines import Peak
+
+if TYPE_CHECKING:
+    from fltea.identification.load import Counts
 
 Severity = Literal["note", "warning", "bad"]
 
@@ -114,31 +117,22 @@ def source_trap(kind: str, text: str) -> Trap:
     return Trap(kind, "note", text, remedy)
 
 
-def timing_traps(
-    *,
-    used: int,
-    samples: int,
-    lost: int,
-    gaps: int,
-    stretches: int,
-    rate_hz: float,
-    clock_ppm: float | None,
-    bridged: int = 0,
-) -> Iterator[Trap]:
-    """Look at what became of time: `identify.load.Counts`, and the device's clock against the host's."""
-    if lost or gaps or stretches > 1:
-        share = lost / max(samples + lost, 1)
-        done = [f"{used} of {samples} samples, in {stretches} stretches, are used."]
-        if bridged:
+def timing_traps(c: "Counts", rate_hz: float, clock_ppm: float | None) -> Iterator[Trap]:
+    """Look at what became of time; clock_ppm: the device's clock against the host's."""
+    if c.lost or c.gaps or c.stretches > 1:
+        share = c.lost / max(c.samples + c.lost, 1)
+        done = [f"{c.used} of {c.samples} samples, in {c.stretches} stretches, are used."]
+        if c.bridged:
             done.append(
-                f"{bridged} lost ones are filled in at random between their neighbours; longer gaps are not."
+                f"{c.bridged} lost ones are filled in at random between their neighbours; "
+                "longer gaps are not."
             )
-        if used < samples:
+        if c.used < c.samples:
             done.append("The others are of another rate or scale.")
         yield Trap(
             "gaps",
-            "warning" if used < 0.5 * samples or share > 0.01 else "note",
-            f"{lost} samples ({share:.2%}) are missing in {gaps} gaps. {' '.join(done)}",
+            "warning" if c.used < 0.5 * c.samples or share > 0.01 else "note",
+            f"{c.lost} samples ({share:.2%}) are missing in {c.gaps} gaps. {' '.join(done)}",
             "Look at the link with `fltea info`, and record again without losses.",
         )
     if clock_ppm is not None and abs(clock_ppm) > RATE_PPM:
