@@ -44,7 +44,6 @@ def test_addresses_of_schedulers_are_not_refused(address: str) -> None:
         ("tcp://::1:8786", "IPv6"),
         ("http://10.0.0.5:8787", "http:// is not spoken by schedulers"),
         ("inproc://10.0.0.5/1/1", "inproc:// is not spoken"),
-        ("tcp://me@10.0.0.5:8786", "more than a host and a port"),
         ("tcp://10.0.0.5:8786/status", "more than a host and a port"),
         ("tcp://10.0.0.5 :8786", "more than a host and a port"),
     ],
@@ -55,6 +54,12 @@ def test_what_is_none(address: str, reason: str) -> None:
     assert str(told.value).startswith(f"--dask {address}: ")
     assert "tcp://HOST:8786" in str(told.value)
     assert "tls://HOST:8786" in str(told.value)
+
+
+def test_an_address_with_a_user_is_refused_and_not_repeated() -> None:
+    with pytest.raises(UsageError, match="must not hold a user or a password") as told:
+        check_address("tcp://me@10.0.0.5:8786")
+    assert "me@" not in str(told.value)
 
 
 @pytest.mark.parametrize(
