@@ -229,14 +229,17 @@ def test_an_export_replaces_nothing_unless_it_is_told_to(name: str, tmp_path: Pa
 
 
 def test_a_sum_counts_what_the_live_run_counted(tmp_path: Path) -> None:
-    live, sink = record(tmp_path, transport(samples=300, boots=2), rotate_s=2.0)
+    live, _ = record(tmp_path, transport(samples=300, boots=2), rotate_s=2.0)
+    wire = Live().wire
+    for item in transport(samples=300, boots=2):
+        list(wire.feed(item, item.host_ns))
     (paths,) = sessions([tmp_path])
     found = summarise(paths, 100)
     assert found.device == "due"
     assert (found.files, found.whole, found.breaks) == (len(files(tmp_path)), True, 0)
     assert (found.samples, found.lost, found.gaps, found.resets) == (594, 6, 4, 1)
     assert found.epochs == {"start": 1, "restart": 1}
-    assert found.link == sink._wire.link_stats()
+    assert found.link == wire.link_stats()
     assert found.size_bytes == sum(path.stat().st_size for path in files(tmp_path))
     assert found.start_unix_ns == of(live, Sample)[0].host_ns
     assert found.hello.device == "due"
