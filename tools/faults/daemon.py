@@ -58,7 +58,14 @@ class Scene:
     def introduce(self, **how: int) -> None:
         """Boot the board until the daemon has heard of it."""
         boot_id, program = len(self.board.boots) + 1, self.program
-        self.board.introduce(lambda: program.process.poll() is not None or program.has_hello(boot_id), **how)
+
+        def heard() -> bool:
+            return program.process.poll() is not None or program.has_hello(boot_id)
+
+        try:
+            self.board.introduce(heard, **how)
+        except TimeoutError as error:
+            raise TimeoutError(f"{error}: {program.stderr[-500:]} {program.records[-1:]}") from error
         program.wait_for(lambda: program.has_hello(boot_id), "the first HELLO")
 
     @contextlib.contextmanager
