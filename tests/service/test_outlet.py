@@ -7,7 +7,7 @@ import pytest
 from fltea.records.ports import LATENCY_BOUNDS_MS, Item, Latency, Sink, SinkClosed
 from fltea.records.records import AnyRecord, Error, Gap
 from fltea.service.hub import Hub
-from fltea.service.outlet import Outlet
+from fltea.service.outlet import Outlet, OutletThread
 from host_support import PATIENCE_S, wait_until
 from hypothesis import given
 from hypothesis import strategies as st
@@ -91,6 +91,29 @@ def test_a_slow_sink_loses_the_newest_and_is_told_where() -> None:
     assert sink.items == [gap(k) for k in range(11)]
     assert sink.overflows == [(11, 20)]  # the queue was full of older ones
     assert outlet.stats().written + outlet.stats().dropped == 31
+
+
+def test_outlets_of_one_thread_share_what_may_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fltea.service.outlet.MOST_WAITING", 20)
+    sinks = [Memory(capacity=10).held() for _ in range(4)]
+    thread = OutletThread("sinks")
+    outlets = [Outlet(sink, lambda *_: None, thread) for sink in sinks]
+    outlets[0].start()
+    outlets[0].put([gap(0)])
+    assert sinks[0].entered.wait(PATIENCE_S)
+    outlets[0].put([gap(k) for k in range(1, 16)])
+    assert (outlets[0].stats().dropped, outlets[0].stats().queued) == (5, 11)
+    for outlet in outlets[1:]:
+        outlet.start()
+        outlet.put([gap(k) for k in range(8)])
+        outlet.close()
+    assert [outlet.stats().dropped for outlet in outlets] == [5, 0, 2, 3]
+    for sink in sinks:
+        sink.go.set()
+    outlets[0].close()
+    assert all(outlet.join(PATIENCE_S) for outlet in outlets)
+    assert [len(sink.items) for sink in sinks] == [11, 8, 6, 5]
+    assert sinks[3].overflows == [(5, 3)]
 
 
 def test_who_comes_faster_than_it_writes_may_wait_for_room() -> None:

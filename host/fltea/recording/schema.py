@@ -6,6 +6,7 @@ the type of its values and is left out of a message where it is null, and a fiel
 of an epoch: a word, a number or three) is in the messages but not in the schema.
 """
 
+import functools
 import re
 from typing import Any
 
@@ -22,6 +23,7 @@ NULL = re.compile(rb',"\w+":null|"\w+":null,?')
 _encode = msgspec.json.Encoder().encode
 
 
+@functools.cache
 def record_schema(kind: type[msgspec.Struct]) -> bytes:
     """JSON schema of one kind of record, for the schema encoding "jsonschema"."""
     (root,), definitions = msgspec.json.schema_components([kind], ref_template="{name}")

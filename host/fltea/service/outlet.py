@@ -13,6 +13,9 @@ from fltea.records.records import OutputStats
 
 IDLE_S = 0.5
 
+MOST_WAITING = 1_000_000
+"""Records that may wait for one thread: of many devices each has less room than alone."""
+
 
 def weight(item: Item | Departed) -> int:
     """How many records an item stands for."""
@@ -35,6 +38,10 @@ class OutletThread:
         self.hurry = threading.Event()
         self._name = name
         self._outlets: list[Outlet] = []
+
+    def room(self, capacity: int) -> int:
+        """Return how many records may wait in one outlet, which alone would have `capacity`."""
+        return min(capacity, MOST_WAITING // max(1, len(self._outlets)))
 
     def add(self, outlet: "Outlet") -> None:
         """Begin to write to an outlet."""
@@ -110,13 +117,14 @@ class Outlet:
         arrived_ns: monotonic time at which what they report arrived, for the latency; None where it has none.
         """
         with self._changed:
+            room = self._thread.room(self.sink.capacity)
             for item in items:
                 if wait:
-                    while self._waiting >= self.sink.capacity and not (self._ended or self.closing):
+                    while self._waiting >= room and not (self._ended or self.closing):
                         self._wake()
                         self._changed.wait(IDLE_S)
                 count = weight(item)
-                if self._ended or self._waiting >= self.sink.capacity:
+                if self._ended or self._waiting >= room:
                     self._dropped += count
                     self._overflow += count
                 else:
