@@ -20,7 +20,7 @@ export function put(place, text) { if (place.textContent !== text) place.textCon
 
 export async function ask(path, parameters = {}, method = "GET") {
   const answer = await fetch(`${path}?${new URLSearchParams(parameters)}`,
-    {method, cache: "no-store", headers: {"X-Fltea": "1"}, signal: AbortSignal.timeout(20000)})
+    {method, cache: "no-store", headers: {"X-Fltea": "1"}, signal: AbortSignal.timeout(method === "GET" ? 5000 : 20000)})
   if (!answer.ok) {
     const wait = 1000 * Number(answer.headers.get("Retry-After") ?? 0)
     throw Object.assign(new Error((await answer.text()).trim()), {wait})
