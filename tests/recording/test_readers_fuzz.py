@@ -1,6 +1,7 @@
 """Any bytes, and real files that were changed anywhere: records or an error that says why; nothing else."""
 
 import contextlib
+import gzip
 import io
 import json
 import tracemalloc
@@ -8,11 +9,13 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import h5py
 import hostile_files
 import msgspec
 import numpy as np
 import pyarrow as pa
 import pytest
+from bag_support import even, write_bag
 from fltea.archive.export import export
 from fltea.archive.info import as_text, summarise
 from fltea.identification.load import Loaded, Request, load
@@ -28,7 +31,7 @@ from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Message, Metadata
 from mcap_support import record, transport
-from pyarrow import parquet
+from pyarrow import feather, parquet
 from tiers import slow_but
 
 LIMITS = Limits(max_chunk_mb=1, max_mb=1)
@@ -108,10 +111,32 @@ def real(tmp_path_factory: pytest.TempPathFactory) -> Files:
     np.save(folder / "rest.npy", gyro)
     table = pa.table({"time_s": np.arange(120) / 100, "gyro_x_dps": gyro[:, 0]})
     parquet.write_table(table, folder / "rest.parquet")
-    return Files(found | {name: (folder / name).read_bytes() for name in ("rest.npy", "rest.parquet")})
+    feather.write_feather(table, folder / "rest.feather")
+    with h5py.File(folder / "rest.h5", "w") as file:
+        for name in table.column_names:
+            file[name] = table[name].to_numpy()
+    (folder / "rest.tsv").write_bytes(found["rest.csv"].replace(b",", b"\t"))
+    (folder / "rest.csv.gz").write_bytes(gzip.compress(found["rest.csv"], mtime=0))
+    messages = even(120)
+    write_bag(folder / "ros1.bag", {"/imu": messages})
+    (database,) = write_bag(folder / "ros2.db3", {"/imu": messages}).glob("*.db3")
+    found["ros2.db3"] = database.read_bytes()
+    return Files({name: (folder / name).read_bytes() for name in KINDS if name not in found} | found)
 
 
-KINDS = ["due.mcap", "rest.npz", "rest.csv", "run.ndjson", "rest.npy", "rest.parquet"]
+KINDS = [
+    *(
+        "due.mcap",
+        "rest.npz",
+        "rest.csv",
+        "run.ndjson",
+        "rest.npy",
+        "rest.parquet",
+        "rest.feather",
+        "rest.h5",
+    ),
+    *("rest.tsv", "rest.csv.gz", "ros1.bag", "ros2.db3"),
+]
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -130,7 +155,7 @@ def test_files_that_were_changed_anywhere(name: str, real: Files, folder: Path, 
 
 @given(data=st.binary(max_size=300))
 @settings(max_examples=30)
-@pytest.mark.parametrize("name", [*KINDS, "noending"])
+@pytest.mark.parametrize("name", slow_but([*KINDS[:6], "ros2.db3", "noending"], [*KINDS, "noending"]))
 def test_any_bytes(name: str, folder: Path, data: bytes) -> None:
     check(folder, name, data)
 
