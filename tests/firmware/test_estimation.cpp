@@ -382,3 +382,24 @@ TEST_CASE("estimation: variances that none can be tune nothing") {
     device.run(kStartup + 10, kStartup + 30);
     for (const Estimate& made : device.made) CHECK((made.flags & flags::tuned) == 0);
 }
+
+TEST_CASE("estimation: a gap of any length is too long, and numbers of instants wrap after 497 days") {
+    for (uint32_t gap : {kMaxGap + 1, 0x10000u + 1, 0x10000u + kMaxGap, 0x80000000u, 0xFFFFFFF0u}) {
+        CAPTURE(gap);
+        Device device;
+        device.run(100, 120);
+        CHECK(device.estimation.add(sample_at(119 + gap), 120 + gap));
+    }
+    Device device;
+    const uint32_t begin = 0u - kStartup - 500;
+    device.run(begin, 1000);
+    CHECK(device.report().begun == 1);
+    REQUIRE(device.made.size() == 1500 / kEvery * 3);
+    for (size_t i = 0; i < device.made.size(); ++i) {
+        const Estimate& made = device.made[i];
+        CHECK(made.sample == static_cast<uint16_t>(begin + kStartup + made.age - 1));
+        CHECK(made.sample % kEvery == 0);
+        const uint32_t apart = made.sample == 0 ? 65536 % kEvery : kEvery;
+        if (i >= 3) CHECK(made.age - device.made[i - 3].age == apart);
+    }
+}

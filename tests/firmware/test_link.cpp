@@ -146,3 +146,18 @@ TEST_CASE("link: a line that takes nothing for 10 s: samples are dropped and cou
     CHECK(rig.status().overruns == 0);
     CHECK(rig.sink.receiver.judged() == rig.sink.receiver.counts["frames"]);
 }
+
+TEST_CASE("link: each message has its own numbers, up to 65535 and on from 0") {
+    Line line;
+    line.sink.size = 1 << 20;
+    for (uint32_t i = 0; i < 65536 + 10; ++i) {
+        const uint16_t number = static_cast<uint16_t>(i);
+        REQUIRE(line.link.send(fltea::Fault{}, i));
+        if (i % 100 == 0) line.link.send_sample(fltea::Sample{}, number, i);
+        line.clock.pass(10 * kMs);
+        REQUIRE(line.sink.receiver.frames.front().sequence == number);
+        line.sink.receiver.frames.clear();
+    }
+    REQUIRE(line.link.send(fltea::Status{}, 0));
+    CHECK(line.sink.receiver.frames.back().sequence == 0);
+}

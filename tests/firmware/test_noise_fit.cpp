@@ -334,3 +334,28 @@ TEST_CASE("noise fit: an axis is tracked by its newest fit, lost samples predict
     f.fit->track(0, message);
     CHECK((message.flags & fltea::estimate_flags::tracked) == 0);
 }
+
+TEST_CASE("noise fit: rounds go on at their pace when the count of samples wraps, after 497 days") {
+    Fitting f;
+    for (int k = 0; k < 1200; ++k) f.add();
+    f.work();
+    const uint32_t short_of_it = 2000;
+    uint32_t age = 1200;
+    while (age < 0u - short_of_it) {
+        const uint32_t left = 0u - short_of_it - age;
+        const uint16_t lost = static_cast<uint16_t>(left < 0xFFFF ? left : 0xFFFF);
+        f.fit->skip(lost);
+        age += lost;
+        if (lost < 0xFFFF || age % 0x10000000u < 0xFFFF) f.work();
+    }
+    f.fits.clear();
+    for (int k = 0; k < 4000; ++k) {
+        f.add();
+        f.work();
+    }
+    REQUIRE(f.fits.size() >= 3 * 12);
+    CHECK(f.fits.size() <= 3 * 14);
+    for (size_t i = 3; i < f.fits.size(); ++i)
+        CHECK(f.fits[i].age - f.fits[i - 3].age == settings::kFitEvery);
+    CHECK(f.fits.front().age > f.fits.back().age);
+}

@@ -363,3 +363,44 @@ TEST_CASE("sliced fit: float has enough digits for a year of samples") {
         }
     }
 }
+
+TEST_CASE("sliced fit: the verdict is by 5 % of the null test and by 6 above a relaxation, close to both") {
+    struct Trial {
+        int parts;
+        double share;
+    };
+    double below_null = -1e9, above_null = 1e9, below_apart = -1e9, above_apart = 1e9;
+    for (const Trial& trial : {Trial{0, 0.0}, Trial{1, 0.12}, Trial{4, 0.25}, Trial{5, 0.2}}) {
+        for (unsigned long long seed = 1; seed <= 3; ++seed) {
+            Counts counts(trial.parts, trial.share, 20.0, seed);
+            const std::unique_ptr<Octaves> octaves(new Octaves);
+            FitMemory memory(0);
+            Gathered bins;
+            for (int round = 0; round < 20; ++round) {
+                for (int k = 0; k < 600; ++k) octaves->add(counts());
+                make_bins(*octaves, bins);
+                SlicedFit<Gathered> fit;
+                fit.begin(bins, kFivePercent, memory);
+                while (!fit.work(bins)) {
+                }
+                const FitFigures f = memory.figures();
+                const double x = std::log10(static_cast<double>(f.ordinates));
+                const double white =
+                    static_cast<double>(f.ratio_white) - (3.7125 + 1.0516 * x - 0.0805 * x * x);
+                const double apart = static_cast<double>(f.ratio_ar1) - 6.0;
+                if (std::abs(white) < 1e-3 || std::abs(apart) < 1e-3) continue;
+                CHECK((f.verdict == Verdict::white) == (white < 0));
+                (white < 0 ? below_null : above_null) =
+                    white < 0 ? std::max(below_null, white) : std::min(above_null, white);
+                if (white < 0) continue;
+                CHECK((f.verdict == Verdict::fractional) == (apart > 0));
+                (apart < 0 ? below_apart : above_apart) =
+                    apart < 0 ? std::max(below_apart, apart) : std::min(above_apart, apart);
+            }
+        }
+    }
+    CHECK(below_null > -0.5);
+    CHECK(above_null < 0.5);
+    CHECK(below_apart > -0.5);
+    CHECK(above_apart < 0.5);
+}

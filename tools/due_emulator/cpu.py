@@ -16,7 +16,7 @@ from unicorn import arm_const
 
 from tools.due_emulator import memory_map, system_control
 from tools.due_emulator.bus import PERIPHERALS_BASE, PERIPHERALS_BYTES, Bus
-from tools.due_emulator.execution import LATEST_PS, NO_INTERRUPT, Execution
+from tools.due_emulator.execution import LATEST_PS, NO_INTERRUPT, NOWHERE, Execution
 from tools.due_emulator.machine import Machine
 from tools.due_emulator.memory_map import Memory
 from tools.due_emulator.nvic import FIRST_IRQ, Nvic
@@ -81,6 +81,7 @@ class Cpu:
             on_limit=self._on_limit,
         )
         self._on_block: Callable[[int, int], None] | None = None
+        self._on_trap: Callable[[], None] = lambda: None
         self._watch_hook: int | None = None
         self._restart = True
         self._halted_until_ps = 0
@@ -109,6 +110,19 @@ class Cpu:
         self._on_block = on_block
         if not self._restart:
             self._hook_watcher()
+
+    def trap(self, address: int | None, action: Callable[[], None] = lambda: None) -> None:
+        """Call `action` whenever the instruction at `address` is to run next; None: never again.
+
+        It may hang the program there (`hang`), set another trap, or write to memory.
+        """
+        self._execution.trap, self._on_trap = address if address is not None else NOWHERE, action
+        self._settle_speed()
+
+    @property
+    def masked(self) -> bool:
+        """Whether PRIMASK holds interrupts back."""
+        return bool(self._execution.register(PRIMASK) & 1)
 
     def restart(self, hold_ps: int = 0) -> None:
         """Begin again from the reset vector, once reset is released in `hold_ps`."""
@@ -186,9 +200,12 @@ class Cpu:
                 unicorn.UC_HOOK_BLOCK,
                 lambda _uc, address, _size, _: on_block(address, self.instructions + self._execution.done),
             )
-        self._execution.may_be_fast = self._on_block is None
+        self._settle_speed()
         # Code that was translated before calls the hooks of then.
         self._uc.ctl_flush_tb()
+
+    def _settle_speed(self) -> None:
+        self._execution.may_be_fast = self._on_block is None and self._execution.trap == NOWHERE
 
     def _map(self, uc: unicorn.Uc) -> None:
         code, data = unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC, unicorn.UC_PROT_ALL
@@ -338,6 +355,8 @@ class Cpu:
             self.instructions += slice_.done
             slice_.begin_again(now_ps)
             machine.check_interrupted()
+            if pc == slice_.trap:
+                self._on_trap()
         except KeyboardInterrupt:
             slice_.until_ps = 0
         except BaseException as raised:

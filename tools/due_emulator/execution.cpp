@@ -278,7 +278,7 @@ void before_instruction(void* processor, uint64_t address, uint32_t bytes, void*
     Execution& e = *static_cast<Execution*>(data);
     if (e.go_fast) return;
     count_silent_ones(e, processor, address);
-    if (e.done >= e.limit) {
+    if (e.done >= e.limit || (address == e.trap && !e.stops)) {
         if (!e.dead && !e.stops && e.limit) e.on_limit(time_after(e, e.done), address);
         e.limit = e.dead || e.stops || e.slice_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
         if (!e.limit) {

@@ -60,6 +60,7 @@ struct Execution {
     uint64_t may_be_quick;
     uint64_t calm;
     uint64_t go_fast;
+    uint64_t trap;  // address of an instruction before which on_limit is called, if it may run
     uint64_t fast_block;
     uint64_t code_begin;
     uint64_t code_end;

@@ -83,7 +83,8 @@ class Execution(ctypes.Structure):
     until_ps, longest: it ends there at the latest [ps, instructions]. What is called has to keep up to date:
     next_event_ps; halted_until_ps; waiting: an interrupt is pending; stops: the next instruction may not run
     in this slice; dead: an error has to be raised; dropped: the access went down with a reset. interrupt:
-    number of the exception that ended the slice, or NO_INTERRUPT. may_be_fast, may_be_quick: 0 to do without
+    number of the exception that ended the slice, or NO_INTERRUPT. trap: address of an instruction before which
+    on_limit is called, without the second processor; or NOWHERE. may_be_fast, may_be_quick: 0 to do without
     the second processor, and without reading registers in C++; the results are the same.
     """
 
@@ -91,7 +92,9 @@ class Execution(ctypes.Structure):
         *_numbers("done limit address _next _block_end"),
         *_numbers("slice_ps charged_ps hz until_ps longest next_event_ps halted_until_ps"),
         *_numbers("waiting stops dead dropped interrupt"),
-        *_numbers("may_be_fast may_be_quick _calm _go_fast _fast_block _code_begin _code_end _recent_count"),
+        *_numbers(
+            "may_be_fast may_be_quick _calm _go_fast trap _fast_block _code_begin _code_end _recent_count"
+        ),
         ("_recent_pcs", ctypes.c_uint64 * POLL_PCS),
         ("_recent_values", ctypes.c_uint64 * POLL_PCS),
         ("_recent_changes", ctypes.c_uint64 * POLL_PCS),
@@ -147,6 +150,7 @@ class Execution(ctypes.Structure):
         self._value = ctypes.c_uint32()
         self._value_at = ctypes.byref(self._value)
         self.may_be_quick = 1
+        self.trap = NOWHERE
 
     def attach(self, exact: unicorn.Uc, fast: unicorn.Uc, peripherals: dict[int, int]) -> None:
         """Run on these processors, both fresh and with the same memory; peripherals: base and size."""

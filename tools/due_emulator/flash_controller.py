@@ -114,6 +114,8 @@ class FlashController(Peripheral):
     def _show_id(self) -> None:
         if self._holds(self.pc()):
             self.machine.fault(f"{self.name}: STUI by code in the flash that it hides: run it from RAM")
+        if not self.field("FMR", "SCOD"):
+            self.machine.fault(f"{self.name}: STUI without FMR.SCOD: the erratum says that it reads wrongly")
         # FRDY stays 0 until SPUI: the datasheet (18.4.3.8) says that it falls, and rises after SPUI.
         self.flag("FSR", FRDY, False)
         end = self._start + BANK_BYTES

@@ -53,6 +53,12 @@ class Memory:
         now = np.frombuffer(self.ram[:], dtype=np.uint32)
         return int(np.count_nonzero(now != np.frombuffer(self._rubbish, dtype=np.uint32))) * 4
 
+    def stack_depth_bytes(self) -> int:
+        """Bytes below the stack's top, where the image has it, that were written since power-up."""
+        top = int.from_bytes(self.flash[:4], "little") - RAM_BASE
+        changed = [i for i in range(top) if self.ram[i] != self._rubbish[i]]
+        return top - changed[0] if changed else 0
+
     def read(self, address: int, n: int) -> bytes | None:
         """Return n bytes as a DMA controller reads them; None where there is no memory."""
         for base, size, content in (

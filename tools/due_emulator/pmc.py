@@ -10,6 +10,9 @@ from tools.due_emulator.peripheral import Peripheral
 
 CRYSTAL_HZ = 12_000_000
 RC_HZ = (4_000_000, 8_000_000, 12_000_000)
+CRYSTAL_COUNT, PLLA_COUNT = 8, 0x3F
+"""Start-up times, in 8 periods of the slow clock and in single ones, that the vendor gives the board's crystal
+and the PLL (system_sam3xa.c); how soon they are ready in truth differs from board to board."""
 MCK_MAX_HZ = 84_000_000
 PLLA_OUTPUT_HZ = (96_000_000, 192_000_000)
 """Allowed range of the PLL's output (datasheet 45.5, read second hand)."""
@@ -104,8 +107,7 @@ class Pmc(Peripheral):
         if not self.field("CKGR_MOR", "MOSCXTEN"):
             self._not_ready(MOSCXTS)
         elif not r["SR"] & MOSCXTS and MOSCXTS not in self._events:
-            cycles = max(1, 8 * self.field("CKGR_MOR", "MOSCXTST"))
-            self._ready_in(MOSCXTS, cycles * PS_PER_S // SLOW_CLOCK_HZ)
+            self._ready_in(MOSCXTS, self._start_up_ps("CKGR_MOR", "MOSCXTST", CRYSTAL_COUNT, 8))
         select = self.mask("CKGR_MOR", "MOSCSEL")
         if value & select and not r["SR"] & MOSCXTS:
             self.machine.fault("PMC_CKGR_MOR selects the crystal before it is ready: wait for PMC_SR.MOSCXTS")
@@ -126,8 +128,15 @@ class Pmc(Peripheral):
         if hz:
             if not PLLA_OUTPUT_HZ[0] <= hz <= PLLA_OUTPUT_HZ[1]:
                 self.machine.fault(f"PLLA is set to {hz / 1e6:g} MHz: it gives 96 to 192 MHz")
-            cycles = max(1, self.field("CKGR_PLLAR", "PLLACOUNT"))
-            self._ready_in(LOCKA, cycles * PS_PER_S // SLOW_CLOCK_HZ)
+            self._ready_in(LOCKA, self._start_up_ps("CKGR_PLLAR", "PLLACOUNT", PLLA_COUNT, 1))
+
+    def _start_up_ps(self, register: str, field: str, least: int, cycles: int) -> int:
+        count = self.field(register, field)
+        if count < least:
+            self.machine.fault(
+                f"PMC_{register}.{field} is {count}: it may be taken for ready too soon; it needs {least}"
+            )
+        return count * cycles * PS_PER_S // SLOW_CLOCK_HZ
 
     def _set_upll(self, value: int) -> None:
         self.registers["CKGR_UCKR"] = value

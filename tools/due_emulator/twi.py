@@ -77,11 +77,16 @@ class Twi(Peripheral):
         self.settle_irq()
 
     @property
+    def half_bits_s(self) -> tuple[float, float]:
+        """How long SCL is low and how long high in a bit, as CWGR sets it (33.11.5) [s]."""
+        ckdiv, mck_hz = self.field("CWGR", "CKDIV"), self.machine.mck_hz
+        low, high = (((self.field("CWGR", name) << ckdiv) + 4) / mck_hz for name in ("CLDIV", "CHDIV"))
+        return low, high
+
+    @property
     def scl_hz(self) -> float:
-        """Clock of the bus as CWGR sets it (33.11.5) [Hz]."""
-        ckdiv = self.field("CWGR", "CKDIV")
-        cycles = sum((self.field("CWGR", name) << ckdiv) + 4 for name in ("CLDIV", "CHDIV"))
-        return self.machine.mck_hz / cycles
+        """Clock of the bus [Hz]."""
+        return 1 / sum(self.half_bits_s)
 
     @property
     def load_ps(self) -> int:

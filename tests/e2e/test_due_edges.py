@@ -1,0 +1,228 @@
+"""The emulated Due at its edges: interrupts at every instruction, clocks that wrap, and its limits.
+
+These runs look into the program by the names of its functions and variables, so they need its ELF file.
+"""
+
+import subprocess
+from collections.abc import Callable
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from due_support import IMAGE, NOISE, DueRun, build, image
+from fltea.wire import layout as wire
+from toolchain import needed
+
+from tools.due_emulator.machine import PS_PER_S, PS_PER_US
+from tools.due_emulator.memory_map import RAM_BASE
+from tools.due_emulator.timers import Timer
+from tools.due_emulator.uart import BITS_PER_BYTE
+
+pytestmark = pytest.mark.slow
+
+WRAP = 1 << 32
+PERIOD_US = 10_000
+TICK_COUNTS = PERIOD_US * 42
+LED_BIT = 27
+HALF_BLINK_US = 1 << 19
+
+
+class Symbol(NamedTuple):
+    """Where a function or variable is."""
+
+    address: int
+    size: int
+
+
+@pytest.fixture(scope="module")
+def symbols(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Symbol]:
+    """Of the image, by name without namespaces."""
+    elf = IMAGE.with_suffix(".elf")
+    if not elf.exists():
+        folder = tmp_path_factory.mktemp("image")
+        assert build("timer", folder) == image(), "the image is not that of the sources"
+        elf = folder / "fltea_due.elf"
+    return symbols_of(elf)
+
+
+def symbols_of(elf: Path) -> dict[str, Symbol]:
+    nm = needed("arm-none-eabi-nm", "binutils-arm-none-eabi")
+    text = subprocess.run([nm, "-CS", elf], capture_output=True, text=True, check=True).stdout
+    found = {}
+    for line in text.splitlines():
+        address, size, kind, name = (*line.split(maxsplit=3), "", "")[:4]
+        if len(kind) == 1:
+            short = name.replace("(anonymous namespace)::", "").partition("(")[0].removeprefix("fltea::due::")
+            found[short] = Symbol(int(address, 16), int(size, 16))
+    return found
+
+
+def variable(run: DueRun, symbol: Symbol) -> memoryview:
+    begin = symbol.address - RAM_BASE
+    return memoryview(run.board.memory.ram)[begin : begin + 4]
+
+
+def timer(run: DueRun) -> Timer:
+    return next(one for one in run.board.peripherals if isinstance(one, Timer) and one.name == "TC0")
+
+
+def to_next_tick_ps(run: DueRun) -> int:
+    """Once the sample of this one has been taken."""
+    passed = timer(run).channels[0].value % TICK_COUNTS
+    return (TICK_COUNTS - passed) * PS_PER_S // 42_000_000 + PS_PER_US if passed > TICK_COUNTS // 10 else 0
+
+
+def end_of_transfer_ps(run: DueRun) -> int:
+    """Until what the PDC has of the line's bytes is sent."""
+    left = run.board.uart.registers["TCR"]
+    return (left + 2) * BITS_PER_BYTE * PS_PER_S // wire.BAUD if left else 0
+
+
+def between_transfers(time_ps: Callable[[DueRun], int]) -> Callable[[DueRun], int]:
+    """Not while the bus is used, since no transfer may take so long."""
+    return lambda run: time_ps(run) if run.board.twi.field("SR", "TXCOMP") else 0
+
+
+class Stretch(NamedTuple):
+    """A function in which an interrupt comes at every instruction.
+
+    takes_ps: how long handlers take there, or until an interrupt comes that shares what the function works
+    with; 0: not now. times: how often at each instruction. for_s: how long to wait for it to run.
+    """
+
+    takes_ps: Callable[[DueRun], int]
+    times: int = 1
+    for_s: float = 0.02
+
+
+STRETCHES = {
+    "DeviceClock::now_us": Stretch(between_transfers(to_next_tick_ps), for_s=0.012),
+    "Twi::receive": Stretch(lambda _: 20 * PS_PER_US, times=40),
+    "Twi::read": Stretch(lambda _: 20 * PS_PER_US, times=4),
+    "Uart::room": Stretch(end_of_transfer_ps, for_s=0.11),
+    "Uart::write": Stretch(end_of_transfer_ps, for_s=0.11),
+    "wake::sleep_unless_signalled": Stretch(to_next_tick_ps),
+}
+
+
+def interrupted(run: DueRun, address: int, stretch: Stretch) -> int:
+    """Let interrupts come before the instruction at an address; how often it ran while they were let in."""
+    cpu, came, end_s = run.board.cpu, 0, run.board.now_s + stretch.for_s
+
+    def come() -> None:
+        nonlocal came, end_s
+        # What PRIMASK holds back comes behind the stretch, and that place has its own turn.
+        if not cpu.masked and came < stretch.times and (takes_ps := stretch.takes_ps(run)):
+            came, end_s = came + 1, run.board.now_s + takes_ps / PS_PER_S
+            cpu.hang(takes_ps)
+
+    cpu.trap(address, come)
+    while end_s - run.board.now_s > 1e-6:
+        run.board.run_until(min(end_s, run.board.now_s + 0.002))
+    run.board.run_until(end_s + 0.001)
+    return came
+
+
+@pytest.mark.parametrize("name", STRETCHES)
+def test_an_interrupt_may_come_at_any_instruction(name: str, symbols: dict[str, Symbol]) -> None:
+    run = DueRun(image(), noise=NOISE).run_until(0.4)
+    symbol, came = symbols[name], 0
+    for address in range(symbol.address, symbol.address + symbol.size, 2):
+        came += interrupted(run, address, STRETCHES[name])
+        if not run.board.uart.registers["TCR"] and run.board.uart.field("SR", "TXEMPTY"):
+            waiting = bytes(variable(run, symbols["written"])) != bytes(variable(run, symbols["sent"]))
+            assert not waiting, f"0x{address:08X}: bytes wait, and the line is idle"
+    run.board.cpu.trap(None)
+    run.run_until(run.board.now_s + 1.5)
+    assert came > 0, "nothing was interrupted"
+    assert run.check() is None
+    assert (run.gaps, run.epochs, run.faults, run.status.i2c_errors) == ([], ["start"], [], 0)
+    assert all(abs(b.device_us - a.device_us - PERIOD_US) < 900 for a, b in pairwise(run.samples))
+
+
+def at_the_end_of_time(run: DueRun, symbols: dict[str, Symbol]) -> None:
+    """2.9 s before 71.58 minutes are over, from the start on."""
+
+    def set_clock() -> None:
+        variable(run, symbols["tick_us"])[:] = (WRAP // PERIOD_US * PERIOD_US - 2_900_000).to_bytes(
+            4, "little"
+        )
+        run.board.cpu.trap(None)
+
+    run.board.cpu.trap(symbols["main"].address, set_clock)
+
+
+def at_the_end_of_the_counter(run: DueRun, symbols: dict[str, Symbol]) -> None:
+    """Two seconds before 102 s are over, in the middle of a period."""
+    run.run_until(0.4)
+    channel, registers = timer(run).channels[0], timer(run).registers
+    ahead = (WRAP - 2 * 42_000_000) // TICK_COUNTS * TICK_COUNTS
+    count = variable(run, symbols["tick_count"])
+    count[:] = ((int.from_bytes(count, "little") + ahead) % WRAP).to_bytes(4, "little")
+    registers["RC0"] = (registers["RC0"] + ahead) % WRAP
+    channel._counter.restart(channel.value + ahead)
+    channel.compare_changed()
+
+
+@pytest.mark.parametrize("begin", [at_the_end_of_time, at_the_end_of_the_counter])
+def test_a_clock_that_wraps_changes_nothing(
+    begin: Callable[[DueRun, dict[str, Symbol]], None], symbols: dict[str, Symbol]
+) -> None:
+    run = DueRun(image(), noise=NOISE)
+    begin(run, symbols)
+    run.run_until(6)
+    assert (run.error, run.gaps, run.epochs, run.faults) == (None, [], ["start"], [])
+    stats = run.stats.samples
+    assert (stats.delivered, stats.lost) == (run.boots[0].due, 0)
+    assert all(abs(b.device_us - a.device_us - PERIOD_US) <= 50 for a, b in pairwise(run.samples))
+    assert all(sample.flags == 0 for sample in run.samples)
+    for kind in (wire.Hello, wire.Status):
+        arrivals = run.of(kind)[2:]
+        assert len(arrivals) >= 3
+        assert all(0.98 < b.at_s - a.at_s < 1.02 for a, b in pairwise(arrivals))
+    arrivals = run.of(wire.Sample)
+    for a, b in pairwise(arrivals):
+        assert b.at_s - a.at_s == pytest.approx(
+            (b.frame.device_us - a.frame.device_us) % WRAP * 1e-6, abs=5e-3
+        )
+
+
+@cache
+def with_fits() -> tuple[DueRun, list[tuple[float, int]]]:
+    """A run in which everything has been computed once, and when which pin of PIOB changed."""
+    run, changes = DueRun(image(), noise=NOISE), []
+    run.board.pios["PIOB"].on_output = lambda bit, _: changes.append((run.board.now_s, bit))
+    return run.run_until(27), changes
+
+
+def test_the_stack_keeps_clear_of_its_limit() -> None:
+    """The deepest of a run with fits, the frames of a handler on top of it, and something left."""
+    run, _ = with_fits()
+    assert run.error is None
+    assert run.of(wire.Fit)
+    reserved = int.from_bytes(image()[:4], "little") - RAM_BASE
+    assert run.board.memory.stack_depth_bytes() + 256 <= reserved
+
+
+def test_the_led_on_pin_13_blinks_and_no_other_pin_is_driven() -> None:
+    run, changes = with_fits()
+    later = [(at_s, bit) for at_s, bit in changes if at_s > 0.1]  # at boot the bus is freed by hand
+    assert {bit for _, bit in later} == {LED_BIT}
+    assert len(later) == pytest.approx(run.board.now_s * 1e6 / HALF_BLINK_US, abs=2)
+    assert all(abs(b - a - HALF_BLINK_US * 1e-6) < 0.011 for (a, _), (b, _) in pairwise(later))
+
+
+def test_the_bus_keeps_the_times_of_fast_mode() -> None:
+    """NXP UM10204, table 10: 1.3 us low and 0.6 us high at least; 400 kHz, and not less for nothing."""
+    twi = with_fits()[0].board.twi
+    low_s, high_s = twi.half_bits_s
+    assert low_s >= 1.3e-6
+    assert high_s >= 0.6e-6
+    assert twi.scl_hz == pytest.approx(400_000, rel=1e-3)
+
+
+def test_the_flash_reads_ahead_again_once_the_identifier_is_known() -> None:
+    """SCOD, which reading it asks for, slows the program down."""
+    assert with_fits()[0].board.flash_controllers[0].field("FMR", "SCOD") == 0
