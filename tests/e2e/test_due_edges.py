@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import unicorn
 from due_support import IMAGE, NOISE, DueRun, build, image
 from fltea.wire import layout as wire
 from toolchain import needed
@@ -99,7 +100,8 @@ class Stretch(NamedTuple):
 
 STRETCHES = {
     "DeviceClock::now_us": Stretch(between_transfers(to_next_tick_ps), for_s=0.012),
-    "Twi::receive": Stretch(lambda _: 20 * PS_PER_US, times=40),
+    # Longer than a byte, so that it is late for what the next one needs.
+    "Twi::receive": Stretch(lambda _: 30 * PS_PER_US, times=40),
     "Twi::read": Stretch(lambda _: 20 * PS_PER_US, times=4),
     "Uart::room": Stretch(end_of_transfer_ps, for_s=0.11),
     "Uart::write": Stretch(end_of_transfer_ps, for_s=0.11),
@@ -125,9 +127,31 @@ def interrupted(run: DueRun, address: int, stretch: Stretch) -> int:
     return came
 
 
+def lengths_of_reads(run: DueRun, monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many bytes the sensor gives in each transfer from now on."""
+    lines, lengths, bytes_read = run.board.lines, [], [0]
+    read, stop = lines.read, lines.stop
+
+    def count(ack: bool) -> int:
+        bytes_read[0] += 1
+        return read(ack)
+
+    def note() -> None:
+        lengths.append(bytes_read[0])
+        bytes_read[0] = 0
+        stop()
+
+    monkeypatch.setattr(lines, "read", count)
+    monkeypatch.setattr(lines, "stop", note)
+    return lengths
+
+
 @pytest.mark.parametrize("name", STRETCHES)
-def test_an_interrupt_may_come_at_any_instruction(name: str, symbols: dict[str, Symbol]) -> None:
+def test_an_interrupt_may_come_at_any_instruction(
+    name: str, symbols: dict[str, Symbol], monkeypatch: pytest.MonkeyPatch
+) -> None:
     run = DueRun(image(), noise=NOISE).run_until(0.4)
+    lengths = lengths_of_reads(run, monkeypatch)
     symbol, came = symbols[name], 0
     for address in range(symbol.address, symbol.address + symbol.size, 2):
         came += interrupted(run, address, STRETCHES[name])
@@ -139,7 +163,35 @@ def test_an_interrupt_may_come_at_any_instruction(name: str, symbols: dict[str, 
     assert came > 0, "nothing was interrupted"
     assert run.check() is None
     assert (run.gaps, run.epochs, run.faults, run.status.i2c_errors) == ([], ["start"], [], 0)
+    assert set(lengths) == {5, 14}, "more was read than is needed"
     assert all(abs(b.device_us - a.device_us - PERIOD_US) < 900 for a, b in pairwise(run.samples))
+
+
+SHARED = {
+    "tick_us": unicorn.UC_HOOK_MEM_READ,
+    "tick_count": unicorn.UC_HOOK_MEM_READ,
+    "sent": unicorn.UC_HOOK_MEM_READ,
+    "in_flight": unicorn.UC_HOOK_MEM_READ,
+    "written": unicorn.UC_HOOK_MEM_WRITE,
+}
+"""What handlers and the main loop share, and what the main loop does to it under a lock only."""
+
+
+@pytest.mark.parametrize("name", SHARED)
+def test_what_is_shared_with_a_handler_is_used_under_a_lock(name: str, symbols: dict[str, Symbol]) -> None:
+    run = DueRun(image()).run_until(0.4)
+    cpu, uses, unlocked = run.board.cpu, [0], []
+
+    def on_use(pc: int) -> None:
+        uses[0] += 1
+        if not cpu.active_exceptions and not cpu.masked:
+            unlocked.append(f"0x{pc:08X}")
+
+    cpu.watch_data(symbols[name].address, SHARED[name], on_use)
+    run.run_until(0.6)
+    assert run.error is None
+    assert uses[0] > 20
+    assert unlocked == []
 
 
 def at_the_end_of_time(run: DueRun, symbols: dict[str, Symbol]) -> None:
@@ -155,12 +207,12 @@ def at_the_end_of_time(run: DueRun, symbols: dict[str, Symbol]) -> None:
 
 
 def at_the_end_of_the_counter(run: DueRun, symbols: dict[str, Symbol]) -> None:
-    """Two seconds before 102 s are over, in the middle of a period."""
+    """Two seconds before 102 s are over, which they are 0.3 ms after a tick, while a sample is read."""
     run.run_until(0.4)
     channel, registers = timer(run).channels[0], timer(run).registers
-    ahead = (WRAP - 2 * 42_000_000) // TICK_COUNTS * TICK_COUNTS
     count = variable(run, symbols["tick_count"])
-    count[:] = ((int.from_bytes(count, "little") + ahead) % WRAP).to_bytes(4, "little")
+    ahead = (WRAP - 200 * TICK_COUNTS - 300 * 42 - int.from_bytes(count, "little")) % WRAP
+    count[:] = (WRAP - 200 * TICK_COUNTS - 300 * 42).to_bytes(4, "little")
     registers["RC0"] = (registers["RC0"] + ahead) % WRAP
     channel._counter.restart(channel.value + ahead)
     channel.compare_changed()
@@ -191,17 +243,16 @@ def test_a_clock_that_wraps_changes_nothing(
 
 @cache
 def with_fits() -> tuple[DueRun, list[tuple[float, int]]]:
-    """A run in which everything has been computed once, and when which pin of PIOB changed."""
+    """A run of which the last seconds are of fits, and when which pin of PIOB changed."""
     run, changes = DueRun(image(), noise=NOISE), []
     run.board.pios["PIOB"].on_output = lambda bit, _: changes.append((run.board.now_s, bit))
-    return run.run_until(27), changes
+    return run.run_until(18), changes
 
 
 def test_the_stack_keeps_clear_of_its_limit() -> None:
-    """The deepest of a run with fits, the frames of a handler on top of it, and something left."""
+    """The deepest place, the frames of a handler on top of it, and something left."""
     run, _ = with_fits()
     assert run.error is None
-    assert run.of(wire.Fit)
     reserved = int.from_bytes(image()[:4], "little") - RAM_BASE
     assert run.board.memory.stack_depth_bytes() + 256 <= reserved
 

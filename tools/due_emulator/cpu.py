@@ -82,6 +82,7 @@ class Cpu:
         )
         self._on_block: Callable[[int, int], None] | None = None
         self._on_trap: Callable[[], None] = lambda: None
+        self._has_hung = False
         self._watch_hook: int | None = None
         self._restart = True
         self._halted_until_ps = 0
@@ -118,6 +119,21 @@ class Cpu:
         """
         self._execution.trap, self._on_trap = address if address is not None else NOWHERE, action
         self._settle_speed()
+
+    def _spring(self) -> None:
+        """Call the trap's action, but not once more for the same instruction when it has hung there."""
+        if not self._has_hung:
+            self._on_trap()
+        self._has_hung = not self._has_hung and self._halted_until_ps > self._machine.now_ps
+
+    def watch_data(self, address: int, kind: int, on_use: Callable[[int], None]) -> None:
+        """Call `on_use` with the address of the instruction that uses a word of RAM; until the next reset.
+
+        kind: UC_HOOK_MEM_READ or UC_HOOK_MEM_WRITE of Unicorn.
+        """
+        self._uc.hook_add(kind, lambda *_: on_use(self._execution.address), begin=address, end=address + 3)
+        self.trap(0)  # that the exact processor does all of it
+        self._uc.ctl_flush_tb()
 
     @property
     def masked(self) -> bool:
@@ -356,7 +372,7 @@ class Cpu:
             slice_.begin_again(now_ps)
             machine.check_interrupted()
             if pc == slice_.trap:
-                self._on_trap()
+                self._spring()
         except KeyboardInterrupt:
             slice_.until_ps = 0
         except BaseException as raised:

@@ -174,6 +174,7 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
     if (e.dead) return 0;
     e.calm = 0;
     const uint64_t now_ps = time_of_instruction(e);
+    const uint64_t next_event_ps = e.next_event_ps;
     uint64_t value = 0;
     if (written) {
         e.on_write(now_ps, address, size, *written);
@@ -184,7 +185,8 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
         e.limit = 0;
         return 0;
     }
-    if (written)
+    // A read that lets something begin is no poll: what follows may have little time.
+    if (written || e.next_event_ps != next_event_ps)
         e.recent_count = 0;
     else if (!e.dropped)
         charge_read(e, value, now_ps);

@@ -83,9 +83,9 @@ class Execution(ctypes.Structure):
     until_ps, longest: it ends there at the latest [ps, instructions]. What is called has to keep up to date:
     next_event_ps; halted_until_ps; waiting: an interrupt is pending; stops: the next instruction may not run
     in this slice; dead: an error has to be raised; dropped: the access went down with a reset. interrupt:
-    number of the exception that ended the slice, or NO_INTERRUPT. trap: address of an instruction before which
-    on_limit is called, without the second processor; or NOWHERE. may_be_fast, may_be_quick: 0 to do without
-    the second processor, and without reading registers in C++; the results are the same.
+    number of the exception that ended the slice, or NO_INTERRUPT. trap: address of an instruction before
+    which on_limit is called, or NOWHERE; the second processor has none. may_be_fast, may_be_quick: 0 to do
+    without that one, and without reading registers in C++; the results are the same.
     """
 
     _fields_ = (

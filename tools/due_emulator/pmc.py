@@ -11,8 +11,8 @@ from tools.due_emulator.peripheral import Peripheral
 CRYSTAL_HZ = 12_000_000
 RC_HZ = (4_000_000, 8_000_000, 12_000_000)
 CRYSTAL_COUNT, PLLA_COUNT = 8, 0x3F
-"""Start-up times, in 8 periods of the slow clock and in single ones, that the vendor gives the board's crystal
-and the PLL (system_sam3xa.c); how soon they are ready in truth differs from board to board."""
+"""Start-up times that the vendor gives the board's crystal and the PLL (system_sam3xa.c), in 8 periods of the
+slow clock and in single ones; how soon they are ready in truth differs from board to board."""
 MCK_MAX_HZ = 84_000_000
 PLLA_OUTPUT_HZ = (96_000_000, 192_000_000)
 """Allowed range of the PLL's output (datasheet 45.5, read second hand)."""

@@ -32,6 +32,8 @@ PATIENCE_S = 300.0
 
 DUE_TESTS = ("tests/e2e/test_due.py", "tests/e2e/test_due_faults.py")
 """Of the emulated Due; all but those that build an image themselves, or are of the committed one."""
+EDGE_TESTS = ("tests/e2e/test_due_edges.py", "-o", "timeout=200")
+"""Of the same, slow: they look into the program."""
 OF_ITS_IMAGE = ("-m", "not slow", "-k", "not data_ready", "-o", "timeout=100")
 DOCTEST, NATIVE = "build/doctest", "build/native"
 # Neither sanitizers nor optimisation: a mutant is built in seconds. $(VECTORS) is make's.
@@ -72,6 +74,9 @@ def read_mutants() -> list[Mutant]:
     """All of them, in the order of the list."""
     tree = tomllib.loads(LIST.read_text(encoding="utf-8"))
     return msgspec.convert(tree["mutant"], list[Mutant])
+
+
+ASSERTED = "static assertion failed"
 
 
 class Invalid(Exception):
@@ -136,9 +141,17 @@ def on_the_emulator(root: Path) -> str | None:
     try:
         build(root, "timer", folder)
     except BuildError as error:
-        raise Invalid(str(error)) from error
+        return _asserted(str(error))
     image = {"FLTEA_DUE_IMAGE": str(folder / "fltea_due.bin")}
-    return _by_pytest([*DUE_TESTS, *OF_ITS_IMAGE], REPOSITORY, image)
+    found = _by_pytest([*DUE_TESTS, *OF_ITS_IMAGE], REPOSITORY, image)
+    return found or _by_pytest(EDGE_TESTS, REPOSITORY, image)
+
+
+def _asserted(output: str) -> str:
+    """The static assertion that kept a mutant from being built. Raises Invalid if it was something else."""
+    if ASSERTED not in output:
+        raise Invalid(output)
+    return _first(output, ASSERTED, "")
 
 
 def by_doctest(root: Path) -> str | None:
@@ -150,7 +163,7 @@ def by_doctest(root: Path) -> str | None:
     command = ["make", f"BUILD={Path(goal).parent}", DOCTEST_FLAGS, goal]
     code, output = run(command, here)
     if code:
-        raise Invalid(output)
+        return _asserted(output)
     code, output = run([str(program), "--abort-after=1", "--no-colors=true"], here)
     return _first(output, "TEST CASE:", f"exit code {code}") if code else None
 
@@ -162,7 +175,7 @@ def by_spectrum(root: Path) -> str | None:
     here = root / "tests/native"
     code, output = run(["make", f"BUILD={program.parent}", flags, str(program)], here)
     if code:
-        raise Invalid(output)
+        return _asserted(output)
     code, output = run([str(program), "--abort-after=1", "--no-colors=true"], here)
     return _first(output, "TEST CASE:", f"exit code {code}") if code else None
 
