@@ -30,7 +30,7 @@ constexpr float kCountsPerDps = static_cast<float>(fltea::kGyroLsbTenths) / 10.0
 // White noise and a slow state, in counts.
 class Counts {
   public:
-    explicit Counts(unsigned seed) : random_(seed), white_(0, 3), slow_(0, 0.5) {}
+    explicit Counts(unsigned seed, double slow = 0.5) : random_(seed), white_(0, 3), slow_(0, slow) {}
     int16_t operator()() {
         state_ += 0.02 * (0 - state_) + slow_(random_);
         return static_cast<int16_t>(std::floor(white_(random_) + state_ + 0.5));

@@ -16,10 +16,10 @@ struct Fitting {
     std::vector<Fit> fits;
     std::vector<Spectrum> spectra;
 
-    Fitting() {
+    explicit Fitting(double slow = 0.5) {
         fit->begin();
         for (unsigned i = 0; i < 3; ++i) {
-            noise.emplace_back(i + 1);
+            noise.emplace_back(i + 1, slow);
             alone.emplace_back(new Octaves);
             fit->start(i);
         }
@@ -358,4 +358,20 @@ TEST_CASE("noise fit: rounds go on at their pace when the count of samples wraps
     for (size_t i = 3; i < f.fits.size(); ++i)
         CHECK(f.fits[i].age - f.fits[i - 3].age == settings::kFitEvery);
     CHECK(f.fits.front().age > f.fits.back().age);
+}
+
+TEST_CASE("noise fit: white noise is rejected at 5 %, not later") {
+    Fitting f(0.15);
+    int between = 0;
+    for (int k = 0; k < 30000; ++k) {
+        f.add();
+        f.work();
+    }
+    for (const Fit& fit : f.fits) {
+        const float five = whittle::null_quantile(whittle::kFivePercent, fit.ordinates);
+        const float one = whittle::null_quantile(whittle::kOnePercent, fit.ordinates);
+        CHECK((fit.verdict == fltea::FitVerdict::white) == (fit.ratio_white < five));
+        between += five < fit.ratio_white && fit.ratio_white < one;
+    }
+    CHECK(between > 0);
 }

@@ -281,3 +281,14 @@ TEST_CASE("edges: one that came before the burst began made its values; one that
     CHECK(edged.sampler.poll(30001));
     CHECK(edged.sampler.due_us() == 30000);
 }
+
+TEST_CASE("sampler: instants are numbered on beyond what a SAMPLE's number holds") {
+    Sampler sampler{SamplingMode::timer};
+    sampler.begin(at(0));
+    sampler.sensor_runs(at(0));
+    for (uint32_t i = 0; i < 200000; ++i) {
+        REQUIRE(sampler.poll(at((i + 1) * kPeriod)));
+        REQUIRE(sampler.instant() == i);
+        REQUIRE(sampler.sequence() == static_cast<uint16_t>(i));
+    }
+}

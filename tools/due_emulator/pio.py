@@ -102,6 +102,10 @@ class Pio(Peripheral):
                 )
             self.registers["WPMR"] = value & WPEN
             return
+        if register in self._bits:
+            shown, sets = self._bits[register]
+            if not value & (~self.registers[shown] if sets else self.registers[shown]):
+                return  # as it is already
         changed = value
         if register == "ODSR":
             changed = self.registers["OWSR"]

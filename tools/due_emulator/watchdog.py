@@ -69,7 +69,9 @@ class Watchdog(Peripheral):
         if left_ps > window_ps:
             self._fail(WDERR)
         else:
-            self._feed()
+            self._fed_ps = self._clock_ps()
+            if not self._alarm.is_set:  # one that comes too early looks again
+                self._wait()
 
     def _feed(self) -> None:
         self._fed_ps = self._clock_ps()
