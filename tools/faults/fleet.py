@@ -75,7 +75,11 @@ def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
         f"{scene.newest()} of {SENSORS * AXES} axes have their newest fit",
         *wrong,
         (("the broker is back." in scene.fleet.stderr) != bool(outages), "its return"),
-        (replaced < 0 or (replaced > 0 and not outages), f"{found['fits']} of {scene.fits} fits"),
+        # Those of the first round were taken before, and nothing replaces any while the fleet is connected.
+        (
+            not 0 <= replaced <= (scene.fits - SENSORS if outages else 0),
+            f"{found['fits']} of {scene.fits} fits",
+        ),
         where={"taken": found["fits"], "replaced by a newer one meanwhile": replaced},
     )
 
