@@ -21,7 +21,7 @@ index=$(python3 -m pip config get global.index-url 2>/dev/null || true)
 
 hashes() { # NAME ARGUMENT…
     local list=tools/hashes/$1.txt
-    uv pip compile --quiet --universal --python-version 3.11.5 --generate-hashes --no-annotate --no-header \
+    uv pip compile --quiet --universal --python-version 3.11.2 --generate-hashes --no-annotate --no-header \
         -c constraints.txt "${@:2}" -o "$list.new" >/dev/null
     { printf '# Made by tools/hashes.sh from constraints.txt and pyproject.toml.\n'; cat "$list.new"; } >"$list"
     rm "$list.new"
