@@ -104,7 +104,7 @@ def setup(tmp_path: Path) -> list[str]:
 
 def test_setup_says_which_step_of_how_many_it_is_at(setup: list[str]) -> None:
     told = subprocess.run(setup, capture_output=True, text=True, check=True).stderr.splitlines()
-    assert [line.split()[1] for line in told] == ["1/2", "2/2", "ready"]
+    assert [line.split()[1] for line in told] == ["1/3", "2/3", "3/3", "ready"]
 
 
 def test_setup_shows_seconds_and_what_it_does_on_a_terminal(setup: list[str]) -> None:

@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 import pytest
-from fltea.identification.load import Counts
+from fltea.identification.counts import Counts
 from fltea.identification.traps import axis_traps, sensor_traps, timing_traps
 from fltea.records.arrays import Array
 from fltea.spectrum.lines import find_peaks

@@ -216,10 +216,6 @@ def test_a_file_that_is_no_image_is_refused(content: bytes, why: str, image: Pat
         flash.check_image(image)
 
 
-def test_an_image_that_cannot_be_read_is_told(image: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def denied(_: Path) -> bytes:
-        raise PermissionError(errno.EACCES, "denied")
-
-    monkeypatch.setattr(Path, "read_bytes", denied)
-    with pytest.raises(UsageError, match=r"cannot be read.*denied"):
+def test_an_image_that_cannot_be_read_is_told(image: Path) -> None:
+    with pytest.raises(UsageError, match=r"cannot be read.*No such file"):
         flash.check_image(image)

@@ -42,9 +42,9 @@ def test_the_url(rest: str, path: str, address: int) -> None:
 @pytest.mark.parametrize(
     ("rest", "reason"),
     [
-        ("", "no path"),
-        ("1", "no path"),
-        ("//dev/i2c-1", "no path"),
+        ("", "not the path of a bus"),
+        ("1", "not the path of a bus"),
+        ("//dev/i2c-1", "not the path of a bus"),
         ("///dev/i2c-1?adr=0x68", "no key 'adr'"),
         ("///dev/i2c-1?addr=0x70", "not '0x70'"),
         ("///dev/i2c-1?addr=", "not ''"),

@@ -56,8 +56,8 @@ def test_a_recording_in_parts_is_read_whole_with_and_without_an_accelerometer(
 
 @pytest.fixture
 def damaged(tmp_path: Path) -> Path:
-    """One of a recording's files, whose head has a wrong byte."""
-    record(tmp_path, transport(samples=400), rotate_s=1.0)
+    """One of a recording's files, whose head has a wrong byte; the others are long enough for a verdict."""
+    record(tmp_path, transport(samples=1200), rotate_s=1.0)
     file = parts(tmp_path)[1]
     file.write_bytes(file.read_bytes().replace(b"format", b"farmat", 1))
     return file

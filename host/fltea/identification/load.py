@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from fltea.archive.info import sessions
+from fltea.identification.counts import Counts
 from fltea.identification.gaps import Gaps, bridge, no_gaps
 from fltea.identification.traps import Trap, sensor_traps, source_trap, timing_traps
 from fltea.recording.bag_files import bags_in
@@ -59,29 +60,6 @@ class Request(msgspec.Struct, frozen=True):
         """What to call the recording: its file, or the session that its files are of."""
         first = self.paths[0]
         return str(first) if len(self.paths) == 1 else str(first.with_name(first.stem.rpartition("_")[0]))
-
-
-class Counts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the recording holds, and how much of it is used.
-
-    samples: all that arrived. used: those of the rate and scale that most of them have; the first is number
-    `used_from` of all. stretches: pieces between breaks, of all. bridged: lost samples between those used
-    that others stand for. lost, gaps, duplicates, before_hello: as in `stats`. late, retried, saturated:
-    samples used that the device flagged so.
-    """
-
-    samples: int
-    used: int
-    used_from: int
-    stretches: int
-    bridged: int
-    lost: int
-    gaps: int
-    duplicates: int
-    before_hello: int
-    late: int
-    retried: int
-    saturated: int
 
 
 class Series(NamedTuple):

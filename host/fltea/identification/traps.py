@@ -5,21 +5,19 @@ Each trap is looked for with a threshold that clean noise, white or coloured, ha
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fltea.identification.counts import Counts
 from fltea.identification.gaps import Gaps, no_gaps
 from fltea.identification.motion import Motion, told
 from fltea.identification.repeated import repeats
 from fltea.records.arrays import Array
 from fltea.records.kinds import ERROR_KINDS
 from fltea.spectrum.lines import Peak
-
-if TYPE_CHECKING:
-    from fltea.identification.load import Counts
 
 Severity = Literal["note", "warning", "bad"]
 
@@ -117,7 +115,7 @@ def source_trap(kind: str, text: str) -> Trap:
     return Trap(kind, "note", text, remedy)
 
 
-def timing_traps(c: "Counts", rate_hz: float, clock_ppm: float | None) -> Iterator[Trap]:
+def timing_traps(c: Counts, rate_hz: float, clock_ppm: float | None) -> Iterator[Trap]:
     """Look at what became of time; clock_ppm: the device's clock against the host's."""
     if c.lost or c.gaps or c.stretches > 1:
         share = c.lost / max(c.samples + c.lost, 1)

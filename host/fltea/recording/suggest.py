@@ -33,6 +33,9 @@ FEWEST = 3
 MOST_FILLED = 0.8
 
 
+NOBODY_MEASURES = 1e100
+"""A number as large is none; the squares of smaller ones are still numbers."""
+
 TRY = "Probably this reads it; check which columns are the gyroscope's: "
 
 
@@ -47,6 +50,7 @@ def options(names: Sequence[str] | None, values: Floats, how: How) -> str:
     """Return options for columns of numbers (rows, columns), NaN where is none; "" if they tell none."""
     if len(values) < FEWEST:
         return ""
+    values = np.where(np.abs(values) < NOBODY_MEASURES, values, math.nan)
     width = values.shape[1]
     labels = [str(place + 1) for place in range(width)]
     if names is not None and len(set(names)) == width and not any("," in name for name in names):
