@@ -14,11 +14,11 @@ from fltea.api._tables import columns, parquet
 from fltea.api.identified import Report
 from fltea.api.series import of_series
 from fltea.identification.axis import IdentifyOptions
+from fltea.identification.counts import Counts
 from fltea.identification.forecast import Goal
 from fltea.identification.load import (
     ACCEL_UNIT,
     GYRO_UNIT,
-    Counts,
     Loaded,
     Request,
     Unreadable,
