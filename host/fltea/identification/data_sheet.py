@@ -29,7 +29,6 @@ class DataSheet(NamedTuple):
 
 SHEETS = {
     "MPU-9250": DataSheet(0.01, "low-pass 92 Hz", "PS-MPU-9250A-01 rev. 1.0, 3.1"),
-    "MPU-6500": DataSheet(0.01, "low-pass 92 Hz", "PS-MPU-6500A-01 rev. 1.3, 3.1"),
     "MPU-6050": DataSheet(0.005, "at 10 Hz, range ±250 deg/s", "PS-MPU-6000A-00 rev. 3.4, 6.1"),
     "ICM-20948": DataSheet(0.015, "bandwidth 10 Hz, range ±250 deg/s", "DS-000189 rev. 1.3, 3.1"),
     "ICM-42688-P": DataSheet(0.0028, "at 10 Hz", "DS-000347 rev. 1.6, 3.1"),
@@ -37,7 +36,6 @@ SHEETS = {
     "BMI160": DataSheet(0.008, "at 10 Hz", "BST-BMI160-DS000 rev. 0.8, table 3"),
     "BMI270": DataSheet(0.007, "performance mode", "BST-BMI270-DS000 rev. 1.3, key features"),
     "BNO055": DataSheet(0.014, "bandwidth 47 Hz", "BST-BNO055-DS000 rev. 1.4, table 0-2"),
-    "LSM6DS3": DataSheet(0.007, "high-performance mode", "DocID026899 rev. 8, table 3"),
     "LSM6DS33": DataSheet(0.007, "high-performance mode", "DocID027423 rev. 4, table 3"),
     "LSM6DSO": DataSheet(0.0038, "high-performance mode", "DS12140 rev. 2, table 2"),
     "LSM6DSOX": DataSheet(0.0038, "high-performance mode", "DS12814 rev. 3, table 2"),
