@@ -58,9 +58,12 @@ def page_that_does_not_read(stage: Stage) -> Outcome:
     scene = Scene(stage, *PAGE)
     url, _ = _page_of(scene.program)
     pages: list[socket.socket] = []
-    stage.callback(lambda: [page.close() for page in pages])  # type: ignore[func-returns-value]
+
+    def open_pages() -> None:
+        pages.extend(stage.enter_context(open_page_and_read_nothing(url)) for _ in range(PAGES))
+
     with scene.fault() as board:
-        board.send_during(lambda: pages.extend(open_page_and_read_nothing(url) for _ in range(PAGES)))
+        board.send_during(open_pages)
         before_mb = _memory_mb(scene.program)
         board.send(300 if stage.short else 6000)
         growth_mb = _memory_mb(scene.program) - before_mb

@@ -64,6 +64,7 @@ class MqttSink(Sink):
         self._level = self._client_id = ""
         self._fit: bytes | None = None
         self._discovery: Message | None = None
+        self._offered: tuple[Hello, dict[str, str]] | None = None
         self._status: DeviceStatus | None = None
         self._seen: dict[str, int] = {}
         if shared is None:
@@ -228,12 +229,16 @@ class MqttSink(Sink):
 
     def _offer_discovery(self, stats: Stats) -> None:
         """Publish what Home Assistant finds the device by, once the axes are known, and when they change."""
-        if self._settings.discovery is None or self._hello is None or not stats.axes:
+        units = {axis: one.unit for axis, one in stats.axes.items()}
+        if self._settings.discovery is None or self._hello is None or not units:
             return
+        if self._discovery is not None and self._offered == (self._hello, units):
+            return
+        self._offered = self._hello, units
         found = discovery(f"{self._settings.prefix}/{self._level}", self._level, self._hello, stats.axes)
         topic = discovery_topic(self._settings.discovery, self._level)
         message = Message(topic, self._encode(found), retain=True)
-        if message != self._discovery:
+        if message != self._discovery:  # a HELLO has times of its own, too
             self._discovery = message
             self._delivery.state(message)
 
