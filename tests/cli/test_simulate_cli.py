@@ -7,31 +7,20 @@ import numpy as np
 import pytest
 from blocks import samples_of
 from fltea.identification.simulation_file import write_simulation
-from fltea.recording.csv_file import read_csv
-from fltea.recording.npz_file import read_npz
+from fltea.recording.csv_file import open_csv
+from fltea.recording.npz_file import open_npz
 from fltea.records.errors import FlteaError, UsageError
 from fltea.sources.replay import ReplaySource
+from fltea.sources.synthetic import NoiseSettings
 from host_support import QUICK, fltea_here, strict_records
 
-USUAL = {
-    "alpha": 0.3,
-    "alpha_end": 0.3,
-    "f": -1.5,
-    "Q": 0.15,
-    "R": 0.02,
-    "n": 200,
-    "rate_hz": 100.0,
-    "axes": 3,
-    "lsb_per_dps": None,
-    "range_dps": 2000.0,
-    "offset_dps": 0.0,
-    "window": 100,
-    "seed": 1,
-}
+USUAL = {"n": 200, "lsb_per_dps": 0.0, "window": 100, "alpha_end": 0.3, "axes": 3}
 
 
 def simulated(out: Path, **changes: object) -> Path:
-    write_simulation(out, **{**USUAL, **changes})
+    told = USUAL | changes
+    alpha_end, axes = told.pop("alpha_end"), told.pop("axes")
+    write_simulation(out, NoiseSettings(**told), alpha_end, axes)
     return out
 
 
@@ -48,8 +37,8 @@ def columns(path: Path) -> dict[str, list[float]]:
 def test_csv_and_npz_hold_the_same_samples(tmp_path: Path) -> None:
     text, packed = simulated(tmp_path / "a.csv"), simulated(tmp_path / "a.npz")
     assert gyro(text) == gyro(packed)  # to the last bit
-    assert read_csv(text).rate_hz == pytest.approx(read_npz(packed).rate_hz) == 100.0
-    assert read_npz(packed).lsb_per_dps is None
+    assert open_csv(text).whole().rate_hz == pytest.approx(open_npz(packed).whole().rate_hz) == 100.0
+    assert open_npz(packed).whole().lsb_per_dps is None
 
 
 def test_without_options_the_noise_is_the_usual_one(tmp_path: Path) -> None:
@@ -83,16 +72,18 @@ def test_same_seed_same_file(suffix: str, tmp_path: Path) -> None:
 
 def test_quantised_samples_are_counts(tmp_path: Path) -> None:
     options = {"lsb_per_dps": 16.4, "offset_dps": -3.3}
-    packed = read_npz(simulated(tmp_path / "a.npz", **options))
+    packed = open_npz(simulated(tmp_path / "a.npz", **options)).whole()
     assert packed.lsb_per_dps == 16.4
     assert (packed.gyro == np.round(packed.gyro)).all()
-    text = read_csv(simulated(tmp_path / "a.csv", **options))
+    text = open_csv(simulated(tmp_path / "a.csv", **options)).whole()
     assert text.gyro == pytest.approx(packed.gyro / 16.4, abs=1e-12)
     assert text.gyro.mean() == pytest.approx(-3.3, abs=0.2)
 
 
 def test_range_is_kept(tmp_path: Path) -> None:
-    found = read_npz(simulated(tmp_path / "a.npz", lsb_per_dps=131.0, range_dps=250.0, offset_dps=400.0))
+    found = open_npz(
+        simulated(tmp_path / "a.npz", lsb_per_dps=131.0, range_dps=250.0, offset_dps=400.0)
+    ).whole()
     assert set(found.gyro.ravel()) == {250 * 131}
 
 
@@ -127,7 +118,7 @@ BAD = [
     ({"R": -1.0}, "R is a variance"),
     ({"window": 0}, "window must be at least 1"),
     ({"seed": -1}, "non-negative"),
-    ({"lsb_per_dps": 0.0}, "lsb_per_dps must be > 0"),
+    ({"lsb_per_dps": -1.0}, "lsb_per_dps must be > 0"),
     ({"lsb_per_dps": 16.4, "range_dps": 0.0}, "full_scale_dps must be > 0"),
     ({"n": 10**15}, "allocate"),
 ]
@@ -170,3 +161,10 @@ def test_command_writes_what_run_reads(name: str, tmp_path: Path) -> None:
     assert last.samples.delivered == 300
     assert [*last.axes] == ["gyro_x", "gyro_y"]
     assert last.axes["gyro_x"].bias == pytest.approx(1.5, abs=0.2)
+
+
+@pytest.mark.parametrize("lsb", ["0", "nan"])
+def test_no_count_a_degree_is_an_error(lsb: str, tmp_path: Path) -> None:
+    result = fltea_here("simulate", tmp_path / "a.csv", "--lsb", lsb, "-n", "10")
+    assert (result.returncode, result.stdout) == (2, "")
+    assert "--lsb has to be above 0" in result.stderr

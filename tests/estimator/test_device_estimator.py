@@ -13,7 +13,7 @@ import pytest
 from device_probe import LSB_PER_DPS, STARTUP, VARIANTS, Device, host_baseline, host_engine
 from fltea.estimator.bank import Bank
 from fltea.estimator.engine import CAUSES, Estimates
-from fltea.recording.npz_file import read_npz
+from fltea.recording.npz_file import open_npz
 from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from fltea.wire.layout import EstimateFlags
@@ -221,7 +221,7 @@ def test_real_sensors(recordings: Path, name: str, variant: str, rescaled: bool)
     Worst of alpha: 8.3e-6 (joint) and 3.6e-6 (triple) as it was; 1.9e-5 and 6.0e-5 where the recording's
     counts are taken for the device's, at which the guard acts up to 2,562 times on an axis.
     """
-    recording = read_npz(recordings / f"{name}.npz")
+    recording = open_npz(recordings / f"{name}.npz").whole()
     scale = LSB_PER_DPS / recording.lsb_per_dps if rescaled else 1.0
     for axis in range(3):
         counts = np.rint(recording.gyro[:, axis] * scale).astype(np.int16)

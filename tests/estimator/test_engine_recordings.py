@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from engine_cases import GYROSCOPE, with_
 from fltea.estimator.engine import Engine
-from fltea.recording.npz_file import read_npz
+from fltea.recording.npz_file import open_npz
 from tiers import slow
 
 
@@ -21,7 +21,7 @@ from tiers import slow
 )
 def test_many_real_samples(recordings: Path, variant: str, guard: str, samples: int) -> None:
     """Two axes of the ten-minute recording one after the other, and no growth from each half to the next."""
-    recording = read_npz(recordings / "mpu6050_sunsided_10min.npz")
+    recording = open_npz(recordings / "mpu6050_sunsided_10min.npz").whole()
     rates = recording.gyro / recording.lsb_per_dps
     y = (rates - rates.mean(axis=0))[:, :2].T.reshape(-1, 1)[:samples]
     runs = [

@@ -17,7 +17,7 @@ import pytest
 from fltea.fleet import databases
 from fltea.fleet import history as histories
 from fltea.fleet.clock import Clock
-from fltea.fleet.databases import APPLICATION_ID, Postgres, Sqlite
+from fltea.fleet.databases import Postgres, Sqlite
 from fltea.fleet.figures import Figure
 from fltea.fleet.history import COLUMNS, TABLES, History
 from fltea.fleet.history_table import write
@@ -210,29 +210,6 @@ def test_files_that_are_no_history(tmp_path: Path) -> None:
         assert before == (path.read_bytes() if path.exists() else None)
 
 
-def test_a_history_of_version_1_gets_the_columns_that_it_lacks(tmp_path: Path) -> None:
-    path = tmp_path / "h.db"
-    earlier = [command.replace("bias REAL, bias_low REAL, bias_high REAL, ", "") for command in TABLES]
-    with contextlib.closing(sqlite3.connect(path)) as file:
-        for command in (*earlier, "PRAGMA user_version = 1", f"PRAGMA application_id = {APPLICATION_ID}"):
-            file.execute(command)
-        file.execute(
-            "INSERT INTO fit (unix_s, device_id, axis, verdict, samples) VALUES (1, 'a', 'x', 'white', 9)"
-        )
-        file.commit()
-    history = opened(path, 0.0)
-    shown = axis()
-    shown.shown["bias"] = Figure(0.5, 0.4, 0.6)
-    history.add(2.0, "a", {"x": shown})
-    write_out(history)
-    assert [(row["samples"], row["bias"], row["bias_high"]) for row in rows_of(history, "a")] == [
-        (9, None, None),
-        (100, 0.5, 0.6),
-    ]
-    history.close()
-    opened(path, 0.0).close()
-
-
 def test_export(tmp_path: Path) -> None:
     history = opened(tmp_path / "h.db", 0.0)
     for number in range(10):
@@ -344,11 +321,9 @@ def test_postgres_keeps_the_same_and_may_go_and_come_back(
         history.close()
         assert history.lost == 1
         with Postgres(server.url, TABLES)._connected() as made:
-            made.execute("ALTER TABLE fit DROP COLUMN bias, DROP COLUMN bias_low, DROP COLUMN bias_high")
-            made.execute("UPDATE fltea_fleet SET version = 1")
-        again = History(Postgres(server.url, TABLES), 0.0)
-        assert len(rows_of(again, "a")) == 7
-        again.close()
+            made.execute("UPDATE fltea_fleet SET version = 9")
+        with pytest.raises(UsageError, match="another version"):
+            Postgres(server.url, TABLES)
     finally:
         server.stop()
     with pytest.raises(UsageError, match="Does the server run"):

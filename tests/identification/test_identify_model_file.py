@@ -26,15 +26,17 @@ from fltea.noise.parts import (
     Walk,
     White,
 )
-from fltea.recording.csv_file import read_csv
-from fltea.recording.npz_file import read_npz
+from fltea.recording.csv_file import open_csv
+from fltea.recording.npz_file import open_npz
 from fltea.records.errors import FlteaError, UsageError
+from fltea.sources.synthetic import NoiseSettings
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.periodogram import binned, periodogram
 from host_support import QUICK, fltea, strict_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, ar, white
+from msgspec.structs import replace
 
 PARTS = {
     "white": (White(0.04),),
@@ -188,14 +190,14 @@ def test_a_model_has_the_spectrum_of_what_was_identified(name: str) -> None:
 def test_simulation_file(suffix: str, tmp_path: Path) -> None:
     write_json(tmp_path / "m.json", MODELS)
     out = tmp_path / f"a.{suffix}"
-    usual: dict[str, Any] = {"n": 500, "range_dps": 2000.0, "offset_dps": 1.5, "seed": 3}
-    write_model_simulation(out, tmp_path / "m.json", lsb_per_dps=None, **usual)
-    found = read_csv(out) if suffix == "csv" else read_npz(out)
+    usual = NoiseSettings(n=500, lsb_per_dps=0.0, offset_dps=1.5, seed=3)
+    write_model_simulation(out, tmp_path / "m.json", usual)
+    found = open_csv(out).whole() if suffix == "csv" else open_npz(out).whole()
     assert found.rate_hz == pytest.approx(100)
     expected = draw(MODELS.axes["gyro_y"], H, 500, np.random.default_rng((3, 1)))[0] + 1.5
     assert found.gyro[:, 1].tolist() == expected.tolist()
-    write_model_simulation(out, tmp_path / "m.json", lsb_per_dps=16.4, **usual)
-    found = read_csv(out) if suffix == "csv" else read_npz(out)
+    write_model_simulation(out, tmp_path / "m.json", replace(usual, lsb_per_dps=16.4))
+    found = open_csv(out).whole() if suffix == "csv" else open_npz(out).whole()
     counted = found.gyro if suffix == "npz" else found.gyro * 16.4
     assert counted[:, 1] == pytest.approx(np.rint(expected * 16.4), abs=1e-9)
 
@@ -210,14 +212,14 @@ def test_simulation_file(suffix: str, tmp_path: Path) -> None:
 )
 def test_simulation_that_cannot_be(name: str, changes: dict[str, Any], word: str, tmp_path: Path) -> None:
     write_json(tmp_path / "m.json", MODELS)
-    usual: dict[str, Any] = {"n": 10, "lsb_per_dps": None, "range_dps": 2000.0, "offset_dps": 0.0, "seed": 1}
+    usual = NoiseSettings(n=10, lsb_per_dps=0.0)
     with pytest.raises(UsageError, match=word):
-        write_model_simulation(tmp_path / name, tmp_path / "m.json", **usual | changes)
+        write_model_simulation(tmp_path / name, tmp_path / "m.json", replace(usual, **changes))
     accel = NoiseModels(100.0, H, "rest.npz", {}, {"accel_z": AxisModel(PARTS["white"])})
     write_json(tmp_path / "accel.json", accel)
     assert read_models(tmp_path / "accel.json") == accel
     with pytest.raises(UsageError, match="no gyroscope axis"):
-        write_model_simulation(tmp_path / "a.npz", tmp_path / "accel.json", **usual)
+        write_model_simulation(tmp_path / "a.npz", tmp_path / "accel.json", usual)
 
 
 def test_the_command_writes_what_run_reads(tmp_path: Path) -> None:

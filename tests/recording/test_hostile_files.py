@@ -10,11 +10,12 @@ import hostile_files
 import numpy as np
 import pytest
 from blocks import samples_of
-from fltea.recording.csv_file import read_csv
+from fltea.recording.csv_file import open_csv
 from fltea.recording.ndjson import read_ndjson
-from fltea.recording.npz_file import read_npz
+from fltea.recording.npz_file import open_npz
 from fltea.recording.recovery import recover
 from fltea.records.errors import UsageError
+from fltea.settings.how import How
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
 from host_support import fltea_here
@@ -133,8 +134,8 @@ def test_the_limit_of_arrays_can_be_raised(tmp_path: Path) -> None:
     with pytest.raises(
         UsageError, match=r"gyro_raw declares the shape \(1000, 3\): 0\.024 MB .* is 0\.02 MB"
     ):
-        read_npz(path, Limits(max_mb=0.02))
-    assert len(read_npz(path, Limits(max_mb=0.025)).gyro) == 1000
+        open_npz(path, Limits(max_mb=0.02)).whole()
+    assert len(open_npz(path, Limits(max_mb=0.025)).whole().gyro) == 1000
 
 
 def test_a_day_at_100_hz_passes_as_it_is() -> None:
@@ -147,8 +148,8 @@ def test_rows_of_csv_are_counted(tmp_path: Path) -> None:
     path = tmp_path / "rest.csv"
     path.write_text("gyro_x_dps\n" + "1\n" * 1000)
     with pytest.raises(UsageError, match=r"rest\.csv:127: .*--set replay\.max_mb=1$"):
-        read_csv(path, rate_hz=100.0, limits=Limits(max_mb=0.001))
-    assert len(read_csv(path, rate_hz=100.0, limits=Limits(max_mb=0.008)).gyro) == 1000
+        open_csv(path, How(rate_hz=100.0), Limits(max_mb=0.001)).whole()
+    assert len(open_csv(path, How(rate_hz=100.0), Limits(max_mb=0.008)).whole().gyro) == 1000
 
 
 HELLO = b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mode":"timer"}\n'

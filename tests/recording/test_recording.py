@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fltea.recording.files import parse_units
-from fltea.recording.npz_file import read_npz
+from fltea.recording.npz_file import open_npz
 from fltea.records.errors import UsageError
 from fltea.records.records import Estimate
 from fltea.settings.limits import Limits
@@ -63,7 +63,7 @@ def npz_file(tmp_path: Path, **changes: object) -> Path:
 def test_npz_of_counts(tmp_path: Path) -> None:
     times_s = [5.0, 5.1, 5.1, 5.2]
     path = npz_file(tmp_path, t_host_s=times_s, accel_raw=np.ones((4, 3)), temp_c=np.array("?"))
-    found = read_npz(path)
+    found = open_npz(path).whole()
     assert found.gyro.tolist() == GOOD["gyro_raw"].tolist()
     assert (found.rate_hz, found.lsb_per_dps) == (100.0, 16.4)
     assert found.device_s.tolist() == [0, 0.01, 0.02, 0.03]
@@ -74,7 +74,7 @@ def test_npz_of_counts(tmp_path: Path) -> None:
 def test_npz_of_rates_and_numbers_in_brackets(tmp_path: Path) -> None:
     """The scale of a file with deg/s would be of no use; numbers may come as arrays of one."""
     rates = {"gyro_dps": np.ones((2, 1)), "fs_hz": np.array([99.0])}
-    found = read_npz(npz_file(tmp_path, gyro_raw=None, lsb_per_dps=None, **rates))
+    found = open_npz(npz_file(tmp_path, gyro_raw=None, lsb_per_dps=None, **rates)).whole()
     assert (found.rate_hz, found.lsb_per_dps, found.gyro.shape) == (99.0, None, (2, 1))
 
 
@@ -122,7 +122,7 @@ BAD_NPZ = {
 @pytest.mark.parametrize("name", BAD_NPZ)
 def test_bad_npz(name: str, tmp_path: Path) -> None:
     changes, *words = BAD_NPZ[name]
-    reason = refused(npz_file(tmp_path, **changes), read_npz)
+    reason = refused(npz_file(tmp_path, **changes), open_npz)
     assert reason.startswith(":"), reason
     for word in words:
         assert word in reason
@@ -132,7 +132,7 @@ def test_what_is_not_needed_is_not_read(tmp_path: Path) -> None:
     """Neither for its size nor for what unpickling it could do."""
     beside = {"note": np.array({"a": 1}, dtype=object), "large": np.zeros(1 << 20)}
     path = npz_file(tmp_path, **beside)
-    assert read_npz(path, Limits(max_mb=0.001)).gyro.tolist() == GOOD["gyro_raw"].tolist()
+    assert open_npz(path, Limits(max_mb=0.001)).whole().gyro.tolist() == GOOD["gyro_raw"].tolist()
 
 
 @pytest.mark.parametrize("data", [b"", b"hello", b"\x93NUMPY", b"PK\x03\x04" + bytes(50), None])
@@ -140,7 +140,7 @@ def test_other_files_are_no_npz(data: bytes | None, tmp_path: Path) -> None:
     path = tmp_path / "rest.npz"
     with path.open("wb") as file:
         np.save(file, GOOD["gyro_raw"]) if data is None else file.write(data)
-    assert "cannot be read as .npz (it is no zip archive" in refused(path, read_npz)
+    assert "cannot be read as .npz (it is no zip archive" in refused(path, open_npz)
 
 
 def test_damaged_npz_is_told_as_such(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_damaged_npz_is_told_as_such(tmp_path: Path) -> None:
     for place in range(len(whole)):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
         try:
-            found = read_npz(path)
+            found = open_npz(path).whole()
         except UsageError:
             bad += 1
         else:
@@ -161,14 +161,14 @@ def test_damaged_npz_is_told_as_such(tmp_path: Path) -> None:
     assert bad > len(whole) / 2
     for end in range(0, len(whole) - 1, 17):
         path.write_bytes(whole[:end])
-        assert "cannot be read" in refused(path, read_npz)
+        assert "cannot be read" in refused(path, open_npz)
 
 
 def test_real_recordings(recordings: Path) -> None:
-    long = read_npz(recordings / "mpu6050_sunsided_10min.npz")
+    long = open_npz(recordings / "mpu6050_sunsided_10min.npz").whole()
     assert (long.gyro.shape, long.lsb_per_dps) == ((65067, 3), 131.0)
     assert long.rate_hz == pytest.approx(99.32, abs=0.01)
-    short = read_npz(recordings / "mpu6050_tomisuarez_100s.npz")
+    short = open_npz(recordings / "mpu6050_tomisuarez_100s.npz").whole()
     assert (short.gyro.shape, short.accel.shape, short.host_s) == ((9986, 3), (9986, 3), None)
     # standard deviations as published with the recordings, in deg/s
     assert (long.gyro / 131).std(axis=0) == pytest.approx([0.126, 0.091, 0.113], abs=6e-4)

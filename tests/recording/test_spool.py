@@ -5,7 +5,7 @@ import io
 import numpy as np
 import pytest
 from fltea.recording.files import AT_ONCE
-from fltea.recording.npz_file import open_npz, read_npz
+from fltea.recording.npz_file import open_npz
 from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from hypothesis import given
@@ -63,7 +63,7 @@ def test_npz_in_blocks_is_npz_as_a_whole(tmp_path, n, columns_first):
         *[AT_ONCE] * (n // AT_ONCE),
         *([n % AT_ONCE] if n % AT_ONCE else []),
     ]
-    whole = read_npz(path)
+    whole = open_npz(path).whole()
     assert stored.samples == n
     np.testing.assert_array_equal(whole.gyro, gyro)
     np.testing.assert_array_equal(whole.device_s, time_s)

@@ -10,11 +10,12 @@ from urllib.parse import parse_qsl
 
 import msgspec
 import numpy as np
-from fltea.recording.csv_file import read_csv
+from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Recording
-from fltea.recording.npz_file import read_npz
+from fltea.recording.npz_file import open_npz
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
+from fltea.settings.how import How
 from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise
 
 Vector = tuple[float, float, float]
@@ -163,5 +164,5 @@ def recorded_world(path: Path, rate_hz: float = 100.0, seed: int = 1) -> Replaye
     Raises:
         UsageError: not such a file.
     """
-    recording = read_npz(path) if path.suffix.lower() == ".npz" else read_csv(path, rate_hz=rate_hz)
-    return Replayed(recording, rate_hz, seed)
+    stored = open_npz(path) if path.suffix.lower() == ".npz" else open_csv(path, How(rate_hz=rate_hz))
+    return Replayed(stored.whole(), rate_hz, seed)

@@ -11,7 +11,7 @@ from fltea.identification.axis import IdentifyOptions, identified, look
 from fltea.identification.forecast import Goal
 from fltea.identification.load import Series
 from fltea.identification.run import forecasts
-from fltea.spectrum.fit_allan import fit_allan
+from fltea.spectrum.allan_curve import fit_allan
 from fltea.spectrum.live_axes import spectrum_of
 
 

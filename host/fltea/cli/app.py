@@ -208,39 +208,20 @@ def simulate(
         fltea simulate twin.npz --model sensor.json -n 60000
     """
     from fltea.identification.simulation_file import write_model_simulation, write_simulation
+    from fltea.sources.synthetic import NoiseSettings
 
+    if lsb is not None and not lsb > 0:
+        raise UsageError(f"simulate: --lsb has to be above 0, not {lsb:g}.")
+    settings = NoiseSettings(alpha, f, q, r, offset, rate, lsb or 0.0, full_scale, seed, window, n)
     if model is not None:
         sources = {name: context.get_parameter_source(name) for name in GIVEN_BY_MODEL}
         given = [name for name, source in sources.items() if source and source.name == "COMMANDLINE"]
         if given:
             flags = ", ".join("--" + name.replace("_", "-") for name in given)
             raise UsageError(f"--model says what the noise is, so leave out {flags}.")
-        write_model_simulation(
-            out,
-            model,
-            n=n,
-            lsb_per_dps=lsb,
-            range_dps=full_scale,
-            offset_dps=offset,
-            seed=seed,
-        )
-        return
-    write_simulation(
-        out,
-        alpha=alpha,
-        alpha_end=alpha if alpha_end is None else alpha_end,
-        f=f,
-        Q=q,
-        R=r,
-        n=n,
-        rate_hz=rate,
-        axes=axes,
-        lsb_per_dps=lsb,
-        range_dps=full_scale,
-        offset_dps=offset,
-        window=window,
-        seed=seed,
-    )
+        write_model_simulation(out, model, settings)
+    else:
+        write_simulation(out, settings, alpha if alpha_end is None else alpha_end, axes)
 
 
 COMMANDS = (

@@ -23,7 +23,7 @@ from fltea.cluster.rows import (
     trap_kinds,
 )
 from fltea.cluster.whole import Ask
-from fltea.identification.allan import Allan, with_level
+from fltea.identification.allan import with_level
 from fltea.identification.gaps import bridged
 from fltea.identification.load import Series, load
 from fltea.identification.sums import (
@@ -197,9 +197,7 @@ def _fitted(pieces: Sequence[AxisSums], h: float, ask: Ask) -> dict[str, object]
 def _allan_values(sums: Octaves, h: float, level: Level, unit: str) -> dict[str, float | None]:
     points = sums.allan(0)
     try:
-        curve = live_allan(points.factors, points.avar, points.terms, points.samples, h, unit)
+        found = live_allan(points.factors, points.avar, points.terms, points.samples, h, unit)
     except ValueError:
         return {}
-    tau, deviation, low, high, degrees = (tuple(one.tolist()) for one in curve[:5])
-    found = Allan(tau, deviation, low, high, degrees, curve.N, curve.B, curve.K)
     return coefficient_values(with_level(found, level))

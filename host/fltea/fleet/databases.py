@@ -15,9 +15,6 @@ from fltea.records.secret import refuse_secret
 from fltea.settings.extras import load
 
 SCHEMA_VERSION = 2
-FROM_1 = tuple(f"ALTER TABLE fit ADD COLUMN {name} REAL" for name in ("bias", "bias_low", "bias_high"))
-"""What a history of version 1 lacks."""
-
 APPLICATION_ID = 0x464C5445
 """Marks a file of SQLite as ours: "FLTE" (the pragma application_id)."""
 
@@ -57,11 +54,11 @@ class Sqlite:
             self.connection = sqlite3.connect(
                 path or ":memory:", isolation_level=None, check_same_thread=False, timeout=5.0
             )
-            version = self._check_owner()
+            self._check_owner()
             self.connection.execute("PRAGMA journal_mode = WAL")
             self.connection.execute("PRAGMA synchronous = NORMAL")
             self.connection.execute("BEGIN IMMEDIATE")
-            for command in (*tables, *(FROM_1 if version == 1 else ())):
+            for command in tables:
                 self.connection.execute(command)
             self.connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
             self.connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
@@ -72,8 +69,8 @@ class Sqlite:
                 "that may be written?"
             ) from error
 
-    def _check_owner(self) -> int:
-        """Return the version, 0 of a new file; a database of another program is refused untouched."""
+    def _check_owner(self) -> None:
+        """Refuse a database of another program, or of another version of this one, untouched."""
         version, owner = (
             self.connection.execute(f"PRAGMA {name}").fetchone()[0]
             for name in ("user_version", "application_id")
@@ -85,7 +82,6 @@ class Sqlite:
                 "A file that does not exist is made."
             )
         _check_version(self.name, version)
-        return int(version)
 
     def cause(self, error: Exception) -> tuple[str, str]:
         """Kind of a failure, and what the user may look for."""
@@ -159,11 +155,13 @@ class Postgres:
                 connection.execute("CREATE TABLE IF NOT EXISTS fltea_fleet (version INTEGER NOT NULL)")
                 found = connection.execute("SELECT version FROM fltea_fleet").fetchone()
                 _check_version(self.name, 0 if found is None else found[0])
-                for command in (*tables, *(FROM_1 if found == (1,) else ())):
+                for command in tables:
                     connection.execute(command.replace(" REAL", " DOUBLE PRECISION"))
-                if found != (SCHEMA_VERSION,):
-                    connection.execute("DELETE FROM fltea_fleet")
+                if found is None:
                     connection.execute("INSERT INTO fltea_fleet VALUES (%s)", (SCHEMA_VERSION,))
+        except UsageError:
+            self.close()
+            raise
         except self.failures as error:
             reason = str(error).partition("\n")[0]
             raise UsageError(
@@ -235,5 +233,5 @@ Database = Sqlite | Postgres
 
 
 def _check_version(name: str, version: int) -> None:
-    if not 0 <= version <= SCHEMA_VERSION:
+    if version not in (0, SCHEMA_VERSION):  # 0: a new one
         raise UsageError(f"{name}: is a history of another version of fltea ({version}). Give a new file.")

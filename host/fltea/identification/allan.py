@@ -8,15 +8,14 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
 from fltea.records.arrays import Array
 from fltea.records.fit import Level
-from fltea.spectrum.allan_coefficients import HOUR, Coefficient, coefficients
-from fltea.spectrum.allan_curve import checked, points
+from fltea.spectrum.allan_coefficients import HOUR, Coefficient
+from fltea.spectrum.allan_curve import Allan, checked, points
 from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overlap
 
 PER_DECADE = 10
@@ -26,22 +25,6 @@ LONGEST_SHARE = 0.25
 BLOCK = 1 << 13
 """Samples that are looked at at a time."""
 SQRT_HOUR = 60.0
-
-
-class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The curve, and its coefficients, in the unit of the samples (deg/s, m/s²)."""
-
-    tau_s: tuple[float, ...]
-    deviation: tuple[float, ...]
-    low: tuple[float, ...]
-    """95 % interval."""
-    high: tuple[float, ...]
-    degrees_of_freedom: tuple[float, ...]
-    N: Coefficient
-    """N in the unit per √s, which is the same as the unit over √Hz."""
-    B: Coefficient
-    K: Coefficient
-    """The unit per √s."""
 
 
 class Scale(NamedTuple):
@@ -85,8 +68,7 @@ def allan(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:
     found = points(
         factors, overlapping(stretches, factors), h, lambda power: _degrees(power, factors, lengths)
     )
-    tau, deviation, low, high, degrees, _ = (tuple(one.tolist()) for one in found)
-    return Allan(tau, deviation, low, high, degrees, *coefficients(found, h, unit))
+    return Allan.of(found, h, unit)
 
 
 def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.identification.allan import Allan, allan, with_level
+from fltea.identification.allan import allan, with_level
 from fltea.identification.axis import (
     AxisResult,
     IdentifyOptions,
@@ -39,6 +39,7 @@ from fltea.identification.workers import Workers
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
+from fltea.spectrum.allan_curve import Allan
 from fltea.spectrum.wording import duration, names
 
 USUAL_TASKS = 3

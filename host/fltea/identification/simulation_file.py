@@ -5,9 +5,10 @@ import csv
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
 from fltea.noise.simulation import FractionalNoise, quantise
@@ -15,70 +16,39 @@ from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.records.whole_file import text_of, whole_file
+from fltea.sources.synthetic import NoiseSettings
 
 
-class AsSensor(NamedTuple):
-    """What a sensor adds to its noise: an offset and, if it counts, counts within its range."""
+def write_simulation(out: Path, settings: NoiseSettings, alpha_end: float, axes: int) -> None:
+    """Write so many axes; the order goes from that of `settings` to `alpha_end` at the last sample.
 
-    lsb_per_dps: float | None
-    range_dps: float
-    offset_dps: float
-
-
-def write_simulation(
-    out: Path,
-    *,
-    alpha: float,
-    alpha_end: float,
-    f: float,
-    Q: float,
-    R: float,
-    n: int,
-    rate_hz: float,
-    axes: int,
-    lsb_per_dps: float | None,
-    range_dps: float,
-    offset_dps: float,
-    window: int,
-    seed: int,
-) -> None:
-    """Write `n` samples of `axes` axes; the model and its units are those of `fltea.noise.simulation`.
-
-    The file appears whole or not at all.
+    Samples are counts unless `settings.lsb_per_dps` is 0. The file appears whole or not at all.
 
     Raises:
         UsageError: impossible parameters, noise that runs away, or an ending that is neither .csv nor .npz.
         FlteaError: the file cannot be written.
     """
-    sensor = AsSensor(lsb_per_dps, range_dps, offset_dps)
-    _check(out, n, sensor)
-    if not 1 <= axes <= len(AXES) or rate_hz <= 0:
+    s = settings
+    _check(out, s)
+    if not 1 <= axes <= len(AXES) or s.rate_hz <= 0:
         raise UsageError("simulate needs --axes 1 to 3 and --rate > 0.")
-    for name, value in (("--alpha", alpha), ("--alpha-end", alpha_end)):
+    for name, value in (("--alpha", s.alpha), ("--alpha-end", alpha_end)):
         if not math.isfinite(value):
             raise UsageError(f"simulate: {name} has to be a finite number, not {value}.")
     with _impossible():
-        orders = np.linspace(alpha, alpha_end, n)
+        orders = np.linspace(s.alpha, alpha_end, s.n)
 
     def draw(axis: int) -> tuple[Array, Array]:
-        rng = np.random.default_rng((seed, axis))
-        return FractionalNoise(orders, f, Q, R, 1.0 / rate_hz, window, rng).samples(n)
+        rng = np.random.default_rng((s.seed, axis))
+        return FractionalNoise(orders, s.f, s.Q, s.R, 1.0 / s.rate_hz, s.window, rng).samples(s.n)
 
-    _simulate(out, draw, axes, orders, rate_hz, sensor)
+    _simulate(out, draw, axes, orders, s)
 
 
-def write_model_simulation(
-    out: Path,
-    model: Path,
-    *,
-    n: int,
-    lsb_per_dps: float | None,
-    range_dps: float,
-    offset_dps: float,
-    seed: int,
-) -> None:
-    """Write `n` samples of the axes that `fltea identify --export-model` wrote to the file `model`.
+def write_model_simulation(out: Path, model: Path, settings: NoiseSettings) -> None:
+    """Write `settings.n` samples of the axes that `fltea identify --export-model` wrote to the file `model`.
 
+    Of the settings only number, seed and what a sensor adds count; the rate and the noise are the model's.
     The true state beside the samples is all that is not white; the order is in the model's own file.
 
     Raises:
@@ -88,16 +58,16 @@ def write_model_simulation(
     from fltea.identification.model_file import read_models
     from fltea.identification.noise_model import draw
 
-    sensor = AsSensor(lsb_per_dps, range_dps, offset_dps)
-    _check(out, n, sensor)
+    _check(out, settings)
     models = read_models(model)
     if not models.axes:
         raise UsageError(f"{model}: has no gyroscope axis, and only these are simulated.")
 
     def drawn(axis: int) -> tuple[Array, Array]:
-        return draw(models.axes[AXES[axis]], models.h_s, n, np.random.default_rng((seed, axis)))
+        rng = np.random.default_rng((settings.seed, axis))
+        return draw(models.axes[AXES[axis]], models.h_s, settings.n, rng)
 
-    _simulate(out, drawn, len(models.axes), None, models.rate_hz, sensor)
+    _simulate(out, drawn, len(models.axes), None, replace(settings, rate_hz=models.rate_hz))
 
 
 @contextlib.contextmanager
@@ -110,13 +80,13 @@ def _impossible() -> Iterator[None]:
         raise UsageError(f"simulate: {error}.") from error
 
 
-def _check(out: Path, n: int, sensor: AsSensor) -> None:
+def _check(out: Path, settings: NoiseSettings) -> None:
     if out.suffix.lower() not in (".csv", ".npz"):
         raise UsageError(f"{out}: give a name that ends in .csv or .npz.")
-    if n < 1:
+    if settings.n < 1:
         raise UsageError("simulate needs --samples ≥ 1.")
-    if not math.isfinite(sensor.offset_dps):
-        raise UsageError(f"simulate: --offset has to be a finite number, not {sensor.offset_dps}.")
+    if not math.isfinite(settings.offset_dps):
+        raise UsageError(f"simulate: --offset has to be a finite number, not {settings.offset_dps}.")
 
 
 def _simulate(
@@ -124,27 +94,26 @@ def _simulate(
     draw: Callable[[int], tuple[Array, Array]],
     axes: int,
     orders: Array | None,
-    rate_hz: float,
-    sensor: AsSensor,
+    settings: NoiseSettings,
 ) -> None:
     """Draw samples and states of each axis, and write them with the order of each sample, if it is known."""
     with _impossible():
         y, x = (np.stack(one, axis=1) for one in zip(*map(draw, range(axes)), strict=True))
-        y, counts = y + sensor.offset_dps, None
-        if sensor.lsb_per_dps is not None:
-            counts = quantise(y, sensor.lsb_per_dps, sensor.range_dps)
-            y = counts / sensor.lsb_per_dps
+        y, counts = y + settings.offset_dps, None
+        if settings.lsb_per_dps:
+            counts = quantise(y, settings.lsb_per_dps, settings.range_dps)
+            y = counts / settings.lsb_per_dps
     with whole_file(out) as file:
         if out.suffix.lower() == ".csv":
-            _write_csv(file, y, x, orders, rate_hz)
+            _write_csv(file, y, x, orders, settings.rate_hz)
             return
-        data: dict[str, ArrayLike] = {"fs_hz": rate_hz, "true_state_dps": x}
+        data: dict[str, ArrayLike] = {"fs_hz": settings.rate_hz, "true_state_dps": x}
         if orders is not None:
             data["true_alpha"] = orders
         if counts is None:
             data["gyro_dps"] = y
         else:
-            data["gyro_raw"], data["lsb_per_dps"] = counts, float(sensor.lsb_per_dps or 0.0)
+            data["gyro_raw"], data["lsb_per_dps"] = counts, settings.lsb_per_dps
         np.savez_compressed(file, allow_pickle=False, **data)
 
 

@@ -36,7 +36,7 @@ def read_objects(messages: Sequence[bytes], encoding: str, kind: str, schema: by
 
     kind, schema: of the messages, by the channel.
     """
-    decode = decode_object_of_json if encoding == "json" else decoder_of(kind, schema)
+    decode = decode_object if encoding == "json" else decoder_of(kind, schema)
     rows, stamps, numbers = [], [], []
     for row, message in enumerate(messages):
         try:
@@ -57,11 +57,6 @@ def read_objects(messages: Sequence[bytes], encoding: str, kind: str, schema: by
     accel_ms2 = np.where(has_accel[:, np.newaxis], values[:, 3:6], 0.0)
     stamp_ns = np.array(stamps, np.int64)
     return Imu(np.array(rows, np.int64), stamp_ns, values[:, :3], accel_ms2, measured, has_accel)
-
-
-def decode_object_of_json(message: bytes) -> dict[str, Any]:
-    """Return the fields of an object by their paths."""
-    return decode_object(message.decode())
 
 
 @lru_cache(maxsize=8)
@@ -96,7 +91,7 @@ def decoder_of(kind: str, schema: bytes) -> Decoder:
             )
         except Exception as error:  # DecodeError has no base of its own
             raise ValueError(str(error)) from error
-        return decode_object(msgspec.json.encode(found).decode())
+        return decode_object(msgspec.json.encode(found))
 
     return decode
 

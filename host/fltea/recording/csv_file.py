@@ -6,7 +6,7 @@ from itertools import chain
 from pathlib import Path
 from typing import BinaryIO
 
-from fltea.recording.files import Note, Recording, Stored, parse_units
+from fltea.recording.files import Note, Stored, parse_units
 from fltea.recording.table import Rows, gather
 from fltea.recording.text_rows import UTF_16, TextReader
 from fltea.records.errors import Implausible, UsageError
@@ -16,18 +16,6 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 BLOCK_BYTES = 1 << 18
 HEAD_BYTES = 1 << 20
 """In which the columns have to be named, or the first row has to stand."""
-
-
-def read_csv(
-    path: Path,
-    columns: list[str] | None = None,
-    units: str | None = None,
-    rate_hz: float | None = None,
-    *,
-    limits: Limits = DEFAULT_LIMITS,
-) -> Recording:
-    """`open_csv`, all of it in memory."""
-    return open_csv(path, How(columns=columns, units=units, rate_hz=rate_hz), limits).whole()
 
 
 def open_csv(

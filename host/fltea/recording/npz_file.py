@@ -33,11 +33,6 @@ NPZ_ARRAYS = ("gyro_raw", "gyro_dps", "fs_hz", "lsb_per_dps", "accel_lsb_per_g",
 """What is read of a file, whatever else may be in it."""
 
 
-def read_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Recording:
-    """`open_npz`, all of it in memory."""
-    return open_npz(path, limits).whole()
-
-
 def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
     """Check `gyro_raw` with `lsb_per_dps`, or `gyro_dps`; `fs_hz`; and what else there may be.
 

@@ -29,7 +29,7 @@ DEEPEST = 4
 """Objects in objects."""
 
 
-def decode_object(line: str) -> dict[str, Any]:
+def decode_object(line: str | bytes) -> dict[str, Any]:
     """Read an object of JSON; of one in it the names are `gyro.x`, of three numbers in it `gyro_x` and so on.
 
     Raises:

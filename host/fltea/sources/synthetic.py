@@ -90,7 +90,10 @@ def parse_noise(query: str) -> NoiseSettings:
 
 
 class SyntheticSource:
-    """Gives simulated samples as events, at their own pace or as fast as they come."""
+    """Gives simulated samples as events, at their own pace or as fast as they come.
+
+    unix_offset_ns: 0 unless at their own pace, so that runs can be compared.
+    """
 
     live = False
 
@@ -99,12 +102,7 @@ class SyntheticSource:
         self._realtime = self.prompt = realtime
         self._name = f"synthetic:{query}"
         self._closed = False
-        self._offset_ns = clock.unix_offset_ns() if realtime else 0
-
-    @property
-    def unix_offset_ns(self) -> int:
-        """The difference to Unix time in ns; 0 unless at its own pace, so that runs can be compared."""
-        return self._offset_ns
+        self.unix_offset_ns = clock.unix_offset_ns() if realtime else 0
 
     def events(self) -> Iterator[Event]:
         """Yield HELLO and the samples."""

@@ -101,7 +101,7 @@ class PipeText:
 
 
 class SerialText:
-    """Reads lines from a serial port, and opens one that is lost again.
+    """Reads lines from a serial port, and opens one that is lost again. unix_offset_ns: as of the last event.
 
     Raises:
         UsageError: wrong settings, or no serial port.
@@ -113,19 +113,14 @@ class SerialText:
         url, baud = parse_serial(rest)
         self._events = TextEvents(f"serial-text:{rest}", how, fatal=True)
         self._reader = Reader(Port(url, baud))
-        self._unix_offset_ns = clock.unix_offset_ns()
-
-    @property
-    def unix_offset_ns(self) -> int:
-        """The difference from the monotonic clock to Unix time in ns, as of the last event."""
-        return self._unix_offset_ns
+        self.unix_offset_ns = clock.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
         """Yield samples until `close`; a thread of its own reads the port."""
         self._reader.start()
         for item in self._reader.events(TICK_S):
             if item is not None:
-                self._unix_offset_ns = item.unix_offset_ns
+                self.unix_offset_ns = item.unix_offset_ns
             yield from self.take(item)
 
     def take(self, item: TransportEvent | None) -> Iterator[Event]:

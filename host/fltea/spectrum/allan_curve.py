@@ -5,16 +5,19 @@ of noise that the local slope of the curve tells. What is read from it: `allan_c
 """
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fltea.noise.allan_deviation import model_adev
 from fltea.noise.distributions import chi2_quantile
 from fltea.records.arrays import Array
+from fltea.records.fit import FitAllan
 from fltea.spectrum.allan_coefficients import Coefficient, Points, coefficients
 from fltea.spectrum.allan_dof import degrees_of_freedom
+from fltea.spectrum.frontier import Sentence
 
 CONFIDENCE = 0.95
 SHORTEST_RECORD = 100
@@ -25,27 +28,31 @@ AROUND = 2.0
 """A local slope is fitted to the points within this factor of τ."""
 
 
-class AllanCurve(NamedTuple):
-    """Points of a curve in the unit of the samples, and what is read from it."""
+class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A curve, and what is read from it, in the unit of the samples (deg/s, m/s²)."""
 
-    tau_s: Array
-    adev: Array
-    low: Array
+    tau_s: tuple[float, ...]
+    deviation: tuple[float, ...]
+    low: tuple[float, ...]
     """95 % interval."""
-    high: Array
-    degrees_of_freedom: Array
-    factors: Array
-    """τ in samples."""
+    high: tuple[float, ...]
+    degrees_of_freedom: tuple[float, ...]
     N: Coefficient
-    """N, per √s."""
+    """N in the unit per √s, which is the same as the unit over √Hz."""
     B: Coefficient
     K: Coefficient
-    """K, per s and √s."""
+    """The unit per √s."""
+
+    @classmethod
+    def of(cls, found: Points, h: float, unit: str) -> "Allan":
+        """Return the curve of these points, which were sampled every h s."""
+        tau, deviation, low, high, degrees, _ = (tuple(one.tolist()) for one in found)
+        return cls(tau, deviation, low, high, degrees, *coefficients(found, h, unit))
 
 
 def live_allan(
     factors: ArrayLike, avar: ArrayLike, terms: ArrayLike, samples: float, h: float, unit: str = "deg/s"
-) -> AllanCurve:
+) -> Allan:
     """Return the curve of running sums, as far as a third of the record.
 
     factors, avar, terms (k,): averaging times in samples, rising; Allan variances in the square of `unit`;
@@ -63,8 +70,31 @@ def live_allan(
         raise ValueError("no stretch without a break is long enough for an Allan deviation")
     if not variance.all():
         raise ValueError("the axis is constant: there is no noise to analyse")
-    found = points(m, np.sqrt(variance), h, lambda power: degrees_of_freedom(power, m, n))
-    return AllanCurve(*found[:5], m, *coefficients(found, h, unit))
+    return Allan.of(points(m, np.sqrt(variance), h, lambda power: degrees_of_freedom(power, m, n)), h, unit)
+
+
+def fit_allan(
+    sums: tuple[Sequence[float] | Array, ...],
+    samples: float,
+    h: float,
+    unit: str,
+    noise: Sentence,
+    N: float | None,
+) -> FitAllan | None:
+    """Return the curve as the record `fit` has it, beside that of the fitted sentence `noise`.
+
+    None while there are too few samples or the axis is constant. sums: averaging times in samples, Allan
+    variances, terms, as of `live_allan`; of so many samples, with a sampling period of h s. N: of `noise`,
+    since the curve is bent by all else there is.
+    """
+    factors, avar, terms = sums
+    try:
+        found = live_allan(factors, avar, terms, samples, h, unit)
+    except ValueError:
+        return None
+    model = model_adev(lambda lam: noise.spectrum(lam, h), np.rint(np.array(found.tau_s) / h))
+    tau, deviation, low, high = map(list, (found.tau_s, found.deviation, found.low, found.high))
+    return FitAllan(tau, deviation, low, high, model.tolist(), N, found.B.value, found.K.value)
 
 
 def checked(samples: float, h: float) -> None:

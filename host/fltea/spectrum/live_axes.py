@@ -13,8 +13,8 @@ from fltea.noise.parts import Part
 from fltea.records.arrays import Array
 from fltea.records.fit import AxisFit, FitLowPass, FitSpectrum, Interval, Until
 from fltea.settings.live import LiveConfig
+from fltea.spectrum.allan_curve import fit_allan
 from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
-from fltea.spectrum.fit_allan import fit_allan
 from fltea.spectrum.frontier import Sentence
 from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.intervals import angle_walk

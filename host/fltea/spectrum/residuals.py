@@ -8,17 +8,13 @@ from fltea.records.arrays import Array
 from fltea.spectrum.periodogram import AT_ONCE
 
 
-def residual_ks(power: Array, spectrum: Array, weight: Array | None = None) -> float:
+def farthest(ratio: Array, weight: Array | None = None) -> float:
     """Return √m times the largest distance of the cumulative sum of I/S, scaled to 1, from a line.
 
     Of a right model the ratios are exponential and alike, and the sum is a Brownian bridge (Bartlett 1955).
-    weight: effective ordinates of each line, of which there are then m in all.
+    ratio: I/S, (m,), which is overwritten. weight: effective ordinates of each line, of which there are then
+    m in all.
     """
-    return farthest(np.asarray(power / spectrum), weight)
-
-
-def farthest(ratio: Array, weight: Array | None = None) -> float:
-    """Return `residual_ks` of I/S, (m,), which is overwritten."""
     if weight is not None:
         # A line of weight w adds w I/S, with the variance w: the bridge has W = sum of w in place of m.
         sums, line = np.cumsum(ratio * weight), weight.cumsum()

@@ -118,6 +118,7 @@ class I2cSource:
     """Reads the samples of one sensor; every failure is a `Trouble`, and reading goes on.
 
     rest: what stands behind `i2c:`. open_bus, host: other than this machine's, for tests.
+    unix_offset_ns: as of the last event.
     """
 
     live = prompt = True
@@ -143,17 +144,12 @@ class I2cSource:
         self._who_am_i = self._reported_relative = NO_SENSOR
         self._reported = OnceAMinute()
         self._tick_ns = self._status_ns = 0
-        self._unix_offset_ns = self._host.unix_offset_ns()
-
-    @property
-    def unix_offset_ns(self) -> int:
-        """The difference from the monotonic clock to Unix time in ns, as of the last event."""
-        return self._unix_offset_ns
+        self.unix_offset_ns = self._host.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
         """Yield what the sensor gives until `close`."""
         for event in self._events():
-            self._unix_offset_ns = self._host.unix_offset_ns()  # one for the recording and for the records
+            self.unix_offset_ns = self._host.unix_offset_ns()  # one for the recording and for the records
             yield event
 
     def _events(self) -> Iterator[Event]:

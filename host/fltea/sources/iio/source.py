@@ -75,7 +75,7 @@ def parse_url(rest: str) -> Place:
 class IioSource:
     """Reads the samples of one device; after every failure, a `Trouble`, the device is tried again.
 
-    rest: what stands behind `iio:`.
+    rest: what stands behind `iio:`. unix_offset_ns: as of the last event.
 
     Raises:
         UsageError: see `parse_url`.
@@ -92,12 +92,7 @@ class IioSource:
         self._closed = False
         self._reported = OnceAMinute()
         self._bytes = self._samples = self._openings = self._duplicates = self._unrated = 0
-        self._unix_offset_ns = clock.unix_offset_ns()
-
-    @property
-    def unix_offset_ns(self) -> int:
-        """The difference from the monotonic clock to Unix time in ns, as of the last event."""
-        return self._unix_offset_ns
+        self.unix_offset_ns = clock.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
         """Yield samples until `close`."""
@@ -106,7 +101,7 @@ class IioSource:
             before = self._samples
             try:
                 for event in self._use():
-                    self._unix_offset_ns = clock.unix_offset_ns()
+                    self.unix_offset_ns = clock.unix_offset_ns()
                     yield event
             except Unusable as unusable:
                 yield from self._report(unusable.kind, str(unusable))
