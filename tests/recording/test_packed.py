@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from blocks import samples_of
-from corpus_files import HERE, PLAIN, TEXTS, N
+from corpus_files import HERE, N, text
 from fltea.recording.apart import LIBRARIES
 from fltea.records.errors import UsageError
 from fltea.records.events import Trouble
@@ -37,9 +37,10 @@ def test_what_is_cut_off_is_read_as_far_as_it_goes(name: str, tmp_path: Path) ->
 
 
 def test_of_an_archive_the_file_of_the_gyroscope_is_read(tmp_path: Path) -> None:
-    path = archive(tmp_path / "a.zip", Accelerometer=b"time,x\n0,1\n", MyGyro=PLAIN, Metadata=b"a\n")
+    plain = text("plain.csv")
+    path = archive(tmp_path / "a.zip", Accelerometer=b"time,x\n0,1\n", MyGyro=plain, Metadata=b"a\n")
     assert len(samples_of(ReplaySource(path).events())) == N
-    path = archive(tmp_path / "b.zip", one=PLAIN, two=TEXTS["iso_dates.csv"])
+    path = archive(tmp_path / "b.zip", one=plain, two=text("iso_dates.csv"))
     with pytest.raises(
         UsageError, match=r"holds 2 files, .*\(one\.csv, two\.csv\).*: python3 -m zipfile -e (.*)"
     ) as caught:
