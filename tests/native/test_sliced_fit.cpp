@@ -101,24 +101,34 @@ int fit(const Any& bins, SlicedFit<Any>& sliced, FitMemory& memory) {
     return slices;
 }
 
+// An axis: its spectrum, and the fit of it, which begins at the last answer.
+struct Axis {
+    void fit_now() {
+        make_bins(octaves, bins);
+        slices = fit(bins, sliced, memory);
+    }
+
+    Octaves octaves;
+    Gathered bins;
+    SlicedFit<Gathered> sliced;
+    FitMemory memory;
+    int slices = 0;
+};
+
 }  // namespace
 
 TEST_CASE("sliced fit: answers are the host's of the same bins") {
     int whites = 0, fractionals = 0, relaxations = 0;
     for (int kind = 0; kind < 5; ++kind) {
         for (int n : {3000, 60000, 150000}) {
-            std::unique_ptr<Octaves> octaves(new Octaves);
+            std::unique_ptr<Axis> axis(new Axis);
             const int parts[] = {0, 1, 4, 6, 1};
             const double shares[] = {0, 0.6, 0.5, 1.2, 3.0};
             Counts next(parts[kind], shares[kind], 4.0, static_cast<unsigned long long>(kind + 1));
-            for (int k = 0; k < n; ++k) octaves->add(next());
-            std::unique_ptr<Gathered> bins(new Gathered);
-            make_bins(*octaves, *bins);
-            std::unique_ptr<SlicedFit<Gathered>> sliced(new SlicedFit<Gathered>);
-            FitMemory memory;
-            fit(*bins, *sliced, memory);
-            const FitFigures cold = memory.figures();
-            const sentence::Bins host = on_host(*bins);
+            for (int k = 0; k < n; ++k) axis->octaves.add(next());
+            axis->fit_now();
+            const FitFigures cold = axis->memory.figures();
+            const sentence::Bins host = on_host(axis->bins);
             const HostFit full = host_fit(host, sentence::kOrder, sentence::kHighestOrder);
             const HostFit up_to_one = host_fit(host, sentence::kOrder, 1);
             const HostFit relaxation = host_fit(host, sentence::kRelaxation, 1);
@@ -144,17 +154,16 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
                       0.1 * 1.96 * static_cast<double>(cold.alpha_std));
             }
             // The same again, from the last answers, at a fraction of the work.
-            const int evaluations = sliced->evaluations();
-            fit(*bins, *sliced, memory);
-            CHECK(sliced->evaluations() * 5 < evaluations);
-            CHECK(memory.figures().ratio_white >= cold.ratio_white - 0.02f);
-            CHECK(memory.figures().verdict == cold.verdict);
+            const int evaluations = axis->sliced.evaluations();
+            axis->fit_now();
+            CHECK(axis->sliced.evaluations() * 5 < evaluations);
+            CHECK(axis->memory.figures().ratio_white >= cold.ratio_white - 0.02f);
+            CHECK(axis->memory.figures().verdict == cold.verdict);
             if (n > 3000) continue;
             // Much more data: on the grid again.
-            for (int k = 0; k < 4 * n; ++k) octaves->add(next());
-            make_bins(*octaves, *bins);
-            fit(*bins, *sliced, memory);
-            CHECK(sliced->evaluations() * 2 > evaluations);
+            for (int k = 0; k < 4 * n; ++k) axis->octaves.add(next());
+            axis->fit_now();
+            CHECK(axis->sliced.evaluations() * 2 > evaluations);
         }
     }
     CHECK(whites == 3);
@@ -170,21 +179,17 @@ TEST_CASE("sliced fit: from the last answer it finds what a search of the whole 
             const int parts[] = {0, 4, 4, 1};
             const double shares[] = {0, 0.1, 0.5, 0.3};
             Counts next(parts[kind], shares[kind], 3.0, seed);
-            std::unique_ptr<Octaves> octaves(new Octaves);
-            std::unique_ptr<Gathered> bins(new Gathered);
-            std::unique_ptr<SlicedFit<Gathered>> sliced(new SlicedFit<Gathered>);
-            FitMemory memory;
+            std::unique_ptr<Axis> axis(new Axis);
             for (int k = 0; k < 16000; ++k) {
-                octaves->add(next());
+                axis->octaves.add(next());
                 if (k < 1000 || k % 300 != 0) continue;
-                make_bins(*octaves, *bins);
-                fit(*bins, *sliced, memory);
-                const FitFigures found = memory.figures();
+                axis->fit_now();
+                const FitFigures found = axis->memory.figures();
                 // What each model holds is in the next one.
                 CHECK((found.verdict == Verdict::white || found.ratio_ar1 > -0.01f));
                 if (k % 1500 != 0 || k < 6000) continue;
                 FitMemory fresh;
-                fit(*bins, *sliced, fresh);
+                fit(axis->bins, axis->sliced, fresh);
                 const FitFigures cold = fresh.figures();
                 ++compared;
                 worse += found.ratio_white < cold.ratio_white - 0.3f;
@@ -208,18 +213,15 @@ TEST_CASE("sliced fit: the interval is that of double, however small the share o
             for (int n : {6000, 60000}) {
                 for (unsigned long long seed = 1; seed <= 6; ++seed) {
                     Noise random(seed);
-                    std::unique_ptr<Octaves> octaves(new Octaves);
+                    std::unique_ptr<Axis> axis(new Axis);
                     double x = 0;
                     for (int k = 0; k < n; ++k) {
                         x = phi * x + 3 * deviation * std::sqrt(1 - phi * phi) * random();
-                        octaves->add(static_cast<std::int16_t>(std::floor(x + 3 * random() + 0.5)));
+                        axis->octaves.add(static_cast<std::int16_t>(std::floor(x + 3 * random() + 0.5)));
                     }
-                    std::unique_ptr<Gathered> bins(new Gathered);
-                    make_bins(*octaves, *bins);
-                    std::unique_ptr<SlicedFit<Gathered>> sliced(new SlicedFit<Gathered>);
-                    FitMemory memory;
-                    fit(*bins, *sliced, memory);
-                    const FitFigures& found = memory.figures();
+                    axis->fit_now();
+                    const Gathered& bins = axis->bins;
+                    const FitFigures& found = axis->memory.figures();
                     CAPTURE(phi);
                     CAPTURE(deviation);
                     CAPTURE(n);
@@ -228,19 +230,19 @@ TEST_CASE("sliced fit: the interval is that of double, however small the share o
                     CHECK((found.alpha_std > 0 || !found.alpha_defined));
                     if (!found.alpha_defined) continue;
                     ++defined;
-                    small += found.R < 0.05f * bins->mean_power();
+                    small += found.R < 0.05f * bins.mean_power();
                     // It is that of the curvature, or as far as the likelihood in double reaches.
-                    const double curvature = order_std_in_double(*bins, found);
+                    const double curvature = order_std_in_double(bins, found);
                     const double half = 1.96 * static_cast<double>(found.alpha_std);
                     const double alpha = static_cast<double>(found.alpha);
                     CHECK(half > 0.98 * 1.96 * curvature);
-                    const double low = below_best(*bins, std::max(0.0, alpha - 1.1 * half));
-                    const double high = below_best(*bins, std::min(1.99, alpha + 1.1 * half));
+                    const double low = below_best(bins, std::max(0.0, alpha - 1.1 * half));
+                    const double high = below_best(bins, std::min(1.99, alpha + 1.1 * half));
                     too_short += (alpha > 1.1 * half && low < 3.84) || high < 3.84;
                     if (half < 1.02 * 1.96 * curvature) continue;
                     ++wider;
-                    const double inside = std::min(below_best(*bins, std::max(0.0, alpha - 0.9 * half)),
-                                                   below_best(*bins, std::min(1.99, alpha + 0.9 * half)));
+                    const double inside = std::min(below_best(bins, std::max(0.0, alpha - 0.9 * half)),
+                                                   below_best(bins, std::min(1.99, alpha + 0.9 * half)));
                     too_long += inside > 3.84;
                 }
             }
@@ -255,15 +257,11 @@ TEST_CASE("sliced fit: the interval is that of double, however small the share o
 
 TEST_CASE("sliced fit: R of white noise is its variance") {
     for (unsigned long long seed = 1; seed <= 40; ++seed) {
-        std::unique_ptr<Octaves> octaves(new Octaves);
+        std::unique_ptr<Axis> axis(new Axis);
         Counts next(0, 0, 3.0, seed);
-        for (int k = 0; k < 6000; ++k) octaves->add(next());
-        std::unique_ptr<Gathered> bins(new Gathered);
-        make_bins(*octaves, *bins);
-        std::unique_ptr<SlicedFit<Gathered>> sliced(new SlicedFit<Gathered>);
-        FitMemory memory;
-        fit(*bins, *sliced, memory);
-        const FitFigures& found = memory.figures();
+        for (int k = 0; k < 6000; ++k) axis->octaves.add(next());
+        axis->fit_now();
+        const FitFigures& found = axis->memory.figures();
         if (found.verdict != Verdict::white) continue;
         CHECK(static_cast<double>(found.R) == doctest::Approx(9 + 1.0 / 12).epsilon(0.08));
         CHECK(found.alpha == 0);
@@ -276,33 +274,29 @@ TEST_CASE("sliced fit: R of white noise is its variance") {
 
 TEST_CASE("sliced fit: without ordinates, or without power in them, there is no fit") {
     for (bool constant : {false, true}) {
-        std::unique_ptr<Octaves> octaves(new Octaves);
+        std::unique_ptr<Axis> axis(new Axis);
         Counts next(0, 0, 3.0, 1);
         for (int k = 0; k < 20000; ++k) {
             // So many gaps that no stretch is long enough.
-            if (!constant && k % 50 == 0) octaves->skip(90);
-            octaves->add(constant ? std::int16_t(-32768) : next());
+            if (!constant && k % 50 == 0) axis->octaves.skip(90);
+            axis->octaves.add(constant ? std::int16_t(-32768) : next());
         }
-        std::unique_ptr<Gathered> bins(new Gathered);
-        make_bins(*octaves, *bins);
-        std::unique_ptr<SlicedFit<Gathered>> sliced(new SlicedFit<Gathered>);
-        FitMemory memory;
-        CHECK(fit(*bins, *sliced, memory) == 0);
-        CHECK(sliced->evaluations() == 0);
-        CHECK_FALSE(sliced->searched());
-        const FitFigures& found = memory.figures();
+        axis->fit_now();
+        CHECK(axis->slices == 0);
+        CHECK(axis->sliced.evaluations() == 0);
+        CHECK_FALSE(axis->sliced.searched());
+        const FitFigures& found = axis->memory.figures();
         CHECK(found.verdict == Verdict::none);
         for (float one : {found.alpha, found.alpha_std, found.g, found.s2, found.R, found.ratio_white,
                           found.ratio_ar1, found.ordinates}) {
             CHECK(one == 0);
         }
-        // As soon as there is something, it is fitted.
-        octaves->skip(1000);
-        for (int k = 0; k < 2000; ++k) octaves->add(next());
-        make_bins(*octaves, *bins);
-        fit(*bins, *sliced, memory);
-        CHECK(memory.figures().verdict != Verdict::none);
-        CHECK(sliced->searched());
+        // As soon as there is something, it is axis->
+        axis->octaves.skip(1000);
+        for (int k = 0; k < 2000; ++k) axis->octaves.add(next());
+        axis->fit_now();
+        CHECK(found.verdict != Verdict::none);
+        CHECK(axis->sliced.searched());
     }
 }
 
@@ -373,17 +367,12 @@ TEST_CASE("sliced fit: the verdict is by 5 % of the null test and by 6 above a r
     for (const Trial& trial : {Trial{0, 0.0}, Trial{1, 0.12}, Trial{4, 0.25}, Trial{5, 0.2}}) {
         for (unsigned long long seed = 1; seed <= 3; ++seed) {
             Counts counts(trial.parts, trial.share, 20.0, seed);
-            const std::unique_ptr<Octaves> octaves(new Octaves);
-            FitMemory memory(0);
-            Gathered bins;
+            const std::unique_ptr<Axis> axis(new Axis);
+            axis->memory = FitMemory(0);
             for (int round = 0; round < 20; ++round) {
-                for (int k = 0; k < 600; ++k) octaves->add(counts());
-                make_bins(*octaves, bins);
-                SlicedFit<Gathered> fit;
-                fit.begin(bins, kFivePercent, memory);
-                while (!fit.work(bins)) {
-                }
-                const FitFigures f = memory.figures();
+                for (int k = 0; k < 600; ++k) axis->octaves.add(counts());
+                axis->fit_now();
+                const FitFigures f = axis->memory.figures();
                 const double x = std::log10(static_cast<double>(f.ordinates));
                 const double white =
                     static_cast<double>(f.ratio_white) - (3.7125 + 1.0516 * x - 0.0805 * x * x);
