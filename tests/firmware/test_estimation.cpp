@@ -56,6 +56,11 @@ struct Device {
             work();
         }
     }
+    // Keeps what is made from here on alone.
+    void run_anew(uint32_t from, uint32_t to) {
+        made.clear();
+        run(from, to);
+    }
     fltea::Estimator report() const {
         fltea::Estimator message;
         estimation.report(message);
@@ -175,9 +180,7 @@ TEST_CASE(
         const uint32_t lost = kStartup + 30, back = lost + gap, end = back + kStartup + 30;
         device.run(0, lost);
         const size_t before = device.made.size();
-        device.add(back);
-        device.work();
-        device.run(back + 1, end);
+        device.run(back, end);
         const bool bridged = gap <= kMaxGap;
         CHECK(device.report().begun == (bridged ? 1 : 2));
         const uint32_t first = bridged ? 0 : back;
@@ -232,8 +235,7 @@ TEST_CASE(
     }
     // A new start makes good again; the count goes on.
     device.estimation.begin();
-    device.made.clear();
-    device.run(taken + 100, taken + 100 + kStartup + kEvery);
+    device.run_anew(taken + 100, taken + 100 + kStartup + kEvery);
     REQUIRE(device.made.size() == 3);
     CHECK(int(device.made[0].flags) == int(flags::valid));
     CHECK(device.report().skipped == skipped);
@@ -266,9 +268,8 @@ TEST_CASE("estimation: begin() leaves nothing of what was under way") {
         CHECK(device.report().begun == 2);
         CHECK(device.report().bias_z == 0);
         CHECK(device.report().r_z == 0);
-        device.made.clear();
         const uint32_t first = 7000;
-        device.run(first, first + kStartup + 1);
+        device.run_anew(first, first + kStartup + 1);
         REQUIRE(device.made.size() == 3);
         for (size_t axis = 0; axis < 3; ++axis) {
             CHECK(static_cast<size_t>(device.made[axis].axis) == axis);
@@ -323,36 +324,39 @@ TEST_CASE("estimation: ESTIMATOR says what it works with") {
     CHECK(report.gate == settings::kGate);
 }
 
+using Verdict = fltea::FitVerdict;
+
+static fltea::Fit fit_of_y(Verdict verdict, float s2, float r,
+                           uint8_t which = fltea::fit_flags::alpha_defined) {
+    fltea::Fit fit = {};
+    fit.axis = fltea::Axis::gyro_y;
+    fit.verdict = verdict;
+    fit.flags = which;
+    fit.s2 = s2;
+    fit.r = r;
+    return fit;
+}
+
 TEST_CASE("estimation: a fit that rejects white noise tunes the filters of its axis, and of no other") {
     Device device;
     device.run(0, kStartup + 40);
-    fltea::Fit fit = {};
-    fit.axis = fltea::Axis::gyro_y;
-    fit.verdict = fltea::FitVerdict::white;
-    fit.flags = fltea::fit_flags::alpha_defined;
-    fit.s2 = 0.002f;
-    fit.r = 0.07f;
-    CHECK(!device.estimation.retune(fit));
-    fit.verdict = fltea::FitVerdict::fractional;
-    fit.flags = 0;
-    CHECK(!device.estimation.retune(fit));
-    fit.flags = fltea::fit_flags::alpha_defined;
+    CHECK(!device.estimation.retune(fit_of_y(Verdict::white, 0.002f, 0.07f)));
+    CHECK(!device.estimation.retune(fit_of_y(Verdict::fractional, 0.002f, 0.07f, 0)));
+    const fltea::Fit fit = fit_of_y(Verdict::fractional, 0.002f, 0.07f);
     Alone untuned(1, 0), tuned(1, 0);
-    const auto everything = [](uint32_t) { return true; };
-    untuned.after(kStartup + 39, everything);
-    tuned.after(kStartup + 39, everything);
+    untuned.after(kStartup + 39, always);
+    tuned.after(kStartup + 39, always);
     CHECK(device.estimation.retune(fit));
     tuned.estimator.retune(fit.s2, fit.r);
-    device.made.clear();
-    device.run(kStartup + 40, kStartup + 200);
+    device.run_anew(kStartup + 40, kStartup + 200);
     size_t compared = 0;
     for (const Estimate& made : device.made) {
         CHECK(((made.flags & flags::tuned) != 0) == (made.axis == fltea::Axis::gyro_y));
         if (made.axis != fltea::Axis::gyro_y) continue;
-        const Estimate expected = tuned.after(made.sample, everything);
+        const Estimate expected = tuned.after(made.sample, always);
         CHECK(made.alpha == expected.alpha);
         CHECK(made.f == expected.f);
-        CHECK(made.alpha != untuned.after(made.sample, everything).alpha);
+        CHECK(made.alpha != untuned.after(made.sample, always).alpha);
         ++compared;
     }
     CHECK(compared > 10);
@@ -360,8 +364,7 @@ TEST_CASE("estimation: a fit that rejects white noise tunes the filters of its a
     CHECK(device.report().r_x != fit.r);
     // Not after the sensor was set up again.
     device.estimation.begin();
-    device.made.clear();
-    device.run(1000, 1000 + kStartup + 20);
+    device.run_anew(1000, 1000 + kStartup + 20);
     REQUIRE(!device.made.empty());
     for (const Estimate& made : device.made) CHECK((made.flags & flags::tuned) == 0);
 }
@@ -369,17 +372,9 @@ TEST_CASE("estimation: a fit that rejects white noise tunes the filters of its a
 TEST_CASE("estimation: variances that none can be tune nothing") {
     Device device;
     device.run(0, kStartup + 10);
-    fltea::Fit fit = {};
-    fit.verdict = fltea::FitVerdict::relaxation;
-    fit.flags = fltea::fit_flags::alpha_defined;
-    fit.s2 = 0;
-    fit.r = 1;
-    device.estimation.retune(fit);
-    fit.s2 = 1;
-    fit.r = NAN;
-    device.estimation.retune(fit);
-    device.made.clear();
-    device.run(kStartup + 10, kStartup + 30);
+    device.estimation.retune(fit_of_y(Verdict::relaxation, 0, 1));
+    device.estimation.retune(fit_of_y(Verdict::relaxation, 1, NAN));
+    device.run_anew(kStartup + 10, kStartup + 30);
     for (const Estimate& made : device.made) CHECK((made.flags & flags::tuned) == 0);
 }
 
