@@ -16,7 +16,7 @@ from unicorn import arm_const
 
 from tools.due_emulator import memory_map, system_control
 from tools.due_emulator.bus import PERIPHERALS_BASE, PERIPHERALS_BYTES, Bus
-from tools.due_emulator.execution import LATEST_PS, NO_INTERRUPT, NOWHERE, Execution
+from tools.due_emulator.execution import LATEST_PS, NO_INTERRUPT, NOWHERE, REASONS, Execution
 from tools.due_emulator.machine import Machine
 from tools.due_emulator.memory_map import Memory
 from tools.due_emulator.nvic import FIRST_IRQ, Nvic
@@ -43,20 +43,10 @@ XPSR_T, XPSR_ALIGNED = 1 << 24, 1 << 9
 STACKED = tuple(
     getattr(arm_const, f"UC_ARM_REG_{name}") for name in ("R0", "R1", "R2", "R3", "R12", "LR", "PC", "XPSR")
 )
-PC, SP, LR, IPSR = (getattr(arm_const, f"UC_ARM_REG_{name}") for name in ("PC", "SP", "LR", "IPSR"))
+PC, SP, LR = (getattr(arm_const, f"UC_ARM_REG_{name}") for name in ("PC", "SP", "LR"))
 PRIMASK, BASEPRI, CONTROL = (
     getattr(arm_const, f"UC_ARM_REG_{name}") for name in ("PRIMASK", "BASEPRI", "CONTROL")
 )
-REASONS = {
-    unicorn.UC_ERR_INSN_INVALID: "undefined instruction",
-    unicorn.UC_ERR_READ_UNMAPPED: "read of an address where nothing is",
-    unicorn.UC_ERR_WRITE_UNMAPPED: "write to an address where nothing is",
-    unicorn.UC_ERR_FETCH_UNMAPPED: "jump to an address where nothing is",
-    unicorn.UC_ERR_WRITE_PROT: "write to flash",
-    unicorn.UC_ERR_FETCH_PROT: "jump to an address that holds no code (a null pointer?)",
-    unicorn.UC_ERR_READ_UNALIGNED: "unaligned read",
-    unicorn.UC_ERR_WRITE_UNALIGNED: "unaligned write",
-}
 
 
 class Cpu:

@@ -44,6 +44,18 @@ turn to turn, although nothing that it has read did."""
 REGISTERS = 13
 """r0 to r12: what a loop may count in."""
 
+REASONS = {
+    unicorn.UC_ERR_INSN_INVALID: "undefined instruction",
+    unicorn.UC_ERR_READ_UNMAPPED: "read of an address where nothing is",
+    unicorn.UC_ERR_WRITE_UNMAPPED: "write to an address where nothing is",
+    unicorn.UC_ERR_FETCH_UNMAPPED: "jump to an address where nothing is",
+    unicorn.UC_ERR_WRITE_PROT: "write to flash",
+    unicorn.UC_ERR_FETCH_PROT: "jump to an address that holds no code (a null pointer?)",
+    unicorn.UC_ERR_READ_UNALIGNED: "unaligned read",
+    unicorn.UC_ERR_WRITE_UNALIGNED: "unaligned write",
+}
+"""What Unicorn's errors mean for a program."""
+
 ON_READ = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
 ON_WRITE = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
 ON_EVENTS = ctypes.CFUNCTYPE(None, ctypes.c_uint64)
