@@ -254,6 +254,32 @@ def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
     assert "never retrieved" not in caplog.text
 
 
+def test_a_server_killed_before_it_read_all_is_a_lost_connection_and_no_traceback(
+    serving: tuple[Server, Worker], caplog: pytest.LogCaptureFixture
+) -> None:
+    """What the library had still to send may fail in a task of its own, which nobody waits for."""
+
+    async def fail() -> None:
+        raise ConnectionResetError(104, "Connection reset by peer")
+
+    one, worker = serving
+    one.pause()
+    for k in range(60):
+        worker.frames.partitions.keep(k % PARTITIONS, f"d{k}", bytes(800_000))
+    loop = worker.frames.partitions._loop
+    assert loop is not None
+    loop.call_soon_threadsafe(lambda: loop.create_task(fail()))
+    asyncio.run_coroutine_threadsafe(asyncio.sleep(0.1), loop).result()  # all are on their way
+    one.kill()
+    wait_until(lambda: bool(worker.told), "word of it")
+    assert [kind for kind, _ in worker.told] == ["nats_lost"]
+    assert "the connection was lost. It is tried again." in worker.texts("nats_lost")
+    one.start()
+    wait_until(worker.serves_all, "all partitions again")
+    gc.collect()
+    assert "Traceback" not in caplog.text
+
+
 def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
     serving: tuple[Server, Worker],
 ) -> None:

@@ -12,9 +12,10 @@ import secrets
 import ssl
 import threading
 import time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from nats.aio.client import Client
+from nats.errors import Error as NatsError
 
 from fltea.records.errors import UsageError
 from fltea.records.ports import Report
@@ -23,7 +24,7 @@ from fltea.service.ingest.inbox import Inbox
 from fltea.service.ingest.leases import LEASE_S, RENEW_S
 from fltea.service.ingest.nats_reports import PASSWORD, USER, Reports
 from fltea.service.ingest.partitions import Partitions
-from fltea.service.ingest.store import Store
+from fltea.service.ingest.store import Store, Unfit
 from fltea.settings.config import Config
 
 LOOK_S = 0.5
@@ -81,6 +82,7 @@ class NatsFrames:
             self._stop.wait(AGAIN_S)
 
     async def _serve(self) -> None:
+        asyncio.get_running_loop().set_exception_handler(_on_library_error)
         self._reports.begin()
         client = Client()
         try:
@@ -91,37 +93,61 @@ class NatsFrames:
                 password=self._login.password,
                 tls=self._login.tls,
                 connect_timeout=5,
+                flush_timeout=LEASE_S,
                 allow_reconnect=False,
                 max_reconnect_attempts=1,  # at the first connection too, where the library tries 60 times
                 error_cb=_ignore,
             )
             self._reports.on_server()
-            # A busy server is not away: leases know by themselves when nothing may be walked.
-            store = Store(self._settings, client.jetstream(timeout=LEASE_S))
-            await store.prepare()
-            self._reports.differences(store.differs)
-            self.partitions.begin(store)
-            await self.partitions.renew()  # a server whose store is full fails here, and is not back
-            renewed_s, probed_s = time.monotonic(), -PROBE_S
-            self.connected = True
-            if self._reports.back():
-                self.partitions.wait_for_others()
-            while not self._stop.is_set():
-                if client.is_closed:
-                    raise ConnectionError("the connection was lost")
-                if time.monotonic() - renewed_s >= RENEW_S:
-                    renewed_s = time.monotonic()
-                    await self.partitions.renew()
-                if time.monotonic() - probed_s >= PROBE_S:
-                    probed_s = time.monotonic()
-                    self._reports.mapping(await mapping.look(client, self.worker, self._settings.partitions))
-                await self.partitions.share_out()
-                await asyncio.sleep(LOOK_S)
-            await self.partitions.give_all_back()
+            serving = asyncio.create_task(self._serve_over(client))
+            # The library lets requests wait that a broken connection cannot answer.
+            while not (serving.done() or client.is_closed):
+                await asyncio.wait([serving], timeout=LOOK_S)
+            if client.is_closed:
+                raise ConnectionError("the connection was lost")
+            serving.result()
         finally:
             self.connected = False
+            await _end_others()
             self.partitions.let_go_of_all()
             await client.close()
+
+    async def _serve_over(self, client: Client) -> None:
+        """Serve over one connection, until closed."""
+        # A busy server is not away: leases know by themselves when nothing may be walked.
+        store = Store(self._settings, client.jetstream(timeout=LEASE_S))
+        await store.prepare()
+        self._reports.differences(store.differs)
+        self.partitions.begin(store)
+        await self.partitions.renew()  # a server whose store is full fails here, and is not back
+        renewed_s, probed_s = time.monotonic(), -PROBE_S
+        self.connected = True
+        if self._reports.back():
+            self.partitions.wait_for_others()
+        while not self._stop.is_set():
+            if time.monotonic() - renewed_s >= RENEW_S:
+                renewed_s = time.monotonic()
+                await self.partitions.renew()
+            if time.monotonic() - probed_s >= PROBE_S:
+                probed_s = time.monotonic()
+                self._reports.mapping(await mapping.look(client, self.worker, self._settings.partitions))
+            await self.partitions.share_out()
+            await asyncio.sleep(LOOK_S)
+        await self.partitions.give_all_back()
+
+
+async def _end_others() -> None:
+    """End all other tasks: the library may take no notice of the first time while it waits for a network."""
+    while others := asyncio.all_tasks() - {asyncio.current_task()}:
+        for task in others:
+            task.cancel()
+        await asyncio.wait(others, timeout=AGAIN_S / 10)
+
+
+def _on_library_error(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Pass over how a task ended that nobody waits for, if that is how a broken connection shows in it."""
+    if not isinstance(context.get("exception"), OSError | NatsError | Unfit):
+        loop.default_exception_handler(context)
 
 
 async def _ignore(error: Exception) -> None:

@@ -3,8 +3,8 @@
 import ssl
 from collections.abc import Sequence
 
+from nats.errors import ConnectionClosedError, NoServersError
 from nats.errors import Error as NatsError
-from nats.errors import NoServersError
 from nats.js.errors import APIError
 
 from fltea.records.clock import host_ns
@@ -141,6 +141,8 @@ def explain(error: BaseException) -> str:
         )
     if isinstance(error, APIError) and error.err_code == FULL:
         return "the bucket is full: raise ingest.snapshots_mb, with ingest.change_limits."
+    if isinstance(error, ConnectionError | ConnectionClosedError):
+        return "the connection was lost."
     if isinstance(error, TimeoutError):
         return "it does not answer in time: is it too busy, or has its cluster no leader?"
     return f"{type(error).__name__}: {error}."

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import msgspec
+from nats.errors import ConnectionClosedError
 from nats.errors import Error as NatsError
 from nats.js.errors import KeyWrongLastSequenceError
 
@@ -130,7 +131,7 @@ class Partitions:
         try:
             await (snapshots.delete(key) if data is None else snapshots.put(key, data))
         except NatsError as error:
-            if data is not None:
+            if data is not None and not isinstance(error, ConnectionClosedError):  # which is reported itself
                 self._reports.snapshot(key, error)
 
     async def renew(self) -> None:
@@ -165,6 +166,8 @@ class Partitions:
         """Let go of what is lost or too much; take what is free, up to this worker's share."""
         for partition, held in list(self._held.items()):
             failed = held.task.exception() if held.task is not None and held.task.done() else None
+            if isinstance(failed, ConnectionError | ConnectionClosedError):
+                raise failed
             if failed is not None:
                 self._reports.left(partition, failed)
                 await self._give_back(partition)
@@ -222,7 +225,6 @@ class Partitions:
         if held.task is not None:
             held.task.cancel()
             await asyncio.wait([held.task])
-            _look_at(held.task)
         held.resuming = True
         self._inbox.post(Resumed(partition))
         held.task = self._pull(partition, self.done.get(partition, held.before) + 1)
@@ -253,14 +255,7 @@ class Partitions:
         held = self._held.pop(partition)
         if held.task is not None:
             held.task.cancel()
-            held.task.add_done_callback(_look_at)
         self._inbox.post(Left(partition))
-
-
-def _look_at(task: "asyncio.Task[None]") -> None:
-    """How a task ended that nobody waits for; asyncio would write it to the log."""
-    if not task.cancelled():
-        task.exception()
 
 
 async def _pull(
