@@ -6,7 +6,7 @@ A grid as in firmware/core/engine/memory_nodes.hpp, for an unlimited window, as 
 import math
 from pathlib import Path
 
-from generated import engine_header, rows
+from generated import rendered
 
 SOURCE, HEADER = "tools/gen_fixed_nodes.py", "firmware/core/engine/fixed_nodes.hpp"
 
@@ -14,37 +14,6 @@ DIGITS = 3
 HEAD = 5
 HORIZON = 100_000
 """Samples; these three were chosen by measuring (firmware/README.md, "What it costs")."""
-
-ABOUT = (
-    f"// Modes of the device's memory (memory_fixed.hpp): {DIGITS} digits, for samples up to {HORIZON} old.\n"
-)
-TEMPLATE = """\
-// In a template, so that the header may be included more than once.
-template <class Unused = void>
-struct FixedNodes {{
-    static constexpr std::size_t head = {head};    // samples that are weighed exactly
-    static constexpr std::size_t count = {count};  // modes, from the fastest to the slowest
-    static const std::int32_t forget[count];  // of each 1 - e^-s, in 2^-31
-    static const std::int32_t weight[count];  // of each K / (1 - e^-s), in 2^-31
-    // (1 / ln 2) of the grid's step, and of the log of the fastest node, in 2^-29.
-    static constexpr std::int32_t step = {step};
-    static constexpr std::int32_t top = {top};
-    // e^-step in 2^-30, and K of the slowest mode in 2^-46.
-    static constexpr std::int32_t ratio = {ratio};
-    static constexpr std::int32_t plain = {plain};
-}};
-
-// clang-format off
-template <class Unused>
-const std::int32_t FixedNodes<Unused>::forget[] = {{
-{forget}
-}};
-template <class Unused>
-const std::int32_t FixedNodes<Unused>::weight[] = {{
-{weight}
-}};
-// clang-format on
-"""
 
 
 def step_for(error: float) -> float:
@@ -79,14 +48,16 @@ def outputs(root: Path) -> dict[str, str]:
     nodes = [math.exp((top - i) * step) for i in range(count)]
     forget = [p / (1 + p) for p in nodes]
     weight = [-step / math.pi * (1 + p) ** -(HEAD + 1) for p in nodes]
-    body = TEMPLATE.format(
+    text = rendered(
+        "fixed_nodes.hpp",
+        digits=DIGITS,
+        horizon=HORIZON,
         head=HEAD,
-        count=count,
         step=round(step / math.log(2) * 2**29),
         top=round(top * step / math.log(2) * 2**29),
         ratio=round(math.exp(-step) * 2**30),
         plain=round(-step / math.pi * nodes[-1] * 2**46),
-        forget=rows([f"{round(x * 2**31)}" for x in forget], 6),
-        weight=rows([f"{round(x * 2**31)}" for x in weight], 6),
+        forget=[round(x * 2**31) for x in forget],
+        weight=[round(x * 2**31) for x in weight],
     )
-    return {HEADER: engine_header(HEADER, SOURCE, body, ABOUT, ("cstddef", "cstdint"))}
+    return {HEADER: text}

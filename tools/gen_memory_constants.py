@@ -9,32 +9,13 @@ recurrence of Gamma move its poles away from the orders in use; what remains,
 from pathlib import Path
 
 import mpmath
-from generated import engine_header
+from generated import rendered
 
 SOURCE, HEADER = "tools/gen_memory_constants.py", "firmware/core/engine/memory_constants.hpp"
 
 # The orders that the compressed memory serves; outside it takes the nearest of them.
 LOWEST_ORDER, LOWEST_VARIANCE_ORDER, HIGHEST_ORDER = "-1.95", "-1.3", "4"
 DEGREE = 18
-
-TEMPLATE = """\
-// Orders that the compressed memory serves; others are taken for the nearest of these. Its variance sum
-// begins at kLowestVarianceOrder.
-constexpr double kLowestOrder = {lowest};
-constexpr double kLowestVarianceOrder = {lowest_variance};
-constexpr double kHighestOrder = {highest};
-
-// 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2) with b = order + 1, as a polynomial in
-// t = (b - kGammaCentre) kGammaScale, highest power first; its relative error is below {error}.
-constexpr double kGammaCentre = {centre};
-constexpr double kGammaScale = {scale};
-constexpr int kGammaDegree = {degree};
-constexpr double kGammaRatio[kGammaDegree + 1] = {{
-    // clang-format off
-{coefficients}
-    // clang-format on
-}};
-"""
 
 
 def ratio(b: mpmath.mpf) -> mpmath.mpf:
@@ -62,14 +43,15 @@ def outputs(root: Path) -> dict[str, str]:
             for t in mpmath.linspace(-1, 1, 501)
         )
         bound = mpmath.nstr(error * 1.05, 1, min_fixed=0, max_fixed=0)
-    body = TEMPLATE.format(
+    text = rendered(
+        "memory_constants.hpp",
         lowest=LOWEST_ORDER,
         lowest_variance=LOWEST_VARIANCE_ORDER,
         highest=HIGHEST_ORDER,
         error=bound,
-        centre=repr(centre),
-        scale=repr(scale),
+        centre=centre,
+        scale=scale,
         degree=DEGREE,
-        coefficients="\n".join(f"    {c!r}," for c in coefficients),
+        coefficients=coefficients,
     )
-    return {HEADER: engine_header(HEADER, SOURCE, body)}
+    return {HEADER: text}

@@ -1,17 +1,11 @@
-"""Writes from protocol/messages.toml the C++ header, the Python module and the byte tables of the README.
+"""Writes from protocol/messages.toml the C++ header, the Python module and the byte tables of the README."""
 
-What it emits is already in the style of `ruff format` and of `.clang-format`.
-"""
-
-from __future__ import annotations
-
-from collections.abc import Sequence
+import subprocess
+import sys
 from pathlib import Path
 
-import protocol_cpp
-import protocol_python
-from protocol_definition import CRC_SIZE, HEADER_SIZE, DefinitionError, Message, Named, Protocol, load
-from protocol_python import camel, scaled_unit
+from generated import rendered
+from protocol_definition import CRC_SIZE, HEADER_SIZE, DefinitionError, Protocol, load
 
 SOURCE = "protocol/messages.toml"
 BEGIN = "<!-- generated: tables -->"
@@ -28,45 +22,21 @@ def outputs(root: Path) -> dict[str, str]:
     _, end, after = rest.partition(END)
     if not begin or not end:
         raise DefinitionError(f"protocol/README.md: the lines {BEGIN} and {END} are missing")
+    tables = rendered("protocol_tables.md", protocol=protocol, overhead=OVERHEAD)
     return {
-        "firmware/core/messages.h": protocol_cpp.header(protocol),
-        "host/fltea/wire/layout.py": protocol_python.module(protocol),
-        "protocol/README.md": f"{before}{BEGIN}\n{tables(protocol)}{END}{after}",
+        "firmware/core/messages.h": header(protocol),
+        "host/fltea/wire/layout.py": module(protocol),
+        "protocol/README.md": f"{before}{BEGIN}\n{tables}{END}{after}",
     }
 
 
-def tables(protocol: Protocol) -> str:
-    """Return the byte tables of the README."""
-    rows = [(m.name, str(m.id), str(m.size), str(m.size + OVERHEAD), m.doc) for m in protocol.messages]
-    parts = [
-        f"Protocol version **{protocol.major}.{protocol.minor}**, schema hash "
-        f"**0x{protocol.schema_hash:08X}**, {protocol.baud} baud, "
-        f"payload at most {protocol.max_payload} bytes, "
-        f"whole frame at most {protocol.max_encoded + 1} bytes on the wire.\n",
-        _table(("message", "type", "payload bytes", "bytes on the wire", "meaning"), rows),
-        *map(_message, protocol.messages),
-        *(_named(enum, "value") for enum in protocol.enums),
-        *(_named(flags, "bit") for flags in protocol.flags),
-    ]
-    return "\n" + "\n".join(parts) + "\n"
+def header(protocol: Protocol) -> str:
+    """Return the text of the C++ header."""
+    return rendered("messages.h", protocol=protocol)
 
 
-def _message(message: Message) -> str:
-    rows, offset = [], 0
-    for field in message.fields:
-        named = field.enum or field.flags
-        meaning = field.doc + (f" ([{camel(named)}](#{camel(named).lower()}))" if named else "")
-        rows.append((str(offset), str(field.size), field.type, field.name, scaled_unit(field), meaning))
-        offset += field.size
-    head = ("offset", "size", "type", "field", "unit of a count", "meaning")
-    return f"### {message.name} (type {message.id}, {message.size} bytes)\n\n" + _table(head, rows)
-
-
-def _named(named: Named, key: str) -> str:
-    rows = [(str(value.value), value.name, value.doc) for value in named.values]
-    return f"### {camel(named.name)}\n\n" + _table((key, "name", "meaning"), rows)
-
-
-def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
-    lines = [head, ("---",) * len(head), *rows]
-    return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
+def module(protocol: Protocol) -> str:
+    """Return the text of the Python module, as ruff formats it."""
+    ruff = [sys.executable, "-m", "ruff", "format", "--line-length=110", "-"]
+    text = rendered("layout.py", protocol=protocol)
+    return subprocess.run(ruff, input=text, capture_output=True, text=True, check=True).stdout

@@ -92,6 +92,12 @@ class Field(Struct, frozen=True, forbid_unknown_fields=True):
         return NUMBERS[self.type][0] if self.type in NUMBERS else f"{self.length}s"
 
     @property
+    def scaled_unit(self) -> str:
+        """What one count is worth, such as "0.001 Hz"; empty without a unit."""
+        scale = "" if self.scale is None or self.scale == 1 else f"{self.scale.normalize():f} "
+        return scale + self.unit
+
+    @property
     def is_text(self) -> bool:
         """True for textN."""
         return self.type.startswith("text")

@@ -6,9 +6,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import protocol_cpp
+import gen_protocol
 import protocol_definition
-import protocol_python
 import pytest
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
@@ -43,7 +42,7 @@ NEXT = protocol_definition.load(
 def module_of(protocol: protocol_definition.Protocol) -> Any:
     """The Python of a definition."""
     module = sys.modules[f"next_{id(protocol)}"] = ModuleType(f"next_{id(protocol)}")
-    exec(protocol_python.module(protocol), module.__dict__)
+    exec(gen_protocol.module(protocol), module.__dict__)
     return module
 
 
@@ -95,7 +94,7 @@ int main() {
 
 @pytest.mark.slow
 def test_the_next_native_decoder_reads_this_board_and_the_one_after_it(tmp_path: Path) -> None:
-    (tmp_path / "messages.h").write_text(protocol_cpp.header(NEXT))
+    (tmp_path / "messages.h").write_text(gen_protocol.header(NEXT))
     program = PROGRAM.replace("%MINOR%", str(PROTOCOL.minor)).replace("%HASH%", str(wire.SCHEMA_HASH))
     (tmp_path / "main.cpp").write_text(program)
     folders = [f"-I{tmp_path}", f"-I{ROOT / 'host/native'}"]
