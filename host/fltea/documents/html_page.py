@@ -1,7 +1,8 @@
 """What reports have in common: one HTML page that is complete in itself (pure)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
+from itertools import chain, repeat
 from pathlib import Path
 
 from fltea.records.version import __version__
@@ -25,6 +26,26 @@ def html_page(title: str, body: str, made_by: str, head: str = "") -> str:
     )
 
 
-def wide_table(head: str, lines: Sequence[str]) -> str:
-    """Return a table that scrolls by itself where there is no room. head, lines: HTML of its rows."""
-    return f'<div class="wide" tabindex="0"><table>{head}<tbody>{"".join(lines)}</tbody></table></div>'
+def table(rows: Iterable[Sequence[str]], head: Sequence[str] = (), kinds: Sequence[str] = ()) -> str:
+    """Return a table that scrolls by itself where there is no room; its texts are escaped here.
+
+    kinds: of the first columns, which are plain without: "th" for labels, of which an indented one belongs to
+    the row above, and classes of report.css; "word": the text is its own class.
+    """
+    return table_of(("".join(map(_cell, row, chain(kinds, repeat("")))) for row in rows), head)
+
+
+def table_of(lines: Iterable[str], head: Sequence[str] = ()) -> str:
+    """Return the same of rows whose cells are HTML."""
+    top = "".join(f"<th>{escape(text)}</th>" if text else "<td></td>" for text in head)
+    body = "".join(f"<tr>{line}</tr>" for line in lines)
+    thead = f"<thead><tr>{top}</tr></thead>" if top else ""
+    return f'<div class="wide" tabindex="0"><table>{thead}<tbody>{body}</tbody></table></div>'
+
+
+def _cell(text: str, kind: str) -> str:
+    if kind == "th":
+        of_row_above = ' class="sub"' if text.startswith(" ") else ""
+        return f"<th{of_row_above}>{escape(text.strip())}</th>"
+    name = text if kind == "word" else kind
+    return f'<td class="{name}">{escape(text)}</td>' if name else f"<td>{escape(text)}</td>"

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 
-from fltea.documents.html_page import html_page, wide_table
+from fltea.documents.html_page import html_page, table, table_of
 from fltea.identification import figures, findings
 from fltea.identification.axis import AxisResult
 from fltea.identification.run import AxisReport, FileReport
@@ -59,21 +59,18 @@ def _page(reports: Sequence[FileReport], sections: list[str]) -> str:
 
 
 def _summary(reports: Sequence[FileReport]) -> str:
-    head = "".join(f"<th>{escape(text)}</th>" for text in ("recording", "axis", *findings.SHORT_HEADINGS))
     lines = []
     for report in reports:
         name = f"<td>{escape(Path(report.name).name)}</td>"
         if report.failure is not None:
-            lines.append(
-                f'<tr>{name}<td colspan="6" class="text bad">{escape(str(report.failure))}</td></tr>'
-            )
+            lines.append(f'{name}<td colspan="6" class="text bad">{escape(str(report.failure))}</td>')
         for axis, found in report.axes.items():
             if isinstance(found, AxisReport):
                 cells = "".join(f"<td>{escape(text)}</td>" for text in findings.short(found))
             else:
                 cells = f'<td colspan="5" class="text bad">{escape(found.error)}</td>'
-            lines.append(f"<tr>{name}<td>{axis}</td>{cells}</tr>")
-    return wide_table(f"<thead><tr>{head}</tr></thead>", lines)
+            lines.append(f"{name}<td>{axis}</td>{cells}")
+    return table_of(lines, ("recording", "axis", *findings.SHORT_HEADINGS))
 
 
 def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Iterator[str]:
@@ -115,43 +112,22 @@ def _forecast(axis: AxisReport) -> str:
     if axis.forecast is None:
         return ""
     text = f"<h3>Forecast of the heading</h3><p>{escape(axis.forecast.text)}</p>"
-    head = "".join(f"<th>{escape(one)}</th>" for one in findings.FORECAST_HEADINGS)
-    lines = [
-        "<tr>" + "".join(f"<td>{escape(one)}</td>" for one in row) + "</tr>"
-        for row in findings.forecast_rows(axis)
-    ]
-    return text + (wide_table(f"<thead><tr>{head}</tr></thead>", lines) if lines else "")
+    rows = findings.forecast_rows(axis)
+    return text + (table(rows, findings.FORECAST_HEADINGS) if rows else "")
 
 
 def _table(axes: dict[str, AxisReport]) -> str:
-    head = "".join(f"<th>{name}</th>" for name in axes)
-    lines = []
-    for label, values in findings.side_by_side(axes):
-        cells = "".join(f"<td>{escape(value)}</td>" for value in values)
-        sub = ' class="sub"' if label.startswith(" ") else ""
-        lines.append(f"<tr{sub}><th>{escape(label.strip())}</th>{cells}</tr>")
-    return wide_table(f"<thead><tr><td></td>{head}</tr></thead>", lines)
+    rows = ([label, *values] for label, values in findings.side_by_side(axes))
+    return table(rows, ["", *axes], ["th"])
 
 
 def _traps(report: FileReport) -> str:
-    found = findings.traps(report)
-    lines = [
-        f'<tr><td class="{trap.severity}">{trap.severity}</td><td>{escape(axes) or "all"}</td>'
-        f'<td class="text">{escape(trap.text)}</td><td class="text">{escape(trap.remedy)}</td></tr>'
-        for axes, trap in found
-    ]
-    lines += [
-        f'<tr><td></td><td></td><td class="text">{escape(text)}</td></tr>' for text in findings.doubts(report)
-    ]
-    if not lines:
-        return ""
-    return "<h3>Traps</h3>" + wide_table("", lines)
+    rows = [(trap.severity, axes or "all", trap.text, trap.remedy) for axes, trap in findings.traps(report)]
+    rows += [("", "", text, "") for text in findings.doubts(report)]
+    return "<h3>Traps</h3>" + table(rows, kinds=("word", "", "text", "text")) if rows else ""
 
 
 def _rules(result: AxisResult) -> str:
-    lines = [
-        f'<tr><td class="text">{escape(rule.question)}</td><td>{"yes" if rule.answer else "no"}</td>'
-        f'<td class="text">{escape(rule.figure)}</td></tr>'
-        for rule in result.verdict.rules
-    ]
-    return f"<details open><summary>How the verdict came about</summary>{wide_table('', lines)}</details>"
+    rows = ((rule.question, "yes" if rule.answer else "no", rule.figure) for rule in result.verdict.rules)
+    found = table(rows, kinds=("text", "", "text"))
+    return f"<details open><summary>How the verdict came about</summary>{found}</details>"

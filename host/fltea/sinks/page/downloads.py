@@ -1,7 +1,7 @@
 """What a page gives to take home: a report of what was seen so far, and Kalibr's imu.yaml."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from html import escape
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from typing import NamedTuple
 import msgspec
 
 from fltea.documents import curves
-from fltea.documents.html_page import html_page, wide_table
+from fltea.documents.html_page import html_page, table
 from fltea.documents.imu_yaml import AxisNoise, Shown, imu_yaml
 from fltea.records.errors import UsageError
 from fltea.records.fit import AxisFit, Interval
@@ -131,9 +131,8 @@ def _verdict(axis: str, found: Answer) -> str:
     return f'<p class="verdict"><b>{axis}: {escape(found.head)}.</b> {escape(found.text)} {escape(rest)}</p>'
 
 
-def _pairs(rows: Sequence[Sequence[str]]) -> str:
-    lines = [f'<tr><th>{escape(row[0])}</th><td class="text">{escape(row[1])}</td></tr>' for row in rows]
-    return wide_table("", lines)
+def _pairs(rows: Iterable[Sequence[str]]) -> str:
+    return table((row[:2] for row in rows), kinds=("th", "text"))
 
 
 def _parameters(axes: dict[str, AxisFit]) -> str:
@@ -152,12 +151,7 @@ def _parameters(axes: dict[str, AxisFit]) -> str:
         }
         for label, value in values.items():
             rows.setdefault(label, []).append(value)
-    head = "".join(f"<th>{axis}</th>" for axis in axes)
-    lines = [
-        f"<tr><th>{escape(label)}</th>{''.join(f'<td>{escape(value)}</td>' for value in values)}</tr>"
-        for label, values in rows.items()
-    ]
-    return wide_table(f"<thead><tr><td></td>{head}</tr></thead>", lines)
+    return table(([label, *values] for label, values in rows.items()), ["", *axes], ["th"])
 
 
 def _interval(p: Interval | None) -> str:
