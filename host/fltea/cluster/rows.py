@@ -90,7 +90,7 @@ def _axis(key: Key, recording: Loaded, name: str, axis: AxisReport | Failure, se
     if isinstance(axis, Failure):
         return key.row(axis=name, error=axis.error, seconds=seconds, **about)
     r = axis.result
-    allan = {} if axis.allan is None else coefficient_values(axis.allan)
+    allan = {} if axis.allan is None else with_ends(axis.allan, COEFFICIENTS)
     return key.row(
         axis=name,
         seconds=seconds,
@@ -109,7 +109,7 @@ def _axis(key: Key, recording: Loaded, name: str, axis: AxisReport | Failure, se
         fltea_f=r.fltea and r.fltea.f,
         fltea_describes_noise=r.fltea and r.fltea.describes_noise,
         traps=trap_kinds((*recording.traps, *axis.traps)),
-        values=parameter_values(r.order) | allan,
+        values=with_ends(r.order, VALUES) | allan,
         **about,
     )
 
@@ -120,22 +120,13 @@ def of_recording(recording: Loaded) -> dict[str, Any]:
     return {"device_id": hello.device_id, "sensor": hello.sensor, "lost": recording.counts.lost}
 
 
-def parameter_values(fit: Any) -> dict[str, float | None]:
-    """The parameters of an order and their ends."""
-    return _with_ends(fit, VALUES)
-
-
-def coefficient_values(curve: Any) -> dict[str, float | None]:
-    """N, B and K of a curve and their ends."""
-    return _with_ends(curve, COEFFICIENTS)
-
-
 def trap_kinds(traps: Iterable[Trap]) -> list[str]:
     """Return each kind once."""
     return sorted({trap.kind for trap in traps})
 
 
-def _with_ends(of: Any, names: Iterable[str]) -> dict[str, float | None]:
+def with_ends(of: Any, names: Iterable[str]) -> dict[str, float | None]:
+    """Return values of a fit or a curve, and the ends of their intervals."""
     found: dict[str, float | None] = {}
     for name in names:
         one = getattr(of, name)

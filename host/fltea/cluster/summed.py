@@ -13,15 +13,7 @@ import numpy as np
 from fltea.cluster.cut import Cut
 from fltea.cluster.listing import File
 from fltea.cluster.pieces import write_piece
-from fltea.cluster.rows import (
-    Key,
-    Row,
-    coefficient_values,
-    failed,
-    of_recording,
-    parameter_values,
-    trap_kinds,
-)
+from fltea.cluster.rows import COEFFICIENTS, VALUES, Key, Row, failed, of_recording, trap_kinds, with_ends
 from fltea.cluster.whole import Ask
 from fltea.identification.allan import with_level
 from fltea.identification.gaps import bridged
@@ -190,7 +182,7 @@ def _fitted(pieces: Sequence[AxisSums], h: float, ask: Ask) -> dict[str, object]
         "p_white": seen.evidence.p_clean,
         "mean": mean,
         "std": (squares / max(samples - 1, 1)) ** 0.5,
-        "values": parameter_values(verdict.order) | _allan_values(sums, h, found.level, pieces[0].unit),
+        "values": with_ends(verdict.order, VALUES) | _allan_values(sums, h, found.level, pieces[0].unit),
     }
 
 
@@ -200,4 +192,4 @@ def _allan_values(sums: Octaves, h: float, level: Level, unit: str) -> dict[str,
         found = live_allan(points.factors, points.avar, points.terms, points.samples, h, unit)
     except ValueError:
         return {}
-    return coefficient_values(with_level(found, level))
+    return with_ends(with_level(found, level), COEFFICIENTS)

@@ -44,7 +44,7 @@ def is_bag_folder(folder: Path) -> bool:
         if not files or (folder / "metadata.yaml").is_file():
             return bool(files)
         names = {re.sub(r"_\d+$", "", file.name.partition(".")[0]) for file in files}
-        return len(names) == 1 and _is_of_ros(files[0])
+        return len(names) == 1 and (files[0].suffix != ".mcap" or is_ros_mcap(files[0]))
     except OSError:
         return False
 
@@ -61,11 +61,7 @@ def bags_in(folder: Path) -> list[Path]:
 def _is_bag(path: Path) -> bool:
     if path.is_dir():
         return is_bag_folder(path)
-    return path.suffix in (*SUFFIXES, ".mcap") and _is_of_ros(path)
-
-
-def _is_of_ros(file: Path) -> bool:
-    return file.suffix != ".mcap" or is_ros_mcap(file)
+    return path.suffix in SUFFIXES or (path.suffix == ".mcap" and is_ros_mcap(path))
 
 
 def is_ros_mcap(path: Path) -> bool:

@@ -73,7 +73,8 @@ def _open(path: Path, how: How, limits: Limits) -> Stored:
             continue
         topic = item.topic
         topics[topic] = topics.get(topic, 0) + item.count
-        if not topic.is_imu or not item.count or not _is_named(topic, how.topic):
+        is_named = how.topic is None or topic.name.lstrip("/") == how.topic.lstrip("/")
+        if not topic.is_imu or not item.count or not is_named:
             continue
         chosen = chosen or topic
         if topic.name == chosen.name:
@@ -88,10 +89,6 @@ def _open(path: Path, how: How, limits: Limits) -> Stored:
         )
     stored = messages.stored(visible(chosen.name), sorted(several - {chosen.name}), _few(notes))
     return stored._replace(about=_about(chosen, topics), topic=chosen.name)
-
-
-def _is_named(topic: Topic, name: str | None) -> bool:
-    return name is None or topic.name.lstrip("/") == name.lstrip("/")
 
 
 def _none(path: Path, topics: dict[Topic, int], name: str | None, notes: list[Note]) -> UsageError:

@@ -73,7 +73,8 @@ class TextReader:
 
     counts: lines without a sample by their reason, but for the last three of `REASONS`. first, newest: the
     first and the newest of them. cut: what the user has to know of the last line, if it has no end and is no
-    row, and so is left out. lines: how many there were so far. notes: the same of the columns.
+    row, and so is left out. lines: how many there were so far. notes: the same of the columns. chosen: the
+    columns that are read, which stay what they are; None as long as no line has said it.
 
     Raises:
         UsageError: `how` is wrong.
@@ -90,17 +91,12 @@ class TextReader:
         self.notes: list[Note] = []
         self._where, self._how = where, how
         self._finder = LayoutFinder(where, how)
-        self._known: Chosen | None = None
+        self.chosen: Chosen | None = None
         self._parser: RowParser | None = None
         self._ordinal = 0
         self._begins = self._skipping = False
         self._rest = b""
         self._sample: list[str] = []
-
-    @property
-    def chosen(self) -> Chosen | None:
-        """The columns that are read; None as long as no line has said it. They stay what they are."""
-        return self._known
 
     @property
     def left_out(self) -> int:
@@ -120,7 +116,7 @@ class TextReader:
         return self.with_hint(self._refusal())
 
     def _refusal(self) -> UsageError:
-        if self.first is None or (self._known is None and self.first.reason != "too_long"):
+        if self.first is None or (self.chosen is None and self.first.reason != "too_long"):
             return self._finder.refusal()
         return UsageError(f"{self._where}:{self.first.line}: {self.first.why}")
 
@@ -155,7 +151,7 @@ class TextReader:
             return []
         before, first, newest = self.counts.copy(), self.first, self.newest
         found = self._take(rest)
-        if not found and self._known is not None and self.counts != before:
+        if not found and self.chosen is not None and self.counts != before:
             self.counts, self.first, self.newest = before, first, newest
             text = f"{self._where}:{self.lines}: the last line is cut off, and left out."
             self.cut = Note("cut_recording", text)
@@ -195,7 +191,7 @@ class TextReader:
             try:
                 layout = self._finder.take(self.lines + 1, text)
             except UsageError as error:
-                if self._known is None:
+                if self.chosen is None:
                     raise self.with_hint(error) from None
                 self._count(Bad(self.lines + 1, "header", str(error)))
                 layout = None
@@ -217,11 +213,11 @@ class TextReader:
         def kind(of: Chosen) -> tuple[object, ...]:
             return len(of.gyro), of.lsb, of.time is None, of.time_unit, len(of.accel)
 
-        return self._known is None or kind(chosen) == kind(self._known)
+        return self.chosen is None or kind(chosen) == kind(self.chosen)
 
     def _begin(self, layout: Layout) -> None:
         self._begins = True
-        self._known = self._known or layout.chosen
+        self.chosen = self.chosen or layout.chosen
         self.layout, self._parser = layout, RowParser(layout)
         self.notes += layout.notes
 

@@ -108,17 +108,12 @@ def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]
         raise UsageError(f"{paths[0]}: no recording of fltea in it ({len(unread)} files cannot be read).")
     sessions = [Session([parts[number] for number in sorted(parts)], {}) for parts in found.values()]
     for session in sessions:
-        copied = {_original(part.path) for part in session.parts}
+        copied = {part.path.with_name(part.path.name.replace(".recovered", "")) for part in session.parts}
         for file in [file for file in unread if name_of(file) == session.name]:
             why = unread.pop(file)
             if file not in copied:
                 session.unread[file] = why
     return sessions, unread
-
-
-def _original(path: Path) -> Path:
-    """Return the file of which this one is the recovered copy."""
-    return path.with_name(path.name.replace(".recovered", ""))
 
 
 def _files(path: Path) -> list[Path]:
