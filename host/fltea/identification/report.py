@@ -122,8 +122,9 @@ def _table(axes: dict[str, AxisReport]) -> str:
 
 
 def _traps(report: FileReport) -> str:
-    rows = [(trap.severity, axes or "all", trap.text, trap.remedy) for axes, trap in findings.traps(report)]
-    rows += [("", "", text, "") for text in findings.doubts(report)]
+    rows: list[Sequence[str]] = []
+    rows += [(trap.severity, axes or "all", trap.text, trap.remedy) for axes, trap in findings.traps(report)]
+    rows += [("", "", text) for text in findings.doubts(report)]
     return "<h3>Traps</h3>" + table(rows, kinds=("word", "", "text", "text")) if rows else ""
 
 
