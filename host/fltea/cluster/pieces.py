@@ -7,7 +7,7 @@ incomplete.
 import contextlib
 from pathlib import Path
 
-from fltea.cluster import cut_bag, cut_mcap, cut_npy, cut_text
+from fltea.cluster import cut_mcap, cuts
 from fltea.cluster.cut import Cut, Ranges, open_bytes
 from fltea.cluster.fetch import COPY_BYTES, check_room
 from fltea.cluster.listing import WEB, File
@@ -31,13 +31,13 @@ def cuts_of(file: File, ask: Ask) -> list[Cut]:
         found: list[Cut] = []
         match kind_of(source.read(0, 16)) or KINDS.get(file.suffix):
             case "npy":
-                found = cut_npy.cuts(source, ask.block_bytes)
+                found = cuts.of_npy(source, ask.block_bytes)
             case "csv":
-                found = cut_text.cuts(source, ask.block_bytes, ask.how)
+                found = cuts.of_text(source, ask.block_bytes, ask.how)
             case "mcap":
                 found = cut_mcap.cuts(source, ask.block_bytes)
             case "bag":
-                found = cut_bag.cuts(source, ask.block_bytes)
+                found = cuts.of_bag(source, ask.block_bytes)
             case "parquet":
                 # Where pyarrow is missing, reading the file whole reports it.
                 with contextlib.suppress(ModuleNotFoundError):

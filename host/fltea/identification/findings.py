@@ -59,20 +59,9 @@ def _file(report: FileReport) -> dict[str, Any]:
 def _axis(axis: AxisReport | Failure) -> dict[str, Any]:
     if isinstance(axis, Failure):
         return {"error": axis.error}
-    result: dict[str, Any] = msgspec.to_builtins(axis.result)
-    return {
-        "unit": axis.unit,
-        "lsb": axis.lsb,
-        **result,
-        "model": msgspec.to_builtins(axis.model),
-        "allan": msgspec.to_builtins(axis.allan),
-        "reproduction": msgspec.to_builtins(axis.reproduction),
-        "allan_reason": axis.allan_reason,
-        "traps": msgspec.to_builtins(axis.traps),
-        "now": msgspec.to_builtins(axis.now),
-        "forecast": msgspec.to_builtins(axis.forecast),
-        "sheet": msgspec.to_builtins(axis.sheet),
-    }
+    found: dict[str, Any] = msgspec.to_builtins(msgspec.structs.replace(axis, curves=None))
+    del found["curves"]
+    return {"unit": found.pop("unit"), "lsb": found.pop("lsb"), **found.pop("result"), **found}
 
 
 def lead(axis: AxisReport) -> str:

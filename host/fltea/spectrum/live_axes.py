@@ -31,6 +31,10 @@ FEWEST_SAMPLES = 2 * (FEWEST + LOWEST)
 """So many ordinates are left of them."""
 LONGEST_MOTION_S = 600.0
 """What moves for longer, without 1,024 samples of rest in a row, is noise that has changed."""
+LEFT_OUT = "lost", "bridged", "knocked", "moved", "limited"
+"""What became of samples that are not used, or stand for others, as the record `fit` has it."""
+BREAKS = "gaps", "knocks", "motions", "steps", "changes"
+"""By what the stretch of samples was broken."""
 REMEMBERED = 2
 """Times the time constant: what is older is in no figure."""
 
@@ -138,7 +142,7 @@ class LiveAxes:
                 self._looks[lane].forget()
             counts = octaves.counts(lane)
             fit = self._fit(octaves, lane, curves, level)
-            found[axis] = replace(fit, left_out=_left_out(counts), breaks=_breaks(counts))
+            found[axis] = replace(fit, left_out=_named(counts, LEFT_OUT), breaks=_named(counts, BREAKS))
         return found
 
     def _fit(self, octaves: Octaves, lane: int, curves: bool, level: float) -> AxisFit:
@@ -224,16 +228,5 @@ def spectrum_of(whole: Periodogram, noise: Sentence) -> FitSpectrum:
     return FitSpectrum(hz.tolist(), np.sqrt(power * to_density).tolist(), model.tolist())
 
 
-def _left_out(counts: Counts) -> dict[str, int]:
-    return {
-        "lost": counts.lost,
-        "bridged": counts.bridged,
-        "knocked": counts.knocked,
-        "moved": counts.moved,
-        "limited": counts.limited,
-    }
-
-
-def _breaks(counts: Counts) -> dict[str, int]:
-    names = "gaps", "knocks", "motions", "steps", "changes"
+def _named(counts: Counts, names: tuple[str, ...]) -> dict[str, int]:
     return {name: getattr(counts, name) for name in names}

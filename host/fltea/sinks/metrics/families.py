@@ -23,6 +23,10 @@ LAST = Values(slice(-1, None))
 _BOUNDS_S = [repr(bound * 1e-3) for bound in LATENCY_BOUNDS_MS] + ["+Inf"]
 
 
+FACTS = "source", "device_id", "sensor", "firmware_version", "sampling_mode"
+"""What a device states of itself, as labels of one metric."""
+
+
 @dataclass
 class Newest:
     """The newest record of each kind of one device. …_ns: when the estimate came, monotonic."""
@@ -110,13 +114,7 @@ def _axes(records: Labelled) -> Labelled:
 def _devices(hellos: Sequence[tuple[str, Hello]]) -> Metric:
     family = InfoMetricFamily("fltea_device", "What the device states of itself.", labels=("device",))
     for name, hello in hellos:
-        facts = {
-            "source": hello.source,
-            "device_id": hello.device_id,
-            "sensor": hello.sensor,
-            "firmware_version": hello.firmware_version,
-            "sampling_mode": hello.sampling_mode,
-        }
+        facts = {name: getattr(hello, name) for name in FACTS}
         family.add_metric((name,), {key: value for key, value in facts.items() if value is not None})
     return family
 
