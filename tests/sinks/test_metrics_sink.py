@@ -6,6 +6,7 @@ import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -113,75 +114,7 @@ def test_nothing_is_said_of_devices_before_they_speak(serve: Serve) -> None:
     assert value(found, "process_resident_memory_bytes")
 
 
-EXPECTED = """
-fltea_link_received_bytes_total{device="due"} 51
-fltea_link_frames_total{device="due"} 41
-fltea_link_bad_frames_total{device="due",reason="crc"} 2
-fltea_link_bad_frames_total{device="due",reason="cobs"} 3
-fltea_link_unknown_frames_total{device="due"} 4
-fltea_link_refused_frames_total{device="due"} 6
-fltea_link_overflow_bytes_total{device="due"} 7
-fltea_link_reconnects_total{device="due"} 1
-fltea_samples_delivered_total{device="due"} 1234
-fltea_samples_lost_total{device="due"} 56
-fltea_gaps_total{device="due"} 70
-fltea_samples_duplicate_total{device="due"} 8
-fltea_samples_before_hello_total{device="due"} 9
-fltea_epochs_total{device="due"} 3
-fltea_sample_rate_hertz{device="due"} 99.5
-fltea_clock_drift_ratio{device="due"} -62.5e-6
-fltea_startup_remaining_samples{device="due"} 123
-fltea_stats_timestamp_seconds{device="due"} 9.5
-fltea_sample_timestamp_seconds{device="due"} 7.25
-fltea_temperature_celsius{device="due"} 21.5
-fltea_board_i2c_errors_total{device="due"} 11
-fltea_board_bus_recoveries_total{device="due"} 12
-fltea_board_sensor_reinits_total{device="due"} 14
-fltea_board_overruns_total{device="due"} 15
-fltea_board_dropped_frames_total{device="due"} 16
-fltea_errors_total{device="due",kind="silent"} 2
-fltea_axis_restarts_total{device="due",axis="gyro_x"} 5
-fltea_axis_restarts_total{device="due",axis="accel_z"} 2
-fltea_axis_interventions_total{device="due",axis="gyro_x",reason="order_box"} 13
-fltea_axis_interventions_total{device="due",axis="gyro_x",reason="held"} 1
-fltea_axis_innovation_lag1{device="due",axis="gyro_x"} 0.25
-fltea_axis_innovation_nis{device="due",axis="gyro_x"} 1.5
-fltea_axis_tracker_nis{device="due",axis="gyro_x"} 1.02
-fltea_axis_tracker_lag1{device="due",axis="gyro_x"} 0.03
-fltea_axis_heading_std_degrees{device="due",axis="gyro_x",after_s="1"} 0.014
-fltea_axis_heading_std_degrees{device="due",axis="gyro_x",after_s="60"} 0.26
-fltea_axis_moved_samples_total{device="due",axis="gyro_x"} 17
-fltea_axis_bias{device="due",axis="gyro_x"} 0.2345
-fltea_axis_bias{device="due",axis="accel_z"} 0.2345
-fltea_axis_bias_std{device="due",axis="gyro_x"} 0.0123
-fltea_axis_bias_std{device="due",axis="accel_z"} 0.0123
-fltea_axis_state{device="due",axis="gyro_x"} 0.1345
-fltea_axis_state{device="due",axis="accel_z"} 0.1345
-fltea_axis_state_std{device="due",axis="gyro_x"} 0.0113
-fltea_axis_state_std{device="due",axis="accel_z"} 0.0113
-fltea_axis_moving{device="due",axis="gyro_x"} 0
-fltea_axis_moving{device="due",axis="gyro_y"} 0
-fltea_axis_moving{device="due",axis="accel_z"} 0
-fltea_axis_fltea_valid{device="due",axis="gyro_x"} 1
-fltea_axis_fltea_valid{device="due",axis="gyro_y"} 0
-fltea_axis_fltea_valid{device="due",axis="accel_z"} 1
-fltea_axis_fltea_settled{device="due",axis="gyro_x"} 1
-fltea_axis_fltea_settled{device="due",axis="gyro_y"} 0
-fltea_axis_fltea_settled{device="due",axis="accel_z"} 0
-fltea_axis_fltea_alpha{device="due",axis="gyro_x"} 0.412
-fltea_axis_fltea_alpha{device="due",axis="accel_z"} 0.5
-fltea_axis_fltea_alpha_std{device="due",axis="gyro_x"} 0.031
-fltea_axis_fltea_alpha_std{device="due",axis="accel_z"} 0.1
-fltea_axis_fltea_f{device="due",axis="gyro_x"} -2.125
-fltea_axis_fltea_f{device="due",axis="accel_z"} -1
-fltea_axis_fltea_f_std{device="due",axis="gyro_x"} 0.25
-fltea_axis_fltea_f_std{device="due",axis="accel_z"} 0.2
-fltea_axis_null_p{device="due",axis="gyro_x"} 0.312
-fltea_axis_null_p{device="due",axis="accel_z"} 1e-9
-fltea_axis_not_white{device="due",axis="gyro_x"} 0
-fltea_axis_not_white{device="due",axis="accel_z"} 1
-fltea_device_info{device="due",source="test:",device_id="a0",sampling_mode="timer"} 1
-"""
+EXPECTED = Path(__file__).with_name("metrics.txt").read_text(encoding="utf-8")
 """All that is shown of a device, in base units; of an axis that is not valid that alone."""
 
 
