@@ -18,6 +18,7 @@ BY_PACKAGE = (
     "tools.board_voice",
     "tools.demo",
     "tools.due_run",
+    "tools.fed_source",
     "tools.fleet_fits",
     "tools.fleet_load",
     "tools.frames_load",

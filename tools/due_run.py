@@ -5,14 +5,13 @@ continuity, pipeline. The sensor's bus and the board's resets are watched too, s
 counts can be held against what was really there.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 from fltea.records.block import Block
-from fltea.records.events import Chunk, Event, Opened
-from fltea.records.records import AnyRecord, Epoch, Error, Gap, Hello, LinkStats, Sample, Stats
+from fltea.records.events import Chunk, Opened
+from fltea.records.records import AnyRecord, Epoch, Error, Gap, Hello, Sample, Stats
 from fltea.settings.config import load_config
-from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
 from fltea.wire import layout as wire
 from fltea.wire.messages import Frame
@@ -23,6 +22,7 @@ from tools.due_emulator.host_view import HostView
 from tools.due_emulator.instants import PERIOD_PS, Burst
 from tools.due_emulator.machine import PS_PER_S, EmulationFault
 from tools.due_emulator.noise import World, fractional_world
+from tools.fed_source import FedSource
 
 M = TypeVar("M")
 
@@ -43,24 +43,6 @@ class Arrival(NamedTuple):
     def at_s(self) -> float:
         """Virtual time [s]."""
         return self.at_ps / PS_PER_S
-
-
-class _FedSource:
-    """A source whose bytes are given to it in virtual time."""
-
-    live = prompt = True
-    unix_offset_ns = 0
-
-    def __init__(self) -> None:
-        self.wire = WireEvents("the emulated Due")
-
-    def events(self) -> Iterator[Event]:
-        return iter(())
-
-    def link_stats(self) -> LinkStats:
-        return self.wire.link_stats()
-
-    def close(self) -> None: ...
 
 
 class DueRun(HostView):
@@ -91,7 +73,7 @@ class DueRun(HostView):
         self.arrivals: list[Arrival] = []
         self.records: list[AnyRecord] = []
         self.error: str | None = None
-        self._source = _FedSource()
+        self._source = FedSource("the emulated Due")
         self._pipeline = Pipeline(self._source, load_config(None, settings))
         self._feed(Opened(0))
         schedule_faults(self.board, [parse_fault(text) for text in faults])

@@ -21,7 +21,9 @@ from fltea.sinks import record as record_module
 from fltea.sinks.lines import BlockLines, Wanted
 from fltea.stream.decode import Decoded, Decoder
 from mcap.reader import make_reader
-from mcap_support import Live, files, kill, of, record, replay, transport
+from mcap_support import files, kill, of, record, replay, transport
+
+from tools.fed_source import FedSource
 
 
 @pytest.fixture
@@ -50,7 +52,7 @@ def test_a_decoder_numbers_samples_as_the_pipeline_does(tmp_path: Path) -> None:
     assert any(isinstance(item, Failed) for item in items)
     assert any(isinstance(item, Chunk) and not item.data.endswith(b"\0") for item in items)
     live, _ = record(tmp_path, items)
-    source = Live()
+    source = FedSource("/dev/due")
     decoder = Decoder(lambda: source.unix_offset_ns, 100, "due")
     found: list[Any] = []
     for item in items:
@@ -230,7 +232,7 @@ def test_an_export_replaces_nothing_unless_it_is_told_to(name: str, tmp_path: Pa
 
 def test_a_sum_counts_what_the_live_run_counted(tmp_path: Path) -> None:
     live, _ = record(tmp_path, transport(samples=300, boots=2), rotate_s=2.0)
-    wire = Live().wire
+    wire = FedSource("/dev/due").wire
     for item in transport(samples=300, boots=2):
         list(wire.feed(item, item.host_ns))
     (paths,) = sessions([tmp_path])

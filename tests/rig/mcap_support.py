@@ -9,18 +9,19 @@ import msgspec
 from blocks import records_of
 from fltea.recording.session import WIRE, Entry
 from fltea.records.events import Chunk, Failed, Opened, TransportEvent
-from fltea.records.records import AnyRecord, LinkStats
+from fltea.records.records import AnyRecord
 from fltea.service.open_source import open_source
 from fltea.settings.config import Config, load_config
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.record import RecordSink
 from fltea.sources.mcap import Part, read_entries, read_info
 from fltea.sources.synthetic import parse_noise
-from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
 from mcap.reader import make_reader
 from mcap.records import Message
 from standin import Device
+
+from tools.fed_source import FedSource
 
 MONOTONIC_NS, OFFSET_NS = 5_000_000_000, 1_800_000_000_123_456_789
 SMALL = {"estimator.window": 50, "estimator.startup": 20, "name": "due"}
@@ -54,24 +55,6 @@ def transport(samples: int = 200, boots: int = 1, seed: int = 1) -> list[Transpo
     return found
 
 
-class Live:
-    """A source made of transport events, as `SerialSource` is."""
-
-    live = prompt = True
-
-    def __init__(self, url: str = "/dev/due") -> None:
-        self.wire = WireEvents(url)
-
-    @property
-    def unix_offset_ns(self) -> int:
-        return self.wire.unix_offset_ns
-
-    def link_stats(self) -> LinkStats:
-        return self.wire.link_stats()
-
-    def close(self) -> None: ...
-
-
 def record(
     folder: Path,
     items: Iterable[TransportEvent],
@@ -83,7 +66,7 @@ def record(
 ) -> tuple[list[AnyRecord], RecordSink]:
     """Walk and record what came, as the daemon does; without `end` the file stays open."""
     sink = RecordSink(RecordConfig(folder=str(folder), **settings), device, report)
-    source = Live()
+    source = FedSource("/dev/due")
     pipeline = Pipeline(
         source, load_config(None, SMALL | {"name": device, "estimator.estimate_on": estimate_on})
     )

@@ -11,7 +11,8 @@ from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from host_support import WIRE_HELLO
 from hypothesis import strategies as st
-from mcap_support import Live
+
+from tools.fed_source import FedSource
 
 PERIOD_NS = 10**7
 SECOND_NS = 10**9
@@ -151,17 +152,14 @@ def stories() -> st.SearchStrategy[Story]:
     )
 
 
-class StorySource(Live):
+class StorySource(FedSource):
     """A source whose wire gives what the moments are read as. together: moments of one drain, in turns."""
 
-    live = prompt = False
+    live = False
 
     def __init__(self, together: Sequence[int] = (1,)) -> None:
-        super().__init__("board")
+        super().__init__("board", prompt=False)
         self._together = together
-
-    def events(self) -> Iterator[Event]:
-        return iter(())
 
     def read(self, moments: Sequence[Moment]) -> Iterator[Event]:
         """Read what came, as much at once as `together` says, with ticks where nothing did."""

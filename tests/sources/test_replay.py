@@ -25,7 +25,9 @@ from fltea.stream.place import Place
 from host_support import QUICK, fltea_here, hello, strict_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap_support import SMALL, Live, record
+from mcap_support import SMALL, record
+
+from tools.fed_source import FedSource
 
 NDJSON = b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mode":"timer"}\n' + b"".join(
     b'{"class":"sample","seq":%d,"device_us":%d,"host_ns":%d,"epoch":1,"gyro_dps":[0.5]}\n'
@@ -314,7 +316,7 @@ def live_events() -> Iterator[Event]:
 
 def test_recorded_live_run_replays_to_the_same_bits(tmp_path: Path) -> None:
     path = tmp_path / "live.ndjson"
-    port, small = Live(), {**SMALL, "samples": True}
+    port, small = FedSource("/dev/due"), {**SMALL, "samples": True}
     port.wire.unix_offset_ns = 1_700_000_000_123_456_789
     pipeline = Pipeline(port, load_config(None, small))
     live = records_of(item for event in of_samples(live_events()) for item in pipeline.feed(event))

@@ -32,10 +32,12 @@ from fltea.sinks.metrics import families as metrics_families
 from fltea.sinks.metrics.families import Families, Newest
 from fltea.sinks.record import KINDS
 from fltea.sinks.table import TableSink
-from mcap_support import Live, of, record, replay, without
+from mcap_support import of, record, replay, without
 from mqtt_support import Bench, make_bench
 from prometheus_client import CollectorRegistry, generate_latest
 from rich.console import Console
+
+from tools.fed_source import FedSource
 
 APART = {"alpha_difference": 3.2e-7, "f_difference": -4.5e-6, "state_difference": 1e-9}
 BIAS = {"tracker_bias": 0.234, "tracker_bias_std": 0.012, "tracker_bias_difference": -0.0036}
@@ -239,7 +241,7 @@ def test_only_a_wire_has_estimates_of_a_device(who: str, source: str) -> None:
 def test_a_state_file_cannot_keep_them(who: str, tmp_path: Path) -> None:
     config = load_config(None, {"estimator.estimate_on": who, "state.file": str(tmp_path / "state")})
     with pytest.raises(UsageError, match=f"begins again with its boot.*--estimate-on {who}"):
-        _check_recordable(config, Live())
+        _check_recordable(config, FedSource("/dev/due"))
 
 
 @pytest.mark.parametrize("who", ["device", "both"])

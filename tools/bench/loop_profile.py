@@ -26,7 +26,7 @@ from fltea.stream.beside import Beside
 from fltea.stream.pipeline import Pipeline
 
 from tools.bench.feeder import PERIOD_NS, frames
-from tools.bench.soak import Virtual
+from tools.fed_source import FedSource
 from tools.validation.tables import Table
 
 T = TypeVar("T")
@@ -99,7 +99,7 @@ def measure() -> dict[str, Any]:
 
 
 def _measure(at_once: int) -> dict[str, Any]:
-    source, apart = Virtual(), Apart()
+    source, apart = FedSource("profile", prompt=False), Apart()
     looks = Looks(apart)
     pipeline = Pipeline(source, load_config(None, {"source": "serial:profile"}), beside=apart)
     reads = list(_reads(at_once))

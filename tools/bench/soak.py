@@ -18,15 +18,15 @@ from typing import Any
 
 import psutil
 from fltea.records.block import Block
-from fltea.records.events import Chunk, Event, Opened
-from fltea.records.records import Epoch, Gap, LinkStats, Stats
+from fltea.records.events import Chunk, Opened
+from fltea.records.records import Epoch, Gap, Stats
 from fltea.service.hub import Hub
 from fltea.settings.config import load_config
 from fltea.sinks.ndjson import NdjsonSink
-from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
 
 from tools.bench.feeder import greeting, sample
+from tools.fed_source import FedSource
 
 PERIOD_US = 10_000
 HOUR = 360_000
@@ -73,28 +73,6 @@ def stream(samples: int, seed: int, sent: Sent) -> Iterator[tuple[bytes, int]]:
         yield data, n * PERIOD_US * 1000 + rng.randrange(2_000_000)
 
 
-class Virtual:
-    """A source in virtual time."""
-
-    live = True
-    prompt = False
-
-    def __init__(self) -> None:
-        self.wire = WireEvents("soak")
-        self.unix_offset_ns = 0
-
-    def events(self) -> Iterator[Event]:
-        """Not used: the bytes are given to `wire`."""
-        return iter(())
-
-    def link_stats(self) -> LinkStats:
-        """Count what arrived."""
-        return self.wire.link_stats()
-
-    def close(self) -> None:
-        """Release nothing."""
-
-
 class Seen:
     """What the host made of it: by epoch the boot, the first and last number, and the counts."""
 
@@ -126,7 +104,7 @@ def rss_mb() -> float:
 
 def measure(hours: float = 24.0, seed: int = 1) -> dict[str, Any]:
     """Stream so many hours; figures, memory by the hour among them."""
-    sent, seen, source = Sent(), Seen(), Virtual()
+    sent, seen, source = Sent(), Seen(), FedSource("soak", prompt=False)
     pipeline = Pipeline(source, load_config(None, {"source": "serial:soak"}))
     hub = Hub(lambda error: None)
     sink = io.FileIO(os.open(os.devnull, os.O_WRONLY), "wb")
