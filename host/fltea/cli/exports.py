@@ -53,7 +53,6 @@ def write(report: "FileReport", files: Files) -> None:
     from fltea.documents.imu_yaml import Inflation, axis_noise, imu_yaml
     from fltea.identification import model_file, navigation_file
     from fltea.identification.run import AxisReport
-    from fltea.records.records import ACCEL_AXES
 
     if report.recording is None or not files.any:
         return
@@ -61,13 +60,8 @@ def write(report: "FileReport", files: Files) -> None:
     rate_hz = report.recording.hello.rate_hz
     if files.model is not None:
         try:
-            models = model_file.NoiseModels(
-                rate_hz,
-                1 / rate_hz,
-                report.name,
-                {name: axis.model for name, axis in axes.items() if name not in ACCEL_AXES},
-                {name: axis.model for name, axis in axes.items() if name in ACCEL_AXES},
-            )
+            of_axes = model_file.by_sensor({name: axis.model for name, axis in axes.items()})
+            models = model_file.NoiseModels(rate_hz, 1 / rate_hz, report.name, *of_axes)
         except ValueError as error:
             raise FlteaError(f"--export-model: {error}.") from error
         model_file.write_json(files.model, models)
@@ -75,11 +69,12 @@ def write(report: "FileReport", files: Files) -> None:
         if not axes:
             raise FlteaError("--imu-yaml: no axis was identified.")
         noises = {name: axis_noise(axis.result.level) for name, axis in axes.items()}
+        gyro, accel = model_file.by_sensor(noises)
         text = imu_yaml(
-            {name: noise for name, noise in noises.items() if name not in ACCEL_AXES},
+            gyro,
             rate_hz,
             report.name,
-            accel={name: noise for name, noise in noises.items() if name in ACCEL_AXES},
+            accel=accel,
             rostopic=report.recording.topic or "/imu0",
             inflation=Inflation(*files.inflation),
         )

@@ -1,7 +1,9 @@
 """Identified models as files: JSON that `fltea simulate --model` reads."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 
@@ -14,6 +16,8 @@ from fltea.records.whole_file import whole_file
 
 FORMAT = "fltea-noise-model"
 VERSION = 4
+
+T = TypeVar("T")
 
 
 class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -45,6 +49,12 @@ class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 check_possible(model, self.h_s)
             except ValueError as error:
                 raise ValueError(f"{axis}: {error}") from error
+
+
+def by_sensor(axes: Mapping[str, T]) -> tuple[dict[str, T], dict[str, T]]:
+    """Return what is of axes of the gyroscope, and what is of those of the accelerometer."""
+    accel = {name: one for name, one in axes.items() if name in ACCEL_AXES}
+    return {name: one for name, one in axes.items() if name not in accel}, accel
 
 
 class _Head(msgspec.Struct):

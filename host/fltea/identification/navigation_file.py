@@ -7,10 +7,9 @@ from pathlib import Path
 import msgspec
 
 from fltea.identification.axis import AxisResult
-from fltea.identification.model_file import write_json
+from fltea.identification.model_file import by_sensor, write_json
 from fltea.identification.run import AxisReport
 from fltea.records.fit import Interval
-from fltea.records.records import ACCEL_AXES
 from fltea.records.version import __version__
 from fltea.spectrum.intervals import Estimated
 from fltea.spectrum.noise_figures import SentenceSummary
@@ -100,9 +99,7 @@ def write_navigation(path: Path, axes: Mapping[str, AxisReport], rate_hz: float,
         FlteaError: it cannot be written.
     """
     entries = {name: navigation_axis(axis.result, axis.unit) for name, axis in axes.items()}
-    accel = {name: entry for name, entry in entries.items() if name in ACCEL_AXES}
-    gyro = {name: entry for name, entry in entries.items() if name not in accel}
-    write_json(path, NavigationModels(rate_hz, 1 / rate_hz, source, gyro, accel))
+    write_json(path, NavigationModels(rate_hz, 1 / rate_hz, source, *by_sensor(entries)))
 
 
 def _state(part: Estimated, h: float) -> GaussMarkovState:
