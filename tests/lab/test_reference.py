@@ -55,7 +55,7 @@ def test_parameters_that_enter_linearly_follow_a_plain_kalman_filter() -> None:
         StateSettings(P0=1, Q=0.1, x0=[1, -1], R=0.5),
     )
     for y in np.random.default_rng(6).normal(0, 1, (30, 2)):
-        x = fltea.memory.states[0].copy()
+        x = fltea.states.values[0].copy()
         step = fltea.step(y)
         H = h**order * np.array([[x[0], x[1], 0], [0, 0, x[1]]])
         P = P + Q
@@ -163,10 +163,10 @@ def test_a_missing_measurement_is_a_prediction() -> None:
         assert (fltea.order, fltea.parameter) == (order, parameter)
         assert np.isnan(step.innovation).all()
         assert step.finite
-        assert fltea.memory.states[0] == step.x
-        assert fltea.memory.covariances[0] == step.P
+        assert fltea.states.values[0] == step.x
+        assert fltea.covariances.values[0] == step.P
     assert step.P > before.P
-    assert len(fltea.memory) == 64
+    assert len(fltea.states) == 64
     assert all(step.finite for step in fltea.run(ys[63:], u[63:]))
 
 

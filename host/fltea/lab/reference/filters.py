@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fltea.lab.reference.system import OrderSettings, ParameterSettings, StateSettings, System, covariance
-from fltea.noise.memory import DirectMemory
+from fltea.noise.memory import NewestFirst
 from fltea.noise.weights import weights
 from fltea.records.arrays import Array
 
@@ -80,14 +80,14 @@ class Difference(NamedTuple):
     """sum_{j=1}^{L(k)} c_j x̂_{k-j}, (N,)"""
 
 
-def difference(order: np.float64, h: float, memory: DirectMemory) -> Difference:
-    """Weigh the history by `order`; `h` in s (section 4)."""
-    c = weights(order, len(memory))
-    return Difference(order, np.power(h, order), c, c[1:] @ memory.states)
+def difference(order: np.float64, h: float, states: Array) -> Difference:
+    """Weigh past states (L(k), N), the newest first, by `order`; `h` in s (section 4)."""
+    c = weights(order, len(states))
+    return Difference(order, np.power(h, order), c, c[1:] @ states)
 
 
 def order_filter(
-    prior: Belief, y: Array, rate: Array, memory: DirectMemory, system: System, R: Array, delta: float
+    prior: Belief, y: Array, rate: Array, states: Array, system: System, R: Array, delta: float
 ) -> Belief:
     """KFo, section 5.1: the order, by the model's answer to three sigma points.
 
@@ -95,9 +95,9 @@ def order_filter(
     """
     points = sigma_points(prior.mean, prior.P + prior.Q)  # P̃o_k
     orders = points[:, 0]
-    c = weights(orders, len(memory))
+    c = weights(orders, len(states))
     # χ_i = h^α_i rate - sum_{j=1}^{L(k)} c_j(α_i) x̂_{k-j}
-    chi = np.power(system.h, orders)[:, np.newaxis] * rate - c[:, 1:] @ memory.states
+    chi = np.power(system.h, orders)[:, np.newaxis] * rate - c[:, 1:] @ states
     return unscented_update(prior, points, chi @ system.C.T, y, R, delta)
 
 
@@ -121,15 +121,12 @@ def parameter_filter(
     return unscented_update(prior, points, chi @ system.C.T, y, R, delta)
 
 
-def predict_state(
-    A: Array, rate: Array, at: Difference, memory: DirectMemory, Q: Array
-) -> tuple[Array, Array]:
+def predict_state(A: Array, rate: Array, at: Difference, covariances: Array, Q: Array) -> tuple[Array, Array]:
     """KFx, section 5.2, time update: x̃_k (N,) and P̃_k (N, N).
 
     `A` is A(ŵ_{k-1}), `rate` is A x̂_{k-1} + B u_{k-1}, `at` the difference of order α̂_k.
     """
-    N, L = memory.N, len(memory)
-    covariances = memory.covariances
+    L, N, _ = covariances.shape
     x = at.gain * rate - at.past
     F = at.gain * A + at.order * np.eye(N)
     # F holds j = 1 of the history together with A; the rest of the past adds sum_{j=2}^{L(k)} c_j² P_{k-j}.
@@ -262,8 +259,9 @@ class Fltea:
         self._R = covariance("state R", state.R, p, definite=True)
         self._Q = covariance("state Q", state.Q, len(x0))
         self._order_delta, self._parameter_delta = order.delta, parameter.delta
-        self.memory = DirectMemory(window, len(x0))
-        self.memory.push(x0, covariance("state P0", state.P0, len(x0)))
+        self.states = NewestFirst(window, x0.shape)
+        self.covariances = NewestFirst(window, (len(x0), len(x0)))
+        self._remember(x0, covariance("state P0", state.P0, len(x0)))
 
     def step(self, y: ArrayLike | None, u: ArrayLike | None = None) -> Step:
         """Take measurement y_k (p,) and the input u_{k-1} (d,) that led to it; None is a zero input.
@@ -276,13 +274,13 @@ class Fltea:
         measured = _vector("y", y, len(self.system.C))
         drive = self._drive(u)
         with np.errstate(all="ignore"):
-            x = self.memory.states[0]
+            x = self.states.values[0]
             A = self.system.A(self.parameter.mean)
             rate = A @ x + drive
             self.order = order_filter(
-                self.order, measured, rate, self.memory, self.system, self._order_R, self._order_delta
+                self.order, measured, rate, self.states.values, self.system, self._order_R, self._order_delta
             )
-            at = difference(self.order.mean[0], self.system.h, self.memory)
+            at = difference(self.order.mean[0], self.system.h, self.states.values)
             self.parameter = parameter_filter(
                 self.parameter,
                 measured,
@@ -294,7 +292,7 @@ class Fltea:
                 self._parameter_delta,
             )
             # `A` and `rate` still hold the parameters from before this sample.
-            predicted = predict_state(A, rate, at, self.memory, self._Q)
+            predicted = predict_state(A, rate, at, self.covariances.values, self._Q)
             return self._finish(*state_filter(*predicted, measured, self.system.C, self._R))
 
     def retune(self, Q: ArrayLike, R: ArrayLike) -> None:
@@ -316,9 +314,9 @@ class Fltea:
         drive = self._drive(u)
         with np.errstate(all="ignore"):
             A = self.system.A(self.parameter.mean)
-            rate = A @ self.memory.states[0] + drive
-            at = difference(self.order.mean[0], self.system.h, self.memory)
-            x, P = predict_state(A, rate, at, self.memory, self._Q)
+            rate = A @ self.states.values[0] + drive
+            at = difference(self.order.mean[0], self.system.h, self.states.values)
+            x, P = predict_state(A, rate, at, self.covariances.values, self._Q)
             C = self.system.C
             return self._finish(x, P, np.full(len(C), np.nan), symmetric(C @ P @ C.T + self._R))
 
@@ -336,14 +334,18 @@ class Fltea:
         """B u (N,)."""
         B = self.system.B
         if u is None:
-            return np.zeros(self.memory.N)
+            return np.zeros(len(self._Q))
         if B is None:
             raise ValueError("this system has no input: give System a matrix B or leave u out")
         return B @ _vector("u", u, B.shape[1])
 
+    def _remember(self, x: Array, P: Array) -> None:
+        self.states.push(x)
+        self.covariances.push(P)
+
     def _finish(self, x: Array, P: Array, innovation: Array, innovation_variance: Array) -> Step:
         """Remember the state and report."""
-        self.memory.push(x, P)
+        self._remember(x, P)
         order, parameter = self.order, self.parameter
         estimates = (x, P, order.mean, order.P, parameter.mean, parameter.P)
         return Step(
