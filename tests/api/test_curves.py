@@ -35,7 +35,7 @@ def test_marks_are_the_lines_of_the_coefficients() -> None:
     tau = [0.1, 0.4, 1.6, 6.4]
     for name, adev in (
         ("N", [0.3 / math.sqrt(t) for t in tau]),
-        ("B", [0.664 * 0.3] * 4),
+        ("B", [math.sqrt(2 * math.log(2) / math.pi) * 0.3] * 4),
         ("K", [0.3 * math.sqrt(t / 3) for t in tau]),
     ):
         shown = Chart(curves.allan(FitAllan(tau, adev, adev, adev, adev, **{name: 0.3}), "deg/s"))

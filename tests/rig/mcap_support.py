@@ -126,7 +126,7 @@ def metadata_of(path: Path) -> list[tuple[str, dict[str, str]]]:
 def wire_entries(path: Path) -> list[Entry]:
     """What came over the wire, also of a file that is cut."""
     entries = read_entries(Part(path, read_info(path)))
-    return [entry for entry in entries if isinstance(entry, Entry) and entry.topic == WIRE]
+    return [entry for entry in entries if entry.topic == WIRE]
 
 
 def wire_data(path: Path) -> list[bytes]:

@@ -7,7 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fltea.recording.session import LINK, WIRE, Entry, LinkMessage
+from fltea.recording.session import LINK, WIRE, LinkMessage
 from fltea.sources.mcap import find_session, read_entries
 from msgspec import json
 
@@ -208,12 +208,12 @@ def read_recording(folder: Path) -> Recorded:
     steps_ns: list[int] = []
     for part in find_session([folder]).parts:
         for entry in read_entries(part):
-            if isinstance(entry, Entry) and entry.topic == WIRE:
+            if entry.topic == WIRE:
                 wire += entry.data
                 step_ns = entry.publish_ns - entry.log_ns
                 if not steps_ns or abs(step_ns - steps_ns[-1]) > 10**9:
                     steps_ns.append(step_ns)
-            elif isinstance(entry, Entry) and entry.topic == LINK:
+            elif entry.topic == LINK:
                 message = json.decode(entry.data, type=LinkMessage)
                 gaps += [message] if message.event == "gap" else []
     return Recorded(bytes(wire), gaps, steps_ns)

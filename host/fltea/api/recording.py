@@ -44,6 +44,10 @@ class Recording(Mapping[str, Array]):
     def __init__(self, name: str, loaded: Loaded) -> None:
         self.name = name
         """What was opened."""
+        self.counts: Counts = loaded.counts
+        """How many samples the recording holds, how many are used, and what is missing."""
+        self.traps: tuple[Trap, ...] = loaded.traps
+        """What is wrong with the recording as a whole; empty where nothing is."""
         self._loaded = loaded
 
     def __getitem__(self, axis: str) -> Array:
@@ -82,16 +86,6 @@ class Recording(Mapping[str, Array]):
     def units(self) -> dict[str, str]:
         """The unit of each axis by its name."""
         return {name: series.unit for name, series in self._loaded.axes.items()}
-
-    @property
-    def counts(self) -> Counts:
-        """How many samples the recording holds, how many are used, and what is missing."""
-        return self._loaded.counts
-
-    @property
-    def traps(self) -> tuple[Trap, ...]:
-        """What is wrong with the recording as a whole; empty where nothing is."""
-        return self._loaded.traps
 
     def identify(
         self,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from fltea.archive.corrected import corrected
 from fltea.recording.files import AT_ONCE
 from fltea.recording.kind import is_one_file
-from fltea.recording.session import LATEST_NS, Entry
+from fltea.recording.session import LATEST_NS
 from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from fltea.records.events import Values
@@ -375,7 +375,7 @@ def _published(paths: Sequence[Path], topic: str, limits: Limits) -> Iterator[_E
     decode = _fit.decode if topic == "fit" else _estimate.decode
     for part in open_mcap(paths, "")().parts:
         for entry in read_entries(part, limits):
-            if isinstance(entry, Entry) and entry.topic == topic:
+            if entry.topic == topic:
                 try:
                     yield decode(entry.data)
                 except (ValueError, RecursionError) as error:  # msgspec's errors, and brackets in brackets

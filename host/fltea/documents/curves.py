@@ -6,6 +6,7 @@ from html import escape
 from typing import NamedTuple
 
 from fltea.records.fit import FitAllan, FitSpectrum
+from fltea.spectrum.allan_coefficients import FLICKER
 
 WIDTH, HEIGHT = 420, 260
 LEFT, RIGHT, TOP, BOTTOM = 64, 10, 24, 40
@@ -15,8 +16,6 @@ STYLES = {
     "model": 'stroke="#d95f02" stroke-width="2"',
     "mark": 'stroke="#a05fd0" stroke-width="1.3" stroke-dasharray="5 4"',
 }
-FLICKER = 0.664
-"""Floor of the Allan deviation over B: √(2 ln 2 / π)."""
 
 
 class Curve(NamedTuple):

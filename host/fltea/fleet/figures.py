@@ -6,12 +6,10 @@ from typing import NamedTuple
 from fltea.fleet.messages import Allan, AxisFit, Interval, Tracker
 from fltea.fleet.outliers import NORMAL_95
 from fltea.noise.spectra import HIGHEST_ORDER
+from fltea.spectrum.allan_coefficients import FLICKER
 
 WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
 """Verdicts that leave room for an order."""
-
-FLOOR = math.sqrt(2 * math.log(2) / math.pi)
-"""Floor of the Allan deviation over B (IEEE Std 952)."""
 
 HIGHEST_FITTED = HIGHEST_ORDER - 1e-3
 """Orders above are at the end of what is fitted."""
@@ -23,7 +21,7 @@ MOST_POINTS = 200
 """Of a curve; a daemon sends some forty."""
 
 
-LINES = {"N": (-0.5, 0.0), "B": (0.0, math.log(FLOOR)), "K": (0.5, -0.5 * math.log(3))}
+LINES = {"N": (-0.5, 0.0), "B": (0.0, math.log(FLICKER)), "K": (0.5, -0.5 * math.log(3))}
 """Slope and logarithm of the Allan deviation at 1 s of a unit of each."""
 
 

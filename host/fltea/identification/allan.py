@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fltea.records.arrays import Array
 from fltea.records.fit import Level
-from fltea.spectrum.allan_coefficients import HOUR, Coefficient
+from fltea.spectrum.allan_coefficients import HOUR, SQRT_HOUR, Coefficient
 from fltea.spectrum.allan_curve import Allan, checked, points
 from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overlap
 
@@ -24,7 +24,6 @@ LONGEST_SHARE = 0.25
 """Longest averaging time over the record."""
 BLOCK = 1 << 13
 """Samples that are looked at at a time."""
-SQRT_HOUR = 60.0
 
 
 class Scale(NamedTuple):

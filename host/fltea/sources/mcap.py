@@ -195,14 +195,13 @@ def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch 
         )
 
 
-def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry | Damage | Torn]:
-    """Yield the same, message by message."""
-    for item in read_batches(part, limits):
-        if not isinstance(item, Batch):
-            yield item
+def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry]:
+    """Yield the messages one by one; those that are damaged, or were torn off, are left out."""
+    for batch in read_batches(part, limits):
+        if not isinstance(batch, Batch):
             continue
-        for channel, sequence, log_ns, publish_ns, data in item.messages.each():
-            yield Entry(item.topics.get(channel, ""), log_ns, publish_ns, sequence, data)
+        for channel, sequence, log_ns, publish_ns, data in batch.messages.each():
+            yield Entry(batch.topics.get(channel, ""), log_ns, publish_ns, sequence, data)
 
 
 class McapRecording:

@@ -26,7 +26,7 @@ FEWEST_AVERAGED = 5
 """Samples, for K: below, the sum of steps is more than 1 % above the line of a continuous random walk."""
 FLICKER = math.sqrt(2 * math.log(2) / math.pi)
 """σ / B at the floor, 0.664."""
-HOUR = 3600.0
+HOUR, SQRT_HOUR = 3600.0, 60.0
 
 
 class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -62,6 +62,7 @@ SLOWEST = 300.0
 WIDEST_ORDER = 0.9
 """Width of the interval from which on an order is undefined."""
 NORMAL = 1.96
+"""Half of a 95 % interval in standard deviations."""
 NOTHING = 1e-4
 """Information about a coordinate that is as good as none."""
 HARDLY_KNOWN = 2.0

@@ -16,12 +16,10 @@ from fltea.records.events import DeviceBins, DeviceFit
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import DeviceFits
 from fltea.spectrum.frontier import native, order_in_white
+from fltea.spectrum.intervals import NORMAL
 from fltea.spectrum.periodogram import Binned
 from fltea.stream.live import SettledFit
 from fltea.stream.stages import Moment
-
-NORMAL_95 = 1.96
-"""Standard deviations of a 95 % interval."""
 
 MOST_ORDER = 2.0
 """Of the model that the board fits."""
@@ -135,7 +133,7 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
         return None
     alpha = Interval()
     if ordered:
-        reach = NORMAL_95 * fit.alpha_std
+        reach = NORMAL * fit.alpha_std
         low, high = max(0.0, fit.alpha - reach), min(MOST_ORDER, fit.alpha + reach)
         known = fit.alpha_defined and math.isfinite(reach) and low < high
         alpha = Interval(fit.alpha, *((low, high) if known else (None, None)))

@@ -1,9 +1,8 @@
 """N, B and K of an Allan deviation in the units of data sheets (pure)."""
 
 from fltea.records.fit import FitAllan
-
-G_MS2 = 9.80665
-SQRT_HOUR, HOUR = 60.0, 3600.0
+from fltea.spectrum.allan_coefficients import HOUR, SQRT_HOUR
+from fltea.wire.sample_scaling import STANDARD_GRAVITY_MS2
 
 NOT_SEEN = "not seen in the curve"
 
@@ -21,9 +20,9 @@ UNITS: dict[bool, dict[str, tuple[Unit, Unit]]] = {
         "K": ((1.0, "(deg/s)/√s"), (HOUR * SQRT_HOUR, "(deg/h)/√h")),
     },
     False: {
-        "N": ((1e6 / G_MS2, "µg/√Hz"), (SQRT_HOUR, "(m/s)/√h")),
-        "B": ((1.0, "m/s²"), (1e6 / G_MS2, "µg")),
-        "K": ((1.0, "(m/s²)/√s"), (SQRT_HOUR * 1e6 / G_MS2, "µg/√h")),
+        "N": ((1e6 / STANDARD_GRAVITY_MS2, "µg/√Hz"), (SQRT_HOUR, "(m/s)/√h")),
+        "B": ((1.0, "m/s²"), (1e6 / STANDARD_GRAVITY_MS2, "µg")),
+        "K": ((1.0, "(m/s²)/√s"), (SQRT_HOUR * 1e6 / STANDARD_GRAVITY_MS2, "µg/√h")),
     },
 }
 
