@@ -31,6 +31,13 @@ def test_a_model_that_drifts_too_little_fails_in_a_sentence() -> None:
     assert said(pieces, "deg/s").startswith("The heading drifts faster than predicted: ")
 
 
+def test_beyond_half_a_turn_no_angle_is_said() -> None:
+    y = 1e5 * _walking(0.02, 1)
+    pieces = judged(learned((White(1e3), Walk(2e3)), y[: len(y) // 2], H), y, len(y) // 2, H)
+    assert said(pieces, "deg/s").count("over half a turn") == 2
+    assert "half a turn" not in said(pieces, "m/s²")
+
+
 def test_a_longer_record_knows_its_walk_better() -> None:
     y = _walking(0.02, 1, 80_000)
     parts = White(0.01), Walk(0.02)

@@ -74,4 +74,7 @@ def test_a_rest_is_as_long_as_the_heading_needs() -> None:
 def test_no_rest_is_enough_for_a_heading_better_than_the_noise_of_its_own_minute() -> None:
     found = rest_for(_system("walk"), H, 60.0, 0.1)
     assert found.rest_s is None
-    assert "No rest is enough" in found.reason
+    assert "No rest is enough: after 60 s the heading is good to ± " in found.reason
+    wild = _system("walk")
+    wild = wild._replace(Q=1e12 * wild.Q)
+    assert rest_for(wild, H, 60.0, 0.1).reason == "No rest is enough: after 60 s no heading is left."

@@ -20,6 +20,7 @@ READ = {
     **dict.fromkeys(("Gyroscope.csv", "sensor_logger.zip", "sensor_logger.json"), ""),
     **dict.fromkeys(("excel_dates.csv", "excel_unicode.txt", "iso_dates.csv", "us_dates.csv"), ""),
     **dict.fromkeys(("pandas.parquet", "pandas.feather", "numpy.npz", "h5py.h5"), ""),
+    **dict.fromkeys(("pandas_fixed.h5", "pandas_table.h5"), ""),
     **dict.fromkeys(("matlab.mat", "matlab73.mat", "px4.ulg", "json.mcap", "protobuf.mcap"), ""),
     **dict.fromkeys(("adafruit_mpu6050.txt", "adafruit_lsm6ds.txt", "sparkfun_icm20948.txt"), "--rate 100"),
     "excel_seconds.csv": "--rate 100",

@@ -102,6 +102,18 @@ def test_the_heading_is_said_by_the_time_after_a_rest() -> None:
     assert facts.curves(history, "accel_z") == []
 
 
+def test_beyond_half_a_turn_no_heading_is_left() -> None:
+    history = told(records("n=600"))
+    axis = STATS.axes["gyro_x"]
+    assert axis.tracker is not None
+    replace = msgspec.structs.replace
+    tracker = replace(axis.tracker, heading_std={1: 0.26, 600: 181.0, 3600: 5900.0})
+    history.write(replace(STATS, axes={"gyro_x": replace(axis, tracker=tracker)}))
+    words = [words for _, words in facts.axis(history, "gyro_x", 0)["headings"]]
+    assert words == ["± 0.26°", "none left", "none left"]
+    assert "5900" not in facts.curves(history, "gyro_x")[0]
+
+
 def test_a_clock_that_is_no_clock_is_said() -> None:
     stats = told(with_breaks([200])).stats
     assert stats is not None

@@ -8,8 +8,9 @@ import numpy as np
 
 from fltea.identification.allan import scales
 from fltea.identification.curves import Curves
-from fltea.identification.forecast import WITHIN, integral
+from fltea.identification.forecast import WITHIN, integral, is_any_heading
 from fltea.identification.run import AxisReport
+from fltea.noise.heading import MOST_DEG
 from fltea.noise.parts import spectrum
 from fltea.records.arrays import Array
 from fltea.spectrum.allan_coefficients import FLICKER
@@ -175,6 +176,10 @@ def _forecast(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     axes, f, unit = figure.subplots(), axis.forecast, integral(axis.unit).strip()
     assert f is not None
     axes.plot(f.t_s, f.heading_std, label="from the end of the recording", **OWN)
+    if is_any_heading(max(f.heading_std), axis.unit):
+        axes.axhline(
+            MOST_DEG, color="#888888", linewidth=0.8, linestyle=":", label="no heading is left above"
+        )
     if f.judged:
         t, said, seen, count = np.array([(p.t_s, p.said, p.seen, p.pieces) for p in f.judged]).T
         # Of a root mean square of so many, Wilson & Hilferty (1931).

@@ -9,7 +9,7 @@ import msgspec
 from fltea.identification.allan import scales
 from fltea.identification.axis import AxisResult
 from fltea.identification.fltea_fit import FlteaFit
-from fltea.identification.forecast import SAID_S, integral
+from fltea.identification.forecast import SAID_S, angle, is_any_heading
 from fltea.identification.load import GYRO_UNIT
 from fltea.identification.run import AxisReport, Failure, FileReport
 from fltea.identification.shuffled import ShuffledBand
@@ -70,11 +70,12 @@ def lead(axis: AxisReport) -> str:
     found = [r.verdict.kind, f"α {_interval(r.order.alpha)}", f"f {_interval(r.order.f)}"]
     if now is not None:
         end = " at the end" if r.level.K.value is not None else ""
-        found += [
-            f"bias{end} {rounded(now.bias, now.bias_std)} {axis.unit}",
-            f"{'heading' if axis.unit == GYRO_UNIT else 'integral'} ± {now.heading_std:.2g}"
-            f"{integral(axis.unit)} after {SAID_S:g} s",
-        ]
+        if is_any_heading(now.heading_std, axis.unit):
+            ahead = "no heading left"
+        else:
+            what = "heading" if axis.unit == GYRO_UNIT else "integral"
+            ahead = f"{what} ± {angle(now.heading_std, axis.unit)}"
+        found += [f"bias{end} {rounded(now.bias, now.bias_std)} {axis.unit}", f"{ahead} after {SAID_S:g} s"]
     return " · ".join(found)
 
 
@@ -90,12 +91,11 @@ def forecast_rows(axis: AxisReport) -> list[tuple[str, ...]]:
     """Return what was said and seen by time, under `FORECAST_HEADINGS`."""
     if axis.forecast is None:
         return []
-    its = integral(axis.unit)
     return [
         (
             f"{one.t_s:g} s",
-            f"{one.said:.2g}{its}",
-            f"{one.seen:.2g}{its}",
+            angle(one.said, axis.unit),
+            angle(one.seen, axis.unit),
             f"{100 * one.within:.0f} %",
             f"{one.pieces}",
             "fails" if one.fails else "holds",

@@ -9,7 +9,7 @@ import numpy as np
 
 from fltea.estimator.offset_walk import OffsetWalk, system_of
 from fltea.estimator.tracker import Tracker
-from fltea.noise.heading import ahead, bias_std, heading_std, heading_stds, rest_for, rested
+from fltea.noise.heading import MOST_DEG, ahead, bias_std, heading_std, heading_stds, rest_for, rested
 from fltea.noise.left_open import nearby
 from fltea.noise.parts import Part
 from fltea.noise.system import System, system
@@ -238,6 +238,16 @@ def with_goal(found: Forecast, model: System, h: float, goal: Goal, unit: str) -
     return msgspec.structs.replace(found, text=f"{found.text} {text}", goal=goal, rest_s=rest.rest_s)
 
 
+def is_any_heading(std: float, unit: str) -> bool:
+    """Whether a heading, of a rate in this unit, can be any."""
+    return unit == "deg/s" and std > MOST_DEG
+
+
+def angle(std: float, unit: str) -> str:
+    """Return the deviation of a heading, or of what else a rate of this unit sums up to."""
+    return "over half a turn" if is_any_heading(std, unit) else f"{std:.2g}{integral(unit)}"
+
+
 def integral(unit: str) -> str:
     """Return the unit of a heading, or of what else a rate of this unit sums up to, behind a number."""
     return "°" if unit == "deg/s" else f" {unit.removesuffix('²') if unit == 'm/s²' else unit + '·s'}"
@@ -247,16 +257,17 @@ def said(pieces: Sequence[Piece], unit: str) -> str:
     """Return what the judge says, in a sentence; of several times that fail, the one that fails most."""
     if not pieces:
         return f"The second half is too short to check a forecast: it takes {FEWEST} pieces of a second."
-    its = integral(unit)
     failed = max((one for one in pieces if one.fails), key=lambda one: abs(one.deviations), default=None)
     if failed is None:
         longest = pieces[-1]
         return (
             f"The first half's forecast holds in the second half up to {longest.t_s:g} s: "
-            f"{longest.said:.2g}{its} predicted, {longest.seen:.2g}{its} seen ({longest.pieces} pieces)."
+            f"{angle(longest.said, unit)} predicted, {angle(longest.seen, unit)} seen "
+            f"({longest.pieces} pieces)."
         )
     how = "faster" if failed.deviations > 0 else "less"
     return (
-        f"The heading drifts {how} than predicted: after {failed.t_s:g} s {failed.seen:.2g}{its} seen, "
-        f"{failed.said:.2g}{its} predicted ({failed.pieces} pieces)."
+        f"The heading drifts {how} than predicted: after {failed.t_s:g} s "
+        f"{angle(failed.seen, unit)} seen, "
+        f"{angle(failed.said, unit)} predicted ({failed.pieces} pieces)."
     )

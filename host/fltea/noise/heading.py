@@ -17,6 +17,9 @@ LONGEST_REST_S = 86400.0
 NEAR = 1.01
 """A time to rest is found within this factor."""
 
+MOST_DEG = 180.0
+"""With a standard deviation beyond half a turn an angle can be any: no heading is left."""
+
 
 class Ahead(NamedTuple):
     """The angle after some samples: what x makes of it, and the covariance of what comes on top."""
@@ -107,7 +110,8 @@ def rest_for(system: System, h: float, t_s: float, within: float) -> Rest:
     best = std(LONGEST_REST_S)
     if best > within:
         # 2 digits of what is possible, for a person.
-        return Rest(None, f"No rest is enough: after {t_s:g} s the heading is good to ± {best:.2g} at best.")
+        why = f"the heading is good to ± {best:.2g} at best" if best <= MOST_DEG else "no heading is left"
+        return Rest(None, f"No rest is enough: after {t_s:g} s {why}.")
     low, high = h, LONGEST_REST_S
     if std(low) <= within:
         return Rest(low)

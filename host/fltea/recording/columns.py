@@ -30,6 +30,9 @@ DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?", re.ASCII)
 MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
 """What programs write where they have no number; in small letters."""
 
+OF_RADS = "SampleTimeFine", "PacketCounter", "seconds_elapsed"
+"""Columns of programs that write rad/s without saying so: MT Manager of Xsens, Sensor Logger of phones."""
+
 
 class Chosen(NamedTuple):
     """What to read: places from 0 of the axes and of the times (None without), and what they are counted in.
@@ -170,7 +173,15 @@ def choose(
             )
     gyro = tuple(labels.index(name) for name in axes)
     beside = [units[place] if units is not None and place < len(units) else "" for place in range(len(names))]
-    unit = _unit_of(where, [names[p] for p in gyro], [beside[p] for p in gyro], how, known=not wanted.columns)
+    in_rads = any("angular_velocity" in name or name in OF_RADS for name in names)
+    unit = _unit_of(
+        where,
+        [names[p] for p in gyro],
+        [beside[p] for p in gyro],
+        how,
+        known=not wanted.columns,
+        in_rads=in_rads,
+    )
     factor, lsb = parse_units(unit)
     time = _time_of(where, names, how) if wanted.time is None else labels.index(wanted.time)
     if how.rate_hz is None and time is None:
@@ -225,7 +236,7 @@ def _accel_of(names: Sequence[str], beside: Sequence[str]) -> tuple[tuple[int, .
     return ((), 1.0) if units or unit is None else (accel, unit)
 
 
-def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known: bool) -> str:
+def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known: bool, in_rads: bool) -> str:
     found = {
         rate_unit_of(name) or RATE_UNITS.get(bare_unit(unit))
         for name, unit in zip(names, beside, strict=True)
@@ -251,10 +262,12 @@ def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known
             f"as deg/s. Give it: --units rad/s; known are {UNITS_HELP}."
         )
     if unit is None and known:
-        likely = "rad/s" if any("angular_velocity" in name for name in names) else "dps"
+        likely, other = ("rad/s", "dps") if in_rads else ("dps", "rad/s")
         raise UsageError(
-            f"{where}: the columns {listed(names)} are a gyroscope's by their names, which say no unit. "
-            f"Give it: --units {likely}; known are {UNITS_HELP}."
+            f"{where}: {listed(names)} are a gyroscope's by their names, but nothing says their unit. It is "
+            f"that of the program which wrote them: --units {likely}, or {other}, mdps, or lsb:N for counts "
+            "of which N are 1 deg/s by the data sheet, such as lsb:131. ROS, phones and Adafruit's libraries "
+            "give rad/s."
         )
     return unit or "deg/s"
 
@@ -266,9 +279,11 @@ def _time_of(where: str, names: Sequence[str], how: How) -> int | None:
     if not found:
         return None
     if len(found) > 1:  # a date beside a time of day; and phones' own count of seconds beside their clock
-        found = [name for name in found if name.lower() == "seconds_elapsed"] or [
-            name for name in found if name.lower() not in ("date", "datum")
-        ]
+        found = (
+            [name for name in found if name.lower() == "seconds_elapsed"]
+            or [name for name in found if name.lower().endswith("header.stamp")]  # rostopic echo -p
+            or [name for name in found if name.lower() not in ("date", "datum")]
+        )
     if (len(found) > 1 or names.count(found[0]) > 1) and how.rate_hz is None:
         raise UsageError(
             f"{where}: {listed(found)} are times by their names; say which is meant: "

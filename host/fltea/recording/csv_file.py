@@ -1,6 +1,5 @@
 """Recordings as text: CSV and its relatives, whatever separates their columns, and objects of JSON."""
 
-import codecs
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import BinaryIO
 
 from fltea.recording.files import Note, Stored, parse_units
 from fltea.recording.table import Rows, gather
-from fltea.recording.text_rows import UTF_16, TextReader
+from fltea.recording.text_rows import TextReader
 from fltea.records.errors import Implausible, UsageError
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -54,12 +53,9 @@ def open_csv(
 def _rows(path: Path, reader: TextReader, stream: BinaryIO) -> Iterator[Rows]:
     """All rows; the columns have to be known near the beginning."""
     size = 0
-    utf_16: codecs.IncrementalDecoder | None = None
     while data := stream.read1(BLOCK_BYTES) if hasattr(stream, "read1") else stream.read(BLOCK_BYTES):
-        if not size and data.startswith(UTF_16):  # as PowerShell and Excel's "Unicode text" write it
-            utf_16 = codecs.getincrementaldecoder("utf-16")("replace")
         size += len(data)
-        yield from reader.feed(data if utf_16 is None else utf_16.decode(data).encode())
+        yield from reader.feed(data)
         if reader.chosen is None and size > HEAD_BYTES:
             raise reader.refusal()
     yield from reader.finish()

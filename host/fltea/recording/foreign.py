@@ -17,6 +17,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from fltea.recording import pandas_hdf5
 from fltea.recording.apart import FAILED, LENGTH, LIBRARIES, Head
 from fltea.recording.column_names import axis_of, named_axis
 from fltea.recording.files import AT_ONCE, listed
@@ -142,22 +143,25 @@ def matlab(path: Path, _: str) -> Sheet:
 
 
 def hdf5(path: Path, _: str) -> Sheet:
-    """All data sets, by their paths; read block by block."""
+    """A table of pandas, or else all data sets, by their paths; read block by block."""
     import h5py
 
     file = h5py.File(path, "r")
     found: dict[str, Any] = {}
     units: dict[str, str] = {}
 
-    def take(name: str, item: Any) -> None:
+    def take(name: str, item: Any) -> dict[str, Any] | None:
+        if isinstance(item, h5py.Group) and pandas_hdf5.is_table(item):
+            return pandas_hdf5.columns_of(item)
         if isinstance(item, h5py.Dataset):
             name = name.replace("/", ".")
             found[name] = item
             stated = item.attrs.get("units", item.attrs.get("unit", ""))
             units[name] = stated.decode(errors="replace") if isinstance(stated, bytes) else str(stated)
+        return None
 
-    file.visititems(take)
-    return of_arrays(found, units)
+    table = file.visititems(take)
+    return of_arrays(found if table is None else table, units)
 
 
 def px4(path: Path, topic: str) -> Sheet:
@@ -257,7 +261,14 @@ def json_objects(path: Path, _: str) -> Sheet | Iterator[bytes]:
     """One array of objects, or lists by their names; of the app Sensor Logger those of its gyroscope."""
     found = msgspec.json.decode(path.read_bytes())
     if isinstance(found, dict):
-        lists = {name: value for name, value in found.items() if isinstance(value, list) and value}
+        if isinstance(found.get("columns"), list) and isinstance(found.get("data"), list):  # pandas, "split"
+            found = dict(
+                zip(map(str, found["columns"]), map(list, zip(*found["data"], strict=True)), strict=True)
+            )
+        every = {
+            k: [*v.values()] if isinstance(v, dict) else v for k, v in found.items()
+        }  # pandas, "columns"
+        lists = {name: value for name, value in every.items() if isinstance(value, list) and value}
         if not any(isinstance(value[0], dict) for value in lists.values()):
             return of_arrays({name: np.array(value) for name, value in lists.items()})
         found = max((value for value in lists.values() if isinstance(value[0], dict)), key=len)

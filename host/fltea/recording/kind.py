@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import stat
 import zipfile
 from pathlib import Path
@@ -93,7 +94,15 @@ FOREIGN: dict[bytes, tuple[str, str]] = {
     ),
     b"FEA1": (
         "a Feather file of the first version. pandas writes one that is read",
-        "python3 -c \"import pandas; pandas.read_feather('{path}').to_csv('imu.csv', index=False)\"",
+        "python3 -c \"import pandas, sys; pandas.read_feather(sys.argv[1]).to_csv('imu.csv')\" {path}",
+    ),
+    **dict.fromkeys(
+        (b"\x80\x02", b"\x80\x03", b"\x80\x04\x95", b"\x80\x05\x95"),
+        (
+            "a pickle of Python. Opening one runs whatever it says, so fltea never does. If it is a table of "
+            "pandas and you trust it, turn it into CSV",
+            "python3 -c \"import pandas, sys; pandas.read_pickle(sys.argv[1]).to_csv('imu.csv')\" {path}",
+        ),
     ),
     b"(\xb5/\xfd": ("packed by zstd. Unpack it", "zstd -d {path}"),
     b"7z\xbc\xaf\x27\x1c": ("an archive of 7-Zip. Unpack it", "7z x {path}"),
@@ -189,8 +198,10 @@ def _kind(path: Path, begin: bytes) -> Kind:
         return known
     for magic, (what, command) in FOREIGN.items():
         if begin.startswith(magic) and by_end != "bag":
-            how = f": {command.format(path=path)}" if command else ""
-            raise UsageError(f"{path}: is {what}{how}.")
+            how = f": {command.format(path=shlex.quote(str(path)))}" if command else "."
+            raise UsageError(f"{path}: is {what}{how}")
+    if not begin:
+        raise UsageError(f"{path}: is empty.")
     if by_end not in (*TEXTS, None):
         return by_end
     text = begin.removeprefix(BOM).lstrip()
@@ -198,8 +209,6 @@ def _kind(path: Path, begin: bytes) -> Kind:
         return "ndjson"
     if ARRAY.match(text) or (by_end == "json" and not _is_foreign(text)):
         return "json"
-    if not begin and by_end is None:
-        raise UsageError(f"{path}: is empty.")
     most = 0 if by_end is None else len(begin[:BEGIN_BYTES]) // 20
     if begin[:BEGIN_BYTES].count(0) > most and not begin.startswith(UTF_16):
         raise UsageError(
@@ -219,8 +228,12 @@ def _kind_of_zip(path: Path, file: BinaryIO) -> Kind:
     if "xl/workbook.xml" in names:
         return "xlsx"
     if "content.xml" in names:
-        command = f"libreoffice --headless --convert-to csv {path}"
-        raise UsageError(f"{path}: is a file of LibreOffice (.ods). Save it as .xlsx or CSV: {command}.")
+        command = f"libreoffice --headless --convert-to csv {shlex.quote(str(path))}"
+        raise UsageError(f"{path}: is a file of LibreOffice (.ods). Save it as .xlsx or CSV: {command}")
+    if "word/document.xml" in names:
+        raise UsageError(
+            f"{path}: is a text of Word. Copy its table into Excel, and save it as .xlsx or CSV."
+        )
     arrays = {name.removesuffix(".npy") for name in names if name.endswith(".npy")}
     if not arrays:
         return "npz" if path.suffix.lower() == ".npz" else "packed"

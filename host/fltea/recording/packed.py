@@ -4,6 +4,7 @@ import bz2
 import contextlib
 import gzip
 import lzma
+import shlex
 import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
@@ -11,6 +12,7 @@ from typing import Any, BinaryIO, cast
 
 from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Note, Stored, listed
+from fltea.recording.kind import KINDS
 from fltea.recording.quota import Quota
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
@@ -65,10 +67,14 @@ def _member(path: Path, archive: zipfile.ZipFile) -> zipfile.ZipInfo:
             return found[0]
     if len(rest) == 1:
         return rest[0]
+    if not any(PurePosixPath(info.filename).suffix.lower() in KINDS for info in rest):
+        raise UsageError(
+            f"{path}: is an archive without a recording ({listed([i.filename for i in files])})."
+        )
     raise UsageError(
         f"{path}: holds {len(files)} files, and which has the gyroscope is not known "
         f"({listed([info.filename for info in files])}). Unpack it, and name the file: "
-        f"python3 -m zipfile -e {path} ."
+        f"python3 -m zipfile -e {shlex.quote(str(path))} ."
     )
 
 

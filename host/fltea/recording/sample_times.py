@@ -87,6 +87,12 @@ class Elapsed:
         self._longest = LONGEST_GAP_S / SECONDS[unit or "s"]
         self._offset = 0.0
         self._last: tuple[float, float, Floats] | None = None
+        self._between = math.inf, -math.inf
+
+    @property
+    def between(self) -> float:
+        """From the earliest time to the latest, in whatever order they stand."""
+        return self._between[1] - self._between[0]
 
     @property
     def span(self) -> float:
@@ -124,6 +130,7 @@ class Elapsed:
             self.repeated += int(flat.sum())
             self.odd += int((flat & (values != before).any(axis=1)).sum())
         self.rows += len(time)
+        self._between = min(self._between[0], float(time.min())), max(self._between[1], float(time.max()))
         if self.first is None and numbers is not None and (flat.any() or begins.any()):
             self.first = int(numbers[int(np.argmax(flat | begins))])
         self._last = float(time[-1]), float(elapsed[-1]), values[-1]
@@ -276,10 +283,11 @@ def _why_uneven(
     at = f", the first in {f'line {first}' if first.isdigit() else first}" if first else ""
     remedy = f"Give the rate: --rate {rate_hz:.4g} (the mean of these times, which then tell no gaps)."
     if elapsed.backwards > (1 - EVEN_SHARE) * elapsed.rows:
+        rate_hz = (elapsed.rows - 1) / max(elapsed.between * SECONDS[shown], SHORTEST_STEP_S)
         return (
-            f"{elapsed.backwards} of {elapsed.rows} times are earlier than the one before{at}. Sort the rows "
-            "by their times, or if they stand in the order in which they were measured, give their rate: "
-            "--rate 100."
+            f"{elapsed.backwards} of {elapsed.rows} times are earlier than the one before{at}. If the rows "
+            f"stand in the order in which they were measured, give their rate: --rate {rate_hz:.4g}. "
+            "Otherwise sort them by their times."
         )
     if is_coarse:
         return (

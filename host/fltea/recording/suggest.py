@@ -6,6 +6,7 @@ accelerometer, and the next three are the gyroscope.
 
 import contextlib
 import math
+import re
 import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -32,6 +33,10 @@ FEWEST = 3
 
 MOST_FILLED = 0.8
 
+OTHER = re.compile(
+    "temp|humid|press|baro|mag|compass|light|lux|lat|lon|alt|speed|veloc|volt|current|batt|price"
+)
+"""In names of what is no angular rate."""
 
 NOBODY_MEASURES = 1e100
 """A number as large is none; the squares of smaller ones are still numbers."""
@@ -57,13 +62,17 @@ def options(names: Sequence[str] | None, values: Floats, how: How) -> str:
         labels = list(names)
     filled = np.isfinite(values).mean(axis=0) >= MOST_FILLED
     time = _times(names, values, filled)
-    gravity = _accelerometer(names, values)
-    rest = [p for p in range(width) if filled[p] and not is_rising(values[:, p]) and p not in gravity]
+    numbers = [p for p in range(width) if filled[p] and not is_rising(values[:, p])]
+    gravity = _accelerometer(names, values, numbers)
+    rest = [p for p in numbers if p not in gravity]
     named = [p for p in rest if names is not None and axis_of(names[p])]
-    moving = [p for p in rest if np.nanstd(values[:, p]) > 0]
-    axes = (named or moving or rest)[: len(AXES)]
+    likely = [p for p in rest if names is None or not OTHER.search(names[p].lower())]
+    moving = [p for p in likely if np.nanstd(values[:, p]) > 0]
+    axes = (named or moving or likely)[: len(AXES)]
     if not axes:
         return ""
+    if sorted(labels[p].lower() for p in axes) == list("xyz"):
+        axes.sort(key=lambda p: labels[p].lower())
     found = ["--columns", ",".join(labels[p] for p in axes)]
     if time is not None:
         found += ["--time-column", labels[time]]
@@ -74,7 +83,8 @@ def options(names: Sequence[str] | None, values: Floats, how: How) -> str:
         found += ["--rate", f"{how.rate_hz or 100:g}"]
     if names is None or not all(rate_unit_of(names[p]) for p in axes):
         whole = bool((values[:, axes] == np.rint(values[:, axes])).all())
-        found += ["--units", how.units or ("lsb:131" if whole else "dps")]
+        of_phone = names is not None and "seconds_elapsed" in names  # Sensor Logger, of all its sensors
+        found += ["--units", how.units or ("lsb:131" if whole else "rad/s" if of_phone else "dps")]
     return shlex.join(found)
 
 
@@ -107,17 +117,22 @@ def _unit(times: Floats) -> TimeUnit | None:
     return fits[0] if fits else None
 
 
-def _accelerometer(names: Sequence[str] | None, values: Floats) -> set[int]:
-    """Columns of an accelerometer, by their names or by the length of three in a row."""
+def _accelerometer(names: Sequence[str] | None, values: Floats, numbers: Sequence[int]) -> set[int]:
+    """Columns of an accelerometer, by their names or by the length of three in a row.
+
+    numbers: the columns that are no times. Sensors stand in threes: three that begin at a third of these are
+    rather meant than others, which have the axis with gravity and two of another sensor.
+    """
     if names is not None and (named := {p for p, name in enumerate(names) if accel_axis_of(name)}):
         return named
     found = []
-    for first in range(values.shape[1] - 2):
-        length = np.linalg.norm(values[:, first : first + 3], axis=1)
+    for k in range(len(numbers) - 2):
+        three = numbers[k : k + 3]
+        length = np.linalg.norm(values[:, three], axis=1)
         spread = length.std() / length.mean() if np.isfinite(length).all() and length.any() else math.inf
         if spread < SPREAD and any(abs(length.mean() / g - 1) < SPREAD for g in GRAVITY):
-            found.append((spread, first))
-    return {*range(min(found)[1], min(found)[1] + 3)} if found else set()
+            found.append((k % len(AXES) != 0, k))
+    return set(numbers[min(found)[1] :][: len(AXES)]) if found else set()
 
 
 def hint_for(lines: Sequence[str], how: How) -> str:

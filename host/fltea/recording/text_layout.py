@@ -32,6 +32,7 @@ SEPARATORS = ("\t", ";", ",", None)
 MOST_BEFORE = 200
 """Lines before the first row that are remembered: one of them may be a header."""
 
+WORDS = re.compile(r"[\s,;:={}\[\]]+")
 MOST_COLUMNS = 10_000
 """Names in a line; a file of text may hold lines of a million."""
 
@@ -123,6 +124,9 @@ class LayoutFinder:
         if self._header is not None or self._why_no_row:
             return UsageError(self._why_no_row or f"{self._where}: has a header but no rows.")
         lines = [line for _, line in self._first]
+        unnamed = lines and self._wanted.columns is None
+        if unnamed and not any(is_number(field) for line in lines for field in WORDS.split(line)):
+            return UsageError(f"{self._where}: is no recording: none of its first lines holds a number.")
         place, has = _what_there_is(lines)
         where = f"{self._where}:{self._first[place][0] if lines else 1}"
         wanted = self._wanted
@@ -311,7 +315,7 @@ def split(line: str, separator: str | None) -> list[str]:
 
 def header_of(line: str, wanted: Wanted) -> tuple[list[str], str | None, bool] | None:
     """The names in a line, what separates them, and whether it may hold more than names; or None."""
-    text = line.strip()
+    text = line.strip(" \r\n")  # a tab separates, so one in front belongs to a first column without a name
     for mark in COMMENTS:
         text = text.removeprefix(mark) if len(mark) > 1 else text.lstrip(mark)
     if any(mark in text for mark in "\t;,"):
@@ -320,6 +324,12 @@ def header_of(line: str, wanted: Wanted) -> tuple[list[str], str | None, bool] |
         separators = ["\n", None] if ONE_WITH_UNIT.fullmatch(text) else [None, "\n"]
     for separator in separators:
         names = split(text, separator)
+        if (
+            separator is None
+            and not wanted.by_position
+            and any(is_number(name.strip(",;")) for name in names)
+        ):
+            continue  # labels with numbers, as in "gx: 1.5 gy: 0.2"
         if len(names) <= MOST_COLUMNS and wanted.are_in(names) and not _is_row_of_positions(names, wanted):
             return names, separator, separator is None or is_comment(line)
     return None

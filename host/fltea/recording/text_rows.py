@@ -4,6 +4,8 @@ A line that holds no sample is counted by its reason and left out; what looks li
 stands for a lost one, so it takes a number.
 """
 
+import codecs
+import re
 from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -28,6 +30,11 @@ MANY = 24
 
 SAMPLE_LINES, SAMPLE_BYTES = 60, 1 << 14
 """Of what comes first, which tells what the columns may be."""
+
+ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s*["\[{]|\{\s*"0"))')
+"""How an array of objects begins, an object over several lines, and one of columns, as pandas writes it."""
+
+HEAD_BYTES = 256
 
 NO_NAME = "0123456789+-."
 """With what a line of names does not begin."""
@@ -95,7 +102,8 @@ class TextReader:
         self._parser: RowParser | None = None
         self._ordinal = 0
         self._begins = self._skipping = False
-        self._rest = b""
+        self._rest = self._head = b""
+        self._utf_16: codecs.IncrementalDecoder | None = None
         self._sample: list[str] = []
 
     @property
@@ -116,6 +124,11 @@ class TextReader:
         return self.with_hint(self._refusal())
 
     def _refusal(self) -> UsageError:
+        if ONE_DOCUMENT.match(self._head):
+            return UsageError(
+                f"{self._where}: is one document of JSON; of a stream only an object a line is read. "
+                "Write it to a file, and read that: cat > recording.json, then -s replay:recording.json"
+            )
         if self.first is None or (self.chosen is None and self.first.reason != "too_long"):
             return self._finder.refusal()
         return UsageError(f"{self._where}:{self.first.line}: {self.first.why}")
@@ -126,6 +139,12 @@ class TextReader:
         Raises:
             UsageError: the first line that names the columns does not say clearly which are meant.
         """
+        if not self._head:
+            self._head = data[:HEAD_BYTES]
+            if data.startswith(UTF_16):  # as PowerShell and Excel's "Unicode text" write it
+                self._utf_16 = codecs.getincrementaldecoder("utf-16")("replace")
+        if self._utf_16 is not None:
+            data = self._utf_16.decode(data).encode()
         if self._skipping:
             _, end, data = data.partition(b"\n")
             if not end:

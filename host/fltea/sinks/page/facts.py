@@ -3,6 +3,7 @@
 from typing import Any
 
 from fltea.documents import curves as charts
+from fltea.noise.heading import MOST_DEG
 from fltea.records.records import (
     AXES,
     AxisEstimate,
@@ -199,6 +200,7 @@ def curves(history: DeviceHistory, name: str) -> list[str]:
         shown.append(charts.spectrum(found.spectrum, unit, fit.rate_left_out if fit else (), crosses))
     if found.allan is not None:
         shown.append(charts.allan(found.allan, unit))
+    ahead = {t_s: std for t_s, std in ahead.items() if std <= MOST_DEG}
     if ahead:
         line = charts.Curve([*ahead], [*ahead.values()], "model")
         title = "Heading after a rest, rates less the bias"

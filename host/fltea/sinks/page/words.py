@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping
 from typing import Literal
 
+from fltea.noise.heading import MOST_DEG
+
 Level = Literal["good", "wait", "bad", "plain"]
 
 LARGE = 1e6
@@ -46,8 +48,8 @@ def with_std(value: float | None, std: float | None) -> str:
 
 
 def within(std: float) -> str:
-    """How far an angle is off, to two digits."""
-    return f"± {float(f'{std:.2g}'):g}°"
+    """How far an angle is off, to two digits, as long as it is known at all."""
+    return "none left" if std > MOST_DEG else f"± {float(f'{std:.2g}'):g}°"
 
 
 def signed(value: float) -> str:
