@@ -1,4 +1,4 @@
-"""Two systems of two states, worked by hand in rational numbers. The comments are the working."""
+"""A system of two states, worked by hand in rational numbers. The comments are the working."""
 
 from fractions import Fraction as F
 
@@ -9,43 +9,6 @@ from fltea.lab.reference.filters import Fltea, OrderSettings, ParameterSettings,
 
 def near(*values: F | int) -> object:
     return pytest.approx([float(value) for value in values], rel=1e-13)
-
-
-def test_order_and_parameter_held_fixed() -> None:
-    # h = 1/4, order 1/2: h^α = 1/2; c_1 = -1/2, c_2 = -1/8, c_3 = -1/16.
-    # A = [-1 2; 0 -1], so F = A/2 + 1/2 = [0 1; 0 0]; C = [1 0], Q = 1, R = 2.
-    def start(window: int) -> Fltea:
-        return Fltea(
-            System(A=lambda w: np.array([[w[0], 2], [0, w[0]]]), B=None, C=np.array([[1.0, 0]]), h=0.25),
-            OrderSettings(P0=0, Q0=0, alpha0=0.5, R=1, delta=0.5),
-            ParameterSettings(P0=0, Q0=0, w0=-1, R=1, delta=0.5),
-            StateSettings(P0=1, Q=1, x0=[8, 8], R=2),
-            window,
-        )
-
-    filters = [start(window) for window in (2, 3)]
-    for fltea in filters:
-        # k = 1: x̃ = F (8, 8) = (8, 0); P̃ = F F' + 1 = diag(2, 1); K = (2/4, 0); e = 12 - 8 = 4.
-        step = fltea.step(12)
-        assert step.x == near(10, 0)
-        assert step.P.ravel() == near(1, 0, 0, 1)
-        assert (step.innovation[0], step.innovation_variance[0, 0]) == near(4, 4)
-        # k = 2: x̃ = F (10, 0) + 1/8 (8, 8) = (1, 1); P̃ = diag(1, 0) + 1 + 1/64 = diag(129, 65)/64;
-        #        K = (129/257, 0); e = 257/64; x̂ = (1 + 129/64, 1); P_11 = 129/64 * 2 / (257/64).
-        step = fltea.step(float(1 + F(257, 64)))
-        assert step.x == near(F(193, 64), 1)
-        assert step.P.ravel() == near(F(258, 257), 0, 0, F(65, 64))
-        assert (step.order, step.order_variance, step.w[0], step.Pw[0, 0]) == (0.5, 0, -1, 0)
-    # k = 3, measurement missing. Window 2: x = F (193/64, 1) + 1/8 (10, 0) = (1 + 10/8, 0);
-    #        P = F diag(258/257, 65/64) F' + 1 + 1/64 = diag(130, 65)/64.
-    step = filters[0].step(None)
-    assert step.x == near(F(9, 4), 0)
-    assert step.P.ravel() == near(F(130, 64), 0, 0, F(65, 64))
-    assert np.isnan(step.innovation).all()
-    # Window 3 adds 1/16 (8, 8) to x and 1/256 to P.
-    step = filters[1].step(None)
-    assert step.x == near(F(11, 4), F(1, 2))
-    assert step.P.ravel() == near(F(521, 256), 0, 0, F(261, 256))
 
 
 def test_all_three_filters_for_two_steps() -> None:
