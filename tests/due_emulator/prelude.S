@@ -56,6 +56,15 @@
   store 0x400E0630, 0x12
   wait 0x400E0668, 8
 .endm
+// A handler that counts in slot 0.
+.macro count_ticks
+count:
+  ldr r0, =0x20070000
+  ldr r1, [r0]
+  adds r1, #1
+  str r1, [r0]
+  bx lr
+.endm
 .macro handler number, name
   .org 4 * \number
   .word \name + 1

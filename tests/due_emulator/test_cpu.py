@@ -18,23 +18,6 @@ def test_instructions_take_a_cycle_each_and_sleep_takes_until_the_next_event():
     assert bench.board.machine.idle_ps > 0.99 * bench.board.machine.now_ps - 1_000_000_000
 
 
-def test_the_time_of_an_access_is_exact_within_a_slice():
-    # SysTick counts cycles: two reads, 20 instructions and one access apart.
-    bench = run(
-        """systick 0xFFFFFF, 5
-  ldr r0, =0xE000E018
-  ldr r1, [r0]
-  .rept 20
-  nop
-  .endr
-  ldr r2, [r0]
-  subs r1, r2
-  keep r1, 0
-  wait_forever"""
-    )
-    assert bench.slot(0) == 25  # 20 + the first read with its 4 cycles of the bridge
-
-
 FORBIDDEN = [
     ("udf #0", "undefined instruction"),
     ("svc #0", "SVC instruction"),
@@ -194,32 +177,6 @@ def test_no_instruction_is_lost_or_counted_twice_where_interrupts_come(every):
     assert bench.board.cpu.instructions == 3 + 6 + 1 + 3 + 2000 * 9 + 3 + 1 + 5 * bench.slot(0)
 
 
-def test_an_interrupt_comes_at_its_instruction_though_the_program_only_computes():
-    # SysTick says how long ago it was 0, in a handler that reads it first; the first tick is armed and
-    # awaited in one go.
-    bench = run(
-        """movs r1, #0
-  keep r1, 0
-  systick 999, 7
-1: adds r4, #1
-  muls r4, r4, r5
-  b 1b
-late:
-  ldr r0, =0xE000E018
-  ldr r1, [r0]
-  rsb r1, r1, #1000
-  load r2, 0x20070000
-  cmp r1, r2
-  it hi
-  movhi r2, r1
-  keep r2, 0
-  bx lr""",
-        0.01,
-        {15: "late"},
-    )
-    assert bench.slot(0) == 1, "the first instruction of the handler, and nothing before it"
-
-
 def test_a_waiting_interrupt_comes_soon_after_its_priority_lets_it():
     # Software interrupt 31 has priority 0x80, and BASEPRI holds it back.
     bench = run(
@@ -288,28 +245,6 @@ def test_the_second_processor_forgives_nothing_either(text, reason):
     message = first.fault(0.1)
     assert reason in message
     assert message == alone.fault(0.1), "the same instruction at the same moment"
-
-
-def test_code_in_ram_that_computing_code_rewrites_runs_as_it_was_written():
-    call = " ldr r0, =0x20071001\n blx r0\n"
-    bench = run(
-        f"""ldr r2, =0x20071000
-  ldr r3, =0x47702001
-  str r3, [r2]
-  {call}
-  keep r0, 0
-  ldr r6, =300
-1: ldr r3, =0x47702002
-  str r3, [r2]
-  subs r6, #1
-  bne 1b
-  movs r1, r0
-  {call}
-  movs r1, r0
-  keep r1, 1
-  wait_forever"""
-    )
-    assert bench.slot(1) == 2
 
 
 @pytest.mark.parametrize("seed", [1, 2])
