@@ -2,6 +2,7 @@
 
 import os
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from fltea.cli.app import app
 from fltea.records.records import Epoch, Error, Estimate, Fit, Hello, Sample, Stats
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
-from host_support import PATIENCE_S, QUICK, fltea, fltea_here, strict_records
+from host_support import PATIENCE_S, QUICK, fltea, fltea_here, strict_records, wait_until
 
 COMMANDS = typer.main.get_command(app).commands
 SAMPLE = wire.Sample(1, 2, 3, 4, 5, 6, 7, 0)
@@ -307,6 +308,21 @@ def written(command: str, folder: Path, frames: int = 9000) -> list[str | Path]:
         case "at its own pace":
             return ["run", "-s", "synthetic:", "--samples", *QUICK]
     return [*FAST, "--once", "--samples", "--format", command, *QUICK]
+
+
+@pytest.mark.slow
+def test_a_pipe_that_nobody_reads_is_named_and_another_signal_ends_the_wait() -> None:
+    with started(
+        "run", "-s", "synthetic:?rate_hz=1000", "--samples", "--format", "ndjson", *QUICK
+    ) as process:
+        writer = os.open(f"/proc/self/fd/{process.stdout.fileno()}", os.O_WRONLY | os.O_NONBLOCK)
+        wait_until(lambda: not select.select([], [writer], [], 0)[1], "a full pipe")
+        os.close(writer)
+        process.send_signal(signal.SIGTERM)
+        assert b"waits for stdout" in process.stderr.readline()
+        process.send_signal(signal.SIGTERM)
+        assert b"stdout has not ended" in process.stderr.readline()
+        assert process.wait(PATIENCE_S) == 0
 
 
 @pytest.mark.parametrize("command", ["ndjson", "at its own pace", "inspect"])

@@ -5,14 +5,10 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from fltea.service import daemon as service
-from fltea.settings.config import load_configs
 from host_support import PATIENCE_S, QUICK, Processes, wait_until
 from tiers import slow
 
@@ -69,41 +65,6 @@ def test_a_signal_ends_all_devices_and_everything_is_written(
         assert [r["class"] for r in daemon.records if r["device"] == name][-1] == "stats"
     saved = json.loads((tmp_path / "state").read_bytes())["devices"]
     assert set(saved) == {"a", "b"}
-
-
-@pytest.mark.parametrize("devices", [2, 20])
-def test_however_many_devices_hang_a_signal_ends_them_within_a_second(
-    devices: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """By a clock that only waiting turns: devices and outputs all take as long as they are given."""
-    waited_s = [0.1]  # until the signal is looked at
-
-    def wait(timeout_s: float | None, *_: object) -> bool:
-        assert timeout_s is not None, "for ever"
-        waited_s[0] += timeout_s
-        return False
-
-    class Thread(threading.Thread):
-        def start(self) -> None:
-            if not self.name.startswith("walk"):
-                super().start()
-
-        def join(self, timeout: float | None = None) -> None:
-            if self.name.startswith("walk"):
-                wait(timeout)
-            else:
-                super().join()
-
-    parts = {"Thread": Thread, "Event": threading.Event, "Lock": threading.Lock}
-    monkeypatch.setattr(service, "threading", SimpleNamespace(**parts))
-    monkeypatch.setattr(service, "time", SimpleNamespace(monotonic=lambda: waited_s[0]))
-    monkeypatch.setattr(service.Hub, "close", lambda hub, *arguments: wait(*arguments))
-    stop: Any = SimpleNamespace(asked=threading.Event(), armed=False)
-    stop.asked.set()
-    urls = [f"synthetic:?seed={k}" for k in range(devices)]
-    failure, done = service._Run(load_configs(None, {"format": "none"}, urls), stop).run()
-    assert (failure, done) == (None, False)
-    assert service.PATIENCE_S < waited_s[0] < 1.0
 
 
 def test_a_restarted_daemon_goes_on_where_it_stopped(processes: Processes, tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from urllib.parse import urlsplit
 import msgspec
 from fltea.cli.app import main
 from fltea.records.records import AnyRecord, Hello
+from fltea.service.hub import Hub
 
 from tools.board_voice import HELLO
 from tools.faults.program import PATIENCE_S, Program
@@ -29,6 +30,11 @@ WIRE_HELLO = HELLO
 """The made-up boards' own, as the tests of the host expect it."""
 
 _decoder = msgspec.json.Decoder(AnyRecord)
+
+
+def closed(hub: Hub) -> bool:
+    """Close all outputs; whether each has ended."""
+    return all(one.done(PATIENCE_S) for outputs in (hub.close, hub.close_log) for one in outputs())
 
 
 def fltea(*arguments: str | Path, columns: int = 200) -> subprocess.CompletedProcess[str]:

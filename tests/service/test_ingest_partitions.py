@@ -19,6 +19,7 @@ from fltea.settings.config import load_configs
 from fltea.stream.beside import Beside
 from fltea.stream.snapshot import DeviceState, LastSample, missing_since
 from frames_messages import second_of
+from host_support import closed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import json
@@ -121,7 +122,7 @@ class Worker:
         return kept
 
     def end(self) -> "Worker":
-        assert self.hub.close(10)
+        assert closed(self.hub)
         return self
 
     def kinds(self) -> list[str]:

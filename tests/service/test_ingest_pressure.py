@@ -17,7 +17,7 @@ from fltea.settings.config import load_configs
 from fltea.settings.outputs import MqttConfig
 from fltea.stream.beside import Beside
 from frames_messages import second_of
-from host_support import PATIENCE_S, wait_until
+from host_support import PATIENCE_S, closed, wait_until
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 
@@ -98,7 +98,7 @@ class Scene:
         self.ingest.close()
         self._thread.join(PATIENCE_S)
         self.sink.go.set()
-        assert self.hub.close(PATIENCE_S)
+        assert closed(self.hub)
         assert self.errors == [None]
 
 

@@ -15,7 +15,7 @@ from fltea.settings.config import load_config
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.record import RecordSink
 from fltea.sources.synthetic import SyntheticSource
-from host_support import PATIENCE_S, hello, wait_until
+from host_support import closed, hello, wait_until
 from mcap_support import replay, transport
 
 
@@ -58,7 +58,7 @@ def test_what_came_between_start_and_stop_is_recorded_and_can_be_replayed(tmp_pa
     recorder.start("due", said)
     recorder.stop("due")
     assert len(list((tmp_path / "recordings").iterdir())) == 1, "nothing came, so there is no second file"
-    assert hub.close(PATIENCE_S)
+    assert closed(hub)
 
 
 def replay_of(items: list, folder: Path) -> list:
@@ -88,7 +88,7 @@ def test_a_source_without_a_wire_is_recorded_from_then_on(tmp_path: Path) -> Non
             recorder.stop("due")
             ended = seen
     walk.finish()
-    assert hub.close(PATIENCE_S)
+    assert closed(hub)
     (path,) = tmp_path.iterdir()
     seqs = [sample.seq for sample in of(Sample, replay(path))]
     assert len(seqs) == ended - began
@@ -105,7 +105,7 @@ def test_one_that_runs_with_the_program_is_shown_and_not_ended(tmp_path: Path) -
     assert (view.on, view.fixed, view.folder) == (True, True, str(tmp_path / "a"))
     with pytest.raises(FlteaError, match="--record"):
         recorder.stop("due")
-    assert hub.close(PATIENCE_S)
+    assert closed(hub)
     assert len(list((tmp_path / "a").iterdir())) == 1
 
 

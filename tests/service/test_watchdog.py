@@ -1,4 +1,4 @@
-"""A walk that hangs is not called alive, and neither signals nor sources hold up the end."""
+"""A walk that hangs is not called alive, and a second signal does not hold up the end."""
 
 import math
 import signal
@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 from fltea.service import daemon
 from fltea.service.daemon import STUCK_S, StopOnSignal, _Run
-from fltea.sources.replay import ReplaySource
 
 
 def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
@@ -57,22 +56,3 @@ def test_a_second_signal_in_the_midst_of_the_first_does_not_hang(monkeypatch) ->
         monkeypatch.setattr(stop.asked, "set", interrupted)
         signal.raise_signal(signal.SIGTERM)
         assert stop.asked.is_set()
-
-
-def test_sources_that_hang_get_no_more_time_together_than_one_alone(monkeypatch) -> None:
-    now_s = [0.0]
-    monkeypatch.setattr(daemon.time, "monotonic", lambda: now_s[0])
-
-    class Hanging:
-        """A thread whose source does not let itself be closed."""
-
-        def __init__(self, **of_a_thread: object) -> None: ...
-
-        def start(self) -> None: ...
-
-        def join(self, timeout_s: float) -> None:
-            now_s[0] += timeout_s
-
-    monkeypatch.setattr(daemon.threading, "Thread", Hanging)
-    daemon._close([ReplaySource.__new__(ReplaySource) for _ in range(3)])
-    assert now_s == [daemon.PATIENCE_S]

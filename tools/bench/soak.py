@@ -20,6 +20,7 @@ import psutil
 from fltea.records.block import Block
 from fltea.records.events import Chunk, Opened
 from fltea.records.records import Epoch, Gap, Stats
+from fltea.service.ending import Ending
 from fltea.service.hub import Hub
 from fltea.settings.config import load_config
 from fltea.sinks.ndjson import NdjsonSink
@@ -123,7 +124,7 @@ def measure(hours: float = 24.0, seed: int = 1) -> dict[str, Any]:
                 seen.add(record)
             hub.publish("soak", records, wait=True)
     seen.add(pipeline.stats())
-    hub.close(None)
+    Ending(lambda: False, lambda: 0, print).wait(hub.close())
     sink.close()
     memory.append(rss_mb())
     assert seen.stats is not None

@@ -31,7 +31,7 @@ def broker_killed(stage: Stage) -> Outcome:
 
 
 def split(stage: Stage, *, seconds: float, lasts: bool) -> Outcome:
-    """The broker stands still, and so do all lines to it. lasts: long enough for the fleet to report it."""
+    """The broker stands still, and so do all lines to it. lasts: at least until the fleet has reported it."""
     scene = FleetScene(stage)
     scene.publish(1)
     scene.broker.pause()
@@ -39,6 +39,8 @@ def split(stage: Stage, *, seconds: float, lasts: bool) -> Outcome:
     while (left_s := end_s - time.monotonic()) > 0:
         scene.send()
         time.sleep(min(FIT_EVERY_S, left_s))
+    if lasts:
+        scene.until(lambda: "broker_lost" in scene.kinds(), "word of it")
     reported = scene.kinds()
     scene.broker.go_on()
     scene.until_acknowledged()

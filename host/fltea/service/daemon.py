@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from fltea.records.errors import FlteaError, Incomplete, SourceFailed, UsageErro
 from fltea.records.ports import Source
 from fltea.records.visible import visible_lines
 from fltea.service.descriptors import check_descriptors
+from fltea.service.ending import Awaited, Ending
 from fltea.service.hub import Hub
 from fltea.service.lines import LineLoop, has_line
 from fltea.service.open_outputs import open_outputs
@@ -31,9 +32,6 @@ from fltea.stream.beside import BesideThread
 
 if TYPE_CHECKING:
     from fltea.service.ingest.loop import Ingest
-
-PATIENCE_S = 0.6
-"""What an output gets after a signal to write what it has; with what the sources need it stays below 1 s."""
 
 SWITCH_S = 0.0001
 """How long a thread may go on while another waits: Python's own 5 ms would show in the latency, and the
@@ -56,7 +54,7 @@ def run(configs: Sequence[Config]) -> None:
             return
     if not done:  # a thread hangs in an output that nobody reads; Python would wait for it
         if failure is not None:
-            _last_words(visible_lines(f"fltea: error: {failure}\n"))
+            _last_words(f"error: {failure}")
         os._exit(failure.exit_code if failure else 0)
     if failure is not None:
         raise failure
@@ -67,12 +65,12 @@ STUCK_S = 20.0
 
 
 class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
-    """SIGINT, SIGTERM and SIGHUP set `asked`; before `armed` they raise KeyboardInterrupt."""
+    """SIGINT, SIGTERM and SIGHUP set `asked`; before `armed` they raise KeyboardInterrupt. count: of them."""
 
     def __init__(self) -> None:
         self.asked = threading.Event()
         self.armed = False
-        self._heard = False
+        self.count = 0
         self._before: dict[signal.Signals, object] = {}
 
     def __enter__(self) -> "StopOnSignal":
@@ -89,8 +87,8 @@ class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         if not self.armed:
             raise KeyboardInterrupt
-        if not self._heard:  # a second signal within `set` would wait for its lock for ever
-            self._heard = True
+        self.count += 1
+        if self.count == 1:  # a second one within `set` would wait for its lock for ever
             self.asked.set()
 
 
@@ -116,6 +114,7 @@ class _Run:
         shared = [config for config in self._configs if is_shared(config.source)]
         sources: list[Source] = []
         state: StateFile | None = None
+        ending = Ending(self._is_asked, lambda: self._stop.count, _last_words)
         for config in self._configs:
             _check_filters(config)
         try:
@@ -135,8 +134,8 @@ class _Run:
             self._ingests = [self._ingest(config) for config in shared]
             self._stop.armed = True
         except BaseException:
-            _close(sources)
-            self._hub.close(PATIENCE_S)
+            self._stop.asked.set()
+            ending.wait([*_closing(sources), *self._hub.close()])
             raise
         self._walks = [
             Walk(source, config, self._hub, state, self._beside, number)
@@ -163,27 +162,29 @@ class _Run:
         self._manager.stopping()
         if lines is not None:
             lines.close()
-        _close([*sources, *self._ingests])
-        asked = self._stop.asked.is_set() or self._failure is not None
-        deadline_s = time.monotonic() + PATIENCE_S
-        for thread in threads:
-            thread.join(max(0.0, deadline_s - time.monotonic()) if asked else None)
-        at_rest = self._beside.close(max(0.1, deadline_s - time.monotonic()) if asked else None)
-        saving = threading.Thread(target=state.close, daemon=True) if state is not None else None
-        if saving is not None:  # not with the outputs: a slow disk must not take their time
-            saving.start()
-        timeout_s = max(0.1, deadline_s - time.monotonic()) if asked else None
-        closed = self._hub.close(timeout_s, self._stop.asked.is_set)
-        if not closed and not asked:  # a signal came while an output was waited for
-            closed = self._hub.close(PATIENCE_S)
-        if saving is not None:
-            saving.join(max(0.1, deadline_s - time.monotonic()) if asked else None)
-            threads.append(saving)
+        if self._is_asked():
+            self._hub.release()
+        ending.wait(
+            [
+                *_closing([*sources, *self._ingests]),
+                *(Awaited(thread.name.strip(), _has_ended(thread)) for thread in threads),
+                Awaited("looks", self._beside.close),
+            ]
+        )
+        saving = [] if state is None else [_begun(state.close, "state", kept=True)]
+        ending.wait([*saving, *self._hub.close()])
+        ending.wait(self._hub.close_log())
         failure = self._failure
+        if failure is None and ending.lost:
+            failure = FlteaError(f"not all was written: {', '.join(ending.lost)}.")
         unread = [why for one in sources if isinstance(one, ReplaySource) for why in one.unread]
         if failure is None and unread:
             failure = Incomplete(unread)
-        return failure, closed and at_rest and not any(thread.is_alive() for thread in threads)
+        return failure, not ending.left
+
+    def _is_asked(self) -> bool:
+        """Whether anybody wants the end, or something has failed."""
+        return self._stop.asked.is_set() or self._failure is not None
 
     def _wait(self, event: threading.Event) -> None:
         moving: list[Walk | Ingest] = [*self._walks, *self._ingests]
@@ -241,14 +242,24 @@ class _Run:
             self._stop.asked.set()
 
 
-def _close(sources: "Sequence[Source | Ingest]") -> None:
-    """Close them side by side: each may need a moment, but all together get no more than `PATIENCE_S`."""
-    threads = [threading.Thread(target=source.close, daemon=True) for source in sources]
-    for thread in threads:
-        thread.start()
-    deadline_s = time.monotonic() + PATIENCE_S
-    for thread in threads:
-        thread.join(max(0.0, deadline_s - time.monotonic()))
+def _begun(close: Callable[[], object], name: str, *, kept: bool = False) -> Awaited:
+    """Close something that may take its time, in a thread of its own."""
+    thread = threading.Thread(target=close, daemon=True)
+    thread.start()
+    return Awaited(name, _has_ended(thread), kept)
+
+
+def _has_ended(thread: threading.Thread) -> Callable[[float], bool]:
+    def done(timeout_s: float) -> bool:
+        thread.join(timeout_s)
+        return not thread.is_alive()
+
+    return done
+
+
+def _closing(sources: "Sequence[Source | Ingest]") -> list[Awaited]:
+    """Close all side by side."""
+    return [_begun(source.close, "a source") for source in sources]
 
 
 def _check_shared(configs: Sequence[Config]) -> None:
@@ -290,10 +301,10 @@ def _check_recordable(config: Config, source: Source) -> None:
 
 
 def _last_words(text: str) -> None:
-    """Write to stderr if it takes anything; a thread that hangs in it may hold the lock of `sys.stderr`."""
+    """Write a line to stderr if it takes any; a thread that hangs in it may hold the lock of `sys.stderr`."""
     with contextlib.suppress(OSError):
         if select.select([], [2], [], 0)[1]:
-            os.write(2, text.encode())
+            os.write(2, visible_lines(f"fltea: {text}\n").encode())
 
 
 def silence_stdout() -> None:

@@ -7,13 +7,11 @@ from fltea.records.block import Block
 from fltea.records.events import Reads, TransportEvent
 from fltea.records.ports import Departed, Item, Sink
 from fltea.records.records import AnyRecord, Error, OutputStats
+from fltea.service.ending import Awaited
 from fltea.service.outlet import Outlet, OutletThread
 
 ESSENTIAL = "stdout"
 """The output without which a program that has no other need not go on; its failure is then the program's."""
-
-LAST_LINES_S = 0.05
-"""The log closes after the others, which may have used up all the time."""
 
 
 class Hub:
@@ -116,21 +114,29 @@ class Hub:
         """Counts of the outputs that a device writes to, by name."""
         return {outlet.sink.name: outlet.stats() for outlet in (*self._shared, *self._of.get(device, ()))}
 
-    def close(self, timeout_s: float | None, asked: Callable[[], bool] = lambda: False) -> bool:
-        """Let every output write what is queued, and close it; False if one did not manage in time.
+    def release(self) -> None:
+        """Hold nobody up any more: what an output has no room for is dropped from now on."""
+        for _, outlet in self.outlets():
+            outlet.release()
 
-        timeout_s: None waits until somebody has asked for the end.
-        """
-        outlets = [outlet for _, outlet in self.outlets()]
-        for outlet in outlets:
+    def close(self) -> list[Awaited]:
+        """Let every output write what is queued, and close it."""
+        outlets = self.outlets()
+        for _, outlet in outlets:
             outlet.close()
-        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
-        joined = [_join(outlet, deadline_s, asked) for outlet in outlets]
-        done = all(joined)
-        if self._log is not None:  # last: the others may have reported something
-            self._log.close()
-            done = (_join(self._log, deadline_s, asked) or self._log.join(LAST_LINES_S)) and done
-        return done
+        return [
+            Awaited(
+                f"{outlet.name} of {device}" if device else outlet.name, outlet.join, outlet.sink.takes_wire
+            )
+            for device, outlet in outlets
+        ]
+
+    def close_log(self) -> list[Awaited]:
+        """Close the log: after the others, which may have reported something."""
+        if self._log is None:
+            return []
+        self._log.close()
+        return [Awaited("log", self._log.join)]
 
     def _all_of_devices(self) -> list[Outlet]:
         return [outlet for outlets in self._of.values() for outlet in outlets]
@@ -162,11 +168,3 @@ class Tap:
         for outlet in self._outlets():
             if outlet.sink.takes_wire:
                 outlet.put(items, wait=self._wait and outlet.sink.lossless)
-
-
-def _join(outlet: Outlet, deadline_s: float | None, asked: Callable[[], bool]) -> bool:
-    """Wait for an output to end, up to a moment; in slices, so that a signal is heard in between."""
-    while not asked() if deadline_s is None else time.monotonic() < deadline_s:
-        if outlet.join(0.05):
-            return True
-    return outlet.join(0)

@@ -94,7 +94,7 @@ class Outlet:
         self._waiting = 0  # records in the queue
         self._thread = thread or OutletThread(f"sink {sink.name}")
         self._changed = self._thread.changed
-        self._ended = False
+        self._ended = self._released = False
         self._written = self._dropped = self._overflow = 0
         self._in_hand = 0
         self._idle_s = 0.0
@@ -120,7 +120,7 @@ class Outlet:
             room = self._thread.room(self.sink.capacity)
             for item in items:
                 if wait:
-                    while self._waiting >= room and not (self._ended or self.closing):
+                    while self._waiting >= room and not (self._ended or self._released):
                         self._wake()
                         self._changed.wait(IDLE_S)
                 count = weight(item)
@@ -148,8 +148,14 @@ class Outlet:
     def close(self) -> None:
         """Take nothing more; what is queued still goes out (see `join`)."""
         with self._changed:
-            self.closing = True
+            self.closing = self._released = True
             self._thread.hurry.set()
+            self._wake()
+
+    def release(self) -> None:
+        """Hold nobody up any more, who waits for room."""
+        with self._changed:
+            self._released = True
             self._wake()
 
     def join(self, timeout_s: float) -> bool:

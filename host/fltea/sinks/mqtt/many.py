@@ -21,13 +21,12 @@ from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.connection import POLL_S, Up
 from fltea.sinks.mqtt.link import Link
 from fltea.sinks.mqtt.shared import SharedConnection
-from fltea.sinks.mqtt.sink import MqttSink
+from fltea.sinks.mqtt.sink import FAREWELL_S, MqttSink
 from fltea.sinks.mqtt.status import Status
 
 LOOK_S = 0.5
 """The time between two looks at all devices; those that have sent something are looked at at once."""
 
-FAREWELL_S = 0.4
 IDLE_NS = 3600 * 10**9
 """A device that has sent nothing for this long is forgotten."""
 

@@ -20,7 +20,8 @@ from fltea.sinks.mqtt.link import Link
 from fltea.sinks.mqtt.shared import SharedConnection
 from fltea.sinks.mqtt.status import DeviceStatus, status_of
 
-FAREWELL_S = 0.4
+FAREWELL_S = 5.0
+"""A broker gets so long to acknowledge the end; one that does so at once costs nothing."""
 
 LONGEST_NAME = 64
 """Characters of a device's level in its topics; a recording may state an identifier of any length."""
