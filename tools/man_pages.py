@@ -6,11 +6,12 @@ Into build/man: fltea.1, and fltea-run.1 and its like. Into build/completions: w
 import argparse
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import typer.main
 from fltea.cli.app import app
 from fltea.records.version import __version__
+from generated import TEMPLATES, rendered
 from typer._completion_shared import get_completion_script
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -31,83 +32,61 @@ def roff(text: str) -> str:
     return "\n".join(r"\&" + line if line[:1] in (".", "'") else line for line in text.split("\n"))
 
 
-def _words(text: str) -> str:
-    return roff(" ".join(text.split()))
+TEMPLATES.filters |= {"roff": roff, "words": lambda text: roff(" ".join(text.split()))}
 
 
-def _paragraphs(text: str) -> list[str]:
-    return [part for one in re.split(r"\n\s*\n", text.strip()) if one for part in (".PP", _words(one))]
+class Entry(NamedTuple):
+    """An argument or option. heading: with its names in bold and its value in italics."""
+
+    name: str
+    heading: str
+    help: str
+    default: str
 
 
-def _heading(parameter: Any, context: Any) -> str:
-    if parameter.param_type_name == "argument":
-        return rf"\fB{roff(_argument(parameter, context))}\fP"
-    names = (*sorted(parameter.opts, key=len, reverse=True), *parameter.secondary_opts)
-    shown = ", ".join(rf"\fB{roff(name)}\fP" for name in names)
-    if parameter.is_flag:
-        return shown
+def _entry(parameter: Any, context: Any) -> Entry:
     value = parameter.make_metavar(context)
-    return rf"{shown} \fI{roff(METAVARS.get(value, value))}\fP"
+    if parameter.param_type_name == "argument":
+        name = value.strip("[]").removesuffix("...")
+        return Entry(name, rf"\fB{roff(name)}\fP", parameter.help or "", "")
+    names = (*sorted(parameter.opts, key=len, reverse=True), *parameter.secondary_opts)
+    heading = ", ".join(rf"\fB{roff(name)}\fP" for name in names)
+    if not parameter.is_flag:
+        heading += rf" \fI{roff(METAVARS.get(value, value))}\fP"
+    return Entry(names[0], heading, parameter.help or "", _default(parameter))
 
 
-def _argument(parameter: Any, context: Any) -> str:
-    name: str = parameter.make_metavar(context)
-    return name.strip("[]").removesuffix("...")
-
-
-def _default(parameter: Any) -> list[str]:
-    """Return the line about an option's default, unless it is a path of the machine that writes the page."""
+def _default(parameter: Any) -> str:
+    """Return an option's default, unless it is a path of the machine that writes the page."""
     default = getattr(parameter.default, "value", parameter.default)
     of_machine = isinstance(default, Path) and default.is_absolute()
-    if (
-        parameter.param_type_name == "argument"
-        or callable(default)
-        or isinstance(default, bool)
-        or of_machine
-    ):
-        return []
-    words = ", ".join(str(one) for one in default) if isinstance(default, list | tuple) else default
-    return [roff(f"Default: {words}.")] if words not in (None, "") else []
+    if default is None or callable(default) or isinstance(default, bool) or of_machine:
+        return ""
+    return ", ".join(map(str, default)) if isinstance(default, list | tuple) else str(default)
 
 
 def page(name: str, command: Any) -> str:
     """Return the man page of one command, `fltea run`, or of the program itself."""
     context = command.make_context(name, [], resilient_parsing=True)
-    below = getattr(command, "commands", {})
     shown = [parameter for parameter in command.get_params(context) if not parameter.hidden]
-    arguments = [one for one in shown if one.param_type_name == "argument"]
-    options = [one for one in shown if one.param_type_name != "argument"]
+    arguments = [_entry(one, context) for one in shown if one.param_type_name == "argument"]
+    options = [_entry(one, context) for one in shown if one.param_type_name != "argument"]
     text, _, examples = command.help.partition(EXAMPLES)
     summary, _, text = text.strip().partition("\n\n")
-    dashed = name.replace(" ", "-")
-    lines = [
-        f'.TH {dashed.upper()} 1 "" "fltea {__version__}" "User Commands"',
-        ".SH NAME",
-        _words(f"{dashed} - {summary.strip().rstrip('.')}"),
-        ".SH SYNOPSIS",
-        rf".B {roff(name)}",
-        r"[\fIOPTIONS\fP]",
-        *([r"\fICOMMAND\fP [\fIARGUMENTS\fP]"] if below else []),
-        *(rf"\fI{roff(_argument(one, context))}\fP" for one in arguments),
-        *([".SH DESCRIPTION", *_paragraphs(text)] if text.strip() else []),
-    ]
-    lines += [".SH COMMANDS"] if below else []
-    for word, one in below.items():
-        lines += [".TP", rf"\fB{roff(f'{dashed}-{word}')}\fP(1)", _words(one.help.split("\n\n")[0])]
-    for title, some in (("ARGUMENTS", arguments), ("OPTIONS", options)):
-        lines += [f".SH {title}"] if some else []
-        for one in some:
-            lines += [".TP", _heading(one, context), _words(one.help or ""), *_default(one)]
-    lines += [".SH EXAMPLES"] if examples.strip() else []
-    for example in filter(str.strip, examples.splitlines()):
-        lines += [".PP", ".nf", roff(example.strip()), ".fi"]
-    lines += [".SH EXIT STATUS", _words((command.epilog or "").strip().removeprefix("Exit codes: "))]
-    lines += [
-        ".SH SEE ALSO",
-        "" if below else r"\fBfltea\fP(1),",
-        roff(f"{DOCUMENTS}/guide/troubleshooting.md"),
-    ]
-    return "\n".join(lines) + "\n"
+    return rendered(
+        "man_page.1",
+        name=name,
+        dashed=name.replace(" ", "-"),
+        version=__version__,
+        summary=summary.strip().rstrip("."),
+        paragraphs=[one for one in re.split(r"\n\s*\n", text.strip()) if one],
+        below=[(word, one.help.split("\n\n")[0]) for word, one in getattr(command, "commands", {}).items()],
+        arguments=arguments,
+        options=options,
+        examples=[one.strip() for one in examples.splitlines() if one.strip()],
+        exit_codes=(command.epilog or "").strip().removeprefix("Exit codes: "),
+        documents=DOCUMENTS,
+    )
 
 
 def pages() -> dict[str, str]:
