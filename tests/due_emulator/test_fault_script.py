@@ -4,10 +4,7 @@ import pytest
 from fltea.records.errors import UsageError
 from sensor_support import RXRDY, SmallBoard
 
-from tools.due_emulator.faults import (
-    parse_fault,
-    schedule_faults,
-)
+from tools.due_emulator.faults import parse_fault, schedule_faults
 from tools.due_emulator.machine import PS_PER_S
 
 

@@ -5,14 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from engine_cases import driven, saw_tooth
-from fltea.lab.reference.filters import (
-    Fltea,
-    OrderSettings,
-    ParameterSettings,
-    StateSettings,
-    Step,
-    System,
-)
+from fltea.lab.reference.filters import Fltea, OrderSettings, ParameterSettings, StateSettings, Step, System
 from fltea.records.arrays import Array
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st

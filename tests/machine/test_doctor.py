@@ -7,11 +7,7 @@ from pathlib import Path
 
 import pytest
 from fake_system import FakeSystem, finding_of, levels
-from fltea.machine.doctor.checks_host import (
-    check_packages,
-    check_service,
-    check_udev,
-)
+from fltea.machine.doctor.checks_host import check_packages, check_service, check_udev
 from fltea.machine.doctor.checks_i2c import check_i2c
 from fltea.machine.doctor.checks_outputs import check_outputs
 from fltea.machine.doctor.diagnosis import check_source, examine

@@ -11,17 +11,7 @@ from engine_cases import ESTIMATES, reference_run
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawSample, Tick, Trouble
-from fltea.records.records import (
-    AnyRecord,
-    DeviceStatus,
-    Epoch,
-    Error,
-    Estimate,
-    Gap,
-    Hello,
-    Sample,
-    Stats,
-)
+from fltea.records.records import AnyRecord, DeviceStatus, Epoch, Error, Estimate, Gap, Hello, Sample, Stats
 from fltea.sources.replay import ReplaySource
 from fltea.stream.pipeline import Pipeline
 from walk_support import Source, small_config

@@ -12,13 +12,7 @@ from fltea.identification.fltea_fit import fltea_fit
 from fltea.settings.estimator import EstimatorConfig
 
 from tools.validation.evaluate.cases import POWER, Case, H, samples
-from tools.validation.evaluate.fits import (
-    QUANTITIES,
-    fitted_variances,
-    live_readings,
-    truths,
-    whole_reading,
-)
+from tools.validation.evaluate.fits import QUANTITIES, fitted_variances, live_readings, truths, whole_reading
 from tools.validation.evaluate.online import Tuning, read
 from tools.validation.evaluate.settings import MAIN, TUNED
 from tools.validation.evaluate.tuned import fit_points, tunings

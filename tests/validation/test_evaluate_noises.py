@@ -7,13 +7,7 @@ from fltea.spectrum.periodogram import periodogram
 
 from tools.validation.evaluate import cases, shifts
 from tools.validation.evaluate.cases import POWER, Case, H, grid, samples
-from tools.validation.evaluate.shifts import (
-    BEFORE,
-    KNOCK_SAMPLES,
-    SHIFTS,
-    Shift,
-    score_shift,
-)
+from tools.validation.evaluate.shifts import BEFORE, KNOCK_SAMPLES, SHIFTS, Shift, score_shift
 from tools.validation.runner import Row
 
 GRID = grid(cases.ORDERS, cases.PARAMETERS, cases.STEP_RATIOS)

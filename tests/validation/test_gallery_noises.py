@@ -13,9 +13,7 @@ from tools.validation import recursions
 from tools.validation.gallery.noise import Drift, Line, bursts, outliers, rounded, step, wander
 from tools.validation.gallery.noises import NOISES
 from tools.validation.gallery.parts import Fractional, Relaxation
-from tools.validation.recursions import (
-    FractionalState,
-)
+from tools.validation.recursions import FractionalState
 
 pytestmark = pytest.mark.slow  # they prove the referee of a proof: no part of the program
 

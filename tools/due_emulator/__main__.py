@@ -23,14 +23,7 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.sources.synthetic import parse_noise
 
 from tools.due_emulator.board import Board
-from tools.due_emulator.faults import (
-    KINDS,
-    LONGEST_S,
-    Fault,
-    never_happened,
-    parse_fault,
-    schedule_faults,
-)
+from tools.due_emulator.faults import KINDS, LONGEST_S, Fault, never_happened, parse_fault, schedule_faults
 from tools.due_emulator.host_view import HostView
 from tools.due_emulator.image import Image, read_image
 from tools.due_emulator.machine import EmulationFault, Machine

@@ -35,10 +35,6 @@ class QuickRegister(ctypes.Structure):
         self._hz, self._divider = rate_hz
         self._kind = COUNTER
 
-    def withdraw(self) -> None:
-        """Leave all reads to Python."""
-        self._kind = NONE
-
 
 class QuickReads(ctypes.Structure):
     """All such registers of a machine. clocked: as `Machine.clocked`."""

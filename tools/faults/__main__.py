@@ -15,15 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from tools.faults import (
-    board,
-    cluster,
-    daemon_line,
-    daemon_outputs,
-    daemon_program,
-    fleet,
-    ingest,
-)
+from tools.faults import board, cluster, daemon_line, daemon_outputs, daemon_program, fleet, ingest
 from tools.faults.case import NOT_PLAYED, Case, Outcome, cells, line, play_all, report
 from tools.faults.program import Skip
 

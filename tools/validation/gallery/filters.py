@@ -9,9 +9,7 @@ from fltea.records.arrays import Array
 from scipy.signal import firwin, freqz
 
 from tools.validation.gallery.parts import Relaxation
-from tools.validation.recursions import (
-    Stream,
-)
+from tools.validation.recursions import Stream
 
 AT_ONCE = 1 << 22
 """Samples before a filter that are drawn at once, so that of a long record little is in memory."""
