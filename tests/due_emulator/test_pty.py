@@ -1,16 +1,17 @@
-"""The port as a pseudo-terminal: opening resets, baud rates matter, Ctrl-C ends it with 0."""
+"""The port as a pseudo-terminal: opening resets, baud rates matter, what a late board says."""
 
 import json
 import signal
 import subprocess
 import sys
 import time
+from itertools import pairwise
 
 import pytest
 import serial
 from machine_support import FOLDER, Bench, program
 
-from tools.due_emulator.pty_front import Front
+from tools.due_emulator.pty_front import AGAIN_S, Front, Pace
 
 ROOT = FOLDER.parents[1]
 TIMEOUT_S = 60
@@ -142,3 +143,38 @@ def test_a_board_whose_flash_was_erased_does_not_run(capsys):
     assert board.memory.is_blank
     assert set(board.memory.flash[:]) == {0xFF}
     assert capsys.readouterr().err.count("1200 baud") == 1
+
+
+def told_of(speed, for_s, step_s=0.02):
+    """Moments and words of a board that runs at `speed(real_s)` of real time."""
+    pace, real_s, board_s, found = Pace(), 0.0, 0.0, []
+    while real_s < for_s:
+        real_s += step_s
+        board_s += step_s * speed(real_s)
+        if (words := pace.look(real_s, board_s)) is not None:
+            found.append((real_s, words))
+    return found
+
+
+def test_half_speed_is_told_within_two_seconds_with_the_speed():
+    at_s, words = told_of(lambda _: 0.53, 10)[0]
+    assert at_s < 2
+    assert "53%" in words
+    assert "behind" in words
+
+
+def test_what_lasts_is_told_once_a_minute():
+    moments = [at_s for at_s, _ in told_of(lambda _: 0.5, 3 * AGAIN_S - 10)]
+    assert len(moments) == 3
+    assert min(b - a for a, b in pairwise(moments)) >= AGAIN_S
+
+
+def test_a_board_that_keeps_up_or_is_a_little_late_is_no_news():
+    assert told_of(lambda _: 1.0, 100) == []
+    assert told_of(lambda real_s: 0.0 if real_s < 0.4 else 1.0, 100) == []
+
+
+def test_a_lag_that_is_being_made_good_is_not_told_again():
+    # Three seconds without the processor, then at double speed until it is there.
+    moments = told_of(lambda real_s: 0.0 if real_s < 3 else 2.0 if real_s < 6 else 1.0, 100)
+    assert [round(at_s) for at_s, _ in moments] == [1]

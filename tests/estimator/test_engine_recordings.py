@@ -1,4 +1,4 @@
-"""The compressed memory on long real recordings: its difference from the exact one stays bounded."""
+"""The engine on long series: the compressed memory beside the exact one, and estimates of lossy ones."""
 
 from pathlib import Path
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from engine_cases import GYROSCOPE, with_
 from fltea.estimator.engine import Engine
+from fltea.noise.simulation import FractionalNoise
 from fltea.recording.npz_file import open_npz
 from tiers import slow
 
@@ -33,3 +34,37 @@ def test_many_real_samples(recordings: Path, variant: str, guard: str, samples: 
         assert difference.max() < bound, name
         halves = difference[: samples // 2].max(), difference[samples // 2 :].max()
         assert halves[1] < 20 * halves[0] + bound / 100, (name, halves)
+
+
+N, LANES, H = 4000, 16, 0.01
+
+
+def white() -> np.ndarray:
+    return np.random.default_rng(1).standard_normal((N, LANES)) * 0.0235**0.5
+
+
+def fractional() -> np.ndarray:
+    columns = [
+        FractionalNoise(0.6, -3.0, 1.0, 0.0, H, 1000, (2, lane)).samples(N)[0] for lane in range(LANES)
+    ]
+    y = np.array(columns).T
+    return y * (0.0235**0.5 / y.std())
+
+
+@pytest.mark.parametrize("noise", [white, fractional])
+@pytest.mark.parametrize(
+    ("variant", "guard"), [("triple", "off"), ("triple", "consistent"), ("joint", "consistent")]
+)
+def test_random_losses_do_not_move_the_estimates(noise, variant: str, guard: str) -> None:
+    """Spread: of the lanes, which differ in nothing but their noise, or the filter's own, if larger."""
+    y = noise()
+    settings = with_(GYROSCOPE, memory="compressed", variant=variant, guard=guard)
+    whole = Engine(LANES, settings).run(y)
+    spread = max(whole.alpha[-1].std(), np.median(np.sqrt(whole.alpha_var[-1])))
+    for share in (0.01, 0.05, 0.2):
+        missing = np.random.default_rng(3).random((N, LANES)) < share
+        lossy = Engine(LANES, settings).run(y, missing=missing)
+        assert np.isfinite(lossy.alpha).all()
+        shift = lossy.alpha[-1] - whole.alpha[-1]
+        assert abs(np.median(shift)) < spread, share
+        assert np.sqrt((shift**2).mean()) < 2 * spread, share

@@ -64,13 +64,17 @@ def started(sink: Sink) -> tuple[Outlet, list[Exception | None]]:
     return outlet, found
 
 
+def finish(outlet: Outlet) -> None:
+    outlet.close()
+    assert outlet.join(PATIENCE_S)
+
+
 def test_everything_in_order_flushed_and_closed() -> None:
     sink = Memory()
     outlet, ended = started(sink)
     for k in range(0, 300, 3):
         outlet.put([gap(k), gap(k + 1), gap(k + 2)])
-    outlet.close()
-    assert outlet.join(PATIENCE_S)
+    finish(outlet)
     assert sink.items == [gap(k) for k in range(300)]
     assert sink.closed
     assert sink.flushes
@@ -86,8 +90,7 @@ def test_a_slow_sink_loses_the_newest_and_is_told_where() -> None:
     outlet.put([gap(k) for k in range(1, 31)])
     assert (outlet.stats().dropped, outlet.stats().queued) == (20, 11)
     sink.go.set()
-    outlet.close()
-    assert outlet.join(PATIENCE_S)
+    finish(outlet)
     assert sink.items == [gap(k) for k in range(11)]
     assert sink.overflows == [(11, 20)]  # the queue was full of older ones
     assert outlet.stats().written + outlet.stats().dropped == 31
@@ -137,8 +140,7 @@ def test_a_patient_writer_loses_nothing() -> None:
     outlet, _ = started(sink)
     for k in range(500):
         outlet.put([gap(k)], wait=True)
-    outlet.close()
-    assert outlet.join(PATIENCE_S)
+    finish(outlet)
     assert sink.items == [gap(k) for k in range(500)]
     assert outlet.stats().dropped == 0
 

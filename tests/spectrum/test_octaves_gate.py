@@ -18,32 +18,25 @@ def mean_power(p: Periodogram) -> float:
 
 
 @pytest.mark.parametrize(
-    "y",
+    ("y", "most"),
     [
-        pytest.param(noise(1_000_000), id="Gaussian"),
-        pytest.param(np.random.default_rng(2).standard_t(4, 1_000_000), id="t4"),
-        pytest.param(np.rint(noise(1_000_000)), id="one LSB"),
-        pytest.param(np.rint(0.2 * noise(1_000_000)), id="a fifth of an LSB"),
-        pytest.param(np.rint(0.13 * noise(1_000_000)), id="an eighth of an LSB"),
-        pytest.param(np.random.default_rng(3).laplace(size=1_000_000), id="Laplace"),
-        pytest.param(long_recursion(1.2, -0.01, 1_000_000, 3), id="strong memory"),
-        pytest.param(np.cumsum(noise(1_000_000)), id="random walk"),
-        pytest.param(noise(1_000_000) + 1e-5 * np.arange(1_000_000), id="drift"),
-        pytest.param(noise(1_000_000) + 5 * np.sin(np.arange(1_000_000) * 0.7), id="line"),
+        pytest.param(noise(1_000_000), 0, id="Gaussian"),
+        pytest.param(np.random.default_rng(2).standard_t(4, 1_000_000), 999, id="t4"),
+        pytest.param(np.rint(noise(1_000_000)), 999, id="one LSB"),
+        pytest.param(np.rint(0.2 * noise(1_000_000)), 999, id="a fifth of an LSB"),
+        pytest.param(np.rint(0.13 * noise(1_000_000)), 999, id="an eighth of an LSB"),
+        pytest.param(np.random.default_rng(3).laplace(size=1_000_000), 0, id="Laplace"),
+        pytest.param(long_recursion(1.2, -0.01, 1_000_000, 3), 999, id="strong memory"),
+        pytest.param(np.cumsum(noise(1_000_000)), 0, id="random walk"),
+        pytest.param(noise(1_000_000) + 1e-5 * np.arange(1_000_000), 999, id="drift"),
+        pytest.param(noise(1_000_000) + 5 * np.sin(np.arange(1_000_000) * 0.7), 999, id="line"),
     ],
 )
-def test_nothing_is_cut_from_noise(y: Array) -> None:
+def test_nothing_is_cut_from_noise(y: Array, most: int) -> None:
+    """most: how many of a million samples may be limited; none where there are no outliers."""
     counts = fed(y).counts(0)
     assert counts._replace(limited=0) == Counts(len(y), 0, 0, 0, 0, 0, 0, 0, False)
-    assert counts.limited < 1e-3 * len(y)
-
-
-@pytest.mark.parametrize("kind", ["Gaussian", "Laplace", "random walk"])
-def test_noise_without_outliers_is_not_limited(kind: str) -> None:
-    rng = np.random.default_rng(5)
-    y = {"Gaussian": rng.standard_normal, "Laplace": lambda n: rng.laplace(size=n)}.get(kind)
-    samples = np.cumsum(rng.standard_normal(300_000)) if y is None else y(300_000)
-    assert fed(samples).counts(0).limited == 0
+    assert counts.limited <= most
 
 
 def test_outliers_are_limited_and_counted() -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from fltea.identification.sums import examined
 from fltea.records.arrays import Array
 from fltea.spectrum.verdict import decide
+from fltea.spectrum.wording import duration
 
 from tools.validation.gallery import against
 from tools.validation.gallery.noises import NOISES
@@ -172,14 +173,6 @@ def _verdicts(cell: Sequence[Row]) -> str:
 
 def _record(row: Row) -> str:
     return f"{row['rate_hz']:g} Hz, {duration(row['duration_s'])}"
-
-
-def duration(seconds: float) -> str:
-    """Return a time in the unit that one would choose."""
-    for limit, size, unit in ((120, 1, "s"), (7200, 60, "min")):
-        if seconds < limit:
-            return f"{seconds / size:g} {unit}"
-    return f"{seconds / 3600:g} h"
 
 
 def pictures(rows: list[Row]) -> dict[str, bytes]:
