@@ -1,9 +1,41 @@
-"""Every fault tells its owner what it is about and what to look at."""
+"""What a person reads of chips and faults."""
 
 import pytest
 from fltea.wire.faults import fault_text
 from fltea.wire.layout import FaultCode, Status
+from fltea.wire.sensors import sensor_name, temperature_c
 from host_support import ROOT
+
+
+@pytest.mark.parametrize(
+    ("who_am_i", "name"),
+    [
+        (0x71, "MPU-9250"),
+        (0x73, "MPU-9255"),
+        (0x70, "MPU-6500"),
+        (0x68, "MPU-6050"),
+        (0x75, "MPU-9250 clone (0x75)"),
+        (0x78, "MPU-9250 clone (0x78)"),
+        (0xEA, "ICM-20948"),
+        (0xFF, "unknown sensor (WHO_AM_I 0xFF)"),
+        (0x0A, "unknown sensor (WHO_AM_I 0x0A)"),
+        (0, "no sensor"),
+    ],
+)
+def test_name_of_a_chip(who_am_i: int, name: str) -> None:
+    assert sensor_name(who_am_i) == name
+
+
+@pytest.mark.parametrize(("counts", "celsius"), [(0, 21.0), (33387, 121.0), (-3339, 10.999), (1336, 25.0016)])
+@pytest.mark.parametrize("who_am_i", [0x71, 0x73, 0x70, 0x75, 0x78, None])
+def test_thermometer_of_the_9250(who_am_i: int | None, counts: int, celsius: float) -> None:
+    assert temperature_c(counts, who_am_i) == pytest.approx(celsius, abs=5e-4)
+
+
+@pytest.mark.parametrize(("counts", "celsius"), [(0, 36.53), (3400, 46.53), (-12420, 0.0006)])
+def test_thermometer_of_the_6050(counts: int, celsius: float) -> None:
+    assert temperature_c(counts, 0x68) == pytest.approx(celsius, abs=5e-4)
+
 
 WORDS = {
     FaultCode.SENSOR_MISSING: (0x69, ["address 0x69", "3.3 V", "AD0", "pin 20", "pin 21"]),
