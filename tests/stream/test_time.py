@@ -1,6 +1,5 @@
 """Time base: bursts and jitter of the arrivals do not come through, and time never runs backwards."""
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -36,25 +35,6 @@ def host_times_ns(timebase: Timebase, device_us: list[int], arrivals_s: np.ndarr
 
 def add_one(timebase: Timebase, seq: int, device_us: int, host_ns: int) -> int:
     return int(timebase.add(np.array([seq]), np.array([device_us]), np.array([host_ns]))[0])
-
-
-@given(
-    st.lists(
-        st.tuples(
-            st.integers(1, 10**7),
-            st.sampled_from([-HOUR_NS, HOUR_NS, 0]) | st.integers(-(10**9), 10**9) | st.just(10**7),
-        ),
-        max_size=200,
-    )
-)
-@settings(max_examples=200)
-def test_time_never_runs_backwards(moves: list[tuple[int, int]]) -> None:
-    timebase = Timebase(OFFSET_NS)
-    device_us, host_ns, seen = 0, 0, []
-    for seq, (step_us, step_ns) in enumerate(moves):
-        device_us, host_ns = device_us + step_us, host_ns + step_ns
-        seen.append(add_one(timebase, seq, device_us, host_ns))
-    assert all(a < b for a, b in pairwise(seen))
 
 
 @pytest.mark.parametrize("ppm", [-9000.0, -80.0, 0.0, 25.0, 9000.0])
@@ -156,7 +136,10 @@ def test_bursts_of_a_real_recording(recordings: Path) -> None:
 
 moments = st.tuples(
     st.just(PERIOD_US) | st.integers(0, 10**7),
-    st.just(PERIOD_US * 1000) | st.integers(0, 10**10) | st.integers(-(10**9), 10**9),
+    st.just(PERIOD_US * 1000)
+    | st.integers(0, 10**10)
+    | st.integers(-(10**9), 10**9)
+    | st.sampled_from([-HOUR_NS, HOUR_NS]),
 )
 
 
@@ -172,8 +155,9 @@ def test_blocks_of_any_cut_have_the_times_of_one_by_one(
         oracle.add(*row) for row in zip(*map(np.ndarray.tolist, (seq, device_us, host_ns)), strict=True)
     ]
     blocks = np.array_split(np.array([seq, device_us, host_ns]), sorted(data.draw(cuts(len(moves)))), axis=1)
-    got = [timebase.add(*block) for block in blocks if block.size]
-    assert np.concatenate(got).tolist() == wanted
+    got = np.concatenate([timebase.add(*block) for block in blocks if block.size])
+    assert got.tolist() == wanted
+    assert (np.diff(got) >= 1).all(), "time never runs backwards"
     assert (timebase.clock_ppm, timebase.rate_hz) == (oracle.clock_ppm, oracle.rate_hz)
 
 
