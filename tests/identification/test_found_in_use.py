@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from composite_noise import Truth, noise
 from fltea.identification import findings
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.load import GYRO_UNIT, Series
@@ -13,7 +12,7 @@ from fltea.identification.noise_model import AxisModel, draw
 from fltea.identification.run import AxisReport, identify_series
 from fltea.noise.parts import Order, White
 from identify_files import QUICK, identify_axis
-from identify_support import H, ar, white
+from identify_support import H, Truth, ar, composite, white
 
 OPTIONS = IdentifyOptions(QUICK, shuffles=0)
 
@@ -30,7 +29,7 @@ def traps(found: AxisReport) -> dict[str, str]:
 def test_relaxations_with_quantisation_are_not_fractional(seed: int) -> None:
     """Any rise made every sum of relaxations lose."""
     truth = Truth(0.005, ((0.0175, 1.0), (0.0175, 0.1), (0.0175, 0.02)), Q=1.4e-4)
-    assert identify_axis(noise(truth, 60_000, H, seed), H, None, OPTIONS).verdict.kind != "fractional"
+    assert identify_axis(composite(truth, 60_000, H, seed), H, None, OPTIONS).verdict.kind != "fractional"
 
 
 def test_a_model_that_is_exported_is_read_again(tmp_path: Path) -> None:

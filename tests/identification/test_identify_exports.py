@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from composite_noise import Truth, noise
 from fltea.documents.imu_yaml import AxisNoise, Inflation, Shown, axis_noise, imu_yaml
 from fltea.identification.axis import AxisResult, IdentifyOptions
 from fltea.identification.findings import _axis, document, side_by_side
@@ -33,7 +32,7 @@ from hypothesis import HealthCheck, given
 from hypothesis import settings as random
 from hypothesis import strategies as st
 from identify_files import QUICK, identify_axis, settings
-from identify_support import H, long_recursion, white
+from identify_support import H, Truth, composite, long_recursion, white
 
 NAVIGABLE = Truth(0.005, ((0.03, 1.0), (0.03, 0.05)), K=0.01)
 OPTIONS = IdentifyOptions(QUICK, shuffles=0)
@@ -47,7 +46,7 @@ def saved(path: Path, *axes: np.ndarray) -> Path:
 
 @pytest.fixture(scope="module")
 def known() -> AxisResult:
-    return identify_axis(noise(NAVIGABLE, 200_000, H, 3), H, None, OPTIONS)
+    return identify_axis(composite(NAVIGABLE, 200_000, H, 3), H, None, OPTIONS)
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +55,8 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     n = 60_000
     return saved(
         tmp_path_factory.mktemp("exports") / "rest.npz",
-        noise(NAVIGABLE._replace(K=0.0, Q=5e-4), n, H, 3),
-        noise(Truth(0.005), n, H, 4),
+        composite(NAVIGABLE._replace(K=0.0, Q=5e-4), n, H, 3),
+        composite(Truth(0.005), n, H, 4),
         0.02 * long_recursion(0.6, -0.19, n, 2) + 0.05 * white(n, 1, 9)[0],
     )
 
@@ -86,7 +85,7 @@ def test_what_a_filter_reads(known: AxisResult) -> None:
 
 def test_white_noise_that_a_fast_part_took_in_is_not_near_nothing() -> None:
     """As N 1e-8 a filter would be a million times too sure: null, with the density that there is."""
-    found = identify_axis(noise(Truth(0.0, ((0.05, 0.0055),)), 60_000, H, 1), H, None, OPTIONS)
+    found = identify_axis(composite(Truth(0.0, ((0.05, 0.0055),)), 60_000, H, 1), H, None, OPTIONS)
     entry = navigation_axis(found, "deg/s")
     assert entry.N.value is None
     assert entry.knee_hz == pytest.approx(1 / (2 * np.pi * 0.0055), rel=0.5)

@@ -1,9 +1,12 @@
 """Noises with known answers, made without the code under test."""
 
+from typing import NamedTuple
+
 import numpy as np
 from fltea.lab.reproduce.simulate import fractional_states
 from fltea.records.arrays import Array
 from fltea.spectrum.periodogram import Periodogram
+from scipy.signal import lfilter
 
 H = 0.01
 
@@ -41,3 +44,29 @@ def drawn(spectrum: Array, lam: Array, n: int, seed: int, series: int = 1) -> Pe
     """A periodogram as theory has it: independent exponentials with the spectrum for their means."""
     power = np.random.default_rng(seed).exponential(size=(series, len(lam))) * spectrum
     return Periodogram(lam, power[0] if series == 1 else power, H, n)
+
+
+class Truth(NamedTuple):
+    """N, K and Q as filters have them, and (σ, τ) of each Gauss–Markov part, the slowest first."""
+
+    N: float
+    gauss_markov: tuple[tuple[float, float], ...] = ()
+    K: float = 0.0
+    Q: float = 0.0
+
+
+def composite(truth: Truth, n: int, h: float, seed: int) -> Array:
+    """One series (n,), by recursions in time."""
+    rng = np.random.default_rng((77, seed))
+    y = rng.standard_normal(n) * truth.N / np.sqrt(h)
+    for sigma, tau in truth.gauss_markov:
+        y = y + gauss_markov(rng, n, h, sigma, tau)
+    y = y + np.cumsum(rng.standard_normal(n)) * truth.K * np.sqrt(h)
+    return np.asarray(y + np.diff(rng.standard_normal(n + 1)) * truth.Q / h)
+
+
+def gauss_markov(rng: np.random.Generator, n: int, h: float, sigma: float, tau: float) -> Array:
+    """One part, stationary from the start."""
+    phi, before = np.exp(-h / tau), int(20 * tau / h)
+    drive = rng.standard_normal(n + before) * sigma * np.sqrt(1 - phi * phi)
+    return np.asarray(lfilter([1], [1, -phi], drive)[before:])

@@ -4,11 +4,10 @@ from functools import partial
 
 import numpy as np
 import pytest
-from composite_noise import Truth, noise
 from fltea.spectrum.drift_rate import drift_rate, slope_variance
 from fltea.spectrum.frontier import Frontier
 from fltea.spectrum.periodogram import binned, periodogram
-from identify_support import H, white
+from identify_support import H, Truth, composite, white
 
 
 def test_a_ramp() -> None:
@@ -25,7 +24,7 @@ def test_variance_of_white_noise() -> None:
 def test_variance_of_coloured_noise(kind: str) -> None:
     n, series = 2000, 1500
     truth = Truth(0.0, K=1.0) if kind == "walk" else Truth(0.0, ((1.0, 3.0),))
-    y = np.array([noise(truth, n, H, seed) for seed in range(series)])
+    y = np.array([composite(truth, n, H, seed) for seed in range(series)])
     t = H * (np.arange(n) - (n - 1) / 2)
     slopes = (y - y.mean(axis=1, keepdims=True)) @ t / (t @ t)
     phi = np.exp(-H / 3.0)
