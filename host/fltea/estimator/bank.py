@@ -5,6 +5,7 @@ blocks, the columns are the same to the bit.
 """
 
 import math
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
@@ -12,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fltea import _native
-from fltea.estimator import snapshot
 from fltea.estimator.baseline import Baseline, BaselineRule, Moments
 from fltea.estimator.belief import Belief, Known
 from fltea.estimator.engine import CAUSES, instruction_sets, interventions_of
@@ -180,9 +180,7 @@ class Bank:
         base, settings = self.baseline, self._settings
         if base is None or settings is None or base.constant_axes:
             return None
-        state, supervisors, whiteness = self._native.save()
-        table = settings.table(len(self.axes))
-        engine = snapshot.pack(len(self.axes), settings, self._instruction_set, table, state)
+        engine, supervisors, whiteness = self._native.save()
         Q, R = zip(*(self.variances[axis] for axis in self.axes), strict=True)
         return OnlineState(
             self.axes,
@@ -190,6 +188,9 @@ class Bank:
             R,
             self.restarts,
             engine,
+            zlib.crc32(engine),
+            self._instruction_set,
+            settings.digest(len(self.axes)),
             supervisors,
             Q,
             tuple(axis for axis in self.axes if axis in self.tuned),
@@ -241,15 +242,15 @@ class Bank:
 
     def _resume(self, state: OnlineState) -> None:
         state.check(self.axes)
-        saved = snapshot.unpack(state.engine)
-        self._instruction_set = saved.instruction_set
+        self._instruction_set = state.instruction_set
         self._begin(Baseline(state.bias_dps, state.R, ()), state.Q)
         self.tuned = set(state.tuned)
         self._believe(state.beliefs)
         assert self._settings is not None
-        saved.check(self._settings)
+        if self._settings.digest(len(self.axes)) != state.settings:
+            raise ValueError("it was saved with other settings")
         restarts = [state.restarts.get(axis, 0) for axis in self.axes]
-        self._native.load(saved.state, state.supervisors, restarts, state.whiteness)
+        self._native.load(state.engine, state.supervisors, restarts, state.whiteness)
 
 
 def _finite(value: float) -> float | None:

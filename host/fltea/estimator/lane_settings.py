@@ -1,5 +1,7 @@
 """Lane settings are what the native engine is made with: an estimator's settings, and numbers by lane."""
 
+import hashlib
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -57,6 +59,11 @@ class LaneSettings:
             "variant": c.variant,
             "guard": c.guard,
         }
+
+    def digest(self, lanes: int) -> str:
+        """Return a text that is equal for settings that make equal engines."""
+        kind = json.dumps(self.kind, sort_keys=True).encode()
+        return hashlib.sha256(kind + self.table(lanes).astype("<f8").tobytes()).hexdigest()
 
     def table(self, lanes: int) -> Array:
         """Return the numbers of each lane in the order of the native engine, (lanes, 16).

@@ -20,8 +20,8 @@ from fltea.stream.snapshot import DeviceState
 MOST_BYTES = 1 << 30
 """Of all devices, each with every sample of a direct memory."""
 
-VERSION = 4
-"""Earlier ones had a running test of whiteness in place of the sums of the live fit."""
+VERSION = 5
+"""Of the file and of the native states in it; up to 4 these had a header of their own."""
 
 LOOK_S = 1.0
 """What is new is on the disk after this long; how often there is something, `period_s` says."""
