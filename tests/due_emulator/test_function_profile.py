@@ -1,47 +1,11 @@
 """Which functions and phases the instructions of a program are said to be of."""
 
 import pytest
-from machine_support import COUNT, TICK_EACH_MS, Bench, linked_program
+from machine_support import FOLDER, Bench, linked_program
 
 from tools.due_emulator.function_profile import Profile, functions_of
 
-CALLS = f"""movs r1, #0
-  keep r1, 0
-  {TICK_EACH_MS}
-  movs r4, #3
-  b begin
-begin:
-  bl outer
-  subs r4, #1
-  bne begin
-  movs r7, #9
-  bl loop
-  store 0xE000E010, 0
-  wait_forever
-outer:
-  push {{r5, lr}}
-  bl inner
-  bl leaf
-  pop {{r5, pc}}
-inner:
-  push {{r5, lr}}
-  bl leaf
-  pop {{r5, pc}}
-loop:
-  subs r7, #1
-  bne loop
-  bx lr
-leaf:
-__aeabi_leaf:
-  subs r6, r0, r0
-  ldr r0, =1000
-1: subs r0, #1
-  itt eq
-  moveq r6, #2
-  moveq.w r6, #3
-  bne 1b
-  bx lr
-{COUNT}"""
+CALLS = (FOLDER / "calls.S").read_text(encoding="utf-8")
 LEAF = 2 + 1000 * 5 + 1
 """Its instructions: those that a condition switches off take their cycle too."""
 
