@@ -6,14 +6,13 @@ import re
 import shutil
 import struct
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from tiers import slow
-from toolchain import arm_compiler, missing
+from toolchain import arm_compiler, missing, run_tool
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGE = "firmware/due/image/fltea_due.bin"
@@ -24,11 +23,6 @@ ELF = "build/firmware/timer/fltea_due.elf"
 FLASH = range(0x00080000, 0x00100000)
 RAM = range(0x20070000, 0x20088000)
 UART, PIOB, TC0 = 8, 12, 27
-
-
-def run_tool(tool: str, root: Path, *options: str, **kwargs: Any) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-W", "error", str(ROOT / "tools" / tool), "--root", str(root), *options]
-    return subprocess.run(command, capture_output=True, text=True, check=False, **kwargs)
 
 
 def copy_tree(root: Path) -> Path:

@@ -8,13 +8,11 @@ Identifiers.
 import json
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from toolchain import missing
+from toolchain import missing, run_tool
 
 ROOT = Path(__file__).resolve().parents[2]
 HEADER = "firmware/due/sam3x.h"
@@ -97,11 +95,6 @@ def body(register: str) -> str:
     return found[1]
 
 
-def generate(root: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, ROOT / "tools/generated.py", "gen_registers", "--root", root, *options]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
 @pytest.mark.parametrize(("register", "fact"), ADDRESSES.items())
 def test_address_and_access_mode(register: str, fact: tuple[str, int]) -> None:
     access, address = fact
@@ -156,14 +149,14 @@ def test_one_register_an_offset_but_for_alternatives() -> None:
 
 def test_another_description_is_refused(tmp_path: Path) -> None:
     """One whose address of a register is another."""
-    fetched = generate(ROOT, "--check")
+    fetched = run_tool("generated.py", ROOT, "gen_registers", "--check")
     if "could not fetch" in fetched.stderr:
         missing(fetched.stderr)
     for name in (HEADER, SVD):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, tmp_path / name)
     (tmp_path / SVD).write_bytes((ROOT / SVD).read_bytes().replace(b"0x400E0800", b"0x400E0804"))
-    done = generate(tmp_path)
+    done = run_tool("generated.py", tmp_path, "gen_registers")
     assert done.returncode == 1
     assert "SHA-256" in done.stderr
     assert SVD in done.stderr

@@ -4,31 +4,16 @@
 """
 
 import shutil
-import subprocess
-import sys
 import zlib
 from pathlib import Path
 
 import pytest
 from fltea.wire import layout as wire
 from protocol_definition import DefinitionError, load
-from protocol_support import DEFINITION, PROTOCOL, ROOT, TOOLS
+from protocol_support import DEFINITION, PROTOCOL, ROOT
+from toolchain import run_tool
 
 FILES = ["firmware/core/messages.h", "host/fltea/wire/layout.py", "protocol/README.md"]
-
-
-def generate(root: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    command = [
-        sys.executable,
-        "-W",
-        "error",
-        str(TOOLS / "generated.py"),
-        "gen_protocol",
-        "--root",
-        str(root),
-        *options,
-    ]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 @pytest.fixture
@@ -43,7 +28,7 @@ def test_check_names_what_differs_and_writes_nothing(tree: Path) -> None:
     definition = tree / "protocol/messages.toml"
     definition.write_text(DEFINITION.replace('name = "boot_id"', 'name = "boot_number"'))
     before = {name: (tree / name).read_bytes() for name in FILES}
-    done = generate(tree, "--check")
+    done = run_tool("generated.py", tree, "gen_protocol", "--check")
     assert done.returncode == 1
     assert [line.split()[0] for line in done.stderr.splitlines()] == FILES
     assert before == {name: (tree / name).read_bytes() for name in FILES}
@@ -52,7 +37,7 @@ def test_check_names_what_differs_and_writes_nothing(tree: Path) -> None:
 def test_generate_writes_only_what_differs(tree: Path) -> None:
     (tree / FILES[1]).write_text("")
     stamps = {name: (tree / name).stat().st_mtime_ns for name in FILES}
-    done = generate(tree)
+    done = run_tool("generated.py", tree, "gen_protocol")
     assert (done.returncode, done.stdout) == (0, f"wrote {FILES[1]}\n")
     assert (tree / FILES[1]).read_text() == (ROOT / FILES[1]).read_text()
     for name in (FILES[0], FILES[2]):
@@ -68,7 +53,7 @@ def test_generate_writes_only_what_differs(tree: Path) -> None:
 )
 def test_what_is_wrong_ends_the_command(file: str, text: str, error: str, tree: Path) -> None:
     (tree / file).write_text(text)
-    done = generate(tree)
+    done = run_tool("generated.py", tree, "gen_protocol")
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.startswith("protocol/messages.toml: ")
     assert error in done.stderr

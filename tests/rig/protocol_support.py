@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 ROOT = Path(__file__).resolve().parents[2]
 VECTORS = ROOT / "protocol/vectors"
-TOOLS = ROOT / "tools"
 
 
 DEFINITION = (ROOT / "protocol/messages.toml").read_text()

@@ -1,10 +1,15 @@
-"""What to do where a test needs a tool that is not there."""
+"""Tools of the repository, and what to do where a test needs one that is not there."""
 
 import os
 import shutil
-from typing import NoReturn
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, NoReturn
 
 import pytest
+
+TOOLS = Path(__file__).resolve().parents[2] / "tools"
 
 
 def missing(reason: str) -> NoReturn:
@@ -23,3 +28,9 @@ def needed(tool: str, package: str = "") -> str:
 def arm_compiler() -> str:
     """The compiler for the board."""
     return needed("arm-none-eabi-g++", "gcc-arm-none-eabi")
+
+
+def run_tool(tool: str, root: Path, *options: str, **how: Any) -> subprocess.CompletedProcess[str]:
+    """Run a program of `tools` on a repository at `root`; what Python warns of is an error."""
+    command = [sys.executable, "-W", "error", TOOLS / tool, *options, "--root", root]
+    return subprocess.run(command, capture_output=True, text=True, check=False, **how)
