@@ -72,6 +72,25 @@ def test_a_change_is_seen_across_pieces(tmp_path: Path) -> None:
     assert row.values["N"] == pytest.approx(whole.values["N"], rel=0.02)
 
 
+def test_a_phone_says_in_the_name_of_a_file_whose_columns_these_are(tmp_path: Path) -> None:
+    path = tmp_path / "2026-11-24 Gyroscope.csv"
+    lines = [f"{10_000_000 * k},{k / 100:.2f},{-y:.5f},{2 * y:.5f},{y:.5f}\n" for k, y in enumerate(SHORT)]
+    path.write_text("time,seconds_elapsed,z,y,x\n" + "".join(lines))
+    (file,) = files_of([str(path)])
+    assert isinstance(file, File)
+    how = msgspec.structs.replace(ASK, block_bytes=path.stat().st_size // 4)
+    sums = [sum_piece(file, cut, how) for cut in cuts_of(file, how)]
+    assert len(sums) > 1
+    rows = fit_pieces(file, how, sums)
+    assert [row.error for row in rows] == [None] * 3
+    assert rows[0].mean == pytest.approx(np.degrees(SHORT.mean()), rel=1e-4)
+    elsewhere = file._replace(protocol="s3", path="lab/my gyro log.CSV")
+    assert (elsewhere.copied_name, file._replace(path="a.csv").copied_name) == (
+        "gyroscope.csv",
+        "recording.csv",
+    )
+
+
 def test_pieces_of_other_scales_are_left_out(tmp_path: Path) -> None:
     file = saved(tmp_path, SHORT)
     sums = summed(file)

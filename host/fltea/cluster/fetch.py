@@ -30,7 +30,7 @@ def local_copy(file: File, folder: Path) -> Path:
                 "worker has to see it under this name."
             )
         return Path(file.path)
-    copy = folder / f"recording{file.suffix}"
+    copy = folder / file.copied_name
     known, copied = file.size >= 0, 0
     check_room(file, max(file.size, 0), folder)
     with (

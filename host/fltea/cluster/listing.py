@@ -42,9 +42,18 @@ class File(NamedTuple):
     @property
     def suffix(self) -> str:
         """Its ending in small letters, of letters and digits only: it becomes part of a file's name."""
-        name = self.path.partition("?")[0] if self.protocol in WEB else self.path
-        found = PurePosixPath(name).suffix.lower()
+        found = PurePosixPath(self._name).suffix.lower()
         return found if re.fullmatch(r"\.[a-z0-9]{1,16}", found) else ""
+
+    @property
+    def copied_name(self) -> str:
+        """That of a copy, which no server chooses. Phones tell only by it that columns are a gyroscope's."""
+        is_said = "gyro" in PurePosixPath(self._name).name.lower()
+        return f"{'gyroscope' if is_said else 'recording'}{self.suffix}"
+
+    @property
+    def _name(self) -> str:
+        return self.path.partition("?")[0] if self.protocol in WEB else self.path
 
 
 class Unlisted(NamedTuple):

@@ -59,7 +59,7 @@ def write_piece(file: File, cut: Cut, folder: Path) -> Path:
 
         return write_groups(file, cut, folder)
     check_room(file, cut.end - cut.begin, folder)
-    path = folder / f"piece{file.suffix}"
+    path = folder / file.copied_name
     with open_bytes(file) as source, path.open("wb") as out:
         out.write(cut.head)
         source.seek(cut.begin)
