@@ -1,9 +1,12 @@
 """The page's buttons: only our own page may press them, and what they do is real."""
 
+import base64
 import html
 import json
 import re
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -63,6 +66,24 @@ class Served:
             changes = of_hello if isinstance(record, Hello) else {}
             self.sink.write(msgspec.structs.replace(record, device="due", **changes))
         return [r for r in found if isinstance(r, Fit)]
+
+
+def test_the_page_is_for_those_who_know_the_password(tmp_path: Path) -> None:
+    secret = tmp_path / "page"
+    secret.write_text("me:hunter2\n")
+    secret.chmod(0o600)
+    served = Served(password_file=str(secret))
+    good = "Basic " + base64.b64encode(b"me:hunter2").decode()
+    paths = "/", "/state?device=due", "/report.html?device=due"
+    try:
+        assert served.ask("GET", "/", Authorization=good).status == 200
+        with ThreadPoolExecutor(len(paths)) as pool:  # who is wrong waits for the answer
+            assert [*pool.map(lambda path: served.ask("GET", path).status, paths)] == [401] * len(paths)
+    finally:
+        served.sink.close()
+    secret.chmod(0o644)
+    with pytest.raises(UsageError, match=r"dashboard\.password_file .*(chmod|read)"):
+        Served(password_file=str(secret))
 
 
 @pytest.fixture(scope="module")

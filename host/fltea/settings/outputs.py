@@ -249,6 +249,13 @@ class DashboardConfig(Listening, frozen=True):
     """The live page; off without an address."""
 
     address: Annotated[str | int | None, _address("Address of the live page", "--dashboard", 5006)] = None
+    password_file: Annotated[
+        str | None,
+        Setting(
+            "File with one line USER:PASSWORD that the page asks for; not readable by others.",
+            example="/etc/fltea/page",
+        ),
+    ] = None
     visitors: Annotated[int, Setting("Pages that may be open at the same time.", unit="pages", least=1)] = 20
     record: Annotated[
         bool | None,

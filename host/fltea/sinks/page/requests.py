@@ -38,10 +38,11 @@ class PageSite(Site):
         histories: Mapping[str, DeviceHistory],
         state: State,
         recorder: Recorder | None,
+        password: str | None,
     ) -> None:
         # Each asks once a second; some room for those that are a little early, or just opened.
         full = FULL.format(visitors, 2 * visitors)
-        super().__init__(__package__, names, report, 1.2 * visitors + 1, full)
+        super().__init__(__package__, names, report, 1.2 * visitors + 1, full, password)
         self.histories, self.state, self.recorder = histories, state, recorder
 
 

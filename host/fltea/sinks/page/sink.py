@@ -10,6 +10,7 @@ from fltea.records.block import Block
 from fltea.records.ports import Item, Recorder, Report, Sink
 from fltea.records.records import Record
 from fltea.settings.estimator import EstimateOn
+from fltea.settings.login_file import read_login
 from fltea.settings.outputs import DashboardConfig
 from fltea.sinks.listening import own_names, url_of
 from fltea.sinks.page.history import DeviceHistory
@@ -27,7 +28,7 @@ class DashboardSink(Sink):
     on, if pages may record.
 
     Raises:
-        FlteaError: the port is taken, or the address is not ours.
+        FlteaError: the port is taken, the address is not ours, or the file of the password is wrong.
     """
 
     name = "dashboard"
@@ -40,13 +41,14 @@ class DashboardSink(Sink):
         recorder: Recorder | None = None,
     ) -> None:
         self._histories = {name: DeviceHistory(name, estimate_on) for name, estimate_on in devices.items()}
-        host, port = settings.listen()
+        file, (host, port) = settings.password_file, settings.listen()
+        password = None if file is None else ":".join(read_login("dashboard.password_file", file))
         self._sockets = bind("--dashboard", host, port)
         self.url = url_of(host, self._sockets[0].getsockname()[1])
         LibraryErrors(report)
         state = State(self._histories, recorder, settings.may_record)
         names, may = own_names(host, settings.names), recorder if settings.may_record else None
-        site = PageSite(names, report, settings.visitors, self._histories, state, may)
+        site = PageSite(names, report, settings.visitors, self._histories, state, may, password)
         self._application, self._report = site.application(ROUTES), report
         self._ready = threading.Event()
         self._thread = threading.Thread(target=self._run, name="live page", daemon=True)
