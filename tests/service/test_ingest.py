@@ -8,7 +8,7 @@ from fltea.service.ingest.admission import CANDIDATES, Admission
 from fltea.service.ingest.floods import BURST_BYTES, MESSAGE_BYTES, SECOND_BYTES, Allowance
 from fltea.service.ingest.inbox import Inbox
 from fltea.service.ingest.losses import Losses
-from fltea.service.ingest.pressure import LATE_NS, LOOKS, QUIET_NS, STEP_NS, Pressure
+from fltea.service.pressure import LATE_NS, LOOKS, QUIET_NS, STEP_NS, Pressure
 from fltea.stream.beside import Beside
 from fltea.stream.fit_times import LookTimes
 from hypothesis import given
@@ -110,23 +110,24 @@ def test_what_is_left_at_the_end_is_counted_by_device() -> None:
 
 def test_fits_come_more_rarely_while_messages_wait_and_oftener_when_it_is_calm() -> None:
     beside = Beside(100)
-    pressure, told, now_ns = Pressure(beside), [], 1000 * S
-    for _ in range(60):
+    kinds: list[str] = []
+    pressure, now_ns = Pressure(beside, lambda kind, message: kinds.append(kind)), 1000 * S
+    for k in range(60):
         now_ns += S
         pressure.waited(2 * LATE_NS)
-        told.append(pressure.look(now_ns))
-    assert told[: LOOKS - 1] == [None] * (LOOKS - 1), "devices that begin together are no reason"
-    news = [one for one in told if one]
-    assert beside.slower == 2 ** len(news) == 64
-    assert {one.kind for one in news} == {"fits_slowed"}
+        pressure.look(now_ns)
+        assert kinds or k < LOOKS - 1, "devices that begin together are no reason"
+    assert beside.slower == 2 ** len(kinds) == 64
+    assert set(kinds) == {"fits_slowed"}
     while beside.slower > 1:
         before, since_ns = beside.slower, now_ns
         while beside.slower == before:
             now_ns += S
             pressure.waited(LATE_NS // 10)
-            assert pressure.look(now_ns) is None
+            pressure.look(now_ns)
         assert now_ns - since_ns >= min(QUIET_NS, STEP_NS)
     assert beside.slower == 1
+    assert len(kinds) == 6
 
 
 def test_another_pace_counts_from_the_next_look_on() -> None:

@@ -5,10 +5,12 @@ import pty
 import threading
 import tty
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from blocks import samples_of
+from fltea.records import clock
 from fltea.records.events import Event, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
 from fltea.service.lines import LineLoop, has_line
@@ -65,12 +67,31 @@ class Line:
         return [raw.sequence for raw in samples_of(self.events)]
 
 
+class FakePressure:
+    """Keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.waited_ns: list[int] = []
+        self.looks = 0
+
+    def waited(self, ns: int) -> None:
+        self.waited_ns.append(ns)
+
+    def look(self, now_ns: int) -> None:
+        self.looks += 1
+
+
 class Running:
     """The loop in its thread."""
 
     def __init__(self, *lines: Line) -> None:
         self.ended: list[tuple[Any, Exception | None]] = []
-        self.loop = LineLoop(lines, lambda walk, error: self.ended.append((walk, error)))  # type: ignore[arg-type]
+        self.pressure = FakePressure()
+        self.loop = LineLoop(
+            lines,  # type: ignore[arg-type]
+            lambda walk, error: self.ended.append((walk, error)),
+            self.pressure,  # type: ignore[arg-type]
+        )
         self.fault: Exception | None = None
         self.thread = threading.Thread(target=self._run)
 
@@ -176,6 +197,18 @@ def test_who_has_nothing_to_say_is_told_that_time_passes(lines, running) -> None
     talks.send(3)
     wait_until(lambda: len([e for e in is_silent.events if isinstance(e, Tick)]) >= 2, "ticks")
     assert talks.heard == [0, 1, 2]
+
+
+def test_how_long_samples_waited_beyond_the_latency_is_known(monkeypatch, lines, running) -> None:
+    (line,) = lines(1)
+    line.source.port.latency_s = 2.0
+    late = SimpleNamespace(host_ns=lambda: clock.host_ns() + 10**10)
+    monkeypatch.setattr("fltea.service.lines.clock", late)
+    one = running(line)
+    line.send(3)
+    wait_until(lambda: len(line.heard) == 3 and one.pressure.looks > 0, "samples and a look")
+    assert all(ns >= 8 * 10**9 for ns in one.pressure.waited_ns)
+    assert one.pressure.waited_ns
 
 
 def test_a_fault_of_the_loop_itself_ends_every_walk(monkeypatch, lines) -> None:

@@ -13,15 +13,17 @@ from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Failed, Opened, TransportEvent
 from fltea.records.records import ACCEL_AXES, AXES, AxisEstimate, Error, Estimate, Sample
+from fltea.service.hub import Hub
+from fltea.service.open_outputs import open_outputs
 from fltea.settings.config import load_config
-from fltea.settings.outputs import RecordConfig
+from fltea.settings.outputs import FEW_DEVICES, RECORDED, RecordConfig
 from fltea.sinks import record as record_module
 from fltea.sinks.record import KINDS, RecordSink
 from fltea.sinks.record_session import MOST_NOTES
 from fltea.sources.mcap import read_info
 from fltea.sources.synthetic import parse_noise
 from fltea.wire.messages import encode
-from host_support import hello
+from host_support import PATIENCE_S, hello
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -263,6 +265,27 @@ def test_an_error_of_another_output_may_come_first(tmp_path: Path) -> None:
 
 
 # --- what is refused ---
+
+
+def test_many_devices_are_recorded_without_what_comes_with_each_sample() -> None:
+    unset, chosen = RecordConfig(), RecordConfig(channels=("sample",))
+    assert set(unset.for_devices(FEW_DEVICES).channels or ()) == set(RECORDED)
+    rest = set(unset.for_devices(FEW_DEVICES + 1).channels or ())
+    assert {"sample", "estimate"}.isdisjoint(rest)
+    assert {"fit", "stats", "gap", "error"} <= rest
+    assert chosen.for_devices(300) == chosen
+
+
+@pytest.mark.parametrize("devices", [FEW_DEVICES, FEW_DEVICES + 1])
+def test_the_number_of_devices_decides_when_the_outputs_are_opened(tmp_path: Path, devices: int) -> None:
+    common = {"source": "synthetic:", "record.folder": str(tmp_path), "format": "none"}
+    configs = [load_config(None, common | {"name": f"d{k}"}) for k in range(devices)]
+    hub = Hub(lambda error: None)
+    open_outputs(configs, hub)
+    sinks: list[Any] = [outlet.sink for device, outlet in hub.outlets() if device is not None]
+    hub.close(PATIENCE_S)
+    assert len(sinks) == devices
+    assert {Sample in sink._topics for sink in sinks} == {devices <= FEW_DEVICES}
 
 
 def test_channels_that_there_are_not() -> None:

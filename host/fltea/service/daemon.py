@@ -21,6 +21,7 @@ from fltea.service.hub import Hub
 from fltea.service.lines import LineLoop, has_line
 from fltea.service.open_outputs import open_outputs
 from fltea.service.open_source import open_source
+from fltea.service.pressure import Pressure
 from fltea.service.state import StateFile
 from fltea.service.systemd import ServiceManager
 from fltea.service.walk import Walk
@@ -142,7 +143,8 @@ class _Run:
             for number, (source, config) in enumerate(zip(sources, configs, strict=True))
         ]
         on_lines = [walk for walk in self._walks if has_line(walk)]
-        lines = LineLoop(on_lines, self._end) if on_lines else None
+        pressure = Pressure(self._beside, self._hub.report())
+        lines = LineLoop(on_lines, self._end, pressure) if on_lines else None
         threads = [
             threading.Thread(target=self._pump, args=(walk,), name=f"walk {walk.name}")
             for walk in self._walks

@@ -2,12 +2,15 @@
 
 from collections.abc import Callable, Sequence
 
+from fltea.records import clock
 from fltea.records.events import Failed, Opened, Reads, Tick
+from fltea.service.pressure import Pressure
 from fltea.service.walk import Walk
 from fltea.sources.serial import SerialSource
 from fltea.wire.ports import Ports
 
 WAIT_S = 0.5
+LOOK_NS = 10**9
 
 
 def has_line(walk: Walk) -> bool:
@@ -19,12 +22,14 @@ class LineLoop:
     """Reads the ports of these walks and lets each take what came from its own.
 
     on_end: called, from the loop's thread, with a walk that has ended and the exception that ended it, if one
-    did.
+    did. pressure: what is to know how long samples wait.
     """
 
-    def __init__(self, walks: Sequence[Walk], on_end: Callable[[Walk, Exception | None], None]) -> None:
+    def __init__(
+        self, walks: Sequence[Walk], on_end: Callable[[Walk, Exception | None], None], pressure: Pressure
+    ) -> None:
         self.walks = list(walks)
-        self._on_end = on_end
+        self._on_end, self._pressure, self._looked_ns = on_end, pressure, 0
         self._closed = False
         self._sources = [walk.source for walk in walks if isinstance(walk.source, SerialSource)]
         self._ports = Ports([source.port for source in self._sources])
@@ -37,6 +42,10 @@ class LineLoop:
                 for place, item in self._ports.poll(WAIT_S):
                     if place in going and not self._take(place, item):
                         going.discard(place)
+                now_ns = clock.host_ns()
+                if now_ns - self._looked_ns >= LOOK_NS:
+                    self._looked_ns = now_ns
+                    self._pressure.look(now_ns)
             for place in going:
                 self._finish(place)
         except Exception as error:  # of the loop itself: a daemon that hears nothing must not look alive
@@ -53,9 +62,12 @@ class LineLoop:
 
     def _take(self, place: int, item: Reads | Opened | Failed | Tick) -> bool:
         """Let one walk take what came; whether it goes on."""
-        walk = self.walks[place]
+        walk, source = self.walks[place], self._sources[place]
+        if isinstance(item, Reads):
+            due_ns = int(item.host_ns[0]) + round(source.port.latency_s * 1e9)
+            self._pressure.waited(clock.host_ns() - due_ns)
         try:
-            for event in self._sources[place].take(item):
+            for event in source.take(item):
                 walk.take(event)
                 if walk.failure is not None:
                     break

@@ -25,12 +25,13 @@ def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] =
     to_table = program.format == "table" or (program.format == "auto" and sys.stdout.isatty())
     if not to_table:
         hub.add_log(LogSink(_to_stderr, several=len(configs) > 1))
-    recorder = RecorderOfHub(hub, program.record, program.dashboard.record_to, replays)
+    of_record = program.record.for_devices(len(configs))
+    recorder = RecorderOfHub(hub, of_record, program.dashboard.record_to, replays)
     for config in configs:
         assert config.name is not None
-        if program.record.folder is not None:
+        if of_record.folder is not None:
             module = _module("record", "record", "mcap")
-            sink = module.RecordSink(program.record, config.name, hub.report(config.name))
+            sink = module.RecordSink(of_record, config.name, hub.report(config.name))
             recorder.adopt(config.name, hub.add(sink, config.name))
         if program.mqtt.broker is not None and not is_shared(config.source):
             module = _module("mqtt.sink", "mqtt", "paho")

@@ -4,6 +4,8 @@ import ipaddress
 from typing import Annotated, Literal, NamedTuple, get_args
 from urllib.parse import urlsplit
 
+import msgspec
+
 from fltea.records.secret import refuse_secret
 from fltea.settings.setting import Setting, Table
 
@@ -23,6 +25,10 @@ Recorded = Literal[
 """Classes of the records that can ride along in a recording."""
 
 RECORDED: tuple[Recorded, ...] = get_args(Recorded)
+
+EACH_SAMPLE: tuple[Recorded, ...] = ("sample", "corrected", "estimate", "device_estimate")
+FEW_DEVICES = 32
+"""More are recorded without what comes with each sample: most of a file, and its bytes give it again."""
 
 LOOPBACK = "127.0.0.1"
 
@@ -109,9 +115,18 @@ class RecordConfig(Table, frozen=True):
         ),
     ] = 16.0
     channels: Annotated[
-        tuple[Recorded, ...],
-        Setting("Decoded records that are written with the bytes."),
-    ] = RECORDED
+        tuple[Recorded, ...] | None,
+        Setting(
+            "Decoded records that are written with the bytes. Unset: all; of more than 32 devices none that "
+            "come with each sample, since a replay makes them again from the bytes.",
+            example=["epoch", "stats", "error"],
+        ),
+    ] = None
+
+    def for_devices(self, count: int) -> "RecordConfig":
+        """Return these settings with the channels that so many devices have."""
+        usual = RECORDED if count <= FEW_DEVICES else tuple(x for x in RECORDED if x not in EACH_SAMPLE)
+        return msgspec.structs.replace(self, channels=usual if self.channels is None else self.channels)
 
 
 class BrokerAddress(NamedTuple):

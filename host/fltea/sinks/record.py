@@ -65,7 +65,7 @@ class RecordSink(Sink):
         self.trouble: str | None = None
         self.lost = 0
         self._settings, self._report = settings, report
-        kinds = {str(name): KINDS[name] for name in settings.channels}
+        kinds = {str(name): KINDS[name] for name in settings.for_devices(1).channels or ()}
         self._topics = {kind: name for name, kind in kinds.items()}
         self._of_blocks = {name: wanted for name, wanted in OF_BLOCKS.items() if name in kinds}
         self._lines = BlockLines()

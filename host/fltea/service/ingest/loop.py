@@ -15,9 +15,9 @@ from fltea.service.ingest.devices import Devices
 from fltea.service.ingest.inbox import Inbox, Left, Message, Resumed, Served
 from fltea.service.ingest.kept import Kept
 from fltea.service.ingest.losses import Losses
-from fltea.service.ingest.pressure import Pressure
 from fltea.service.ingest.receiver import Receiver
 from fltea.service.ingest.snapshots import Snapshots
+from fltea.service.pressure import Pressure
 from fltea.settings.config import Config
 from fltea.stream.beside import Beside
 
@@ -85,7 +85,7 @@ class Ingest:
         self.snapshots = None if shared is None else Snapshots(shared, limits.snapshot_s, self._report)
         self.catching_up = CatchingUp()
         self.hearing = Hearing()
-        self._pressure = Pressure(beside)
+        self._pressure = Pressure(beside, self._report)
         self._losses = Losses(self.inbox, url)
         self._held_ns = 0
         self._left_out = set[int | None]()
@@ -165,8 +165,7 @@ class Ingest:
         )
         if self.snapshots is not None:
             self.snapshots.keep_due(lines, self.walked, now_ns)
-        if slowed := self._pressure.look(now_ns):
-            self._report(slowed.kind, slowed.message)
+        self._pressure.look(now_ns)
         for trouble in self._losses.look(now_ns):
             self._report(trouble.kind, trouble.message)
 

@@ -1,10 +1,10 @@
 """Whether this machine keeps up with its devices; the live fits give way if it does not, all alike."""
 
-from fltea.records.events import Trouble
+from fltea.records.ports import Report
 from fltea.stream.beside import Beside
 
 LATE_NS = 10**9
-"""A message that has waited for so long shows that the fits take time that the samples need."""
+"""Samples that have waited for so long show that the fits take time that they need."""
 
 LOOKS = 3
 """So many looks in a row have to find it: many devices that begin together are no reason."""
@@ -16,22 +16,22 @@ SLOWEST = 64.0
 
 
 class Pressure:
-    """Lets the fits of all devices come more rarely while messages wait, and more often after a calm minute.
+    """Lets the fits of all devices come more rarely while samples wait, and more often after a calm minute.
 
-    Samples and estimates never give way: all frames are taken as long as the inbox has room.
+    Samples and estimates never give way. report: is called whenever the fits become rarer.
     """
 
-    def __init__(self, beside: Beside) -> None:
-        self._beside = beside
+    def __init__(self, beside: Beside, report: Report) -> None:
+        self._beside, self._report = beside, report
         self._longest_ns = self._late_looks = 0
         self._changed_ns = self._late_ns = -QUIET_NS
 
     def waited(self, ns: int) -> None:
-        """Take note of how long a message waited."""
+        """Take note of how long samples waited after they had arrived."""
         self._longest_ns = max(self._longest_ns, ns)
 
-    def look(self, now_ns: int) -> Trouble | None:
-        """Judge what happened since the last look; what is to be reported if that is news."""
+    def look(self, now_ns: int) -> None:
+        """Judge what happened since the last look."""
         longest_ns, self._longest_ns = self._longest_ns, 0
         beside = self._beside
         if longest_ns > CALM_NS:
@@ -41,11 +41,10 @@ class Pressure:
             self._changed_ns = now_ns
             beside.slower *= 2
             text = (
-                f"messages of {beside.devices} devices wait for {longest_ns * 1e-9:.1f} s, so the live fits "
+                f"samples of {beside.devices} devices wait for {longest_ns * 1e-9:.1f} s, so the live fits "
                 f"of all of them come {beside.slower:g} times more rarely; no sample is left out."
             )
-            return Trouble("fits_slowed", text, now_ns, fatal=False)
-        if beside.slower > 1 and now_ns - max(self._late_ns, self._changed_ns) >= QUIET_NS:
+            self._report("fits_slowed", text)
+        elif beside.slower > 1 and now_ns - max(self._late_ns, self._changed_ns) >= QUIET_NS:
             self._changed_ns = now_ns
             beside.slower /= 2
-        return None
