@@ -1,5 +1,6 @@
 // Sentences of noise for Python (host/fltea/spectrum/frontier.py): bins once, then any number of fits to
 // them.
+#include "engine_binding.hpp"
 #include "sentence_binding.hpp"
 
 #include <nanobind/ndarray.h>
@@ -201,6 +202,7 @@ void spectrum(const std::vector<int>& codes, const std::vector<double>& eta, Col
     check(words, eta);
     if (total.shape(0) != lam.shape(0)) refuse("total must have one number a frequency");
     const std::size_t size = lam.shape(0);
+    const LockGivenAway given(size);
     std::vector<double> walk;
     for (std::size_t i = 0; i < size; ++i) {
         const double half = std::sin(lam.data()[i] / 2);

@@ -50,8 +50,9 @@ def walk(
     prompt: bool = True,
     watched: bool = True,
     beside: Beside | None = None,
+    number: int = 0,
     **set_: object,
 ) -> tuple[list[AnyRecord | Block], Pipeline]:
     source, config = Source(prompt=prompt), small_config(**set_)
-    pipeline = Pipeline(source, config, state=state, beside=beside, watched=watched)
+    pipeline = Pipeline(source, config, state=state, beside=beside, number=number, watched=watched)
     return [item for event in found for item in pipeline.feed(event)], pipeline

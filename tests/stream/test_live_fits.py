@@ -13,7 +13,7 @@ from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream import live
 from fltea.stream.beside import Beside
-from fltea.stream.fit_times import Look, LookTimes
+from fltea.stream.fit_times import Look, LookTimes, turn
 from fltea.stream.snapshot import DeviceState
 from host_support import hello
 from hypothesis import given, settings
@@ -81,11 +81,33 @@ def test_with_many_devices_the_default_period_is_longer() -> None:
     assert [f.seq for f in of(Fit, items)] == [99, 199, 299]
 
 
-def looks_of(samples: int, *, every: bool) -> list[tuple[int, Look]]:
+def test_many_devices_have_turns_so_that_their_fits_do_not_come_together() -> None:
+    found = []
+    for number in range(6):
+        items, _ = walk([hello(), raw(range(800))], beside=Beside(24), number=number)
+        seqs = [f.seq for f in of(Fit, items)]
+        assert seqs[1] - seqs[0] == 200, "and each as often as before"
+        found.append(seqs[0])
+    assert found[0] == 199
+    ends = [*sorted(found), found[0] + 200]
+    assert min(b - a for a, b in itertools.pairwise(ends)) >= 18
+    items, _ = walk([hello(), raw(range(350))], beside=Beside(2), number=1)
+    assert [f.seq for f in of(Fit, items)] == [99, 199, 299], "few need none"
+
+
+@given(st.integers(13, 2000), st.integers(1, 5000))
+def test_turns_are_spread_over_the_period(devices: int, period: int) -> None:
+    turns = sorted(turn(Beside(devices), number, period) for number in range(devices))
+    assert turns[0] == 0
+    assert turns[-1] < period
+    assert max(b - a for a, b in itertools.pairwise([*turns, period])) <= 3 * period / devices + 1
+
+
+def looks_of(samples: int, *, every: bool, period: int = 100) -> list[tuple[int, Look]]:
     times, found = LookTimes(100.0, grows=True, every=every), []
-    times.begin(100)
+    times.begin(period)
     while (number := times.due) <= samples:
-        look = times.at(number, number, 100, noticed=False)
+        look = times.at(number, number, period, noticed=False)
         assert look is not None
         found.append((number, look))
     return found
@@ -101,6 +123,11 @@ def test_looks_follow_the_growth_of_the_record() -> None:
     assert all(a / 10 <= b - a <= a / 10 + 100 for a, b in itertools.pairwise(searches) if a > 1000)
     assert 65 <= sum(number <= 360_000 for number in searches) <= 72
     assert searches == [number for number, _ in looks_of(2_000_000, every=False)]
+
+
+def test_curves_of_many_devices_come_every_fourth_period() -> None:
+    drawn = [number for number, look in looks_of(30_000, every=True, period=2500) if look.curves]
+    assert drawn == [2500, 12_500, 22_500]
 
 
 @pytest.mark.slow

@@ -11,13 +11,15 @@ from fltea.stream.beside import Beside
 
 DEVICES_A_SECOND = 12
 """Devices of three axes that may all look once a second: while they are young a search takes 25 ms each."""
+GOLDEN = (math.sqrt(5) - 1) / 2
+"""Multiples of it, less whole numbers, are far apart, however many there are."""
 LONGEST_PERIOD_S = 3600.0
 SEARCH_GROWTH, LOOK_GROWTH = 10, 100
 """The record grows by one part in so many from search to search, and from look to look."""
 LONGEST_S = 60.0
 """From look to look, for who watches."""
-CURVES_S = 10.0
-"""Curves are drawn no more often: they are most of a record's bytes."""
+CURVES_S, CURVES_PERIODS = 10.0, 4
+"""Curves are drawn no more often: they are most of a record's bytes, and a third of the work for many."""
 SEARCH_LAG = 50
 """A search counts no sooner than when the epoch has grown by one part in so many: the walk goes on meanwhile,
 also at full speed and of many devices that began together."""
@@ -28,6 +30,14 @@ def period_s(config: Config, beside: Beside) -> float:
     given = config.live.period_s
     usual_s = max(1.0, beside.devices / DEVICES_A_SECOND) if given is None else given
     return usual_s if beside.slower == 1 else min(usual_s * beside.slower, max(usual_s, LONGEST_PERIOD_S))
+
+
+def turn(beside: Beside, number: int, period: int) -> int:
+    """Return by how many samples the looks of one of many devices come later, so that they have turns.
+
+    number: which of them it is. period: in samples. Many begin together, and their walks would wait together.
+    """
+    return int(number * GOLDEN % 1 * period) if beside.devices > DEVICES_A_SECOND else 0
 
 
 class Look(NamedTuple):
@@ -80,7 +90,8 @@ class LookTimes:
         drawn = self._drawn
         if not self._every:  # nobody wants news in between
             self.check = self._search
-        curves = self._every and settles and (drawn is None or number - drawn >= CURVES_S * self._rate_hz)
+        apart = max(CURVES_S * self._rate_hz, CURVES_PERIODS * period)
+        curves = self._every and settles and (drawn is None or number - drawn >= apart)
         if curves:
             self._drawn = number
         counts = number + lag if settles else min(number + lag, self.check)

@@ -28,7 +28,7 @@ from fltea.settings.config import Config
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes, Looked, Noise
 from fltea.stream.beside import Beside
-from fltea.stream.fit_times import Look, LookTimes, period_s
+from fltea.stream.fit_times import Look, LookTimes, period_s, turn
 from fltea.stream.stages import Beginning, Item, Moment, Saved, Stage, Standing
 
 NO_VERDICT = ("too few samples",)
@@ -84,13 +84,19 @@ class LiveFits(Stage):
     """Fits the axes of both sensors, whoever estimates them; the next HELLO decides whether anything is kept.
 
     prompt: samples come at their own pace. watched: somebody takes the fits, so that there are also those by
-    which no estimate goes. beside: what looks of this program share.
+    which no estimate goes. beside: what looks of this program share. number: which of its devices this is.
     """
 
     def __init__(
-        self, config: Config, *, prompt: bool = True, watched: bool = True, beside: Beside | None = None
+        self,
+        config: Config,
+        *,
+        prompt: bool = True,
+        watched: bool = True,
+        beside: Beside | None = None,
+        number: int = 0,
     ) -> None:
-        self._config = config
+        self._config, self._number, self._turn = config, number, 0
         self._beside = beside or Beside()
         self._prompt, self._watched = prompt, watched
         self._rate_hz = 1.0
@@ -129,7 +135,9 @@ class LiveFits(Stage):
             self._noticed = self._notices()
         else:
             self.bridge(beginning.missing)
-        self._times.begin(self._period())
+        period = self._period()
+        self._times.begin(period)
+        self._turn = turn(self._beside, self._number, period)
         self._first = self._at = None
         if self._begun is not None:  # it counts from the first sample on
             self._begun = self._begun._replace(look=self._begun.look._replace(counts=1))
@@ -156,7 +164,7 @@ class LiveFits(Stage):
             for sensor in self._sensors.values():
                 sensor.live.skip(missing)
         if self._first is None:
-            self._first = int(block.seq[0])
+            self._first = int(block.seq[0]) + self._turn
         given = taken = 0
         n = len(block)
         tracked: list[Tracked] = []

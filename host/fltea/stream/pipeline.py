@@ -89,7 +89,7 @@ class Pipeline:
             lambda: source.unix_offset_ns, config.link.max_gap, config.name, config.output
         )
         self._refuse, self._watched = refuse, watched
-        fits = LiveFits(config, prompt=source.prompt, watched=watched, beside=beside)
+        fits = LiveFits(config, prompt=source.prompt, watched=watched, beside=beside, number=number)
         self._fits = fits if config.live.on else None
         self._stages = stages_of(config, self._fits)
         self._board: DeviceStatus | None = None
