@@ -2,6 +2,7 @@
 #pragma once
 
 #include <complex>
+#include <memory>
 
 #include "kalman.hpp"
 
@@ -11,6 +12,7 @@ namespace track {
 class BankMembers {
   public:
     enum { kMost = 4, kRoom = 320 };  // coordinates, members
+    typedef Kalman<kMost> Filter;
 
     static const BankMembers& all() {
         static const BankMembers one;
@@ -20,6 +22,7 @@ class BankMembers {
     int count() const { return count_; }
     const System<kMost>& system(int i) const { return systems_[i]; }
     const RiccatiMap<kMost>& map(int i) const { return maps_[i]; }
+    const Filter::Gains& gains(int i) const { return gains_[i]; }
 
   private:
     // White noise, behind a low-pass of two poles with this corner in rad a sample if it is not 0; an offset
@@ -59,6 +62,13 @@ class BankMembers {
             for (double time : {15.0, 30.0, 60.0, 120.0, 240.0}) {
                 for (double power : {0.03, 0.1, 0.3, 1.0, 3.0}) add(Noise{corner, 0, 1, {time}, {power}});
             }
+        }
+        // Members side by side: a sample goes through all of them.
+        const std::size_t stride = std::size_t(count_);
+        of_samples_.reset(new Filter::Gain[stride * Filter::kExact]);
+        for (int i = 0; i < count_; ++i) {
+            gains_[i].stride = stride;
+            Filter::find_gains(systems_[i], maps_[i], of_samples_.get() + i, gains_[i]);
         }
     }
 
@@ -111,6 +121,8 @@ class BankMembers {
     int count_ = 0;
     System<kMost> systems_[kRoom];
     RiccatiMap<kMost> maps_[kRoom];
+    Filter::Gains gains_[kRoom];
+    std::unique_ptr<Filter::Gain[]> of_samples_;
 };
 
 }  // namespace track

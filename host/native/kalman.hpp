@@ -15,6 +15,22 @@ struct Known {
 template <int N>
 class Kalman {
   public:
+    struct Variances {
+        double state, bias;
+    };
+    // Before a sample: the gain, the variance of its innovation and its logarithm, and what is known by then.
+    struct Gain {
+        double K[N], S, log_S;
+        Variances now;
+    };
+    // Of a system from its start on. at: of the first kExact samples, `stride` apart; P: before the last of
+    // them. They do not depend on the samples, so all filters of the system share them.
+    struct Gains {
+        const Gain* at;
+        std::size_t stride;
+        double P[N * N];
+    };
+
     // Gains are exact for so many samples after a start or a gap; then one serves for kHeld samples, that
     // of the last of them.
     enum { kExact = 512, kHeld = RiccatiMap<N>::kSamples, kStep = 32 };
@@ -31,24 +47,42 @@ class Kalman {
         now_ = other.now_;
         from_ = other.from_;
         to_ = other.to_;
+        gains_ = other.gains_;
         S = other.S;
         if (system_ == nullptr) return *this;
         const std::size_t n = std::size_t(system_->n);
         std::memcpy(x, other.x, n * sizeof(double));
         std::memcpy(K, other.K, n * sizeof(double));
-        std::memcpy(P, other.P, n * n * sizeof(double));
+        if (gains_ == nullptr) std::memcpy(P, other.P, n * n * sizeof(double));
         return *this;
     }
 
-    void start(const System<N>* system, const RiccatiMap<N>* map) {
+    // gains: of this system, or none.
+    void start(const System<N>* system, const RiccatiMap<N>* map, const Gains* gains = nullptr) {
         start(system, map, system->P0);
+        gains_ = gains;
         for (int i = 0; i < system->n; ++i) x[i] = 0;
+    }
+    static void find_gains(const System<N>& system, const RiccatiMap<N>& map, Gain* at, Gains& gains) {
+        Kalman one;
+        one.start(&system, &map);
+        for (std::size_t k = 0; k < kExact; ++k) {
+            Gain& gain = at[k * gains.stride];
+            std::memcpy(gain.K, one.K, sizeof one.K);
+            gain.S = one.S;
+            gain.log_S = std::log(one.S);
+            gain.now = one.now_;
+            std::memcpy(gains.P, one.P, sizeof one.P);
+            one.go_on(0, true);
+        }
+        gains.at = at;
     }
     // With this covariance of the first prediction; x is as it was.
     void start(const System<N>* system, const RiccatiMap<N>* map, const double* covariance) {
         system_ = system;
         map_ = map;
         std::memcpy(P, covariance, sizeof(double) * std::size_t(system->n * system->n));
+        gains_ = nullptr;
         exact_ = kExact;
         held_ = 0;
         find_gain();
@@ -78,13 +112,19 @@ class Kalman {
                 hold_on();
                 return;
             }
-            for (int i = 0; i < n; ++i) {
-                const double share = K[i] * S;
-                double* const row = P + i * n;
-                for (int j = 0; j < n; ++j) row[j] -= share * K[j];
+            if (gains_ != nullptr) {
+                if (exact_ > 1) {
+                    --exact_;
+                    use(gain());
+                    return;
+                }
+                std::memcpy(P, gains_->P, sizeof(double) * std::size_t(n * n));
+                gains_ = nullptr;
             }
+            correct();
             --exact_;
         } else {
+            find_covariance();
             if (exact_ == 0) let_go();
             for (int i = 0; i < n; ++i) x[i] = std::fabs(x[i]) < kNothing ? 0 : x[i];
         }
@@ -94,6 +134,8 @@ class Kalman {
         if (exact_ == 0) hold();
     }
 
+    double log_S() const { return gains_ != nullptr ? gain().log_S : std::log(S); }
+
     Known known(double e) const {
         const System<N>& s = *system_;
         return Known{dot(s.state, x, s.n), now_.state, dot(s.bias, x, s.n), now_.bias, e, S};
@@ -101,6 +143,7 @@ class Kalman {
 
     template <typename Io>
     void visit(Io& io) {
+        find_covariance();
         const int n = system_->n;
         io.number(exact_, 0, kExact);
         io.number(held_, 0, kHeld - 1);
@@ -117,9 +160,37 @@ class Kalman {
     double x[N], P[N * N], K[N], S = 1;
 
   private:
-    struct Variances {
-        double state, bias;
-    };
+    // What a sample says, taken out of the covariance.
+    void correct() {
+        const int n = system_->n;
+        for (int i = 0; i < n; ++i) {
+            const double share = K[i] * S;
+            double* const row = P + i * n;
+            for (int j = 0; j < n; ++j) row[j] -= share * K[j];
+        }
+    }
+
+    const Gain& gain() const { return gains_->at[std::size_t(kExact - exact_) * gains_->stride]; }
+
+    void use(const Gain& one) {
+        std::memcpy(K, one.K, sizeof K);
+        S = one.S;
+        now_ = one.now;
+    }
+
+    // P as it would be without `gains_`, which are left for good.
+    void find_covariance() {
+        if (gains_ == nullptr) return;
+        std::memcpy(P, system_->P0, sizeof(double) * std::size_t(system_->n * system_->n));
+        const int left = exact_;
+        for (exact_ = kExact; exact_ > left; --exact_) {
+            use(gain());
+            correct();
+            system_->step_covariance(P);
+        }
+        use(gain());
+        gains_ = nullptr;
+    }
 
     Variances variances(const double* of) const {
         const System<N>& s = *system_;
@@ -177,6 +248,7 @@ class Kalman {
 
     const System<N>* system_ = nullptr;
     const RiccatiMap<N>* map_ = nullptr;
+    const Gains* gains_ = nullptr;  // while P is not kept
     int exact_ = 0, held_ = 0;
     Variances now_ = Variances(), from_ = Variances(), to_ = Variances();
 };

@@ -1,6 +1,5 @@
 // Sentences of noise for Python (host/fltea/spectrum/frontier.py): bins once, then any number of fits to
 // them.
-#include "engine_binding.hpp"
 #include "sentence_binding.hpp"
 
 #include <nanobind/ndarray.h>
@@ -14,6 +13,7 @@
 #include <tuple>
 #include <vector>
 
+#include "engine_binding.hpp"
 #include "sentence_interval.hpp"
 #include "sentence_search.hpp"
 

@@ -18,7 +18,7 @@ class WalkBank {
         const BankMembers& all = BankMembers::all();
         for (int i = 0; i < all.count(); ++i) {
             members_.emplace_back(i);
-            members_.back().filter.start(&all.system(i), &all.map(i));
+            members_.back().filter.start(&all.system(i), &all.map(i), &all.gains(i));
         }
     }
 
@@ -110,7 +110,7 @@ class WalkBank {
         Kalman<BankMembers::kMost> filter;
 
         void add() {
-            logs += std::log(filter.S);
+            logs += filter.log_S();
             squares += e * e / filter.S;
         }
         double scale(int count) const { return count > 0 && squares > 0 ? squares / count : 1e-300; }

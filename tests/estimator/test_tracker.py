@@ -1,5 +1,6 @@
 """The tracker against a Kalman filter in numpy, and through all that can happen to a sensor."""
 
+import itertools
 import math
 from functools import cache
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 from fltea.estimator.tracker import Tracker
 from fltea.records.arrays import Array
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from tiers import slow
 from tracker_support import SYSTEMS, kalman, lanes, run, simulated, tracker, white
@@ -111,6 +112,24 @@ def test_what_was_saved_goes_on_to_the_bit(modelled: bool, at: int) -> None:
     assert other.figures() == one.figures()
     np.testing.assert_array_equal(lanes(other.run(y[at:])), lanes(one.run(y[at:])))
     assert other.save() == one.save()
+
+
+@settings(max_examples=20)
+@given(saved=st.integers(0, 600), gap=st.integers(0, 600))
+def test_the_gains_that_all_banks_share_give_the_bits_of_its_own(saved: int, gap: int) -> None:
+    """What was loaded has the covariance in place of them, and so has each after a gap."""
+    y, one, other = disturbed()[:700], pair(False), pair(False)
+    found: list[list[np.ndarray]] = [[], []]
+    for low, high in itertools.pairwise(sorted({0, saved, gap, 700})):
+        if low == saved:
+            bytes_, other = other.save(), pair(False)
+            other.load(bytes_)
+        for each, into in zip((one, other), found, strict=True):
+            if low == gap:
+                each.skip(3)
+            into.append(lanes(each.run(y[low:high])))
+    np.testing.assert_array_equal(np.concatenate(found[0], 1), np.concatenate(found[1], 1))
+    assert one.save() == other.save()
 
 
 @pytest.mark.parametrize("modelled", [False, True], ids=["bank", "system"])
