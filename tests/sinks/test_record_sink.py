@@ -23,7 +23,7 @@ from fltea.sinks.record_session import MOST_NOTES
 from fltea.sources.mcap import read_info
 from fltea.sources.synthetic import parse_noise
 from fltea.wire.messages import encode
-from host_support import PATIENCE_S, hello
+from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -283,7 +283,7 @@ def test_the_number_of_devices_decides_when_the_outputs_are_opened(tmp_path: Pat
     hub = Hub(lambda error: None)
     open_outputs(configs, hub)
     sinks: list[Any] = [outlet.sink for device, outlet in hub.outlets() if device is not None]
-    hub.close(PATIENCE_S)
+    hub.close()
     assert len(sinks) == devices
     assert {Sample in sink._topics for sink in sinks} == {devices <= FEW_DEVICES}
 
