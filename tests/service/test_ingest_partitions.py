@@ -1,5 +1,6 @@
-"""Devices shared among workers: leases, snapshots, and going on where another stopped."""
+"""Devices shared among workers: snapshots, and going on where another stopped."""
 
+import threading
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -13,16 +14,14 @@ from fltea.service.hub import Hub
 from fltea.service.ingest.devices import Line
 from fltea.service.ingest.inbox import Left, Served
 from fltea.service.ingest.kept import Kept, pack, unpack
-from fltea.service.ingest.leases import LEASE_S, Lease, Sightings, is_free, lease_of, share, surplus
 from fltea.service.ingest.loop import Ingest
 from fltea.settings.config import load_configs
 from fltea.stream.beside import Beside
 from fltea.stream.snapshot import DeviceState, LastSample, missing_since
 from frames_messages import second_of
-from host_support import closed
+from host_support import PATIENCE_S, closed, wait_until
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from msgspec import json
 
 S = 10**9
 
@@ -68,8 +67,11 @@ class Collector(Sink):
     def __init__(self) -> None:
         self.items: list[Any] = []
         self.gone: list[Departed] = []
+        self.go = threading.Event()
+        self.go.set()
 
     def write(self, item: Any) -> None:
+        assert self.go.wait(PATIENCE_S)
         self.items.append(item)
 
     def depart(self, departed: Departed) -> None:
@@ -114,12 +116,19 @@ class Worker:
 
     def keep(self, device: str = "a") -> Kept:
         """The device's snapshot, taken now."""
-        for line in self.lines.values():
-            line.kept_ns = -(10**18)
-        self.ingest.snapshots.keep_due(self.lines, self.ingest.walked, 0)
+        self.take_snapshots()
+        wait_until(lambda: self.ingest.snapshots.store(self.lines), "the snapshots")
+        return self.kept(device)
+
+    def kept(self, device: str = "a") -> Kept:
         kept = unpack(self.receiver.kept[device])
         assert kept is not None
         return kept
+
+    def take_snapshots(self) -> None:
+        for line in self.lines.values():
+            line.kept_ns = -(10**18)
+        self.ingest.snapshots.keep_due(self.lines, self.ingest.walked, 0)
 
     def end(self) -> "Worker":
         assert closed(self.hub)
@@ -160,6 +169,22 @@ def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() 
     assert [(one.seq, one.missing, one.epoch) for one in of(Gap, items)] == [(600, 300, 1)]
     last = of(Stats, items)[-1].samples
     assert (last.delivered, last.lost, last.gaps) == (300, 300, 1)
+
+
+def test_a_snapshot_is_not_stored_before_outputs_have_what_it_follows() -> None:
+    """Else samples that were walked are nowhere if the worker is killed: nobody walks them again."""
+    worker = Worker()
+    worker.hear(range(6))
+    assert worker.keep().mark == 6
+    worker.sink.go.clear()
+    worker.hear(range(6, 8))
+    worker.take_snapshots()
+    worker.hear(range(8, 9))
+    assert worker.kept().mark == 6
+    worker.sink.go.set()
+    wait_until(lambda: worker.ingest.snapshots.store(worker.lines), "the snapshot")
+    assert worker.kept().mark == 8, "not what was walked since"
+    worker.end()
 
 
 def test_another_worker_goes_on_with_the_very_same_estimates() -> None:
@@ -328,34 +353,6 @@ def test_what_is_missing_since_a_snapshot(
 ) -> None:
     state = DeviceState(sensor={}, unix_ns=0, last=LastSample(boot, 10, 100_000))
     assert missing_since(state, HELLO, sequence, device_us, age_s) == missing
-
-
-def test_a_lease_is_free_once_nobody_has_renewed_it_by_the_lookers_clock() -> None:
-    sightings, lease = Sightings(), json.encode(Lease("other", 5))
-    assert is_free(sightings.of("lease.0"), 0)
-    for now_s in (0.0, 2.0, 4.0):
-        sightings.look({"lease.0": (int(now_s), lease), "worker.a": (1, b"")}, now_s)
-    assert not is_free(sightings.of("lease.0"), 4 + LEASE_S - 0.1)
-    assert is_free(sightings.of("lease.0"), 4 + LEASE_S)
-    assert sightings.fresh("worker.", LEASE_S - 0.1) == ["worker.a"]
-    assert not sightings.fresh("worker.", LEASE_S)
-    sightings.look({"lease.0": (9, json.encode(Lease("", 5)))}, 5.0)
-    assert is_free(sightings.of("lease.0"), 5.0), "it was given back"
-    assert lease_of(b"rubbish") == Lease("")
-
-
-@given(st.integers(1, 64), st.integers(1, 70))
-def test_all_partitions_are_served_and_none_by_two(partitions: int, workers: int) -> None:
-    free, held = set(range(partitions)), [set[int]() for _ in range(workers)]
-    for mine in held:  # one after the other, as the store lets them
-        while free and len(mine) < share(partitions, workers):
-            mine.add(free.pop())
-    assert not free
-    assert sum(map(len, held)) == partitions
-    alone = set(range(partitions))
-    back = surplus(alone, partitions, workers)
-    assert len(alone) - len(back) == share(partitions, workers)
-    assert not surplus(held[0], partitions, workers)
 
 
 def test_a_device_that_another_let_in_is_believed_at_once() -> None:

@@ -74,6 +74,11 @@ class Hub:
         """Wait until all outputs that devices share have room; False if one has none in time."""
         return all(outlet.wait_for_room(timeout_s) for outlet in self._shared)
 
+    def written(self) -> Callable[[], bool]:
+        """What says whether outputs that devices share have written all that they were given until now."""
+        queued = [(outlet, outlet.progress()[0]) for outlet in self._shared]
+        return lambda: all(outlet.progress()[1] >= count for outlet, count in queued)
+
     def full(self) -> list[str]:
         """Names of those that have none."""
         return [outlet.name for outlet in self._shared if not outlet.wait_for_room(0)]

@@ -91,7 +91,7 @@ class Outlet:
         self.done = threading.Event()
         self._on_end = on_end
         self._queue: deque[tuple[Item | Departed, int | None]] = deque()
-        self._waiting = 0  # records in the queue
+        self._queued = self._waiting = 0  # records that ever were in the queue, and those that are
         self._thread = thread or OutletThread(f"sink {sink.name}")
         self._changed = self._thread.changed
         self._ended = self._released = False
@@ -129,6 +129,7 @@ class Outlet:
                     self._overflow += count
                 else:
                     self._queue.append((item, arrived_ns))
+                    self._queued += count
                     self._waiting += count
             self._wake()
 
@@ -138,6 +139,11 @@ class Outlet:
             return self._changed.wait_for(
                 lambda: self._waiting < self.sink.capacity // 2 or self._ended or self.closing, timeout_s
             )
+
+    def progress(self) -> tuple[int, int]:
+        """How many records were queued so far, and how many of them are no longer on their way."""
+        with self._changed:
+            return self._queued, self._queued - self._waiting - self._in_hand
 
     def stats(self) -> OutputStats:
         """Count what was written and what was lost; what is being written still waits."""

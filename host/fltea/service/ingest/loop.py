@@ -82,7 +82,9 @@ class Ingest:
         self.devices = Devices(
             config, hub, self.inbox, url, self._report, shared, beside, self._wait_for_room
         )
-        self.snapshots = None if shared is None else Snapshots(shared, limits.snapshot_s, self._report)
+        self.snapshots = (
+            None if shared is None else Snapshots(shared, limits.snapshot_s, self._report, hub.written)
+        )
         self.catching_up = CatchingUp()
         self.hearing = Hearing()
         self._pressure = Pressure(beside, self._report)
@@ -127,6 +129,8 @@ class Ingest:
             if self._is_due(message):
                 groups.setdefault(message.device, []).append(message)
         self._walk(groups)
+        if self.snapshots is not None:
+            self.snapshots.store(self.devices.lines)
         if behind is not None:
             self._on_partition(behind)
 
