@@ -9,8 +9,8 @@ import pytest
 from fltea.identification.load import Request, Unreadable, load, recordings
 from fltea.records.errors import UsageError
 from fltea.records.records import AnyRecord, Epoch, Sample
+from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.settings.how import How
-from fltea.wire.sample_scaling import STANDARD_GRAVITY_MS2
 from host_support import hello
 from identify_files import LSB_PER_DPS, RATE_HZ, counts, npz
 

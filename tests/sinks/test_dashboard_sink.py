@@ -68,6 +68,7 @@ def test_the_page_knows_only_what_records_say() -> None:
     assert len(written) > 2
     assert {module for file in written for module in modules_of(file)} <= {
         "fltea.records.fit",
+        "fltea.records.units",
         "fltea.records.version",
         "fltea.records.visible",
     }

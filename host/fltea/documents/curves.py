@@ -6,7 +6,7 @@ from html import escape
 from typing import NamedTuple
 
 from fltea.records.fit import FitAllan, FitSpectrum
-from fltea.spectrum.allan_coefficients import FLICKER
+from fltea.records.units import FLICKER
 
 WIDTH, HEIGHT = 420, 260
 LEFT, RIGHT, TOP, BOTTOM = 64, 10, 24, 40

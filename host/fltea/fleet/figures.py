@@ -6,7 +6,7 @@ from typing import NamedTuple
 from fltea.fleet.messages import Allan, AxisFit, Interval, Tracker
 from fltea.fleet.outliers import NORMAL_95
 from fltea.noise.spectra import HIGHEST_ORDER
-from fltea.spectrum.allan_coefficients import FLICKER
+from fltea.records.units import FLICKER
 
 WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
 """Verdicts that leave room for an order."""

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from fltea.records.arrays import Array
 from fltea.records.fit import Level
-from fltea.spectrum.allan_coefficients import HOUR, SQRT_HOUR, Coefficient
+from fltea.records.units import HOUR, SQRT_HOUR
+from fltea.spectrum.allan_coefficients import Coefficient
 from fltea.spectrum.allan_curve import Allan, checked, points
 from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overlap
 

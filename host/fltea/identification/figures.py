@@ -10,10 +10,9 @@ from fltea.identification.allan import scales
 from fltea.identification.curves import Curves
 from fltea.identification.forecast import WITHIN, integral, is_any_heading
 from fltea.identification.run import AxisReport
-from fltea.noise.heading import MOST_DEG
 from fltea.noise.parts import spectrum
 from fltea.records.arrays import Array
-from fltea.spectrum.allan_coefficients import FLICKER
+from fltea.records.units import FLICKER, MOST_DEG
 from fltea.spectrum.intervals import CRITICAL
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from fltea.identification.run import AxisReport, Failure, FileReport
 from fltea.identification.shuffled import ShuffledBand
 from fltea.identification.traps import Trap
 from fltea.records.fit import Interval
-from fltea.spectrum.allan_coefficients import HOUR
+from fltea.records.units import HOUR
 
 UNDEFINED = "undefined"
 NONE = "–"

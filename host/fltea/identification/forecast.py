@@ -9,12 +9,13 @@ import numpy as np
 
 from fltea.estimator.offset_walk import OffsetWalk, system_of
 from fltea.estimator.tracker import Tracker
-from fltea.noise.heading import MOST_DEG, ahead, bias_std, heading_std, heading_stds, rest_for, rested
+from fltea.noise.heading import ahead, bias_std, heading_std, heading_stds, rest_for, rested
 from fltea.noise.left_open import nearby
 from fltea.noise.parts import Part
 from fltea.noise.system import System, system
 from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
+from fltea.records.units import MOST_DEG
 from fltea.spectrum.wording import duration
 
 SentenceParts = tuple[Sequence[Part], str]

@@ -12,13 +12,11 @@ import numpy as np
 
 from fltea.noise.system import System
 from fltea.records.arrays import Array
+from fltea.records.units import MOST_DEG
 
 LONGEST_REST_S = 86400.0
 NEAR = 1.01
 """A time to rest is found within this factor."""
-
-MOST_DEG = 180.0
-"""With a standard deviation beyond half a turn an angle can be any: no heading is left."""
 
 
 class Ahead(NamedTuple):

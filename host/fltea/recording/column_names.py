@@ -4,8 +4,8 @@ import re
 from collections.abc import Iterable, Sequence
 
 from fltea.recording.files import LONGEST_NAME
+from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.settings.how import TimeUnit
-from fltea.wire.sample_scaling import STANDARD_GRAVITY_MS2
 
 TIME_UNITS: dict[str, TimeUnit] = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from fltea.records.arrays import Array
+from fltea.records.units import FLICKER, HOUR
 
 FEWEST_DOF = 6.0
 """Degrees of freedom below which nothing is read from a point: it is uncertain by half its value."""
@@ -24,9 +25,6 @@ K_TOLERANCE = 0.25
 """The tolerance of K's local slope is wide, since the curve is uncertain there and other slopes are far."""
 FEWEST_AVERAGED = 5
 """Samples, for K: below, the sum of steps is more than 1 % above the line of a continuous random walk."""
-FLICKER = math.sqrt(2 * math.log(2) / math.pi)
-"""σ / B at the floor, 0.664."""
-HOUR, SQRT_HOUR = 3600.0, 60.0
 
 
 class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from fltea.records.events import RawBlock
 from fltea.records.records import Hello, Sample
+from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.wire.sensors import temperature_c, temperature_counts
-
-STANDARD_GRAVITY_MS2 = 9.80665
 
 Array = NDArray[np.float64]
 

@@ -1,8 +1,7 @@
 """N, B and K of an Allan deviation in the units of data sheets (pure)."""
 
 from fltea.records.fit import FitAllan
-from fltea.spectrum.allan_coefficients import HOUR, SQRT_HOUR
-from fltea.wire.sample_scaling import STANDARD_GRAVITY_MS2
+from fltea.records.units import HOUR, SQRT_HOUR, STANDARD_GRAVITY_MS2
 
 NOT_SEEN = "not seen in the curve"
 

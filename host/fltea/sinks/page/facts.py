@@ -3,7 +3,6 @@
 from typing import Any
 
 from fltea.documents import curves as charts
-from fltea.noise.heading import MOST_DEG
 from fltea.records.records import (
     AXES,
     AxisEstimate,
@@ -12,6 +11,7 @@ from fltea.records.records import (
     Hello,
     Stats,
 )
+from fltea.records.units import MOST_DEG
 from fltea.records.visible import visible, visible_lines
 from fltea.sinks.page import facts_of_device
 from fltea.sinks.page.answer import Answer, answer, sentence

@@ -20,12 +20,12 @@ from fltea.records.errors import UsageError
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, Event, LinkDown, RawBlock, Tick, Trouble
 from fltea.records.records import Hello, LinkStats
 from fltea.records.repeat import OnceAMinute
+from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.sources.iio.buffer import Buffer, Unusable, Wishes, rate_of
 from fltea.sources.iio.conversion import Conversion, conversion, parse_mount
 from fltea.sources.iio.sysfs import ACCEL, GYRO, SENSORS, Attributes, devices, find, root_of
 from fltea.sources.numbering import Arrived, ByOrder, ByTime, Numbered
 from fltea.wire.ports import TICK_S
-from fltea.wire.sample_scaling import STANDARD_GRAVITY_MS2
 
 READ_BYTES = 1 << 16
 PATIENCE_NS = 5 * 10**9
