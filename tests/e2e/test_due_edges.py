@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import pytest
 import unicorn
-from due_support import IMAGE, NOISE, DueRun, build, image
+from due_support import IMAGE, NOISE, PERIOD_US, DueRun, build, image
 from fltea.wire import layout as wire
 from toolchain import needed
 
@@ -24,7 +24,6 @@ from tools.due_emulator.uart import BITS_PER_BYTE
 pytestmark = pytest.mark.slow
 
 WRAP = 1 << 32
-PERIOD_US = 10_000
 TICK_COUNTS = PERIOD_US * 42
 LED_BIT = 27
 HALF_BLINK_US = 1 << 19
@@ -194,38 +193,59 @@ def test_what_is_shared_with_a_handler_is_used_under_a_lock(name: str, symbols: 
     assert unlocked == []
 
 
-def at_the_end_of_time(run: DueRun, symbols: dict[str, Symbol]) -> None:
-    """2.9 s before 71.58 minutes are over, from the start on."""
+class Wrap(NamedTuple):
+    """What is about to pass 2^32. variables: their values when the program begins.
 
-    def set_clock() -> None:
-        variable(run, symbols["tick_us"])[:] = (WRAP // PERIOD_US * PERIOD_US - 2_900_000).to_bytes(
-            4, "little"
-        )
+    counter: whether the timer's counter is to pass it with the clock's end, or 2 s later where that is far.
+    """
+
+    variables: dict[str, int]
+    counter: bool = False
+
+
+CLOCK = {"tick_us": WRAP // PERIOD_US * PERIOD_US - 2_900_000}
+WRAPS = {
+    "the counter, every 102 s": Wrap({}, counter=True),
+    "the clock, every 71.6 minutes": Wrap(CLOCK),
+    "bytes, after 8 days": Wrap({"written": WRAP - 9000, "sent": WRAP - 9000}),
+    # A thousand times the clock, and 42,000 times the counter: there is nothing else that 2^32 ms could end.
+    "milliseconds, after 49.7 days": Wrap(CLOCK, counter=True),
+    "signals, after 16 months": Wrap({"wake::count": WRAP - 300}),
+}
+
+
+def begin_before(wrap: Wrap, run: DueRun, symbols: dict[str, Symbol]) -> None:
+    def set_variables() -> None:
+        for name, value in wrap.variables.items():
+            variable(run, symbols[name])[:] = value.to_bytes(4, "little")
         run.board.cpu.trap(None)
 
-    run.board.cpu.trap(symbols["main"].address, set_clock)
+    run.board.cpu.trap(symbols["main"].address, set_variables)
+    if wrap.counter:
+        run.run_until(0.4)
+        left_us = WRAP - int.from_bytes(variable(run, symbols["tick_us"]), "little")
+        advance_counter(run, symbols, left_us if left_us < PS_PER_S // PS_PER_US * 3 else 2_000_300)
 
 
-def at_the_end_of_the_counter(run: DueRun, symbols: dict[str, Symbol]) -> None:
-    """Two seconds before 102 s are over, which they are 0.3 ms after a tick, while a sample is read."""
-    run.run_until(0.4)
+def advance_counter(run: DueRun, symbols: dict[str, Symbol], left_us: int) -> None:
+    """Let the counter end `left_us` after the last tick, and nobody notice."""
     channel, registers = timer(run).channels[0], timer(run).registers
     count = variable(run, symbols["tick_count"])
-    ahead = (WRAP - 200 * TICK_COUNTS - 300 * 42 - int.from_bytes(count, "little")) % WRAP
-    count[:] = (WRAP - 200 * TICK_COUNTS - 300 * 42).to_bytes(4, "little")
+    ahead = (WRAP - left_us * 42 - int.from_bytes(count, "little")) % WRAP
+    count[:] = (WRAP - left_us * 42).to_bytes(4, "little")
     registers["RC0"] = (registers["RC0"] + ahead) % WRAP
     channel._counter.restart(channel.value + ahead)
     channel.compare_changed()
 
 
-@pytest.mark.parametrize("begin", [at_the_end_of_time, at_the_end_of_the_counter])
-def test_a_clock_that_wraps_changes_nothing(
-    begin: Callable[[DueRun, dict[str, Symbol]], None], symbols: dict[str, Symbol]
-) -> None:
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_a_number_that_wraps_changes_nothing(wrap: str, symbols: dict[str, Symbol]) -> None:
     run = DueRun(image(), noise=NOISE)
-    begin(run, symbols)
+    begin_before(WRAPS[wrap], run, symbols)
     run.run_until(6)
     assert (run.error, run.gaps, run.epochs, run.faults) == (None, [], ["start"], [])
+    for name in [*WRAPS[wrap].variables, *["tick_count"] * WRAPS[wrap].counter]:
+        assert int.from_bytes(variable(run, symbols[name]), "little") < WRAP // 16, f"{name} did not wrap"
     stats = run.stats.samples
     assert (stats.delivered, stats.lost) == (run.boots[0].due, 0)
     assert all(abs(b.device_us - a.device_us - PERIOD_US) <= 50 for a, b in pairwise(run.samples))

@@ -89,9 +89,11 @@ class Rig {
 
     // The pin pulses at the chip's own times, whatever the main loop is doing.
     void edges() {
-        while (next_edge_us_ <= clock.us()) {
-            if (chip.pulses()) application.on_data_ready(static_cast<uint32_t>(next_edge_us_));
-            next_edge_us_ += edge_period_us;
+        if (next_edge_us_ > clock.us()) return;
+        const bool pulses = chip.pulses();
+        if (!pulses) next_edge_us_ += (clock.us() - next_edge_us_) / edge_period_us * edge_period_us;
+        for (; next_edge_us_ <= clock.us(); next_edge_us_ += edge_period_us) {
+            if (pulses) application.on_data_ready(static_cast<uint32_t>(next_edge_us_));
         }
     }
 

@@ -244,6 +244,41 @@ TEST_CASE("application: the number wraps from 65535 to 0 and nothing else happen
     CHECK(rig.status().overruns == 0);
 }
 
+TEST_CASE(
+    "application: the ends of 2^32 milliseconds and of 2^32 instants, after 49 and 497 days, are no event") {
+    for (SamplingMode mode : {SamplingMode::timer, SamplingMode::data_ready}) {
+        for (uint64_t end_us : {kWrap * kMs, kWrap * kPeriodUs}) {
+            // Four billion edges take their time, and are numbered as those of the timer are.
+            if (mode == SamplingMode::data_ready && end_us > kWrap * kMs) continue;
+            CAPTURE(end_us);
+            Rig rig(mode);
+            rig.calls = Rig::Calls::every_tick;
+            rig.sink.size = 1000;
+            rig.start_and_settle();
+            // Months in half-hours for which the program is held: instants pass all the same.
+            const uint64_t half_hour = 1800 * kS;
+            while (rig.clock.us() < end_us - 10 * kS) {
+                rig.clock.pass(std::min(half_hour, end_us - 10 * kS - rig.clock.us()));
+                rig.run(20 * kMs);
+            }
+            rig.sink.receiver.frames.clear();
+            rig.calls = Rig::Calls::often;
+            rig.run(20 * kS);
+            const std::vector<Frame> samples = rig.samples();
+            CHECK(samples.size() >= 1999);
+            for (size_t i = 1; i < samples.size(); ++i) {
+                const Frame &before = samples[i - 1], &after = samples[i];
+                REQUIRE(after.sequence == static_cast<uint16_t>(before.sequence + 1));
+                REQUIRE(sample_of(after).flags == 0);
+            }
+            CHECK(rig.sink.of<fltea::Hello>().size() == 20);
+            CHECK(rig.sink.of<fltea::Status>().size() == 20);
+            CHECK(rig.sink.of<fltea::Estimate>().size() >= 3 * 140);
+            CHECK(rig.faults().empty());
+        }
+    }
+}
+
 TEST_CASE("application: a clock of the sensor that is one per cent off gives its rate and no gap") {
     for (uint64_t period : {9900, 10100}) {
         Rig rig(SamplingMode::data_ready);

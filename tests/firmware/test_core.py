@@ -17,7 +17,7 @@ compilers = pytest.mark.parametrize("compiler", ["g++", slow("clang++")])
 LONG = ",".join(
     [
         *("recovery: lost one wrap*", "recovery: a sensor gone*", "noise fit: a board that was moved*"),
-        *("edges: each is*", "random trouble*"),
+        *("edges: each is*", "random trouble*", "application: the ends of*"),
     ]
 )
 """Hours of virtual time, half of all test cases' time: only clang's build runs them, in the second tier."""

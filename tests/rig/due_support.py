@@ -17,11 +17,21 @@ from tools.faults.board import DUE_CASES, Measured, measure
 IMAGE = Path(os.environ.get("FLTEA_DUE_IMAGE", COMMITTED))
 """Which image is looked at: `make mutants` names others."""
 NOISE = "alpha=0.5&f=-1&seed=7"
+PERIOD_US = 10_000
 
 
 @cache
 def image() -> bytes:
     return IMAGE.read_bytes()
+
+
+def after_a_reading(run: DueRun) -> DueRun:
+    """Run on until the sensor has just been read: in the middle of a step, wherever it stands in time."""
+    bursts, twi = run.boots[-1].bursts, run.board.twi
+    seen = len(bursts)
+    while len(bursts) == seen or not twi.field("SR", "TXCOMP"):
+        run.board.run_until(run.board.now_s + 1e-5)
+    return run
 
 
 @cache
