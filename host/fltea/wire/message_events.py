@@ -56,29 +56,90 @@ def status_event(s: wire.Status) -> DeviceStatus:
 
 
 def axis_event(e: wire.Estimate, sequence: int, host_ns: int) -> DeviceAxis:
-    """Return ESTIMATE with its flags by name; sequence is that of its frame."""
+    """Return ESTIMATE's counts in their units; sequence is that of its frame."""
     flags = wire.EstimateFlags
-    known = flags.VALID, flags.CONSTANT, flags.MISSING, flags.SKIPPED, flags.TUNED
-    counts = {cause: n for cause in CAUSES if (n := getattr(e, cause))}
-    tracker = DeviceTracker(*e[-4:]) if e.flags & flags.TRACKED else None
-    valid, constant, missing, skipped, tuned = (bool(e.flags & flag) for flag in known)
-    place = sequence, host_ns, name_of(wire.Axis, e.axis), e.sample, e.age
-    return DeviceAxis(*place, valid, constant, missing, skipped, tuned, *e[4:10], counts, tracker)
+    return DeviceAxis(
+        sequence=sequence,
+        host_ns=host_ns,
+        axis=name_of(wire.Axis, e.axis),
+        sample=e.sample,
+        age=e.age,
+        valid=bool(e.flags & flags.VALID),
+        constant=bool(e.flags & flags.CONSTANT),
+        missing=bool(e.flags & flags.MISSING),
+        skipped=bool(e.flags & flags.SKIPPED),
+        tuned=bool(e.flags & flags.TUNED),
+        alpha=e.alpha,
+        alpha_std=e.alpha_std,
+        f=e.f,
+        f_std=e.f_std,
+        state_dps=e.state,
+        innovation_dps=e.innovation,
+        interventions={cause: n for cause in CAUSES if (n := getattr(e, cause))},
+        tracker=DeviceTracker(e.tracker_bias, e.tracker_bias_std, e.tracker_state, e.tracker_state_std)
+        if e.flags & flags.TRACKED
+        else None,
+    )
 
 
 def estimator_event(e: wire.Estimator, host_ns: int) -> DeviceEstimator:
-    """Return ESTIMATOR with its settings by name, and with what is of each axis together."""
-    names = name_of(wire.EstimatorVariant, e.variant), name_of(wire.EstimatorGuard, e.guard)
-    return DeviceEstimator(host_ns, *names, *e[2:12], e[12:15], e[15:18], e[18:21], *e[21:])
+    """Return ESTIMATOR's counts in their units."""
+    return DeviceEstimator(
+        host_ns=host_ns,
+        variant=name_of(wire.EstimatorVariant, e.variant),
+        guard=name_of(wire.EstimatorGuard, e.guard),
+        startup=e.startup,
+        max_gap=e.max_gap,
+        every=e.every,
+        remaining=e.remaining,
+        begun=e.begun,
+        fit_every=e.fit_every,
+        queue=e.queue,
+        skipped=e.skipped,
+        longest_axis_us=e.longest_axis,
+        longest_slice_us=e.longest_slice,
+        restarts=(e.restarts_x, e.restarts_y, e.restarts_z),
+        bias_dps=(e.bias_x, e.bias_y, e.bias_z),
+        R_dps2=(e.r_x, e.r_y, e.r_z),
+        state_x0=e.state_x0,
+        state_P0=e.state_p0,
+        state_Q=e.state_q,
+        alpha0=e.alpha0,
+        alpha_P0=e.alpha_p0,
+        alpha_Q0=e.alpha_q0,
+        alpha_delta=e.alpha_delta,
+        parameter0=e.parameter0,
+        parameter_P0=e.parameter_p0,
+        parameter_Q0=e.parameter_q0,
+        parameter_delta=e.parameter_delta,
+        gate=e.gate,
+    )
 
 
 def fit_event(fit: wire.Fit, host_ns: int) -> DeviceFit:
-    """Return FIT with its flags by name."""
+    """Return FIT's counts in their units."""
     flags = wire.FitFlags
-    known = flags.ALPHA_DEFINED, flags.SEARCHED, flags.BINS_LEFT_OUT, flags.TUNED
-    defined, searched, left_out, tuned = (bool(fit.flags & flag) for flag in known)
-    names = name_of(wire.Axis, fit.axis), name_of(wire.FitVerdict, fit.verdict)
-    return DeviceFit(host_ns, *names, defined, searched, left_out, tuned, *fit[3:7], *fit[7:])
+    return DeviceFit(
+        host_ns=host_ns,
+        axis=name_of(wire.Axis, fit.axis),
+        verdict=name_of(wire.FitVerdict, fit.verdict),
+        alpha_defined=bool(fit.flags & flags.ALPHA_DEFINED),
+        searched=bool(fit.flags & flags.SEARCHED),
+        bins_left_out=bool(fit.flags & flags.BINS_LEFT_OUT),
+        tuned=bool(fit.flags & flags.TUNED),
+        number=fit.number,
+        age=fit.age,
+        samples=fit.used,
+        evaluations=fit.evaluations,
+        ordinates=fit.ordinates,
+        alpha=fit.alpha,
+        alpha_std=fit.alpha_std,
+        f=fit.f,
+        s2_dps2=fit.s2,
+        R_dps2=fit.r,
+        ratio_white=fit.ratio_white,
+        ratio_relaxation=fit.ratio_relaxation,
+    )
 
 
 def bins_event(s: wire.Spectrum, host_ns: int) -> DeviceBins:
