@@ -80,6 +80,9 @@ TIME_NAMES |= {
     "zeitstempel",
 }
 
+OF_RADS = "SampleTimeFine", "PacketCounter", "seconds_elapsed"
+"""Columns of programs that write rad/s without saying so: MT Manager of Xsens, Sensor Logger of phones."""
+
 _PREFIX = r"(?:(?:field|imu\d*|imu_raw|imu_data|data|sensor|raw|board|mpu\d*|icm\d*)_)*"
 _LONG = "gyroscope|gyros?|gyr|rotation|rotation_rate|rot_rate|angular_velocity|angular_rate|ang_vel|angvel"
 _LONG += "|omega|w_rs_s"
@@ -121,6 +124,11 @@ def rate_unit_of(name: str) -> str | None:
         return RATE_UNITS.get(bare_unit(unit))
     plain = base.strip().lower()
     return next((known for end, known in RATE_UNITS.items() if plain.endswith(f"_{end}")), None)
+
+
+def are_in_rads(names: Iterable[str]) -> bool:
+    """Whether columns are those of a program that writes rates in rad/s without saying so."""
+    return any("angular_velocity" in name or name in OF_RADS for name in names)
 
 
 def is_time(name: str) -> bool:

@@ -14,6 +14,7 @@ from fltea.recording.column_names import (
     TIME_UNITS,
     accel_axis_of,
     accel_unit_of,
+    are_in_rads,
     axis_of,
     bare_unit,
     is_time,
@@ -29,9 +30,6 @@ from fltea.settings.how import How, TimeUnit
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?", re.ASCII)
 MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
 """What programs write where they have no number; in small letters."""
-
-OF_RADS = "SampleTimeFine", "PacketCounter", "seconds_elapsed"
-"""Columns of programs that write rad/s without saying so: MT Manager of Xsens, Sensor Logger of phones."""
 
 
 class Chosen(NamedTuple):
@@ -173,14 +171,13 @@ def choose(
             )
     gyro = tuple(labels.index(name) for name in axes)
     beside = [units[place] if units is not None and place < len(units) else "" for place in range(len(names))]
-    in_rads = any("angular_velocity" in name or name in OF_RADS for name in names)
     unit = _unit_of(
         where,
         [names[p] for p in gyro],
         [beside[p] for p in gyro],
         how,
         known=not wanted.columns,
-        in_rads=in_rads,
+        in_rads=are_in_rads(names),
     )
     factor, lsb = parse_units(unit)
     time = _time_of(where, names, how) if wanted.time is None else labels.index(wanted.time)

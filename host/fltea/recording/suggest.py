@@ -13,7 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from fltea.recording.column_names import accel_axis_of, axis_of, is_time, rate_unit_of, time_unit_of
+from fltea.recording.column_names import (
+    accel_axis_of,
+    are_in_rads,
+    axis_of,
+    is_time,
+    rate_unit_of,
+    time_unit_of,
+)
 from fltea.recording.columns import is_number
 from fltea.recording.sample_times import PLAUSIBLE_HZ, SECONDS, Floats
 from fltea.recording.text_labels import decode_object, values_in
@@ -83,8 +90,8 @@ def options(names: Sequence[str] | None, values: Floats, how: How) -> str:
         found += ["--rate", f"{how.rate_hz or 100:g}"]
     if names is None or not all(rate_unit_of(names[p]) for p in axes):
         whole = bool((values[:, axes] == np.rint(values[:, axes])).all())
-        of_phone = names is not None and "seconds_elapsed" in names  # Sensor Logger, of all its sensors
-        found += ["--units", how.units or ("lsb:131" if whole else "rad/s" if of_phone else "dps")]
+        likely_unit = "lsb:131" if whole else "rad/s" if are_in_rads(names or ()) else "dps"
+        found += ["--units", how.units or likely_unit]
     return shlex.join(found)
 
 
