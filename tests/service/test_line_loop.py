@@ -15,8 +15,10 @@ from fltea.records.events import Event, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
 from fltea.service.lines import LineLoop, has_line
 from fltea.service.open_source import open_source
+from fltea.service.pressure import Pressure
 from fltea.settings.config import load_config
 from fltea.sources.serial import SerialSource
+from fltea.stream.beside import Beside
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from host_support import PATIENCE_S, WIRE_HELLO, wait_until
@@ -67,10 +69,11 @@ class Line:
         return [raw.sequence for raw in samples_of(self.events)]
 
 
-class FakePressure:
+class FakePressure(Pressure):
     """Keeps what it is told."""
 
     def __init__(self) -> None:
+        super().__init__(Beside(), lambda kind, message: None)
         self.waited_ns: list[int] = []
         self.looks = 0
 
@@ -90,7 +93,7 @@ class Running:
         self.loop = LineLoop(
             lines,  # type: ignore[arg-type]
             lambda walk, error: self.ended.append((walk, error)),
-            self.pressure,  # type: ignore[arg-type]
+            self.pressure,
         )
         self.fault: Exception | None = None
         self.thread = threading.Thread(target=self._run)

@@ -57,6 +57,10 @@ class Wire(Memory):
     takes_wire = True
 
 
+class Lossless(Memory):
+    lossless = True
+
+
 def started(sink: Sink) -> tuple[Outlet, list[Exception | None]]:
     found: list[Exception | None] = []
     outlet = Outlet(sink, lambda _, error: found.append(error))
@@ -245,8 +249,7 @@ def test_one_held_output_holds_up_no_other() -> None:
 
 def test_who_waits_for_room_is_let_go_at_the_end() -> None:
     all_outputs, _ = hub()
-    held = Memory("stdout", capacity=1).held()
-    held.lossless = True  # type: ignore[misc]
+    held = Lossless("stdout", capacity=1).held()
     all_outputs.add(held)
     replay = threading.Thread(
         target=all_outputs.publish, args=("due", [gap(k) for k in range(5)]), kwargs={"wait": True}

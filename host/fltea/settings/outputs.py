@@ -117,8 +117,8 @@ class RecordConfig(Table, frozen=True):
     channels: Annotated[
         tuple[Recorded, ...] | None,
         Setting(
-            "Decoded records that are written with the bytes. Unset: all; of more than 32 devices none that "
-            "come with each sample, since a replay makes them again from the bytes.",
+            f"Decoded records that are written with the bytes. Unset: all; of more than {FEW_DEVICES} "
+            "devices none that come with each sample, since a replay makes them again from the bytes.",
             example=["epoch", "stats", "error"],
         ),
     ] = None

@@ -114,7 +114,7 @@ def _axes(records: Labelled) -> Labelled:
 def _devices(hellos: Sequence[tuple[str, Hello]]) -> Metric:
     family = InfoMetricFamily("fltea_device", "What the device states of itself.", labels=("device",))
     for name, hello in hellos:
-        facts = {name: getattr(hello, name) for name in FACTS}
+        facts = {fact: getattr(hello, fact) for fact in FACTS}
         family.add_metric((name,), {key: value for key, value in facts.items() if value is not None})
     return family
 
