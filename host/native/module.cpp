@@ -136,6 +136,10 @@ nb::bytes cobs_encode(nb::bytes bytes) {
 
 NB_MODULE(_native, m) {
     m.doc() = "Native parts of fltea.";
+    // The command ends without looking for cycles (host/fltea/cli/app.py), so all that is in one seems
+    // leaked.
+    nb::set_leak_warnings(PyObject_IsTrue(nb::module_::import_("sys").attr("flags").attr("dev_mode").ptr()) ==
+                          1);
     m.attr("SCHEMA_HASH") = fltea::kSchemaHash;
     m.def("crc32", [](nb::bytes bytes) { return fltea::crc32(data(bytes), bytes.size()); }, nb::arg("data"));
     m.def("cobs_encode", &cobs_encode, nb::arg("data"));

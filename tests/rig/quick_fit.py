@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from fltea.noise.parts import Relaxation, White
@@ -18,7 +19,6 @@ class QuickAxes:
         self, axes: tuple[str, ...], h: float, settings: LiveConfig, unit: str, saved: bytes | None = None
     ) -> None:
         self.axes, self.unit = axes, unit
-        self.noises: dict[str, Noise] = {}
         self.samples = self.noticed = 0
         self.lost: list[tuple[int, int]] = []
         self._seen = b""
@@ -37,23 +37,25 @@ class QuickAxes:
         self.lost.append((self.samples, count))
         self._seen = hashlib.sha256(self._seen + b"lost %d" % count).digest()
 
-    def fit(self, *, curves: bool, last: bool = False, fresh: bool = False) -> dict[str, AxisFit]:
-        spectrum = FitSpectrum([1.0], [2.0], [3.0]) if curves else None
-        return {axis: self._fit(axis, spectrum, " at the end" if last else "") for axis in self.axes}
+    def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
+        return {axis: look().fit for axis, look in self.look(curves=curves, last=last).items()}
 
-    def look(self, *, curves: bool, fresh: bool) -> Callable[[], Looked]:
-        looked = Looked(self.fit(curves=curves), dict(self.noises))
-        return lambda: looked
+    def look(
+        self, *, curves: bool, last: bool = False, fresh: bool = False
+    ) -> dict[str, Callable[[], Looked]]:
+        spectrum = FitSpectrum([1.0], [2.0], [3.0]) if curves else None
+        looked = {axis: self._look(axis, spectrum, " at the end" if last else "") for axis in self.axes}
+        return {axis: partial(dict.__getitem__, looked, axis) for axis in self.axes}
 
     def save(self) -> bytes:
         return b"quick%016x" % self.samples + self._seen
 
-    def _fit(self, axis: str, spectrum: FitSpectrum | None, end: str) -> AxisFit:
+    def _look(self, axis: str, spectrum: FitSpectrum | None, end: str) -> Looked:
         digest = hashlib.sha256(self._seen + axis.encode()).digest()
         p, alpha = max(0.0, digest[0] / 127 - 1), digest[1] / 200
-        self.noises[axis] = Noise((White(1e-2), Relaxation(0.1, 0.1 + alpha)), p < 0.01, self.samples)
+        noise = Noise((White(1e-2), Relaxation(0.1, 0.1 + alpha)), p < 0.01, self.samples)
         s2, R = 1e-3 + digest[2] * 1e-5, 1e-2 + digest[3] * 1e-4
-        return AxisFit(
+        fit = AxisFit(
             "white" if p >= 0.05 else "fractional",
             digest.hex() + end,
             self.unit,
@@ -66,3 +68,4 @@ class QuickAxes:
             left_out={"lost": sum(count for _, count in self.lost)},
             spectrum=spectrum,
         )
+        return Looked(fit, noise)

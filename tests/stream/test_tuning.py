@@ -154,8 +154,8 @@ def test_tuned_filters_know_how_sure_they_are(variant: Literal["joint", "triple"
         rows = y[begin : begin + 1500]
         found = bank.run(rows)
         fits.add(rows)
-        for axis, fit in fits.fit(curves=False, fresh=True).items():
-            handed = handed_over(fit, bank.variances[axis] if axis in bank.tuned else None)
+        for axis, look in fits.look(curves=False, fresh=True).items():
+            handed = handed_over(look().fit, bank.variances[axis] if axis in bank.tuned else None)
             if handed is not None:
                 bank.retune({axis: handed.variances}, {axis: handed.belief})
     assert bank.tuned == set(axes)

@@ -14,7 +14,7 @@ from fltea.spectrum.allan_curve import live_allan
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.frontier import Frontier
 from fltea.spectrum.intervals import order_fit
-from fltea.spectrum.live_axes import LiveAxes
+from fltea.spectrum.live_axes import LiveAxes, Looked
 from fltea.spectrum.octaves import LANE_BYTES, Octaves
 from fltea.spectrum.periodogram import binned
 from fltea.spectrum.spectral import examine
@@ -145,14 +145,18 @@ def _sentences() -> list[Work]:
 
 
 def _looks() -> list[Work]:
-    """Looks at axes that have not grown, and that are searched for anew, with verdict and intervals."""
+    """Looks at an axis that has not grown, and with a search of its own, with verdict and intervals."""
+
+    def made(axes: LiveAxes, *, fresh: bool) -> Looked:
+        return axes.look(curves=False, fresh=fresh)["x"]()
+
     works: list[Work] = []
     for samples in LENGTHS:
         for name, parts in NOISES.items():
             axis = LiveAxes(("x",), H, LiveConfig(), "deg/s")
             axis.add(_drawn(parts, samples))
             axis.fit(curves=False)
-            again, search = (partial(axis.fit, curves=False, fresh=fresh) for fresh in (False, True))
+            again, search = (partial(made, axis, fresh=fresh) for fresh in (False, True))
             works.append((f"look again, {samples:,} samples: {name}", "ms", 1e3, again))
             works.append((f"whole search, {samples:,} samples: {name}", "ms", 1e3, search))
     return works

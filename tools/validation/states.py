@@ -136,8 +136,8 @@ def _live(y: Array) -> tuple[Array, Array, Array]:
         live.add(y[at:end], found[-1].moving)
         at = end
         if at == due:
-            fits = live.fit(curves=False, fresh=True)
-            settled = {axis: settled[axis].followed_by(fits[axis], live.noises.get(axis)) for axis in axes}
+            looks = live.look(curves=False, fresh=True)
+            settled = {axis: settled[axis].followed_by(*look()) for axis, look in looks.items()}
             due = at + max(round(1 / H), math.ceil(at / 10))
     columns = {name: [getattr(one, name) for one in found] for name in ("bias", "bias_std", "state")}
     bias, std, state = (np.concatenate(column) for column in columns.values())

@@ -125,11 +125,12 @@ class Live:
             last: the record is at its end and this is the only look at it. Looks while it grows are judged
                 more strictly, so that all of them together give few false alarms.
         """
-        found = self._live.fit(curves=curves, last=last)
-        for axis, fit in found.items():
-            settled = self._settled[axis].followed_by(fit, self._live.noises.get(axis))
-            self._settled[axis] = settled
-            self._tracks.learn(axis, settled)
+        found: dict[str, AxisFit] = {}
+        for axis, look in self._live.look(curves=curves, last=last).items():
+            looked = look()
+            found[axis] = looked.fit
+            self._settled[axis] = self._settled[axis].followed_by(*looked)
+            self._tracks.learn(axis, self._settled[axis])
         return LiveReport(found, self.samples, self.rate_hz)
 
     def heading_std(self, t_s: float) -> dict[str, float]:

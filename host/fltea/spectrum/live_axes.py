@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import NamedTuple
 
 import msgspec
@@ -48,10 +49,10 @@ class Noise(NamedTuple):
 
 
 class Looked(NamedTuple):
-    """What a look has found: the fits, and the noise of each axis that has one."""
+    """What a look at an axis has found: the fit, and the noise where it has one."""
 
-    fits: dict[str, AxisFit]
-    noises: dict[str, Noise]
+    fit: AxisFit
+    noise: Noise | None
 
 
 class _Saved(msgspec.Struct, array_like=True, forbid_unknown_fields=True):
@@ -79,8 +80,6 @@ class LiveAxes:
         self._memory = 0.0 if settings.memory_s is None else max(settings.memory_s / h, SHORTEST_MEMORY)
         self._octaves = self._restored(saved) if saved else Octaves(len(axes), self._memory)
         self._looks = [Looks() for _ in axes]
-        self.noises: dict[str, Noise] = {}
-        """Of the newest fit, of each axis of which it found any."""
 
     @property
     def samples(self) -> int:
@@ -100,23 +99,27 @@ class LiveAxes:
         """The number of steps and changes of all axes so far."""
         return sum(one.steps + one.changes for one in map(self._octaves.counts, range(len(self.axes))))
 
-    def fit(self, *, curves: bool, last: bool = False, fresh: bool = False) -> dict[str, AxisFit]:
-        """Fit every axis.
+    def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
+        """Fit every axis; arguments as for `look`."""
+        return {axis: make().fit for axis, make in self.look(curves=curves, last=last).items()}
+
+    def look(
+        self, *, curves: bool, last: bool = False, fresh: bool = False
+    ) -> dict[str, Callable[[], Looked]]:
+        """Begin a look at the samples that there are now; calling what this returns makes it, axis by axis.
+
+        It may be called in any thread, while samples come, but not while the same axis is looked at.
 
         curves: with spectrum and Allan deviation. last: of a record that is at its end, and so is judged at
         the level of one look, as `fltea identify` does it. fresh: sentences, peaks and changes are searched
         for again, as with curves; else all begins at the last fit until the record has grown by a tenth.
         """
-        return self._fits(self._octaves, curves, last, fresh)
-
-    def look(self, *, curves: bool, fresh: bool) -> Callable[[], Looked]:
-        """Begin a look at the samples that there are now; it is made by calling what this returns.
-
-        Arguments as for `fit`. It may be made in another thread, while samples come, but not while another
-        one is made.
-        """
         octaves = Octaves.restore(len(self.axes), self._memory, self._octaves.save())
-        return lambda: Looked(self._fits(octaves, curves, last=False, fresh=fresh), self.noises)
+        level, fresh = LEVEL if last else ANYTIME_LEVEL, fresh or curves
+        return {
+            axis: partial(self._look, octaves, lane, curves, level, fresh)
+            for lane, axis in enumerate(self.axes)
+        }
 
     def save(self) -> bytes:
         """Return all of it, for a later run."""
@@ -134,22 +137,18 @@ class LiveAxes:
             raise ValueError("the saved sums are of other axes, another rate, unit or memory")
         return Octaves.restore(len(self.axes), self._memory, found.octaves)
 
-    def _fits(self, octaves: Octaves, curves: bool, last: bool, fresh: bool) -> dict[str, AxisFit]:
-        level, found = LEVEL if last else ANYTIME_LEVEL, {}
-        self.noises = {}
-        for lane, axis in enumerate(self.axes):
-            if fresh or curves:
-                self._looks[lane].forget()
-            counts = octaves.counts(lane)
-            fit = self._fit(octaves, lane, curves, level)
-            found[axis] = replace(fit, left_out=_named(counts, LEFT_OUT), breaks=_named(counts, BREAKS))
-        return found
-
-    def _fit(self, octaves: Octaves, lane: int, curves: bool, level: float) -> AxisFit:
+    def _look(self, octaves: Octaves, lane: int, curves: bool, level: float, fresh: bool) -> Looked:
+        if fresh:
+            self._looks[lane].forget()
         counts = octaves.counts(lane)
+        fit, noise = self._fit(octaves, lane, counts, curves, level)
+        fit = replace(fit, left_out=_named(counts, LEFT_OUT), breaks=_named(counts, BREAKS))
+        return Looked(fit, noise)
+
+    def _fit(self, octaves: Octaves, lane: int, counts: Counts, curves: bool, level: float) -> Looked:
         if counts.constant and counts.used >= SHORTEST_MEMORY:
             text = "Constant: all samples are the same. Is the sensor asleep, or its range far too wide?"
-            return AxisFit("constant", text, self.unit)
+            return Looked(AxisFit("constant", text, self.unit), None)
         used = min(counts.used, round(REMEMBERED * self._memory)) if self._memory else counts.used
         try:
             whole, drift = octaves.lines_and_drift(lane, self.h)
@@ -165,16 +164,15 @@ class LiveAxes:
         except ValueError:
             needed = f"{counts.used:,} of the {FEWEST_SAMPLES} without a break that a fit needs"
             text = f"Too few samples yet: {needed}."
-            return AxisFit("too few samples", text, self.unit)
+            return Looked(AxisFit("too few samples", text, self.unit), None)
         return self._axis_fit(octaves, lane, seen, whole if curves else None)
 
-    def _axis_fit(self, octaves: Octaves, lane: int, seen: Spectral, drawn: Periodogram | None) -> AxisFit:
+    def _axis_fit(self, octaves: Octaves, lane: int, seen: Spectral, drawn: Periodogram | None) -> Looked:
         """Return what the record says of an axis; drawn: what the curves are drawn from."""
         e, f = seen.evidence, seen.evidence.frontier
         verdict = decide(e)
         noise = winner(e, verdict)
         tracked = f.order if f.order is not None and verdict.has_order else noise
-        self.noises[self.axes[lane]] = Noise(tracked.parts(self.h), e.drifts, octaves.counts(lane).used)
         order, seconds = verdict.order, None
         if order.alpha.value is not None and f.order is not None:
             longest_s = REMEMBERED * self._memory * self.h if self._memory else None
@@ -186,7 +184,7 @@ class LiveAxes:
             spectrum = spectrum_of(drawn, noise)
             *sums, samples = octaves.allan(lane)
             allan = fit_allan(tuple(sums), samples, self.h, self.unit, noise, N.value)
-        return AxisFit(
+        fit = AxisFit(
             verdict.kind,
             verdict.text,
             self.unit,
@@ -202,6 +200,7 @@ class LiveAxes:
             allan=allan,
             spectrum=spectrum,
         )
+        return Looked(fit, Noise(tracked.parts(self.h), e.drifts, octaves.counts(lane).used))
 
 
 def _R(N: Interval, h: float) -> Interval:

@@ -1,6 +1,7 @@
-"""What is done beside the walks: the looks of all devices of a program, one after the other in a thread."""
+"""What is done beside the walks: the looks at all axes of all devices of a program, in other threads."""
 
 import threading
+import time
 from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Any, TypeVar
@@ -45,22 +46,26 @@ class _Work:
         return self._found
 
 
-class BesideThread(Beside):
-    """Does the work of all in a thread of its own, in the order in which it was begun, until it is closed."""
+class BesideThreads(Beside):
+    """Does the work of all in so many threads, in the order in which it was begun, until it is closed."""
 
-    def __init__(self, devices: int = 1) -> None:
+    def __init__(self, devices: int = 1, threads: int = 1) -> None:
         super().__init__(devices)
         self._waiting: SimpleQueue[_Work | None] = SimpleQueue()
-        self._thread = threading.Thread(target=self._run, name="looks", daemon=True)
+        self._threads = [
+            threading.Thread(target=self._run, name=f"looks {k}", daemon=True) for k in range(threads)
+        ]
         self._lock = threading.Lock()
-        self._closed = False
+        self._begun = self._closed = False
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Begin some work as soon as what was begun before is done."""
+        """Begin some work as soon as a thread has done what was begun before."""
         one = _Work(work)
         with self._lock:
-            if self._thread.ident is None and not self._closed:
-                self._thread.start()
+            if not (self._begun or self._closed):
+                self._begun = True
+                for thread in self._threads:
+                    thread.start()
         self._waiting.put(one)
         return one.result
 
@@ -68,11 +73,14 @@ class BesideThread(Beside):
         """Begin nothing more; False if what is being done did not end in time."""
         with self._lock:
             self._closed = True
-            if self._thread.ident is None:
+            if not self._begun:
                 return True
-        self._waiting.put(None)
-        self._thread.join(timeout_s)
-        return not self._thread.is_alive()
+        until_s = None if timeout_s is None else time.monotonic() + timeout_s
+        for _ in self._threads:
+            self._waiting.put(None)
+        for thread in self._threads:
+            thread.join(None if until_s is None else max(0.0, until_s - time.monotonic()))
+        return not any(thread.is_alive() for thread in self._threads)
 
     def _run(self) -> None:
         while (one := self._waiting.get()) is not None and not self._closed:

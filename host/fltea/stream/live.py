@@ -77,7 +77,8 @@ class _Begun(NamedTuple):
     moment: Moment
     samples: int
     look: Look
-    result: Callable[[], list[Looked]]
+    looks: dict[str, Callable[[], Looked]]
+    """Of each axis what gives its result."""
 
 
 class LiveFits(Stage):
@@ -249,25 +250,22 @@ class LiveFits(Stage):
         if look is None:
             return
         self._noticed = noticed
-        each = [s.live.look(curves=look.curves, fresh=look.fresh) for s in self._sensors.values()]
-        result = self._beside.begin(lambda: [one() for one in each])
-        self._begun = _Begun(self._at, samples, look, result)
+        looks = {
+            axis: self._beside.begin(make)
+            for sensor in self._sensors.values()
+            for axis, make in sensor.live.look(curves=look.curves, fresh=look.fresh).items()
+        }
+        self._begun = _Begun(self._at, samples, look, looks)
         if look.curves:
             self._drawn_samples = samples
 
     def _counted(self, begun: _Begun) -> Fit:
         """From here on a look counts."""
         self._begun = None
-        fits: dict[str, AxisFit] = {}
-        noises: dict[str, Noise] = {}
-        for looked in begun.result():
-            fits |= looked.fits
-            noises |= looked.noises
+        looked = {axis: result() for axis, result in begun.looks.items()}
         if begun.look.settles:
-            self._settled = {
-                axis: self.settled(axis).followed_by(fit, noises.get(axis)) for axis, fit in fits.items()
-            }
-        found = {axis: self._with_stability(axis, one) for axis, one in fits.items()}
+            self._settled = {axis: self.settled(axis).followed_by(*one) for axis, one in looked.items()}
+        found = {axis: self._with_stability(axis, one.fit) for axis, one in looked.items()}
         return Fit(*begun.moment, begun.samples, found, device=self._config.name)
 
     def _with_stability(self, axis: str, fit: AxisFit) -> AxisFit:
