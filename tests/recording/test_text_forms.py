@@ -1,6 +1,8 @@
 """Text recordings as other programs write them: separators, headers, comments, missing numbers, times."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,99 +10,80 @@ from text_files import refusal, stored
 
 DEG = 180 / np.pi
 GYRO = [[1.5, 2.5, 3.5], [4.0, 5.0, -6.0], [7.0, 8.0, 9.0]]
-
-
 OURS = "time_s,gyro_x_dps,gyro_y_dps,gyro_z_dps\n"
-FORMS = {
-    "semicolons": (OURS.replace(",", ";") + "0;1.5;2.5;3.5\n0.1;4;5;-6\n0.2;7;8;9\n", {}),
-    "tabs": (OURS.replace(",", "\t") + "0\t1.5\t2.5\t3.5\n0.1\t4\t5\t-6\n0.2\t7\t8\t9\n", {}),
-    "blanks, in columns": (OURS.replace(",", "  ") + " 0    1.5 2.5  3.5\n 0.1  4 5 -6 \n 0.2 7  8 9\n", {}),
-    "decimal commas": (OURS.replace(",", ";") + "0;1,5;2,5;3,5\n0,1;4;5;-6\n0,2;7;8;9,0\n", {}),
-    "decimal commas and tabs": (
-        OURS.replace(",", "\t") + "0,0\t1,5\t2,5\t3,5\n0,1\t4\t5\t-6\n0,2\t7\t8\t9\n",
-        {},
-    ),
-    "decimal commas and blanks": (
-        OURS.replace(",", " ") + "0,0 1,5 2,5 3,5\n0,1 4,0 5,0 -6,0\n0,2 7 8 9\n",
-        {},
-    ),
-    "comments": (
-        "# a logger\n// of mine\n" + OURS + "% go\n0,1.5,2.5,3.5\n#\n0.1,4,5,-6\n\n0.2,7,8,9\n# end\n",
-        {},
-    ),
-    "titles": ("IMU log of today\nrange 2000 dps\n" + OURS + "0,1.5,2.5,3.5\n0.1,4,5,-6\n0.2,7,8,9\n", {}),
-    "units in a second line": (
-        "time,gx,gy,gz,ax\n[ms],[deg/s],[deg/s],[deg/s],[g]\n0,1.5,2.5,3.5,0\n100,4,5,-6,0\n200,7,8,9,0\n",
-        {},
-    ),
-    "the header is a comment": (
-        "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2]\n"
-        + "".join(
-            f"{1403636579758555392 + k * 100_000_000},{','.join(repr(v / DEG) for v in row)},9.81\n"
-            for k, row in enumerate(GYRO)
-        ),
-        {},
-    ),
-    "as rostopic echo -p": (
-        "%time,field.header.stamp,field.header.frame_id,field.angular_velocity.x,field.angular_velocity.y,"
-        "field.angular_velocity.z,field.angular_velocity_covariance0\n"
-        + "".join(
-            f"{1.6e18 + k * 1.01e8:.0f},{1.6e18 + k * 1e8:.0f},imu,{','.join(repr(v / DEG) for v in row)},0\n"
-            for k, row in enumerate(GYRO)
-        ),
-        {"units": "rad/s", "time_column": "field.header.stamp", "time_unit": "ns"},
-    ),
-    "no header": ("0,1.5,2.5,3.5\n0.1,4,5,-6\n0.2,7,8,9\n", {"columns": ["2", "3", "4"], "time_column": "1"}),
-    "no header and a rate": (
-        "0 1.5 2.5 3.5\n0 4 5 -6\n0 7 8 9\n",
-        {"columns": ["2", "3", "4"], "rate_hz": 10.0},
-    ),
-    "no header, as many names": (
-        "1.5 2.5 3.5\n4 5 -6\n7 8 9\n",
-        {"columns": ["a", "b", "c"], "rate_hz": 10.0},
-    ),
-    "positions under a header": (
-        "p,q,r,s\n0,1.5,2.5,3.5\n0.1,4,5,-6\n0.2,7,8,9\n",
-        {"columns": ["2", "3", "4"], "time_column": "1"},
-    ),
-    "columns of text beside": (
-        "note,time_ms,gx,gy,gz,state\na,0,1.5,2.5,3.5,on\nb c,100,4,5,-6,\n,200,7,8,9,NaN\n",
-        {"units": "dps"},
-    ),
-    "names in quotes, units in brackets": (
-        '"Time (us)";"Gyro X [°/s]";"Gyro Y [°/s]";"Gyro Z [°/s]"\n'
-        "5;1.5;2.5;3.5\n100005;4;5;-6\n200005;7;8;9\n",
-        {},
-    ),
-    "units as Windows writes them": (
-        "time_s,gx [°/s],gy [°/s],gz [°/s]\n0,1.5,2.5,3.5\n0.1,4,5,-6\n0.2,7,8,9\n".encode("cp1252"),
-        {},
-    ),
-    "empty columns at the end": (OURS + "0,1.5,2.5,3.5,\n0.1,4,5,-6,\n0.2,7,8,9,\n", {}),
-    "milliseconds by what the user says": (
-        "t,gx,gy,gz\n0,1.5,2.5,3.5\n100,4,5,-6\n200,7,8,9\n",
-        {"units": "dps", "time_unit": "ms"},
-    ),
-    "a mark of UTF-8, and blank lines": (
-        "\ufeff" + OURS + "\n0,1.5,2.5,3.5\n\n0.1,4,5,-6\n0.2,7,8,9\n\n",
-        {},
-    ),
-    "blanks around": (OURS.replace(",", " , ") + " 0 , 1.5 , 2.5 , 3.5 \n0.1,4,5,-6\n0.2,7,8,9\n", {}),
-    "quotes, and a surplus field": (OURS + '"0","1.5","2.5","3.5"\n0.1,4,5,-6,surplus\n0.2,7,8,9\n', {}),
-    "columns that are named, in their order": (
-        "t,a,b,c,note\n0,3.5,1.5,2.5,a\n0.1,-6,4,5,b\n0.2,9,7,8,c\n",
-        {"columns": ["b", "c", "a"], "units": "dps"},
-    ),
-    "no line end at the end": (OURS + "0,1.5,2.5,3.5\n0.1,4,5,-6\n0.2,7,8,9", {}),
+S, MS = ("0", "0.1", "0.2"), ("0", "100", "200")
+NS = [f"{1403636579758555392 + k * 100_000_000}" for k in range(3)]
+ECHOED = [f"{1.6e18 + k * 1.01e8:.0f},{1.6e18 + k * 1e8:.0f},imu" for k in range(3)]
+
+
+def rows(
+    separator: str = ",", decimal: str = ".", times: Sequence[str] = S, rads: bool = False, end: str = "\n"
+) -> str:
+    """GYRO at 10 Hz, each row with its time before it."""
+    numbers = (
+        [time, *(repr(v / DEG if rads else v) for v in row)] for time, row in zip(times, GYRO, strict=True)
+    )
+    return "".join(separator.join(row).replace(".", decimal) + end for row in numbers)
+
+
+def ours(separator: str, decimal: str = ".") -> str:
+    return OURS.replace(",", separator) + rows(separator, decimal)
+
+
+FORMS: dict[str, str | bytes] = {
+    "semicolons": ours(";"),
+    "tabs": ours("\t"),
+    "blanks, in columns": OURS.replace(",", "  ") + " 0    1.5 2.5  3.5\n 0.1  4 5 -6 \n 0.2 7  8 9\n",
+    "decimal commas": ours(";", ","),
+    "decimal commas, and numbers without": ours(";", ",").replace(",0", ""),
+    "decimal commas and tabs": ours("\t", ","),
+    "decimal commas and blanks": ours(" ", ","),
+    "comments": "# a logger\n// of mine\n" + OURS + "% go\n" + rows(end="\n#\n\n") + "# end\n",
+    "titles": "IMU log of today\nrange 2000 dps\n" + ours(","),
+    "units in a second line": "time,gx,gy,gz,ax\n[ms],[deg/s],[deg/s],[deg/s],[g]\n"
+    + rows(times=MS, end=",0\n"),
+    "the header is a comment": "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
+    "a_RS_S_x [m s^-2]\n" + rows(times=NS, rads=True, end=",9.81\n"),
+    "as rostopic echo -p": "%time,field.header.stamp,field.header.frame_id,field.angular_velocity.x,"
+    "field.angular_velocity.y,field.angular_velocity.z,field.angular_velocity_covariance0\n"
+    + rows(times=ECHOED, rads=True, end=",0\n"),
+    "no header": rows(),
+    "no header and a rate": rows(" ", times="000"),
+    "no header, as many names": "1.5 2.5 3.5\n4 5 -6\n7 8 9\n",
+    "positions under a header": "p,q,r,s\n" + rows(),
+    "columns of text beside": "note,time_ms,gx,gy,gz,state\n"
+    "a,0,1.5,2.5,3.5,on\nb c,100,4,5,-6,\n,200,7,8,9,NaN\n",
+    "names in quotes, units in brackets": '"Time (us)";"Gyro X [°/s]";"Gyro Y [°/s]";"Gyro Z [°/s]"\n'
+    + rows(";", times=("5", "100005", "200005")),
+    "units as Windows writes them": ("time_s,gx [°/s],gy [°/s],gz [°/s]\n" + rows()).encode("cp1252"),
+    "empty columns at the end": OURS + rows(end=",\n"),
+    "milliseconds by what the user says": "t,gx,gy,gz\n" + rows(times=MS),
+    "a mark of UTF-8, and blank lines": "\ufeff" + OURS + "\n" + rows(end="\n\n"),
+    "blanks around": ours(" , "),
+    "quotes, and a surplus field": OURS + '"0","1.5","2.5","3.5"\n0.1,4,5,-6,surplus\n0.2,7,8,9\n',
+    "columns that are named, in their order": "t,a,b,c,note\n0,3.5,1.5,2.5,a\n0.1,-6,4,5,b\n0.2,9,7,8,c\n",
+    "no line end at the end": ours(",").rstrip(),
 }
+BY_POSITION = {"columns": ["2", "3", "4"], "time_column": "1"}
+HOW: dict[str, dict[str, object]] = {
+    "as rostopic echo -p": {"units": "rad/s", "time_column": "field.header.stamp", "time_unit": "ns"},
+    "no header": BY_POSITION,
+    "no header and a rate": {"columns": ["2", "3", "4"], "rate_hz": 10.0},
+    "no header, as many names": {"columns": ["a", "b", "c"], "rate_hz": 10.0},
+    "positions under a header": BY_POSITION,
+    "columns of text beside": {"units": "dps"},
+    "milliseconds by what the user says": {"units": "dps", "time_unit": "ms"},
+    "columns that are named, in their order": {"columns": ["b", "c", "a"], "units": "dps"},
+}
+"""What the user says of some of them."""
 
 
 @pytest.mark.parametrize("name", FORMS)
 @pytest.mark.parametrize("ends", ["\n", "\r\n"])
 def test_forms_that_mean_the_same(name: str, ends: str, tmp_path: Path) -> None:
-    text, how = FORMS[name]
+    text = FORMS[name]
     data = text if isinstance(text, bytes) else text.encode()
-    found = stored(tmp_path, data.replace(b"\n", ends.encode()), **how)
+    found = stored(tmp_path, data.replace(b"\n", ends.encode()), **HOW.get(name, {}))
     whole = found.whole()
     assert whole.gyro == pytest.approx(np.array(GYRO), rel=1e-12)
     assert found.rate_hz == pytest.approx(10.0, rel=1e-6)
@@ -162,7 +145,7 @@ def test_names_that_leave_a_doubt_are_not_taken(header: str, tmp_path: Path) -> 
     assert "name yours with --columns" in refusal(tmp_path, f"{header}\n{row}\n", rate_hz=10.0, units="dps")
 
 
-BAD = {
+BAD: dict[str, tuple[Any, ...]] = {
     "two columns of a name": (
         "gx,gx,gy\n1,2,3\n",
         {"columns": ["gx"], "rate_hz": 1.0},
@@ -172,7 +155,6 @@ BAD = {
     "a column named twice": ("gx,gy\n1,2\n", {"columns": ["gx", "gx"]}, "gx is named twice"),
     "two columns of times": (
         "time,timestamp,gyro_x_dps\n1,2,3\n",
-        {},
         ":1: time, timestamp are times by their names; say which is meant: --time-column",
     ),
     "no such column of times": (
@@ -180,16 +162,15 @@ BAD = {
         {"time_column": "tt"},
         ":1: no column tt (it has: t, gyro_x_dps)",
     ),
-    "units that differ": ("t,gx [dps],gy [rad/s]\n0,1,1\n", {}, "are not all of one unit"),
+    "units that differ": ("t,gx [dps],gy [rad/s]\n0,1,1\n", "are not all of one unit"),
     "radians by their name": (
         "t,radx\n0,1\n",
         {"columns": ["radx"]},
         ":1: the columns radx may be in rad/s, and without --units",
     ),
-    "counts without their scale": ("t,gx,gy\n0,1,1\n", {}, "lsb:N"),
+    "counts without their scale": ("t,gx,gy\n0,1,1\n", "lsb:N"),
     "decimal commas among commas": (
         OURS + "0,01,1,5,2,5,3,5\n",
-        {},
         ":2: has 8 fields, and there are 4 columns. If the numbers have decimal commas",
     ),
     "a decimal comma in a later row": (
@@ -197,11 +178,7 @@ BAD = {
         {"units": "dps"},
         "the first is 4: has 6 fields, and there are 5 columns",
     ),
-    "thousands": (
-        OURS.replace(",", ";") + "0;1.000,5;2,5;1\n",
-        {},
-        ":2: column 'gyro_x_dps': '1.000,5' is not",
-    ),
+    "thousands": (OURS.replace(",", ";") + "0;1.000,5;2,5;1\n", ":2: column 'gyro_x_dps': '1.000,5' is not"),
     "a word before the names": (
         "# columns: t gx gy\n0 1 2\n1 1 2\n",
         {"units": "dps"},
@@ -210,62 +187,54 @@ BAD = {
     "blanks in names": ("t [s] gx gy\n0 1 2\n1 1 2\n", {"units": "dps"}, ":2: has 3 fields"),
     "positions beyond": ("1 2 3\n", {"columns": ["4"], "rate_hz": 1.0}, "no column 4"),
     "no header and no positions": ("1,2,3\n4,5,6\n", {"rate_hz": 1.0}, "their positions with --columns"),
-    "nothing but text": (OURS + "0,x,2,3\n1,x,2,3\n", {}, ":2: column 'gyro_x_dps': 'x' is not a number"),
+    "nothing but text": (OURS + "0,x,2,3\n1,x,2,3\n", ":2: column 'gyro_x_dps': 'x' is not a number"),
     "a unit of times against the header": (
         OURS + "0,1,2,3\n",
         {"time_unit": "ms"},
         ":1: the column time_s is in s by its name or line of units, and --time-unit ms says otherwise",
     ),
-    "an empty axis": (OURS + "0,1,2,\n1,2,3,\n", {}, ":2: column gyro_z_dps is empty"),
-    "nothing": ("", {}, ":1: no columns", "no header"),
-    "other names": ("p,q\n1,2\n", {}, ":1: no columns", "p, q", "--columns"),
-    "a header alone": (OURS, {}, "no rows"),
-    "a header and blank lines": (OURS + "\n\n", {}, "no rows"),
-    "a word": (
-        OURS + "0,1,2,3\n1,4,five,6\n",
-        {},
-        "the first is 3: ",
-        "'gyro_y_dps'",
-        "'five' is not a number",
-    ),
-    "a word after blank lines": (OURS + "\n\n0,1,2,3\n\n1,x,5,6\n", {}, "the first is 6: ", "'x'"),
-    "a short row": (OURS + "0,1,2,3\n1,4\n", {}, "the first is 3: has 2 fields", "'gyro_y_dps' is number 3"),
-    "a decimal comma in quotes": (OURS + '0,"1,5",2,3\n', {}, ":2: ", "'1,5' is not a number"),
+    "an empty axis": (OURS + "0,1,2,\n1,2,3,\n", ":2: column gyro_z_dps is empty"),
+    "nothing": ("", ":1: no columns", "no header"),
+    "other names": ("p,q\n1,2\n", ":1: no columns", "p, q", "--columns"),
+    "a header alone": (OURS, "no rows"),
+    "a header and blank lines": (OURS + "\n\n", "no rows"),
+    "a word": (OURS + "0,1,2,3\n1,4,five,6\n", "the first is 3: ", "'gyro_y_dps'", "'five' is not a number"),
+    "a word after blank lines": (OURS + "\n\n0,1,2,3\n\n1,x,5,6\n", "the first is 6: ", "'x'"),
+    "a short row": (OURS + "0,1,2,3\n1,4\n", "the first is 3: has 2 fields", "'gyro_y_dps' is number 3"),
+    "a decimal comma in quotes": (OURS + '0,"1,5",2,3\n', ":2: ", "'1,5' is not a number"),
     "an underscore": ("gx\n1_0\n", {"units": "dps", "rate_hz": 9.0}, "'1_0' is not a number"),
-    "infinity": (OURS + "0,-inf,2,3\n", {}, ":2: column gyro_x_dps is empty"),
-    "too large": (OURS + "0,1e99,2,3\n", {}, ":2: more than 1e+06 deg/s"),
-    "no time": (OURS + "nan,1,2,3\n", {}, ":2: column time_s is empty"),
+    "infinity": (OURS + "0,-inf,2,3\n", ":2: column gyro_x_dps is empty"),
+    "too large": (OURS + "0,1e99,2,3\n", ":2: more than 1e+06 deg/s"),
+    "no time": (OURS + "nan,1,2,3\n", ":2: column time_s is empty"),
     "times that stand": (
         OURS + "0,1,2,3\n1,4,5,6\n1,4,5,7\n",
-        {},
         "'time_s': 1 of 3 times are the same as the one before, the first in line 4",
     ),
     "times that run backwards": (
         OURS + "0,1,2,3\n2,4,5,6\n\n1,4,5,6\n3,1,1,1\n",
-        {},
         "1 of 4 times are earlier",
         "in line 5",
         "--rate 1.",
     ),
-    "neither times nor a rate": ("gyro_x_dps\n1\n2\n", {}, "no column 'time_s'", "--rate"),
-    "one time": ("time_s,gyro_x_dps\n0,1\n", {}, "--rate"),
-    "not UTF-8": (OURS.encode() + b"0,1,\xff,2\n", {}, ":2: column 'gyro_y_dps': 'ÿ' is not a number"),
+    "neither times nor a rate": ("gyro_x_dps\n1\n2\n", "no column 'time_s'", "--rate"),
+    "one time": ("time_s,gyro_x_dps\n0,1\n", "--rate"),
+    "not UTF-8": (OURS.encode() + b"0,1,\xff,2\n", ":2: column 'gyro_y_dps': 'ÿ' is not a number"),
     "columns that are not there": (
         "gx,gy\n1,2\n",
         {"columns": ["gx", "wy", "wz"]},
         ":1: no column wy, wz (it has: gx, gy)",
     ),
     "more columns than axes": ("a,b,c,d\n1,2,3,4\n", {"columns": ["a", "b", "c", "d"]}, "4 columns"),
-    "nothing in whole rows": (OURS + "0,,2,\n1,2,,\n2,,,3\n", {}, ":2: no row has numbers in all columns"),
+    "nothing in whole rows": (OURS + "0,,2,\n1,2,,\n2,,,3\n", ":2: no row has numbers in all columns"),
 }
 
 
 @pytest.mark.parametrize("name", BAD)
 def test_what_is_not_clear_is_refused(name: str, tmp_path: Path) -> None:
-    text, how, *words = BAD[name]
+    text, *words = BAD[name]
+    how = words.pop(0) if isinstance(words[0], dict) else {}
     reason = refusal(tmp_path, text, **how)
-    for word in words:
-        assert word in reason
+    assert [word for word in words if word not in reason] == []
 
 
 MISSING = ["", "nan", "NaN", "NA", "null", "None", "N/A", ' "" ']
@@ -305,7 +274,7 @@ def test_the_header_has_to_stand_near_the_beginning(tmp_path: Path) -> None:
     assert "holds a number" in refusal(tmp_path, "# a remark\n" * 200_000 + OURS + "0,1,2,3\n")
 
 
-ODD = {
+ODD: dict[str, tuple[Any, ...]] = {
     "names that are numbers": ("time_s,2,3\n0,1,5\n1,2,6\n", {"columns": ["3"]}, [5, 6]),
     "one column with decimal commas": ("gyro_x_dps\n0,5\n-1,5\n2\n", {"rate_hz": 10.0}, [0.5, -1.5, 2.0]),
     "commas in quotes are text": (
