@@ -2,7 +2,6 @@
 
 import contextlib
 import fcntl
-import json
 import math
 import os
 import pty
@@ -21,7 +20,7 @@ import pytest
 from bank_support import assert_published, fed_directly
 from fltea.settings.config import load_config
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
-from host_support import PATIENCE_S, QUICK, ROOT, Daemon, Processes, fltea, wait_until
+from host_support import PATIENCE_S, QUICK, ROOT, Daemon, Processes, wait_until
 
 NOISE = "alpha=0.5&f=-1&seed=8"
 
@@ -71,16 +70,6 @@ def test_the_wire_changes_no_value(run: Daemon) -> None:
     noise, estimates = NoiseGenerator(parse_noise(NOISE)), run.of("estimate")
     counts = [noise.step() for _ in range(50 + len(estimates))]
     assert_published(estimates, fed_directly(np.array(counts) / 16.4, config, 1 / 16.4))
-
-
-def test_ndjson_with_samples_replays_to_the_same_estimates(run: Daemon, tmp_path: Path) -> None:
-    file = tmp_path / "live.ndjson"
-    file.write_text("".join(json.dumps(record) + "\n" for record in run.records))
-    again = fltea("run", "--source", f"replay:{file}", "--once", *QUICK)
-    assert (again.returncode, again.stderr) == (0, "")
-    replayed = [r for r in map(json.loads, again.stdout.splitlines()) if r["class"] == "estimate"]
-    for a, b in zip(run.of("estimate"), replayed, strict=True):
-        assert (a["seq"], a["device_us"], a["axes"]) == (b["seq"], b["device_us"], b["axes"])
 
 
 def test_unplugged_and_back(processes: Processes, port: Path) -> None:

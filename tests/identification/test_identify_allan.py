@@ -105,18 +105,6 @@ def test_coefficients_of_white_noise_are_not_made_up() -> None:
     assert all(a.N.value == pytest.approx(0.1, rel=0.1) for a in found)
 
 
-def test_intervals_hold_the_truth() -> None:
-    """95 % of them, at every τ; four standard deviations of the share of 100 series are 9 %."""
-    inside = []
-    for y in white(2000, 100, 2):
-        found = allan([y], H)
-        truth = np.sqrt(H / np.array(found.tau_s))
-        inside.append((np.array(found.low) < truth) & (truth < np.array(found.high)))
-    share = np.mean(inside, axis=0)
-    assert np.abs(share - 0.95).max() < 0.09
-    assert share[:-3].mean() == pytest.approx(0.95, abs=0.02)
-
-
 @given(st.integers(1, 10**7))
 def test_averaging_factors(n: int) -> None:
     factors = averaging_factors(n)

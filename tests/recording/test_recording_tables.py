@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from blocks import records_of
+from blocks import of, records_of
 from fltea.archive.export import export
 from fltea.archive.info import Summary, as_text, sessions, summarise
 from fltea.cli import record as cli_record
@@ -21,7 +21,7 @@ from fltea.sinks import record as record_module
 from fltea.sinks.lines import BlockLines, Wanted
 from fltea.stream.decode import Decoded, Decoder
 from mcap.reader import make_reader
-from mcap_support import files, kill, of, record, replay, transport
+from mcap_support import files, kill, record, replay, transport
 
 from tools.fed_source import FedSource
 
@@ -39,9 +39,9 @@ def exported(folder: Path, what: str) -> tuple[list[dict[str, str]], dict[str, n
         return list(csv.DictReader(file)), dict(data)
 
 
-def comparable(records: list, kind: type) -> list[tuple]:
+def comparable(records: list, kind: type[Any]) -> list[tuple]:
     """Estimates without times and numbers, which a file without a host's clock does not have."""
-    return [(r.epoch, r.axes) for r in of(records, kind)]
+    return [(r.epoch, r.axes) for r in of(kind, records)]
 
 
 # --- the walk without the estimator ---
@@ -60,9 +60,9 @@ def test_a_decoder_numbers_samples_as_the_pipeline_does(tmp_path: Path) -> None:
             found += decoder.feed(event)
         source.wire.resume(item.host_ns)
     samples = [one for one in found if isinstance(one, Decoded)]
-    assert records_of(one.block for one in samples) == of(live, Sample)
-    assert sum(one.missing for one in samples) == sum(gap.missing for gap in of(live, Gap)) == 6
-    assert [one.new_epoch for one in samples if one.new_epoch] == [e.reason for e in of(live, Epoch)]
+    assert records_of(one.block for one in samples) == of(Sample, live)
+    assert sum(one.missing for one in samples) == sum(gap.missing for gap in of(Gap, live)) == 6
+    assert [one.new_epoch for one in samples if one.new_epoch] == [e.reason for e in of(Epoch, live)]
 
 
 # --- export ---
@@ -72,7 +72,7 @@ def test_samples_as_they_were_and_an_npz_replays_to_the_same_estimates(tmp_path:
     """Gaps, lost samples and a restart of the device included."""
     live, _ = record(tmp_path / "rec", transport(samples=300, boots=2))
     rows, data = exported(tmp_path, "samples")
-    samples = of(live, Sample)
+    samples = of(Sample, live)
     assert len(rows) == len(samples) == 594
     assert data["gyro_raw"].shape == (594, 3)
     assert data["seq"].tolist() == [s.seq for s in samples]
@@ -94,12 +94,12 @@ def test_samples_as_they_were_and_an_npz_replays_to_the_same_estimates(tmp_path:
         assert found[60] - found[59] == pytest.approx(0.03)
     again = replay(tmp_path / "out.npz")
     assert comparable(again, Estimate) == comparable(live, Estimate)
-    assert [(g.epoch, g.missing) for g in of(again, Gap)] == [(g.epoch, g.missing) for g in of(live, Gap)]
+    assert [(g.epoch, g.missing) for g in of(Gap, again)] == [(g.epoch, g.missing) for g in of(Gap, live)]
 
 
 def test_corrected_rates_are_those_of_a_run_whether_they_were_recorded_or_not(tmp_path: Path) -> None:
     record(tmp_path / "rec", transport(samples=300, boots=2))
-    expected = of(replay(tmp_path / "rec", **{"output.corrected": True}), Corrected)
+    expected = of(Corrected, replay(tmp_path / "rec", **{"output.corrected": True}))
     rows, data = exported(tmp_path, "corrected")
     assert [(int(row["epoch"]), int(row["seq"])) for row in rows] == [(e.epoch, e.seq) for e in expected]
     for field in ("rate", "rate_std"):
@@ -115,7 +115,7 @@ def test_csv_replays_to_the_same_estimates_where_nothing_is_lost(tmp_path: Path)
     live, _ = record(tmp_path / "rec", transport(samples=59))
     export([tmp_path / "rec"], tmp_path / "out.csv", "samples", 100)
     again = replay(tmp_path / "out.csv", **{"replay.rate_hz": 100.0})
-    assert len(of(live, Estimate)) == 39
+    assert len(of(Estimate, live)) == 39
     assert comparable(again, Estimate) == comparable(live, Estimate)
 
 
@@ -132,7 +132,7 @@ def test_estimates_are_those_that_were_published(tmp_path: Path) -> None:
         "fltea_valid_gyro_z",
     }
     assert names < set(rows[0])
-    estimates = of(live, Estimate)
+    estimates = of(Estimate, live)
     assert len(rows) == len(estimates) == 1_077
     for row, estimate in zip(rows, estimates, strict=True):
         assert int(row["seq"]) == estimate.seq
@@ -155,7 +155,7 @@ def test_estimates_are_those_that_were_published(tmp_path: Path) -> None:
 
 def test_fits_are_those_that_were_published(tmp_path: Path) -> None:
     live, _ = record(tmp_path / "rec", transport(samples=430))
-    fits = of(live, Fit)
+    fits = of(Fit, live)
     assert len(fits) >= 2
     rows, data = exported(tmp_path, "fits")
     for row, fit in zip(rows, fits, strict=True):
@@ -243,10 +243,10 @@ def test_a_sum_counts_what_the_live_run_counted(tmp_path: Path) -> None:
     assert found.epochs == {"start": 1, "restart": 1}
     assert found.link == wire.link_stats()
     assert found.size_bytes == sum(path.stat().st_size for path in files(tmp_path))
-    assert found.start_unix_ns == of(live, Sample)[0].host_ns
+    assert found.start_unix_ns == of(Sample, live)[0].host_ns
     assert found.hello.device == "due"
     assert (
-        of(live, Hello)[-1].host_ns <= found.hello.host_ns <= of(live, Sample)[-1].host_ns
+        of(Hello, live)[-1].host_ns <= found.hello.host_ns <= of(Sample, live)[-1].host_ns
     )  # the last heard
     assert found.duration_s == pytest.approx(13.0, abs=0.1)
     assert found.rate_hz == pytest.approx(100.0, rel=1e-3)
@@ -305,7 +305,7 @@ def test_a_torn_file_becomes_whole_beside_itself(tmp_path: Path) -> None:
         reader = make_reader(file, validate_crcs=True)
         assert reader.get_summary() is not None
         assert sum(1 for _ in reader.iter_messages()) == found.messages
-    assert of(replay(found.out), Sample) == of(replay(path), Sample) == of(live, Sample)
+    assert of(Sample, replay(found.out)) == of(Sample, replay(path)) == of(Sample, live)
     assert recover(found.out, in_place=False).out is None
     with pytest.raises(UsageError, match="exists already"):
         recover(path, in_place=False)
@@ -313,7 +313,7 @@ def test_a_torn_file_becomes_whole_beside_itself(tmp_path: Path) -> None:
     assert recover(path, in_place=True).out == path
     assert files(tmp_path) == [path]
     assert not [r for r in replay(tmp_path) if getattr(r, "kind", "") == "cut_recording"]
-    assert of(replay(tmp_path), Sample) == of(live, Sample)
+    assert of(Sample, replay(tmp_path)) == of(Sample, live)
 
 
 def test_a_file_in_use_is_left_alone(tmp_path: Path) -> None:

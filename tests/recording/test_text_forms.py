@@ -64,7 +64,7 @@ FORMS: dict[str, str | bytes] = {
     "columns that are named, in their order": "t,a,b,c,note\n0,3.5,1.5,2.5,a\n0.1,-6,4,5,b\n0.2,9,7,8,c\n",
     "no line end at the end": ours(",").rstrip(),
 }
-BY_POSITION = {"columns": ["2", "3", "4"], "time_column": "1"}
+BY_POSITION: dict[str, object] = {"columns": ["2", "3", "4"], "time_column": "1"}
 HOW: dict[str, dict[str, object]] = {
     "as rostopic echo -p": {"units": "rad/s", "time_column": "field.header.stamp", "time_unit": "ns"},
     "no header": BY_POSITION,

@@ -98,11 +98,6 @@ def replay(path: Path, **overrides: object) -> list[AnyRecord]:
     return records_of(one for event in source.events() for one in pipeline.feed(event))
 
 
-def of(records: Iterable[AnyRecord], *kinds: type) -> list[AnyRecord]:
-    """Those of some kinds."""
-    return [one for one in records if isinstance(one, kinds)]
-
-
 def without(records: Iterable[AnyRecord], *fields: str) -> list[AnyRecord]:
     """The same without fields that differ by nature."""
     return [msgspec.structs.replace(one, **dict.fromkeys(fields, "")) for one in records]

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from blocks import samples_of
+from blocks import of, samples_of
 from fltea.records import clock
 from fltea.records.events import Event, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
@@ -174,7 +174,7 @@ def test_a_walk_that_raises_ends_alone(lines, running) -> None:
     wait_until(lambda: len(left.heard) == len(right.heard) == 10, "the others, who go on")
     assert one.ended == [(broken, broken.raises)]
     assert broken.finished == 0
-    assert len([event for event in broken.events if isinstance(event, RawBlock)]) == 1, "it takes no more"
+    assert len(of(RawBlock, broken.events)) == 1, "it takes no more"
     assert one.thread.is_alive()
 
 
@@ -198,7 +198,7 @@ def test_who_has_nothing_to_say_is_told_that_time_passes(lines, running) -> None
     talks, is_silent = lines(2)
     running(talks, is_silent)
     talks.send(3)
-    wait_until(lambda: len([e for e in is_silent.events if isinstance(e, Tick)]) >= 2, "ticks")
+    wait_until(lambda: len(of(Tick, is_silent.events)) >= 2, "ticks")
     assert talks.heard == [0, 1, 2]
 
 

@@ -3,16 +3,13 @@
 import msgspec
 import numpy as np
 import pytest
+from blocks import of
 from dashboard_support import columns, records, told, with_breaks
 from fit_support import FRACTIONAL, UNDECIDED, WHITE, fit_after, with_curves, with_fits
-from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Fit, Gap, Sample, Stats
+from fltea.records.records import Epoch, Error, Estimate, Fit, Gap, Sample, Stats
 from fltea.settings.estimator import EstimatorConfig
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
-
-
-def of(kind: type, group: list[AnyRecord]) -> list[AnyRecord]:
-    return [record for record in group if isinstance(record, kind)]
 
 
 def test_a_row_is_a_bucket_of_samples_with_what_is_estimated_then() -> None:

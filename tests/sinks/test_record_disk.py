@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 import pytest
+from blocks import of
 from fltea.recording.part import AppendOnly
 from fltea.recording.scan import Scan
 from fltea.records import clock
@@ -15,7 +16,6 @@ from fltea.records.events import Chunk
 from fltea.records.records import Error, Hello, Sample
 from fltea.sinks import record as record_module
 from mcap_support import MONOTONIC_NS, files, messages, replay, sink_in, transport, wire_data
-from mcap_support import of as only
 
 
 class Recorder:
@@ -105,7 +105,7 @@ def test_a_replay_counts_what_a_full_disk_cost(tmp_path: Path, recorder: Recorde
     recorder.feed(items[900:])
     recorder.sink.close()
     records = replay(tmp_path)
-    samples = only(records, Sample)
+    samples = of(Sample, records)
     stats = records[-1] if hasattr(records[-1], "samples") else None
     assert samples[-1].seq == 1999
     assert samples[0].seq == 0
@@ -113,8 +113,8 @@ def test_a_replay_counts_what_a_full_disk_cost(tmp_path: Path, recorder: Recorde
     gaps = [record for record in records if type(record).__name__ == "Gap"]
     assert sum(gap.missing for gap in gaps) == missing > 400
     assert max(gap.missing for gap in gaps) < 1100  # it resumed, and did not wait for the next HELLO
-    assert [r.kind for r in only(records, Error)] == ["cut_recording", "recording_gap"]
-    assert "bytes of the wire were not recorded (disk_full)" in only(records, Error)[1].message
+    assert [r.kind for r in of(Error, records)] == ["cut_recording", "recording_gap"]
+    assert "bytes of the wire were not recorded (disk_full)" in of(Error, records)[1].message
     assert stats is None or stats.samples.lost == missing
 
 
@@ -127,7 +127,7 @@ def test_a_disk_that_is_full_from_the_start_records_from_when_it_is_not(
     recorder.feed(items[200:])
     recorder.sink.close()
     assert recorder.kinds() == ["disk_full", "record_resumed"]
-    assert len(only(replay(tmp_path), Sample)) > 700
+    assert len(of(Sample, replay(tmp_path))) > 700
 
 
 def test_a_full_disk_at_the_very_end_raises_nothing(tmp_path: Path, recorder: Recorder) -> None:
@@ -135,7 +135,7 @@ def test_a_full_disk_at_the_very_end_raises_nothing(tmp_path: Path, recorder: Re
     recorder.room = 50
     recorder.sink.close()
     assert recorder.kinds() == ["disk_full"]
-    assert len(only(replay(tmp_path), Sample)) == 98
+    assert len(of(Sample, replay(tmp_path))) == 98
 
 
 def test_a_real_file_system_that_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -155,7 +155,7 @@ def test_a_real_file_system_that_is_full(tmp_path: Path, monkeypatch: pytest.Mon
         assert recorder.kinds()[:2] == ["disk_full", "record_resumed"]
         recorder.sink.close()
         records = replay(mount)
-        assert [r.kind for r in only(records, Error)][:2] == ["cut_recording", "recording_gap"]
+        assert [r.kind for r in of(Error, records)][:2] == ["cut_recording", "recording_gap"]
         assert isinstance(records[0], Hello)
     finally:
         subprocess.run(["umount", "-l", mount], check=True)

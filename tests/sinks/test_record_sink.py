@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 import standin
+from blocks import of
 from fltea.recording.schema import encode_message, record_schema
 from fltea.recording.session import LinkMessage, from_metadata
 from fltea.records import clock
@@ -42,7 +43,6 @@ from mcap_support import (
     wire_of,
     written,
 )
-from mcap_support import of as only
 
 from tools.board_voice import HELLO
 
@@ -86,10 +86,10 @@ def test_the_library_reads_the_file_by_its_index(tmp_path: Path) -> None:
         assert summary.statistics is not None
         numbers = summary.statistics.channel_message_counts.items()
         count = {summary.channels[number].topic: n for number, n in numbers}
-        assert count["/due/sample"] == len(only(records, Sample)) == 197
-        assert count["/due/estimate"] == len(only(records, Estimate)) == 177
+        assert count["/due/sample"] == len(of(Sample, records)) == 197
+        assert count["/due/estimate"] == len(of(Estimate, records)) == 177
         assert all(index.message_index_length for index in summary.chunk_indexes)
-        middle_ns = only(records, Sample)[100].host_ns
+        middle_ns = of(Sample, records)[100].host_ns
         later = list(reader.iter_messages("/due/sample", starting_at=middle_ns))
         assert len(later) == 97
         for _, channel, message in reader.iter_messages():
@@ -174,7 +174,7 @@ def test_devices_share_a_folder(tmp_path: Path) -> None:
     assert {topic.split("/")[1] for topic, _ in messages(right)} == {"right"}
     with pytest.raises(UsageError, match=r"holds 2 recordings; name one of them:\n.*left_.*\n.*right_"):
         replay(tmp_path)
-    assert len(only(replay(Path(str(right).removesuffix("_000.mcap"))), Sample)) == 197
+    assert len(of(Sample, replay(Path(str(right).removesuffix("_000.mcap"))))) == 197
 
 
 # --- when a file ends ---
@@ -261,7 +261,7 @@ def test_an_error_of_another_output_may_come_first(tmp_path: Path) -> None:
     written(sink, error, *transport(samples=100))
     assert sink.lost == 0
     assert [topic for topic, _ in messages(files(tmp_path)[0])].count("/due/error") == 1
-    assert len(only(replay(tmp_path), Sample)) == 98
+    assert len(of(Sample, replay(tmp_path))) == 98
 
 
 # --- what is refused ---
@@ -309,8 +309,8 @@ def test_a_too_slow_recorder_marks_the_place(tmp_path: Path) -> None:
     sink.on_overflow(33)
     written(sink, *items[183:])
     records = replay(tmp_path)
-    (error,) = only(records, Error)
+    (error,) = of(Error, records)
     assert error.kind == "recording_gap"
     assert "33 items" in error.message
-    after = next(s.seq for s in only(records, Sample) if s.seq > 160)
+    after = next(s.seq for s in of(Sample, records) if s.seq > 160)
     assert after in (200, 201)  # nothing is believed before the next HELLO, which comes every second

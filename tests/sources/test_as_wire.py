@@ -2,7 +2,7 @@
 
 import msgspec
 import pytest
-from blocks import in_samples, of_samples, raw_samples
+from blocks import in_samples, of, of_samples, raw_samples
 from fltea.records.errors import UsageError
 from fltea.records.events import Break, Chunk, Event, Failed, LinkDown, Opened, RawSample, Tick, Trouble
 from fltea.records.records import DeviceStatus, Hello
@@ -99,7 +99,7 @@ def test_synthetic_noise_keeps_every_count() -> None:
     source = SyntheticSource("?n=300&seed=4", realtime=False)
     before = list(source.events())
     after = round_trip(before)
-    samples = [e for e in in_samples(after) if isinstance(e, RawSample)]
+    samples = of(RawSample, in_samples(after))
     assert [e[:4] for e in samples] == [e[:4] for e in in_samples(before)[1:]]
     assert (after[0].rate_hz, after[0].gyro_lsb_per_dps, after[0].sampling_mode) == (100.0, 16.4, "simulated")
 
@@ -168,9 +168,9 @@ def test_what_a_frame_cannot_state_is_refused(event: Event, text: str) -> None:
 
 @pytest.mark.parametrize("name", [None, "i2c-1-0x68", "ff" * 16, "ff"])
 def test_a_devices_name_stays_its_own(name: str | None) -> None:
-    (found,) = [event for event in round_trip([hello(device_id=name)]) if isinstance(event, Hello)]
-    (again,) = [event for event in round_trip([hello(device_id=name)]) if isinstance(event, Hello)]
+    (found,) = of(Hello, round_trip([hello(device_id=name)]))
+    (again,) = of(Hello, round_trip([hello(device_id=name)]))
     assert found.device_id == again.device_id
     assert len(found.device_id or "") == 32
-    others = [event for event in round_trip([hello(device_id="other")]) if isinstance(event, Hello)]
+    others = of(Hello, round_trip([hello(device_id="other")]))
     assert others[0].device_id != found.device_id

@@ -3,11 +3,12 @@
 from pathlib import Path
 
 import pytest
+from blocks import of
 from fltea.records.errors import UsageError
 from fltea.records.records import Sample
 from fltea.sources.mcap import find_session
 from fltea.sources.replay import ReplaySource
-from mcap_support import files, of, record, replay, transport
+from mcap_support import files, record, replay, transport
 
 
 def test_folder_session_and_file_name_the_same(tmp_path: Path) -> None:
@@ -29,7 +30,7 @@ def test_several_sessions_are_listed_and_none_is_guessed(tmp_path: Path) -> None
     for line in lines[1:]:
         name = line.split()[0]
         assert "(device due, 1 file)" in line
-        assert len(of(replay(Path(name)), Sample)) == 98
+        assert len(of(Sample, replay(Path(name)))) == 98
 
 
 def test_what_is_no_recording(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import standin
+from blocks import of
 from fake_smbus import Pi
 from fltea.recording.session import check_hello
 from fltea.records.events import Event
@@ -20,12 +21,12 @@ from fltea.wire.message_events import hello_event
 from host_support import fltea_here
 from hypothesis import given
 from hypothesis import strategies as st
-from mcap_support import of, record, replay, transport
+from mcap_support import record, replay, transport
 
 
 def taken(records: list[AnyRecord]) -> list[tuple[object, ...]]:
     """The samples without their temperature, which made-up ones have only in their frames."""
-    return [(one.seq, one.device_us, one.gyro_dps, one.accel_ms2) for one in of(records, Sample)]
+    return [(one.seq, one.device_us, one.gyro_dps, one.accel_ms2) for one in of(Sample, records)]
 
 
 def parts(folder: Path) -> list[Path]:

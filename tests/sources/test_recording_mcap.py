@@ -5,7 +5,7 @@ import tracemalloc
 from pathlib import Path
 
 import pytest
-from blocks import in_samples
+from blocks import in_samples, of
 from fltea.recording.scan import HEAD
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Opened, RawBlock, RawSample, Tick, Trouble
@@ -21,7 +21,7 @@ from fltea.sources.wire_events import WireEvents
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from mcap.opcode import Opcode
-from mcap_support import OFFSET_NS, SMALL, files, of, record, replay, transport, without
+from mcap_support import OFFSET_NS, SMALL, files, record, replay, transport, without
 
 
 @pytest.fixture
@@ -40,12 +40,12 @@ def test_all_records_of_a_live_run_come_again(rotation: dict[str, float], tmp_pa
     assert len(files(tmp_path)) == (1 if not rotation else 15)
     again = replay(tmp_path)
     for kind, n in ((Sample, 3 * 297), (Estimate, 3 * 277), (Gap, 6), (Epoch, 3)):
-        assert len(of(live, kind)) == n
-        assert of(again, kind) == of(live, kind)  # numbers, times and estimates, bit by bit
-    assert without(of(again, Hello), "source", "host_ns") == without(of(live, Hello), "source", "host_ns")
-    kinds = [error.kind for error in of(live, Error)]
-    assert [error.kind for error in of(again, Error)] == kinds == ["unplugged", "unplugged"]
-    assert of(again, Hello)[0].source == f"replay:{tmp_path}"
+        assert len(of(kind, live)) == n
+        assert of(kind, again) == of(kind, live)  # numbers, times and estimates, bit by bit
+    assert without(of(Hello, again), "source", "host_ns") == without(of(Hello, live), "source", "host_ns")
+    kinds = [error.kind for error in of(Error, live)]
+    assert [error.kind for error in of(Error, again)] == kinds == ["unplugged", "unplugged"]
+    assert of(Hello, again)[0].source == f"replay:{tmp_path}"
 
 
 def test_what_the_line_did_is_counted_again(tmp_path: Path) -> None:
@@ -70,8 +70,8 @@ def test_host_times_follow_each_epochs_own_clock(tmp_path: Path) -> None:
     second = items.index(next(i for i in items[1:] if isinstance(i, Opened)))
     items[second:] = [item._replace(unix_offset_ns=item.unix_offset_ns + hour_ns) for item in items[second:]]
     live, _ = record(tmp_path, items)
-    assert of(live, Sample)[-1].host_ns - of(live, Sample)[0].host_ns > hour_ns
-    assert of(replay(tmp_path), Sample) == of(live, Sample)
+    assert of(Sample, live)[-1].host_ns - of(Sample, live)[0].host_ns > hour_ns
+    assert of(Sample, replay(tmp_path)) == of(Sample, live)
 
 
 def test_a_later_file_can_be_replayed_alone(tmp_path: Path) -> None:
@@ -79,24 +79,24 @@ def test_a_later_file_can_be_replayed_alone(tmp_path: Path) -> None:
     last = files(tmp_path)[2]
     again = replay(last)
     assert isinstance(again[0], Hello)
-    numbers = [sample.seq for sample in of(again, Sample)]
-    assert numbers == [s.seq for s in of(live, Sample) if s.seq >= numbers[0]]
+    numbers = [sample.seq for sample in of(Sample, again)]
+    assert numbers == [s.seq for s in of(Sample, live) if s.seq >= numbers[0]]
     assert 308 <= numbers[0] <= 313  # at once, by the HELLO of the file's head
-    gyro = {s.seq: s.gyro_dps for s in of(live, Sample)}
-    assert all(sample.gyro_dps == gyro[sample.seq] for sample in of(again, Sample))
+    gyro = {s.seq: s.gyro_dps for s in of(Sample, live)}
+    assert all(sample.gyro_dps == gyro[sample.seq] for sample in of(Sample, again))
 
 
 def test_files_that_are_missing_are_a_gap(tmp_path: Path) -> None:
     record(tmp_path, transport(samples=600), rotate_s=2.0)
     files(tmp_path)[1].unlink()
     again = replay(tmp_path)
-    (error,) = of(again, Error)
+    (error,) = of(Error, again)
     assert error.kind == "recording_gap"
     assert "files are missing before" in error.message
-    gap = of(again, Gap)[-1]
+    gap = of(Gap, again)[-1]
     assert 195 <= gap.missing <= 205
-    assert of(again, Sample)[-1].seq == 599
-    assert len(of(again, Sample)) + sum(g.missing for g in of(again, Gap)) == 600
+    assert of(Sample, again)[-1].seq == 599
+    assert len(of(Sample, again)) + sum(g.missing for g in of(Gap, again)) == 600
 
 
 def spoil(folder: Path, chunk: int, place: int, bits: int) -> None:
@@ -115,9 +115,9 @@ def test_a_damaged_chunk_costs_itself_alone(chunk: int, tmp_path: Path) -> None:
     record(tmp_path, transport(samples=500), channels=())
     spoil(tmp_path, chunk, 60, 0xFF)
     again = replay(tmp_path)
-    (error,) = of(again, Error)
+    (error,) = of(Error, again)
     assert "is damaged at byte" in error.message
-    samples = of(again, Sample)
+    samples = of(Sample, again)
     assert samples[-1].seq == 499
     assert 0 < 500 - len(samples) <= 110  # up to the next HELLO
 
@@ -139,7 +139,7 @@ def test_no_changed_byte_of_the_wire_is_ever_believed(tmp_path: Path) -> None:
 def test_chunks_that_are_not_there_are_noticed_by_their_numbers(tmp_path: Path) -> None:
     record(tmp_path, transport(samples=300), channels=())
     spoil(tmp_path, 120, 0, Opcode.CHUNK ^ 0x7F)  # a kind that no reader knows and all skip
-    (error,) = of(replay(tmp_path), Error)
+    (error,) = of(Error, replay(tmp_path))
     assert error.kind == "recording_gap"
     assert "chunks from the wire are missing" in error.message
 
@@ -194,8 +194,8 @@ def test_a_file_of_a_power_cut_ends_in_zeros(tmp_path: Path) -> None:
     with path.open("ab") as file:
         file.write(bytes(5000))
     again = replay(tmp_path)
-    assert of(again, Error)[-1].kind == "cut_recording"
-    assert of(again, Sample) == of(live, Sample)
+    assert of(Error, again)[-1].kind == "cut_recording"
+    assert of(Sample, again) == of(Sample, live)
 
 
 # --- settings of a replay ---
@@ -261,6 +261,6 @@ def test_memory_does_not_grow_with_the_recording(tmp_path: Path, monkeypatch: py
 def test_made_up_samples_have_no_temperature_though_their_frames_had_to_state_one(tmp_path: Path) -> None:
     source, encoder = SyntheticSource("?n=60&seed=2", realtime=False), AsWire(lambda: 0)
     record(tmp_path, [item for event in source.events() for item in encoder.encode(event)])
-    samples = of(replay(tmp_path), Sample)
+    samples = of(Sample, replay(tmp_path))
     assert len(samples) == 60
     assert {sample.temperature_c for sample in samples} == {None}

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from blocks import in_samples, of_samples, place_all, place_events, records_of, samples_of
+from blocks import in_samples, of, of_samples, place_all, place_events, records_of, samples_of
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawSample
 from fltea.records.records import AnyRecord, Epoch, Estimate, Gap, Hello, Sample
@@ -253,7 +253,7 @@ def test_own_output_replays_to_the_same_bits(lsb: str, tmp_path: Path) -> None:
     assert (first.returncode, second.returncode) == (0, 0)
     for kind in (Sample, Estimate):
         before, after = (
-            [msgspec.structs.replace(r, device="") for r in strict_records(run.stdout) if isinstance(r, kind)]
+            [msgspec.structs.replace(r, device="") for r in of(kind, strict_records(run.stdout))]
             for run in (first, second)
         )
         assert len(before) == (400 if kind is Sample else 350)
@@ -331,13 +331,12 @@ def test_recorded_live_run_replays_to_the_same_bits(tmp_path: Path) -> None:
     again = records_of(item for event in source.events() for item in pipeline.feed(event))
 
     def estimates(records: list[AnyRecord]) -> list[tuple[object, ...]]:
-        return [(r.epoch, r.seq, r.device_us, r.axes) for r in records if isinstance(r, Estimate)]
+        return [(r.epoch, r.seq, r.device_us, r.axes) for r in of(Estimate, records)]
 
     def breaks(records: list[AnyRecord]) -> list[tuple[object, ...]]:
         return [
             (r.epoch, r.seq, r.reason if isinstance(r, Epoch) else r.missing)
-            for r in records
-            if isinstance(r, Epoch | Gap)
+            for r in of(Epoch | Gap, records)
         ]
 
     assert breaks(live) == [

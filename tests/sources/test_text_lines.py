@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from blocks import place_events
+from blocks import of, place_events
 from fltea.records.errors import UsageError
 from fltea.records.events import TIME_WRAP_US, Event, Failed, LinkDown, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
 from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
 from fltea.sources.text_lines import PipeText, SerialText, parse_serial
-from fltea.stream.place import Place
 
 S = 10**9
 RATE = How(columns=["gx"], rate_hz=100.0)
@@ -27,26 +26,14 @@ def opened(how: How) -> TextEvents:
     return text
 
 
-def placed(events: list[Event]) -> Place:
-    return place_events(events)[0]
-
-
 def troubles(events: list[Event]) -> list[str]:
-    return [event.kind for event in events if isinstance(event, Trouble)]
+    return [event.kind for event in of(Trouble, events)]
 
 
 def the_trouble(events: Iterable[Event]) -> Trouble:
     """The only one among events."""
-    (found,) = [event for event in events if isinstance(event, Trouble)]
+    (found,) = of(Trouble, events)
     return found
-
-
-def hellos(events: list[Event]) -> list[Hello]:
-    return [event for event in events if isinstance(event, Hello)]
-
-
-def blocks(events: Iterable[Event]) -> list[RawBlock]:
-    return [event for event in events if isinstance(event, RawBlock)]
 
 
 def steady(
@@ -63,7 +50,7 @@ def steady(
 def test_order_numbers_the_samples_and_a_bad_line_is_a_lost_one() -> None:
     text = opened(RATE)
     events = list(text.feed(b"gx\n1\n2\nx\n3x\n5\n", 7))
-    (hello,), (block,), trouble = hellos(events), blocks(events), the_trouble(events)
+    (hello,), (block,), trouble = of(Hello, events), of(RawBlock, events), the_trouble(events)
     assert (hello.source, hello.rate_hz, hello.gyro_lsb_per_dps) == ("stdin:", 100.0, None)
     assert block.sequence.tolist() == [0, 1, 3]
     assert block.device_us.tolist() == [0, 10_000, 30_000]
@@ -71,7 +58,7 @@ def test_order_numbers_the_samples_and_a_bad_line_is_a_lost_one() -> None:
     assert (trouble.kind, trouble.fatal) == ("bad_lines", False)
     assert "2 lines hold no sample" in trouble.message
     assert "'3x'" in trouble.message
-    place = placed(events)
+    place = place_events(events)[0]
     assert (place.delivered, place.lost) == (3, 1)
     stats = text.link_stats()
     assert (stats.frames, stats.bad_frames) == (3, {"text": 1, "number": 1})
@@ -84,8 +71,8 @@ def test_what_a_stranger_sends_cannot_steer_a_terminal() -> None:
 def test_times_number_the_samples_and_find_the_rate() -> None:
     lines = [b"%d,%d\n" % (5000 + k * 4, k % 7) for k in range(600) if k not in (150, 151)]
     events = list(opened(TIMES).feed(b"t_ms,gx\n" + b"".join(lines), 0))
-    assert hellos(events)[0].rate_hz == pytest.approx(250.0)
-    place = placed(events)
+    assert of(Hello, events)[0].rate_hz == pytest.approx(250.0)
+    place = place_events(events)[0]
     assert (place.delivered, place.lost, place.gaps) == (598, 2, 1)
 
 
@@ -96,16 +83,16 @@ def test_the_rate_is_found_whatever_the_grain_of_the_times(rate_hz: float) -> No
     lines = [b"%d %d\n" % (k / rate_hz * scale, k % 7) for k in range(1000)]
     events = [*text.feed(b"t gx\n" + b"".join(lines[:120]), 0), *text.feed(b"".join(lines[120:]), S)]
     events += text.finish(S)
-    assert hellos(events)[0].rate_hz == pytest.approx(rate_hz, rel=0.01)
-    assert placed(events).delivered == 1000
-    assert placed(events).lost == 0
+    assert of(Hello, events)[0].rate_hz == pytest.approx(rate_hz, rel=0.01)
+    assert place_events(events)[0].delivered == 1000
+    assert place_events(events)[0].lost == 0
     assert troubles(events) == []
 
 
 def test_one_time_twice_is_one_sample() -> None:
     text = opened(TIMES)
     events = list(text.feed(b"t_ms,gx\n" + b"".join(b"%d,1\n" % (k // 2 * 10) for k in range(600)), 0))
-    assert placed(events).delivered == 300
+    assert place_events(events)[0].delivered == 300
     assert text.link_stats().bad_frames == {"duplicate_time": 300}
 
 
@@ -120,7 +107,7 @@ def test_times_of_arrival_are_told_from_a_devices() -> None:
     with_rate = opened(How(columns=["gx"], time_column="t_ms", rate_hz=100.0))
     events = [*with_rate.feed(b"t_ms,gx\n" + lines, 0), *with_rate.finish(0)]
     assert troubles(events) == ["row_times"]
-    assert (placed(events).delivered, placed(events).lost) == (200, 0)
+    assert (place_events(events)[0].delivered, place_events(events)[0].lost) == (200, 0)
 
 
 def test_times_in_another_unit_than_the_given_one_are_told_and_counted() -> None:
@@ -140,7 +127,7 @@ def test_samples_lost_on_the_way_are_told_and_not_guessed() -> None:
     trouble = the_trouble(events)
     assert trouble.kind == "arrival_jump"
     assert "about 80 were lost" in trouble.message
-    assert placed(events).lost == 0
+    assert place_events(events)[0].lost == 0
 
 
 def test_a_buffer_explains_samples_that_come_late_and_then_all_at_once() -> None:
@@ -165,7 +152,7 @@ def test_another_rate_than_the_given_one_is_told_once() -> None:
 def test_after_a_long_pause_the_numbers_begin_again() -> None:
     text = opened(RATE)
     events = [*text.feed(b"gx\n1\n2\n", 0), *text.feed(b"3\n4\n", 400 * S)]
-    place = placed(events)
+    place = place_events(events)[0]
     assert (place.delivered, place.before_hello) == (4, 0)
 
 
@@ -236,7 +223,11 @@ def test_a_fifo_gives_samples_as_they_come_and_ends_with_its_sender(fifo: Path) 
         sender.write(b"3\n4")
         second = next(events)
     last = list(events)
-    assert [block.gyro.ravel().tolist() for block in blocks([first, second, *last])] == [[1, 2], [3], [4]]
+    assert [block.gyro.ravel().tolist() for block in of(RawBlock, [first, second, *last])] == [
+        [1, 2],
+        [3],
+        [4],
+    ]
     assert source.link_stats().frames == 4
 
 
@@ -271,7 +262,7 @@ def test_a_port_is_read_from_its_first_whole_line_and_told_when_it_vanishes() ->
     assert isinstance(next(events), Tick)  # it is open
     os.write(controller, b"9\n1\n2\n")  # the end of a line, as nobody knows how it began
     found = until(events, RawBlock)
-    assert blocks(found)[-1].gyro.ravel().tolist() == [1, 2]
+    assert of(RawBlock, found)[-1].gyro.ravel().tolist() == [1, 2]
     os.close(port)
     os.close(controller)
     found = until(events, Trouble)
@@ -287,9 +278,9 @@ def test_a_port_that_is_back_begins_a_new_run() -> None:
     events += text.lost(Failed("unplugged", "gone", 2))
     text.open(3, within_line=True)
     events += text.feed(b"77\n3\n4\n", 4)
-    place = placed(events)
+    place = place_events(events)[0]
     assert (place.delivered, place.before_hello) == (4, 0)
-    assert len({hello.boot_id for hello in hellos(events)}) == 2
+    assert len({hello.boot_id for hello in of(Hello, events)}) == 2
     assert text.link_stats().reconnects == 1
 
 
@@ -298,6 +289,6 @@ def test_hours_that_come_at_once_are_taken_one_by_one() -> None:
     text = opened(How(columns=["gx"], rate_hz=None, time_column="t", time_unit="s"))
     lines = "".join(f"{10 * k},{k % 7}\n" for k in range(3000))
     events = list(text.feed(b"t,gx\n" + lines.encode(), 7)) + list(text.finish(8))
-    assert (placed(events).delivered, placed(events).lost) == (3000, 0)
-    longest_us = max(int((np.diff(block.device_us) % TIME_WRAP_US).sum()) for block in blocks(events))
+    assert (place_events(events)[0].delivered, place_events(events)[0].lost) == (3000, 0)
+    longest_us = max(int((np.diff(block.device_us) % TIME_WRAP_US).sum()) for block in of(RawBlock, events))
     assert longest_us < TIME_WRAP_US // 2

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from blocks import of
 from estimating_board import START_NS, Board, chunks, noise
 from fltea.archive.export import export
 from fltea.recording.schema import record_schema
@@ -32,7 +33,7 @@ from fltea.sinks.metrics import families as metrics_families
 from fltea.sinks.metrics.families import Families, Newest
 from fltea.sinks.record import KINDS
 from fltea.sinks.table import TableSink
-from mcap_support import of, record, replay, without
+from mcap_support import record, replay, without
 from mqtt_support import Bench, make_bench
 from prometheus_client import CollectorRegistry, generate_latest
 from rich.console import Console
@@ -89,17 +90,17 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_recording_of_raw_frames_replays_with_the_estimates_of_the_device(recording: Path) -> None:
     alone = replay(recording, **{"estimator.estimate_on": "device"})
     both = replay(recording, **{"estimator.estimate_on": "both"})
-    assert [e.seq for e in of(alone, Estimate)] == list(range(30, 160))
-    compared = of(both, DeviceEstimates)
+    assert [e.seq for e in of(Estimate, alone)] == list(range(30, 160))
+    compared = of(DeviceEstimates, both)
     assert [e.seq for e in compared] == list(range(30, 160))
     assert all(e.comparable for e in compared)
-    for one, e in zip(of(alone, Estimate), compared, strict=True):
+    for one, e in zip(of(Estimate, alone), compared, strict=True):
         assert [a.fltea.alpha for a in one.axes.values()] == [a.alpha for a in e.axes.values()]
 
 
 def test_records_of_both_ride_along_with_a_schema_and_can_be_exported(tmp_path: Path) -> None:
     live, _ = record(tmp_path, board_items(), estimate_on="both")
-    compared = of(live, DeviceEstimates)
+    compared = of(DeviceEstimates, live)
     out = tmp_path / "own.csv"
     assert export([tmp_path], out, "device_estimates", 100) == len(compared) == 130
     head, first = out.read_text().splitlines()[:2]
@@ -111,8 +112,8 @@ def test_records_of_both_ride_along_with_a_schema_and_can_be_exported(tmp_path: 
     assert float(row["state_difference_gyro_y_dps"]) == axis.state_difference
     assert (row["age_gyro_y"], row["valid_gyro_y"], row["seq"]) == ("1", "1", "30")
     again = replay(tmp_path, **{"estimator.estimate_on": "both"})
-    assert without(of(again, Estimate, DeviceEstimates), "device") == without(
-        of(live, Estimate, DeviceEstimates), "device"
+    assert without(of(Estimate | DeviceEstimates, again), "device") == without(
+        of(Estimate | DeviceEstimates, live), "device"
     )
 
 

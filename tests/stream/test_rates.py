@@ -91,7 +91,7 @@ def test_in_real_time_what_is_due_within_10_ms_comes_together(
     """Singly, 8 kHz would not keep up; at the Due's 100 Hz each sample comes at its own time."""
     monkeypatch.setattr("fltea.sources.synthetic.sleep_until", lambda due_ns, closed: None)
     source = SyntheticSource(f"?rate_hz={rate_hz}&n=400", realtime=True)
-    blocks = [event for event in source.events() if isinstance(event, RawBlock)]
+    blocks = of(RawBlock, source.events())
     assert max(len(block.sequence) for block in blocks) == most
     assert [k for block in blocks for k in block.sequence] == list(range(400))
     for block in blocks:

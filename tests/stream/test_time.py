@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from blocks import cuts
+from blocks import cuts, of
 from fltea.records.events import RawBlock
 from fltea.sources.replay import ReplaySource
 from fltea.stream.time import Timebase
@@ -119,7 +119,7 @@ def test_changed_clock_is_followed_within_ten_minutes() -> None:
 def test_bursts_of_a_real_recording(recordings: Path) -> None:
     """An MPU-6050 behind a USB bridge: true period 10.07 ms, arrivals 2 ms apart and up to 497 ms."""
     source = ReplaySource(recordings / "mpu6050_sunsided_10min.npz")
-    blocks = [event for event in source.events() if isinstance(event, RawBlock)]
+    blocks = of(RawBlock, source.events())
     arrivals_ms = np.concatenate([block.host_ns for block in blocks]) * 1e-6
     assert np.median(np.diff(arrivals_ms)) == pytest.approx(2.0, abs=0.2)
     assert np.diff(arrivals_ms).max() == pytest.approx(497, abs=1)
