@@ -11,6 +11,13 @@ from tools.due_emulator.register_file import PLAIN, RegisterFile
 from tools.due_emulator.register_table import peripherals
 
 
+def clocked():
+    """A machine of which all peripherals have their clock."""
+    machine = Machine()
+    machine.clocked = (1 << 45) - 1
+    return machine
+
+
 def test_events_happen_at_their_moment_in_the_order_of_time_then_of_scheduling():
     machine = Machine()
     seen = []
@@ -59,8 +66,7 @@ def test_cycles_are_counted_without_drift_and_told_in_advance(hz):
 
 
 def test_registers_exist_where_the_vendor_says_and_nowhere_else():
-    machine = Machine()
-    machine.clocked = (1 << 45) - 1
+    machine = clocked()
     bus = Bus(machine)
     table = peripherals()
     for name in table:
@@ -82,15 +88,12 @@ def test_registers_exist_where_the_vendor_says_and_nowhere_else():
 
 
 def test_the_arduino_core_may_read_the_command_register_of_the_twi():
-    machine = Machine()
-    machine.clocked = 1 << 23
-    assert Peripheral(machine, "TWI1").read("CR") == 0
+    assert Peripheral(clocked(), "TWI1").read("CR") == 0
 
 
 @pytest.mark.parametrize("name", PLAIN)
 def test_a_register_file_keeps_sets_clears_and_resets(name):
-    machine = Machine()
-    machine.clocked = (1 << 45) - 1
+    machine = clocked()
     file = RegisterFile(machine, name)
     before = dict(file.registers)
     for register, entry in file.table.registers.items():
@@ -103,18 +106,14 @@ def test_a_register_file_keeps_sets_clears_and_resets(name):
 
 
 def test_set_clear_and_status_registers_belong_together():
-    machine = Machine()
-    machine.clocked = (1 << 45) - 1
-    adc = RegisterFile(machine, "ADC")
+    adc = RegisterFile(clocked(), "ADC")
     adc.write("CHER", 0b1101)
     adc.write("CHDR", 0b0100)
     assert adc.read("CHSR") == 0b1001
 
 
 def test_the_usb_clock_is_usable_once_it_is_on_and_runs():
-    machine = Machine()
-    machine.clocked = 1 << 40
-    usb = RegisterFile(machine, "UOTGHS")
+    usb = RegisterFile(clocked(), "UOTGHS")
     usb.write("CTRL", 1 << 15 | 1 << 14)
     assert not usb.read("SR") & 1 << 14
     usb.write("CTRL", 1 << 15)
@@ -122,10 +121,8 @@ def test_the_usb_clock_is_usable_once_it_is_on_and_runs():
 
 
 def test_what_only_exists_as_registers_does_not_work_in_secret():
-    machine = Machine()
-    machine.clocked = (1 << 45) - 1
     with pytest.raises(EmulationFault, match="not modelled"):
-        RegisterFile(machine, "ADC").write("CR", 2)
+        RegisterFile(clocked(), "ADC").write("CR", 2)
 
 
 def test_a_line_pends_when_it_rises_and_again_when_the_handler_returns():

@@ -27,21 +27,23 @@ def tc(board):
     return peripheral(board, "TC0")
 
 
+def begin(tc, mode, channel=0, **registers):
+    """Set a channel up, and let it count."""
+    for name, value in {"CMR": mode, **registers, "CCR": START}.items():
+        tc.write(f"{name}{channel}", value)
+
+
 @pytest.mark.parametrize(("source", "count"), [(0, 42_000), (1, 10_500), (2, 2625), (3, 656), (4, 32)])
 def test_each_clock_counts_at_its_rate(board, tc, source, count):
-    tc.write("CMR0", WAVE | source)
-    tc.write("CCR0", START)
+    begin(tc, WAVE | source)
     board.machine.advance(1000 * US)
     assert tc.read("CV0") == count
     assert tc.read("SR0") & CLKSTA
 
 
 def test_up_to_rc_repeats_without_drift_and_asks_for_an_interrupt(board, tc):
-    tc.write("CMR0", WAVE | UP_TO_RC)
-    tc.write("RC0", 420_000)
-    tc.write("IER0", CPCS)
+    begin(tc, WAVE | UP_TO_RC, RC=420_000, IER=CPCS)
     begun_ps = board.machine.now_ps
-    tc.write("CCR0", START)
     for n in range(1, 6):
         board.machine.advance_to(begun_ps + n * 10_000 * US - 1)
         assert not board.irqs[27]
@@ -55,10 +57,7 @@ def test_up_to_rc_repeats_without_drift_and_asks_for_an_interrupt(board, tc):
 
 
 def test_counting_up_to_the_end_compares_with_rc_on_the_way(board, tc):
-    tc.write("CMR0", WAVE)
-    tc.write("RC0", 1000)
-    tc.write("IER0", CPCS)
-    tc.write("CCR0", START)
+    begin(tc, WAVE, RC=1000, IER=CPCS)
     board.machine.advance(24 * US)
     assert board.irqs[27]
     assert tc.read("SR0") & CPCS
@@ -72,8 +71,7 @@ def test_counting_up_to_the_end_compares_with_rc_on_the_way(board, tc):
 
 
 def test_a_compare_behind_the_count_waits_for_the_next_lap_and_setting_it_costs_no_time(board, tc):
-    tc.write("CMR0", WAVE)
-    tc.write("CCR0", START)
+    begin(tc, WAVE)
     board.machine.advance(100 * US)
     tc.write("RC0", 100)
     board.machine.advance(US)
@@ -87,9 +85,7 @@ def test_a_compare_behind_the_count_waits_for_the_next_lap_and_setting_it_costs_
 
 
 def test_the_end_of_32_bits_is_an_overflow(board, tc):
-    tc.write("CMR0", WAVE)
-    tc.write("IER0", COVFS)
-    tc.write("CCR0", START)
+    begin(tc, WAVE, IER=COVFS)
     board.machine.advance(102 * PS_PER_S)
     assert not board.irqs[27]
     board.machine.advance(PS_PER_S)
@@ -98,17 +94,14 @@ def test_the_end_of_32_bits_is_an_overflow(board, tc):
 
 
 def test_capture_mode_can_start_over_at_rc(board, tc):
-    tc.write("CMR0", CPCTRG)
-    tc.write("RC0", 100)
-    tc.write("CCR0", START)
+    begin(tc, CPCTRG, RC=100)
     board.machine.advance(3 * US)
     assert tc.read("CV0") == 26
     assert tc.read("SR0") & CPCS
 
 
 def test_a_trigger_starts_over_and_disabling_stops(board, tc):
-    tc.write("CMR0", WAVE)
-    tc.write("CCR0", START)
+    begin(tc, WAVE)
     board.machine.advance(US)
     assert tc.read("CV0") == 42
     tc.write("CCR0", 4)
@@ -122,8 +115,7 @@ def test_a_trigger_starts_over_and_disabling_stops(board, tc):
 
 
 def test_the_count_survives_a_change_of_the_master_clock(board, tc):
-    tc.write("CMR0", WAVE)
-    tc.write("CCR0", START)
+    begin(tc, WAVE)
     board.machine.advance(10 * US)
     board.machine.set_mck(42_000_000)
     board.machine.advance(10 * US)
@@ -131,10 +123,7 @@ def test_the_count_survives_a_change_of_the_master_clock(board, tc):
 
 
 def test_channels_are_apart(board, tc):
-    tc.write("CMR1", WAVE | UP_TO_RC)
-    tc.write("RC1", 42)
-    tc.write("IER1", CPCS)
-    tc.write("CCR1", START)
+    begin(tc, WAVE | UP_TO_RC, 1, RC=42, IER=CPCS)
     board.machine.advance(US)
     assert board.irqs[28]
     assert not board.irqs.get(27)
@@ -148,10 +137,7 @@ def test_each_channel_needs_its_own_clock(board, tc):
 
 
 def test_a_reset_stops_everything(board, tc):
-    tc.write("CMR0", WAVE | UP_TO_RC)
-    tc.write("RC0", 42)
-    tc.write("IER0", CPCS)
-    tc.write("CCR0", START)
+    begin(tc, WAVE | UP_TO_RC, RC=42, IER=CPCS)
     tc.reset()
     board.machine.advance(10 * US)
     assert not board.irqs[27]
