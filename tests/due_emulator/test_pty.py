@@ -44,17 +44,8 @@ def emulator(tmp_path):
     """The emulator with the counting program; gives the process and the port."""
     image, link = tmp_path / "count.bin", tmp_path / "port"
     image.write_bytes(program(COUNT_UP, {15: "tick"}))
-    command = [
-        sys.executable,
-        "-m",
-        "tools.due_emulator",
-        "--pty",
-        "--json",
-        "--link",
-        link,
-        "--image",
-        image,
-    ]
+    options = ["--pty", "--json", "--link", link, "--image", image]
+    command = [sys.executable, "-m", "tools.due_emulator", *options]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     line = process.stdout.readline()
     assert line.startswith(f"{link}: count.bin"), line + (process.stderr.read() if process.poll() else "")

@@ -9,8 +9,8 @@ from fltea.service.descriptors import RESERVE
 from fltea.sources.mcap import find_sessions, read_entries
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
-from host_support import WIRE_HELLO
-from terminal import Terminal
+from host_support import WIRE_HELLO, each_ended
+from terminal import Terminal, unplug
 
 from tools.faults.program import Program
 
@@ -29,25 +29,19 @@ SAMPLES = b"".join(encode(wire.Sample(k, -k, 0, 0, 0, 16384, 0, 0), k, k * 10_00
 def terminals(tmp_path: Path) -> Iterator[list[Terminal]]:
     made = [Terminal(tmp_path / f"d{k}") for k in range(DEVICES)]
     yield made
-    for one in made:
-        one.unplug()
+    unplug(made)
 
 
 @pytest.fixture
 def limited(terminals: list[Terminal], tmp_path: Path) -> Iterator[Callable[[int], Program]]:
     """Starts the daemon on all devices with so many descriptors."""
     urls = [part for one in terminals for part in ("--source", f"serial:{one.link}")]
-    started: list[Program] = []
 
     def start(descriptors: int) -> Program:
         prlimit = ("prlimit", f"--nofile={descriptors}:{descriptors}")
-        command = ["run", *urls, "--samples", "--record", tmp_path / "recording"]
-        started.append(program := Program(command, before=prlimit))
-        return program
+        return Program(["run", *urls, "--samples", "--record", tmp_path / "recording"], before=prlimit)
 
-    yield start
-    for program in started:
-        program.kill()
+    yield from each_ended(start, Program.kill)
 
 
 def test_all_devices_are_read_and_recorded_with_two_descriptors_each(

@@ -18,7 +18,7 @@ from fltea.service.ingest.nats import NatsFrames
 from fltea.service.ingest.nats_reports import explain_no_connection
 from fltea.service.ingest.store import Unfit
 from fltea.settings.config import load_configs
-from host_support import wait_until
+from host_support import each_ended, wait_until
 from mosquitto_support import Stage
 from nats_support import PARTITIONS, mapping, single
 from paho.mqtt.enums import MQTTProtocolVersion
@@ -62,15 +62,10 @@ class Worker:
 
 @pytest.fixture
 def start() -> Iterator[Start]:
-    made: list[Worker] = []
-
     def make(server: Server, **settings: Any) -> Worker:
-        made.append(Worker(f"nats://127.0.0.1:{server.port}", **settings))
-        return made[-1]
+        return Worker(f"nats://127.0.0.1:{server.port}", **settings)
 
-    yield make
-    for one in made:
-        one.frames.close()
+    yield from each_ended(make, lambda one: one.frames.close())
 
 
 @pytest.fixture

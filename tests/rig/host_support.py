@@ -7,9 +7,9 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 from unittest import mock
 from urllib.parse import urlsplit
 
@@ -21,6 +21,8 @@ from fltea.service.hub import Hub
 from tools.board_voice import HELLO
 from tools.faults.program import PATIENCE_S, Program
 from tools.faults.program import wait_until as wait_until
+
+T = TypeVar("T")
 
 ROOT = Path(__file__).resolve().parents[2]
 QUICK = ("--startup", "50", "--set", "estimator.window=200")
@@ -105,6 +107,18 @@ def hello(**changes: object) -> Hello:
         accel_lsb_per_g=16384.0,
     )
     return msgspec.structs.replace(usual, **changes)
+
+
+def each_ended(make: Callable[..., T], end: Callable[[T], object]) -> Iterator[Callable[..., T]]:
+    """For a fixture: make as many as a test asks for, and end each with the test."""
+    with contextlib.ExitStack() as stack:
+
+        def one(*arguments: Any, **options: Any) -> T:
+            made = make(*arguments, **options)
+            stack.callback(end, made)
+            return made
+
+        yield one
 
 
 HEARS_HANGUPS = ("env", "--default-signal=HUP")

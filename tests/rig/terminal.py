@@ -37,6 +37,11 @@ class Terminal:
         assert os.write(self.master, data) == len(data)
 
 
+def unplug(made: list[Terminal]) -> None:
+    for one in made:
+        one.unplug()
+
+
 class SpeakingPort:
     """A pseudo-terminal on which `speech`, given the number of the turn, is said every `every_s`."""
 

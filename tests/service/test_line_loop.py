@@ -21,7 +21,7 @@ from fltea.sources.serial import SerialSource
 from fltea.stream.beside import Beside
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
-from host_support import PATIENCE_S, WIRE_HELLO, wait_until
+from host_support import PATIENCE_S, WIRE_HELLO, each_ended, wait_until
 
 
 class Line:
@@ -112,35 +112,28 @@ class Running:
         self.thread.join(PATIENCE_S)
         assert not self.thread.is_alive()
 
+    def end(self) -> None:
+        if self.thread.is_alive():
+            self.loop.close()
+        self.join()
+
 
 @pytest.fixture
 def lines() -> Iterator[Callable[[int], list[Line]]]:
-    made: list[Line] = []
-
-    def make(count: int) -> list[Line]:
-        made.extend(Line() for _ in range(count))
-        return made
-
-    yield make
-    for line in made:
-        os.close(line.master)
+    yield from each_ended(
+        lambda count: [Line() for _ in range(count)], lambda made: [os.close(line.master) for line in made]
+    )
 
 
 @pytest.fixture
 def running() -> Iterator[Callable[..., Running]]:
-    made: list[Running] = []
-
     def start(*lines: Line) -> Running:
-        made.append(Running(*lines).start())
+        one = Running(*lines).start()
         for line in lines:
             wait_until(lambda line=line: line.source._wire._connected, "all to be open")
-        return made[-1]
+        return one
 
-    yield start
-    for one in made:
-        if one.thread.is_alive():
-            one.loop.close()
-        one.join()
+    yield from each_ended(start, Running.end)
 
 
 def test_each_walk_takes_what_its_own_device_says(lines, running) -> None:
@@ -151,8 +144,7 @@ def test_each_walk_takes_what_its_own_device_says(lines, running) -> None:
             line.send(k + part)
     total = [3 * k + 6 for k in range(12)]
     wait_until(lambda: [len(line.heard) for line in many] == total, "all samples")
-    one.loop.close()
-    one.join()
+    one.end()
     for line, count in zip(many, total, strict=True):
         assert line.heard == list(range(count))
         assert isinstance(line.events[0], Hello)

@@ -32,7 +32,7 @@ from fltea.service.outlet import Outlet
 from fltea.settings.outputs import MetricsConfig
 from fltea.sinks.metrics.families import Families
 from fltea.sinks.metrics.sink import MetricsSink
-from host_support import PATIENCE_S, ask, fltea_here, hello, port_of
+from host_support import PATIENCE_S, ask, each_ended, fltea_here, hello, port_of
 from hypothesis import given
 from hypothesis import strategies as st
 from prometheus_client import CollectorRegistry, generate_latest
@@ -87,7 +87,6 @@ class Nowhere(Sink):
 @pytest.fixture
 def serve(monkeypatch: pytest.MonkeyPatch) -> Iterator[Serve]:
     monkeypatch.setattr("fltea.sinks.metrics.sink.POLL_S", 0.01)  # the end comes sooner
-    started: list[MetricsSink] = []
 
     def start(
         *records: Any, outlets: Any = list, told: list[str] | None = None, **settings: Any
@@ -95,14 +94,11 @@ def serve(monkeypatch: pytest.MonkeyPatch) -> Iterator[Serve]:
         told = [] if told is None else told
         config = MetricsConfig(address="0", **settings)
         sink = MetricsSink(config, outlets, lambda kind, text: told.append(kind))
-        started.append(sink)
         for item in as_items(records):
             sink.write(item)
         return sink
 
-    yield start
-    for sink in started:
-        sink.close()
+    yield from each_ended(start, MetricsSink.close)
 
 
 def test_nothing_is_said_of_devices_before_they_speak(serve: Serve) -> None:

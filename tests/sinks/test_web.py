@@ -12,7 +12,7 @@ from fltea.sinks.listening import own_names
 from fltea.sinks.web import door as door_module
 from fltea.sinks.web.door import Door, LibraryErrors, bind
 from fltea.sinks.web.handler import Handler, Site
-from host_support import PATIENCE_S, ask, wait_until
+from host_support import PATIENCE_S, ask, each_ended, wait_until
 from tornado.ioloop import IOLoop
 
 
@@ -69,15 +69,7 @@ Serve = Callable[..., Served]
 
 @pytest.fixture
 def serve() -> Iterator[Serve]:
-    made: list[Served] = []
-
-    def make(**settings: Any) -> Served:
-        made.append(Served(**settings))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.close()
+    yield from each_ended(Served, Served.close)
 
 
 def is_closed(one: socket.socket) -> bool:

@@ -19,10 +19,10 @@ from fltea.records.events import Failed, Opened, Reads, Tick
 from fltea.wire import transport
 from fltea.wire.ports import LONGEST_REST_S, Ports, rest_s
 from fltea.wire.transport import Port
-from host_support import PATIENCE_S, wait_until
+from host_support import PATIENCE_S, each_ended, wait_until
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from terminal import Terminal
+from terminal import Terminal, unplug
 
 BAUD = 250_000
 
@@ -58,28 +58,12 @@ class Loop:
 
 @pytest.fixture
 def terminals(tmp_path: Path) -> Iterator[Callable[[int], list[Terminal]]]:
-    made: list[Terminal] = []
-
-    def make(count: int) -> list[Terminal]:
-        made.extend(Terminal(tmp_path / f"port{k}") for k in range(count))
-        return made
-
-    yield make
-    for terminal in made:
-        terminal.unplug()
+    yield from each_ended(lambda count: [Terminal(tmp_path / f"port{k}") for k in range(count)], unplug)
 
 
 @pytest.fixture
 def loop_of() -> Iterator[Callable[[Sequence[str | Path]], Loop]]:
-    made: list[Loop] = []
-
-    def make(urls: Sequence[str | Path]) -> Loop:
-        made.append(Loop(urls))
-        return made[-1]
-
-    yield make
-    for loop in made:
-        loop.ports.close()
+    yield from each_ended(Loop, lambda loop: loop.ports.close())
 
 
 @pytest.fixture

@@ -16,22 +16,18 @@ from fltea.wire import transport
 from fltea.wire.permission import Group, User
 from fltea.wire.reader import Reader
 from fltea.wire.transport import Port, explain_open_failure
-from host_support import PATIENCE_S, wait_until
+from host_support import PATIENCE_S, each_ended, wait_until
 from terminal import Terminal
 
 
 @pytest.fixture
 def readers() -> Iterator[Callable[[str | Path], Reader]]:
-    started: list[Reader] = []
-
     def start(url: str | Path) -> Reader:
-        started.append(reader := Reader(Port(str(url), 250000)))
+        reader = Reader(Port(str(url), 250000))
         reader.start()
         return reader
 
-    yield start
-    for reader in started:
-        reader.close()
+    yield from each_ended(start, Reader.close)
 
 
 @pytest.fixture
