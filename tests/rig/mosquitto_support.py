@@ -9,11 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from blocks import as_items
-from fltea.records.records import AnyRecord, Hello, Sample
-from fltea.settings.outputs import MqttConfig
-from fltea.sinks.mqtt.sink import MqttSink
+from fltea.records.records import Hello, Sample
 from host_support import PATIENCE_S, wait_until
+from mqtt_support import Driven
 from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.packettypes import PacketTypes
@@ -150,19 +148,12 @@ def last_status(watcher: Watcher, topic: str = "fltea/a0/status") -> Any:
     return json.loads(heard[-1].payload)["status"] if heard else None
 
 
-class Driven:
-    """A sink in the hands of the test, which is its outlet."""
+class Connected(Driven):
+    """A sink that publishes to a real broker."""
 
     def __init__(self, port: int, **settings: Any) -> None:
-        self.told: list[tuple[str, str]] = []
         tls = "mqtts" if settings.get("ca") else "mqtt"
-        config = MqttConfig(broker=f"{tls}://localhost:{port}", sample_every=1, **settings)
-        self.sink = MqttSink(config, "due", lambda kind, text: self.told.append((kind, text)))
-
-    def write(self, *records: AnyRecord) -> None:
-        for item in as_items(records):
-            self.sink.write(item)
-        self.sink.flush()
+        super().__init__(f"{tls}://localhost:{port}", sample_every=1, **settings)
 
     def until(self, condition: Callable[[], bool], what: str) -> None:
         def met() -> bool:
@@ -215,7 +206,7 @@ class Stage(contextlib.ExitStack):
         self.callback(one.close)
         return one
 
-    def drive(self, port: int, **settings: Any) -> Driven:
-        one = Driven(port, **settings)
+    def drive(self, port: int, **settings: Any) -> Connected:
+        one = Connected(port, **settings)
         self.callback(one.sink.close)
         return one

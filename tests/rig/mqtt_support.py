@@ -68,19 +68,26 @@ class FakeConnection:
         return [json.loads(payload) for topic, payload, *_ in self.sent if topic == f"fltea/{device}/{kind}"]
 
 
-class Bench:
-    """A sink, a broker that is none, and a clock that the test turns."""
+class Driven:
+    """A sink in the hands of the test, which is its outlet."""
 
-    def __init__(self, **settings: Any) -> None:
-        self.now_ns = 1000 * S
+    def __init__(self, broker: str, **settings: Any) -> None:
         self.told: list[tuple[str, str]] = []
-        config = MqttConfig(broker="broker.example", **settings)
+        config = MqttConfig(broker=broker, **settings)
         self.sink = MqttSink(config, "due", lambda kind, text: self.told.append((kind, text)))
 
     def write(self, *records: AnyRecord) -> None:
         for item in as_items(records):
             self.sink.write(item)
         self.sink.flush()
+
+
+class Bench(Driven):
+    """A sink, a broker that is none, and a clock that the test turns."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__("broker.example", **settings)
+        self.now_ns = 1000 * S
 
     def happens(self, *events: Any) -> None:
         self.connection.events.extend(events)

@@ -1,6 +1,5 @@
 """Devices shared among workers: snapshots, and going on where another stopped."""
 
-import threading
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -8,7 +7,7 @@ import pytest
 from blocks import of
 from fltea.records.block import Block
 from fltea.records.clock import host_ns, unix_offset_ns
-from fltea.records.ports import Departed, Sink
+from fltea.records.ports import Departed
 from fltea.records.records import Epoch, Error, Gap, Hello, Stats
 from fltea.service.hub import Hub
 from fltea.service.ingest.devices import Line
@@ -19,9 +18,10 @@ from fltea.settings.config import load_configs
 from fltea.stream.beside import Beside
 from fltea.stream.snapshot import DeviceState, LastSample, missing_since
 from frames_messages import second_of
-from host_support import PATIENCE_S, closed, wait_until
+from host_support import closed, wait_until
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from memory_sink import Memory
 
 S = 10**9
 
@@ -63,21 +63,6 @@ class FakeReceiver:
         del self.kept[device]
 
 
-class Collector(Sink):
-    def __init__(self) -> None:
-        self.items: list[Any] = []
-        self.gone: list[Departed] = []
-        self.go = threading.Event()
-        self.go.set()
-
-    def write(self, item: Any) -> None:
-        assert self.go.wait(PATIENCE_S)
-        self.items.append(item)
-
-    def depart(self, departed: Departed) -> None:
-        self.gone.append(departed)
-
-
 class Worker:
     """An `Ingest` whose loop the test turns by hand."""
 
@@ -91,7 +76,7 @@ class Worker:
             **set_,
         }
         (config,) = load_configs(None, flags, ["nats://test"])
-        self.hub, self.sink, self.receiver = Hub(lambda error: None), Collector(), FakeReceiver()
+        self.hub, self.sink, self.receiver = Hub(lambda error: None), Memory(), FakeReceiver()
         self._outlet = self.hub.add(self.sink)
         self.ingest = Ingest(config, self.hub, lambda inbox, report: self.receiver, lambda *_: None, Beside())  # type: ignore[arg-type, return-value]
 

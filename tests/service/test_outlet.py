@@ -1,56 +1,20 @@
 """Sinks behind their queues: each loses only its own records, counts them, and ends in order."""
 
 import threading
-from collections.abc import Callable
 
 import pytest
-from fltea.records.ports import LATENCY_BOUNDS_MS, Item, Latency, Sink, SinkClosed
+from fltea.records.ports import LATENCY_BOUNDS_MS, Latency, Sink, SinkClosed
 from fltea.records.records import AnyRecord, Error, Gap
 from fltea.service.hub import Hub
 from fltea.service.outlet import Outlet, OutletThread
 from host_support import PATIENCE_S, closed, wait_until
 from hypothesis import given
 from hypothesis import strategies as st
+from memory_sink import Memory
 
 
 def gap(seq: int) -> Gap:
     return Gap(seq, 1, 1, 0, device="due")
-
-
-class Memory(Sink):
-    """Keeps what it is given; can be held up, and can fail."""
-
-    def __init__(self, name: str = "memory", capacity: int = 10_000) -> None:
-        self.name = name
-        self.capacity = capacity  # type: ignore[misc]
-        self.items: list[Item] = []
-        self.overflows: list[tuple[int, int]] = []
-        self.go = threading.Event()
-        self.go.set()
-        self.entered = threading.Event()
-        self.fail: Callable[[], Exception] | None = None
-        self.flushes = 0
-        self.closed = False
-
-    def write(self, item: Item) -> None:
-        self.entered.set()
-        assert self.go.wait(PATIENCE_S)
-        if self.fail is not None:
-            raise self.fail()
-        self.items.append(item)
-
-    def flush(self) -> None:
-        self.flushes += 1
-
-    def on_overflow(self, count: int) -> None:
-        self.overflows.append((len(self.items), count))
-
-    def close(self) -> None:
-        self.closed = True
-
-    def held(self) -> "Memory":
-        self.go.clear()
-        return self
 
 
 class Wire(Memory):

@@ -16,7 +16,7 @@ from example_records import GOOD, INVALID, STATS, axis_estimate
 from fit_support import FRACTIONAL, UNDECIDED, WHITE
 from fltea.records.errors import FlteaError
 from fltea.records.identities import MOST
-from fltea.records.ports import LATENCY_BOUNDS_MS, Item, Sink
+from fltea.records.ports import LATENCY_BOUNDS_MS
 from fltea.records.records import (
     ACCEL_UNIT,
     Epoch,
@@ -35,6 +35,7 @@ from fltea.sinks.metrics.sink import MetricsSink
 from host_support import PATIENCE_S, ask, each_ended, fltea_here, hello, port_of
 from hypothesis import given
 from hypothesis import strategies as st
+from memory_sink import Memory
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
 
@@ -75,13 +76,6 @@ def parse(text: str) -> dict[tuple[str, Labels], float]:
 
 def value(found: dict[tuple[str, Labels], float], name: str, **labels: str) -> float | None:
     return found.get((name, frozenset(labels.items())))
-
-
-class Nowhere(Sink):
-    name = "nowhere"
-
-    def write(self, item: Item) -> None:
-        pass
 
 
 @pytest.fixture
@@ -191,7 +185,7 @@ def test_old_estimate_is_not_shown_as_if_it_were_live(serve: Serve, monkeypatch:
 
 @given(st.lists(st.tuples(st.floats(0, 5000), st.integers(1, 50)), max_size=20))
 def test_latency_is_a_histogram_in_seconds(entries: list[tuple[float, int]]) -> None:
-    outlet = Outlet(Nowhere(), lambda outlet, error: None)
+    outlet = Outlet(Memory("nowhere"), lambda outlet, error: None)
     for ms, weight in entries:
         outlet.latency.add(ms, weight)
     registry = CollectorRegistry()
@@ -209,7 +203,7 @@ def test_latency_is_a_histogram_in_seconds(entries: list[tuple[float, int]]) -> 
 
 
 def test_several_devices_and_their_outputs_of_one_name_are_kept_apart(serve: Serve) -> None:
-    outlets = [Outlet(Nowhere(), lambda outlet, error: None) for _ in range(3)]
+    outlets = [Outlet(Memory("nowhere"), lambda outlet, error: None) for _ in range(3)]
     outlets[1].put([STATS, STATS])
     other = msgspec.structs.replace(STATS, device="pi", samples=SampleStats(1, 2, 3, 4, 5))
     sink = serve(STATS, other, outlets=lambda: list(zip((None, "due", "pi"), outlets, strict=True)))
