@@ -1,45 +1,10 @@
-"""The oracle's own rules, written out once more: the native estimators follow it (test_lanes, test_bank)."""
+"""What the oracle says of innovations: the native estimators follow it (test_bank)."""
 
 import math
 
 import numpy as np
 import pytest
-from fltea.estimator.lanes import BOUND_SAMPLES, BOUND_SHARE, LOST_ORDER
-from hypothesis import given
-from hypothesis import strategies as st
-from sample_by_sample import BLOCK, BLOCKS, FEWEST, GOOD, Supervisor, Verdict, whiteness
-
-
-@pytest.mark.parametrize(
-    ("alpha", "f", "state", "lost"),
-    [
-        (0.3, -1.5, 0.1, False),
-        (LOST_ORDER, -1e300, 1e300, False),
-        (math.nextafter(LOST_ORDER, 9), -1.5, 0.1, True),
-        (-5.1, -1.5, 0.1, True),
-        (math.nan, -1.5, 0.1, True),
-        (0.3, math.inf, 0.1, True),
-        (0.3, -1.5, math.nan, True),
-    ],
-)
-def test_what_is_a_runaway(alpha: float, f: float, state: float, lost: bool) -> None:
-    verdict = Supervisor().judge(alpha, f, state, state_bound=False)
-    assert verdict == (Verdict(False, True, "runaway") if lost else GOOD)
-
-
-@given(st.lists(st.booleans(), max_size=900))
-def test_the_share_of_bounded_samples_decides_and_ends_with_a_restart(bounds: list[bool]) -> None:
-    """Against the rule written out: shares over the last samples, entry above, exit at half."""
-    supervisor, distrusted = Supervisor(), False
-    for k, bound in enumerate(bounds):
-        share = sum(bounds[max(0, k - BOUND_SAMPLES + 1) : k + 1]) / BOUND_SAMPLES
-        verdict = supervisor.judge(0.3, -1.5, 0.0, state_bound=bound)
-        if not distrusted:
-            distrusted = share > BOUND_SHARE
-            assert verdict == (Verdict(False, False, "bound") if distrusted else GOOD)
-        else:
-            distrusted = share > BOUND_SHARE / 2
-            assert verdict == Verdict(False, not distrusted, None)
+from sample_by_sample import BLOCK, BLOCKS, FEWEST, whiteness
 
 
 def autoregression(lag: int, rho: float, n: int) -> list[tuple[float, float]]:
