@@ -32,7 +32,7 @@ def test_a_device_is_examined_and_one_in_use_is_left_alone(processes: Processes,
     assert found["in use"]["level"] == "ok"
     assert f"pid {daemon.process.pid}" in found["in use"]["message"]
     assert "frames" not in found
-    assert daemon.end()[0] == 0
+    daemon.end_well()
     assert "restart" not in [epoch["reason"] for epoch in daemon.of("epoch")]
 
 

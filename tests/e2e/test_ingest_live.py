@@ -114,8 +114,7 @@ def test_a_worker_that_is_killed_is_replaced_and_no_frame_is_lost(
     last = 100 * boards.second
     second.wait_for(lambda: all(last - EVERY in seqs for seqs in estimated(second).values()), "the end")
     boards.close()
-    code, text = second.end()
-    assert code == 0, text
+    second.end_well()
     first.end(None)
     for name, seqs in estimated(first, second).items():
         assert set(seqs) == set(range(50, last, EVERY)), f"{name}: all but the window"
@@ -164,8 +163,7 @@ def test_three_nodes_with_tls_and_accounts(
     count = len(daemon.of("estimate"))
     daemon.wait_for(heard(lambda: len(daemon.of("estimate")) > count + 1000 // EVERY), "a node less")
     boards.close()
-    code, text = daemon.end()
-    assert code == 0, text
+    daemon.end_well()
     assert {record["device"] for record in daemon.of("estimate")} == {"s1"}
 
 
@@ -224,8 +222,7 @@ def test_each_topic_is_a_device_and_nothing_of_it_is_lost(stage: Stage, processe
         "all estimates",
     )
     wait_until(lambda: bool(watcher.on("fltea/right/hello")), "HELLO of a device")
-    code, text = daemon.end()
-    assert code == 0, text
+    daemon.end_well()
     last = {r["device"]: r for r in daemon.of("stats")}
     assert set(last) == {"left", "right", "third", "rubbish"}
     for name in ("left", "right", "third"):
@@ -261,12 +258,11 @@ def test_a_broker_that_goes_and_comes_back(stage: Stage, processes: Processes) -
         client.publish("fltea/left/frames", second_of(0, second), qos=1)
     daemon.wait_for(lambda: len(daemon.of("estimate")) == 150, "its samples")
     wait_until(lambda: bool(watcher.on("fltea/left/hello")), "that it is published")
-    assert daemon.end()[0] == 0
+    daemon.end_well()
 
 
 @pytest.mark.parametrize(
-    "setting",
-    [{"once": True}, {"record.folder": "x"}, {"state.file": "x"}, {"dashboard.address": 0}],
+    "setting", [{"once": True}, {"record.folder": "x"}, {"state.file": "x"}, {"dashboard.address": 0}]
 )
 def test_what_is_for_one_device_is_refused(setting: dict[str, object]) -> None:
     configs = load_configs(None, {"format": "none", **setting}, ["mqtt://localhost:1"])

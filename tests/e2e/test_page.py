@@ -39,8 +39,7 @@ def test_the_page_says_what_the_records_say(processes: Processes, chromium: Brow
     assert one.page.is_hidden("#devices"), "there is but one"
     assert one.page.is_hidden("#own-part"), "the device does not estimate"
     said = sentence.inner_text()
-    code, stderr = daemon.end()
-    assert code == 0, stderr
+    daemon.end_well()
     biases = {
         f"{e['axes']['gyro_y']['bias']:.2f}"[:3]
         for e in daemon.of("estimate")[-400:]
@@ -83,7 +82,7 @@ def test_a_page_outlives_its_daemon_and_goes_on_with_the_next_one(
     one = Watched(chromium, url + "#window=0&axis=gyro_z&course=true")
     one.wait_for_seq(150)
     one.page.evaluate("window.isTheSame = true")
-    assert daemon.end()[0] == 0
+    daemon.end_well()
     one.page.wait_for_selector("#gone", state="visible")
     assert re.search(r"does not answer.* as of \d\d:\d\d:\d\d", one.page.inner_text("#gone"))
     daemon, _ = start(processes, *common, page=url.rpartition(":")[2].rstrip("/"))
@@ -120,8 +119,7 @@ def test_record_button_records_what_can_be_replayed(
     code, stderr = daemon.end()
     assert (code, stderr.count("\n")) == (0, 1), "nothing but the address"
     replayed = processes.daemon(*QUICK, "--source", f"replay:{path}", "--once", "--samples")
-    code, stderr = replayed.end(None)
-    assert code == 0, stderr
+    replayed.end_well(None)
     seqs = [r["seq"] for r in replayed.of("sample")]
     assert len(seqs) > 100
     assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
@@ -140,7 +138,7 @@ def test_a_folder_that_cannot_be_written_to_is_said_on_the_page(
     one.page.get_by_role("button", name="Record", exact=True).click()
     one.page.wait_for_selector("#problem", state="visible")
     assert "the folder cannot be made" in one.page.inner_text("#problem")
-    assert daemon.end()[0] == 0
+    daemon.end_well()
 
 
 @pytest.mark.slow
@@ -159,7 +157,6 @@ def test_idle_connections_take_nothing_from_recording_and_state(processes: Proce
     assert ask(port_of(url), "/state?parts=now:").status == 200
     for one in idle:
         one.close()
-    code, stderr = daemon.end()
-    assert code == 0
+    stderr = daemon.end_well()
     assert len(stderr.splitlines()) <= 2, stderr
     assert {error["kind"] for error in daemon.of("error")} == {"too_many_connections"}

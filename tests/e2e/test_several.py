@@ -35,8 +35,7 @@ def test_two_devices_are_estimated_side_by_side_and_one_may_vanish(
     daemon.wait_for(lambda: "unplugged" in daemon.errors(), "the unplugged one")
     before = count("right")
     daemon.wait_for(lambda: count("right") >= before + 100, "more of the other")
-    code, stderr = daemon.end()
-    assert code == 0
+    stderr = daemon.end_well()
     assert "fltea: left: unplugged:" in stderr
     assert "right:" not in stderr
     for name in ("left", "right"):
@@ -138,6 +137,5 @@ def test_a_terminal_that_is_closed_ends_it_in_order(processes: Processes, tmp_pa
     processes.stand_in(tmp_path / "port")
     daemon = processes.daemon("-s", f"serial:{tmp_path / 'port'}", *QUICK)
     daemon.wait_for(lambda: len(daemon.of("estimate")) > 10, "estimates")
-    code, _ = daemon.end(signal.SIGHUP)
-    assert code == 0
+    daemon.end_well(signal.SIGHUP)
     assert daemon.records[-1]["class"] == "stats"

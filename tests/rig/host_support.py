@@ -158,6 +158,12 @@ class Daemon(Program):
         """Exit code and stderr, after a signal or by itself."""
         return super().end(number)
 
+    def end_well(self, number: signal.Signals | None = signal.SIGINT) -> str:
+        """What it said on stderr, after it has ended with 0."""
+        code, said = self.end(number)
+        assert code == 0, said
+        return said
+
 
 class Processes:
     """Starts both kinds, and leaves none behind when a test fails."""

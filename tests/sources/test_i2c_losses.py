@@ -74,8 +74,7 @@ def test_a_stall_between_any_two_transfers_is_counted(register: int) -> None:
 def test_a_fifo_that_is_emptied_before_it_is_read_gives_no_sample() -> None:
     pi = Pi()
     once(pi, 0x74, lambda messages: [pi.chip.fifo.pop() for _ in range(len(pi.chip.fifo))] and None)  # type: ignore[return-value]
-    pi.run_until(SETTLED_S + 2)
-    pi.check()
+    pi.run_until(SETTLED_S + 2).check()
     assert pi.source.link_stats().bad_frames == {"out_of_step": 1}
     assert 0 < sum(pi.missing) < 8
 
@@ -115,8 +114,7 @@ def test_a_number_that_cannot_be_known_is_given_with_its_doubt() -> None:
 def test_on_an_mpu6050_an_overflow_leaves_nothing_whole() -> None:
     pi = Pi(who_am_i=0x68)
     pi.host.stall(round(SETTLED_S * S), 2 * S)
-    pi.run_until(SETTLED_S + 4)
-    pi.check()
+    pi.run_until(SETTLED_S + 4).check()
     assert pi.told == ["sensor_relative", "fifo_overflow"]
     assert pi.missing[0] == pytest.approx(202, abs=4)
     assert pi.hello.gyro_dlpf_hz == 188.0
@@ -125,8 +123,7 @@ def test_on_an_mpu6050_an_overflow_leaves_nothing_whole() -> None:
 def test_on_an_mpu6050_a_stall_of_650_ms_loses_nothing() -> None:
     pi = Pi(who_am_i=0x68)
     pi.host.stall(3 * S, 65 * S // 100)
-    pi.run_until(5)
-    pi.check()
+    pi.run_until(5).check()
     assert pi.missing == []
 
 
@@ -195,8 +192,7 @@ def test_bytes_that_got_lost_in_the_fifo() -> None:
         pi.chip.advance(pi.host.now_ns)
     for _ in range(5):
         pi.chip.fifo.pop()
-    pi.run_until(SETTLED_S + 2)
-    pi.check()
+    pi.run_until(SETTLED_S + 2).check()
     assert pi.told == ["fifo_restarted"]
     assert "no whole samples" in pi.texts
     assert pi.source.link_stats().bad_frames == {"misaligned": 1}
@@ -212,8 +208,7 @@ def test_samples_that_somebody_else_took() -> None:
 
     for k in range(60):
         pi.at(SETTLED_S + 0.1013 * k, steal)
-    pi.run_until(SETTLED_S + 8)
-    pi.check()
+    pi.run_until(SETTLED_S + 8).check()
     assert "another program that reads the same sensor" in pi.texts
     assert set(pi.source.link_stats().bad_frames) == {"out_of_step"}
 
@@ -228,6 +223,5 @@ def test_a_flipped_bit_of_the_count_is_asked_again() -> None:
         return (int.from_bytes(data, "big") ^ 1 << chance.randrange(9)).to_bytes(2, "big")
 
     pi.host.at(round(SETTLED_S * S), lambda: setattr(pi.bus, "spoil", spoil))
-    pi.run_until(SETTLED_S + 8)
-    pi.check()
+    pi.run_until(SETTLED_S + 8).check()
     assert pi.status.i2c_errors > 10

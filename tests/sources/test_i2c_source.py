@@ -164,8 +164,7 @@ def test_a_sensor_that_lost_its_supply_is_set_up_again(what: str) -> None:
             pi.at(SETTLED_S, pi.chip.brown_out)
         case "exchanged":
             pi.at(SETTLED_S, pi.chip.power_off).at(SETTLED_S + 0.05, lambda: pi.chip.power_on(0x75))
-    pi.run_until(SETTLED_S + 4)
-    pi.check()
+    pi.run_until(SETTLED_S + 4).check()
     assert pi.epochs == ["start", "sensor_restart"]
     assert pi.hello.sensor_starts == 2
     assert pi.status.sensor_reinits == 1
@@ -180,8 +179,7 @@ def test_a_sensor_that_lost_its_supply_is_set_up_again(what: str) -> None:
 def test_a_sensor_that_falls_asleep_is_set_up_again() -> None:
     pi = Pi()
     pi.at(3, lambda: pi.chip.write_register(0x6B, 0x41))
-    pi.run_until(5)
-    pi.check()
+    pi.run_until(5).check()
     assert pi.epochs == ["start", "sensor_restart"]
     assert "gives no new samples" in pi.texts
 
@@ -212,8 +210,7 @@ def test_the_end_of_the_range_is_flagged() -> None:
 def test_a_clone_is_told_once_and_used() -> None:
     pi = Pi(who_am_i=0x75)
     pi.at(2, pi.chip.brown_out)
-    pi.run_until(5)
-    pi.check()
+    pi.run_until(5).check()
     assert pi.told.count("sensor_relative") == 1
     assert pi.hello.sensor == "MPU-9250 clone (0x75)"
 
@@ -225,8 +222,7 @@ def test_an_unknown_chip_is_named_and_waited_out() -> None:
     assert "WHO_AM_I is 0x12" in pi.texts
     pi.chip.power_off()
     pi.chip.power_on(0x71)
-    pi.run_until(8)
-    pi.check()
+    pi.run_until(8).check()
     assert pi.hello.sensor == "MPU-9250"
 
 
@@ -234,8 +230,7 @@ def test_no_sensor_is_explained_and_waited_for() -> None:
     pi = Pi()
     pi.chip.power_off()
     pi.at(130, pi.chip.power_on)
-    pi.run_until(133)
-    pi.check()
+    pi.run_until(133).check()
     assert pi.told == ["device_fault"] * 3  # at once, and again after each minute
     text = pi.of(Error)[0].message
     assert "no sensor answers at I²C address 0x68 on /dev/i2c-1" in text
@@ -299,8 +294,7 @@ def test_a_bus_that_goes_away_and_comes_back() -> None:
     pi.bus.inject = lambda messages: errno.ENODEV
     Buses(pi, *[FileNotFoundError(errno.ENOENT, "No such file or directory")] * 2)
     pi.host.at(round((SETTLED_S + 0.05) * S), lambda: setattr(pi.bus, "inject", lambda messages: None))
-    pi.run_until(SETTLED_S + 5)
-    pi.check()
+    pi.run_until(SETTLED_S + 5).check()
     assert pi.told == ["unplugged", "no_port"]
     assert any(isinstance(event, LinkDown) for event in pi.events)
     assert pi.epochs == ["start", "sensor_restart"]
