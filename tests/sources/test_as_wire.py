@@ -7,7 +7,6 @@ from fltea.records.errors import UsageError
 from fltea.records.events import Break, Chunk, Event, Failed, LinkDown, Opened, RawSample, Tick, Trouble
 from fltea.records.records import DeviceStatus, Hello
 from fltea.sources.as_wire import AsWire, as_stated
-from fltea.sources.synthetic import SyntheticSource
 from fltea.sources.wire_events import WireEvents
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
@@ -93,15 +92,6 @@ def test_what_goes_in_comes_out(found: list[tuple[Event, int]]) -> None:
         for event in again
     ]
     assert again == events
-
-
-def test_synthetic_noise_keeps_every_count() -> None:
-    source = SyntheticSource("?n=300&seed=4", realtime=False)
-    before = list(source.events())
-    after = round_trip(before)
-    samples = of(RawSample, in_samples(after))
-    assert [e[:4] for e in samples] == [e[:4] for e in in_samples(before)[1:]]
-    assert (after[0].rate_hz, after[0].gyro_lsb_per_dps, after[0].sampling_mode) == (100.0, 16.4, "simulated")
 
 
 def test_a_lost_device_is_lost_again_for_the_same_reason() -> None:

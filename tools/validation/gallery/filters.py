@@ -76,7 +76,6 @@ class Through(NamedTuple):
     inner: tuple[Relaxation, ...] = ()
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
         m = self.low_pass.every(rate_hz)
         stream = Stream(*self.low_pass.coefficients(m * rate_hz))
         stream.run(rng.standard_normal(1 << 14))  # so that it has forgotten its start
@@ -109,7 +108,6 @@ class Held(NamedTuple):
     fresh: int
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
         turn, reading = np.divmod(np.arange(n), len(self.pattern))
         values = rng.standard_normal((n // len(self.pattern) + 1) * self.fresh)
         return np.asarray(values[turn * self.fresh + np.array(self.pattern)[reading]])
@@ -135,7 +133,6 @@ class Jittered(NamedTuple):
     steps: int = 16
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
         source = Relaxation(self.hz, self.height * self._scale(rate_hz)).sampled(self.steps * rate_hz)
         stream = source.stream(rng)
         y, piece = rng.standard_normal(n), 1 << 18

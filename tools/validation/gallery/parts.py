@@ -44,7 +44,6 @@ class White(NamedTuple):
     tails: str = "gaussian"
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
         if self.tails == "t4":
             return rng.standard_t(4, n) / math.sqrt(2)
         if self.tails == "laplace":
@@ -52,7 +51,6 @@ class White(NamedTuple):
         return rng.standard_normal(n)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`."""
         return np.ones_like(lam)
 
 
@@ -68,11 +66,9 @@ class AR1(NamedTuple):
         return Stream([1.0], [1.0, -self.pole], self.pole * start)
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
         return self.stream(rng).run(self.size * rng.standard_normal(n))
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`."""
         return np.asarray(self.size**2 / ((1 - self.pole) ** 2 + 4 * self.pole * np.sin(lam / 2) ** 2))
 
 
@@ -88,11 +84,9 @@ class Relaxation(NamedTuple):
         return AR1(pole, (1 - pole) * math.sqrt(self.height))
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
         return self.sampled(rate_hz).draw(n, rate_hz, rng)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`."""
         return self.sampled(rate_hz).spectrum(lam, rate_hz)
 
 
@@ -118,13 +112,11 @@ class Arfima(NamedTuple):
     ma: float = 0.0
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
         before = 0 if self.ar == self.ma == 0 else 2_000  # the pole has forgotten its start by then
         x = fractional_noise(self.d, n + before + 1, rng)
         return math.sqrt(self.step) * np.asarray(lfilter([1.0, self.ma], [1.0, -self.ar], x))[-n:]
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`."""
         z = np.exp(-1j * lam)
         short = np.abs((1 + self.ma * z) / (1 - self.ar * z)) ** 2
         return np.asarray(self.step * short * (2 * np.sin(lam / 2)) ** (-2 * self.d))
@@ -160,7 +152,6 @@ class Fractional(NamedTuple):
         return series
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
         if self.f == 0:
             # Begins a record before the first sample; what was earlier would be an offset.
             response = fractional_difference(self.alpha, n + 1)
@@ -170,7 +161,6 @@ class Fractional(NamedTuple):
         return math.sqrt(self.step) * convolved(rng.standard_normal(n + len(response) - 1), response, n)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`."""
         if self.window:
             series = self._series(rate_hz, self.window + 1)
             return np.asarray(self.step / np.abs(freqz(series, worN=lam)[1]) ** 2)
@@ -187,11 +177,9 @@ class Flicker(NamedTuple):
         return Fractional(0.5, 0.0, 2 * math.pi * self.corner_hz / rate_hz)
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
         return self._sampled(rate_hz).draw(n, rate_hz, rng)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`."""
         return self._sampled(rate_hz).spectrum(lam, rate_hz)
 
 
@@ -201,11 +189,9 @@ class Walk(NamedTuple):
     corner_hz: float
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
         return np.cumsum(2 * math.pi * self.corner_hz / rate_hz * rng.standard_normal(n))
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`."""
         return np.asarray((2 * math.pi * self.corner_hz / rate_hz / (2 * np.sin(lam / 2))) ** 2)
 
 
@@ -228,12 +214,10 @@ class Resonance(NamedTuple):
         return [math.sqrt(self.peak) * abs(a[0] + z * (a[1] + z * a[2]))], a
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
         before = min(int(40 * self.q / self.share / (2 * math.pi)), 1 << 20)
         return np.asarray(lfilter(*self._coefficients, rng.standard_normal(n + before)))[before:]
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`."""
         return np.asarray(np.abs(freqz(*self._coefficients, worN=lam)[1]) ** 2)
 
 
@@ -244,14 +228,12 @@ class Notched(NamedTuple):
     q: float
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
         before = int(40 * self.q / self.share)
         return np.asarray(lfilter(*iirnotch(2 * self.share, self.q), rng.standard_normal(n + before)))[
             before:
         ]
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`."""
         return np.asarray(np.abs(freqz(*iirnotch(2 * self.share, self.q), worN=lam)[1]) ** 2)
 
 
@@ -261,9 +243,7 @@ class Differenced(NamedTuple):
     power: float
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """See `Part`."""
         return math.sqrt(self.power) * np.diff(rng.standard_normal(n + 1))
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`."""
         return np.asarray(self.power * 4 * np.sin(lam / 2) ** 2)
