@@ -15,10 +15,31 @@ namespace {
 
 using engine::exp;
 using engine::log;
+using engine::max;
+using engine::min;
 using engine::sin_pi;
 
-double least_of(double a, double b) { return a < b ? a : b; }
-double most_of(double a, double b) { return a > b ? a : b; }
+typedef engine::Pack<double, engine::kWidth> Wide;
+
+template <class T>
+T from(const double* at) {
+    T found;
+    __builtin_memcpy(&found, at, sizeof found);
+    return found;
+}
+template <class T>
+void to(double* at, T value) {
+    __builtin_memcpy(at, &value, sizeof value);
+}
+
+// Calls op(T(), i) for all bins from i on, as many as T has lanes: packs, then single numbers. A bin's result
+// does not depend on which (pack_math.hpp); compilers make no vectors of exp by themselves.
+template <class Op>
+void each(std::size_t size, const Op& op) {
+    std::size_t i = 0;
+    for (; i + engine::kWidth <= size; i += engine::kWidth) op(Wide(), i);
+    for (; i < size; ++i) op(double(), i);
+}
 
 // Sums in eight lanes: the compiler makes vectors of them, and the result does not depend on which.
 template <class Term>
@@ -37,13 +58,15 @@ double share_of(double logit) { return 1 / (1 + exp(-logit)); }
 void relaxation(const Columns& b, bool mirrored, const double* eta, double* part, double* const* slope) {
     const double rate = exp(eta[1]), phi = exp(-rate), left = -::expm1(-rate);
     const double gap = -::expm1(-2 * rate), level = exp(eta[0]) * gap, own = 2 * phi / gap;
-    for (std::size_t i = 0; i < b.size; ++i) {
-        const double square = mirrored ? 4 - b.square[i] : b.square[i];
-        const double distance = left * left + phi * square;
-        part[i] = level / distance;
-        slope[0][i] = part[i];
-        slope[1][i] = part[i] * rate * phi * (own + (square - 2 * left) / distance);
-    }
+    each(b.size, [&](auto one, std::size_t i) {
+        typedef decltype(one) T;
+        const T seen = from<T>(b.square + i), square = mirrored ? T(4.0) - seen : seen;
+        const T distance = T(left * left) + T(phi) * square;
+        const T value = T(level) / distance;
+        to(part + i, value);
+        to(slope[0] + i, value);
+        to(slope[1] + i, value * T(rate) * T(phi) * (T(own) + (square - T(2 * left)) / distance));
+    });
 }
 
 // α, g and log s2, with the slopes of α and g by the two first coordinates.
@@ -69,34 +92,38 @@ bool order(Part which, const Columns& b, const double* eta, double* part, double
     Order o;
     if (!order_of(which, b, eta, o)) return false;
     const double s2 = exp(eta[2]), alpha = o.alpha, g = o.g;
-    for (std::size_t i = 0; i < b.size; ++i) {
-        const double size = exp(alpha * b.ln_size[i]);
-        const double turn = (alpha * b.quarter[i] + b.lam[i]) / kPi;
-        const double real = size * sin_pi(turn + 0.5), imaginary = size * sin_pi(turn);
-        const double distance = most_of(size * size - 2 * g * real + g * g, 1e-200);
-        const double value = s2 / distance;
-        const double by_alpha =
-            -2 * (size * size * b.ln_size[i] - g * (b.ln_size[i] * real - b.quarter[i] * imaginary)) /
-            distance;
-        const double by_g = 2 * (real - g) / distance;
-        part[i] = value;
-        slope[0][i] = value * (by_alpha * o.by[0][0] + by_g * o.by[1][0]);
-        slope[1][i] = value * (by_alpha * o.by[0][1] + by_g * o.by[1][1]);
-        slope[2][i] = value;
-    }
+    each(b.size, [&](auto one, std::size_t i) {
+        typedef decltype(one) T;
+        const T ln_size = from<T>(b.ln_size + i), quarter = from<T>(b.quarter + i);
+        const T size = exp(T(alpha) * ln_size);
+        const T turn = (T(alpha) * quarter + from<T>(b.lam + i)) / T(kPi);
+        const T real = size * sin_pi(turn + T(0.5)), imaginary = size * sin_pi(turn);
+        const T distance = max(size * size - T(2 * g) * real + T(g * g), T(1e-200));
+        const T value = T(s2) / distance;
+        const T by_alpha =
+            T(-2.0) * (size * size * ln_size - T(g) * (ln_size * real - quarter * imaginary)) / distance;
+        const T by_g = T(2.0) * (real - T(g)) / distance;
+        to(part + i, value);
+        to(slope[0] + i, value * (by_alpha * T(o.by[0][0]) + by_g * T(o.by[1][0])));
+        to(slope[1] + i, value * (by_alpha * T(o.by[0][1]) + by_g * T(o.by[1][1])));
+        to(slope[2] + i, value);
+    });
     return true;
 }
 
 void arfima(const Columns& b, const double* eta, double* part, double* const* slope) {
     const double rate = exp(eta[1]), phi = exp(-rate), left = -::expm1(-rate);
     const double level = exp(eta[2]) * left * left;
-    for (std::size_t i = 0; i < b.size; ++i) {
-        const double distance = left * left + phi * b.square[i];
-        part[i] = level * exp(-2 * eta[0] * b.ln_size[i]) / distance;
-        slope[0][i] = -2 * b.ln_size[i] * part[i];
-        slope[1][i] = part[i] * rate * phi * (2 / left - (2 * left - b.square[i]) / distance);
-        slope[2][i] = part[i];
-    }
+    each(b.size, [&](auto one, std::size_t i) {
+        typedef decltype(one) T;
+        const T ln_size = from<T>(b.ln_size + i), square = from<T>(b.square + i);
+        const T distance = T(left * left) + T(phi) * square;
+        const T value = T(level) * exp(T(-2 * eta[0]) * ln_size) / distance;
+        to(part + i, value);
+        to(slope[0] + i, T(-2.0) * ln_size * value);
+        to(slope[1] + i, value * T(rate) * T(phi) * (T(2 / left) - (T(2 * left) - square) / distance));
+        to(slope[2] + i, value);
+    });
 }
 
 void resonance(const Columns& b, const double* eta, double* part, double* const* slope) {
@@ -105,53 +132,60 @@ void resonance(const Columns& b, const double* eta, double* part, double* const*
     const double one = 1 - r, other = 1 - 2 * r * c2 + r * r;
     const double top = p * one * one * other;
     const double top_by_r = -2 / one + (2 * r - 2 * c2) / other, top_by_at = 4 * r * s2 / other;
-    for (std::size_t i = 0; i < b.size; ++i) {
-        const double near = b.cos1[i] * c + b.sin1[i] * s, far = b.cos1[i] * c - b.sin1[i] * s;
-        const double sin_near = b.sin1[i] * c - b.cos1[i] * s, sin_far = b.sin1[i] * c + b.cos1[i] * s;
-        const double d1 = 1 - 2 * r * near + r * r, d2 = 1 - 2 * r * far + r * r;
-        const double value = top / (d1 * d2);
-        part[i] = value;
-        slope[0][i] = value;
-        slope[2][i] = -value * width * r * (top_by_r - 2 * (r - near) / d1 - 2 * (r - far) / d2);
-        slope[1][i] = value * at * (top_by_at + 2 * r * (sin_near / d1 - sin_far / d2)) + slope[2][i];
-    }
+    each(b.size, [&](auto one, std::size_t i) {
+        typedef decltype(one) T;
+        const T cos1 = from<T>(b.cos1 + i), sin1 = from<T>(b.sin1 + i);
+        const T near = cos1 * T(c) + sin1 * T(s), far = cos1 * T(c) - sin1 * T(s);
+        const T sin_near = sin1 * T(c) - cos1 * T(s), sin_far = sin1 * T(c) + cos1 * T(s);
+        const T d1 = T(1.0) - T(2 * r) * near + T(r * r), d2 = T(1.0) - T(2 * r) * far + T(r * r);
+        const T value = T(top) / (d1 * d2);
+        const T by_width = -value * T(width) * T(r) *
+                           (T(top_by_r) - T(2.0) * (T(r) - near) / d1 - T(2.0) * (T(r) - far) / d2);
+        to(part + i, value);
+        to(slope[0] + i, value);
+        to(slope[2] + i, by_width);
+        to(slope[1] + i,
+           value * T(at) * (T(top_by_at) + T(2 * r) * (sin_near / d1 - sin_far / d2)) + by_width);
+    });
 }
 
 // The sum of the branches that lie over each other once it is sampled.
 void low_pass(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double share = share_of(eta[1]), n = 1 + (kMostPoles - 1) * share;
     const double by_n = (kMostPoles - 1) * share * (1 - share);
-    for (std::size_t i = 0; i < b.size; ++i) {
-        double sum = 0, by_c = 0, by_poles = 0;
+    each(b.size, [&](auto kind, std::size_t i) {
+        typedef decltype(kind) T;
+        T sum = T(0.0), by_c = T(0.0), by_poles = T(0.0);
         for (std::size_t k = 0; k < 3; ++k) {
-            const double ratio = b.branch[k * b.size + i] - eta[0];
-            const double one = 1 / (1 + exp(least_of(n * ratio, 200.0)));
+            const T ratio = from<T>(b.branch + k * b.size + i) - T(eta[0]);
+            const T one = T(1.0) / (T(1.0) + exp(min(T(n) * ratio, T(200.0))));
             sum += one;
-            by_c += one * (1 - one);
-            by_poles += one * (1 - one) * ratio;
+            by_c += one * (T(1.0) - one);
+            by_poles += one * (T(1.0) - one) * ratio;
         }
-        gain[i] = sum;
-        slope[0][i] = n * by_c / sum;
-        slope[1][i] = -by_poles / sum * by_n;
-    }
+        to(gain + i, sum);
+        to(slope[0] + i, T(n) * by_c / sum);
+        to(slope[1] + i, -by_poles / sum * T(by_n));
+    });
 }
 
 // The bilinear transform of an analog notch, as digital ones are; the mean over each bin, at its bottom.
 void notch(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double at = exp(eta[0]), centre = ::tan(at / 2), square = centre * centre;
     const double width = centre * exp(eta[1]);
-    for (std::size_t i = 0; i < b.size; ++i) {
-        const double sine = b.square[i] / 4, cosine = 1 - sine, step = b.spread[i];
-        const double away = sine - square * cosine, flat = sine * cosine;
-        const double stopped = away * away + flat * (1 + square) * (1 + square) * step;
-        const double skirt = width * width * flat, whole = stopped + skirt;
-        gain[i] = stopped / whole;
-        const double by_square =
-            (-2 * away * cosine + 2 * flat * (1 + square) * step) / stopped * skirt / whole;
-        const double by_width = -2 * skirt / whole;
-        slope[0][i] = (by_square * 2 * square + by_width) * at * (1 + square) / (2 * centre);
-        slope[1][i] = by_width;
-    }
+    each(b.size, [&](auto one, std::size_t i) {
+        typedef decltype(one) T;
+        const T sine = from<T>(b.square + i) / T(4.0), cosine = T(1.0) - sine, step = from<T>(b.spread + i);
+        const T away = sine - T(square) * cosine, flat = sine * cosine;
+        const T stopped = away * away + flat * T(1 + square) * T(1 + square) * step;
+        const T skirt = T(width * width) * flat, whole = stopped + skirt;
+        const T by_square =
+            (T(-2.0) * away * cosine + T(2.0) * flat * T(1 + square) * step) / stopped * skirt / whole;
+        const T by_width = T(-2.0) * skirt / whole;
+        to(gain + i, stopped / whole);
+        to(slope[0] + i, (by_square * T(2.0) * T(square) + by_width) * T(at) * T(1 + square) / T(2 * centre));
+        to(slope[1] + i, by_width);
+    });
 }
 
 // The mean over a bin, `step` its spread: at the filter's zeros that is not 0.
@@ -159,7 +193,7 @@ double mean_gain(double lam, double step, int m) {
     const double sine = ::sin(lam / 2), cosine = ::cos(lam / 2);
     const double above = ::sin(m * lam / 2), ratio = above / (m * sine);
     const double slope = (m * ::cos(m * lam / 2) * sine - above * cosine) / (2 * m * sine * sine);
-    return most_of(ratio * ratio + slope * slope * step, 1e-6);
+    return max(ratio * ratio + slope * slope * step, 1e-6);
 }
 
 bool word_at(const Columns& b, Word word, const double* eta, double* part, double* const* slope) {
@@ -197,11 +231,14 @@ bool word_at(const Columns& b, Word word, const double* eta, double* part, doubl
             return true;
         case kRise: {
             const double power = exp(eta[0]);
-            for (std::size_t i = 0; i < n; ++i) {
-                const double ln = 2 * (b.ln_size[i] - kLn2);
-                slope[0][i] = part[i] = power * exp(eta[1] * ln);
-                slope[1][i] = part[i] * ln;
-            }
+            each(n, [&](auto one, std::size_t i) {
+                typedef decltype(one) T;
+                const T ln = T(2.0) * (from<T>(b.ln_size + i) - T(kLn2));
+                const T value = T(power) * exp(T(eta[1]) * ln);
+                to(part + i, value);
+                to(slope[0] + i, value);
+                to(slope[1] + i, value * ln);
+            });
             return true;
         }
         case kLowPass:
