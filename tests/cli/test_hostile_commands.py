@@ -104,6 +104,10 @@ WORDS = TEXTUAL + NESTED + NUMBERS + FILES + URLS
 TEXTS: dict[str, bytes] = {
     "deep array": b"a = " + b"[" * 200_000,
     "deep table": b"[" + b"a." * 5_000 + b"a]\n",
+    "a key of many parts": b"a" + b".a" * 120_000 + b" = 1",
+    "quoted parts": b"''" + b".''" * 80_000 + b" = 1",
+    "a table within many": b"[" + b"a." * 60_000 + b"a]\n" + b"b.b = 1\n" * 15_000,
+    "a key in a table in a line": b'a = {b = """\n#""""' + b", c" + b".c" * 120_000 + b" = 1}",
     "deep JSON": b"[" * 500_000,
     "deep objects": b'{"a":' * 200_000,
     "digits": b"[link]\nbaud = " + b"9" * 6000,

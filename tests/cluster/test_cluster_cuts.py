@@ -20,13 +20,11 @@ from fltea.cluster.whole import Ask
 from fltea.identification.load import Loaded, load
 from fltea.records.errors import UsageError
 from fltea.records.records import Hello
-from fltea.settings.config import RecordConfig
 from fltea.settings.how import How
-from fltea.sinks.record import RecordSink
 from fltea.sources.wire_events import WireEvents
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mcap_support import transport
+from mcap_support import sink_in, transport
 from pyarrow import parquet
 
 N = 3000
@@ -76,7 +74,7 @@ def ros2(folder: Path) -> Path:
 
 def ours(folder: Path) -> Path:
     """Recorded as the daemon does."""
-    sink = RecordSink(RecordConfig(folder=str(folder / "rec")), "due", lambda kind, text: None)
+    sink = sink_in(folder / "rec")
     wire = WireEvents("/dev/due")
     for number, item in enumerate(transport(900, boots=2)):
         sink.write(item)

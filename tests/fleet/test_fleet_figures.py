@@ -201,7 +201,7 @@ def test_a_distance_is_in_deviations_of_an_interval_of_95_percent() -> None:
     """Where sensors do not differ by themselves."""
     value = np.zeros(20)
     value[7] = 100.0
-    half = 1.959963984540054 * 2
+    half = 1.96 * 2
     fleet, odd = judge(value, value - half, value + half, comparisons=1)
     assert fleet is not None
     assert fleet.spread == 0

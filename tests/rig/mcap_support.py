@@ -55,6 +55,11 @@ def transport(samples: int = 200, boots: int = 1, seed: int = 1) -> list[Transpo
     return found
 
 
+def recording_to(folder: Path, **settings: Any) -> RecordConfig:
+    """The settings of a recording of one device."""
+    return RecordConfig(folder=str(folder), **settings).for_devices(1)
+
+
 def record(
     folder: Path,
     items: Iterable[TransportEvent],
@@ -65,7 +70,7 @@ def record(
     **settings: object,
 ) -> tuple[list[AnyRecord], RecordSink]:
     """Walk and record what came, as the daemon does; without `end` the file stays open."""
-    sink = RecordSink(RecordConfig(folder=str(folder), **settings), device, report)
+    sink = RecordSink(recording_to(folder, **settings), device, report)
     source = FedSource("/dev/due")
     pipeline = Pipeline(
         source, load_config(None, SMALL | {"name": device, "estimator.estimate_on": estimate_on})
@@ -134,7 +139,7 @@ def files(folder: Path) -> list[Path]:
 
 def sink_in(folder: Path, told: list[tuple[str, str]] | None = None, **settings: Any) -> RecordSink:
     told = [] if told is None else told
-    return RecordSink(RecordConfig(folder=str(folder), **settings), "due", lambda *one: told.append(one))
+    return RecordSink(recording_to(folder, **settings), "due", lambda *one: told.append(one))
 
 
 def written(sink: RecordSink, *items: Any) -> None:

@@ -16,12 +16,12 @@ from fltea.settings.outputs import RecordConfig
 from fltea.sinks.record import RecordSink
 from fltea.sources.synthetic import SyntheticSource
 from host_support import closed, hello, wait_until
-from mcap_support import replay, transport
+from mcap_support import replay, sink_in, transport, written
 
 
 def made(record_to: Path, **settings: object) -> tuple[Hub, RecorderOfHub]:
     hub = Hub(lambda error: None)
-    config = RecordConfig(**settings)  # type: ignore[arg-type]
+    config = RecordConfig(**settings).for_devices(1)  # type: ignore[arg-type]
     return hub, RecorderOfHub(hub, config, str(record_to), {"old"})
 
 
@@ -62,10 +62,7 @@ def test_what_came_between_start_and_stop_is_recorded_and_can_be_replayed(tmp_pa
 
 
 def replay_of(items: list, folder: Path) -> list:
-    sink = RecordSink(RecordConfig(folder=str(folder)), "due", lambda *a: None)
-    for item in items:
-        sink.write(item)
-    sink.close()
+    written(sink_in(folder), *items)
     return replay(folder)
 
 
@@ -96,7 +93,7 @@ def test_a_source_without_a_wire_is_recorded_from_then_on(tmp_path: Path) -> Non
 
 def test_one_that_runs_with_the_program_is_shown_and_not_ended(tmp_path: Path) -> None:
     hub, recorder = made(tmp_path, folder=str(tmp_path / "a"))
-    sink = RecordSink(RecordConfig(folder=str(tmp_path / "a")), "due", hub.report("due"))
+    sink = sink_in(tmp_path / "a")
     recorder.adopt("due", hub.add(sink, "due"))
     for item in transport(samples=50):
         hub.tap("due", wait=True)(item)

@@ -19,7 +19,7 @@ from fltea.service.open_outputs import open_outputs
 from fltea.settings.config import load_config
 from fltea.settings.outputs import FEW_DEVICES, RECORDED, RecordConfig
 from fltea.sinks import record as record_module
-from fltea.sinks.record import KINDS, RecordSink
+from fltea.sinks.record import KINDS
 from fltea.sinks.record_session import MOST_NOTES
 from fltea.sources.mcap import read_info
 from fltea.sources.synthetic import parse_noise
@@ -298,7 +298,7 @@ def test_folder_that_cannot_be(tmp_path: Path) -> None:
     with pytest.raises(
         UsageError, match=r"--record .*/file/sub: the folder cannot be made \(Not a directory\)"
     ):
-        RecordSink(RecordConfig(folder=str(tmp_path / "file/sub")), "due", lambda kind, text: None)
+        sink_in(tmp_path / "file/sub")
 
 
 def test_a_too_slow_recorder_marks_the_place(tmp_path: Path) -> None:

@@ -219,3 +219,14 @@ def test_missing_ports_are_answered_with_those_that_exist(monkeypatch) -> None:
     monkeypatch.setattr(transport.list_ports, "comports", lambda: [Port()])
     text = explain_open_failure("/dev/ttyACM0", FileNotFoundError(errno.ENOENT, "none"))[1]
     assert "/dev/ttyACM7 (Arduino Due Prog. Port)" in text
+
+
+@pytest.mark.parametrize("url", ["/dev/none", "loop://"])
+def test_what_fails_while_a_failure_is_explained_ends_no_reading(url: str, monkeypatch, readers) -> None:
+    """The explanation asks this machine for its groups and ports, which may fail as well."""
+    monkeypatch.setattr(type(serial.serial_for_url("loop://")), "open", broken)
+    monkeypatch.setattr(transport, "explain_open_failure", broken)
+    events = readers(url).events(0.05)
+    for _ in range(2):
+        found = failure(events)
+        assert (found.kind, f"cannot open {url}" in found.message) == ("open_failed", True)

@@ -55,7 +55,9 @@ def write_csv(path: Path, gyro: NDArray[np.int16]) -> None:
 
 def write_mcap(folder: Path, gyro: NDArray[np.int16]) -> Path:
     """By the recorder itself; the folder."""
-    sink = RecordSink(RecordConfig(folder=str(folder)), "bench", lambda kind, text: print(kind, text))
+    sink = RecordSink(
+        RecordConfig(folder=str(folder)).for_devices(1), "bench", lambda kind, text: print(kind, text)
+    )
     sink.write(Opened(BEGIN_NS, UNIX_NS))
     sink.write(hello_event(hello_of(0), "serial:bench", BEGIN_NS + UNIX_NS))
     parts = (gyro[begin : begin + AT_ONCE].tolist() for begin in range(0, len(gyro), AT_ONCE))

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from fltea.fleet.messages import Allan, AxisFit, Interval, Tracker
-from fltea.fleet.outliers import NORMAL_95
+from fltea.noise.distributions import NORMAL_95
 from fltea.noise.spectra import HIGHEST_ORDER
 from fltea.records.units import FLICKER
 

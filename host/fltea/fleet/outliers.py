@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.noise.distributions import student_quantile, student_tail
+from fltea.noise.distributions import NORMAL_95, student_quantile, student_tail
 
 FEWEST = 8
 """Sensors of a kind; with fewer nobody knows what is usual."""
@@ -31,9 +31,6 @@ tenth of healthy fleets of 60 sensors raised an alert within their first day, wi
 
 MIDDLE = NormalDist().inv_cdf(0.75)
 """Median of |x| of a standard normal x."""
-
-NORMAL_95 = NormalDist().inv_cdf(0.975)
-"""Half of an interval of 95 % of a standard normal variable."""
 
 EFFICIENCY = 0.3
 """Degrees of freedom of τ for each sensor: a median absolute deviation is worth 0.37 of them (Rousseeuw

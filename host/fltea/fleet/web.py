@@ -5,23 +5,20 @@ All that sensors send reaches the page as JSON and is put there as text, never a
 
 import asyncio
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from concurrent.futures import Future
 from http import HTTPStatus
-from types import SimpleNamespace
 from typing import Any
 
 import msgspec
-from prometheus_client import CollectorRegistry, generate_latest
-from prometheus_client.core import Metric
 from tornado.ioloop import IOLoop
 from tornado.web import HTTPError
 
 from fltea.fleet.figures import SHOWN
+from fltea.fleet.metrics import metrics_text
 from fltea.fleet.program import TURN_S, Fleet
 from fltea.fleet.summary import COLUMNS, distribution, groups, rows, table
 from fltea.sinks.listening import own_names
-from fltea.sinks.metrics.tables import counter, families, gauge
 from fltea.sinks.web.door import Door, LibraryErrors, bind
 from fltea.sinks.web.handler import Handler, Site
 
@@ -37,40 +34,6 @@ HISTORY_S = 2.0
 
 ROWS_S = 2.0
 """The rows of the table are gathered this often at most, however many look at them."""
-
-
-METRICS = (
-    gauge("sensors", "sensors by state", "states", key="state"),
-    gauge("axes", "axes by the verdict of their newest fit", key="verdict"),
-    gauge("alerts", "alerts that are raised", "alerts_by_kind", key="kind"),
-    gauge("odd_figures", "figures unlike the others'", "odd_count"),
-    gauge("connected", "1: the broker is there"),
-    counter("messages", "messages that came"),
-    counter("bytes", "bytes of their payloads"),
-    counter("fits", "fits that came"),
-    counter("refused", "messages of names that are no sensors"),
-    counter("outages", "connections to the broker lost"),
-    counter("alerts_dropped", "alerts that were one too many"),
-    counter("history_lost", "rows of history that could not be written", lambda found: found.history["lost"]),
-    counter("bad_messages", "messages that no daemon sends", key="reason"),
-)
-"""Of a summary, for Prometheus: counts only, so that the number of series does not grow with the fleet."""
-
-
-class _Collector:
-    def __init__(self, fleet: Fleet) -> None:
-        self._fleet = fleet
-
-    def collect(self) -> Iterator[Metric]:
-        """All families, from one summary."""
-        yield from families("fleet_", (), METRICS, [((), SimpleNamespace(**self._fleet.summary()))])
-
-
-def text_of(fleet: Fleet) -> bytes:
-    """Return what /metrics answers."""
-    registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Collector(fleet))
-    return bytes(generate_latest(registry))
 
 
 class FleetSite(Site):
@@ -190,7 +153,7 @@ class _Alerts(_Handler):
 class _Metrics(_Handler):
     def get(self) -> None:
         self.set_header("Content-Type", "text/plain; version=0.0.4; charset=utf-8")
-        self.write(text_of(self.fleet))
+        self.write(metrics_text(self.fleet))
 
 
 ROUTES = [

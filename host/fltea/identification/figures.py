@@ -8,8 +8,9 @@ import numpy as np
 
 from fltea.identification.allan import scales
 from fltea.identification.curves import Curves
-from fltea.identification.forecast import WITHIN, integral, is_any_heading
+from fltea.identification.forecast import integral, is_any_heading
 from fltea.identification.run import AxisReport
+from fltea.noise.distributions import NORMAL_95
 from fltea.noise.parts import spectrum
 from fltea.records.arrays import Array
 from fltea.records.units import FLICKER, MOST_DEG
@@ -182,7 +183,7 @@ def _forecast(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     if f.judged:
         t, said, seen, count = np.array([(p.t_s, p.said, p.seen, p.pieces) for p in f.judged]).T
         # Of a root mean square of so many, Wilson & Hilferty (1931).
-        middle, spread = 1 - 2 / (9 * count), WITHIN * np.sqrt(2 / (9 * count))
+        middle, spread = 1 - 2 / (9 * count), NORMAL_95 * np.sqrt(2 / (9 * count))
         low, high = (said * np.maximum(middle + way * spread, 0) ** 1.5 for way in (-1, 1))
         axes.fill_between(t, low, high, color=BAND, alpha=0.7, linewidth=0, label="95 % of what is seen")
         axes.plot(t, said, label="said by the first half", **RIVAL)
@@ -194,7 +195,7 @@ def _forecast(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
 def _innovations(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     axes, rho = figure.subplots(), curves.autocorrelation
     lags = np.arange(1, len(rho) + 1)
-    edge = 1.96 / max(curves.innovations, 1) ** 0.5
+    edge = NORMAL_95 / max(curves.innovations, 1) ** 0.5
     axes.axhspan(-edge, edge, color=BAND, alpha=0.6, linewidth=0, label="95 % for white innovations")
     axes.vlines(lags, 0, rho, color=OWN["color"], linewidth=1.6)
     axes.axhline(0, color="black", linewidth=0.6)

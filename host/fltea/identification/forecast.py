@@ -9,6 +9,7 @@ import numpy as np
 
 from fltea.estimator.offset_walk import OffsetWalk, system_of
 from fltea.estimator.tracker import Tracker
+from fltea.noise.distributions import NORMAL_95
 from fltea.noise.heading import ahead, bias_std, heading_std, heading_stds, rest_for, rested
 from fltea.noise.left_open import nearby
 from fltea.noise.parts import Part
@@ -24,8 +25,6 @@ SAID_S = 60.0
 TIMES_S = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0)
 FEWEST = 5
 """Pieces without which nothing is said of a time."""
-WITHIN = 1.96
-"""Deviations, of a band of 95 %."""
 SURE = 2.5758
 """Deviations that fail a model, of all times together as likely as 1 %: more where there are more times."""
 GROWTH = 1.1
@@ -181,7 +180,7 @@ def judged(model: Learned, y: Array, begin: int, h: float) -> tuple[Piece, ...]:
         deviations = off_by / math.sqrt(2 / (9 * k) + spread**2 / 9)
         most = math.sqrt(SURE**2 + 2 * math.log(len(lengths)))
         rms = math.sqrt(float((seen**2).mean())), math.sqrt(float((said**2).mean()))
-        share = float((z2 <= WITHIN**2).mean())
+        share = float((z2 <= NORMAL_95**2).mean())
         found.append(Piece(t_s, k, rms[1], rms[0], share, deviations, abs(deviations) > most))
     return tuple(found)
 

@@ -4,13 +4,12 @@ from collections.abc import Callable, Sequence
 
 from fltea.records import clock
 from fltea.records.events import Failed, Opened, Reads, Tick
-from fltea.service.pressure import Pressure
+from fltea.service.pressure import LOOK_NS, Pressure
 from fltea.service.walk import Walk
 from fltea.sources.serial import SerialSource
 from fltea.wire.ports import Ports
 
 WAIT_S = 0.5
-LOOK_NS = 10**9
 
 
 def has_line(walk: Walk) -> bool:

@@ -3,6 +3,9 @@
 from fltea.records.ports import Report
 from fltea.stream.beside import Beside
 
+LOOK_NS = 10**9
+"""How often loops look at their devices, and at this."""
+
 LATE_NS = 10**9
 """Samples that have waited for so long show that the fits take time that they need."""
 

@@ -31,7 +31,10 @@ from fltea.settings.setting import Setting, Table, all_declared, joined, of_sens
 from fltea.wire import layout as wire
 
 MOST_BYTES = 250_000
-"""Of a file of settings: a thousand devices, and no more keys within keys than are read in a moment."""
+"""Of a file of settings: a thousand devices."""
+
+DOT, MOST_DOTS = re.compile(r"\.[^.]"), 50
+"""Of a line of settings. tomllib's time and memory grow with the square of the parts of a key."""
 
 MOST_MB = 1e9
 """A thousand TB; beyond it a limit is none."""
@@ -282,7 +285,7 @@ def parse_setting(text: str) -> tuple[str, Any]:
     if not sign or not path or not value:
         raise UsageError(f"--set {text}: give PATH=VALUE, for instance --set estimator.order.Q0=0.05.")
     try:
-        return path, tomllib.loads(f"value = {value}")["value"]
+        return path, _parsed(f"value = {value}")["value"]
     except (ValueError, RecursionError):
         return path, SETTINGS[path].read(value) if path in SETTINGS else value
 
@@ -298,9 +301,17 @@ def of_flags(flags: Mapping[str, Any]) -> dict[str, Any]:
 
 def _read_toml(file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(read_small(file, most_bytes=MOST_BYTES).decode())
+        return _parsed(read_small(file, most_bytes=MOST_BYTES).decode())
     except (ValueError, RecursionError) as error:
         raise UsageError(f"{file}: is not TOML: {error}.") from error
+
+
+def _parsed(text: str) -> dict[str, Any]:
+    """Return the tree of a text in TOML; ValueError if it is none."""
+    for number, line in enumerate(text.split("\n"), 1):
+        if sum(1 for _ in DOT.finditer(line)) > MOST_DOTS:
+            raise ValueError(f"line {number} has more than {MOST_DOTS} dots, which no setting has")
+    return tomllib.loads(text)
 
 
 def _put(tree: dict[str, Any], path: str, value: Any) -> None:

@@ -61,11 +61,12 @@ class RecordSink(Sink):
         self, settings: RecordConfig, device: str, report: Report, hello: Hello | None = None
     ) -> None:
         assert settings.folder is not None
+        assert settings.channels is not None  # see `RecordConfig.for_devices`
         self.path: Path | None = None
         self.trouble: str | None = None
         self.lost = 0
         self._settings, self._report = settings, report
-        kinds = {str(name): KINDS[name] for name in settings.for_devices(1).channels or ()}
+        kinds = {str(name): KINDS[name] for name in settings.channels}
         self._topics = {kind: name for name, kind in kinds.items()}
         self._of_blocks = {name: wanted for name, wanted in OF_BLOCKS.items() if name in kinds}
         self._lines = BlockLines()

@@ -9,9 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fltea.noise.distributions import NORMAL_95
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
-from fltea.spectrum.intervals import NORMAL
 
 AT_ONCE = 1 << 18
 FINE, COARSE = 4000, 1000
@@ -31,7 +31,7 @@ def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Interv
         total += float((np.arange(begin, begin + len(part)) - (n - 1) / 2) @ (part - mean))
     slope = total * 12 / (n * (n * n - 1.0)) / h
     deviation = float(np.sqrt(slope_variance(n, h, spectrum)))
-    return Interval(slope, slope - NORMAL * deviation, slope + NORMAL * deviation)
+    return Interval(slope, slope - NORMAL_95 * deviation, slope + NORMAL_95 * deviation)
 
 
 def slope_variance(n: int, h: float, spectrum: Callable[[Array], Array]) -> float:

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from fltea.noise.distributions import NORMAL_95
 from fltea.spectrum.frontier import Frontier, Sentence, native
-from fltea.spectrum.intervals import NORMAL, order_deviation
+from fltea.spectrum.intervals import order_deviation
 
 LONGEST_S = 30 * 86_400.0
 """No record is that long."""
@@ -21,7 +22,7 @@ def seconds_more(
     if deviation is None:
         return None
     have = 2 * f.ordinates * f.h
-    needed = have * (NORMAL * deviation / target) ** 2
+    needed = have * (NORMAL_95 * deviation / target) ** 2
     if longest_s is not None and needed > max(longest_s, have):
         return None
     return max(needed - have, 0.0)

@@ -8,10 +8,9 @@ import math
 import msgspec
 import numpy as np
 
-from fltea.noise.distributions import chi2_tail
+from fltea.noise.distributions import NORMAL_95, chi2_tail
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
-from fltea.spectrum.intervals import NORMAL
 
 LAGS = 20
 """The lags of Ljung and Box's test: an even number, so that its χ² has a closed form."""
@@ -92,7 +91,7 @@ def describes_order(
         return False if white is False else None
     if order.low is None or order.high is None:
         return False
-    reach = NORMAL * alpha_std
+    reach = NORMAL_95 * alpha_std
     return order.low - reach <= alpha <= order.high + reach
 
 

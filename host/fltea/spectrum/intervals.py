@@ -19,6 +19,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from fltea.noise.distributions import NORMAL_95
 from fltea.noise.parts import (
     CODES,
     FILTERS,
@@ -61,8 +62,6 @@ SLOWEST = 300.0
 """Correlation times are tried up to so many times the longest that the data can show."""
 WIDEST_ORDER = 0.9
 """Width of the interval from which on an order is undefined."""
-NORMAL = 1.96
-"""Half of a 95 % interval in standard deviations."""
 NOTHING = 1e-4
 """Information about a coordinate that is as good as none."""
 HARDLY_KNOWN = 2.0
@@ -211,7 +210,7 @@ def angle_walk(f: Frontier, sentence: Sentence) -> Interval:
     slope = np.zeros(len(sentence.eta))
     slope[places] = rows[:, 0]
     information = information_of(f, sentence) + 1e-9 * np.eye(len(slope))
-    deviation = NORMAL * math.sqrt(max(float(slope @ np.linalg.solve(information, slope)), 0.0))
+    deviation = NORMAL_95 * math.sqrt(max(float(slope @ np.linalg.solve(information, slope)), 0.0))
     if not deviation < HARDLY_KNOWN:
         return Interval()
     low, here, high = (math.sqrt(value * f.h) * math.exp(one / 2) for one in (-deviation, 0.0, deviation))
@@ -348,7 +347,7 @@ def _wider(f: Frontier, sentence: Sentence, at: int, value: float, end: float | 
     leaks = leaking(f.data.lam, f.samples)
     share = float(own[leaks].sum() / own.sum())
     # χ² of one degree has √2 for standard deviation; K goes with the root of the variance.
-    more = NORMAL * share * math.sqrt(2) * LEAK_OF_CUBIC / (1 + LEAK_OF_CUBIC) / 2
+    more = NORMAL_95 * share * math.sqrt(2) * LEAK_OF_CUBIC / (1 + LEAK_OF_CUBIC) / 2
     distance = math.log(end / value)
     return value * math.exp(math.copysign(math.hypot(distance, more), distance))
 

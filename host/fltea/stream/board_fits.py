@@ -11,12 +11,12 @@ from typing import get_args
 import msgspec
 import numpy as np
 
+from fltea.noise.distributions import NORMAL_95
 from fltea.records.device_fit import DeviceAxisFit, DeviceSpectrum, DeviceVerdict
 from fltea.records.events import DeviceBins, DeviceFit
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import DeviceFits
 from fltea.spectrum.frontier import native, order_in_white
-from fltea.spectrum.intervals import NORMAL
 from fltea.spectrum.periodogram import Binned
 from fltea.stream.live import SettledFit
 from fltea.stream.stages import Moment
@@ -133,7 +133,7 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
         return None
     alpha = Interval()
     if ordered:
-        reach = NORMAL * fit.alpha_std
+        reach = NORMAL_95 * fit.alpha_std
         low, high = max(0.0, fit.alpha - reach), min(MOST_ORDER, fit.alpha + reach)
         known = fit.alpha_defined and math.isfinite(reach) and low < high
         alpha = Interval(fit.alpha, *((low, high) if known else (None, None)))

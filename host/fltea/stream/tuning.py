@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 from fltea.estimator.bank import Variances
 from fltea.estimator.belief import Belief
+from fltea.noise.distributions import NORMAL_95
 from fltea.records.fit import AxisFit, Interval
 from fltea.settings.estimator import LARGEST
 from fltea.settings.live import TUNED_WITHIN
-from fltea.spectrum.intervals import NORMAL
 
 STEP = 0.1
 """Of its interval: a figure that has moved by less is the same."""
@@ -46,14 +46,14 @@ def _belief(fit: AxisFit) -> Belief | None:
     if fit.low_pass is not None or alpha is None or F is None or f is None:
         return None  # a low-pass: these are of a filter's input, while the filters see its output
     belief = Belief(*alpha, *F, *f)
-    return belief if belief.is_sound and NORMAL * belief.alpha_std <= TUNED_WITHIN else None
+    return belief if belief.is_sound and NORMAL_95 * belief.alpha_std <= TUNED_WITHIN else None
 
 
 def _with_std(p: Interval) -> tuple[float, float] | None:
     """A figure and its deviation, by the wider side of its interval; None where one of the ends is open."""
     if p.value is None or p.low is None or p.high is None:
         return None
-    return _rounded(p.value), _rounded(max(p.high - p.value, p.value - p.low) / NORMAL)
+    return _rounded(p.value), _rounded(max(p.high - p.value, p.value - p.low) / NORMAL_95)
 
 
 def _has_moved(p: Interval, before: float) -> bool:

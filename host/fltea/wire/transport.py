@@ -145,7 +145,11 @@ class Port:
         except Exception as error:  # whatever a driver raises must not end the reading
             if port is not None:
                 _release(port)
-            return Failed(*explain_open_failure(self.url, error), host_ns(), unix_offset_ns())
+            try:
+                return Failed(*explain_open_failure(self.url, error), host_ns(), unix_offset_ns())
+            except Exception as fault:  # it asks the machine for groups and ports
+                text = f"cannot open {self.url}: {error}. Nothing more can be found out ({fault})."
+                return Failed("open_failed", text, host_ns(), unix_offset_ns())
         return Opened(host_ns(), unix_offset_ns())
 
     def fileno(self) -> int:

@@ -17,11 +17,10 @@ from fltea.service.ingest.kept import Kept
 from fltea.service.ingest.losses import Losses
 from fltea.service.ingest.receiver import Receiver
 from fltea.service.ingest.snapshots import Snapshots
-from fltea.service.pressure import Pressure
+from fltea.service.pressure import LOOK_NS, Pressure
 from fltea.settings.config import Config
 from fltea.stream.beside import Beside
 
-LOOK_NS = 10**9
 STILL_NS = 5 * 10**9
 """A program that did not look for longer stood still: nobody is taken for silent in that time."""
 
