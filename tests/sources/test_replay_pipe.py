@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 from blocks import samples_of
 from fltea.recording.kind import is_of_this_process, is_one_file, is_stream
+from fltea.records import small_file
 from fltea.records.errors import UsageError
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
+from host_support import fltea_here
 
 CSV = b"time_s,gyro_x_dps\n" + b"".join(b"%.2f,%d\n" % (k / 100, k % 7) for k in range(50))
 NDJSON = b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mode":"timer"}\n' + b"".join(
@@ -83,6 +85,47 @@ def test_nothing_in_a_pipe_and_more_than_allowed(fifo: Path) -> None:
         feed(fifo, text)
         with pytest.raises(UsageError, match=r"pipe:\d+: .*replay\.max_mb"):
             ReplaySource(fifo, limits=Limits(max_mb=0.0004))
+
+
+COMMANDS = {
+    "info": ["info", "PIPE"],
+    "identify": ["identify", "--shuffles", "0", "PIPE"],
+    "export": ["export", "PIPE", "--to", "out.npz"],
+    "run": ["run", "--once", "--format", "none", "--startup", "10", "-s", "replay:PIPE"],
+    "recover": ["recover", "PIPE"],
+    "a folder": ["info", "FOLDER"],
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_pipe_into_which_nobody_writes_is_told(
+    command: str, fifo: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(small_file, "PATIENCE_S", 0.05)
+    monkeypatch.chdir(fifo.parent)
+    place = fifo.rename(fifo.with_suffix(".mcap")) if command in ("recover", "a folder") else fifo
+    words = {"PIPE": str(place), "FOLDER": str(fifo.parent), "replay:PIPE": f"replay:{place}"}
+    done = fltea_here(*(words.get(word, word) for word in COMMANDS[command]))
+    assert done.returncode == 2, done.stdout
+    text = "nobody writes into this pipe" if place == fifo else "is a pipe"
+    assert str(place) in done.stderr
+    assert text in done.stderr
+
+
+def test_a_writer_may_take_its_time_once_it_has_come(fifo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(small_file, "PATIENCE_S", 0.05)
+    held = os.open(fifo, os.O_RDWR)  # which waits for nobody
+
+    def write() -> None:
+        for data in (CSV[:100], CSV[100:]):
+            time.sleep(0.2)
+            os.write(held, data)
+        os.close(held)
+
+    thread = threading.Thread(target=write, daemon=True)
+    thread.start()
+    assert samples(ReplaySource(fifo)) == 50
+    thread.join()
 
 
 @pytest.mark.parametrize("name", ["rest.ndjson", "rest"])

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from fltea.recording.session import SESSION
 from fltea.records.errors import UsageError
+from fltea.records.small_file import open_file
 from fltea.settings.extras import load
 
 ROS1, SQLITE, MCAP = b"#ROSBAG V", b"SQLite format 3\0", b"\x89MCAP0\r\n"
@@ -67,7 +68,7 @@ def _is_bag(path: Path) -> bool:
 def is_ros_mcap(path: Path) -> bool:
     """Whether an MCAP file is of ROS, not of fltea: its profile says it, or else its messages."""
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             begin = file.read(BEGIN_BYTES)
     except OSError:
         return False  # opening it will tell why

@@ -1,5 +1,6 @@
 """What kind of recording a path is: its first bytes say it, or else its ending; and what others are."""
 
+import contextlib
 import os
 import re
 import shlex
@@ -14,6 +15,7 @@ from fltea.recording import bag_files
 from fltea.recording.bag_files import is_bag_folder, is_ros_mcap
 from fltea.recording.lines import shown
 from fltea.records.errors import UsageError
+from fltea.records.small_file import open_stream
 
 Kind = Literal[
     "arrays",
@@ -169,17 +171,15 @@ def open_one_file(path: Path) -> Opened:
     """
     if path.is_dir():
         return Opened("bag", None)
-    try:
-        file = path.open("rb")
-        begin = file.peek() if hasattr(file, "peek") else b""
-        kind = _kind(path, begin)
-        if kind == "npz" and not is_stream(path):
-            kind = _kind_of_zip(path, file)
-    except (OSError, UsageError) as error:
-        if isinstance(error, UsageError):
-            file.close()
-            raise
-        raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
+    with contextlib.ExitStack() as unused:
+        try:
+            file = unused.enter_context(open_stream(path) if is_stream(path) else path.open("rb"))
+            kind = _kind(path, file.peek() if hasattr(file, "peek") else b"")
+            if kind == "npz" and not is_stream(path):
+                kind = _kind_of_zip(path, file)
+        except OSError as error:
+            raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
+        unused.pop_all()
     if not is_stream(path):
         file.close()
         return Opened("bag" if kind == "mcap" else kind, None)

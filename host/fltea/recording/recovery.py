@@ -9,6 +9,7 @@ from mcap.writer import CompressionType, Writer
 
 from fltea.recording.scan import LOG_TIME, ChunkEnd, Damage, Messages, Scan
 from fltea.records.errors import UsageError
+from fltea.records.small_file import open_file
 from fltea.records.version import __version__
 from fltea.records.whole_file import whole_file
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -34,7 +35,7 @@ def recover(path: Path, *, in_place: bool, limits: Limits = DEFAULT_LIMITS) -> R
     """
     out = path if in_place else path.with_name(f"{path.stem}.recovered.mcap")
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             _check_unused(path, file)
             found = _examine(path, limits)
             if found.out is None:

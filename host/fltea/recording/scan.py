@@ -20,6 +20,7 @@ from fltea.recording.session import LATEST_NS
 from fltea.recording.unpack import unpacked_lz4, unpacked_zstd
 from fltea.records.errors import UsageError
 from fltea.records.events import Ints
+from fltea.records.small_file import open_file
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 HEAD = struct.Struct("<BQ")
@@ -102,7 +103,7 @@ class Scan:
             ValueError: it is no MCAP file.
             UsageError: a record of it would take more memory than the limits allow.
         """
-        with self.path.open("rb") as file:
+        with open_file(self.path) as file:
             size = file.seek(0, 2)
             file.seek(0)
             magic = file.read(len(MCAP0_MAGIC))

@@ -1,9 +1,14 @@
-"""Files of a user's that are read whole, such as settings: small ones, and each has an end."""
+"""Opens files of a user's, and reads small ones whole, such as settings: nothing waits for ever."""
 
+import contextlib
+import errno
 import os
 import select
 import stat
+import threading
+from concurrent.futures import Future
 from pathlib import Path
+from typing import BinaryIO
 
 from fltea.records.errors import UsageError
 
@@ -48,3 +53,43 @@ def _some(descriptor: int, name: str) -> bytes:
     if not ready.poll(PATIENCE_S * 1e3):
         raise UsageError(f"{name}: nothing came out of this pipe for {PATIENCE_S:g} s.")
     return os.read(descriptor, 1 << 16)
+
+
+def open_file(path: Path) -> BinaryIO:
+    """Open what has to be a file: opening a pipe would wait for who writes.
+
+    Raises:
+        OSError: it cannot be opened, or is a pipe or a device.
+    """
+    file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK))  # noqa: SIM115
+    if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        return file
+    file.close()
+    raise OSError(errno.ESPIPE, "is a pipe or a device, and has to be a file")
+
+
+def open_stream(path: Path) -> BinaryIO:
+    """Open a pipe or the like to read. Whoever writes into it may then take all the time.
+
+    Raises:
+        OSError: it cannot be opened.
+        UsageError: nobody opens it to write.
+    """
+    opened: Future[BinaryIO] = Future()
+
+    def wait() -> None:
+        try:
+            opened.set_result(path.open("rb"))
+        except OSError as error:
+            opened.set_exception(error)
+
+    threading.Thread(target=wait, name=f"open {path}", daemon=True).start()
+    try:
+        return opened.result(PATIENCE_S)
+    except TimeoutError:
+        opened.add_done_callback(lambda late: late.exception() or late.result().close())
+        with contextlib.suppress(OSError):  # lets go of the thread
+            os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK))
+        raise UsageError(
+            f"{path}: nobody writes into this pipe, for {PATIENCE_S:g} s. Start what writes first."
+        ) from None
