@@ -25,8 +25,7 @@ from fltea.records.records import (
     SampleStats,
     Stats,
 )
-from fltea.service.daemon import _check_recordable
-from fltea.service.open_source import open_source
+from fltea.service.open_source import check_recordable, open_source
 from fltea.settings.config import load_config
 from fltea.settings.outputs import RECORDED
 from fltea.sinks.metrics import families as metrics_families
@@ -242,7 +241,7 @@ def test_only_a_wire_has_estimates_of_a_device(who: str, source: str) -> None:
 def test_a_state_file_cannot_keep_them(who: str, tmp_path: Path) -> None:
     config = load_config(None, {"estimator.estimate_on": who, "state.file": str(tmp_path / "state")})
     with pytest.raises(UsageError, match=f"begins again with its boot.*--estimate-on {who}"):
-        _check_recordable(config, FedSource("/dev/due"))
+        check_recordable(config, FedSource("/dev/due"))
 
 
 @pytest.mark.parametrize("who", ["device", "both"])

@@ -8,17 +8,17 @@ import msgspec
 
 from fltea.records import clock
 from fltea.records.block import Block
-from fltea.records.errors import FlteaError, UsageError
+from fltea.records.errors import FlteaError
 from fltea.records.events import Event, Trouble
 from fltea.records.ports import Source
 from fltea.records.records import AnyRecord, Error, Gap, Hello
 from fltea.records.visible import visible_lines
 from fltea.service.daemon import StopOnSignal
-from fltea.service.open_source import open_source
+from fltea.service.open_source import check_recordable, check_shared, open_source
 from fltea.settings.config import Config
+from fltea.settings.ingest import is_shared
 from fltea.sinks.record import RecordSink
 from fltea.sources.as_wire import AsWire
-from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
 from fltea.stream.decode import Decoder
 
@@ -35,9 +35,10 @@ def record(config: Config, seconds: float | None) -> str:
         FlteaError: not everything could be written.
     """
     with StopOnSignal() as stop:
+        if is_shared(config.source):
+            check_shared([config])
         source = open_source(config)
-        if isinstance(source, ReplaySource):
-            raise UsageError("this source is a recording already; use 'fltea export' or 'fltea recover'.")
+        check_recordable(config, source)
         run = _Recorder(source, config)
         stop.armed = True
         end_ns = None if seconds is None else clock.host_ns() + int(seconds * 1e9)
@@ -59,7 +60,7 @@ class _Recorder:
 
     def __init__(self, source: Source, config: Config) -> None:
         self._source, self._name = source, config.name or "device"
-        self._sink = RecordSink(config.record, self._name, self._tell)
+        self._sink = RecordSink(config.record.for_devices(1), self._name, self._tell)
         self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, self._name)
         self._as_wire: AsWire | None = None
         if isinstance(source, SerialSource):

@@ -22,7 +22,7 @@ Recordings = Annotated[
 ]
 
 
-@takes_settings(["record.rotate_mb", "record.rotate_s", "link.baud"])
+@takes_settings(["record.rotate_mb", "record.rotate_s", "link.baud", *RECORDING])
 def record(
     settings: dict[str, Any],
     folder: Annotated[str, typer.Argument(metavar="DIR", help="Folder for the files.")] = "recordings",

@@ -20,13 +20,12 @@ from fltea.service.ending import Awaited, Ending
 from fltea.service.hub import Hub
 from fltea.service.lines import LineLoop, has_line
 from fltea.service.open_outputs import open_outputs
-from fltea.service.open_source import open_source
+from fltea.service.open_source import check_recordable, check_shared, open_source
 from fltea.service.pressure import Pressure
 from fltea.service.state import StateFile
 from fltea.service.systemd import ServiceManager
 from fltea.service.walk import Walk
 from fltea.settings.config import Config
-from fltea.settings.estimator import BY_DEVICE
 from fltea.settings.ingest import is_shared
 from fltea.sources.replay import ReplaySource
 from fltea.stream.beside import Beside, BesideThreads
@@ -120,14 +119,14 @@ class _Run:
         try:
             for config in configs:  # the sources first: a wrong one leaves no half-open outputs
                 sources.append(open_source(config))
-                _check_recordable(config, sources[-1])
+                check_recordable(config, sources[-1])
             check_descriptors(sources, configs)
             replays = [
                 config.name or ""
                 for source, config in zip(sources, configs, strict=True)
                 if isinstance(source, ReplaySource)
             ]
-            _check_shared(shared)
+            check_shared(shared)
             live = bool(shared) or any(source.live for source in sources)
             # Where samples come at their own pace, more threads would only take Python's lock from the walks.
             beside = BesideThreads(len(sources), 1 if live else len(os.sched_getaffinity(0)))
@@ -265,25 +264,6 @@ def _closing(sources: "Sequence[Source | Ingest]") -> list[Awaited]:
     return [_begun(source.close, "a source") for source in sources]
 
 
-def _check_shared(configs: Sequence[Config]) -> None:
-    """Refuse what has no meaning for devices that come and go by the hundred."""
-    for config in configs:
-        asked = {
-            "--record": config.record.folder,
-            "--state": config.state.file,
-            "--dashboard": config.dashboard.address,
-            "--once": config.once,
-        }
-        wrong = next(
-            (flag for flag, value in asked.items() if value is not None and value is not False), None
-        )
-        if wrong is not None:
-            raise UsageError(
-                f"{wrong} is not for --source {config.source}, behind which many devices stand. Their "
-                "records go to --mqtt, --metrics and the standard output."
-            )
-
-
 def _check_filters(config: Config) -> None:
     """Refuse what is right setting by setting, and no filter can start from."""
     for name in ("estimator", "accel"):
@@ -291,16 +271,6 @@ def _check_filters(config: Config) -> None:
             LaneSettings(getattr(config, name), h=1.0, R=1.0).table(1)
         except ValueError as error:
             raise UsageError(f"{name}.{error}.") from error
-
-
-def _check_recordable(config: Config, source: Source) -> None:
-    if isinstance(source, ReplaySource) and (config.record.folder or config.state.file):
-        raise UsageError("--record and --state are for devices, and the source is a recording.")
-    if config.state.file and config.estimator.estimate_on in BY_DEVICE:
-        raise UsageError(
-            "--state cannot keep what a device estimates, which begins again with its boot; leave "
-            f"--estimate-on {config.estimator.estimate_on} or --state away."
-        )
 
 
 def _last_words(text: str) -> None:

@@ -3,6 +3,7 @@
 What few need is imported when it is: a program's start on a Raspberry Pi takes a second.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from fltea.recording.kind import KINDS, is_one_file
@@ -101,6 +102,47 @@ def open_source(config: Config) -> Source:
         "i2c:///dev/i2c-1?addr=0x68, iio:NAME, stdin:, serial-text:PORT?baud=115200, "
         "mqtt://BROKER, nats://SERVER, replay:FILE, synthetic:?KEY=VALUE&…"
     )
+
+
+def check_shared(configs: Sequence[Config]) -> None:
+    """Refuse what has no meaning for devices that come and go by the hundred, which these sources have.
+
+    Raises:
+        UsageError: a setting that is for single devices.
+    """
+    for config in configs:
+        asked = {
+            "--record": config.record.folder,
+            "--state": config.state.file,
+            "--dashboard": config.dashboard.address,
+            "--once": config.once,
+        }
+        wrong = next(
+            (flag for flag, value in asked.items() if value is not None and value is not False), None
+        )
+        if wrong is not None:
+            raise UsageError(
+                f"{wrong} is not for --source {config.source}, behind which many devices stand. Their "
+                "records go to --mqtt, --metrics and the standard output."
+            )
+
+
+def check_recordable(config: Config, source: Source) -> None:
+    """Refuse to keep what is kept already, or what cannot be.
+
+    Raises:
+        UsageError: a setting that does not fit the source.
+    """
+    if isinstance(source, ReplaySource) and (config.record.folder or config.state.file):
+        raise UsageError(
+            "--record and --state are for devices, and this source is a recording already; use "
+            "'fltea export' or 'fltea recover'."
+        )
+    if config.state.file and config.estimator.estimate_on in BY_DEVICE:
+        raise UsageError(
+            "--state cannot keep what a device estimates, which begins again with its boot; leave "
+            f"--estimate-on {config.estimator.estimate_on} or --state away."
+        )
 
 
 def _need_wire(config: Config, url: str) -> None:

@@ -1,0 +1,185 @@
+"""Each kind of source, recorded in several files: all are used, or named, and exit code 1 says so.
+
+A kind that cannot be recorded says so, and what to do instead.
+"""
+
+import contextlib
+import json
+import os
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fake_iio import imu, scan
+from fltea.sources.synthetic import parse_noise
+from host_support import Processes, fltea_here, wait_until
+from mcap_support import files
+from standin import Device
+from terminal import speaking
+from tiers import slow
+
+EVERY_S = 0.02
+LINES = np.random.default_rng(1).integers(-50, 50, (100_000, 3))
+Source = contextlib.AbstractContextManager[list[str]]
+
+
+def boards(rate_hz: int = 500) -> Callable[[int], bytes]:
+    """What a board says, a fiftieth of a second a turn."""
+    device = Device(parse_noise(f"seed=1&rate_hz={rate_hz}"), boot_id=1)
+    return lambda turn: (
+        (b"" if turn else device.boot()) + b"".join(device.tick() for _ in range(rate_hz // 50))
+    )
+
+
+def lines(turn: int) -> bytes:
+    """Counts as text, 500 lines a second."""
+    return b"".join(b"%d,%d,%d\n" % tuple(row) for row in LINES[10 * turn : 10 * turn + 10].tolist())
+
+
+@contextlib.contextmanager
+def played(write: Callable[[bytes], object], speech: Callable[[int], bytes]) -> Iterator[None]:
+    """Speech, until the end of the block or until nobody listens."""
+    stop = threading.Event()
+
+    def play() -> None:
+        with contextlib.suppress(OSError):
+            turn = 0
+            while not stop.wait(EVERY_S):
+                write(speech(turn))
+                turn += 1
+
+    thread = threading.Thread(target=play)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
+@contextlib.contextmanager
+def port(folder: Path) -> Iterator[list[str]]:
+    with speaking(boards(), EVERY_S) as one:
+        yield [f"serial:{one.port}"]
+
+
+@contextlib.contextmanager
+def tcp(folder: Path) -> Iterator[list[str]]:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        heard: list[socket.socket] = []
+
+        def write(data: bytes) -> None:
+            heard.extend([] if heard else [server.accept()[0]])
+            heard[0].sendall(data)
+
+        with played(write, boards()):
+            yield [f"serial:socket://127.0.0.1:{server.getsockname()[1]}"]
+        for one in heard:
+            one.close()
+
+
+TEXT = ["--columns", "1,2,3", "--units", "lsb:16.4", "--rate", "500"]
+
+
+@contextlib.contextmanager
+def text_port(folder: Path) -> Iterator[list[str]]:
+    with speaking(lines, EVERY_S) as one:
+        yield [f"serial-text:{one.port}", *TEXT]
+
+
+@contextlib.contextmanager
+def text(folder: Path) -> Iterator[list[str]]:
+    os.mkfifo(folder / "pipe")
+    held = os.open(folder / "pipe", os.O_RDWR)
+    with played(lambda data: os.write(held, data), lines):
+        yield [f"stdin:{folder / 'pipe'}", *TEXT]
+    os.close(held)
+
+
+@contextlib.contextmanager
+def i2c(folder: Path) -> Iterator[list[str]]:
+    yield ["i2c:///dev/i2c-1?addr=0x68"]
+
+
+@contextlib.contextmanager
+def synthetic(folder: Path) -> Iterator[list[str]]:
+    yield ["synthetic:?seed=1&rate_hz=500"]
+
+
+KINDS = [port, text, i2c, *map(slow, (tcp, text_port, synthetic))]
+START = ["--startup", "20"]
+REPLAY = ["run", "--once", "--samples", *START]
+IDENTIFY = ["identify", "--json", "--shuffles", "0", *START]
+
+
+@pytest.mark.parametrize("command", ["record", slow("run")])
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_files_of_a_recording_are_used_or_named(
+    kind: Callable[[Path], Source], command: str, tmp_path: Path, processes: Processes
+) -> None:
+    folder = tmp_path / "rec"
+    words = [folder] if command == "record" else ["--format", "none", "--record", folder]
+    launcher = [str(Path(__file__).with_name("pi_launcher.py")), "seed=1"] if kind is i2c else []
+    with kind(tmp_path) as source:
+        program = processes.daemon(
+            *words, "-s", *source, "--rotate-s", "0.4", command=command, program=launcher
+        )
+        wait_until(lambda: len(files(folder)) > 6, "the files")
+        assert program.end()[0] == 0
+    whole = files(folder)
+    summary = json.loads(fltea_here("info", "--json", folder).stdout)
+    assert (summary["files"], summary["whole"], summary["breaks"]) == (len(whole), True, 0)
+    assert samples_of(folder) == summary["samples"] > 100
+    whole[1].write_bytes(whole[1].read_bytes().replace(b"format", b"farmat", 1))
+    for one in (["info"], IDENTIFY, [*REPLAY, "-s"]):
+        done = fltea_here(*one, f"replay:{folder}" if one[-1] == "-s" else folder)
+        assert done.returncode == 1
+        assert f"one file of the recording not read, the others were: {whole[1]}: " in done.stderr
+
+
+def samples_of(folder: Path) -> int:
+    """How many samples `replay:` and `identify` find, which are all in a row."""
+    done = fltea_here(*REPLAY, "-s", f"replay:{folder}")
+    assert done.returncode == 0, done.stderr
+    seqs = [one["seq"] for one in map(json.loads, done.stdout.splitlines()) if one["class"] == "sample"]
+    assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
+    done = fltea_here(*IDENTIFY, folder)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["files"][0]["samples"]["samples"] == len(seqs)
+    return len(seqs)
+
+
+@contextlib.contextmanager
+def iio(folder: Path) -> Iterator[list[str]]:
+    """A BMI160, whose scale is no multiple of what a frame states."""
+    device = imu(folder)
+    held = os.open(device.node, os.O_RDWR)
+    os.write(held, b"".join(scan(k, k * 5_000_000) for k in range(500)))
+    yield [f"{device.url}?rate_hz=200"]
+    os.close(held)
+
+
+REFUSED: dict[str, tuple[list[str], str]] = {
+    "replay": (["replay:rest.npz"], "a recording already; use 'fltea export' or 'fltea recover'."),
+    "mqtt": (["mqtt://127.0.0.1:1"], "Their records go to --mqtt, --metrics and the standard output."),
+    "nats": (["nats://127.0.0.1:1"], "Their records go to --mqtt, --metrics and the standard output."),
+    "rates as text": (["stdin:rest.csv"], "Write its samples instead: fltea run --samples."),
+    "iio": ([], "Write its samples instead: fltea run --samples."),
+}
+
+
+@pytest.mark.parametrize("command", [["record", "rec"], ["run", "--format", "none", "--record", "rec"]])
+@pytest.mark.parametrize("kind", REFUSED)
+def test_what_cannot_be_recorded_says_what_to_do(
+    kind: str, command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.savez("rest.npz", gyro_raw=LINES[:900], fs_hz=100.0, lsb_per_dps=16.4)
+    Path("rest.csv").write_text("time_s,gyro_x_dps\n" + "".join(f"{k / 100},{k % 7}\n" for k in range(300)))
+    source, text = REFUSED[kind]
+    with iio(tmp_path) if kind == "iio" else contextlib.nullcontext(source) as words:
+        done = fltea_here(*command, "-s", *words)
+    assert (done.returncode, text in done.stderr) == (2, True), done.stderr
