@@ -106,28 +106,20 @@ class Spectrum {
             if (!bins_->kernel->word(columns, word, eta + next, part_.data(), slope))
                 return std::numeric_limits<double>::infinity();
             if (filters(word.part)) {
-                for (std::size_t i = 0; i < size_; ++i) gain_[i] *= part_[i];
+                bins_->kernel->times(size_, gain_.data(), part_.data(), gain_.data());
             } else {
                 std::vector<double>& into = word.part == kFloor ? floor_ : total_;
                 for (std::size_t i = 0; i < size_; ++i) into[i] += part_[i];
             }
             next += kFree[word.part];
         }
-        // Slopes of the logarithm of the whole: floor_ becomes the share that has passed the filters.
-        for (std::size_t i = 0; i < size_; ++i) {
-            const double passed = total_[i] * gain_[i];
-            total_[i] = passed + floor_[i];
-            floor_[i] = passed / total_[i];
-            part_[i] = 1 / total_[i];
-            over_[i] = gain_[i] * part_[i];
-        }
+        // Slopes of the logarithm of the whole.
+        bins_->kernel->whole(size_, gain_.data(), total_.data(), floor_.data(), part_.data(), over_.data());
         next = 0;
         for (const Word& word : words) {
             const std::vector<double>& by = filters(word.part) ? floor_ : word.part == kFloor ? part_ : over_;
-            for (int k = 0; k < kFree[word.part]; ++k) {
-                double* const one = row(next + k);
-                for (std::size_t i = 0; i < size_; ++i) one[i] *= by[i];
-            }
+            for (int k = 0; k < kFree[word.part]; ++k)
+                bins_->kernel->times(size_, row(next + k), by.data(), row(next + k));
             next += kFree[word.part];
         }
         return bins_->kernel->nll(columns, total_.data());

@@ -80,10 +80,10 @@ class Gains {
         const double* shape = one.shape.data();
         if (!filter) {
             const std::vector<double>& by = one.word.part == kFloor ? over_ : passed_;
-            for (std::size_t i = 0; i < size_; ++i) row_[i] = shape[i] * by[i];
+            bins_.kernel->times(size_, shape, by.data(), row_.data());
             shape = row_.data();
         }
-        for (std::size_t i = 0; i < size_; ++i) weighted_[i] = bins_.counts[i] * shape[i];
+        bins_.kernel->times(size_, bins_.counts.data(), shape, weighted_.data());
         double slope = bins_.kernel->dot(size_, excess_.data(), shape);
         double curvature = bins_.kernel->dot(size_, weighted_.data(), shape);
         for (int k = 0; k < free_; ++k) {

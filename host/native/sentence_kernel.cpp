@@ -41,14 +41,18 @@ void each(std::size_t size, const Op& op) {
     for (; i < size; ++i) op(double(), i);
 }
 
-// Sums in eight lanes: the compiler makes vectors of them, and the result does not depend on which.
+// The sum of term(T(), i) in eight lanes, whatever the width of a pack.
 template <class Term>
 double sum_of(std::size_t size, const Term& term) {
-    double lane[8] = {0, 0, 0, 0, 0, 0, 0, 0};
+    constexpr std::size_t kPacks = 8 / engine::kWidth;
+    Wide packs[kPacks];
+    for (Wide& one : packs) one = Wide(0.0);
     std::size_t i = 0;
     for (; i + 8 <= size; i += 8)
-        for (std::size_t k = 0; k < 8; ++k) lane[k] += term(i + k);
-    for (; i < size; ++i) lane[i % 8] += term(i);
+        for (std::size_t k = 0; k < kPacks; ++k) packs[k] += term(Wide(), i + k * engine::kWidth);
+    double lane[8];
+    __builtin_memcpy(lane, packs, sizeof lane);
+    for (; i < size; ++i) lane[i % 8] += term(double(), i);
     return ((lane[0] + lane[4]) + (lane[1] + lane[5])) + ((lane[2] + lane[6]) + (lane[3] + lane[7]));
 }
 
@@ -261,34 +265,59 @@ bool word_at(const Columns& b, Word word, const double* eta, double* part, doubl
 }
 
 double nll(const Columns& b, const double* total) {
-    return sum_of(b.size,
-                  [&](std::size_t i) { return b.counts[i] * (log(total[i]) + b.power[i] / total[i]); });
+    return sum_of(b.size, [&](auto one, std::size_t i) {
+        typedef decltype(one) T;
+        const T here = from<T>(total + i);
+        return from<T>(b.counts + i) * (log(here) + from<T>(b.power + i) / here);
+    });
+}
+
+double dot(std::size_t size, const double* a, const double* b) {
+    return sum_of(size, [&](auto one, std::size_t i) {
+        typedef decltype(one) T;
+        return from<T>(a + i) * from<T>(b + i);
+    });
+}
+
+void times(std::size_t size, const double* a, const double* b, double* into) {
+    each(size, [&](auto one, std::size_t i) {
+        typedef decltype(one) T;
+        to(into + i, from<T>(a + i) * from<T>(b + i));
+    });
+}
+
+void whole(std::size_t size, const double* gain, double* total, double* floor, double* inverse,
+           double* over) {
+    each(size, [&](auto one, std::size_t i) {
+        typedef decltype(one) T;
+        const T passed = from<T>(total + i) * from<T>(gain + i), all = passed + from<T>(floor + i);
+        const T by = T(1.0) / all;
+        to(total + i, all);
+        to(floor + i, passed / all);
+        to(inverse + i, by);
+        to(over + i, from<T>(gain + i) * by);
+    });
 }
 
 void derivatives(const Columns& b, const double* total, int free, const double* const* slopes, double* over,
                  double* gradient, double* information) {
-    for (std::size_t i = 0; i < b.size; ++i) over[i] = b.counts[i] * (1 - b.power[i] / total[i]);
-    for (int k = 0; k < free; ++k)
-        gradient[k] = sum_of(b.size, [&](std::size_t i) { return over[i] * slopes[k][i]; });
+    each(b.size, [&](auto one, std::size_t i) {
+        typedef decltype(one) T;
+        to(over + i, from<T>(b.counts + i) * (T(1.0) - from<T>(b.power + i) / from<T>(total + i)));
+    });
+    for (int k = 0; k < free; ++k) gradient[k] = dot(b.size, over, slopes[k]);
     for (int k = 0; k < free; ++k) {
-        for (std::size_t i = 0; i < b.size; ++i) over[i] = b.counts[i] * slopes[k][i];
-        for (int j = 0; j <= k; ++j) {
-            const double* const other = slopes[j];
-            information[k * kMostFree + j] = information[j * kMostFree + k] =
-                sum_of(b.size, [&](std::size_t i) { return over[i] * other[i]; });
-        }
+        times(b.size, b.counts, slopes[k], over);
+        for (int j = 0; j <= k; ++j)
+            information[k * kMostFree + j] = information[j * kMostFree + k] = dot(b.size, over, slopes[j]);
     }
-}
-
-double dot(std::size_t size, const double* a, const double* b) {
-    return sum_of(size, [&](std::size_t i) { return a[i] * b[i]; });
 }
 
 }  // namespace
 }  // namespace FLTEA_INSTRUCTION_SET
 
-extern const Kernel FLTEA_JOIN(kernel_, FLTEA_INSTRUCTION_SET) = {FLTEA_STRING(FLTEA_INSTRUCTION_SET),
-                                                                  word_at, nll, derivatives, dot};
+extern const Kernel FLTEA_JOIN(kernel_, FLTEA_INSTRUCTION_SET) = {
+    FLTEA_STRING(FLTEA_INSTRUCTION_SET), word_at, nll, whole, derivatives, dot, times};
 
 }  // namespace sentence
 }  // namespace fltea

@@ -78,12 +78,18 @@ struct Kernel {
     bool (*word)(const Columns& bins, Word word, const double* eta, double* part, double* const* slope);
     // Σ c (log S + I/S).
     double (*nll)(const Columns& bins, const double* total);
+    // total, the sum of the parts, becomes the whole spectrum total · gain + floor; inverse: one over that;
+    // over: gain over that; floor becomes the share that has passed the filters. All (size,).
+    void (*whole)(std::size_t size, const double* gain, double* total, double* floor, double* inverse,
+                  double* over);
     // Gradient (free,) of that by parameters, of which `slopes` are the slopes of log S, and expected
     // curvature (free, kMostFree); over (size,) is room.
     void (*derivatives)(const Columns& bins, const double* total, int free, const double* const* slopes,
                         double* over, double* gradient, double* information);
     // Σ a b.
     double (*dot)(std::size_t size, const double* a, const double* b);
+    // a b, which may be put in place of either.
+    void (*times)(std::size_t size, const double* a, const double* b, double* into);
 };
 
 extern const Kernel kernel_baseline;
