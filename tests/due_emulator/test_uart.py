@@ -38,7 +38,6 @@ def board():
 
 @pytest.fixture
 def taken(board):
-    """What reaches the host."""
     found = []
     board.bridge.deliver = lambda byte: found.append(byte) or True
     return found

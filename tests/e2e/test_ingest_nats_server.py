@@ -70,7 +70,6 @@ def start() -> Iterator[Start]:
 
 @pytest.fixture
 def serving(server: Servers, start: Start) -> tuple[Server, Worker]:
-    """A server, and a worker that serves all its partitions."""
     one = server()
     worker = start(one)
     wait_until(worker.serves_all, "all partitions")

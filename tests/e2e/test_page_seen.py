@@ -62,7 +62,6 @@ def seen(sink: DashboardSink, chromium: Browser) -> Iterator[Watched]:
 
 
 def details(one: Watched, axis: str) -> None:
-    """Open the details of an axis, or close them."""
     one.page.get_by_role("button", name=f"details of {axis}").click()
 
 

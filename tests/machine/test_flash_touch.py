@@ -16,7 +16,6 @@ from terminal import SpeakingPort, speaking
 
 @pytest.fixture
 def board() -> Iterator[SpeakingPort]:
-    """A board that says nothing."""
     with speaking(lambda turn: b"", 60) as port:
         yield port
 

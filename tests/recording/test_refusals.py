@@ -27,7 +27,6 @@ def refusal(path: Path, how: How | None = None) -> str:
 
 
 def read(path: Path, how: How | None = None) -> tuple[float, np.ndarray]:
-    """The rate, and what is read of the gyroscope."""
     events = list(ReplaySource(path, how=how or How()).events())
     (hello,) = [event for event in events if isinstance(event, Hello)]
     return hello.rate_hz, np.concatenate([event.gyro for event in events if isinstance(event, RawBlock)])

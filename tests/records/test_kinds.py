@@ -72,7 +72,6 @@ def kinds_in(value: ast.expr, defined: dict[str, list[Function]], place: str) ->
 
 
 def returned(function: Function) -> set[str]:
-    """The kinds that a function returns with a text."""
     found = set()
     for node in ast.walk(function):
         match node:

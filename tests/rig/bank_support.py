@@ -146,7 +146,6 @@ def assert_published(
 
 
 def assert_same(found: Walked, expected: Walked) -> None:
-    """To the bit."""
     for name in COLUMNS:
         np.testing.assert_array_equal(found.columns[name], expected.columns[name], err_msg=name)
     assert found[1:] == expected[1:]

@@ -22,7 +22,6 @@ def of(kind: type[T], found: Iterable[object]) -> list[T]:
 
 
 def as_block(*samples: RawSample) -> RawBlock:
-    """Samples as one block."""
     return block_of(samples)
 
 
@@ -50,8 +49,6 @@ def as_items(records: Iterable[AnyRecord | Block]) -> Iterator[AnyRecord | Block
 
 
 def block_of_records(sample: Sample, estimate: Estimate | None = None) -> Block:
-    """A block of one sample."""
-
     def row(values: Sequence[float] | None) -> np.ndarray | None:
         return None if values is None else np.array([values], dtype=np.float64)
 
@@ -113,7 +110,6 @@ def ndjson(items: Iterable[AnyRecord | Block]) -> list[bytes]:
 
 
 def samples_of(events: Iterable[object]) -> list[RawSample]:
-    """The samples among events, one by one."""
     return [raw for event in events if isinstance(event, RawBlock) for raw in event.samples()]
 
 
@@ -200,5 +196,4 @@ def place_events(events: Iterable[object]) -> tuple[Place, list[Piece]]:
 
 
 def place_one(place: Place, raw: RawSample) -> Placed | None:
-    """Where one sample stands."""
     return place_all(place, [raw])[0]

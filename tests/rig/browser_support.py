@@ -27,7 +27,6 @@ SEQ = "document.documentElement.dataset.seq"
 
 
 def browsers() -> Iterator[Browser]:
-    """One browser, for a fixture."""
     if CHROMIUM is None:
         missing("no Chromium: apt-get install chromium")
     with sync_playwright() as playwright:

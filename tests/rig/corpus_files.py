@@ -34,7 +34,6 @@ RADS = np.radians(GYRO_DPS)
 
 
 def text(name: str) -> bytes:
-    """One of the text files."""
     return (HERE / name).read_bytes()
 
 

@@ -128,6 +128,5 @@ def same(a: Estimates, b: Estimates) -> bool:
 
 
 def lane(estimates: Estimates, index: Any) -> Estimates:
-    """The estimates of some lanes."""
     columns = (column[..., index] for column in estimates[:-1])
     return Estimates._make((*columns, estimates.interventions[index]))

@@ -35,28 +35,23 @@ class FakeIio:
         os.mkfifo(self.node)
 
     def put(self, name: str, text: str) -> None:
-        """Write a file of the device."""
         path = self.folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text + "\n", encoding="utf-8")
 
     def get(self, name: str) -> str:
-        """Content of a file of the device."""
         return (self.folder / name).read_text(encoding="utf-8").strip()
 
     def channel(self, name: str, index: int, layout: str = "le:s16/16>>0") -> None:
-        """Let the buffer have a channel."""
         for ending, text in (("en", "0"), ("index", str(index)), ("type", layout)):
             self.put(f"scan_elements/in_{name}_{ending}", text)
 
     def trigger(self, name: str, number: int = 0) -> None:
-        """Let the machine have a trigger."""
         folder = self.root / DEVICES / f"trigger{number}"
         folder.mkdir(parents=True)
         (folder / "name").write_text(name + "\n", encoding="utf-8")
 
     def settings(self) -> dict[str, str]:
-        """All its files."""
         return {
             str(path.relative_to(self.folder)): path.read_text(encoding="utf-8").strip()
             for path in sorted(self.folder.rglob("*"))

@@ -208,7 +208,6 @@ class Pi:
         return self
 
     def of(self, kind: type) -> list:
-        """Records of a kind."""
         return [record for record in self.records if isinstance(record, kind)]
 
     @property

@@ -90,7 +90,6 @@ class FakeSystem(System):
 
 
 def finding_of(findings: list[Finding], check: str) -> Finding:
-    """The one finding of this name."""
     (found,) = [finding for finding in findings if finding.check == check]
     return found
 

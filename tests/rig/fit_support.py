@@ -60,13 +60,11 @@ def curves(scale: float = 1.0, points: int = 110) -> tuple[FitSpectrum, FitAllan
 
 
 def with_curves(fit: AxisFit, scale: float = 1.0) -> AxisFit:
-    """The same fit, with curves."""
     spectrum, allan = curves(scale)
     return replace(fit, spectrum=spectrum, allan=allan)
 
 
 def fit_after(sample: Sample, axes: dict[str, AxisFit], samples: int | None = None) -> Fit:
-    """A fit that came with a sample."""
     place = sample.seq, sample.epoch, sample.device_us, sample.host_ns
     return Fit(*place, sample.seq if samples is None else samples, axes, device=sample.device)
 

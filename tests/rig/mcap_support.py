@@ -96,7 +96,6 @@ def kill(sink: RecordSink) -> None:
 
 
 def replay(path: Path, **overrides: object) -> list[AnyRecord]:
-    """The records of a replay."""
     config: Config = load_config(None, {**SMALL, "source": f"replay:{path}", **overrides})
     source = open_source(config)
     pipeline = Pipeline(source, config)

@@ -49,12 +49,10 @@ class BoardSpectrum:
     """One axis."""
 
     def __init__(self) -> None:
-        """Begin."""
         self._axis = library().spectrum_make()
         weakref.finalize(self, library().spectrum_free, self._axis)
 
     def add(self, counts: NDArray[np.int16]) -> None:
-        """Take samples."""
         library().spectrum_add(self._axis, len(counts), np.ascontiguousarray(counts))
 
     def skip(self, lost: int) -> None:

@@ -26,7 +26,6 @@ def needed(tool: str, package: str = "") -> str:
 
 
 def arm_compiler() -> str:
-    """The compiler for the board."""
     return needed("arm-none-eabi-g++", "gcc-arm-none-eabi")
 
 

@@ -53,7 +53,6 @@ class Bench:
         self.bus.inject = lambda messages: (left.pop(0) or None) if left else None
 
     def kept(self, register: int) -> int:
-        """What a register holds."""
         if isinstance(self.chip, Icm20948):
             return self.chip.register(register)
         return self.chip.read_block(register, 1)[0]

@@ -31,7 +31,6 @@ def troubles(events: list[Event]) -> list[str]:
 
 
 def the_trouble(events: Iterable[Event]) -> Trouble:
-    """The only one among events."""
     (found,) = of(Trouble, events)
     return found
 
