@@ -12,7 +12,7 @@ from blocks import cuts, in_blocks, ndjson, of, records_of
 from fltea.records.events import LinkDown
 from fltea.records.records import Estimate, Fit
 from fltea.stream import fit_times, live
-from fltea.stream.beside import Beside, BesideThreads
+from fltea.stream.beside import Beside, BesideThread
 from host_support import hello
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -40,7 +40,7 @@ class Unhurried(Beside):
 
     def __init__(self, pauses_s: Iterable[float], fault: Exception | None = None) -> None:
         super().__init__()
-        self._thread, self._pauses_s, self._fault = BesideThreads(), itertools.cycle(pauses_s), fault
+        self._thread, self._pauses_s, self._fault = BesideThread(), itertools.cycle(pauses_s), fault
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
         pause_s = next(self._pauses_s)
@@ -84,7 +84,7 @@ def test_a_fault_of_a_look_is_one_of_the_walk() -> None:
 
 
 def test_looks_of_two_devices_are_made_in_the_order_in_which_they_began() -> None:
-    thread, order, begun = BesideThreads(2), list[str](), list[Callable[[], None]]()
+    thread, order, begun = BesideThread(2), list[str](), list[Callable[[], None]]()
     gate = threading.Event()
     begun.append(thread.begin(lambda: order.append(f"first {gate.wait()}")))
     begun += [thread.begin(partial(order.append, name)) for name in ("b", "a", "b")]
@@ -111,7 +111,7 @@ def test_two_devices_that_share_a_thread_say_what_each_says_alone() -> None:
 
 
 def test_at_the_end_what_was_not_begun_is_left_and_what_was_is_waited_for() -> None:
-    thread, order = BesideThreads(), list[str]()
+    thread, order = BesideThread(), list[str]()
     begins, gate = threading.Event(), threading.Event()
 
     def first() -> None:
@@ -126,7 +126,7 @@ def test_at_the_end_what_was_not_begun_is_left_and_what_was_is_waited_for() -> N
     gate.set()
     assert thread.close(None)
     assert order == ["first"]
-    assert BesideThreads().close(None), "no thread, nothing to wait for"
+    assert BesideThread().close(None), "no thread, nothing to wait for"
 
 
 def test_a_snapshot_in_the_middle_of_a_look_changes_nothing() -> None:

@@ -28,7 +28,7 @@ from fltea.service.walk import Walk
 from fltea.settings.config import Config
 from fltea.settings.ingest import is_shared
 from fltea.sources.replay import ReplaySource
-from fltea.stream.beside import Beside, BesideThreads
+from fltea.stream.beside import Beside, BesideThread
 
 if TYPE_CHECKING:
     from fltea.service.ingest.loop import Ingest
@@ -128,8 +128,7 @@ class _Run:
             ]
             check_shared(shared)
             live = bool(shared) or any(source.live for source in sources)
-            # Where samples come at their own pace, more threads would only take Python's lock from the walks.
-            beside = BesideThreads(len(sources), 1 if live else len(os.sched_getaffinity(0)))
+            beside = BesideThread(len(sources))
             open_outputs(self._configs, self._hub, replays)
             if self._configs[0].state.file is not None:
                 state = StateFile(self._configs[0].state, self._hub.report())

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fltea.noise.distributions import f_deviate
 from fltea.records.arrays import Array
+from fltea.records.events import Ints
 from fltea.spectrum.lines import (
     FALSE_ALARM,
     FLANK,
@@ -152,16 +153,35 @@ def _averaged(weight: Array) -> NDArray[np.bool_]:
     return np.asarray(weight != np.rint(weight))
 
 
-def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
-    """Return the most striking stretch, and the level around it; None if none is."""
-    m = len(lines.lam)
-    weights = np.concatenate([[0.0], lines.weight.cumsum()])
-    sums = np.concatenate([[0.0], (lines.weight * lines.power).cumsum()])
-    averaged = np.concatenate([[0], lines.averaged.cumsum()])
+class _Stretches(NamedTuple):
+    """All stretches that are tried, and their flanks: [at, end), [low_from, low_to), [high_from, high_to)."""
+
+    at: Ints
+    end: Ints
+    low_from: Ints
+    low_to: Ints
+    high_from: Ints
+    high_to: Ints
+    own: Array
+    """Its weight; effective: what it is worth under Hann's window."""
+    effective: Array
+    low: Array
+    high: Array
+
+
+@functools.lru_cache(maxsize=64)
+def _stretches(weight: bytes) -> _Stretches:
+    """Return the stretches of lines of these weights: axes, and devices of one age, have them in common."""
+    each = np.frombuffer(weight)
+    averaging = _averaged(each)
+    m = len(each)
+    weights = np.concatenate([[0.0], each.cumsum()])
+    averaged = np.concatenate([[0], averaging.cumsum()])
     # The shortest flank that begins at each line, upwards and downwards.
     up = np.searchsorted(weights, weights + FLANK, side="left")
     down = np.searchsorted(weights, weights - FLANK, side="right") - 1
-    tries = []
+    tries: list[tuple[Ints, Ints, Ints, Ints, Ints, Ints]] = []
+    gathered: list[Array] = []
     for width in (1 << i for i in range(int(math.log2(max(WIDEST_SHARE * m, 1))) + 1)):
         flank = max(SHORTEST_FLANK, 2 * width)
         at = np.arange(0, m - width, max(1, width // 4))
@@ -175,93 +195,112 @@ def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
         whole = np.minimum(after_end - after, before - before_end) >= least
         whole &= weights[after_end] - weights[after] >= LEAST_IN_FLANK
         whole &= weights[before] - weights[before_end] >= LEAST_IN_FLANK
-        at, after, before = at[whole], after[whole], before[whole]
-        after_end, before_end = after_end[whole], before_end[whole]
-        if len(at):
-            tries.append((width, at, before_end, before, after, after_end))
-    at_the_ends = _at_the_ends(lines, weights, sums, false_alarm / 2)
-    false_alarm /= 2
+        tried = at, at + width, before_end, before, after, after_end
+        tries.append(tuple(one[whole] for one in tried))  # type: ignore[arg-type]
+        gathered.append(np.where(averaging[at[whole]], _gathered(width), 1.0))
+    places = [np.concatenate(one) for one in zip(*tries, strict=True)]
+    own, low, high = (weights[places[k + 1]] - weights[places[k]] for k in (0, 2, 4))
+    return _Stretches(*places, own, own * np.concatenate(gathered), low, high)
+
+
+def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
+    """Return the most striking stretch, and the level around it; None if none is."""
+    sums = np.concatenate([[0.0], (lines.weight * lines.power).cumsum()])
+    least = 1e-12 * float(sums[-1] / lines.weight.cumsum()[-1])
+    at_the_ends = _at_the_ends(lines, sums, least, false_alarm / 2)
     best, most = at_the_ends if at_the_ends is not None else (None, 0.0)
-    tested = sum(len(one[1]) for one in tries)
-    if not tested:
+    tried = _stretches(lines.weight.tobytes())
+    if not len(tried.at):
         return best
-    critical = -NormalDist().inv_cdf(false_alarm / tested)
-    for width, at, before_end, before, after, after_end in tries:
-        own = weights[at + width] - weights[at]
-        mean = (sums[at + width] - sums[at]) / own
-        low_weight, high_weight = weights[before] - weights[before_end], weights[after_end] - weights[after]
-        low = (sums[before] - sums[before_end]) / low_weight
-        high = (sums[after_end] - sums[after]) / high_weight
-        level = np.maximum(low, high)
-        ratio = mean / np.maximum(level, 1e-12 * sums[-1] / weights[-1])
-        own = own * np.where(lines.averaged[at], _gathered(width), 1.0)
-        other = np.where(low > high, low_weight, high_weight)
-        # Of those that pass, the likeliest: deviates would favour wide stretches, whose flanks are longer.
-        gain = np.where(ratio > 1, own * (ratio - 1 - np.log(np.maximum(ratio, 1.0))), 0.0)
-        # If the level were known, the deviate would be about √(2 gain): most stretches need no closer look.
-        near = np.flatnonzero(gain > HOPELESS * critical**2 / 2)
-        if not len(near):
-            continue
-        deviate = f_deviate(ratio[near], 2 * own[near], 2 * other[near])
-        near = near[deviate > critical]
-        gain = gain[near]
-        if not len(near):
-            continue
-        i, highest = int(near[gain.argmax()]), float(gain.max())
-        if highest > most:
-            most, best = highest, _Found(int(at[i]), int(at[i]) + width, float(level[i]))
-    return best
+    critical = -NormalDist().inv_cdf(false_alarm / 2 / len(tried.at))
+    mean = (sums[tried.end] - sums[tried.at]) / tried.own
+    low = (sums[tried.low_to] - sums[tried.low_from]) / tried.low
+    high = (sums[tried.high_to] - sums[tried.high_from]) / tried.high
+    level = np.maximum(low, high)
+    ratio = mean / np.maximum(level, least)
+    # Of those that pass, the likeliest: deviates would favour wide stretches, whose flanks are longer.
+    gain = np.where(ratio > 1, tried.effective * (ratio - 1 - np.log(np.maximum(ratio, 1.0))), 0.0)
+    # If the level were known, the deviate would be about √(2 gain): most stretches need no closer look.
+    near = np.flatnonzero(gain > max(HOPELESS * critical**2 / 2, most))
+    other = np.where(low > high, tried.low, tried.high)[near]
+    near = near[f_deviate(ratio[near], 2 * tried.effective[near], 2 * other) > critical]
+    if not len(near):
+        return best
+    i = int(near[gain[near].argmax()])
+    return _Found(int(tried.at[i]), int(tried.end[i]), float(level[i]))
 
 
-def _at_the_ends(
-    lines: _Lines, weights: Array, sums: Array, false_alarm: float
-) -> tuple[_Found, float] | None:
-    """Return the likeliest line too near to an end for whole flanks, and its gain."""
+class _AtAnEnd(NamedTuple):
+    """A stretch that is tried at an end; flanks: both, or two pieces of the lower one, and their weights."""
+
+    at: int
+    width: int
+    own: float
+    effective: float
+    flanks: tuple[tuple[int, int, float], tuple[int, int, float]]
+    two_sided: bool
+    others: list[float]
+    """What the flanks that count are worth."""
+
+
+@functools.lru_cache(maxsize=64)
+def _tries_at_the_ends(weight: bytes) -> list[_AtAnEnd]:
+    """Return the stretches too near to an end for whole flanks, of lines of these weights."""
+    each = np.frombuffer(weight)
     # Plain numbers: these few tries are looked at one by one.
-    total, power, averaged = weights.tolist(), sums.tolist(), lines.averaged.tolist()
-    m, least = len(averaged), 1e-12 * power[-1] / total[-1]
-    tries = []
+    total: list[float] = np.concatenate([[0.0], each.cumsum()]).tolist()
+    averaged: list[bool] = _averaged(each).tolist()
+    m = len(averaged)
+    places = []
     for width in END_WIDTHS:
         first = bisect_left(total, LEAST_IN_FLANK) + width
         last = min(bisect_right(total, total[-1] - LEAST_IN_FLANK) - 1, m - LEAST_FLANK)
         last -= 2 * width
-        tries += [(at, width) for at in range(END_FLANK + width, min(first, last + 1))]
+        places += [(at, width) for at in range(END_FLANK + width, min(first, last + 1))]
         if width == 1 or not averaged[-1]:  # over two averages a level can rise too far
-            tries += [(at, width) for at in range(max(last + 1, first), m - width + 1)]
+            places += [(at, width) for at in range(max(last + 1, first), m - width + 1)]
+    tries = []
+    for at, width in places:
+        after, before = min(at + 2 * width, m), at - width
+        after_to = min(max(bisect_left(total, total[after] + FLANK), after + LEAST_FLANK), m)
+        two_sided = after_to - after >= LEAST_FLANK and total[after_to] - total[after] >= LEAST_IN_FLANK
+        if two_sided:
+            ends = (_down(total, before, FLANK, SHORTEST_FLANK), before), (after, after_to)
+        else:
+            begin = _down(total, before, FLANK // 2, LEAST_FLANK)
+            ends = (begin, before), (_down(total, begin, FLANK // 2, LEAST_FLANK), begin)
+        flanks = tuple((a, b, total[b] - total[a]) for a, b in ends)
+        others = [flank[2] for flank in flanks] if two_sided else [flanks[0][2]]
+        if not two_sided and averaged[at]:
+            others = [others[0] / CONTINUED]
+        own = total[at + width] - total[at]
+        effective = own * (_gathered(width) if averaged[at] else 1.0)
+        tries.append(_AtAnEnd(at, width, own, effective, flanks, two_sided, others))
+    return tries
+
+
+def _at_the_ends(lines: _Lines, sums: Array, least: float, false_alarm: float) -> tuple[_Found, float] | None:
+    """Return the likeliest line at an end, and its gain."""
+    tries = _tries_at_the_ends(lines.weight.tobytes())
     if not tries:
         return None
     critical = -NormalDist().inv_cdf(false_alarm / len(tries))
     best: tuple[_Found, float] | None = None
-    for at, width in tries:
-        after = min(at + 2 * width, m)
-        after_to = min(max(bisect_left(total, total[after] + FLANK), after + LEAST_FLANK), m)
-        two_sided = after_to - after >= LEAST_FLANK and total[after_to] - total[after] >= LEAST_IN_FLANK
-        before = at - width
-        if two_sided:
-            flanks = [(_down(total, before, FLANK, SHORTEST_FLANK), before), (after, after_to)]
-        else:
-            flanks = [(_down(total, before, FLANK // 2, LEAST_FLANK), before)]
-        own = total[at + width] - total[at]
-        mean = (power[at + width] - power[at]) / own
-        others = [total[b] - total[a] for a, b in flanks]
-        levels = [max((power[b] - power[a]) / w, least) for (a, b), w in zip(flanks, others, strict=True)]
-        if not two_sided:
-            begin = flanks[0][0]
-            further = _down(total, begin, FLANK // 2, LEAST_FLANK)
-            far = (power[begin] - power[further]) / max(total[begin] - total[further], 1e-300)
-            levels = [continued(levels[0], far)]
-            others = [others[0] / CONTINUED] if averaged[at] else others
+    for one in tries:
+        mean = float(sums[one.at + one.width] - sums[one.at]) / one.own
+        near, other = (float(sums[b] - sums[a]) / max(weight, 1e-300) for a, b, weight in one.flanks)
+        near = max(near, least)
+        levels = [near, max(other, least)] if one.two_sided else [continued(near, other)]
         ratio = mean / max(levels)
         if ratio <= 1:
             continue
-        own *= _gathered(width) if averaged[at] else 1.0
-        gain = own * (ratio - 1 - math.log(ratio))
+        gain = one.effective * (ratio - 1 - math.log(ratio))
         if gain <= max(HOPELESS * critical**2 / 2, best[1] if best is not None else 0.0):
             continue
         # Each flank by itself: a short one is low by luck more often.
-        deviates = f_deviate(mean / np.array(levels), 2 * own, 2 * np.array(others))
+        deviates = f_deviate(mean / np.array(levels), 2 * one.effective, 2 * np.array(one.others))
         if float(deviates.min()) > critical:
-            best = _Found(at, at + width, max(levels)), gain
+            best = _Found(one.at, one.at + one.width, max(levels)), gain
     return best
 
 

@@ -1,7 +1,6 @@
-"""What is done beside the walks: the looks at all axes of all devices of a program, in other threads."""
+"""What is done beside the walks: the looks at all axes of all devices of a program, one after the other in a thread."""
 
 import threading
-import time
 from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Any, TypeVar
@@ -46,26 +45,25 @@ class _Work:
         return self._found
 
 
-class BesideThreads(Beside):
-    """Does the work of all in so many threads, in the order in which it was begun, until it is closed."""
+class BesideThread(Beside):
+    """Does the work of all in a thread of its own, in the order in which it was begun, until it is closed.
 
-    def __init__(self, devices: int = 1, threads: int = 1) -> None:
+    A second thread makes no replay faster: what holds Python's lock is as long as what does not.
+    """
+
+    def __init__(self, devices: int = 1) -> None:
         super().__init__(devices)
         self._waiting: SimpleQueue[_Work | None] = SimpleQueue()
-        self._threads = [
-            threading.Thread(target=self._run, name=f"looks {k}", daemon=True) for k in range(threads)
-        ]
+        self._thread = threading.Thread(target=self._run, name="looks", daemon=True)
         self._lock = threading.Lock()
-        self._begun = self._closed = False
+        self._closed = False
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Begin some work as soon as a thread has done what was begun before."""
+        """Begin some work as soon as what was begun before is done."""
         one = _Work(work)
         with self._lock:
-            if not (self._begun or self._closed):
-                self._begun = True
-                for thread in self._threads:
-                    thread.start()
+            if self._thread.ident is None and not self._closed:
+                self._thread.start()
         self._waiting.put(one)
         return one.result
 
@@ -73,14 +71,11 @@ class BesideThreads(Beside):
         """Begin nothing more; False if what is being done did not end in time."""
         with self._lock:
             self._closed = True
-            if not self._begun:
+            if self._thread.ident is None:
                 return True
-        until_s = None if timeout_s is None else time.monotonic() + timeout_s
-        for _ in self._threads:
-            self._waiting.put(None)
-        for thread in self._threads:
-            thread.join(None if until_s is None else max(0.0, until_s - time.monotonic()))
-        return not any(thread.is_alive() for thread in self._threads)
+        self._waiting.put(None)
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
 
     def _run(self) -> None:
         while (one := self._waiting.get()) is not None and not self._closed:
