@@ -198,9 +198,12 @@ def _stretches(weight: bytes) -> _Stretches:
         tried = at, at + width, before_end, before, after, after_end
         tries.append(tuple(one[whole] for one in tried))  # type: ignore[arg-type]
         gathered.append(np.where(averaging[at[whole]], _gathered(width), 1.0))
-    places = [np.concatenate(one) for one in zip(*tries, strict=True)]
-    own, low, high = (weights[places[k + 1]] - weights[places[k]] for k in (0, 2, 4))
-    return _Stretches(*places, own, own * np.concatenate(gathered), low, high)
+    at, end, low_from, low_to, high_from, high_to = map(np.concatenate, zip(*tries, strict=True))
+    own, low, high = (
+        weights[b] - weights[a] for a, b in ((at, end), (low_from, low_to), (high_from, high_to))
+    )
+    effective = own * np.concatenate(gathered)
+    return _Stretches(at, end, low_from, low_to, high_from, high_to, own, effective, low, high)
 
 
 def _strongest(lines: _Lines, false_alarm: float) -> _Found | None:
@@ -237,7 +240,7 @@ class _AtAnEnd(NamedTuple):
     width: int
     own: float
     effective: float
-    flanks: tuple[tuple[int, int, float], tuple[int, int, float]]
+    flanks: list[tuple[int, int, float]]
     two_sided: bool
     others: list[float]
     """What the flanks that count are worth."""
@@ -269,7 +272,7 @@ def _tries_at_the_ends(weight: bytes) -> list[_AtAnEnd]:
         else:
             begin = _down(total, before, FLANK // 2, LEAST_FLANK)
             ends = (begin, before), (_down(total, begin, FLANK // 2, LEAST_FLANK), begin)
-        flanks = tuple((a, b, total[b] - total[a]) for a, b in ends)
+        flanks = [(a, b, total[b] - total[a]) for a, b in ends]
         others = [flank[2] for flank in flanks] if two_sided else [flanks[0][2]]
         if not two_sided and averaged[at]:
             others = [others[0] / CONTINUED]

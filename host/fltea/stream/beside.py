@@ -1,4 +1,4 @@
-"""What is done beside the walks: the looks at all axes of all devices of a program, one after the other in a thread."""
+"""What is done beside the walks: the looks at all axes of all devices of a program, in one thread."""
 
 import threading
 from collections.abc import Callable
