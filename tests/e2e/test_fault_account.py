@@ -1,5 +1,6 @@
 """The faults' own tools: accounts that find what nobody counted, the report, and a line that can be cut."""
 
+import asyncio
 import contextlib
 import socket
 import sys
@@ -10,12 +11,14 @@ from typing import Any, cast
 
 import pytest
 from host_support import ROOT
+from nats.js import JetStreamContext
 
 from tools.faults import __main__ as command
 from tools.faults.case import Case, Outcome, cells, play
 from tools.faults.cut_line import CutLine
 from tools.faults.daemon import check_totals, samples_of
 from tools.faults.ingest_scene import samples_of as samples_of_many
+from tools.faults.nats_server import NatsServer
 from tools.faults.program import Program, Skip
 from tools.faults.pty_board import LSB_PER_DPS, Board
 from tools.faults.stage import Stage
@@ -269,3 +272,19 @@ def test_a_line_that_is_cut_holds_back_what_is_sent_and_its_end() -> None:
         there.settimeout(10)
         line.heal()
         assert (there.recv(10), there.recv(10)) == (b"meanwhile", b"")
+
+
+# --- servers ---
+
+
+@pytest.mark.slow
+def test_a_nats_server_whose_disk_holds_it_up_is_waited_for(stage: Stage, tmp_path: Path) -> None:
+    server = NatsServer(tmp_path, 1)
+    stage.callback(server.kill)
+
+    async def asked_of_one_that_stands_still(stream: JetStreamContext) -> int:
+        server.pause()
+        asyncio.get_running_loop().call_later(6.0, server.go_on)  # a client's own patience is 5 s
+        return (await stream.account_info()).streams
+
+    assert server._ask(asked_of_one_that_stands_still) >= 0

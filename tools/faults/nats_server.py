@@ -12,6 +12,7 @@ from fltea.service.ingest import mapping
 from nats.js import JetStreamContext
 from nats.js.errors import NotFoundError, ServiceUnavailableError
 
+from tools.faults.program import PATIENCE_S
 from tools.faults.server import Server, free_port, installed
 
 BUCKET, STREAM = "fltea_lanes", "FLTEA_FRAMES"
@@ -46,12 +47,12 @@ class NatsServer(Server):
         super().__init__(command, [port, self.mqtt_port], folder / "nats.log")
 
     def _ask(self, question: Callable[[JetStreamContext], Coroutine[Any, Any, T]]) -> T:
-        """Ask over a connection of our own."""
+        """Ask over a connection of our own; with patience, for a busy machine's disk holds up the answer."""
 
         async def asked() -> T:
-            client = await nats.connect(self.url, allow_reconnect=False)
+            client = await nats.connect(self.url, allow_reconnect=False, connect_timeout=PATIENCE_S)
             try:
-                return await question(client.jetstream())
+                return await question(client.jetstream(timeout=PATIENCE_S))
             finally:
                 await client.close()
 

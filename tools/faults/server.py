@@ -73,6 +73,7 @@ class Server:
     def pause(self) -> None:
         """Stand still until `go_on`, and all lines to it with it."""
         self.process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, self.process.pid, os.WSTOPPED | os.WNOWAIT)
 
     def go_on(self) -> None:
         """Go on after `pause`."""
