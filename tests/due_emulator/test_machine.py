@@ -4,7 +4,7 @@ import pytest
 
 from tools.due_emulator.bus import Bus
 from tools.due_emulator.cycle_counter import CycleCounter
-from tools.due_emulator.machine import NEVER_PS, PS_PER_S, EmulationFault, Machine
+from tools.due_emulator.machine import NEVER_PS, PS_PER_S, Alarm, EmulationFault, Machine
 from tools.due_emulator.nvic import FIRST_IRQ, Nvic
 from tools.due_emulator.peripheral import Peripheral
 from tools.due_emulator.register_file import PLAIN, RegisterFile
@@ -38,6 +38,19 @@ def test_an_event_can_schedule_and_cancel_others():
     machine.advance_to(100)
     assert seen == [15]
     assert machine.now_ps == 100
+
+
+def test_a_quiet_event_stops_no_program_and_happens_at_its_moment_in_its_order():
+    machine, seen = Machine(), []
+    for name, delay, quiet in (("a", 10, True), ("b", 10, False), ("c", 20, True), ("never", 25, True)):
+        alarm = Alarm(machine, lambda name=name: seen.append((name, machine.now_ps)))
+        alarm.set(delay, quiet=quiet)
+    alarm.cancel()
+    assert machine.next_event_ps == 10
+    machine.advance_to(10)
+    assert machine.next_event_ps == NEVER_PS
+    machine.advance_to(30)
+    assert seen == [("a", 10), ("b", 10), ("c", 20)]
 
 
 def test_a_fault_says_where_and_when():

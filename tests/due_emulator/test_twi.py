@@ -8,6 +8,8 @@ from sensor_support import MSEN, NACK, RXRDY, START, STOP, SWRST, TWI1_ID, TXCOM
 from tools.due_emulator.machine import EmulationFault
 from tools.due_emulator.noise import Motion
 
+BIT_PS = 2_500_000
+
 
 @pytest.fixture
 def board():
@@ -131,6 +133,47 @@ def test_scl_waits_until_rhr_is_read(board):
     assert board.twi.read("RHR") == 0x71
     assert board.wait_for(TXCOMP)
     assert board.twi.read("RHR") == 0x00
+
+
+@pytest.mark.parametrize(
+    ("fetched", "waits"),
+    # SCL waits on the last bit, from 7.5 bits after the byte before; half a bit and the acknowledge follow.
+    [(0.4, 0), (7.4, 0), (7.6, 0.1), (8.2, 0.7), (30, 22.5)],
+)
+def test_scl_waits_on_the_last_bit_for_as_long_as_rhr_is_full(board, fetched, waits):
+    begun_ps = board.machine.now_ps
+    board.begin_read(0x75, START)
+    board.machine.advance_to(begun_ps + round((38 + fetched) * BIT_PS))
+    assert board.twi.read("RHR") == 0x71
+    board.twi.write("CR", STOP)
+    assert board.wait_for(TXCOMP)
+    assert board.twi.busy_ps == round((39 + 9 + waits) * BIT_PS)
+
+
+def test_a_byte_ends_after_scl_was_let_go(board):
+    begun_ps = board.machine.now_ps
+    board.begin_read(0x75, START | STOP)
+    for bits, act in ((32, board.lines.hold_scl), (50, board.lines.release_scl)):
+        board.machine.advance_to(begun_ps + bits * BIT_PS)
+        act()
+    assert board.wait_for(RXRDY)
+    assert board.machine.now_ps - begun_ps == pytest.approx(51.5 * BIT_PS, abs=US)
+    assert board.wait_for(TXCOMP)
+    assert board.twi.busy_ps == 52.5 * BIT_PS
+
+
+@pytest.mark.parametrize(("stop", "bits"), [(7.9, 48), (8.1, 57)])
+def test_a_byte_is_acknowledged_unless_stop_was_set_before_its_last_bit_ended(board, stop, bits):
+    begun_ps = board.machine.now_ps
+    board.begin_read(0x75, START)
+    board.machine.advance_to(begun_ps + 39 * BIT_PS)
+    board.twi.read("RHR")
+    board.machine.advance_to(begun_ps + round((38 + stop) * BIT_PS))
+    board.twi.write("CR", STOP)
+    board.machine.advance_to(begun_ps + 48 * BIT_PS)
+    board.twi.read("RHR")
+    assert board.wait_for(TXCOMP)
+    assert board.twi.busy_ps == bits * BIT_PS
 
 
 def test_stop_set_too_late_is_a_fault(board):

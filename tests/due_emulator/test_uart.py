@@ -104,6 +104,23 @@ def test_the_pdc_sends_a_block_and_the_next_one_behind_it(board, line):
     assert line.sent[-1][1] - line.sent[0][1] == 4 * BYTE_PS, "without gaps"
 
 
+def test_a_block_stops_the_program_where_a_flag_changes_and_each_byte_has_its_moment(board, line):
+    uart, machine = board.uart, board.machine
+    begun_ps = machine.now_ps
+    uart.write("TPR", RAM_BASE)
+    uart.write("TCR", 5)
+    uart.write("PTCR", 1 << 8)
+    # Two bytes are in the registers; the fifth is fetched when the third has been sent.
+    assert machine.next_event_ps == begun_ps + 3 * BYTE_PS
+    machine.advance(BYTE_PS)
+    uart.write("TCR", 2)
+    assert machine.next_event_ps == begun_ps + 3 * BYTE_PS
+    uart.write("TCR", 1)
+    assert machine.next_event_ps == begun_ps + 2 * BYTE_PS
+    machine.advance(PS_PER_S)
+    assert [at_ps - begun_ps for _, at_ps, _ in line.sent] == [k * BYTE_PS for k in (1, 2, 3, 4)]
+
+
 def test_the_pdc_stops_when_it_is_told_to(board, line):
     board.uart.write("TPR", RAM_BASE)
     board.uart.write("TCR", 50)

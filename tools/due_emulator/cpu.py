@@ -9,6 +9,7 @@ processor.
 import ctypes
 import mmap
 from collections.abc import Callable
+from struct import Struct
 from typing import Any
 
 import unicorn
@@ -16,7 +17,7 @@ from unicorn import arm_const
 
 from tools.due_emulator import memory_map, system_control
 from tools.due_emulator.bus import PERIPHERALS_BASE, PERIPHERALS_BYTES, Bus
-from tools.due_emulator.execution import LATEST_PS, NO_INTERRUPT, NOWHERE, REASONS, Execution
+from tools.due_emulator.execution import NO_INTERRUPT, NOWHERE, REASONS, Execution, RegisterNumbers
 from tools.due_emulator.machine import Machine
 from tools.due_emulator.memory_map import Memory
 from tools.due_emulator.nvic import FIRST_IRQ, Nvic
@@ -34,19 +35,24 @@ HOOK_NUMBERS = {
 }
 RETURN_TO_HANDLER, RETURN_TO_THREAD = 0xFFFF_FFF0, 0xFFFF_FFF8
 """EXC_RETURN as it shows in PC, bit 0 cleared; the process stack (…FFFD) is not modelled."""
-FRAME_WORDS = 8
+FRAME = Struct("<8I")
 SPACES = {PERIPHERALS_BASE: PERIPHERALS_BYTES, system_control.BASE: system_control.BYTES}
 """Where peripherals are, and how many bytes of them."""
 WFI, WFE = b"\x30\xbf", b"\x20\xbf"
 THUMB = 1
 XPSR_T, XPSR_ALIGNED = 1 << 24, 1 << 9
-STACKED = tuple(
-    getattr(arm_const, f"UC_ARM_REG_{name}") for name in ("R0", "R1", "R2", "R3", "R12", "LR", "PC", "XPSR")
-)
-PC, SP, LR = (getattr(arm_const, f"UC_ARM_REG_{name}") for name in ("PC", "SP", "LR"))
-PRIMASK, BASEPRI, CONTROL = (
-    getattr(arm_const, f"UC_ARM_REG_{name}") for name in ("PRIMASK", "BASEPRI", "CONTROL")
-)
+
+
+def _numbers(names: str) -> RegisterNumbers:
+    """Of registers, as Unicorn counts them."""
+    found = [getattr(arm_const, f"UC_ARM_REG_{name}") for name in names.split()]
+    return (ctypes.c_int32 * len(found))(*found)
+
+
+STACKED = _numbers("R0 R1 R2 R3 R12 LR PC XPSR")
+UNSTACKED = _numbers("R0 R1 R2 R3 R12 LR SP XPSR")
+ENTERED = _numbers("SP LR XPSR")
+PC, SP, LR, PRIMASK, BASEPRI, CONTROL = _numbers("PC SP LR PRIMASK BASEPRI CONTROL")
 
 
 class Cpu:
@@ -253,7 +259,7 @@ class Cpu:
     def _has_just_done(self, instruction: bytes) -> bool:
         """Whether the slice ended behind this instruction."""
         last = self._execution.address
-        return self._pc == last + 2 and bytes(self._uc.mem_read(last, 2)) == instruction
+        return self._pc == last + 2 and self._memory.read(last, 2) == instruction
 
     # Exceptions
 
@@ -265,16 +271,15 @@ class Cpu:
             self._machine.fault(f"the vector table at 0x{self._control.vector_table:08X} is not in memory")
 
     def _enter(self, exception: int) -> None:
-        uc = self._uc
         register = self._execution.register
         if register(CONTROL):
             self._machine.fault("the process stack and unprivileged code are not modelled")
-        values = [register(number) for number in STACKED]
+        values = self._execution.registers(STACKED)
         sp = register(SP)
-        frame = (sp - 4 * FRAME_WORDS) & ~7
+        frame = (sp - FRAME.size) & ~7
         values[-1] |= XPSR_ALIGNED * bool(sp & 4)
         try:
-            uc.mem_write(frame, b"".join(value.to_bytes(4, "little") for value in values))
+            self._uc.mem_write(frame, FRAME.pack(*values))
         except unicorn.UcError:
             self._machine.fault(f"no room on the stack for an exception: SP 0x{sp:08X}")
         vector = self._vector(exception)
@@ -285,30 +290,26 @@ class Cpu:
         nested = bool(self._nvic.active)
         self._nvic.enter(exception)
         self._event_register = True
-        uc.reg_write(SP, frame)
-        uc.reg_write(LR, (RETURN_TO_HANDLER if nested else RETURN_TO_THREAD) | 1)
-        uc.reg_write(arm_const.UC_ARM_REG_XPSR, values[-1] & 0xF800_0000 | XPSR_T | exception)
+        back = (RETURN_TO_HANDLER if nested else RETURN_TO_THREAD) | 1
+        psr = values[-1] & 0xF800_0000 | XPSR_T | exception
+        self._execution.set_registers(ENTERED, (frame, back, psr))
         self._pc = vector & ~THUMB
         self._execution.forget_reads()
 
     def _leave(self) -> None:
         self._event_register = True
-        uc, active = self._uc, self._nvic.active
+        active = self._nvic.active
         expected = RETURN_TO_HANDLER if len(active) > 1 else RETURN_TO_THREAD
         if not active or self._pc != expected:
             self._machine.fault(f"return from an exception to 0x{self._pc | 1:08X} is not possible here")
         self._nvic.leave()
         frame = self._execution.register(SP)
-        stacked = bytes(uc.mem_read(frame, 4 * FRAME_WORDS))
-        values = [int.from_bytes(stacked[i : i + 4], "little") for i in range(0, len(stacked), 4)]
-        xpsr = values[-1]
+        *values, pc, xpsr = FRAME.unpack(self._uc.mem_read(frame, FRAME.size))
         if (xpsr & 0x1FF) != (active[-1] if active else 0):
             self._machine.fault("the stack of an exception was overwritten: it holds another PSR")
-        for register, value in zip(STACKED[:-1], values[:-1], strict=True):
-            uc.reg_write(register, value)
-        uc.reg_write(SP, frame + 4 * FRAME_WORDS + 4 * bool(xpsr & XPSR_ALIGNED))
-        uc.reg_write(arm_const.UC_ARM_REG_XPSR, xpsr & ~XPSR_ALIGNED)
-        self._pc = values[-2] & ~THUMB
+        sp = frame + FRAME.size + 4 * bool(xpsr & XPSR_ALIGNED)
+        self._execution.set_registers(UNSTACKED, (*values, sp, xpsr & ~XPSR_ALIGNED))
+        self._pc = pc & ~THUMB
 
     # What is called while a slice runs; nothing may be raised through it.
 
@@ -377,8 +378,7 @@ class Cpu:
     def _hand_over(self) -> None:
         """Give the slice the state of the machine: after all that may have changed it."""
         machine, nvic, slice_ = self._machine, self._nvic, self._execution
-        next_ps = machine.next_event_ps
-        slice_.next_event_ps = next_ps if next_ps < LATEST_PS else LATEST_PS
+        slice_.next_event_ps = machine.next_event_ps
         waiting = nvic.pending & nvic.enabled
         state = (waiting, self._restart, self._halted_until_ps, machine.mck_hz, machine.clocked)
         if waiting or state != self._handed_over:

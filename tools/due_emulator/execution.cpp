@@ -85,19 +85,21 @@ uint64_t count_instructions(const Execution& e, uint64_t begin, uint64_t end) {
     return count;
 }
 
+void describe(const Execution& e, uint64_t address, uint32_t bytes, Block& block) {
+    block.bytes = static_cast<uint16_t>(bytes);
+    block.instructions = static_cast<uint16_t>(count_instructions(e, address, address + bytes));
+    for (uint64_t at = address; at < address + bytes;) {
+        const uint16_t halfword = flash_halfword(e, at);
+        if (is_special(halfword)) block.needs_exact = 1;
+        at += is_wide(halfword) ? 4 : 2;
+    }
+}
+
 // The block at an address; null if it is not in flash, where code never changes.
-Block* find_block(Execution& e, uint64_t address, uint32_t bytes) {
+inline Block* find_block(const Execution& e, uint64_t address, uint32_t bytes) {
     if (!in_flash(e, address, bytes)) return nullptr;
     Block& block = e.blocks[(address - e.flash_base) / 2];
-    if (block.bytes != bytes) {
-        block.bytes = static_cast<uint16_t>(bytes);
-        block.instructions = static_cast<uint16_t>(count_instructions(e, address, address + bytes));
-        for (uint64_t at = address; at < address + bytes;) {
-            const uint16_t halfword = flash_halfword(e, at);
-            if (is_special(halfword)) block.needs_exact = 1;
-            at += is_wide(halfword) ? 4 : 2;
-        }
-    }
+    if (block.bytes != bytes) describe(e, address, bytes, block);
     return &block;
 }
 

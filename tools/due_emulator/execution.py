@@ -6,7 +6,7 @@ import mmap
 import os
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from fltea.records.errors import UsageError
 from unicorn import arm_const
 from unicorn.unicorn_py3.unicorn import uclib
 
-from tools.due_emulator.machine import PS_PER_S
+from tools.due_emulator.machine import NEVER_PS, PS_PER_S
 from tools.due_emulator.memory_map import FLASH_BASE, FLASH_BYTES
 from tools.due_emulator.quick_reads import QuickReads
 
@@ -25,8 +25,6 @@ COMMAND = ("c++", "-std=c++11", "-O2", "-fPIC", "-shared", "-Wall", "-Wextra", "
 NOWHERE = 1
 """No instruction is at an odd address."""
 NO_INTERRUPT = (1 << 64) - 1
-LATEST_PS = 1 << 62
-"""Stands for any later moment too."""
 ACCESS_CYCLES = 4
 """An access to a peripheral, over the bridge [cycles]; a round number."""
 WAITING_INSTRUCTIONS = 200
@@ -43,6 +41,9 @@ A loop that counts its turns is no poll, or its count would take that much longe
 turn to turn, although nothing that it has read did."""
 REGISTERS = 13
 """r0 to r12: what a loop may count in."""
+MOST_AT_ONCE = 8
+"""So many registers are read or set by one call."""
+RegisterNumbers = ctypes.Array[ctypes.c_int32]
 
 REASONS = {
     unicorn.UC_ERR_INSN_INVALID: "undefined instruction",
@@ -158,9 +159,11 @@ class Execution(ctypes.Structure):
         self._flush_control = unicorn.UC_CTL_TB_FLUSH | unicorn.UC_CTL_IO_WRITE << 30
         for name in UNICORN:
             setattr(self, f"_{name}", _address_of(getattr(uclib, f"uc_{name}")))
-        # Unicorn's own way to read a register takes ten times as long.
-        self._value = ctypes.c_uint32()
-        self._value_at = ctypes.byref(self._value)
+        # Unicorn's own way to read and write registers takes ten times as long.
+        self._values = (ctypes.c_uint32 * MOST_AT_ONCE)()
+        self._first_at = ctypes.byref(self._values)
+        places = (ctypes.addressof(self._values) + 4 * i for i in range(MOST_AT_ONCE))
+        self._values_at = (ctypes.c_void_p * MOST_AT_ONCE)(*places)
         self.may_be_quick = 1
         self.trap = NOWHERE
 
@@ -210,7 +213,7 @@ class Execution(ctypes.Structure):
         """Start a slice."""
         self._next = self._block_end = 0
         self.begin_again(slice_ps)
-        self.hz, self.until_ps, self.longest = hz, min(until_ps, LATEST_PS), longest
+        self.hz, self.until_ps, self.longest = hz, min(until_ps, NEVER_PS), longest
         self.address, self.interrupt = NOWHERE, NO_INTERRUPT
         self.dropped = 0
 
@@ -224,8 +227,18 @@ class Execution(ctypes.Structure):
 
     def register(self, number: int) -> int:
         """A register of the processor, by Unicorn's number."""
-        uclib.uc_reg_read(self._exact, number, self._value_at)
-        return self._value.value
+        uclib.uc_reg_read(self._exact, number, self._first_at)
+        return self._values[0]
+
+    def registers(self, numbers: RegisterNumbers) -> list[int]:
+        """Several registers."""
+        uclib.uc_reg_read_batch(self._exact, numbers, self._values_at, len(numbers))
+        return self._values[: len(numbers)]
+
+    def set_registers(self, numbers: RegisterNumbers, values: Sequence[int]) -> None:
+        """Set several registers, in their order."""
+        self._values[: len(values)] = list(values)
+        uclib.uc_reg_write_batch(self._exact, numbers, self._values_at, len(numbers))
 
     def time_after(self, instructions: int) -> int:
         """Moment at which so many instructions of the slice have run [ps]."""

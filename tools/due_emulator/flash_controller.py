@@ -5,7 +5,7 @@ Erasing and programming are not modelled and end the run.
 
 from collections.abc import Callable
 
-from tools.due_emulator.machine import PS_PER_US, Event, Machine
+from tools.due_emulator.machine import PS_PER_US, Alarm, Machine
 from tools.due_emulator.memory_map import BANK_BYTES, FLASH_BASE, Memory
 from tools.due_emulator.peripheral import Peripheral
 
@@ -38,7 +38,7 @@ class FlashController(Peripheral):
         self.pc: Callable[[], int] = lambda: 0
         """Gives the address of the instruction that runs."""
         self._results: list[int] = []
-        self._event: Event | None = None
+        self._event: Alarm | None = None
         self._hidden: bytes | None = None
 
     def reset(self) -> None:

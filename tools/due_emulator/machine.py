@@ -3,15 +3,15 @@
 Parts know only the machine. It knows neither the processor nor the board: it runs without them, in tests too.
 """
 
-import heapq
 from collections.abc import Callable
+from heapq import heappop, heappush
 from typing import NoReturn
 
 from tools.due_emulator.quick_reads import QuickReads
 
 PS_PER_S = 1_000_000_000_000
 PS_PER_US = 1_000_000
-NEVER_PS = 1 << 100
+NEVER_PS = 1 << 62
 
 SLOW_CLOCK_HZ = 32_768
 """SLCK; the internal RC oscillator of the real chip is far from exact [Hz]."""
@@ -27,52 +27,36 @@ class EmulationFault(Exception):
         self.reason = reason
 
 
-class Event:
-    """Something that happens at a moment of virtual time."""
-
-    __slots__ = ("action", "at_ps")
-
-    def __init__(self, at_ps: int, action: Callable[[], None]) -> None:
-        self.at_ps = at_ps
-        self.action: Callable[[], None] | None = action
-
-    def cancel(self) -> None:
-        """Let it not happen; without effect once it has."""
-        self.action = None
-
-
 class Alarm:
-    """Something that happens once, in a while; setting it anew takes back what was set before."""
+    """Something that happens once each time that it is set, in a while; a new time replaces the old one."""
+
+    __slots__ = ("_machine", "action", "number")
 
     def __init__(self, machine: "Machine", action: Callable[[], None]) -> None:
-        self._machine, self._action = machine, action
-        self._event: Event | None = None
+        self._machine, self.action = machine, action
+        self.number = 0
+        """Of the time that holds among all that were ever set; 0: it is not to come."""
 
     @property
     def is_set(self) -> bool:
         """Whether it is still to come."""
-        return self._event is not None
+        return self.number != 0
 
-    def set(self, delay_ps: int) -> None:
-        """Let it happen in `delay_ps`."""
-        self.cancel()
-        self._event = self._machine.schedule(delay_ps, self._happen)
+    def set(self, delay_ps: int, *, quiet: bool = False) -> None:
+        """Let it happen in `delay_ps`. quiet: no program has to be stopped for it."""
+        self.number = self._machine.note(delay_ps, self, quiet)
 
     def cancel(self) -> None:
-        """Let it not happen."""
-        if self._event is not None:
-            self._event.cancel()
-            self._event = None
-
-    def _happen(self) -> None:
-        self._event = None
-        self._action()
+        """Let it not happen; without effect once it has."""
+        self.number = 0
 
 
 class Machine:
     """Virtual time in picoseconds, the master clock, interrupt lines and the clocks of peripherals.
 
-    Events of one moment happen in the order in which they were scheduled: two runs are equal.
+    Events of one moment happen in the order in which they were scheduled: two runs are equal. A quiet one
+    happens at its moment too, but a program may have come further by then: up to its next access, or to the
+    next event that is not quiet.
     """
 
     def __init__(self) -> None:
@@ -93,8 +77,10 @@ class Machine:
         """Says for a fault what the processor was doing, for example "at PC 0x00080123"."""
         self.interrupted = False
         """Whether a signal asks the program to end; who waits or runs looks at it often."""
-        self._now_ps = 0
-        self._heap: list[tuple[int, int, Event]] = []
+        self.now_ps = 0
+        """Virtual time since power-up [ps]."""
+        self._heap: list[tuple[int, int, Alarm]] = []
+        self._quiet: list[tuple[int, int, Alarm]] = []
         self._scheduled = 0
 
     def check_interrupted(self) -> None:
@@ -102,44 +88,50 @@ class Machine:
         if self.interrupted:
             raise KeyboardInterrupt
 
-    @property
-    def now_ps(self) -> int:
-        """Virtual time since power-up [ps]."""
-        return self._now_ps
-
-    def schedule(self, delay_ps: int, action: Callable[[], None]) -> Event:
+    def schedule(self, delay_ps: int, action: Callable[[], None]) -> Alarm:
         """Let `action` happen in `delay_ps`, and return the means to cancel it."""
-        at_ps = self._now_ps + delay_ps if delay_ps > 0 else self._now_ps
-        event = Event(at_ps, action)
-        self._scheduled += 1
-        heapq.heappush(self._heap, (at_ps, self._scheduled, event))
-        return event
+        alarm = Alarm(self, action)
+        alarm.set(delay_ps)
+        return alarm
+
+    def note(self, delay_ps: int, alarm: Alarm, quiet: bool) -> int:
+        """Note a time for an alarm, and return its number."""
+        self._scheduled = number = self._scheduled + 1
+        at_ps = self.now_ps + delay_ps if delay_ps > 0 else self.now_ps
+        heappush(self._quiet if quiet else self._heap, (at_ps, number, alarm))
+        return number
 
     @property
     def next_event_ps(self) -> int:
-        """Moment of the next event; NEVER_PS if there is none."""
+        """Moment of the next event that is not quiet; NEVER_PS if there is none."""
         heap = self._heap
-        while heap and heap[0][2].action is None:
-            heapq.heappop(heap)
-        return heap[0][0] if heap else NEVER_PS
+        while heap:
+            at_ps, number, alarm = heap[0]
+            if alarm.number == number:
+                return at_ps
+            heappop(heap)
+        return NEVER_PS
 
     def advance_to(self, to_ps: int) -> None:
         """Let time pass up to `to_ps`; the events on the way happen, each at its own moment."""
-        heap = self._heap
-        while heap and heap[0][0] <= to_ps:
-            at_ps, _, event = heapq.heappop(heap)
-            action = event.action
-            if action is not None:
-                self._pass(at_ps)
-                event.action = None
-                action()
-        self._pass(to_ps)
+        heap, quiet = self._heap, self._quiet
+        while True:
+            first = quiet if quiet and not (heap and heap[0] < quiet[0]) else heap
+            if not first or first[0][0] > to_ps:
+                break
+            at_ps, number, alarm = heappop(first)
+            if alarm.number == number:
+                if at_ps > self.now_ps:
+                    self._pass(at_ps)
+                alarm.number = 0
+                alarm.action()
+        if to_ps > self.now_ps:
+            self._pass(to_ps)
 
     def _pass(self, to_ps: int) -> None:
-        if to_ps > self._now_ps:
-            if self.asleep:
-                self.idle_ps += to_ps - self._now_ps
-            self._now_ps = to_ps
+        if self.asleep:
+            self.idle_ps += to_ps - self.now_ps
+        self.now_ps = to_ps
 
     def advance(self, by_ps: int) -> None:
         """Let `by_ps` pass."""

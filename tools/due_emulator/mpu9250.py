@@ -73,11 +73,9 @@ class Mpu9250(Chip):
 
     def next_event_ns(self) -> int | None:
         """Moment at which the INT pin can change next by itself; None if it cannot."""
-        moments = [self._pulse_end_ns]
         latched = self._active and bool(self._registers[reg.INT_PIN_CFG] & reg.LATCH_INT_EN)
-        if self._interrupts() and not latched:
-            moments.append(self._next_update_ns())
-        return min((m for m in moments if m is not None), default=None)
+        update_ns = self._next_update_ns() if self._interrupts() and not latched else None
+        return _first(self._pulse_end_ns, update_ns)
 
     @property
     def clock_ppm(self) -> float:
@@ -214,10 +212,9 @@ class Mpu9250(Chip):
 
     def _next_internal_ns(self) -> int | None:
         """The next moment that has to be gone through one by one; updates only if somebody follows each."""
-        moments = [self._pulse_end_ns, self._ready_at_ns]
-        if self._interrupts() or self._fills_fifo():
-            moments.append(self._next_update_ns())
-        return min((m for m in moments if m is not None), default=None)
+        is_followed = self._interrupts() or self._fills_fifo()
+        update_ns = self._next_update_ns() if is_followed else None
+        return _first(_first(self._pulse_end_ns, self._ready_at_ns), update_ns)
 
     def _happen(self, at_ns: int) -> None:
         if at_ns == self._ready_at_ns:
@@ -307,3 +304,10 @@ class Mpu9250(Chip):
         if level != self._level:
             self._level = level
             self.on_int(level, self._now_ns)
+
+
+def _first(one_ns: int | None, other_ns: int | None) -> int | None:
+    """The earlier of two moments that may never come."""
+    if one_ns is None or (other_ns is not None and other_ns < one_ns):
+        return other_ns
+    return one_ns

@@ -58,10 +58,12 @@ class Nvic:
         waiting = self.pending & self.enabled
         if not waiting:
             return None
-        best = min(
-            (n for n in range(FIRST_IRQ + IRQS) if waiting >> n & 1), key=lambda n: (self.priority[n], n)
-        )
-        running = min((self.group(n) for n in self.active), default=LOWEST)
+        best = (waiting & -waiting).bit_length() - 1
+        while waiting := waiting & waiting - 1:
+            other = (waiting & -waiting).bit_length() - 1
+            if self.priority[other] < self.priority[best]:
+                best = other
+        running = min(map(self.group, self.active), default=LOWEST)
         if base_priority:
             running = min(running, base_priority & -(2 << self.priority_group))
         return best if self.group(best) < running else None

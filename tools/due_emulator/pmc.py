@@ -5,7 +5,7 @@ The main oscillator has the board's 12 MHz crystal.
 
 from collections.abc import Callable
 
-from tools.due_emulator.machine import PS_PER_S, SLOW_CLOCK_HZ, Event, Machine
+from tools.due_emulator.machine import PS_PER_S, SLOW_CLOCK_HZ, Alarm, Machine
 from tools.due_emulator.peripheral import Peripheral
 
 CRYSTAL_HZ = 12_000_000
@@ -39,7 +39,7 @@ class Pmc(Peripheral):
 
     def __init__(self, machine: Machine, check_flash: Callable[[int], None]) -> None:
         self._check_flash = check_flash
-        self._events: dict[int, Event] = {}
+        self._events: dict[int, Alarm] = {}
         super().__init__(machine, "PMC")
         self.reset()
 

@@ -10,7 +10,7 @@ transfers by PDC.
 from collections.abc import Generator
 
 from tools.due_emulator.i2c_lines import FASTEST_HZ, TOLERANCE, I2cLines
-from tools.due_emulator.machine import PS_PER_S, Alarm, Machine
+from tools.due_emulator.machine import NEVER_PS, PS_PER_S, Alarm, Machine
 from tools.due_emulator.peripheral import Peripheral
 from tools.due_emulator.pio import Pio
 
@@ -24,6 +24,7 @@ IDLE_LINE = 0xFF
 
 LAST_BIT = 7.5
 """SCL waits there while RHR is full; from RHR's read on, half a bit is left to set STOP."""
+BYTE_BITS = 9
 
 Transfer = Generator[float | None, None, None]
 """Yields how many bits the next thing takes, or None to wait until the program does something."""
@@ -57,14 +58,14 @@ class Twi(Peripheral):
         self._thr: int | None = None
         self._remains: int | None = None
         """What a write that nobody acknowledged left in THR."""
-        self._on_line: tuple[bool, int] | None = None
-        """The byte on the wires, and whether the sensor sends it; None when there is none."""
+        self._on_line: tuple[bool, int, int] | None = None
+        """Whether the sensor sends it, the byte on the wires, and since when; None when there is none."""
         self._transfer: Transfer | None = None
         self._waiting = self._stalled = False
-        self._step_ps = self._begun_ps = 0
-        self._step_bits = 0.0
-        self._bit_settings: tuple[int, int] | None = None
-        self._bit = 0.0
+        self._begun_ps = 0
+        self._stop_ps = NEVER_PS
+        """When STOP was asked for."""
+        self._bit_ps = 1.0
         self._idle()
         pio.on_mux_change.append(self._on_mux_change)
         lines.scl.listen(self._on_scl)
@@ -142,7 +143,7 @@ class Twi(Peripheral):
                 self.machine.fault(f"{self.name}: START while a transfer is under way")
             self._begin(self._receive())
         if value & STOP and self._transfer is not None:
-            self._stop_wanted = True
+            self._stop_ps = min(self._stop_ps, self.machine.now_ps)
             self._continue()
 
     def _transmit(self, byte: int) -> None:
@@ -164,7 +165,7 @@ class Twi(Peripheral):
         self._transfer = transfer
         self._begun_ps = self.machine.now_ps
         self.transfers += 1
-        self._stop_wanted = False
+        self._stop_ps, self._bit_ps = NEVER_PS, PS_PER_S / self.scl_hz
         self.flag("SR", TXCOMP | TXRDY, False)
         self._resume()
 
@@ -189,39 +190,46 @@ class Twi(Peripheral):
         self._lines.take(self.name)
         address = self.field("MMR", "DADR")
         inner = self.field("MMR", "IADRSZ")
-        self._on_line = (False, address << 1 | (read and not inner))
+        self._show(address << 1 | (read and not inner))
         yield 10
         acked = self._lines.start(address, read and not inner)
         for place in reversed(range(inner)):
             if not acked:
                 return False
             byte = self.registers["IADR"] >> 8 * place & 0xFF
-            self._on_line = (False, byte)
+            self._show(byte)
             yield 9
             acked = self._lines.write(byte)
         if acked and read and inner:
-            self._on_line = (False, address << 1 | 1)
+            self._show(address << 1 | 1)
             yield 10
             acked = self._lines.start(address, True)
         return acked
+
+    def _show(self, byte: int, *, sending: bool = False) -> None:
+        self._on_line = (sending, byte, self.machine.now_ps)
 
     def _receive(self) -> Transfer:
         if not (yield from self._open(read=True)):
             yield from self._refused()
             return
-        more = True
+        machine, more = self.machine, True
         while more:
             byte = self._lines.read(True)
-            self._on_line = (True, byte)
-            yield LAST_BIT
+            self._show(byte, sending=True)
+            end_ps = machine.now_ps + self._ps(BYTE_BITS)
+            if self.registers["SR"] & RXRDY:
+                yield LAST_BIT
             while self.registers["SR"] & RXRDY:
                 yield None
-            self._bits_before = LAST_BIT
-            yield 8 - LAST_BIT
-            more = not self._stop_wanted
-            self._bits_before = 8
-            yield 1
-            self._bits_before = 0
+            rest_ps = self._ps(BYTE_BITS - LAST_BIT)
+            end_ps = max(end_ps, machine.now_ps + rest_ps)
+            self._on_line = (True, byte, end_ps - self._ps(BYTE_BITS))
+            yield (end_ps - machine.now_ps) / self._bit_ps
+            while machine.now_ps > end_ps:  # SCL was held meanwhile
+                end_ps = machine.now_ps + rest_ps
+                yield BYTE_BITS - LAST_BIT
+            more = self._stop_ps >= end_ps - self._ps(1)
             self.registers["RHR"] = byte
             self.flag("SR", RXRDY, True)
         if self.stale_reads:
@@ -251,13 +259,13 @@ class Twi(Peripheral):
                 assert taken is not None
                 byte = taken
                 self.flag("SR", TXRDY, True)
-            self._on_line = (False, byte)
+            self._show(byte)
             yield 9
             if not self._lines.write(byte):
                 yield from self._refused()
                 return
             while self._thr is None:
-                if self._stop_wanted:
+                if self._stop_ps < NEVER_PS:
                     yield from self._close()
                     return
                 yield None
@@ -288,11 +296,10 @@ class Twi(Peripheral):
             bits = next(self._transfer)
         except StopIteration:
             return
-        if bits is None:
-            self._waiting = True
-        else:
-            self._step_ps, self._step_bits = self.machine.now_ps, bits
-            self._alarm.set(round(bits * self._bit_ps()))
+        # Of these, the program can bring the end forward.
+        self._waiting = bits in (None, LAST_BIT)
+        if bits is not None:
+            self._alarm.set(self._ps(bits))
 
     def _continue(self) -> None:
         if self._waiting:
@@ -302,11 +309,8 @@ class Twi(Peripheral):
         if high and self._transfer is not None and not self._alarm.is_set and not self._waiting:
             self._resume()
 
-    def _bit_ps(self) -> float:
-        settings = self.machine.mck_hz, self.registers["CWGR"]
-        if settings != self._bit_settings:
-            self._bit_settings, self._bit = settings, PS_PER_S / self.scl_hz
-        return self._bit
+    def _ps(self, bits: float) -> int:
+        return round(bits * self._bit_ps)
 
     def _end(self) -> None:
         self.busy_ps += self.machine.now_ps - self._begun_ps
@@ -320,11 +324,12 @@ class Twi(Peripheral):
             return
         self._alarm.cancel()
         if self._on_line is not None and not self._stalled:
-            sending, byte = self._on_line
-            in_step = (self.machine.now_ps - self._step_ps) / self._bit_ps()
-            bits = int(self._bits_before + min(in_step, self._step_bits))
+            sending, byte, begun_ps = self._on_line
+            bits = (self.machine.now_ps - begun_ps) / self._bit_ps
+            if sending and self.registers["SR"] & RXRDY:
+                bits = min(bits, LAST_BIT)
             if bits < 8:
-                self._lines.cut_off(sending, byte, bits)
+                self._lines.cut_off(sending, byte, int(bits))
         self._end()
 
     def _on_mux_change(self) -> None:
@@ -334,10 +339,9 @@ class Twi(Peripheral):
             self._transfer, self._begun_ps, self._stalled = transfer, self.machine.now_ps, True
 
     def _idle(self) -> None:
-        self._master = self._slave = self._stop_wanted = self._stale = False
+        self._master = self._slave = self._stale = False
         self._thr = self._remains = None
         self._on_line = None
-        self._bits_before = 0.0
 
     def settle_irq(self) -> None:
         """Bring the interrupt line up to date, and what is read in C++."""

@@ -36,10 +36,10 @@ class Transmitter(Peripheral):
         self.bytes_sent = 0
         self.busy_ps = 0
         """Time for which the line was not idle [ps]."""
-        self._alarm = Alarm(machine, self._sent)
+        self._alarm, self._quiet_alarm = Alarm(machine, self._sent), Alarm(machine, self._sent)
         self._timing_of: tuple[int, int, int] | None = None
         self._baud = 0.0
-        self._byte_ps = 0
+        self._byte_ps = self._end_ps = 0
         self._clear()
 
     def _clear(self) -> None:
@@ -50,10 +50,14 @@ class Transmitter(Peripheral):
 
     def reset(self) -> None:
         """Off; a byte on the line is cut off and lost."""
-        self._alarm.cancel()
+        self._cancel()
         super().reset()
         self._clear()
         self._settle()
+
+    def _cancel(self) -> None:
+        self._alarm.cancel()
+        self._quiet_alarm.cancel()
 
     @property
     def baud(self) -> float:
@@ -91,7 +95,7 @@ class Transmitter(Peripheral):
 
     def _command(self, value: int) -> None:
         if value & RSTTX:
-            self._alarm.cancel()
+            self._cancel()
             self._holding = self._shifting = None
             self._enabled = False
         if value & TXDIS:
@@ -134,9 +138,19 @@ class Transmitter(Peripheral):
         if self._shifting is None and self._holding is not None and self._enabled:
             self._shifting, self._holding = self._holding, None
             self._settle_timing()
-            self._alarm.set(self._byte_ps)
+            self._end_ps = self.machine.now_ps + self._byte_ps
             self._fetch()
+        if self._shifting is not None:
+            self._await_end()
         self._settle()
+
+    def _await_end(self) -> None:
+        """Be there when this byte ends; and if that changes nothing, when one does that changes a flag."""
+        left_ps, more = self._end_ps - self.machine.now_ps, 0
+        if self._is_amid_a_block():
+            self._quiet_alarm.set(left_ps, quiet=True)
+            more = self.registers["TCR"] - 1
+        self._alarm.set(left_ps + more * self._byte_ps)
 
     def _settle_timing(self) -> None:
         """Bring the time of a byte up to date; settings cannot change while one is on the line."""
@@ -151,12 +165,7 @@ class Transmitter(Peripheral):
         r = self.registers
         if self._holding is not None or not self._enabled or not r["PTSR"] & PDC_TXTEN or not r["TCR"]:
             return
-        byte = self._memory.read(r["TPR"], 1)
-        if byte is None:
-            self.machine.fault(f"{self.name}: the PDC reads at 0x{r['TPR']:08X}, where there is no memory")
-        self._holding = byte[0]
-        r["TPR"] += 1
-        r["TCR"] -= 1
+        self._holding = self._take()
         if not r["TCR"]:
             r[self.status] |= ENDTX
             r["TPR"], r["TCR"] = r["TNPR"], r["TNCR"]
@@ -164,13 +173,34 @@ class Transmitter(Peripheral):
             if not r["TCR"]:
                 r[self.status] |= TXBUFE
 
+    def _take(self) -> int:
+        """Let the PDC read a byte."""
+        r = self.registers
+        byte = self._memory.read(r["TPR"], 1)
+        if byte is None:
+            self.machine.fault(f"{self.name}: the PDC reads at 0x{r['TPR']:08X}, where there is no memory")
+        r["TPR"] += 1
+        r["TCR"] -= 1
+        return byte[0]
+
     def _sent(self) -> None:
         assert self._shifting is not None
         byte, self._shifting = self._shifting, None
         self.bytes_sent += 1
         self.busy_ps += self._byte_ps
         self._line.send(byte, self.machine.now_ps, self._baud)
-        self._feed()
+        if self._is_amid_a_block():
+            self._shifting, self._holding = self._holding, self._take()
+            self._end_ps += self._byte_ps
+            if self.registers["TCR"] > 1:
+                self._quiet_alarm.set(self._byte_ps, quiet=True)
+        else:
+            self._feed()
+
+    def _is_amid_a_block(self) -> bool:
+        """Whether the end of this byte changes no flag."""
+        r = self.registers
+        return self._holding is not None and self._enabled and r["TCR"] > 1 and r["PTSR"] & PDC_TXTEN != 0
 
     def _settle(self) -> None:
         r = self.registers
