@@ -5,13 +5,15 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from importlib import metadata
 from pathlib import Path
 
 import pytest
 from host_support import ROOT
+from packaging.requirements import Requirement
 
 PINNED = re.compile(r"^([A-Za-z0-9][\w.-]*)==(\S+)", re.MULTILINE)
-LISTS = ("build", "run", "dev", "audit")
+LISTS = ("build", "run", "dev", "audit", "dist")
 
 
 def plain(name: str) -> str:
@@ -34,7 +36,7 @@ def test_every_package_has_a_version_and_a_hash(name: str) -> None:
     text = (ROOT / f"tools/hashes/{name}.txt").read_text("utf-8")
     assert "://" not in text
     entries = re.split(r"^(?=[a-z])", text, flags=re.MULTILINE)[1:]
-    assert len(entries) == len(hashes(name)) > 5
+    assert len(entries) == len(hashes(name)) > 4
     for entry in entries:
         assert PINNED.match(entry), entry
         assert re.search(r"^    --hash=sha256:[0-9a-f]{64}( \\)?$", entry, re.MULTILINE), entry
@@ -75,6 +77,38 @@ def test_set_up_asks_for_hashes_and_nothing_else() -> None:
         assert script.count("--require-hashes") + script.count('"${checked[@]}"') >= 2
         assert "--no-deps --no-build-isolation" in script
         assert "constraints.txt" not in script
+
+
+def test_what_is_given_to_others_is_made_of_files_with_hashes() -> None:
+    """Each installation of tools/dist, by names that the lists have with all that these need."""
+    scripts = {file.name: file.read_text("utf-8") for file in (ROOT / "tools/dist").glob("*.sh")}
+    installs = [line for text in scripts.values() for line in re.findall(r"pip install.*", text)]
+    assert len(installs) == 2
+    assert all("--no-deps --require-hashes" in line for line in installs)
+    asked = [
+        (which, name, names.split("|"))
+        for text in scripts.values()
+        for which, name, names in re.findall(r"(entries\w*) (\w+) '?([\w|-]+)'?", text)
+    ]
+    assert len(asked) == 4
+    assert all(set(names) <= set(hashes(list_)) for _, list_, names in asked)
+    needed = {name for which, list_, names in asked if (which, list_) == ("entries", "dev") for name in names}
+    assert closure("pytest", "hypothesis", "pytest-timeout") == needed
+    assert closure("fltea[outputs]") - {"fltea"} <= set(hashes("run")) - {"unicorn"}
+
+
+def closure(*names: str) -> set[str]:
+    """What these packages and all that they need are called, on this machine."""
+    found: set[str] = set()
+    waiting = [Requirement(name) for name in names]
+    while waiting:
+        one = waiting.pop()
+        found.add(plain(one.name))
+        for text in metadata.requires(one.name) or ():
+            need = Requirement(text)
+            if any(need.marker is None or need.marker.evaluate({"extra": x}) for x in one.extras or {""}):
+                waiting.append(need)
+    return found
 
 
 def test_a_file_that_was_changed_is_refused(tmp_path: Path) -> None:

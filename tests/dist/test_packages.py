@@ -135,12 +135,6 @@ def test_debian_package_asks_for_what_its_wheel_is_made_for() -> None:
     assert f"libc6 (>= {glibc[1]}.{glibc[2]})" in depends
 
 
-def test_debian_package_holds_parts_that_exist() -> None:
-    found = re.search(r"^parts='\[(.*)\]'$", (DIST / "common.sh").read_text("utf-8"), re.MULTILINE)
-    assert found
-    assert set(found[1].split(",")) <= set(PROJECT["optional-dependencies"])
-
-
 def test_files_that_are_packed_exist() -> None:
     script = (DIST / "deb.sh").read_text("utf-8")
     named = set(re.findall(r"\$here/(tools/[\w./-]+)", script))

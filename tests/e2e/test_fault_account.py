@@ -2,14 +2,17 @@
 
 import asyncio
 import contextlib
+import re
 import socket
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import pytest
+from fltea.records.kinds import ERROR_KINDS
+from fltea.records.records import EpochReason
 from host_support import ROOT
 from nats.js import JetStreamContext
 
@@ -288,3 +291,17 @@ def test_a_nats_server_whose_disk_holds_it_up_is_waited_for(stage: Stage, tmp_pa
         return (await stream.account_info()).streams
 
     assert server._ask(asked_of_one_that_stands_still) >= 0
+
+
+# --- what the guide says of them ---
+
+
+@pytest.mark.parametrize(("page", "part"), [("running", "daemon"), ("fleet", "fleet"), ("ingest", "ingest")])
+def test_the_guides_tables_are_of_the_faults_that_are_played(page: str, part: str) -> None:
+    text = (ROOT / f"host/docs/guide/{page}.md").read_text("utf-8")
+    rows = re.findall(r"^\| (.+) \| (.+) \| (\d+) [^|=]+ = (.+) \|$", text, re.MULTILINE)
+    assert sorted(row[0] for row in rows) == sorted(case.name for case in command.PARTS[part].cases)
+    for name, reported, due, where in rows:
+        kinds = set(reported.split(", ")) - {"–"}
+        assert kinds <= ERROR_KINDS.keys() | set(get_args(EpochReason)), name
+        assert sum(int(count) for count in re.findall(r"(?:^|\+ )(\d+)", where)) == int(due), name

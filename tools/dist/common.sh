@@ -8,8 +8,6 @@ python=$PWD/.venv/bin/python
 abi=cp311-abi3
 # The lowest that auditwheel finds for Debian 12's compiler; Debian 12, Ubuntu 22.04 and RHEL 9 have it.
 glibc=2_34
-# What of the optional parts the Debian packages hold: what the service may be asked for.
-parts='[outputs]'
 # The systems that have a Debian package: each has a Python of its own, for which its libraries are made.
 systems=(deb12 deb13 ubuntu24.04)
 declare -A python_of=([deb12]=3.11 [deb13]=3.13 [ubuntu24.04]=3.12)
@@ -59,23 +57,36 @@ cross_environment() {
     export FLTEA_TARGET_ROOT CMAKE_TOOLCHAIN_FILE=$PWD/tools/dist/aarch64.cmake _PYTHON_HOST_PLATFORM=linux-aarch64
 }
 
-# Packages for a machine and a version of Python, into a folder that Python only has to be shown. Nothing is compiled:
-# of cobs only 1.2.0 is published as a wheel, in Python, which is quick enough for what the program encodes.
-unpack_for() { # MACHINE PYTHON FOLDER PACKAGE…
-    local machine=$1 level levels=()
-    for level in 34 31 28 27 26 24 17; do levels+=(--platform "manylinux_2_${level}_$machine"); done
-    mkdir -p "$work"
-    sed 's/^cobs==.*/cobs==1.2.0/' constraints.txt >"$work/constraints.txt"
-    rm -rf "$3"
-    "$python" -m pip install --quiet --target "$3" --no-compile -c "$work/constraints.txt" \
-        --only-binary :all: --implementation cp --python-version "$2" --abi "cp${2/./}" --abi abi3 --abi none \
-        --platform "linux_$machine" --platform "manylinux2014_$machine" "${levels[@]}" "${@:4}"
+# Packages with their hashes out of a list of tools/hashes: those of these names (a regular expression), or the others.
+entries() { # LIST NAMES
+    awk -v names="^($2)==" '/^[a-z]/ { of_it = $0 ~ names } of_it' "tools/hashes/$1.txt"
+}
+entries_but() { # LIST NAMES
+    awk -v names="^($2)==" '/^[a-z]/ { of_it = $0 !~ names } of_it' "tools/hashes/$1.txt"
 }
 
-# The wheel and all that it needs.
-install_into() { # MACHINE PYTHON FOLDER [PARTS]
-    local wheel
+# Packages for a machine and a version of Python, into a folder that Python only has to be shown. Nothing is compiled,
+# and nothing taken whose hash is not in the list.
+unpack_for() { # MACHINE PYTHON FOLDER LIST
+    local machine=$1 level levels=()
+    for level in 34 31 28 27 26 24 17; do levels+=(--platform "manylinux_2_${level}_$machine"); done
+    rm -rf "$3"
+    "$python" -m pip install --quiet --target "$3" --no-compile --no-deps --require-hashes -r "$4" \
+        --only-binary :all: --implementation cp --python-version "$2" --abi "cp${2/./}" --abi abi3 --abi none \
+        --platform "linux_$machine" --platform "manylinux2014_$machine" "${levels[@]}"
+}
+
+# The wheel and all that the service may be asked for: what `make run` installs but the emulator of the board. Of cobs
+# only 1.2.0 is published as a wheel, in Python, which is quick enough for what the program encodes.
+install_into() { # MACHINE PYTHON FOLDER
+    local wheel list=$work/needed-$1-$2.txt
     wheel=$(wheel_of "$1")
     [ -e "$wheel" ] || tools/dist/wheels.sh "$1"
-    unpack_for "$1" "$2" "$3" "$wheel${4:-}"
+    mkdir -p "$work"
+    {
+        entries_but run 'cobs|unicorn'
+        entries dist cobs
+        printf '%s --hash=sha256:%s\n' "$wheel" "$(sha256sum "$wheel" | cut -d' ' -f1)"
+    } >"$list"
+    unpack_for "$1" "$2" "$3" "$list"
 }

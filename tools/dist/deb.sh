@@ -24,7 +24,7 @@ pack() { # SYSTEM ARCHITECTURE
     tree=$folder/debian/fltea
     rm -rf "$folder"
     mkdir -p "$folder/debian"
-    install_into "$machine" "$py" "$tree/usr/lib/fltea" "$parts"
+    install_into "$machine" "$py" "$tree/usr/lib/fltea"
     (
         cd "$tree/usr/lib/fltea"
         # Commands, examples and tests of the libraries, and what only a compiler reads.

@@ -55,7 +55,8 @@ done
 figures aarch64 3.11 qemu-aarch64-static -L "$root" "$root/usr/bin/python3.11"
 
 say "golden vectors and golden values of the estimator, with the wheel for aarch64"
-unpack_for aarch64 3.11 "$folder/pytest" pytest hypothesis pytest-timeout
+entries dev 'pytest|iniconfig|packaging|pluggy|pygments|hypothesis|sortedcontainers|pytest-timeout' >"$folder/pytest.txt"
+unpack_for aarch64 3.11 "$folder/pytest" "$folder/pytest.txt"
 # Without what starts other programs: this machine's kernel runs none for aarch64.
 PYTHONPATH=$folder/aarch64-3.11:$folder/pytest qemu-aarch64-static -L "$root" "$root/usr/bin/python3.11" -P -S -m pytest -q \
     -p no:cacheprovider -k "not files_are_what" tests/protocol/test_vectors.py tests/estimator/test_numbers.py

