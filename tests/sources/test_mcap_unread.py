@@ -101,6 +101,19 @@ def test_a_stray_file_is_told_and_the_recordings_beside_it_are_summed_up(tmp_pat
     assert f"{tmp_path / 'a.mcap'}: is no recording of fltea" in done.stderr
 
 
+@pytest.mark.parametrize("name", ["NAME_009.mcap", "a copy.mcap", "NAME_001.recovered (1).mcap"])
+def test_of_two_files_with_one_part_the_other_is_named(name: str, tmp_path: Path) -> None:
+    records, _ = record(tmp_path, transport(samples=300), rotate_s=1.0)
+    whole = parts(tmp_path)
+    twin = tmp_path / name.replace("NAME", whole[1].stem[:-4])
+    twin.write_bytes(whole[1].read_bytes())
+    done = fltea_here("info", "--json", tmp_path)
+    (summary,) = map(json.loads, done.stdout.splitlines())
+    assert (summary["files"], summary["whole"], summary["breaks"]) == (len(whole), False, 0)
+    assert (done.returncode, str(twin) in done.stderr, str(whole[1]) in done.stderr) == (1, True, True)
+    assert taken(replay(tmp_path)) == taken(records)
+
+
 def test_a_damaged_file_with_a_recovered_copy_is_read(damaged: Path) -> None:
     whole = damaged.read_bytes().replace(b"farmat", b"format", 1)
     damaged.with_name(f"{damaged.stem}.recovered.mcap").write_bytes(whole)

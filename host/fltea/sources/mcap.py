@@ -91,6 +91,7 @@ def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]
     """
     found: dict[tuple[str, str], dict[int, Part]] = {}
     unread: dict[Path, str] = {}
+    unused: dict[tuple[str, str], dict[Path, str]] = {}
     files = [file for path in paths for file in _files(path)]
     for file in files:
         try:
@@ -100,20 +101,33 @@ def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]
                 raise
             unread[file] = str(error)
             continue
-        parts = found.setdefault((part.info.device, part.info.session), {})
-        known = parts.get(part.info.part)
-        if known is None or (".recovered" in file.name and ".recovered" not in known.path.name):
-            parts[part.info.part] = part
+        key = part.info.device, part.info.session
+        parts = found.setdefault(key, {})
+        used, other = parts.get(part.info.part, part), part
+        if _original(file) == used.path != file:
+            used, other = part, used
+        parts[part.info.part] = used
+        if other.path not in (used.path, _original(used.path)):
+            why = f"{other.path}: holds the same part of the recording as {used.path}, which is used."
+            unused.setdefault(key, {})[other.path] = why
     if not found:
         raise UsageError(f"{paths[0]}: no recording of fltea in it ({len(unread)} files cannot be read).")
-    sessions = [Session([parts[number] for number in sorted(parts)], {}) for parts in found.values()]
+    sessions = [
+        Session([parts[number] for number in sorted(parts)], unused.get(key, {}))
+        for key, parts in found.items()
+    ]
     for session in sessions:
-        copied = {part.path.with_name(part.path.name.replace(".recovered", "")) for part in session.parts}
+        copied = {_original(part.path) for part in session.parts}
         for file in [file for file in unread if name_of(file) == session.name]:
             why = unread.pop(file)
             if file not in copied:
                 session.unread[file] = why
     return sessions, unread
+
+
+def _original(path: Path) -> Path:
+    """Return the file of which this one is the recovered copy, or itself."""
+    return path.with_name(path.name.replace(".recovered.", "."))
 
 
 def _files(path: Path) -> list[Path]:
