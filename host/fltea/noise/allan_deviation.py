@@ -6,7 +6,7 @@ With S normalised as in `fltea.noise.spectra` (white noise of variance R has R)
 """
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,21 +34,31 @@ def model_adev(spectrum: Callable[[Array], Array], factors: ArrayLike) -> Array:
     m = np.atleast_1d(np.asarray(factors, dtype=np.float64))
     if not (np.isfinite(m).all() and (m >= 1).all()):
         raise ValueError("averaging times are numbers of samples, 1 or more")
-    edges = _edges(int(np.ceil(np.log2(m.max(initial=1.0)))) + BELOW)
+    lam, weights = _quadrature(tuple(m.tolist()))
+    # Not the product of a matrix and a vector, for which a library of linear algebra would begin threads.
+    return np.asarray(np.sqrt(np.einsum("ij,j->i", weights, spectrum(lam))))
+
+
+@lru_cache(maxsize=4)
+def _quadrature(factors: tuple[float, ...]) -> tuple[Array, Array]:
+    """Return nodes λ (n,) and the weights (k, n) of the spectrum there in the variances at these factors.
+
+    All axes and devices of one age have them in common, and computing them takes longer than all else.
+    """
+    edges = _edges(int(np.ceil(np.log2(max(factors, default=1.0)))) + BELOW)
     width = edges[:-1] - edges[1:]
     x, weight = _gauss()
     lam = edges[1:, np.newaxis] + width[:, np.newaxis] * (1 + x) / 2
     # Times dλ, over sin²(λ/2).
-    density = spectrum(lam.ravel()).reshape(lam.shape) / np.sin(lam / 2) ** 2
-    density *= width[:, np.newaxis] / 2 * weight
-    mean = 3 / 8 * density.sum(axis=1)
-    found = np.empty(len(m))
-    for i, factor in enumerate(m.tolist()):
+    density = width[:, np.newaxis] / 2 * weight / np.sin(lam / 2) ** 2
+    weights = np.zeros((len(factors), *lam.shape))
+    for one, factor in zip(weights, factors, strict=True):
         fast = factor * width > 2 * np.pi * PERIODS
+        one[fast] = 3 / 8 * density[fast]
         exact = ~fast & (factor * edges[:-1] > 0.5**BELOW)
-        slow = np.square(np.square(np.sin(factor / 2 * lam[exact]))) * density[exact]  # a power is slower
-        found[i] = np.sqrt(2 / np.pi * (mean[fast].sum() + slow.sum())) / factor
-    return found
+        one[exact] = np.square(np.square(np.sin(factor / 2 * lam[exact]))) * density[exact]
+        one *= 2 / np.pi / factor**2
+    return lam.ravel(), weights.reshape(len(factors), -1)
 
 
 def _edges(octaves: int) -> Array:

@@ -287,13 +287,19 @@ def _drift(values: Array) -> tuple[Array, Array]:
     Drift that ends elsewhere than it began leaks into all frequencies, as 1/λ², far above those that it has.
     Of noise the cubic takes what is in the ordinates below LOWEST, and a few percent of that one.
     """
-    x = np.linspace(-1, 1, len(values))
+    basis = _cubics(len(values))
+    amplitudes = basis @ values
+    return amplitudes @ basis, amplitudes
+
+
+@functools.lru_cache(maxsize=8)
+def _cubics(m: int) -> Array:
+    """Return three functions (3, m) of unit power whose sums are all cubics of mean 0."""
+    x = np.linspace(-1, 1, m)
     squares = x * x
     curve = squares - squares.mean()
     bend = x * (squares - (squares @ squares) / squares.sum())
-    basis = np.stack([one / math.sqrt(one @ one) for one in (x, curve, bend)])
-    amplitudes = basis @ values
-    return amplitudes @ basis, amplitudes
+    return np.stack([one / math.sqrt(one @ one) for one in (x, curve, bend)])
 
 
 def _drift_of(amplitudes: list[Array], level: int) -> Drift | None:
@@ -310,18 +316,23 @@ def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) ->
     Of drift, taken out of long records, `amplitudes` takes note.
     """
     m = len(y)
-    last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(JOIN * m / (2 * np.pi)) - 1)
-    j = np.arange(LOWEST, last + 1)
+    lam, gain = _whole_gain(level, m)
     values = y.astype(np.float64)
     values -= values.mean()
     cubic, found = _drift(values)
     amplitudes.append(found)
     if level or _drifts(values, found):
         values -= cubic
-    spectrum = np.fft.rfft(values)[j]
-    own = np.asarray(2 * np.pi * j / m, dtype=np.float64)
-    power = (spectrum.real**2 + spectrum.imag**2) / m * 2.0**level
-    return own / 2**level, power / _passed(own, level), np.ones(len(j))
+    spectrum = np.fft.rfft(values)[LOWEST : LOWEST + len(lam)]
+    return lam, (spectrum.real**2 + spectrum.imag**2) * gain, np.ones(len(lam))
+
+
+@functools.lru_cache(maxsize=8)
+def _whole_gain(level: int, m: int) -> tuple[Array, Array]:
+    """Return the frequencies of the lines of m samples of a level, and what makes powers of their squares."""
+    last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(JOIN * m / (2 * np.pi)) - 1)
+    own = np.asarray(2 * np.pi * np.arange(LOWEST, last + 1) / m, dtype=np.float64)
+    return own / 2**level, 2.0**level / m / _passed(own, level)
 
 
 def _drifts(values: Array, amplitudes: Array) -> bool:
