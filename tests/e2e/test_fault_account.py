@@ -5,21 +5,24 @@ import contextlib
 import re
 import socket
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast, get_args
 
 import pytest
 from fltea.records.kinds import ERROR_KINDS
 from fltea.records.records import EpochReason
+from fltea.sources.wire_events import SILENCE_S
 from host_support import ROOT
 from nats.js import JetStreamContext
 
 from tools.faults import __main__ as command
 from tools.faults.case import Case, Outcome, cells, play
 from tools.faults.cut_line import CutLine
-from tools.faults.daemon import check_totals, samples_of
+from tools.faults.daemon import check_totals, faults_of, samples_of
 from tools.faults.ingest_scene import samples_of as samples_of_many
 from tools.faults.nats_server import NatsServer
 from tools.faults.program import Program, Skip
@@ -39,6 +42,16 @@ def board(tmp_path: Path) -> Iterator[Board]:
     one.send(20)
     yield one
     one.close()
+
+
+def test_a_silence_that_was_the_boards_own_is_no_fault_of_the_daemon(board: Board) -> None:
+    program = cast(Program, SimpleNamespace(errors=lambda: ["silent", "gap"]))
+    time.sleep(0.1)
+    board.send(1)
+    assert board.longest_silence_s > 0.1
+    for silence_s, found in ((0.1, ["silent", "gap"]), (SILENCE_S, ["gap"])):
+        board.longest_silence_s = silence_s
+        assert faults_of([program], board) == found
 
 
 def records(board: Board, *, without: tuple[int, ...] = ()) -> list[dict[str, Any]]:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from fltea.recording.session import LINK, WIRE, LinkMessage
 from fltea.sources.mcap import find_session, read_entries
+from fltea.sources.wire_events import SILENCE_S
 from msgspec import json
 
 from tools.faults.account import Account, Record, Sample, account, heard, shown, wrong_ends
@@ -125,7 +126,7 @@ class Scene:
         estimates = f"again after {again_s:.1f} s" if pause_s >= UNINTERRUPTED_S else "not interrupted"
         epochs = [record["reason"] for program in programs for record in program.of("epoch")][1:]
         return Outcome(
-            [*(kind for program in programs for kind in program.errors()), *epochs],
+            [*faults_of(programs, self.board), *epochs],
             samples.due,
             samples.where,
             more=f"estimates {estimates}; other outputs {others}",
@@ -187,6 +188,13 @@ def check_totals(records: Sequence[Record]) -> list[str]:
         for name, value in expected.items()
         if stats[name] != value
     ]
+
+
+def faults_of(programs: Sequence[Program], board: Board) -> list[str]:
+    """Kinds of the errors that programs reported; not that the board was silent, if it was."""
+    was_silent = board.longest_silence_s > SILENCE_S - 1
+    kinds = (kind for program in programs for kind in program.errors())
+    return [kind for kind in kinds if not (kind == "silent" and was_silent)]
 
 
 class Recorded(NamedTuple):

@@ -51,8 +51,8 @@ def _unplug_and_plug(scene: Scene, show: Callable[..., None] = lambda *devices: 
         # The line has room for more.
         scene.program.wait_for_sample(board.boots[-1].boot_id, board.boots[-1].due - 1)
         board.begin_frame()
+        show()  # before: the system gives its name to the next port that anybody makes
         board.unplug()
-        show()
         scene.program.wait_for(lambda: "no_port" in scene.program.errors(), "the loss")
         board.plug()
         show(board.port)

@@ -48,7 +48,8 @@ class Board:
     """Samples at 100 Hz of real time, with HELLO and STATUS once a second.
 
     Its methods send in the caller's thread and at the pace of its clock. streams: what was put on the line,
-    for each time that it was plugged in. dropped: frames for which the line had no room.
+    for each time that it was plugged in. dropped: frames for which the line had no room. longest_silence_s:
+    while it was plugged in; on a busy machine our own process may stand still.
     """
 
     def __init__(self, link: Path, seed: int = 1) -> None:
@@ -56,6 +57,7 @@ class Board:
         self.boots: list[Boot] = []
         self.streams: list[bytearray] = []
         self.dropped = 0
+        self.longest_silence_s = 0.0
         self._random = random.Random(seed)
         self._blocks: dict[bytes, tuple[int, int]] = {}
         self._begin_ns = 0
@@ -69,6 +71,7 @@ class Board:
         """Appear as a new port, to which `link` points."""
         self._port.show_as(self.link)
         self.streams.append(bytearray())
+        self._said_s = time.monotonic()
 
     @property
     def port(self) -> str:
@@ -95,6 +98,7 @@ class Board:
                 raise TimeoutError("nobody heard the board's HELLO")
             with contextlib.suppress(BlockingIOError):  # nobody has the port open
                 os.write(self._port.master, b"\0" + self._frame(self._hello()))
+            self._note_silence()
             until_s = time.monotonic() + INTRODUCTION_S
             while not heard() and time.monotonic() < until_s:
                 time.sleep(0.01)
@@ -206,8 +210,13 @@ class Board:
             firmware_version="faults",
         )
 
+    def _note_silence(self) -> None:
+        before_s, self._said_s = self._said_s, time.monotonic()
+        self.longest_silence_s = max(self.longest_silence_s, self._said_s - before_s)
+
     def _write(self, data: bytes) -> None:
         """Put bytes on the line, or drop them if there is no room."""
+        self._note_silence()
         if self._port.send(data):
             self.streams[-1] += data
         else:
