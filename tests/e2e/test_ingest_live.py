@@ -13,8 +13,11 @@ import nats.js.errors
 import pytest
 from fltea.records.errors import UsageError
 from fltea.service.daemon import run
+from fltea.service.ingest.inbox import Inbox
+from fltea.service.ingest.mqtt import MqttFrames
 from fltea.service.ingest.receivers import receiver_of
 from fltea.settings.config import load_configs
+from fltea.settings.outputs import MqttConfig
 from frames_messages import second_of
 from host_support import PATIENCE_S, QUICK, Daemon, Processes, wait_until
 from mosquitto_support import Stage, make_authority
@@ -196,6 +199,18 @@ def test_an_address_with_or_without_port_is_not_refused(url: str) -> None:
 
 
 SECONDS = 6
+
+
+def test_a_broker_that_does_not_let_us_in_is_told_once_and_by_that_name(stage: Stage) -> None:
+    broker, told = stage.broker(secure=True), list[str]()
+    settings = MqttConfig(broker=f"mqtt://localhost:{broker.port}")
+    frames = MqttFrames(settings, Inbox(10, 1000), lambda kind, text: told.append(kind))
+    frames.start()
+    try:
+        wait_until(lambda: broker.said().count("not authori") >= 2, "that it is tried again")
+    finally:
+        frames.close()
+    assert told == ["broker_refused"]
 
 
 def test_each_topic_is_a_device_and_nothing_of_it_is_lost(stage: Stage, processes: Processes) -> None:
