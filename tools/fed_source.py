@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from fltea.records.events import Event
-from fltea.records.records import LinkStats
+from fltea.records.stats import LinkStats
 from fltea.sources.wire_events import WireEvents
 
 

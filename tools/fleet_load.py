@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from fltea.records.records import AXES, AxisStats, Fit, Hello, LinkStats, SampleStats, Stats, TrackerStats
+from fltea.records.records import AXES, Fit, Hello, Stats
+from fltea.records.stats import AxisStats, LinkStats, SampleStats, TrackerStats
 from fltea.settings.outputs import is_loopback
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion

@@ -1,15 +1,13 @@
-"""Writes from protocol/messages.toml the C++ header, the Python module and the byte tables of the README."""
+"""Writes from protocol/messages.toml the C++ header and the Python module; the site has byte tables of it."""
 
 import subprocess
 import sys
 from pathlib import Path
 
 from generated import rendered
-from protocol_definition import CRC_SIZE, HEADER_SIZE, DefinitionError, Protocol, load
+from protocol_definition import CRC_SIZE, HEADER_SIZE, Protocol, load
 
 SOURCE = "protocol/messages.toml"
-BEGIN = "<!-- generated: tables -->"
-END = "<!-- end of generated -->"
 # One COBS code byte and the closing 0x00; frames are too short for a second code byte.
 OVERHEAD = HEADER_SIZE + CRC_SIZE + 2
 
@@ -17,17 +15,13 @@ OVERHEAD = HEADER_SIZE + CRC_SIZE + 2
 def outputs(root: Path) -> dict[str, str]:
     """Path below the root -> the contents that belong there."""
     protocol = load((root / SOURCE).read_text())
-    readme = (root / "protocol/README.md").read_text()
-    before, begin, rest = readme.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise DefinitionError(f"protocol/README.md: the lines {BEGIN} and {END} are missing")
-    tables = rendered("protocol_tables.md", protocol=protocol, overhead=OVERHEAD)
-    return {
-        "firmware/core/messages.h": header(protocol),
-        "host/fltea/wire/layout.py": module(protocol),
-        "protocol/README.md": f"{before}{BEGIN}\n{tables}{END}{after}",
-    }
+    return {"firmware/core/messages.h": header(protocol), "host/fltea/wire/layout.py": module(protocol)}
+
+
+def tables(root: Path) -> str:
+    """Return a table of bytes for each message, and the values of enums and flags."""
+    protocol = load((root / SOURCE).read_text())
+    return rendered("protocol_tables.md", protocol=protocol, overhead=OVERHEAD)
 
 
 def header(protocol: Protocol) -> str:

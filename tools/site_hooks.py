@@ -8,15 +8,17 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import latex2mathml.converter
-import msgspec
-from fltea.records.records import AnyRecord
+from fltea.records.kinds import ERROR_KINDS
 from fltea.sinks.metrics.families import Families
+from gen_protocol import tables
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
+from site_records import records, schema
 from site_settings import cell, code, settings
 
 EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
@@ -43,14 +45,25 @@ def metrics() -> str:
     return "\n".join(["| metric | kind | labels | what |", "|---|---|---|---|", *rows])
 
 
-def schema() -> str:
-    """Return the JSON Schema of every record, as the program writes it."""
-    (top,), parts = msgspec.json.schema_components([AnyRecord], ref_template="#/$defs/{name}")
-    whole = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "fltea's records", **top}
-    return msgspec.json.format(msgspec.json.encode({**whole, "$defs": parts}), indent=1).decode() + "\n"
+def errors() -> str:
+    """Return a table of every kind of error with what a person does about it."""
+    rows = (f"| {code(name)} | {kind.meaning} | {kind.remedy} |" for name, kind in ERROR_KINDS.items())
+    return "\n".join(["| kind | what happened | what to do |", "|---|---|---|", *rows])
 
 
-PARTS: dict[str, Callable[[], str]] = {"commands": commands, "settings": settings, "metrics": metrics}
+def messages() -> str:
+    """Return a table of bytes for each message of the protocol."""
+    return tables(Path(__file__).parents[1])
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "commands": commands,
+    "errors": errors,
+    "messages": messages,
+    "records": records,
+    "settings": settings,
+    "metrics": metrics,
+}
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

@@ -14,53 +14,53 @@
 namespace fltea {
 namespace settings {
 
-// Longest gap that is bridged by prediction, in samples or as a time; a longer one begins a new epoch.
+// Longest gap that is bridged by prediction, a number of samples or a time. A longer gap begins a new epoch.
 // [samples]
 constexpr uint16_t kMaxGap = 100;
-// Length of the start-up window, in samples or as a time: the sensor has to be at rest in it, for bias and R
-// are drawn from it. [samples]
+// Length of the start-up window, a number of samples or a time. Bias and R are taken from it, so keep the
+// sensor at rest. [samples]
 constexpr uint16_t kStartup = 500;
-// `triple` (the paper's three filters) or `joint` (one filter on α and h^α f).
+// `triple`: the three filters of the paper. `joint`: one filter for α and h^α f.
 constexpr EstimatorVariant kVariant = EstimatorVariant::FLTEA_VARIANT;
-// `off` (the printed algorithm), `faithful` (within bounds) or `consistent` (within bounds, and with the
-// variance that the printed algorithm leaves out).
+// `off`: the algorithm as printed. `faithful`: with bounds. `consistent`: with bounds, and with the variance
+// that the printed algorithm leaves out.
 constexpr EstimatorGuard kGuard = EstimatorGuard::consistent;
-// From where on a guard softens an innovation. [standard deviations]
+// The guard softens larger innovations. [standard deviations]
 constexpr float kGate = 10.0f;
 // Variance of the state at the start. [(deg/s)²]
 constexpr float kStateP0 = 0.01f;
-// Variance of a whole step; it includes h^2α. [(deg/s)²]
+// Variance of one step of the noise, h^2α included. [(deg/s)²]
 constexpr float kStateQ = 0.15f;
 // State at the start. [deg/s]
 constexpr float kStateX0 = 0.0f;
 // Variance of the order at the start.
 constexpr float kOrderP0 = 0.01f;
-// Variance of a step of its walk, at the start.
+// Variance of one step of its random walk, at the start.
 constexpr float kOrderQ0 = 0.1f;
 // Order at the start.
 constexpr float kOrderAlpha0 = 1.0f;
-// Forgetting factor of Robbins and Monro: how fast the variance of the walk follows the innovations; 0: it
-// stays Q0.
+// How fast the variance of the random walk follows the innovations (forgetting factor of Robbins and Monro).
+// 0: it stays Q0.
 constexpr float kOrderDelta = 0.5f;
 // Variance of f at the start. [(s^-α)²]
 constexpr float kParameterP0 = 0.01f;
-// Variance of a step of its walk, at the start. [(s^-α)²]
+// Variance of one step of its random walk, at the start. [(s^-α)²]
 constexpr float kParameterQ0 = 0.1f;
 // Parameter f at the start. [s^-α]
 constexpr float kParameterF0 = 0.0f;
-// Forgetting factor of Robbins and Monro: how fast the variance of the walk follows the innovations; 0: it
-// stays Q0.
+// How fast the variance of the random walk follows the innovations (forgetting factor of Robbins and Monro).
+// 0: it stays Q0.
 constexpr float kParameterDelta = 0.5f;
 // Variance of α and of β at the start.
 constexpr float kJointP0 = 0.06f;
-// Variance of a step of the walk of both, at the start.
+// Variance of one step of their random walks, at the start.
 constexpr float kJointQ0 = 0.0f;
 // Order α at the start.
 constexpr float kJointAlpha0 = 0.5f;
 // β at the start.
 constexpr float kJointBeta0 = -0.1f;
-// Forgetting factor of Robbins and Monro: how fast the variance of the walk follows the innovations; 0: it
-// stays Q0.
+// How fast the variance of the random walk follows the innovations (forgetting factor of Robbins and Monro).
+// 0: it stays Q0.
 constexpr float kJointDelta = 0.0f;
 
 }  // namespace settings

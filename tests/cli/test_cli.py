@@ -249,7 +249,8 @@ def test_signal_ends_a_wait_between_rare_samples(number: signal.Signals) -> None
 
 def piped(text: str) -> tuple[int, bytes, bytes]:
     """Exit code, output and errors of a run whose samples come through a pipe."""
-    flags = ["--once", "--samples", "--columns", "gx", "--time-column", "t_ms", "--startup", "50"]
+    flags = ["--once", "--samples", "--columns", "gx", "--units", "dps"]
+    flags += ["--time-column", "t_ms", "--startup", "50"]
     with started("run", "-s", "stdin:", *flags, "--format", "ndjson", stdin=subprocess.PIPE) as process:
         output, errors = process.communicate(text.encode(), timeout=PATIENCE_S)
     return process.returncode, output, errors
@@ -322,7 +323,7 @@ def test_a_pipe_that_nobody_reads_is_named_and_another_signal_ends_the_wait() ->
         process.send_signal(signal.SIGTERM)
         assert b"waits for stdout" in process.stderr.readline()
         process.send_signal(signal.SIGTERM)
-        assert b"stdout has not ended" in process.stderr.readline()
+        assert b"stdout did not end" in process.stderr.readline()
         assert process.wait(PATIENCE_S) == 0
 
 

@@ -18,7 +18,8 @@ from fltea.identification.run import FileReport
 from fltea.machine import host_system
 from fltea.machine.doctor.finding import problem
 from fltea.records.errors import FlteaError, UsageError
-from fltea.records.records import Error, LinkStats
+from fltea.records.records import Error
+from fltea.records.stats import LinkStats
 from fltea.sinks.log import LogSink
 from fltea.sinks.page import facts
 from fltea.sinks.table import TableSink

@@ -329,7 +329,7 @@ def test_ctrl_c_says_how_to_go_on(here: Command, tmp_path: Path) -> None:
     with mock.patch("fltea.cluster.run.run", side_effect=KeyboardInterrupt):
         code, said = here(path, "--out", out)
     assert code == 130
-    assert f"{out}: stopped; the same command does what is not in the table" in said
+    assert f"{out}: stopped. The same command goes on" in said
     assert here(path, "--out", out)[0] == 0
 
 

@@ -62,8 +62,7 @@ def test_no_trap_at_any_scale(seed: int, scale: float, coarse: float) -> None:
 def test_offset(sign: int) -> None:
     (trap,) = axis_traps(white(LONG, 1, 1)[0] * 0.1 + sign * 4.5, H)
     assert (trap.kind, trap.severity) == ("offset", "note")
-    assert f"Offset {sign * 4.5:.1f}"[:9] in trap.text
-    assert 'bias = "startup"' in trap.remedy
+    assert trap.text == "The bias is large beside the noise.", "no figure, so that all axes share one note"
     assert "offset" not in kinds(white(LONG, 1, 1)[0] + 0.05)
 
 

@@ -7,7 +7,7 @@ from fltea.machine.doctor import checks_link
 from fltea.machine.doctor.checks_link import check_serial, judge
 from fltea.machine.doctor.hearing import Drift, Heard
 from fltea.records.events import Trouble
-from fltea.records.records import DeviceStatus, LinkStats
+from fltea.records.stats import DeviceStatus, LinkStats
 from fltea.records.version import __version__
 from fltea.wire import layout as wire
 from fltea.wire.transport import ANY_BOARD, DUE_NATIVE_PORT

@@ -152,7 +152,7 @@ def test_an_image_of_unknown_build_is_not_judged(desk: Desk) -> None:
     desk.add("bossac")
     desk.image.with_suffix(".json").unlink()
     done = desk.write("--yes")
-    assert (done.returncode, "nothing beside the image says" in done.stdout) == (0, True)
+    assert (done.returncode, "no file beside the image" in done.stdout) == (0, True)
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ def test_npy_with_fields_is_read_by_their_names(tmp_path: Path) -> None:
     found = npy(tmp_path, array, units="rad/s")
     assert found.rate_hz == pytest.approx(100.0)
     assert found.whole().gyro[:, 0] == pytest.approx(np.degrees(GYRO[:, 0]), rel=1e-6)
-    assert "says no unit" in refusal(npy, tmp_path, GYRO, rate_hz=1.0)
+    assert "has no unit" in refusal(npy, tmp_path, GYRO, rate_hz=1.0)
     assert "state does not hold numbers" in refusal(npy, tmp_path, array, columns=["state"], units="dps")
 
 

@@ -124,7 +124,7 @@ def test_live_text_gives_the_same_samples(name: str) -> None:
 def test_a_column_that_no_gyroscope_gives_is_refused(name: str) -> None:
     wrong = {
         "no_header.csv": (
-            How(columns=["1", "2", "3"], rate_hz=100.0),
+            How(columns=["1", "2", "3"], rate_hz=100.0, units="dps"),
             "column '1' rises from each of its 60 rows",
         ),
         "i2cdevlib_raw.txt": (

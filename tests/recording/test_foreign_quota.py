@@ -88,7 +88,7 @@ def test_libraries_that_are_kept_busy(tmp_path: Path, monkeypatch: pytest.Monkey
     path = tmp_path / "a.xlsx"
     path.write_bytes(sheet_of(400_000))
     assert "took more than 0 s of processor time" in refusal(
-        path, Limits(seconds=0.0), How(rate_hz=1.0, columns=["1"])
+        path, Limits(seconds=0.0), How(rate_hz=1.0, columns=["1"], units="dps")
     )
 
 

@@ -107,7 +107,7 @@ def test_the_limit_of_a_chunk_can_be_raised(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("setting", "reason"),
     [
-        ("estimator.window=3", "here it takes replay.max_chunk_mb and replay.max_mb only"),
+        ("estimator.window=3", "this command takes replay.max_chunk_mb and replay.max_mb only"),
         ("replay.max_mb=0", "replay.max_mb must be a number above 0 and up to 1000000000 MB, got"),
     ],
 )

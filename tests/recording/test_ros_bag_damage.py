@@ -57,7 +57,7 @@ def test_other_files_of_sqlite(tmp_path: Path) -> None:
         connection.execute("INSERT INTO topics SELECT 9, name, type, 'json', '', '' FROM topics")
     stored = open_bag(path)
     assert stored.samples == 28
-    assert "2 messages have not the layout" in told(stored)["bag_messages"]
+    assert "2 messages do not have the layout" in told(stored)["bag_messages"]
     with pytest.raises(UsageError, match="no Imu messages of the topic '/other'"):
         open_bag(path, How(topic="/other"))
 

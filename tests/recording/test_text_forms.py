@@ -64,12 +64,12 @@ FORMS: dict[str, str | bytes] = {
     "columns that are named, in their order": "t,a,b,c,note\n0,3.5,1.5,2.5,a\n0.1,-6,4,5,b\n0.2,9,7,8,c\n",
     "no line end at the end": ours(",").rstrip(),
 }
-BY_POSITION: dict[str, object] = {"columns": ["2", "3", "4"], "time_column": "1"}
+BY_POSITION: dict[str, object] = {"columns": ["2", "3", "4"], "time_column": "1", "units": "dps"}
 HOW: dict[str, dict[str, object]] = {
     "as rostopic echo -p": {"units": "rad/s", "time_column": "field.header.stamp", "time_unit": "ns"},
     "no header": BY_POSITION,
-    "no header and a rate": {"columns": ["2", "3", "4"], "rate_hz": 10.0},
-    "no header, as many names": {"columns": ["a", "b", "c"], "rate_hz": 10.0},
+    "no header and a rate": {"columns": ["2", "3", "4"], "rate_hz": 10.0, "units": "dps"},
+    "no header, as many names": {"columns": ["a", "b", "c"], "rate_hz": 10.0, "units": "dps"},
     "positions under a header": BY_POSITION,
     "columns of text beside": {"units": "dps"},
     "milliseconds by what the user says": {"units": "dps", "time_unit": "ms"},
@@ -116,7 +116,7 @@ def test_names_that_other_loggers_use(name: str, tmp_path: Path) -> None:
     if "rad" in name:
         assert stored(tmp_path, f"{header}\n1,2,3,4,5,6,7\n", rate_hz=10.0).whole().gyro[0, 0] == 3 * DEG
     else:
-        assert "nothing says their unit" in refusal(tmp_path, f"{header}\n1,2,3,4,5,6,7\n", rate_hz=10.0)
+        assert "nothing says the unit" in refusal(tmp_path, f"{header}\n1,2,3,4,5,6,7\n", rate_hz=10.0)
 
 
 def test_names_that_count_the_axes(tmp_path: Path) -> None:
@@ -166,7 +166,7 @@ BAD: dict[str, tuple[Any, ...]] = {
     "radians by their name": (
         "t,radx\n0,1\n",
         {"columns": ["radx"]},
-        ":1: the columns radx may be in rad/s, and without --units",
+        ":1: nothing says the unit of radx, so give it: --units dps, or rad/s",
     ),
     "counts without their scale": ("t,gx,gy\n0,1,1\n", "lsb:N"),
     "decimal commas among commas": (
@@ -275,7 +275,7 @@ def test_the_header_has_to_stand_near_the_beginning(tmp_path: Path) -> None:
 
 
 ODD: dict[str, tuple[Any, ...]] = {
-    "names that are numbers": ("time_s,2,3\n0,1,5\n1,2,6\n", {"columns": ["3"]}, [5, 6]),
+    "names that are numbers": ("time_s,2,3\n0,1,5\n1,2,6\n", {"columns": ["3"], "units": "dps"}, [5, 6]),
     "one column with decimal commas": ("gyro_x_dps\n0,5\n-1,5\n2\n", {"rate_hz": 10.0}, [0.5, -1.5, 2.0]),
     "commas in quotes are text": (
         'note,t,gx\na,0,1\n"a, b, 5, 6",0.1,2\nb,0.2,3,more\n',

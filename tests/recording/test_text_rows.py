@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from text_files import stored
 
 NAMES = ["gx", "gy"]
-TIMED = How(columns=NAMES, time_column="t")
-RATE = How(columns=NAMES, rate_hz=9.0)
+TIMED = How(columns=NAMES, time_column="t", units="dps")
+RATE = How(columns=NAMES, rate_hz=9.0, units="dps")
 
 Row = tuple[int, list[float]]
 
@@ -106,8 +106,8 @@ def test_without_a_header_positions_or_as_many_fields_as_names() -> None:
     def found(how: How, text: bytes) -> list[list[float]]:
         return [values for _, values in rows_of(TextReader("x", how), text)]
 
-    assert found(How(columns=["3", "1"], rate_hz=9.0), b"1 2 3\n") == [[3.0, 1.0]]
-    assert found(How(columns=["2"], time_column="1"), b"7;8\n") == [[8.0, 7.0]]
+    assert found(How(columns=["3", "1"], rate_hz=9.0, units="dps"), b"1 2 3\n") == [[3.0, 1.0]]
+    assert found(How(columns=["2"], time_column="1", units="dps"), b"7;8\n") == [[8.0, 7.0]]
     assert found(RATE, b"1,2\n3,4\n") == [[1.0, 2.0], [3.0, 4.0]]
     assert found(RATE, b"1,2,3\n") == found(How(rate_hz=9.0), b"1,2,3\n") == []
 
@@ -141,7 +141,7 @@ def test_objects() -> None:
 
 
 def test_a_line_without_end_is_left_out_and_the_next_one_is_read() -> None:
-    parser = TextReader("x", How(columns=["gx"], rate_hz=9.0))
+    parser = TextReader("x", How(columns=["gx"], rate_hz=9.0, units="dps"))
     parts = [b"gx\n1\n", b"2" * (LONGEST_LINE // 2), b"2" * LONGEST_LINE, b"2\n3\n"]
     assert [values for _, values in rows_of(parser, *parts)] == [[1.0], [3.0]]
     assert parser.counts == {"too_long": 1}
@@ -170,10 +170,10 @@ def test_once_a_number_has_a_decimal_comma_or_a_point_the_others_have_it_too(lin
     """In few lines and in many, which are read in different ways."""
     for mark, other in ((",", "."), (".", ",")):
         text = "gx;gy\n" + "3;4\n" * lines + f"1{mark}5;2\n" * lines + f"7{other}5;2\n" * lines
-        parser = TextReader("x", How(columns=NAMES, rate_hz=9.0))
+        parser = TextReader("x", How(columns=NAMES, rate_hz=9.0, units="dps"))
         found = [row for part in text.splitlines(keepends=True) for row in rows_of(parser, part.encode())]
         assert [values for _, values in found] == [[3.0, 4.0]] * lines + [[1.5, 2.0]] * lines
-        parser = TextReader("x", How(columns=NAMES, rate_hz=9.0))
+        parser = TextReader("x", How(columns=NAMES, rate_hz=9.0, units="dps"))
         assert [values for _, values in rows_of(parser, text.encode())] == [values for _, values in found]
         assert parser.counts == {"number": lines}
 

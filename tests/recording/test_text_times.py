@@ -46,7 +46,7 @@ def test_an_accelerometer_with_missing_numbers_is_left_out_and_told(tmp_path: Pa
     assert found.whole().gyro.ravel().tolist() == [1, 2, 3, 4]
     assert found.whole().accel_ms2 is None
     assert [note.kind for note in found.notes] == ["missing_numbers"] * 2
-    assert ":5: accel_x_ms2, accel_y_ms2, accel_z_ms2: no acceleration stands here" in found.notes[0].text
+    assert ":5: accel_x_ms2, accel_y_ms2, accel_z_ms2: a row has no acceleration here" in found.notes[0].text
     whole = stored(tmp_path, "\n".join(text.split("\n")[:4]) + "\n", rate_hz=1.0).whole()
     assert whole.accel_ms2.tolist() == [[0, 0, 1]] * 2
 

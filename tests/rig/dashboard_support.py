@@ -16,14 +16,13 @@ from fltea.records.records import (
     AxisEstimate,
     DeviceAxisEstimate,
     DeviceEstimates,
-    DeviceEstimatorStats,
-    DeviceStatus,
     Epoch,
     Estimate,
     EstimatorInfo,
     Stats,
     WhyNot,
 )
+from fltea.records.stats import DeviceEstimatorStats, DeviceStatus
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimateOn, EstimatorConfig
 from fltea.settings.live import LiveConfig

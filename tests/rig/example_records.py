@@ -3,18 +3,8 @@
 from typing import Any
 
 from fltea.records.fit import Interval
-from fltea.records.records import (
-    ACCEL_UNIT,
-    GYRO_UNIT,
-    AxisEstimate,
-    AxisStats,
-    DeviceStatus,
-    FlteaEstimate,
-    LinkStats,
-    SampleStats,
-    Stats,
-    TrackerStats,
-)
+from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, AxisEstimate, FlteaEstimate, Stats
+from fltea.records.stats import AxisStats, DeviceStatus, LinkStats, SampleStats, TrackerStats
 
 
 def axis_estimate(*of_filters: Any, unit: str = GYRO_UNIT, **known: Any) -> AxisEstimate:

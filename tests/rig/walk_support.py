@@ -5,7 +5,8 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from fltea.records.block import Block
 from fltea.records.events import Event, RawBlock, RawSample, block_of
-from fltea.records.records import AnyRecord, LinkStats
+from fltea.records.records import AnyRecord
+from fltea.records.stats import LinkStats
 from fltea.settings.config import Config, load_config
 from fltea.stream.beside import Beside
 from fltea.stream.pipeline import Pipeline

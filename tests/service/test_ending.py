@@ -50,7 +50,7 @@ def test_what_hangs_gets_no_more_time_together_than_one_alone(scene: Scene) -> N
     assert scene.ending.left == ["a", "b", "c"]
     assert scene.ending.lost == []
     assert scene.said[0] == "waits for a, up to 10 s; another signal ends it at once."
-    assert scene.said[1:] == [f"{name} has not ended; what it still had is lost." for name in "abc"]
+    assert scene.said[1:] == [f"{name} did not end in time; its last data are lost." for name in "abc"]
 
 
 def test_what_nothing_else_has_is_written_however_slow_the_disk(scene: Scene) -> None:
@@ -121,7 +121,7 @@ def test_walks_that_hang_are_given_up(monkeypatch: pytest.MonkeyPatch, capfd) ->
     monkeypatch.setattr(daemon._Run, "_pump", lambda run, walk: held())
     assert run_to_its_end("synthetic:?seed=1", "synthetic:?seed=2") == (None, False)
     held.go.set()
-    assert capfd.readouterr().err.count("has not ended") == 2
+    assert capfd.readouterr().err.count("did not end") == 2
 
 
 def test_a_state_that_cannot_be_written_in_time_is_a_failure(

@@ -94,7 +94,12 @@ def test_recordings(name: str, prefix: str, absolute: bool, tmp_path: Path, monk
     monkeypatch.chdir(tmp_path)
     (tmp_path / name).write_text("gx\n1\n2\n3\n")
     url = prefix + (str(tmp_path / name) if absolute else name)
-    flags = {"replay.columns": ["gx"], "replay.rate_hz": 100.0, "estimator.startup": 2}
+    flags = {
+        "replay.columns": ["gx"],
+        "replay.units": "dps",
+        "replay.rate_hz": 100.0,
+        "estimator.startup": 2,
+    }
     assert isinstance(opened(url, **flags), ReplaySource)
 
 

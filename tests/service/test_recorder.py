@@ -135,6 +135,6 @@ def test_a_recording_that_ended_by_a_fault_of_its_own_does_not_look_alive(
     monkeypatch.setattr(RecordSink, "write", fail)
     hub.tap("due", wait=True)(transport(samples=5)[0])
     wait_until(lambda: recorder.view("due").trouble is not None, "the fault")
-    assert "fault of its own" in str(recorder.view("due").trouble)
+    assert "because of a fault" in str(recorder.view("due").trouble)
     recorder.stop("due")
     assert not recorder.view("due").on

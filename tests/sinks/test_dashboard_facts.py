@@ -8,16 +8,8 @@ import pytest
 from dashboard_support import records, told, with_breaks
 from example_records import STATS
 from fltea.records import clock
-from fltea.records.records import (
-    AnyRecord,
-    Error,
-    Estimate,
-    FlteaEstimate,
-    Gap,
-    LinkStats,
-    OutputStats,
-    Stats,
-)
+from fltea.records.records import AnyRecord, Error, Estimate, FlteaEstimate, Gap, Stats
+from fltea.records.stats import LinkStats, OutputStats
 from fltea.sinks.page import facts
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.words import duration, figure, with_std
@@ -110,7 +102,7 @@ def test_beyond_half_a_turn_no_heading_is_left() -> None:
     tracker = replace(axis.tracker, heading_std={1: 0.26, 600: 181.0, 3600: 5900.0})
     history.write(replace(STATS, axes={"gyro_x": replace(axis, tracker=tracker)}))
     words = [words for _, words in facts.axis(history, "gyro_x", 0)["headings"]]
-    assert words == ["± 0.26°", "none left", "none left"]
+    assert words == ["± 0.26°", "no heading left", "no heading left"]
     assert "5900" not in facts.curves(history, "gyro_x")[0]
 
 
@@ -141,8 +133,8 @@ def test_link_shows_every_loss() -> None:
     assert rows["CRC errors"] == ("2", "bad")
     assert rows["other bad frames"] == ("3 (cobs 3)", "bad")
     assert rows["reconnects"] == ("1", "bad")
-    assert rows["bytes too many"] == ("4", "bad")
-    assert rows["frames not understood"] == ("5", "bad")
+    assert rows["bytes thrown away"] == ("4", "bad")
+    assert rows["frames of another version"] == ("5", "bad")
     assert rows["dropped by output mqtt"] == ("7", "bad")
     assert rows["lost samples"] == ("0", "plain")
     assert facts.link(None) == []

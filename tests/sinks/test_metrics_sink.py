@@ -17,17 +17,8 @@ from fit_support import FRACTIONAL, UNDECIDED, WHITE
 from fltea.records.errors import FlteaError
 from fltea.records.identities import MOST
 from fltea.records.ports import LATENCY_BOUNDS_MS
-from fltea.records.records import (
-    ACCEL_UNIT,
-    Epoch,
-    Error,
-    Estimate,
-    EstimatorInfo,
-    Fit,
-    LinkStats,
-    Sample,
-    SampleStats,
-)
+from fltea.records.records import ACCEL_UNIT, Epoch, Error, Estimate, EstimatorInfo, Fit, Sample
+from fltea.records.stats import LinkStats, SampleStats
 from fltea.service.outlet import Outlet
 from fltea.settings.outputs import MetricsConfig
 from fltea.sinks.metrics.families import Families

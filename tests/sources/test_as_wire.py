@@ -5,7 +5,8 @@ import pytest
 from blocks import in_samples, of, of_samples, raw_samples
 from fltea.records.errors import UsageError
 from fltea.records.events import Break, Chunk, Event, Failed, LinkDown, Opened, RawSample, Tick, Trouble
-from fltea.records.records import DeviceStatus, Hello
+from fltea.records.records import Hello
+from fltea.records.stats import DeviceStatus
 from fltea.sources.as_wire import AsWire, as_stated
 from fltea.sources.wire_events import WireEvents
 from fltea.wire import layout as wire

@@ -9,7 +9,8 @@ from blocks import in_samples, of
 from fltea.recording.scan import HEAD
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Opened, RawBlock, RawSample, Tick, Trouble
-from fltea.records.records import DeviceStatus, Epoch, Error, Estimate, Gap, Hello, Sample
+from fltea.records.records import Epoch, Error, Estimate, Gap, Hello, Sample
+from fltea.records.stats import DeviceStatus
 from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
 from fltea.sinks import record as record_module

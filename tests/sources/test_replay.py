@@ -236,7 +236,7 @@ def test_name_that_is_no_text_is_written_as_far_as_it_is(tmp_path: Path) -> None
 @pytest.mark.parametrize("name", ["rest.CSV", "rest.txt", "rest.log", "rest.tsv"])
 def test_endings_of_csv(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_text("gx\n1\n2\n")
-    found = samples(ReplaySource(tmp_path / name, how=How(columns=["gx"], rate_hz=1.0)))
+    found = samples(ReplaySource(tmp_path / name, how=How(columns=["gx"], rate_hz=1.0, units="dps")))
     assert [sample.gyro[0] for sample in found] == [1, 2]
 
 

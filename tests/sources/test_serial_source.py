@@ -16,7 +16,8 @@ from fltea.records.events import (
     TransportEvent,
     Trouble,
 )
-from fltea.records.records import DeviceStatus, Hello
+from fltea.records.records import Hello
+from fltea.records.stats import DeviceStatus
 from fltea.sources.serial import SerialSource
 from fltea.sources.wire_events import SILENCE_S, WireEvents
 from fltea.wire import layout as wire

@@ -16,8 +16,8 @@ from fltea.sources.text_events import TextEvents
 from fltea.sources.text_lines import PipeText, SerialText, parse_serial
 
 S = 10**9
-RATE = How(columns=["gx"], rate_hz=100.0)
-TIMES = How(columns=["gx"], time_column="t_ms")
+RATE = How(columns=["gx"], rate_hz=100.0, units="dps")
+TIMES = How(columns=["gx"], time_column="t_ms", units="dps")
 
 
 def opened(how: How) -> TextEvents:
@@ -78,7 +78,7 @@ def test_times_number_the_samples_and_find_the_rate() -> None:
 @pytest.mark.parametrize("rate_hz", [10.0, 104.0, 800.0, 8000.0])
 def test_the_rate_is_found_whatever_the_grain_of_the_times(rate_hz: float) -> None:
     unit, scale = ("ms", 1e3) if rate_hz < 1000 else ("us", 1e6)
-    text = opened(How(columns=["gx"], time_column="t", time_unit=unit))  # type: ignore[arg-type]
+    text = opened(How(columns=["gx"], time_column="t", time_unit=unit, units="dps"))  # type: ignore[arg-type]
     lines = [b"%d %d\n" % (k / rate_hz * scale, k % 7) for k in range(1000)]
     events = [*text.feed(b"t gx\n" + b"".join(lines[:120]), 0), *text.feed(b"".join(lines[120:]), S)]
     events += text.finish(S)
@@ -103,14 +103,14 @@ def test_times_of_arrival_are_told_from_a_devices() -> None:
     assert troubles(list(text.feed(b"t_ms,gx\n" + lines, 0))) == ["no_rate"]
     with pytest.raises(UsageError, match="too uneven for a sensor's clock"):
         list(text.finish(0))
-    with_rate = opened(How(columns=["gx"], time_column="t_ms", rate_hz=100.0))
+    with_rate = opened(How(columns=["gx"], time_column="t_ms", rate_hz=100.0, units="dps"))
     events = [*with_rate.feed(b"t_ms,gx\n" + lines, 0), *with_rate.finish(0)]
     assert troubles(events) == ["row_times"]
     assert (place_events(events)[0].delivered, place_events(events)[0].lost) == (200, 0)
 
 
 def test_times_in_another_unit_than_the_given_one_are_told_and_counted() -> None:
-    text = opened(How(columns=["gx"], time_column="t", time_unit="ns"))
+    text = opened(How(columns=["gx"], time_column="t", time_unit="ns", units="dps"))
     events = list(text.feed(b"t,gx\n", 0))
     for k in range(1200):  # seconds, taken for nanoseconds
         events += text.feed(b"%.3f,1\n" % (k / 100), k * S // 100)
@@ -285,7 +285,7 @@ def test_a_port_that_is_back_begins_a_new_run() -> None:
 
 def test_hours_that_come_at_once_are_taken_one_by_one() -> None:
     """Ten seconds from line to line: a read holds more than the 71 minutes in which times wrap."""
-    text = opened(How(columns=["gx"], rate_hz=None, time_column="t", time_unit="s"))
+    text = opened(How(columns=["gx"], rate_hz=None, time_column="t", time_unit="s", units="dps"))
     lines = "".join(f"{10 * k},{k % 7}\n" for k in range(3000))
     events = list(text.feed(b"t,gx\n" + lines.encode(), 7)) + list(text.finish(8))
     assert (place_events(events)[0].delivered, place_events(events)[0].lost) == (3000, 0)

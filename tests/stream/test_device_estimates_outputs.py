@@ -13,18 +13,8 @@ from fltea.archive.export import export
 from fltea.recording.schema import record_schema
 from fltea.records.errors import UsageError
 from fltea.records.events import Opened, TransportEvent
-from fltea.records.records import (
-    AnyRecord,
-    DeviceAxisEstimate,
-    DeviceEstimates,
-    DeviceEstimatorStats,
-    DeviceStatus,
-    Epoch,
-    Estimate,
-    LinkStats,
-    SampleStats,
-    Stats,
-)
+from fltea.records.records import AnyRecord, DeviceAxisEstimate, DeviceEstimates, Epoch, Estimate, Stats
+from fltea.records.stats import DeviceEstimatorStats, DeviceStatus, LinkStats, SampleStats
 from fltea.service.open_source import check_recordable, open_source
 from fltea.settings.config import load_config
 from fltea.settings.outputs import RECORDED
@@ -240,7 +230,7 @@ def test_only_a_wire_has_estimates_of_a_device(who: str, source: str) -> None:
 @pytest.mark.parametrize("who", ["device", "both"])
 def test_a_state_file_cannot_keep_them(who: str, tmp_path: Path) -> None:
     config = load_config(None, {"estimator.estimate_on": who, "state.file": str(tmp_path / "state")})
-    with pytest.raises(UsageError, match=f"begins again with its boot.*--estimate-on {who}"):
+    with pytest.raises(UsageError, match=f"begins again with each boot.*--estimate-on {who}"):
         check_recordable(config, FedSource("/dev/due"))
 
 

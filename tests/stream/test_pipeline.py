@@ -11,7 +11,8 @@ from engine_cases import ESTIMATES, reference_run
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawSample, Tick, Trouble
-from fltea.records.records import AnyRecord, DeviceStatus, Epoch, Error, Estimate, Gap, Hello, Sample, Stats
+from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Gap, Hello, Sample, Stats
+from fltea.records.stats import DeviceStatus
 from fltea.sources.replay import ReplaySource
 from fltea.stream.pipeline import Pipeline
 from walk_support import Source, small_config
@@ -64,6 +65,16 @@ def test_order_of_records_and_first_estimate_after_the_startup_window() -> None:
     assert stats.link.frames == 7
     assert stats.axes["gyro_x"].R is not None
     assert first.host_ns == UNIX_OFFSET_NS + 20 * PERIOD_NS
+
+
+@pytest.mark.parametrize(("n", "said"), [(0, []), (12, ["end 8 before"]), (20, [])])
+def test_an_end_within_the_startup_window_is_told(n: int, said: list[str]) -> None:
+    pipeline = pipeline_of()
+    feed(pipeline, hello(), *(raw(k) for k in range(n)))
+    errors = of(Error, records_of(pipeline.finish(whole=True)))
+    assert [error.kind for error in errors] == ["too_short"] * len(said)
+    assert all(text in error.message for text, error in zip(said, errors, strict=True))
+    assert of(Error, records_of(pipeline.finish())) == []
 
 
 def test_a_short_gap_is_bridged_in_the_same_epoch() -> None:

@@ -11,7 +11,8 @@ import msgspec
 from fltea.recording.bag_files import bags_in
 from fltea.recording.kind import is_one_file
 from fltea.records.events import Trouble
-from fltea.records.records import Hello, LinkStats
+from fltea.records.records import Hello
+from fltea.records.stats import LinkStats
 from fltea.records.visible import visible
 from fltea.settings.duration import Duration
 from fltea.settings.how import AS_IT_SAYS, How

@@ -23,10 +23,10 @@ def devices(
         bool,
         typer.Option(
             "--probe",
-            help="Ask each free Due who it is. This resets the board.",
+            help="Ask each free Due for its HELLO. This resets the board.",
         ),
     ] = False,
-    json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object per line.")] = False,
 ) -> None:
     """List boards, serial ports, I²C buses and IIO sensors, who uses them, and whether you may open them.
 
@@ -111,7 +111,7 @@ def doctor(
     settings: dict[str, Any],
     source: Sources = None,
     config: ConfigFile = None,
-    json: Annotated[bool, typer.Option("--json", help="One JSON object a line.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object per line.")] = False,
 ) -> None:
     """Check everything from the sensor to the outputs, and say what to do about each problem.
 

@@ -54,7 +54,7 @@ def flash(
         _ask(plan)
     flashing.carry_out(plan)
     hello = flashing.wait_for_hello(plan.port, plan.build_id)
-    checked = "" if plan.build_id else " (nothing beside the image says which build it is)"
+    checked = "" if plan.build_id else " (no file beside the image names its build)"
     print_lines(f"{plan.port}: runs '{visible(hello.firmware_version)}'{checked}. Next: fltea run")
 
 

@@ -97,7 +97,7 @@ def identify(
         typer.Option(
             "--imu-yaml",
             metavar="FILE",
-            help="Write imu.yaml for Kalibr; without --channels of both sensors.",
+            help="Write imu.yaml for Kalibr, of both sensors unless --channels names axes.",
         ),
     ] = None,
     inflate: Annotated[
@@ -130,12 +130,12 @@ def identify(
         Path | None,
         typer.Option(
             metavar="NAME.parquet",
-            help="For many files: write one row an axis to this table, and skip files that are in it "
+            help="For many files: write one row per axis to this table, and skip files that are in it "
             "(host/docs/guide/cluster.md).",
         ),
     ] = None,
 ) -> None:
-    """Identify the noise of recordings of a sensor at rest: one verdict an axis.
+    """Identify the noise of recordings of a sensor at rest: a verdict for each axis.
 
     The verdict says what the noise is made of, with intervals, whether it has an order, and what in the data
     can mislead. host/docs/guide/verdict.md explains every figure, host/docs/guide/bias_and_heading.md the

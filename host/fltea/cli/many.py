@@ -65,7 +65,7 @@ def identify_many(files: Sequence[str], out: Path, ask: Any, open_workers: "Call
         finally:
             workers.close()
     except KeyboardInterrupt:
-        say(f"fltea: {out}: stopped; the same command does what is not in the table.")
+        say(f"fltea: {out}: stopped. The same command goes on with the files that are not in the table.")
         raise
     finally:
         table.close()

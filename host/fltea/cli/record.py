@@ -63,7 +63,7 @@ def info(
     paths: Recordings,
     settings: dict[str, Any],
     json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object a line, one a recording.")
+        bool, typer.Option("--json", help="Print one JSON object per recording, each on a line.")
     ] = False,
 ) -> None:
     """Show what recordings hold: device, settings, duration, samples, gaps, resets and rate.

@@ -14,7 +14,7 @@ def run(
 ) -> None:
     """Watch a sensor live, or replay a recording: the noise of each axis and its bias, sample by sample.
 
-    Draws a live table on a terminal, or writes one JSON object a line (host/docs/reference/records.md):
+    Draws a live table on a terminal, or writes one JSON object per line (host/docs/reference/records.md):
     verdict, order α and parameter f with intervals, bias and state with σ, and the heading error to expect. A
     device that is missing or falls silent is reported and waited for.
 
@@ -28,7 +28,7 @@ def run(
 
         fltea run -s rest.csv --columns gx,gy,gz --units rad/s --rate 100
 
-        my-imu | fltea run -s stdin: --columns gx,gy,gz --time-column t_ms --once
+        my-imu | fltea run -s stdin: --columns gx,gy,gz --units dps --time-column t_ms --once
 
         fltea run -s replay:rest.npz --once --shuffle 1
 

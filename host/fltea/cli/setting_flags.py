@@ -70,7 +70,7 @@ def takes_settings(
             settings = of_flags(texts) | dict(map(parse_setting, set_ or ()))
             for path in settings.keys() - texts.keys():
                 if not path.startswith(only):
-                    raise UsageError(f"--set {path}: here it takes {' and '.join(taken)} only.")
+                    raise UsageError(f"--set {path}: this command takes {' and '.join(taken)} only.")
             command(*arguments, settings=settings, **given)
 
         own = inspect.signature(command, eval_str=True)

@@ -122,9 +122,7 @@ class Alerts:
                 found["silent", name, "", ""] = f"{name}: nothing was heard of it for {self._silent_s:g} s."
             elif state == "offline" and sensor.status is not None and sensor.status.reason != "ended":
                 found["offline", name, "", ""] = (
-                    f"{name}: went offline without an orderly end ({sensor.status.reason or 'unknown'})."[
-                        :300
-                    ]
+                    f"{name}: went offline without saying so ({sensor.status.reason or 'unknown'})."[:300]
                 )
             if sensor.has_twin(now):
                 found["twins", name, "", ""] = (

@@ -20,9 +20,9 @@ METRICS = (
     counter("fits", "fits that came"),
     counter("refused", "messages of names that are no sensors"),
     counter("outages", "connections to the broker lost"),
-    counter("alerts_dropped", "alerts that were one too many"),
+    counter("alerts_dropped", "alerts dropped since there were too many"),
     counter("history_lost", "rows of history that could not be written", lambda found: found.history["lost"]),
-    counter("bad_messages", "messages that no daemon sends", key="reason"),
+    counter("bad_messages", "messages that fltea does not send", key="reason"),
 )
 """Of a summary, for Prometheus: counts only, so that the number of series does not grow with the fleet."""
 

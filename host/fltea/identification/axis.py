@@ -151,7 +151,7 @@ def look(y: ArrayLike, h: float, options: IdentifyOptions | None = None, gaps: G
 
 def _of_motion(verdict: Verdict, moved: Motion, duration_s: float) -> Verdict:
     """Return the verdict on a record of so many seconds in which the sensor was moved."""
-    what, why = told(moved, duration_s), "All figures are those of the motion, too."
+    what, why = told(moved, duration_s), "All figures include the motion."
     then = "Record at rest, or cut the motion out."
     rule = Rule("Was the sensor moved?", True, moved.when)
     text = f"{what} {why} {then}"

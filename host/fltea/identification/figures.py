@@ -64,7 +64,7 @@ def _spectrum(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     for name, style in (("white", WHITE), ("plain", RIVAL), ("order", FRACTIONAL)):
         if (one := r.sentences.get(name)) is None:
             continue
-        label = f"{one.name}, BIC {one.bic:+.1f}" + (": what is said" if name == r.stands else "")
+        label = f"{one.name}, BIC {one.bic:+.1f}" + (": the verdict" if name == r.stands else "")
         axes.plot(hz, density * spectrum(one.parts, lam, 1 / r.rate_hz), label=label, **style)
     label = "not fitted"
     for low, high in [(0.0, r.band.from_hz), *r.band.notch_hz]:
@@ -186,7 +186,7 @@ def _forecast(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
         middle, spread = 1 - 2 / (9 * count), NORMAL_95 * np.sqrt(2 / (9 * count))
         low, high = (said * np.maximum(middle + way * spread, 0) ** 1.5 for way in (-1, 1))
         axes.fill_between(t, low, high, color=BAND, alpha=0.7, linewidth=0, label="95 % of what is seen")
-        axes.plot(t, said, label="said by the first half", **RIVAL)
+        axes.plot(t, said, label="predicted by the first half", **RIVAL)
         axes.plot(t, seen, ".", label="seen in the second half", **DATA)
     axes.set(xscale="log", yscale="log", xlabel="time after rest [s]", ylabel=f"heading, σ [{unit}]")
     axes.legend(fontsize=8, loc="best")
@@ -216,9 +216,9 @@ _PAINTERS = {
 TITLES = {
     "spectrum": (
         "Spectrum",
-        "Flat: white noise. Of two sentences the one with the lower BIC is better; that of white noise is 0. "
-        "Blue: the best without an order, orange: with one. Grey: lines, resonances and drift, which were "
-        "left out.",
+        "Flat: white noise. Of two models the one with the lower BIC is better; white noise has 0. Blue: "
+        "the best without an order, orange: with one. Grey: lines, resonances and drift, which were left "
+        "out.",
     ),
     "profile": (
         "Which orders the data allow",
@@ -232,8 +232,8 @@ TITLES = {
     ),
     "allan": (
         "Allan deviation",
-        "Dashed, with the 5 to 95 % of its simulations: noise drawn from the sentence of the verdict and the "
-        "peaks beside it. Where it leaves the data, the model does not reproduce the sensor.",
+        "Dashed, with the 5 to 95 % of its simulations: noise drawn from the verdict's model and the peaks "
+        "beside it. Where it leaves the data, the model does not reproduce the sensor.",
     ),
     "forecast": (
         "How far the heading is off",

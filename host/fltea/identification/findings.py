@@ -132,7 +132,7 @@ def doubts(report: FileReport) -> list[str]:
     c = report.recording.counts
     counts = (
         (c.duplicates, "came twice"),
-        (c.before_hello, "could not be used, for their device was not known"),
+        (c.before_hello, "could not be used, since their device was not known"),
         (c.late, "were read late"),
         (c.retried, "were read at the second attempt"),
         (c.saturated, "are at the end of the range"),

@@ -171,8 +171,8 @@ def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[Trap]:
         yield Trap(
             "offset",
             "note",
-            f"Offset {mean:.4g} {unit}, {abs(mean) / std:.3g} times the standard deviation.",
-            '`bias = "startup"` takes it off; never run with `bias = "none"`.',
+            "The bias is large beside the noise.",
+            'The start-up window takes it off; do not run with `bias = "none"`.',
         )
     k = np.arange(BLOCKS) - (BLOCKS - 1) / 2
     slope = float(k @ means / (k @ k))

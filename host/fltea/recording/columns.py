@@ -171,14 +171,7 @@ def choose(
             )
     gyro = tuple(labels.index(name) for name in axes)
     beside = [units[place] if units is not None and place < len(units) else "" for place in range(len(names))]
-    unit = _unit_of(
-        where,
-        [names[p] for p in gyro],
-        [beside[p] for p in gyro],
-        how,
-        known=not wanted.columns,
-        in_rads=are_in_rads(names),
-    )
+    unit = _unit_of(where, [names[p] for p in gyro], [beside[p] for p in gyro], how, are_in_rads(names))
     factor, lsb = parse_units(unit)
     time = _time_of(where, names, how) if wanted.time is None else labels.index(wanted.time)
     if how.rate_hz is None and time is None:
@@ -233,7 +226,7 @@ def _accel_of(names: Sequence[str], beside: Sequence[str]) -> tuple[tuple[int, .
     return ((), 1.0) if units or unit is None else (accel, unit)
 
 
-def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known: bool, in_rads: bool) -> str:
+def _unit_of(where: str, names: list[str], beside: list[str], how: How, in_rads: bool) -> str:
     found = {
         rate_unit_of(name) or RATE_UNITS.get(bare_unit(unit))
         for name, unit in zip(names, beside, strict=True)
@@ -253,20 +246,14 @@ def _unit_of(where: str, names: list[str], beside: list[str], how: How, *, known
             f"known are {UNITS_HELP}."
         )
     unit = found.pop()
-    if unit is None and not known and any("rad" in name.lower() for name in names):
-        raise UsageError(
-            f"{where}: the columns {listed(names)} may be in rad/s, and without --units they would be read "
-            f"as deg/s. Give it: --units rad/s; known are {UNITS_HELP}."
-        )
-    if unit is None and known:
+    if unit is None:
         likely, other = ("rad/s", "dps") if in_rads else ("dps", "rad/s")
         raise UsageError(
-            f"{where}: {listed(names)} are a gyroscope's by their names, but nothing says their unit. It is "
-            f"that of the program which wrote them: --units {likely}, or {other}, mdps, or lsb:N for counts "
-            "of which N are 1 deg/s by the data sheet, such as lsb:131. ROS, phones and Adafruit's libraries "
-            "give rad/s."
+            f"{where}: nothing says the unit of {listed(names)}, so give it: --units {likely}, or {other}, "
+            "mdps, or lsb:N for counts of which N are 1 deg/s by the data sheet, such as lsb:131. ROS, "
+            "phones and newer Adafruit libraries give rad/s."
         )
-    return unit or "deg/s"
+    return unit
 
 
 def _time_of(where: str, names: Sequence[str], how: How) -> int | None:

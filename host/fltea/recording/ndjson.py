@@ -58,8 +58,8 @@ def read_ndjson(
     devices = sorted({record.device for record in records if record.device is not None})
     if len(devices) > 1:
         raise UsageError(
-            f"{path}: holds several devices ({', '.join(devices)}), and one is replayed. Take out its lines: "
-            f'grep \'"device":"{devices[0]}"\'.'
+            f"{path}: holds several devices ({', '.join(devices)}), and one can be replayed. Extract its "
+            f'lines: grep \'"device":"{devices[0]}"\'.'
         )
     if not any(isinstance(record, Sample) for record in records):
         raise UsageError(f"{path}: holds no sample records; write them with 'fltea run --samples'.")

@@ -36,7 +36,9 @@ def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
         columns = list(np.atleast_2d(array.T))
         names = [str(place + 1) for place in range(len(columns))]
         if how.units is None:
-            raise UsageError(f"{path}: an array says no unit; say it: --units dps; known are {UNITS_HELP}.")
+            raise UsageError(
+                f"{path}: an array has no unit, so give it: --units dps; known are {UNITS_HELP}."
+            )
         rest = [name for name in names if name != how.time_column]
         if wanted_of(how).columns is None and len(rest) <= len(AXES):
             how = msgspec.structs.replace(how, columns=rest)

@@ -282,13 +282,19 @@ class _Messages:
 
     def _of_messages(self, where: str) -> list[Note]:
         found = [
-            (self._unusable, "have not the layout of sensor_msgs/Imu and are left out"),
-            (self._not_numbers, "hold what is no number, or no sensor's, and count as missing"),
-            (self._twice, "stand there twice and are taken once"),
+            (self._unusable, "do not have the layout of sensor_msgs/Imu and are left out"),
+            (
+                self._not_numbers,
+                "hold a value that is not a number, or that no sensor gives, and count as missing",
+            ),
+            (self._twice, "are repeated and taken once"),
         ]
         problems = [f"{count} messages {what}" for count, what in found if count]
         if self._bad_accel and "accel" not in self._spool:
-            problems.append("the acceleration is left out, since most of it is no number, or no sensor's")
+            problems.append(
+                "the acceleration is left out, since most of its values are not numbers, or no "
+                "sensor gives them"
+            )
         return [Note("bag_messages", f"{where}: {'; '.join(problems)}.")] if problems else []
 
     def _judged(self, where: str) -> tuple[Stamps, bool, list[Note]]:

@@ -120,8 +120,7 @@ class Plausible:
             if rises:
                 raise Implausible(
                     f"{where}: column '{name}' rises from each of its {self.rows} rows to the next, as "
-                    "times and counters do and no gyroscope at rest does. It is taken for an axis by "
-                    "--columns or its name."
+                    "times and counters do and no gyroscope at rest does. Name the axes with --columns."
                 )
             if large > self.rows // 2:
                 raise Implausible(
@@ -229,8 +228,8 @@ class _Table:
         self._spool.drop("accel")
         names = listed(self._chosen.read[len(self._chosen.needed) :])
         text = (
-            f"{self._place(int(numbers[int(np.argmax(~good))]))}: {names}: no acceleration stands here, so "
-            "the accelerometer is left out."
+            f"{self._place(int(numbers[int(np.argmax(~good))]))}: {names}: a row has no acceleration here, "
+            "so the accelerometer is left out."
         )
         self._notes.append(Note("missing_numbers", text))
 

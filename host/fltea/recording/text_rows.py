@@ -42,7 +42,7 @@ NO_NAME = "0123456789+-."
 REASONS = {
     "text": "is no line of numbers",
     "fields": "has another number of fields than the others",
-    "number": "holds what is no number",
+    "number": "has a field that is not a number",
     "columns": "is an object without the columns",
     "too_long": f"has no end within {LONGEST_LINE} bytes",
     "before_header": "came before the columns were known",

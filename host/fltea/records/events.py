@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.records.records import DeviceStatus, EpochReason, Hello
+from fltea.records.records import EpochReason, Hello
+from fltea.records.stats import DeviceStatus
 
 Ints = NDArray[np.int64]
 Values = NDArray[np.float64] | NDArray[np.int16]

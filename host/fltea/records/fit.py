@@ -31,8 +31,11 @@ class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     value: float | None = None
+    """The parameter."""
     low: float | None = None
+    """Lower end of its interval."""
     high: float | None = None
+    """Upper end of its interval."""
 
 
 class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -59,90 +62,106 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Until(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How many seconds of samples more until α is known to ± `target`; 0 if it is, null if nobody knows."""
+    """How long yet."""
 
     target: float
+    """Half the width of α's interval that is asked for, `live.target`."""
     seconds: float | None = None
+    """Seconds of samples until then; 0 if it is so; null if nobody knows."""
 
 
 class FitAllan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Overlapping Allan deviation with 95 % intervals, in the axis's unit, and that of the fitted model.
-
-    N: per √s (random walk of the angle); B: floor over 0.664 (bias instability); K: per s and √s (random
-    walk of the rate); null where the curve does not show it.
-    """
+    """Overlapping Allan deviation, and that of the fitted model."""
 
     tau_s: list[float]
+    """Averaging times [s]."""
     adev: list[float]
+    """Overlapping Allan deviation [`unit`]."""
     low: list[float]
+    """Lower ends of its 95 % intervals [`unit`]."""
     high: list[float]
+    """Upper ends of its 95 % intervals [`unit`]."""
     model: list[float]
+    """Allan deviation of the fitted model [`unit`]."""
     N: float | None = None
+    """Random walk of the angle; null where the curve does not show it [`unit`·√s]."""
     B: float | None = None
+    """Bias instability: the floor over 0.664 [`unit`]."""
     K: float | None = None
+    """Random walk of the rate [`unit`/√s]."""
 
 
 class FitSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Noise density and that of the fitted model, one-sided, in the axis's unit over √Hz."""
+    """Noise density, and that of the fitted model."""
 
     hz: list[float]
+    """Frequencies [Hz]."""
     density: list[float]
+    """Noise density, one-sided [`unit`/√Hz]."""
     model: list[float]
+    """Noise density of the fitted model [`unit`/√Hz]."""
 
 
 class FitLowPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A low-pass that all of the noise has gone through; its corner may be above half the sample rate."""
+    """A low-pass that all of the noise has gone through."""
 
     corner_hz: float
+    """Where it lets half of the power through; may be above half the sample rate [Hz]."""
     poles: float
+    """How steep it is: 20 dB a decade each."""
 
 
 class Curves(msgspec.Struct, frozen=True, kw_only=True):
     """The curves of an axis; None where the record is too short for them, or they are not asked for."""
 
     allan: FitAllan | None = None
+    """The Allan deviation; null between times (every 10 s, or four `stats.fit_period_s` if that is longer,
+    and in the last fit)."""
     spectrum: FitSpectrum | None = None
+    """The noise density; null between times."""
 
 
 class FittedAxis(Curves, frozen=True):
     """What the noise of one axis is, and what it was fitted with."""
 
     verdict: VerdictKind
-    """What the noise is, in a word or two."""
+    """What the noise is: `white`, `drift`, `line`, `resonance`, `line or resonance`, `low-pass`, `notch`,
+    `relaxations`, `fractional`, `fractional or relaxations`, `anti-persistent`, `undecided`, `not
+    stationary`, `constant`, `too few samples`; by the rules of `fltea identify`, at a level that holds for
+    all looks."""
     text: str
     """The verdict in sentences: what the noise is, how sure that is, what to do."""
     unit: str
-    """The unit of the samples; s2 and R are in its square."""
+    """`deg/s`, or `m/s^2` for axes of the accelerometer; s2 and R are in its square."""
     null_p: float | None = None
-    """The p-value of the test whether the noise is white."""
+    """How often white noise would look at least as unlike white, at this moment."""
     alpha: Interval = Interval()
-    """The order α."""
+    """The order α; null where undefined."""
     f: Interval = Interval()
-    """The parameter f, in s^-α."""
+    """The parameter f; null where undefined [s^-α]."""
     F: Interval = Interval()
     """F = h^α f + α, which the data say most about."""
     s2: Interval = Interval()
-    """Variance of the state's innovations, h^2α Q."""
+    """Variance of the state's innovations, h^2α Q [`unit` squared]."""
     R: Interval = Interval()
-    """Variance of the white noise."""
+    """Variance of the white noise [`unit` squared]."""
 
 
 class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
-    """The fit of one axis to all its samples so far.
-
-    null_p: at the time. rate_left_out: bands in Hz of lines and
-    resonances, which are not fitted. left_out: samples that are not used, and bridged ones, by cause.
-    breaks: how often the stretch of samples was broken, by cause: gaps, knocks (of 128 samples), motions,
-    steps of the offset, lasting changes of the noise's power.
-    low_pass: a filter that was found; the parameters are then those of the noise that went into it.
-    allan, spectrum: null between times (at most every 10 s).
-    stable: the verdict is one that two fits in a row have agreed on, of which the later one has a tenth more
-    samples, or is that of a whole recording.
-    """
+    """The fit of one axis to all its samples so far."""
 
     rate_left_out: list[tuple[float, float]] = []
+    """Bands of lines and resonances, which are not fitted [Hz]."""
     left_out: dict[str, int] = {}
+    """Samples that are not used (`lost`, `knocked`, `moved`, …), and `bridged` and `limited` ones; a restart
+    counts as nine lost."""
     breaks: dict[str, int] = {}
+    """How often the stretch of samples was broken: `gaps`, `knocks` (each 128 samples), `motions`, `steps` of
+    the offset, lasting `changes` of the power."""
     low_pass: FitLowPass | None = None
+    """A low-pass filter that the noise has gone through; the parameters are those of the noise before it."""
     until_s: Until | None = None
+    """How long it takes until α is known well enough."""
     stable: bool = True
+    """Whether two fits agreed on the verdict, the later one with a tenth more samples, or it is that of a
+    whole recording."""

@@ -1,7 +1,6 @@
 """Every kind of `error` record: what it means, and what a person does about it.
 
-The table of host/docs/reference/errors.md is generated from this list (`make gen`). A test compares it with
-the code.
+host/docs/reference/errors.md on the site shows this list.
 """
 
 from typing import NamedTuple
@@ -86,6 +85,10 @@ ERROR_KINDS = {
     "unread_file": ErrorKind(
         "One file of a recording cannot be read and is left out; the exit code will be 1.",
         "Copy the file again; remove it if it is empty.",
+    ),
+    "too_short": ErrorKind(
+        "The samples end before the start-up window is full, so there is no estimate.",
+        "Record ten minutes at rest, or shorten the window (`--startup`).",
     ),
     "recording_gap": ErrorKind(
         "A replay came to a place that was not recorded; the text says why.",

@@ -6,7 +6,8 @@ from typing import ClassVar, NamedTuple, Protocol
 
 from fltea.records.block import Block
 from fltea.records.events import Event, Reads, TransportEvent
-from fltea.records.records import AnyRecord, Hello, LinkStats, OutputStats
+from fltea.records.records import AnyRecord, Hello
+from fltea.records.stats import LinkStats, OutputStats
 
 
 class Source(Protocol):

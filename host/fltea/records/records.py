@@ -1,6 +1,6 @@
 """The records that the program publishes, units in their names.
 
-As JSON each is one object whose first key is `class` (host/docs/reference/records.md documents every field).
+As JSON each is one object whose first key is `class`. The site shows every field with the text below it.
 """
 
 from typing import Literal
@@ -9,6 +9,14 @@ import msgspec
 
 from fltea.records.device_fit import DeviceAxisFit
 from fltea.records.fit import AxisFit, Interval, VerdictKind
+from fltea.records.stats import (
+    AxisStats,
+    DeviceEstimatorStats,
+    DeviceStatus,
+    LinkStats,
+    OutputStats,
+    SampleStats,
+)
 
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 """Names of the gyroscope's axes, in the order of every tuple of rates."""
@@ -29,354 +37,353 @@ EpochReason = Literal["start", "restart", "sensor_restart", "discontinuity", "ga
 
 
 class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="class", kw_only=True):
-    """Base of what a sink writes. device: the name under which the daemon runs the source."""
+    """Base of what a sink writes."""
 
     device: str | None = None
+    """Name of the source in this program."""
 
 
 class Hello(Record, frozen=True, tag="hello"):
-    """Who is speaking and what its samples mean; null where a recording does not say."""
+    """The device or recording introduces itself.
 
-    source: str
-    host_ns: int
-    rate_hz: float
-    sampling_mode: str
-    protocol: str | None = None
-    schema_hash: str | None = None
-    boot_id: int | None = None
-    device_id: str | None = None
-    firmware_version: str | None = None
-    who_am_i: int | None = None
-    sensor: str | None = None
-    sensor_starts: int | None = None
-    gyro_range_dps: float | None = None
-    gyro_lsb_per_dps: float | None = None
-    accel_range_g: float | None = None
-    accel_lsb_per_g: float | None = None
-    gyro_dlpf_hz: float | None = None
-
-
-class DeviceStatus(msgspec.Struct, frozen=True):
-    """The device's own counters since its boot (protocol/README.md, STATUS).
-
-    cpu_share_percent, longest_step_us: since the status before; None where the source has no such thing.
+    At the start, and after each restart of the device or of its sensor.
     """
 
-    i2c_errors: int
-    bus_recoveries: int
-    sensor_reinits: int
-    overruns: int
-    dropped_frames: int
-    reset_cause: str
-    cpu_share_percent: float | None = None
-    longest_step_us: int | None = None
+    source: str
+    """Where it comes from."""
+    host_ns: int
+    """When it was heard [ns]."""
+    rate_hz: float
+    """Nominal sampling rate [Hz]."""
+    sampling_mode: str
+    """What starts a sample: `timer`, `data_ready`, `fifo`, `simulated` or `recording`."""
+    protocol: str | None = None
+    """Version of the wire protocol."""
+    schema_hash: str | None = None
+    """Hash of its layout."""
+    boot_id: int | None = None
+    """Differs from boot to boot."""
+    device_id: str | None = None
+    """Unique identifier of the microcontroller, hexadecimal."""
+    firmware_version: str | None = None
+    """Version and build."""
+    who_am_i: int | None = None
+    """The sensor's WHO_AM_I register; 0 while no sensor has answered."""
+    sensor: str | None = None
+    """The chip that this number means; `no sensor` for 0."""
+    sensor_starts: int | None = None
+    """Times that the device has set up its sensor since boot; 0: not yet."""
+    gyro_range_dps: float | None = None
+    """Full scale, plus and minus [deg/s]."""
+    gyro_lsb_per_dps: float | None = None
+    """Sensitivity [LSB per deg/s]."""
+    accel_range_g: float | None = None
+    """Full scale, plus and minus [g]."""
+    accel_lsb_per_g: float | None = None
+    """Sensitivity; null where the source gives m/s² [LSB per g]."""
+    gyro_dlpf_hz: float | None = None
+    """Bandwidth of the sensor's low-pass filter [Hz]."""
 
 
 class Placed(Record, frozen=True):
     """Base of what belongs to the sample `seq`."""
 
     seq: int
+    """Number of the sample, unwrapped."""
     epoch: int
+    """Epoch that it belongs to."""
     device_us: int
+    """Device time, unwrapped [µs]."""
     host_ns: int
+    """Host time of sampling, by regression: Unix time as of the beginning of the epoch (of recordings: since
+    their beginning, or the host time that they hold) [ns]."""
 
 
 class Sample(Placed, frozen=True, tag="sample"):
-    """One sample in physical units, times and sequence unwrapped."""
+    """One sample in physical units, before its estimate.
+
+    Only with `--samples`.
+    """
 
     gyro_dps: tuple[float, ...]
+    """Rates about x, y, z, bias not removed [deg/s]."""
     accel_ms2: tuple[float, ...] | None = None
+    """Specific force along x, y, z [m/s²]."""
     temperature_c: float | None = None
+    """Die temperature [°C]."""
     flags: int = 0
+    """The device's doubts (protocol/README.md, sample flags)."""
 
 
 class CorrectedAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The rate of one axis less its bias, and the deviation of that; null while the bias is not known."""
+    """The rate of one axis less its bias."""
 
     rate: float | None
+    """Sample less the bias that `estimate` has of it; null for the first samples [deg/s]."""
     rate_std: float | None
+    """Standard deviation of that bias [deg/s]."""
     moving: bool
+    """The sensor is moved, so the bias is predicted and its σ grows."""
 
 
 class Corrected(Placed, frozen=True, tag="corrected"):
-    """The gyroscope's rates in deg/s less their biases, for those who integrate them (`output.corrected`)."""
+    """The gyroscope's rates less their biases, for those who integrate them.
+
+    Only with `--corrected`. `output.every` thins them like samples; MQTT sends one with every estimate.
+    """
 
     axes: dict[str, CorrectedAxis]
+    """Each axis."""
 
 
 class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the paper's filters make of one axis after one sample; null where not valid.
-
-    state, innovation: in the unit of the axis. settled: the filters work with variances that are known, and
-    their innovations are white; until then the figures say little of the noise.
-    """
+    """What the paper's filters make of one axis after one sample; null where not valid."""
 
     alpha: float | None = None
+    """Order α."""
     alpha_std: float | None = None
+    """Standard deviation of α; once tuned, with what the live fit leaves open."""
     f: float | None = None
+    """Parameter f [s^-α]."""
     f_std: float | None = None
+    """Standard deviation of f, as that of α [s^-α]."""
     state: float | None = None
+    """State x̂ after the sample, without the bias of the start-up window [`unit`]."""
     innovation: float | None = None
+    """Sample minus its prediction [`unit`]."""
     valid: bool = False
+    """False: the estimate ran away, the axis was constant, or a device sent a number that is not finite."""
     settled: bool = False
+    """False: settling, so the figures say little of the noise. Of a device: it goes on with the variances of
+    its own fit."""
 
 
 class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What is known of one axis after one sample; null where nothing is.
-
-    verdict, alpha, f: of the newest fit whose verdict is stable. bias: what to subtract from the sample, the
-    offset and the state of the noise; the deviations are those of the tracker. innovation: measurement minus
-    prediction. All in `unit`. moving: the sensor is, so it predicts. null_p and whiteness are of the fit that
-    the record `fit` tells of, the newest one before the sample. fltea: the paper's filters.
-    """
+    """What is known of one axis after one sample; null where nothing is."""
 
     verdict: VerdictKind | None
+    """What the noise is, of the newest fit whose verdict is stable; null before the first."""
     alpha: Interval
+    """Order α of that fit; null where undefined."""
     f: Interval
+    """Parameter f of that fit; null where undefined [s^-α]."""
     bias: float | None
+    """What to subtract from the sample: the sensor's offset and the state of its noise; null for the first
+    samples [`unit`]."""
     bias_std: float | None
+    """Standard deviation of the bias [`unit`]."""
     state: float | None
+    """The state of the noise, without the offset; 0 of white noise; the whole bias of a random walk
+    [`unit`]."""
     state_std: float | None
+    """Standard deviation of the state [`unit`]."""
     innovation: float | None
+    """Sample minus its prediction [`unit`]."""
     moving: bool
+    """The sensor is moved, so the bias is predicted and its σ grows."""
     null_p: float | None
+    """How often white noise would look at least as unlike white, by the newest `fit`."""
     whiteness: Whiteness | None
+    """`not rejected`: there is no order; `rejected`: `null_p` is below the level that holds for all looks;
+    null with `null_p`."""
     unit: str
+    """`deg/s`, or `m/s^2` for the axes `accel_x`, … that `--channels` names."""
     fltea: FlteaEstimate
+    """What the paper's filters make of the sample."""
 
 
 class Estimate(Placed, frozen=True, tag="estimate"):
-    """The estimates of all axes after one sample; the accelerometer's only where `--channels` names them."""
+    """What is known of each axis after one sample, from the end of the start-up window on.
+
+    Axes of the accelerometer are in it only where `--channels` names them.
+    """
 
     variant: str
+    """`triple` or `joint`."""
     axes: dict[str, AxisEstimate]
+    """Each axis."""
 
 
 class DeviceAxisEstimate(FlteaEstimate, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The device's own estimate of one axis after one sample; null where not valid.
-
-    age: steps since the device's start-up window, the first one is 1. The differences are the device's
-    estimate minus that of the host's filters after the same sample; null where the two cannot be compared,
-    and why_not says why. tracker_*: bias and state by the filter of the device's own fit; null before its
-    first fit. tracker_bias_difference: that bias minus the one that `estimate` has of the same sample; each
-    goes by a fit of its own, so they differ, by far where one of these says white noise.
-    """
+    """The device's own estimate of one axis after one sample; null where not valid."""
 
     unit: str = GYRO_UNIT
+    """`deg/s`."""
     age: int
+    """Steps of the axis since the device's start-up window, missing samples included; the first is 1."""
     tracker_bias: float | None = None
+    """Offset and state by the filter of the device's own fit; null before its first fit of the axis
+    [deg/s]."""
     tracker_bias_std: float | None = None
+    """Standard deviation of that bias [deg/s]."""
     tracker_state: float | None = None
+    """The coloured part of the noise alone; 0 of white noise [deg/s]."""
     tracker_state_std: float | None = None
+    """Standard deviation of that state [deg/s]."""
     tracker_bias_difference: float | None = None
+    """That bias minus `bias` of `estimate` after the same sample; each goes by a fit of its own [deg/s]."""
     alpha_difference: float | None = None
+    """α: the device's minus this computer's after the same sample; null where they cannot be compared."""
     f_difference: float | None = None
+    """f: the same [s^-α]."""
     state_difference: float | None = None
+    """State: the same [deg/s]."""
     why_not: WhyNot | None = None
+    """Why there are no differences: `device_not_valid`, `host_not_valid`: that estimate is not valid;
+    `other_start`: the device began at another sample; `device_skipped`: it skipped samples since;
+    `other_settings`: settings differ, or the device goes on with those of its own fit."""
 
 
 class DeviceEstimates(Placed, frozen=True, tag="device_estimate"):
-    """The device's own estimates after one sample, beside the host's, which `Estimate` holds.
+    """What the device itself makes of a sample, beside `estimate`, which is this computer's.
 
-    comparable: at least one axis has differences.
+    Only with `--estimate-on both`; with `--estimate-on device` the device's are the records `estimate`. It
+    comes after its sample by as much as the device is behind. An axis whose message was lost on the line is
+    left out.
     """
 
     variant: str
+    """`triple` or `joint`, of the device."""
     axes: dict[str, DeviceAxisEstimate]
+    """Each axis."""
     comparable: bool
+    """Whether any axis has differences."""
 
 
 class DeviceFits(Placed, frozen=True, tag="device_fit"):
-    """The device's own maximum-likelihood fit of one axis, beside `Fit`, which is this computer's.
+    """The device's own maximum-likelihood fit of one axis, every three seconds or later.
 
-    The place is that of the newest sample when it came. A fit whose bins the device sends comes twice: at
-    once, and with `spectrum`.
+    Only with `--estimate-on device` or `both`. It stands at the newest sample when it came. A fit whose bins
+    the device sends comes twice: at once, and with `spectrum`.
     """
 
     axes: dict[str, DeviceAxisFit]
+    """Each axis."""
 
 
 class Fit(Placed, frozen=True, tag="fit"):
-    """The maximum-likelihood fit of all axes after the sample `seq`; comes a few samples later.
+    """What the noise of every axis is, by maximum likelihood over all samples so far.
 
-    samples: of how many. Epochs of the same sensor are fitted together.
+    It comes whenever the record has grown by a hundredth, once a second at most and once a minute at least,
+    and within a second after a step or a change of power (`live.period_s` given: that often); once more,
+    with curves, at the end of a recording or of `--once`. A fit is of the samples up to `seq` and comes a
+    little later; estimates go by it from the next sample on. A replay gives the live run's records.
     """
 
     samples: int
+    """Samples taken, those left out included, of all epochs of the same sensor, and of the earlier run with
+    `--state`."""
     axes: dict[str, AxisFit]
+    """Each axis."""
 
 
 class Gap(Record, frozen=True, tag="gap"):
-    """`missing` samples are lost, the first of them numbered `seq`."""
+    """Samples are missing."""
 
     seq: int
+    """Number of the first sample that is missing."""
     missing: int
+    """How many are."""
     epoch: int
+    """Epoch in which they are missing."""
     host_ns: int
+    """Host time of the sample after them [ns]."""
 
 
 class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What an epoch is estimated with, and by whom: host, device or both; window 0 is unlimited.
-
-    tuning: who sets Q and R while it runs: startup (nobody) or live (the live fit).
-    """
+    """What an epoch is estimated with, and by whom."""
 
     variant: str
+    """`triple`: the published algorithm; `joint`: one filter on α and h^α f."""
     estimate_on: str
+    """Who estimates: `host` (this computer), `device` (by itself) or `both`."""
     memory: str
+    """`compressed` or `direct` (the exact window)."""
     guard: str
+    """`off` (the printed algorithm), `faithful` or `consistent`."""
     window: int
+    """Length L of the memory in samples; 0: unlimited."""
     startup_samples: int
+    """Length of the start-up window; 0 if none is needed."""
     bias: str | float | tuple[float, ...]
+    """As in the settings [deg/s, of the accelerometer m/s²]."""
     R: str | float | tuple[float, ...]
+    """As in the settings [the square of that]."""
     tuning: str = "startup"
+    """`startup`: Q and R stay as at the start; `live`: they are those of the live fit as soon as it knows
+    them."""
 
 
 class Epoch(Record, frozen=True, tag="epoch"):
-    """A new stretch of unbroken time: the estimator starts again with the sample `seq`."""
+    """A new stretch of unbroken time begins, and the estimators start again."""
 
     epoch: int
+    """Its number: 1, 2, …"""
     reason: EpochReason
+    """`start`; `restart` (another boot); `sensor_restart` (the device has set up its sensor again);
+    `discontinuity` (sequence and time disagreed); `gap` (longer than `max_gap`); `silence` (longer than 30
+    minutes); `resumed` (goes on from the snapshot of an earlier run)."""
     seq: int
+    """Number of its first sample."""
     device_us: int
+    """Device time of its first sample [µs]."""
     host_ns: int
+    """Host time of its first sample [ns]."""
     boot_id: int | None
+    """Boot that it belongs to."""
     estimator: EstimatorInfo | None
+    """What the gyroscope is estimated with."""
     accel_estimator: EstimatorInfo | None = None
+    """The same for the accelerometer, which is always estimated here."""
     resumed_after_s: float | None = None
-
-
-class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What arrived and what was lost on the way, since the start of the program."""
-
-    bytes: int = 0
-    frames: int = 0
-    bad_frames: dict[str, int] = {}
-    unknown_type: int = 0
-    refused: int = 0
-    overflow_bytes: int = 0
-    reconnects: int = 0
-
-
-class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What became of the samples, since the start of the program."""
-
-    delivered: int
-    lost: int
-    gaps: int
-    duplicates: int
-    before_hello: int
-
-
-class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How the tracker of an axis's bias gets on.
-
-    model: the noise that it goes by, in words. nis: mean normalised innovation squared, which is 1 of a right
-    model, and lag1 the correlation of neighbouring innovations, 0; holds: whether they are white; null before
-    there are enough. moved: samples in motion. restarts: how often it began again, at another offset.
-    bias, bias_std: after the newest sample, for those who read no estimates. heading_std: of the angle, in
-    deg, so many seconds after the last sample at rest; empty before there is a model.
-    K: random walk of the offset, per s and √s, that the samples show in time and the model does not hold.
-    """
-
-    model: str
-    nis: float | None
-    lag1: float | None
-    holds: bool | None
-    moved: int
-    restarts: int
-    K: Interval = Interval()
-    heading_std: dict[int, float] = {}
-    bias: float | None = None
-    bias_std: float | None = None
-
-
-class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the start-up window gave an axis, and how often it had to start again.
-
-    bias: in `unit`; R, Q: variances in use, in its square; Q is null where a device estimates. tuned: they
-    are those of the live fit. describes_noise: false where the innovations are not white, or the fit
-    that stands has no order or another one: the filter's α and f, and their deviations, say nothing then.
-    """
-
-    bias: float | None
-    R: float | None
-    restarts: int
-    interventions: dict[str, int]
-    innovation_lag1: float | None = None
-    innovation_nis: float | None = None
-    unit: str = GYRO_UNIT
-    Q: float | None = None
-    tuned: bool = False
-    describes_noise: bool | None = None
-    tracker: TrackerStats | None = None
-
-
-class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How the device's own estimator gets on.
-
-    begun, skipped, longest_axis_us and longest_slice_us (of a fit) are since its boot. fit_every: samples
-    from one round of its fits to the next, 0 if it makes none. Since the start of the program: estimates
-    of an axis that came; lost: those that did not; unplaced: those that came and fit no sample (before
-    the epoch, or its sample was lost); fits that came; fits_refused: those whose numbers or bins no fit
-    can have, or before the first sample. restarts are since the device's start-up window, interventions
-    by cause since the axis last began.
-    """
-
-    begun: int
-    startup_remaining: int
-    every: int
-    queue: int
-    skipped: int
-    longest_axis_us: int
-    estimates: int
-    lost: int
-    unplaced: int
-    restarts: dict[str, int]
-    interventions: dict[str, dict[str, int]]
-    fit_every: int = 0
-    fits: int = 0
-    fits_refused: int = 0
-    longest_slice_us: int = 0
-
-
-class OutputStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What an output did with its records, since the start of the program.
-
-    dropped: lost because it was too slow or broken. queued: waiting as of now.
-    """
-
-    written: int
-    dropped: int
-    queued: int
+    """Age of the snapshot that the estimators go on from [s]."""
 
 
 class Stats(Record, frozen=True, tag="stats"):
-    """Health of the whole walk, once a second and at the end.
+    """Health of the whole walk: once a second, when the start-up window is full, and at the end.
 
-    fit_period_s: seconds of samples between two `fit` records at least; null where nothing is fitted.
+    Counts run from the start of the program. For each boot of a device: delivered + lost = sampled, from the
+    first sample that is used to the last.
     """
 
     epoch: int
+    """Current epoch; 0 before the first."""
     host_ns: int
+    """Now [ns]."""
     rate_hz: float | None
+    """Sampling rate by the host's clock, from sequence numbers: losses do not lower it [Hz]."""
     clock_ppm: float | None
+    """How much faster than the host's the device's clock runs; null at first, and where no host's clock was
+    recorded [1e-6]."""
     startup_remaining: int
+    """Samples until the start-up window is full."""
     link: LinkStats
+    """What arrived, and what was lost on the way, since the start of the program."""
     samples: SampleStats
+    """What became of the samples, since the start of the program."""
     axes: dict[str, AxisStats]
+    """Each axis."""
     board: DeviceStatus | None
+    """The device's own counters since its boot; null before its first STATUS."""
     outputs: dict[str, OutputStats] = {}
+    """Each output: `stdout`, `record`, `mqtt`, `dashboard`, `metrics`; none for sources without a pace of
+    their own."""
     device_estimator: DeviceEstimatorStats | None = None
+    """The device's own estimator; null without `--estimate-on device` or `both`."""
     fit_period_s: float | None = None
+    """Least time between fits: 1, and a twelfth of the number of devices where there are more than 12; null
+    where nothing is fitted."""
 
 
 class Error(Record, frozen=True, tag="error"):
     """Something that a person should know; the program goes on unless `--once` was given."""
 
     kind: str
+    """What kind it is: see Errors and exit codes."""
     message: str
+    """What happened, the likely cause, what to do."""
     host_ns: int
+    """When it happened [ns]."""
 
 
 AnyRecord = (

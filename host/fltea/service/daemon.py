@@ -207,7 +207,7 @@ class _Run:
                 walk.take(event)
                 if walk.failure is not None:
                     break
-            walk.finish()
+            walk.finish(whole=walk.failure is None and not self._is_asked())
         except Exception as error:
             self._end(walk, error)
             if not isinstance(error, FlteaError):

@@ -56,7 +56,7 @@ class Ending:
                 if waited_s >= most_s or self._is_urged():
                     self.left.append(name)
                     self.lost += [name] if kept else []
-                    self._say(f"{name} has not ended; what it still had is lost.")
+                    self._say(f"{name} did not end in time; its last data are lost.")
                     break
                 if waited_s >= SAY_S and self._patient_until is None:
                     self._patient_until = self._signals()

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from fltea.records.block import Block
 from fltea.records.events import Reads, TransportEvent
 from fltea.records.ports import Departed, Item, Sink
-from fltea.records.records import AnyRecord, Error, OutputStats
+from fltea.records.records import AnyRecord, Error
+from fltea.records.stats import OutputStats
 from fltea.service.ending import Awaited
 from fltea.service.outlet import Outlet, OutletThread
 

@@ -122,7 +122,7 @@ def check_shared(configs: Sequence[Config]) -> None:
         )
         if wrong is not None:
             raise UsageError(
-                f"{wrong} is not for --source {config.source}, behind which many devices stand. Their "
+                f"{wrong} does not work with --source {config.source}, which stands for many devices. Their "
                 "records go to --mqtt, --metrics and the standard output."
             )
 
@@ -140,8 +140,8 @@ def check_recordable(config: Config, source: Source) -> None:
         )
     if config.state.file and config.estimator.estimate_on in BY_DEVICE:
         raise UsageError(
-            "--state cannot keep what a device estimates, which begins again with its boot; leave "
-            f"--estimate-on {config.estimator.estimate_on} or --state away."
+            "--state keeps only what this computer estimates, and a device begins again with each boot. "
+            f"Leave --estimate-on {config.estimator.estimate_on} or --state away."
         )
 
 

@@ -9,7 +9,7 @@ from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.events import Reads
 from fltea.records.ports import Departed, Item, Latency, Sink, SinkClosed
-from fltea.records.records import OutputStats
+from fltea.records.stats import OutputStats
 
 IDLE_S = 0.5
 

@@ -22,7 +22,7 @@ FREE_EVERY_S = 5.0
 """How often the disk is asked for its room."""
 
 REPLAYED = "This source is a recording already."
-FAULT = "The recording ended by a fault of its own, which the list of events names."
+FAULT = "The recording stopped because of a fault: see the list of events."
 
 
 class RecorderOfHub:

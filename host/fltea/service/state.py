@@ -82,7 +82,7 @@ class StateFile:
         try:
             return dict(msgspec.json.decode(data, type=_File).devices)
         except (ValueError, RecursionError) as error:
-            self._set_aside(f"{path} holds what no snapshot does ({error}), so the start-up window begins")
+            self._set_aside(f"{path} is damaged ({error}), so the start-up window begins")
             return {}
 
     def refuse(self, name: str) -> None:

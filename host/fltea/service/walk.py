@@ -94,11 +94,12 @@ class Walk:
         """A snapshot of its estimators; None while there is nothing to keep."""
         return self._pipeline.save()
 
-    def finish(self) -> None:
-        """The source has ended, or nothing more is wanted of it."""
+    def finish(self, *, whole: bool = False) -> None:
+        """The source has ended (whole), or nothing more is wanted of it."""
         self.moved_s = math.inf
         ended = self._once or not self.source.live  # else somebody waits for the program to end
-        self._hub.publish(self.name, list(self._pipeline.finish(last_fit=ended)), wait=not self.source.prompt)
+        last = list(self._pipeline.finish(last_fit=ended, whole=whole))
+        self._hub.publish(self.name, last, wait=not self.source.prompt)
         if self._state is not None:
             self._deposit(self._state)
 

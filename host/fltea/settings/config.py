@@ -69,8 +69,8 @@ class LinkConfig(Table, frozen=True):
     max_gap: Annotated[
         Duration,
         Setting(
-            "Longest gap that is bridged by prediction, in samples or as a time; a longer one begins a "
-            "new epoch.",
+            "Longest gap that is bridged by prediction, a number of samples or a time. A longer gap begins "
+            "a new epoch.",
             unit="samples",
             least=0,
             most=LONGEST_GAP,

@@ -18,8 +18,8 @@ LONGEST_GAP = 1_000_000
 
 SQUARED = "(deg/s)²"
 DELTA = Setting(
-    "Forgetting factor of Robbins and Monro: how fast the variance of the walk follows the innovations; "
-    "0: it stays Q0.",
+    "How fast the variance of the random walk follows the innovations (forgetting factor of Robbins and "
+    "Monro). 0: it stays Q0.",
     least=0,
     most=1,
     board=True,
@@ -38,7 +38,7 @@ class StateSettings(Table, frozen=True):
     """KFx, the filter of the state."""
 
     P0: Annotated[float, _variance("Variance of the state at the start.", SQUARED)] = 0.01
-    Q: Annotated[float, _variance("Variance of a whole step; it includes h^2α.", SQUARED)] = 0.15
+    Q: Annotated[float, _variance("Variance of one step of the noise, h^2α included.", SQUARED)] = 0.15
     x0: Annotated[float, _number("State at the start.", "deg/s")] = 0.0
 
 
@@ -46,7 +46,7 @@ class OrderSettings(Table, frozen=True):
     """KFo, the filter of the order, which has no unit. P0 = Q0 = 0 holds the order at alpha0."""
 
     P0: Annotated[float, _variance("Variance of the order at the start.")] = 0.01
-    Q0: Annotated[float, _variance("Variance of a step of its walk, at the start.")] = 0.1
+    Q0: Annotated[float, _variance("Variance of one step of its random walk, at the start.")] = 0.1
     alpha0: Annotated[float, _number("Order at the start.")] = 1.0
     delta: Annotated[float, DELTA] = 0.5
 
@@ -55,7 +55,7 @@ class ParameterSettings(Table, frozen=True):
     """KFw, the filter of the parameter. P0 = Q0 = 0 holds f at f0."""
 
     P0: Annotated[float, _variance("Variance of f at the start.", "(s^-α)²")] = 0.01
-    Q0: Annotated[float, _variance("Variance of a step of its walk, at the start.", "(s^-α)²")] = 0.1
+    Q0: Annotated[float, _variance("Variance of one step of its random walk, at the start.", "(s^-α)²")] = 0.1
     f0: Annotated[float, _number("Parameter f at the start.", "s^-α")] = 0.0
     delta: Annotated[float, DELTA] = 0.5
 
@@ -64,7 +64,7 @@ class JointSettings(Table, frozen=True):
     """The joint filter on (α, β = h^α f), both without unit."""
 
     P0: Annotated[float, _variance("Variance of α and of β at the start.")] = 0.06
-    Q0: Annotated[float, _variance("Variance of a step of the walk of both, at the start.")] = 0.0
+    Q0: Annotated[float, _variance("Variance of one step of their random walks, at the start.")] = 0.0
     alpha0: Annotated[float, _number("Order α at the start.")] = 0.5
     beta0: Annotated[float, _number("β at the start.")] = -0.1
     delta: Annotated[float, DELTA] = 0.0
@@ -89,7 +89,7 @@ class EstimatorConfig(Table, frozen=True):
     window: Annotated[
         Duration,
         Setting(
-            "Length L of the filters' memory, in samples or as a time; 0: unlimited (with memory "
+            "Length L of the filters' memory, a number of samples or a time; 0: unlimited (with memory "
             "`compressed`).",
             unit="samples",
             least=0,
@@ -102,8 +102,8 @@ class EstimatorConfig(Table, frozen=True):
     startup: Annotated[
         Duration,
         Setting(
-            "Length of the start-up window, in samples or as a time: the sensor has to be at rest in it, "
-            "for bias and R are drawn from it.",
+            "Length of the start-up window, a number of samples or a time. Bias and R are taken from it, "
+            "so keep the sensor at rest.",
             unit="samples",
             least=2,
             most=LONGEST_WINDOW,
@@ -152,7 +152,7 @@ class EstimatorConfig(Table, frozen=True):
     variant: Annotated[
         Literal["triple", "joint"],
         Setting(
-            "`triple` (the paper's three filters) or `joint` (one filter on α and h^α f).",
+            "`triple`: the three filters of the paper. `joint`: one filter for α and h^α f.",
             flags=("--variant",),
             board=True,
         ),
@@ -160,8 +160,8 @@ class EstimatorConfig(Table, frozen=True):
     guard: Annotated[
         Literal["off", "faithful", "consistent"],
         Setting(
-            "`off` (the printed algorithm), `faithful` (within bounds) or `consistent` (within bounds, "
-            "and with the variance that the printed algorithm leaves out).",
+            "`off`: the algorithm as printed. `faithful`: with bounds. `consistent`: with bounds, and with "
+            "the variance that the printed algorithm leaves out.",
             flags=("--guard",),
             board=True,
         ),
@@ -169,7 +169,7 @@ class EstimatorConfig(Table, frozen=True):
     gate: Annotated[
         float,
         Setting(
-            "From where on a guard softens an innovation.",
+            "The guard softens larger innovations.",
             unit="standard deviations",
             least=1,
             most=1000,

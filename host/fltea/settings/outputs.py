@@ -165,8 +165,8 @@ class MqttConfig(Table, frozen=True):
     estimate_every: Annotated[
         int,
         Setting(
-            "Publish one estimate in so many samples, by `seq`; the larger of this and `output.every` "
-            "counts.",
+            "Publish the estimate of every N-th sample (`seq` a multiple of N); the larger of this and "
+            "`output.every` counts.",
             unit="samples",
             least=1,
         ),

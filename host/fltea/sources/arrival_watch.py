@@ -81,8 +81,7 @@ class ArrivalWatch:
         self._reported_rate = True
         text = (
             f"{self._url}: samples come at {self._rate_hz * (1 - slope):.4g} Hz, and --rate says "
-            f"{self._rate_hz:g}: all that is in seconds or Hz is off by as much. Give the true rate, "
-            "or a column of times (--time-column). A stored file comes as fast as it can: let it be read "
-            "with replay:/dev/stdin."
+            f"{self._rate_hz:g}: all that is in seconds or Hz is off by as much. Give the true rate, or a "
+            "column of times (--time-column). For a stored file use replay:/dev/stdin."
         )
         return Trouble("rate_differs", text, now_ns, fatal=False)

@@ -25,7 +25,8 @@ from fltea.records.events import (
     Trouble,
     host_ns_of,
 )
-from fltea.records.records import DeviceStatus, Hello
+from fltea.records.records import Hello
+from fltea.records.stats import DeviceStatus
 from fltea.wire import layout as wire
 from fltea.wire.message_events import hello_event
 from fltea.wire.messages import encode

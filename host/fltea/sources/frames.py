@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 from fltea.records.clock import host_ns
 from fltea.records.events import Chunk, Event, Opened, Reads, TransportEvent
-from fltea.records.records import LinkStats
+from fltea.records.stats import LinkStats
 from fltea.sources.wire_events import Hints, WireEvents
 
 HINTS = Hints(

@@ -27,7 +27,8 @@ from fltea.recording.session import (
 )
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, Failed, Ints, Opened, RawBlock, Reads, Trouble
-from fltea.records.records import Hello, LinkStats
+from fltea.records.records import Hello
+from fltea.records.stats import LinkStats
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.wire_events import WireEvents
 from fltea.wire.sensors import NO_SENSOR
@@ -204,8 +205,8 @@ def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch 
         raise UsageError(f"{part.path}: cannot be read ({error}).") from error
     if not scan.whole:
         yield Torn(
-            f"{part.path}: ends without its index, as a program that was killed leaves it, or one that still "
-            f"writes; what reached the disk is read ({scan.lost_bytes} bytes at its end are not)."
+            f"{part.path}: has no index, because its program was killed or still writes it; what reached "
+            f"the disk is read ({scan.lost_bytes} bytes at its end are not)."
         )
 
 

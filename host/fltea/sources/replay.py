@@ -24,7 +24,8 @@ from fltea.records.events import (
     Trouble,
     host_ns_of,
 )
-from fltea.records.records import Hello, LinkStats, Sample
+from fltea.records.records import Hello, Sample
+from fltea.records.stats import LinkStats
 from fltea.settings.extras import load
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -102,7 +103,7 @@ class ReplaySource:
             self.topic = recording.topic
         if kind in NAMED and how.of_text:
             raise UsageError(
-                f"{path}: --columns, --units, --rate and --time-column are for text and tables; this one "
+                f"{path}: --columns, --units, --rate and --time-column are for text and tables; this file "
                 "names its own."
             )
         if kind not in ("bag", "ulg") and how.topic is not None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 from fltea.records import clock
 from fltea.records.events import Event, Reads, Tick, TransportEvent
-from fltea.records.records import LinkStats
+from fltea.records.stats import LinkStats
 from fltea.sources.wire_events import WireEvents
 from fltea.wire.ports import TICK_S
 from fltea.wire.reader import Reader

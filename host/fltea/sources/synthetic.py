@@ -11,7 +11,8 @@ from fltea.noise.simulation import FractionalNoise, quantise
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, Event, RawSample, block_of
-from fltea.records.records import AXES, Hello, LinkStats
+from fltea.records.records import AXES, Hello
+from fltea.records.stats import LinkStats
 from fltea.settings.estimator import LONGEST_WINDOW
 from fltea.sources.pacing import sleep_until
 

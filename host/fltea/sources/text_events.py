@@ -24,8 +24,9 @@ from fltea.records.events import (
     Tick,
     Trouble,
 )
-from fltea.records.records import Hello, LinkStats
+from fltea.records.records import Hello
 from fltea.records.repeat import OnceAMinute
+from fltea.records.stats import LinkStats
 from fltea.settings.how import How
 from fltea.sources.arrival_watch import ArrivalWatch
 from fltea.sources.numbering import Arrived, ByOrder, ByTime, Numbered

@@ -14,7 +14,7 @@ from urllib.parse import parse_qsl
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Event, Failed, Opened, TransportEvent
-from fltea.records.records import LinkStats
+from fltea.records.stats import LinkStats
 from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
 from fltea.wire.ports import TICK_S

@@ -24,8 +24,9 @@ from fltea.records.events import (
     TransportEvent,
     Trouble,
 )
-from fltea.records.records import Hello, LinkStats
+from fltea.records.records import Hello
 from fltea.records.repeat import REPEAT_NS, OnceAMinute
+from fltea.records.stats import LinkStats
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import BlockReader, SampleColumns
 from fltea.wire.faults import fault_text

@@ -17,7 +17,8 @@ from fltea.records.events import (
     Ints,
     LinkDown,
 )
-from fltea.records.records import AXES, AxisStats, DeviceEstimates, DeviceEstimatorStats, Estimate
+from fltea.records.records import AXES, DeviceEstimates, Estimate
+from fltea.records.stats import AxisStats, DeviceEstimatorStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
 from fltea.stream.board_compare import compare, estimate_of, finite

@@ -64,7 +64,7 @@ class BoardNotices:
         return Notice(
             "no_device_estimates",
             f"the device sends samples, but in {PATIENCE_NS // 10**9} s no estimates of its own: its "
-            "firmware was built with estimation switched off, or is none of an Arduino Due. Flash that of "
+            "firmware was built with estimation switched off, or is not one for the Due. Flash that of "
             "this program (fltea flash), or let this computer estimate: --estimate-on host.",
             now_ns,
         )

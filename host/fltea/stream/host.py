@@ -13,8 +13,9 @@ from fltea.records.arrays import Array
 from fltea.records.block import AxisColumns, Block, Bools
 from fltea.records.errors import UsageError
 from fltea.records.events import Ints
-from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, GYRO_UNIT, AxisStats, EstimatorInfo
+from fltea.records.records import ACCEL_AXES, ACCEL_UNIT, GYRO_UNIT, EstimatorInfo
 from fltea.records.repeat import OnceAMinute
+from fltea.records.stats import AxisStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import describes_order

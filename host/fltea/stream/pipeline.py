@@ -16,20 +16,8 @@ from fltea.records.clock import SECOND_NS
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawBlock, Trouble, host_ns_of
 from fltea.records.ports import Source
-from fltea.records.records import (
-    ACCEL_AXES,
-    AXES,
-    AnyRecord,
-    DeviceStatus,
-    Epoch,
-    EpochReason,
-    Error,
-    Gap,
-    Hello,
-    OutputStats,
-    SampleStats,
-    Stats,
-)
+from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, Epoch, EpochReason, Error, Gap, Hello, Stats
+from fltea.records.stats import DeviceStatus, OutputStats, SampleStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import BY_DEVICE
 from fltea.settings.ingest import is_partitioned
@@ -231,11 +219,18 @@ class Pipeline:
             device=self._config.name,
         )
 
-    def finish(self, *, last_fit: bool = True) -> Iterator[Output]:
-        """What comes at the end: a fit of everything, and the statistics."""
+    def finish(self, *, last_fit: bool = True, whole: bool = False) -> Iterator[Output]:
+        """What comes at the end: a fit of everything, and the statistics; whole: the source has no more."""
         if self._fits is not None and last_fit:
             yield from self._records(self._fits.last())
-        yield self.stats()
+        stats = self.stats()
+        if whole and stats.samples.delivered and stats.startup_remaining:
+            yield self._error(
+                "too_short",
+                f"the samples end {stats.startup_remaining} before the start-up window is full, so there is "
+                "no estimate. Record ten minutes at rest, or an hour to know the bias instability.",
+            )
+        yield stats
 
     def _standing(self) -> Standing:
         """Return all stages' standings as one; of several that state an axis the first one counts."""

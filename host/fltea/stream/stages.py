@@ -9,16 +9,8 @@ import msgspec
 from fltea.estimator.snapshot import OnlineState
 from fltea.records.block import Block
 from fltea.records.events import Event, Ints
-from fltea.records.records import (
-    ACCEL_AXES,
-    AXES,
-    AnyRecord,
-    AxisStats,
-    DeviceEstimatorStats,
-    EstimatorInfo,
-    Hello,
-    TrackerStats,
-)
+from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, EstimatorInfo, Hello
+from fltea.records.stats import AxisStats, DeviceEstimatorStats, TrackerStats
 
 
 class Moment(NamedTuple):

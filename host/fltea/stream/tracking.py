@@ -22,7 +22,8 @@ from fltea.records.arrays import Array
 from fltea.records.block import Block, Tracked, TrackedColumns, with_tracked
 from fltea.records.events import Ints
 from fltea.records.fit import Interval
-from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, TrackerStats
+from fltea.records.records import ACCEL_UNIT, GYRO_UNIT
+from fltea.records.stats import TrackerStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import describes

@@ -3,7 +3,8 @@
 from enum import IntEnum
 
 from fltea.records.events import DeviceAxis, DeviceBins, DeviceEstimator, DeviceFit, DeviceTracker
-from fltea.records.records import DeviceStatus, Hello
+from fltea.records.records import Hello
+from fltea.records.stats import DeviceStatus
 from fltea.wire import layout as wire
 from fltea.wire.sensors import sensor_name
 

@@ -128,7 +128,7 @@ def judge(port: str, heard: Heard) -> Iterator[Finding]:
                 "clock drift",
                 f"{text}; two crystals are within {DRIFT_PPM:g}.",
                 "listen again; if it stays, the firmware was built for another crystal, or this machine's "
-                "clock is being pulled right just now.",
+                "clock is being adjusted.",
             )
         else:
             yield ok("clock drift", text)

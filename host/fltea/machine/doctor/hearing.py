@@ -8,7 +8,8 @@ import numpy as np
 
 from fltea.records import clock
 from fltea.records.events import LinkDown, Opened, RawBlock, Reads, TransportEvent, Trouble
-from fltea.records.records import DeviceStatus, Hello, LinkStats
+from fltea.records.records import Hello
+from fltea.records.stats import DeviceStatus, LinkStats
 from fltea.sources.serial import SerialSource
 from fltea.sources.wire_events import SILENCE_S
 from fltea.stream.place import Place

@@ -152,7 +152,7 @@ class Ingest:
             if self.moved_s - began_s >= HELD_S and self._once_a_minute.is_due("output_slow", host_ns()):
                 slow = ", ".join(sorted(self._hub.full()))
                 url = self._receiver.url
-                self._report("output_slow", f"{slow}: takes nothing, so {url} has to keep what comes.")
+                self._report("output_slow", f"{slow} takes nothing now, so {url} has to keep the messages.")
 
     def look(self, now_ns: int) -> None:
         """Do what has to be done now and then."""

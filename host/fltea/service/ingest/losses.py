@@ -25,8 +25,8 @@ REASONS: dict[Verdict, _Reason] = {
     ),
     "full": _Reason(
         1,
-        "messages came of devices beyond the limit: raise ingest.devices, or look who publishes under names "
-        "of nobody",
+        "messages came of devices beyond the limit: raise ingest.devices, or find out who publishes under "
+        "invented names",
     ),
     "bad_name": _Reason(
         1,

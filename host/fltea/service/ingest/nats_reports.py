@@ -62,8 +62,8 @@ class Reports:
         if new:
             self._of_server(
                 "nats_settings",
-                f"{'; '.join(differs)}, as these settings would have it. It stays as it is: start one worker "
-                "with --set ingest.change_limits=true to change it (smaller limits throw away what is beyond "
+                f"{'; '.join(differs)}, as these settings ask. Nothing was changed: start one worker with "
+                "--set ingest.change_limits=true to change it (smaller limits throw away what is beyond "
                 "them).",
             )
 
@@ -115,7 +115,7 @@ class Reports:
             f"from snapshots; messages up to {before.done} had been processed before."
         )
         if gone:
-            text += f" The stream has let go of {len(gone)} messages before {gone.stop}."
+            text += f" The stream no longer has {len(gone)} messages before {gone.stop}."
         if unreadable:
             text += f" Snapshots of {unreadable} more cannot be read: were they of another version?"
         self._report("partition_taken", text)

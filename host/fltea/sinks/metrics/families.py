@@ -112,7 +112,9 @@ def _axes(records: Labelled) -> Labelled:
 
 
 def _devices(hellos: Sequence[tuple[str, Hello]]) -> Metric:
-    family = InfoMetricFamily("fltea_device", "What the device states of itself.", labels=("device",))
+    family = InfoMetricFamily(
+        "fltea_device", "Device, firmware and sensor, as the device states them.", labels=("device",)
+    )
     for name, hello in hellos:
         facts = {fact: getattr(hello, fact) for fact in FACTS}
         family.add_metric((name,), {key: value for key, value in facts.items() if value is not None})
@@ -128,7 +130,7 @@ def _outputs(outlets: Sequence[tuple[str, OutputView]]) -> Iterator[Metric]:
     )
     latency = HistogramMetricFamily(
         "fltea_output_latency_seconds",
-        "From a sample's arrival to its way out.",
+        "Time from a sample's arrival to its output.",
         labels=("output", "device"),
     )
     for device, outlet in outlets:

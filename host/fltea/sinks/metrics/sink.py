@@ -21,9 +21,8 @@ from fltea.sinks.metrics.families import Families, Newest
 
 POLL_S = 0.1
 NOT_OURS = (
-    "fltea: the name under which you asked is none of this machine that fltea knows, so there are no "
-    "metrics. Ask by the address, by localhost or by the machine's own name; or add the name to "
-    "metrics.names.\n"
+    "fltea does not know the host name of this request, so it gives no metrics. Use the address, localhost "
+    "or the machine's own name, or add the name to metrics.names.\n"
 )
 
 
@@ -112,7 +111,7 @@ class MetricsSink(Sink):
         if identities.is_to_tell(now_ns):
             text = (
                 f"{hello.source} reported more than {MOST} device IDs in an hour; further ones are left out "
-                "of fltea_device_info, for each would be a time series. Is the board faulty?"
+                "of fltea_device_info, since each would be a time series. Is the board faulty?"
             )
             self._report("too_many_devices", text)
         return msgspec.structs.replace(

@@ -82,7 +82,11 @@ STATS = (
     counter("samples_lost", "Samples missing in gaps.", "samples.lost"),
     counter("gaps", "Gaps.", "samples.gaps"),
     counter("samples_duplicate", "Samples that came twice and were dropped.", "samples.duplicates"),
-    counter("samples_before_hello", "Samples that nobody had introduced.", "samples.before_hello"),
+    counter(
+        "samples_before_hello",
+        "Samples before the first HELLO, which cannot be used.",
+        "samples.before_hello",
+    ),
     counter("epochs", "Epochs begun.", "epoch"),
     gauge("sample_rate_hertz", "Sampling rate by the host's clock.", "rate_hz"),
     gauge("clock_drift_ratio", "How much faster than the host's the device's clock runs.", "clock_ppm", 1e-6),
@@ -204,7 +208,7 @@ DEVICE_ESTIMATE = (
 )
 
 DEVICE_FIT = (
-    gauge("verdict", "What the device's own maximum-likelihood fit of the noise.", key="verdict"),
+    gauge("verdict", "Verdict of the device's own maximum-likelihood fit.", key="verdict"),
     gauge("alpha", "Order by the device's own maximum-likelihood fit.", "alpha.value"),
     gauge("alpha_low", "Lower end of its 95 % interval.", "alpha.low"),
     gauge("alpha_high", "Upper end of its 95 % interval.", "alpha.high"),
@@ -233,7 +237,7 @@ AXIS_FIT = (
     ),
     gauge("null_p", "How often white noise would look at least as unlike white."),
     gauge("until_seconds", UNTIL, lambda axis: axis.until_s and axis.until_s.seconds),
-    gauge("verdict", "1: what the noise is.", key="verdict"),
+    gauge("verdict", "1 for the verdict that the noise has.", key="verdict"),
     gauge(
         "left_out_samples",
         "Samples that are not in the fit, and bridged ones, by cause.",
@@ -249,7 +253,7 @@ FIT = (
 )
 
 OUTPUTS = (
-    counter("written", "Records that an output took."),
+    counter("written", "Records that an output has written."),
     counter("dropped", "Records that an output lost: too slow, or broken."),
     gauge("queue_records", "Records that wait for an output.", "queued"),
 )

@@ -7,7 +7,8 @@ and all of its sensors, each with a topic and a template that takes its value ou
 import re
 from typing import Final
 
-from fltea.records.records import AxisStats, Hello
+from fltea.records.records import Hello
+from fltea.records.stats import AxisStats
 from fltea.records.version import __version__
 
 _AXIS: Final = "value_json.axes.%s"

@@ -29,7 +29,7 @@ WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
 
 SAYS_NOTHING = ("constant", "too few samples")
 UNSTABLE = "No stable verdict yet"
-NOT_YET = "Two fits have to agree, the later one of a tenth more samples. The newest one says: {}."
+NOT_YET = "Two fits must agree, the later one with a tenth more samples. The newest one says: {}."
 NO_FIT = "It comes within seconds of the first samples."
 OFF = "Nothing is fitted: live.on is false."
 

@@ -240,8 +240,8 @@ def link(stats: Stats | None) -> list[list[str]]:
         counted("reconnects", wire.reconnects),
         counted("CRC errors", bad.pop("crc", 0)),
         counted("other bad frames", sum(bad.values()), ", ".join(f"{r} {n}" for r, n in bad.items())),
-        counted("frames not understood", wire.unknown_type + wire.refused),
-        counted("bytes too many", wire.overflow_bytes),
+        counted("frames of another version", wire.unknown_type + wire.refused),
+        counted("bytes thrown away", wire.overflow_bytes),
     ]
     if board is not None:
         rows += [

@@ -11,7 +11,6 @@ from fltea.records.records import (
     AXES,
     AnyRecord,
     AxisEstimate,
-    AxisStats,
     DeviceAxisEstimate,
     DeviceEstimates,
     DeviceFits,
@@ -24,6 +23,7 @@ from fltea.records.records import (
     Sample,
     Stats,
 )
+from fltea.records.stats import AxisStats
 from fltea.settings.estimator import EstimateOn
 from fltea.sinks.page.answer import order
 from fltea.sinks.page.course import FIT, Course

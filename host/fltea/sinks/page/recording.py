@@ -8,7 +8,7 @@ from fltea.records.visible import visible_lines
 STEADY_S = 20.0
 """Before, nobody can say how much an hour takes."""
 
-ELSEWHERE = "Pages may not record here: start fltea with --record or --set dashboard.record=true."
+ELSEWHERE = "Recording from this page is off: start fltea with --record or --set dashboard.record=true."
 
 
 def nothing() -> dict[str, Any]:

@@ -15,7 +15,7 @@ from fltea.sinks.page.state import State
 from fltea.sinks.web.handler import BY_SCRIPT, Handler, Site
 
 NOT_ALLOWED = (
-    "Pages may not record here, since not only this machine reaches them. Start fltea with --record, or with "
+    "Recording from this page is off, since other machines reach it. Start fltea with --record, or with "
     "--set dashboard.record=true."
 )
 

@@ -49,7 +49,7 @@ def with_std(value: float | None, std: float | None) -> str:
 
 def within(std: float) -> str:
     """How far an angle is off, to two digits, as long as it is known at all."""
-    return "none left" if std > MOST_DEG else f"± {float(f'{std:.2g}'):g}°"
+    return "no heading left" if std > MOST_DEG else f"± {float(f'{std:.2g}'):g}°"
 
 
 def signed(value: float) -> str:

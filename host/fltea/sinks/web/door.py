@@ -105,7 +105,7 @@ class Door(HTTPServerConnectionDelegate):
                 for one in self._sockets:
                     self._loop.remove_handler(one)
                 self._loop.call_later(REST_S, self._listen)
-                self._say(f"the page can let nobody in for now: {error.strerror}. All else goes on.")
+                self._say(f"the page cannot take connections for now: {error.strerror}. All else goes on.")
                 return
             self._make_room(str(address[0]))
             stream = IOStream(connection, max_buffer_size=1 << 17)

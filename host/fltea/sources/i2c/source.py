@@ -18,8 +18,9 @@ from urllib.parse import parse_qsl, urlsplit
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, Tick, Trouble, block_of
-from fltea.records.records import DeviceStatus, Hello, LinkStats
+from fltea.records.records import Hello
 from fltea.records.repeat import OnceAMinute
+from fltea.records.stats import DeviceStatus, LinkStats
 from fltea.records.version import __version__
 from fltea.sources.i2c import bus as i2c_bus
 from fltea.sources.i2c.bus import Bus, explain_open_failure

@@ -60,4 +60,4 @@ def loss_text(cause: str, missing: int, doubt: int) -> tuple[str, str]:
             why = "held more or less than the time allows: another program that reads the same sensor?"
         case _:
             why = "may have lost bytes in a transfer that broke off: disturbed wires, or a loose contact"
-    return "fifo_restarted", f"the sensor's FIFO was emptied, for it {why}; {lost}."
+    return "fifo_restarted", f"the sensor's FIFO was emptied, because it {why}; {lost}."

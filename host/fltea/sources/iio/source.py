@@ -18,8 +18,9 @@ from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, Event, LinkDown, RawBlock, Tick, Trouble
-from fltea.records.records import Hello, LinkStats
+from fltea.records.records import Hello
 from fltea.records.repeat import OnceAMinute
+from fltea.records.stats import LinkStats
 from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.sources.iio.buffer import Buffer, Unusable, Wishes, rate_of
 from fltea.sources.iio.conversion import Conversion, conversion, parse_mount
