@@ -31,9 +31,9 @@ def identify(
         list[str],
         typer.Argument(
             metavar="FILE…",
-            help="Recordings: text (.csv, .txt, .log …), .npz, .npy, .parquet, .mcap, .ndjson, ROS bags "
-            "(.bag, .db3), a folder, or the name of a session. With --out also URLs and patterns: "
-            "'s3://lab/**/*.mcap'.",
+            help="Recordings: text (.csv, .txt, .log, …), .npz, .npy, .parquet, .xlsx, .h5, .mat, .ulg, "
+            ".mcap, .ndjson, ROS bags (.bag, .db3), a folder, or the name of a session. With --out "
+            "also URLs and patterns: 's3://lab/**/*.mcap'.",
             show_default=False,
         ),
     ],
@@ -295,7 +295,9 @@ def _workers(jobs: int | None, dask: str | None) -> "Workers":
 
 
 def _show(reports: "Sequence[FileReport]", *, details: bool) -> None:
-    """Write tables on stdout."""
+    """Write tables on stdout; why the only recording failed is said at the end."""
+    if len(reports) == 1 and reports[0].failure is not None:
+        return
     from rich.console import Console
 
     from fltea.identification.terminal import show, summary

@@ -40,7 +40,7 @@ function showSummary() {
   }
   const troubles = []
   if (summary.refused)
-    troubles.push(`${summary.refused} messages of names that are no sensors, or beyond the limit, such as ${summary.refused_names.join(", ")}`)
+    troubles.push(`${summary.refused} messages from names that are not sensors, or beyond the limit, such as ${summary.refused_names.join(", ")}`)
   if (summary.alerts_dropped) troubles.push(`${summary.alerts_dropped} alerts had no room`)
   for (const [reason, count] of Object.entries(summary.bad_messages)) troubles.push(`${count} messages of bad ${reason}`)
   if (summary.flooding.length) troubles.push(`too many messages from ${summary.flooding.join(", ")}`)

@@ -117,7 +117,7 @@ class EstimatorConfig(Table, frozen=True):
         Literal["startup", "none"] | float | list[float],
         Setting(
             "What is subtracted from every sample: `startup` (mean of the start-up window), `none`, a "
-            "number, or one an axis: 0.1,0,-0.2.",
+            "number, or one for each axis: 0.1,0,-0.2.",
             unit="deg/s",
             least=-LARGEST / 2,
             most=LARGEST / 2,
@@ -127,7 +127,7 @@ class EstimatorConfig(Table, frozen=True):
     R: Annotated[
         Literal["auto"] | float | list[float],
         Setting(
-            "Measurement variance: `auto` (variance of the start-up window), a number, or one an axis.",
+            "Measurement variance: `auto` (variance of the start-up window), a number, or one for each axis.",
             unit=SQUARED,
             least=1 / LARGEST,
             most=LARGEST,

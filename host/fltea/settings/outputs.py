@@ -75,7 +75,7 @@ class OutputConfig(Table, frozen=True):
     corrected: Annotated[
         bool,
         Setting(
-            "Write records `corrected`: rates less their biases, with σ.",
+            "Also write the records `corrected`: rates less their biases, with σ.",
             flags=("--corrected",),
         ),
     ] = False
@@ -165,7 +165,7 @@ class MqttConfig(Table, frozen=True):
     estimate_every: Annotated[
         int,
         Setting(
-            "Publish the estimate of every N-th sample (`seq` a multiple of N); the larger of this and "
+            "Publish the estimate of every N-th sample (`seq` a multiple of N). The larger of this and "
             "`output.every` counts.",
             unit="samples",
             least=1,
