@@ -47,7 +47,7 @@ app = typer.Typer(
 
 def main() -> None:
     """Run the command; every expected failure is one line on stderr and an exit code."""
-    # Matrices are small here, and a thread that waits for large ones spins: 1.5 % of a core beside one sensor.
+    # Matrices are small here; a thread that waits for large ones would spin for 1.5 % of a core.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     atexit.register(gc.freeze)  # or the interpreter, which ends, looks for cycles in all there is: 40 ms
     try:

@@ -3,6 +3,7 @@
 By the likelihood of a spectrum (Whittle, *Ark. Mat.* 2, 1953), with the spectrum of the noise for data.
 """
 
+import functools
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -21,7 +22,7 @@ from fltea.noise.parts import (
     spectrum,
     spectrum_of,
 )
-from fltea.records.arrays import Array
+from fltea.records.arrays import Array, merged
 
 STEP, STEPS = 0.1, 10
 LEAST, MOST = 0.05, 1.05
@@ -99,10 +100,11 @@ def _parts(codes: Sequence[int], eta: Array, h: float) -> list[Part]:
     return [part_of(code, list(itertools.islice(rest, free_of(code))), h) for code in codes]
 
 
+@functools.lru_cache(maxsize=8)  # axes, and devices of one age, have them in common
 def _ordinates(samples: int) -> tuple[Array, Array]:
     """Return λ, and for how many ordinates of a record each stands."""
     low = min(2 * math.pi * LOWEST / samples, 1.0)
-    lam = np.unique(np.concatenate([np.geomspace(low, math.pi, POINTS), np.linspace(low, math.pi, POINTS)]))
+    lam = merged(np.geomspace(low, math.pi, POINTS), np.linspace(low, math.pi, POINTS))
     return lam, np.gradient(lam) * samples / (2 * math.pi)
 
 

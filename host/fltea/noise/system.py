@@ -8,6 +8,7 @@ coordinate. Relaxations, the walk and resonances are exact; anything else is fit
 Coordinates are signal, which belongs to the state, or coloured noise, which a bias has nothing of.
 """
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -41,7 +42,7 @@ from fltea.noise.poles import (
     response_of,
     size,
 )
-from fltea.records.arrays import Array, Complex
+from fltea.records.arrays import Array, Complex, merged
 
 MOST = 23
 """Coordinates beside the offset."""
@@ -242,7 +243,8 @@ def _resonating(part: Resonance, h: float) -> Block:
     return driven(np.array([z]), np.array([s * z / (z - z.conjugate())]), signal=False)
 
 
+@functools.lru_cache(maxsize=8)  # axes, and devices of one age, have it in common
 def _grid(samples: int) -> Array:
     low = min(math.pi / max(samples, 64), 0.02)
     count = round(POINTS_A_DECADE * math.log10(math.pi / low))
-    return np.unique(np.concatenate([np.geomspace(low, math.pi, count), np.linspace(0.05, math.pi, 64)]))
+    return merged(np.geomspace(low, math.pi, count), np.linspace(0.05, math.pi, 64))
