@@ -1,11 +1,13 @@
 """`fltea fleet` as its user has it: a real broker with its usual limits, the real command, a real browser."""
 
 import base64
+import contextlib
 import json
 import os
 import re
 import signal
 import socket
+import sqlite3
 import subprocess
 import sys
 import urllib.error
@@ -249,10 +251,17 @@ def test_the_example_of_a_broker_lets_a_device_write_under_its_own_name_only(
 
 
 @pytest.mark.slow
-def test_numbers_for_a_script_and_no_broker(broker: Mosquitto, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numbers_for_a_script_and_no_broker(
+    broker: Mosquitto, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     load(broker.port, sensors=30)
     command = [sys.executable, "-m", "fltea", "fleet", "--mqtt", f"127.0.0.1:{broker.port}", "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+    history = tmp_path / "fleet.db"
+    done = subprocess.run(
+        [*command, "--history", history], capture_output=True, text=True, timeout=PATIENCE_S
+    )
+    with contextlib.closing(sqlite3.connect(history)) as database:
+        assert database.execute("SELECT count(*) FROM fit").fetchone() == (90,)
     found = json.loads(done.stdout)
     assert (done.returncode, found["sensors"], sum(found["axes"].values())) == (0, 30, 90)
     monkeypatch.setattr("fltea.cli.fleet.FIRST_S", 0.2)
