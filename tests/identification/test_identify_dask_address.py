@@ -3,10 +3,14 @@
 Messages of Dask are pickles, which run what their sender says.
 """
 
+import re
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
+from fltea import __version__
 from fltea.cli import identify as command
+from fltea.identification import dask_workers
 from fltea.identification.dask_address import check_address, trust_warning
 from fltea.records.errors import UsageError
 from host_support import fltea_here
@@ -121,3 +125,22 @@ def test_the_warning_comes_before_anything_is_connected(
     monkeypatch.setattr(command, "load", refuse)
     with pytest.raises(UsageError, match="no scheduler"):
         command._workers(None, "tcp://192.0.2.1:8786")
+
+
+@pytest.mark.parametrize(
+    ("answer", "text"),
+    [
+        (TimeoutError(), "the scheduler has no workers"),
+        (ModuleNotFoundError("fltea"), "the workers cannot run fltea (fltea)"),
+        ({"a": __version__, "b": "0.0"}, f"worker b has fltea 0.0, and this is {__version__}"),
+    ],
+)
+def test_workers_that_are_none_of_ours_are_left_at_once(
+    monkeypatch: pytest.MonkeyPatch, answer: Exception | dict[str, str], text: str
+) -> None:
+    client = Mock()
+    client.run.side_effect = [answer]
+    monkeypatch.setattr(dask_workers, "_connected", lambda address: client)
+    with pytest.raises(UsageError, match=re.escape(text)):
+        dask_workers.DaskWorkers("tcp://x:1")
+    client.close.assert_called_once_with()

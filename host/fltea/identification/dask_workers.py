@@ -41,28 +41,32 @@ class DaskWorkers(Workers):
         self._address = address
         self._client = _connected(address)
         try:
+            self._check_workers()
+        except UsageError:
+            self.close()
+            raise
+        self._executor = self._client.get_executor(pure=False, retries=RETRIES)
+        self._lonely_since: float | None = None
+
+    def _check_workers(self) -> None:
+        where = f"--dask {self._address}"
+        try:
             self._client.wait_for_workers(1, timeout=CONNECT_S)
             versions = self._client.run(_version)
         except TimeoutError as error:
-            self.close()
             raise UsageError(
-                f"--dask {address}: the scheduler has no workers; start some: dask worker {address}"
+                f"{where}: the scheduler has no workers; start some: dask worker {self._address}"
             ) from error
         except Exception as error:
-            self.close()
             raise UsageError(
-                f"--dask {address}: the workers cannot run fltea ({error}); install {__version__} there."
+                f"{where}: the workers cannot run fltea ({error}); install {__version__} there."
             ) from error
-        other = {worker: version for worker, version in versions.items() if version != __version__}
-        if other:
-            self.close()
-            worker, version = next(iter(other.items()))
-            raise UsageError(
-                f"--dask {address}: worker {worker} has fltea {version}, and this is {__version__}; install "
-                "the same everywhere."
-            )
-        self._executor = self._client.get_executor(pure=False, retries=RETRIES)
-        self._lonely_since: float | None = None
+        for worker, version in versions.items():
+            if version != __version__:
+                raise UsageError(
+                    f"{where}: worker {worker} has fltea {version}, and this is {__version__}; install the "
+                    "same everywhere."
+                )
 
     @property
     def slots(self) -> int:
