@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 
+from fltea.estimator.engine import CAUSE_WORDS
 from fltea.identification.allan import scales
 from fltea.identification.axis import AxisResult
 from fltea.identification.fltea_fit import FlteaFit
@@ -252,7 +253,7 @@ def settings(axis: AxisReport) -> str:
     f = axis.result.fltea
     if f is None:
         return method(axis.result)
-    guard = ", ".join(f"{cause} {n:,}" for cause, n in f.interventions.items()) or "never"
+    guard = ", ".join(f"{CAUSE_WORDS[cause]} ({n:,})" for cause, n in f.interventions.items()) or "never"
     drift = NONE if f.alpha_drift is None else f"{f.alpha_drift:+.3g}"
     moved = f"{drift} over the last third{'' if f.converged else ': not converged'}"
     return (

@@ -229,7 +229,7 @@ def _both(e: Evidence, q: _Questions, kind: VerdictKind, said: str) -> Verdict:
     return q.say(
         kind,
         f"This record cannot separate {ordered} from {said}.{wording.also_found(e)}",
-        f"Both fit {wording.band(e)} equally well.",
+        f"Both fit equally well from {wording.band(e)}.",
         wording.record_for(e),
     )
 

@@ -4,23 +4,13 @@ import math
 from collections.abc import Mapping
 from typing import Literal
 
+from fltea.estimator.engine import CAUSE_WORDS
 from fltea.records.units import MOST_DEG
 
 Level = Literal["good", "wait", "bad", "plain"]
 
 LARGE = 1e6
 """From here on, powers of ten: what a diverging filter can give."""
-CAUSE_WORDS = {
-    "order_box": "α held inside [0, 2]",
-    "order_sigma": "a sigma point of α held",
-    "order_variance": "the variance of α held",
-    "order_gate": "an outlier softened for α",
-    "parameter_box": "f held inside its bounds",
-    "parameter_variance": "the variance of f held",
-    "parameter_gate": "an outlier softened for f",
-    "state_bound": "the state held near the sample",
-    "memory_order": "an order beyond the memory's range",
-}
 
 
 def figure(value: float, digits: int, *, significant: bool = False) -> str:
