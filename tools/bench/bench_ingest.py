@@ -50,7 +50,8 @@ class _Programs:
     """Several processes of `fltea run`, and their records."""
 
     def __init__(self, folder: Path, stack: contextlib.ExitStack, count: int, *arguments: str) -> None:
-        self._files = [stack.enter_context((folder / f"out{k}").open("w+b")) for k in range(count)]
+        # Appended to: reading moves the place in a file that both have open.
+        self._files = [stack.enter_context((folder / f"out{k}").open("a+b")) for k in range(count)]
         command = ("run", *arguments, "--every", EVERY, "--format", "ndjson")
         self.processes = [
             started(stack, "fltea", *command, "--set", f"name=bench{k}", stdout=file, stderr=DEVNULL)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from fltea.archive.corrected import corrected
 from fltea.recording.files import AT_ONCE
 from fltea.recording.kind import is_one_file
-from fltea.recording.session import LATEST_NS
+from fltea.recording.session import Whole
 from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from fltea.records.events import Values
@@ -31,9 +31,6 @@ from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
-
-Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
-"""The type of an array of whole numbers, which holds their differences, too."""
 
 Axis = Annotated[str, msgspec.Meta(pattern=f"^({'|'.join(AXES + ACCEL_AXES)})$")]
 

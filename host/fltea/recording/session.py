@@ -1,6 +1,6 @@
 """What each MCAP file of a recording says of itself, and what its channels for the wire hold."""
 
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import msgspec
 
@@ -18,6 +18,9 @@ OVERFLOW = "overflow"
 
 LATEST_NS = 1 << 62
 """In the year 2116; sums and differences of such times fit into 64 bits."""
+
+Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
+"""A number out of a file, where Python itself would take one of a million digits."""
 
 LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 1e-6, 1e7
 LOWEST_SCALE, HIGHEST_SCALE = 1e-6, 1e12

@@ -51,7 +51,11 @@ class StateFile:
         self._report = report
         _check_writable(self._path)
         self._held = _hold(self._path)
-        self._devices = self._read()
+        try:
+            self._devices = self._read()
+        except UsageError:
+            os.close(self._held)
+            raise
         self.found = dict(self._devices)
         self._lock = threading.Lock()
         self._changed = self._failed = False

@@ -9,6 +9,7 @@ was reset in between (opening its port resets a Due) does not matter: its sensor
 
 import msgspec
 
+from fltea.recording.session import Whole
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US
 from fltea.records.records import Hello
 from fltea.settings.config import Config
@@ -22,9 +23,9 @@ LONGEST_WRAP_S = 30 * 60.0
 class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The last sample of a device, of its boot `boot_id`; number and time wrapped as on the wire."""
 
-    boot_id: int
-    sequence: int
-    device_us: int
+    boot_id: Whole
+    sequence: Whole
+    device_us: Whole
 
 
 class DeviceState(Saved, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -34,7 +35,7 @@ class DeviceState(Saved, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     sensor: dict[str, str]
-    unix_ns: int
+    unix_ns: Whole
     last: LastSample | None = None
 
 
