@@ -74,7 +74,14 @@ def offset_walk(found: System, samples: int, likelihood: Callable[[System], floa
     """Return how fast the offset of a noise walks; likelihood: 2 log L of the samples with such a noise."""
     level = float(found.spectrum(np.array([LEVEL_AT]))[0])
     steps = np.array([0.0, *(share * level / samples**2 for share in SHARES)])
-    likely = np.array([likelihood(found.with_offset(q)) for q in steps])
+    still = found.with_offset()
+
+    def walking(q: float) -> System:
+        Q = still.Q.copy()
+        Q[-1, -1] = q
+        return still._replace(Q=Q)
+
+    likely = np.array([likelihood(walking(q)) for q in steps.tolist()])
     if not np.isfinite(likely).all():
         return CONSTANT
     weights = np.exp((likely - likely.max()) / 2) * np.array([1.0, *[1 / len(SHARES)] * len(SHARES)])
