@@ -20,7 +20,7 @@ from fltea.cli.setting_flags import takes_settings
 from fltea.records.errors import UsageError
 from fltea.service import daemon
 from fltea.settings.config import SETTINGS, TABLES, Config
-from fltea.settings.setting import Declared, Table
+from fltea.settings.setting import MOST_SHOWN, Declared, Table, shown
 from host_support import ROOT
 from msgspec import inspect as types
 
@@ -227,3 +227,8 @@ def test_the_boards_header_has_the_same_defaults() -> None:
     assert not numbers
     assert f"#define FLTEA_VARIANT {SETTINGS['estimator.variant'].default}\n" in header
     assert f"kGuard = EstimatorGuard::{SETTINGS['estimator.guard'].default};" in header
+
+
+def test_a_wrong_value_is_repeated_up_to_a_length() -> None:
+    assert shown("x" * (MOST_SHOWN - 2)) == repr("x" * (MOST_SHOWN - 2))
+    assert shown("x" * (MOST_SHOWN - 1)) == repr("x" * (MOST_SHOWN - 1))[:-1] + "…"

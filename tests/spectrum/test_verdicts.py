@@ -187,3 +187,14 @@ def test_how_far_an_order_is_ahead_decides(
 def test_critical_value() -> None:
     assert kolmogorov(0.05) == pytest.approx(1.358, abs=1e-3)
     assert math.isclose(kolmogorov(0.01), 1.628, abs_tol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        *((0, "0 s"), (119, "119 s"), (120, "2 min"), (7199, "120 min"), (7200, "2 h")),
+        *((170_990, "47 h"), (172_799, "48 h"), (172_800, "2 days")),
+    ],
+)
+def test_a_duration_is_in_the_unit_of_its_size(seconds: float, text: str) -> None:
+    assert wording.duration(seconds) == text
