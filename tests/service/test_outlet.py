@@ -1,11 +1,13 @@
 """Sinks behind their queues: each loses only its own records, counts them, and ends in order."""
 
 import threading
+from unittest.mock import Mock
 
 import pytest
+from fltea.records.events import Chunk
 from fltea.records.ports import LATENCY_BOUNDS_MS, Latency, Sink, SinkClosed
 from fltea.records.records import AnyRecord, Error, Gap
-from fltea.service.hub import Hub
+from fltea.service.hub import Hub, Tap
 from fltea.service.outlet import Outlet, OutletThread
 from host_support import PATIENCE_S, closed, wait_until
 from hypothesis import given
@@ -104,13 +106,29 @@ def test_who_comes_faster_than_it_writes_may_wait_for_room() -> None:
 
 
 def test_a_patient_writer_loses_nothing() -> None:
-    sink = Memory(capacity=5)
+    sink = Lossless(capacity=5)
     outlet, _ = started(sink)
     for k in range(500):
         outlet.put([gap(k)], wait=True)
     finish(outlet)
     assert sink.items == [gap(k) for k in range(500)]
     assert outlet.stats().dropped == 0
+
+
+def test_nobody_waits_for_a_sink_that_may_lose_something() -> None:
+    sink = Memory(capacity=5).held()
+    outlet, _ = started(sink)
+    outlet.put([gap(k) for k in range(20)], wait=True)
+    sink.go.set()
+    finish(outlet)
+    assert outlet.stats().dropped == 20 - outlet.stats().written > 0
+
+
+@pytest.mark.parametrize("wait", [False, True])
+def test_the_wire_waits_as_its_source_does(wait: bool) -> None:
+    outlet = Mock()
+    Tap(lambda: [outlet], wait)(Chunk(b"abc", 5))
+    assert outlet.put.call_args.kwargs == {"wait": wait}
 
 
 @pytest.mark.parametrize("error", [SinkClosed(), OSError(28, "No space left"), ZeroDivisionError()])
@@ -271,9 +289,6 @@ def test_the_wire_goes_only_to_those_who_take_it() -> None:
     assert not all_outputs.tap("right", wait=False).wanted
     tap = all_outputs.tap("left", wait=False)
     assert tap.wanted
-    assert tap is not None
-    from fltea.records.events import Chunk
-
     tap(Chunk(b"abc", 5))
     all_outputs.publish("left", [gap(1)])
     assert closed(all_outputs)

@@ -65,7 +65,7 @@ class Hub:
     ) -> None:
         """Queue a device's records. wait: hold the caller up for outputs that must not lose any."""
         for outlet in (*self._shared, *self._of.get(device, ())):
-            outlet.put(records, arrived_ns, wait=wait and outlet.sink.lossless)
+            outlet.put(records, arrived_ns, wait=wait)
         if log and self._log is not None:
             errors = [record for record in records if isinstance(record, Error)]
             if errors:
@@ -173,4 +173,4 @@ class Tap:
         items: Iterable[Item] = (event,)
         for outlet in self._outlets():
             if outlet.sink.takes_wire:
-                outlet.put(items, wait=self._wait and outlet.sink.lossless)
+                outlet.put(items, wait=self._wait)

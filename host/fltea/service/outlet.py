@@ -112,14 +112,16 @@ class Outlet:
     def put(
         self, items: Iterable[Item | Departed], arrived_ns: int | None = None, *, wait: bool = False
     ) -> None:
-        """Queue items; those beyond the sink's capacity are dropped and counted, unless `wait` is set.
+        """Queue items; those beyond the sink's capacity are dropped and counted.
+
+        wait: for room, if the sink is lossless.
 
         arrived_ns: monotonic time at which what they report arrived, for the latency; None where it has none.
         """
         with self._changed:
             room = self._thread.room(self.sink.capacity)
             for item in items:
-                if wait:
+                if wait and self.sink.lossless:
                     while self._waiting >= room and not (self._ended or self._released):
                         self._wake()
                         self._changed.wait(IDLE_S)
