@@ -34,8 +34,8 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     whole: its files were finished in an orderly way, and all are read. breaks: places where the recorder
     missed something. epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello: as
     in `stats`. resets: other boots of the device heard. rate_hz, clock_ppm: of the longest epoch. notes: what
-    reading it reported, as the texts of `error` records. unread: why each file that is not used cannot be
-    read. about: what else the file says of itself.
+    reading it reported, as the texts of `error` records. unread: why a file cannot be
+    read, or not all of it. about: what else the file says of itself.
     """
 
     name: str
@@ -170,7 +170,7 @@ def as_text(s: Summary) -> str:
     remedy = "" if s.about else " (fltea recover)"  # which is for our files
     state = "whole" if s.whole else f"not finished: killed, cut or still being written{remedy}"
     if s.unread:
-        state = f"and {len(s.unread)} more that cannot be read"
+        state = "not all could be read"
     lines.append(("files", f"{s.files}, {_size(s.size_bytes)}, {state}"))
     if s.start_unix_ns is not None:
         start = datetime.fromtimestamp(s.start_unix_ns * 1e-9, UTC)

@@ -133,7 +133,7 @@ def export(
     limits, how = config.replay.limits, config.replay.how
     rows = write_export(paths, to, what, config.link.max_gap, force=force, limits=limits, how=how)
     say(f"{to}: {rows} {what.replace('corrected', 'corrected rates')}")
-    if unread := unread_files(paths):
+    if unread := unread_files(paths, limits):
         raise Incomplete(unread)
 
 

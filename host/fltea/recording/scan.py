@@ -74,6 +74,11 @@ class Damage(NamedTuple):
     offset: int
     text: str
 
+    @property
+    def said(self) -> str:
+        """The same for a person."""
+        return f"is damaged at byte {self.offset} ({self.text})"
+
 
 class ChunkEnd(NamedTuple):
     """All messages of a chunk have been given."""

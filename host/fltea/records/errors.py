@@ -3,7 +3,7 @@
 FlteaError                     exit 1  something failed while running
 ├── UsageError                 exit 2  the command line, the configuration or an input file is wrong
 │   └── NoNumbers              exit 2  a recording, or a piece of one, has rows, and no number in any of them
-├── Incomplete                 exit 1  some files of a recording cannot be read; the others were used
+├── Incomplete                 exit 1  some of a recording cannot be read; the rest was used
 └── SourceFailed               exit 1  the source gave up, and `--once` says not to wait for it
 """
 
@@ -47,11 +47,10 @@ class NoNumbers(UsageError):
 
 
 class Incomplete(FlteaError):
-    """Some files of a recording cannot be read, and the others were used. why: of each file."""
+    """Files of a recording, or pieces of them, cannot be read, and the rest was used. why: of each file."""
 
     def __init__(self, why: Sequence[str]) -> None:
-        count = "one file" if len(why) == 1 else f"{len(why)} files"
-        super().__init__(f"{count} of the recording not read, the others were: {' '.join(why)}")
+        super().__init__(f"not all of the recording was read, the rest is used: {' '.join(why)}")
 
 
 class SourceFailed(FlteaError):

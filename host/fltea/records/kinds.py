@@ -83,7 +83,7 @@ ERROR_KINDS = {
         "Nothing to do; `fltea recover` gives an MCAP file its index again.",
     ),
     "unread_file": ErrorKind(
-        "One file of a recording cannot be read and is left out; the exit code will be 1.",
+        "A file of a recording, or a piece of it, cannot be read and is left out; the exit code will be 1.",
         "Copy the file again; remove it if it is empty.",
     ),
     "too_short": ErrorKind(

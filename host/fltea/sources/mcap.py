@@ -5,7 +5,7 @@ Files are read as a stream, a chunk at a time, so neither their size nor their n
 
 import re
 from collections.abc import Iterator, Sequence
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -210,6 +210,19 @@ def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch 
         )
 
 
+def left_out(session: Session, limits: Limits = DEFAULT_LIMITS) -> list[str]:
+    """Return why files of a recording cannot be read, and where others are damaged first."""
+    found = list(session.unread.values())
+    for part in session.parts:
+        damages = (item for item in read_batches(part, limits) if isinstance(item, Damage))
+        found += [_of_damage(part, first) for first in islice(damages, 1)]
+    return found
+
+
+def _of_damage(part: Part, damage: Damage) -> str:
+    return f"{part.path}: {damage.said}; what stands before and after that is read."
+
+
 def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry]:
     """Yield the messages one by one; those that are damaged, or were torn off, are left out."""
     for batch in read_batches(part, limits):
@@ -223,7 +236,7 @@ class McapRecording:
     """Gives the events of a recording, once.
 
     name: what HELLO gives as the source. `breaks` counts the places where something was not recorded, `torn`
-    the files that were not finished, `unread` says why others cannot be read.
+    the files that were not finished, `unread` says why others cannot be read, or not all of them.
     """
 
     live = prompt = False
@@ -254,7 +267,7 @@ class McapRecording:
 
     def events(self) -> Iterator[Event]:
         """Yield what the device sent; troubles of the past are not fatal now."""
-        number = self.parts[0].info.part
+        number, damaged = self.parts[0].info.part, set[Part]()
         for part in self.parts:
             if part.info.part != number:
                 self._break(f"files are missing before {part.path.name}", part.info.hello)
@@ -263,8 +276,11 @@ class McapRecording:
                 match item:
                     case Batch():
                         yield from self._on_batch(item, part.info)
-                    case Damage(offset, text):
-                        self._break(f"{part.path.name} is damaged at byte {offset} ({text})", None)
+                    case Damage():
+                        self._break(f"{part.path.name} {item.said}", None)
+                        if part not in damaged:
+                            self.unread.append(_of_damage(part, item))
+                        damaged.add(part)
                     case Torn(text):
                         self.torn += 1
                         yield Trouble("cut_recording", text, self._now_ns, fatal=False)

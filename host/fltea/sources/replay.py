@@ -116,7 +116,7 @@ class ReplaySource:
 
     @property
     def unread(self) -> list[str]:
-        """Why files of the recording cannot be read, which are not used."""
+        """Why files of the recording cannot be read, or not all of them."""
         return [] if self._mcap is None else self._mcap.unread
 
     @property
@@ -177,9 +177,13 @@ def open_mcap(
     return lambda: library.McapRecording(session, name, limits)
 
 
-def unread_files(paths: Sequence[Path]) -> list[str]:
+def unread_files(paths: Sequence[Path], limits: Limits = DEFAULT_LIMITS) -> list[str]:
     """Return why files of a recording cannot be read, which are not used."""
-    return [] if is_one_file(paths[0]) else list(_mcap_library().find_session(paths).unread.values())
+    if is_one_file(paths[0]):
+        return []
+    library = _mcap_library()
+    found: list[str] = library.left_out(library.find_session(paths), limits)
+    return found
 
 
 def mcap_sessions(paths: Sequence[Path]) -> list[list[Path]]:
