@@ -14,6 +14,7 @@ from fltea.identification.fltea_fit import fltea_fit
 from fltea.identification.gaps import (
     LONGEST_BRIDGE,
     Gaps,
+    Stretch,
     _nearest,
     bridged,
     cut,
@@ -23,11 +24,18 @@ from fltea.identification.gaps import (
 )
 from fltea.identification.load import Request
 from fltea.identification.run import identify_all
-from fltea.identification.sums import examined, octaves_of_stretches
+from fltea.identification.sums import (
+    examined,
+    lines_together,
+    octaves_of_stretches,
+    one_a_depth,
+    parts_of,
+)
 from fltea.identification.traps import axis_traps
 from fltea.identification.workers import Here
 from fltea.records.arrays import Array
 from fltea.spectrum.noise_figures import noise_figures
+from fltea.spectrum.periodogram import Periodogram
 from fltea.spectrum.verdict import decide
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -151,6 +159,21 @@ def test_fifty_gaps_of_a_second() -> None:
     assert decide(broken.evidence).kind == decide(whole.evidence).kind
     # The powers below the gaps' distance are gone, but those of more than a third are there.
     assert len(broken.evidence.frontier.data.lam) > 0.3 * len(whole.evidence.frontier.data.lam)
+
+
+@given(st.lists(st.sampled_from((300, 301, 2000, 5000)), min_size=1, max_size=4))
+def test_stretches_that_became_one_a_depth_give_the_same_spectrum(lengths: list[int]) -> None:
+    found = parts_of([Stretch(white(n, 1, k)[0], 0) for k, n in enumerate(lengths)])
+    (whole, drift), (few, few_drift) = (lines_together(one, H, 5000) for one in (found, one_a_depth(found)))
+    assert (whole.weight is None) == (few.weight is None)
+    for one, other in zip(moments(few), moments(whole), strict=True):
+        assert one == pytest.approx(other)
+    assert few_drift == pytest.approx(drift)
+
+
+def moments(spectrum: Periodogram) -> tuple[float, ...]:
+    weight = np.ones_like(spectrum.lam) if spectrum.weight is None else spectrum.weight
+    return float(weight.sum()), float(spectrum.lam @ weight), float(spectrum.power @ weight)
 
 
 def test_allan_deviation_of_stretches() -> None:
