@@ -1,13 +1,15 @@
 """`make mutants`: its bugs fit the sources, its trial judges as it should; what it changes in the host."""
 
 import ast
+from pathlib import Path
 
 import msgspec
 import pytest
 from host_support import ROOT
 
 from tools.mutants.host_changes import HOST, changes, choose
-from tools.mutants.workshop import read_mutants
+from tools.mutants.host_trial import HostCopy
+from tools.mutants.workshop import Invalid, read_mutants
 
 MUTANTS = read_mutants()
 
@@ -72,3 +74,16 @@ def test_a_seed_draws_the_same_changes_of_different_lines_and_all_are_python() -
         assert change.file.startswith(f"{HOST}/stream/")
         assert text[change.start : change.end] == change.old != change.new
         ast.parse(change.applied_to(text))
+
+
+def test_a_change_that_breaks_pytest_is_taken_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    copy, (change,) = HostCopy(tmp_path), choose(ROOT, 1, seed=1)
+
+    def fail(*_: object) -> None:
+        assert (copy.root / change.file).read_text() != (ROOT / change.file).read_text()
+        raise Invalid("broken")
+
+    monkeypatch.setattr(copy, "_first_failure", fail)
+    with pytest.raises(Invalid):
+        copy.noticed_by(change)
+    assert (copy.root / change.file).read_text() == (ROOT / change.file).read_text()

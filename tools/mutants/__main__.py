@@ -85,6 +85,8 @@ def try_host(drawn: list[Change], jobs: int) -> int:
         copy = copies.get()
         try:
             return copy.noticed_by(change)
+        except Invalid as error:
+            return f"pytest itself fails: {str(error)[-500:]}"
         finally:
             copies.put(copy)
 

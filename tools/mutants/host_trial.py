@@ -57,10 +57,12 @@ class HostCopy:
         unsteady: list[str] = []
         while True:
             source.write_text(change.applied_to(text), encoding="utf-8")
-            failed = self._first_failure(tests, unsteady)
-            again = failed and self._first_failure([failed])
-            # With its time, by which Python knows what it has compiled.
-            shutil.copy2(kept, source)
+            try:
+                failed = self._first_failure(tests, unsteady)
+                again = failed and self._first_failure([failed])
+            finally:
+                # With its time, by which Python knows what it has compiled.
+                shutil.copy2(kept, source)
             if failed is None or (again and self._first_failure([failed]) is None):
                 return failed
             unsteady.append(failed)
