@@ -116,6 +116,18 @@ def test_of_two_files_with_one_part_the_other_is_named(name: str, tmp_path: Path
     assert taken(replay(tmp_path)) == taken(records)
 
 
+def test_a_part_that_is_missing_between_others_is_named(tmp_path: Path) -> None:
+    record(tmp_path, transport(samples=500), rotate_s=1.0)
+    first, second, *_ = parts(tmp_path)
+    assert not find_session([second]).unread
+    second.unlink()
+    done = fltea_here("info", tmp_path)
+    assert (done.returncode, "not all could be read" in done.stdout) == (1, True)
+    assert f"{second}: is missing" in done.stderr
+    first.unlink()
+    assert not find_session([tmp_path]).unread, "what is left has no hole"
+
+
 def test_a_damaged_file_with_a_recovered_copy_is_read(tmp_path: Path) -> None:
     record(tmp_path, transport(samples=300), rotate_s=1.0)
     file = parts(tmp_path)[1]

@@ -5,7 +5,7 @@ Files are read as a stream, a chunk at a time, so neither their size nor their n
 
 import re
 from collections.abc import Iterator, Sequence
-from itertools import chain, islice
+from itertools import chain, islice, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -123,7 +123,18 @@ def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]
             why = unread.pop(file)
             if file not in copied:
                 session.unread[file] = why
+        session.unread.update(_missing(session))
     return sessions, unread
+
+
+def _missing(session: Session) -> Iterator[tuple[Path, str]]:
+    """Yield which files between those of a session are not there; the first and the last may be left out."""
+    unread = {path.name for path in session.unread}
+    for before, after in pairwise(part.info.part for part in session.parts):
+        names = (f"{session.name.name}_{number:03}{SUFFIX}" for number in range(before + 1, after))
+        if (name := next((name for name in names if name not in unread), None)) is not None:
+            path = session.name.with_name(name)
+            yield path, f"{path}: is missing, though there are parts before and after it."
 
 
 def _original(path: Path) -> Path:

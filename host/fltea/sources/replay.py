@@ -187,13 +187,16 @@ def unread_files(paths: Sequence[Path], limits: Limits = DEFAULT_LIMITS) -> list
 
 
 def mcap_sessions(paths: Sequence[Path]) -> list[list[Path]]:
-    """Return the files of each recording that `sources.mcap.find_sessions` finds, and of each stray one.
+    """Return the files that are there of each recording that `sources.mcap.find_sessions` finds, and strays.
 
     Raises:
         UsageError: as there, or the library is not installed.
     """
     sessions, stray = _mcap_library().find_sessions(paths)
-    found = [[part.path for part in session.parts] + list(session.unread) for session in sessions]
+    found = [
+        [*(part.path for part in session.parts), *(file for file in session.unread if file.exists())]
+        for session in sessions
+    ]
     return found + [[file] for file in stray]
 
 
