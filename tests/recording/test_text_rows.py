@@ -54,7 +54,7 @@ def plain(lines: list[bytes]) -> list[Row]:
                 assert bare.isascii()
             except (ValueError, AssertionError):
                 values.append("bad")  # type: ignore[arg-type]
-        surplus = any(isinstance(value, float) for value in values[3:])
+        surplus = any(isinstance(value, float) for value in values[3:]) or "nan" in map(str.lower, fields[3:])
         if len(values) >= 3 and "bad" not in values[:3] and not surplus:
             found.append((number, [values[1], values[2], values[0]]))  # type: ignore[list-item]
         number += meant
