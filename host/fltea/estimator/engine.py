@@ -30,18 +30,8 @@ from numpy.typing import ArrayLike, NDArray
 from fltea import _native
 from fltea.estimator.lane_settings import LaneSettings, native_table
 from fltea.records.arrays import Array
+from fltea.records.stats import CAUSE_WORDS
 
-CAUSE_WORDS = {
-    "order_box": "α held inside [0, 2]",
-    "order_sigma": "a sigma point of α held",
-    "order_variance": "the variance of α held",
-    "order_gate": "an outlier softened for α",
-    "parameter_box": "f held inside its bounds",
-    "parameter_variance": "the variance of f held",
-    "parameter_gate": "an outlier softened for f",
-    "state_bound": "the state held near the sample",
-    "memory_order": "an order beyond the memory's range",
-}
 CAUSES = tuple(CAUSE_WORDS)
 """Why an estimate is not the printed algorithm's, in the order of `Estimates.interventions`.
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import msgspec
 
-from fltea.estimator.engine import CAUSE_WORDS
 from fltea.identification.allan import scales
 from fltea.identification.axis import AxisResult
 from fltea.identification.fltea_fit import FlteaFit
@@ -16,6 +15,7 @@ from fltea.identification.run import AxisReport, Failure, FileReport
 from fltea.identification.shuffled import ShuffledBand
 from fltea.identification.traps import Trap
 from fltea.records.fit import Interval
+from fltea.records.stats import CAUSE_WORDS
 from fltea.records.units import HOUR
 
 UNDEFINED = "undefined"

@@ -4,6 +4,19 @@ import msgspec
 
 from fltea.records.fit import Interval
 
+CAUSE_WORDS = {
+    "order_box": "α held inside [0, 2]",
+    "order_sigma": "a sigma point of α held",
+    "order_variance": "the variance of α held",
+    "order_gate": "an outlier softened for α",
+    "parameter_box": "f held inside its bounds",
+    "parameter_variance": "the variance of f held",
+    "parameter_gate": "an outlier softened for f",
+    "state_bound": "the state held near the sample",
+    "memory_order": "an order beyond the memory's range",
+}
+"""Why the guard stepped in, as counts of interventions have it, and for a person."""
+
 
 class DeviceStatus(msgspec.Struct, frozen=True):
     """The device's own counters since its boot (protocol/README.md, STATUS)."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Literal
 
-from fltea.estimator.engine import CAUSE_WORDS
+from fltea.records.stats import CAUSE_WORDS
 from fltea.records.units import MOST_DEG
 
 Level = Literal["good", "wait", "bad", "plain"]
