@@ -67,22 +67,6 @@ def test_version() -> None:
     )
 
 
-def test_no_library_begins_threads_of_its_own() -> None:
-    code = """
-import os, sys
-from fltea.cli.app import main
-sys.argv = ["fltea", "--version"]
-try:
-    main()
-finally:
-    import numpy as np
-    print(np.ones((400, 400)).dot(np.ones((400, 400))).shape, len(os.listdir("/proc/self/task")))
-"""
-    environment = {name: text for name, text in os.environ.items() if "NUM_THREADS" not in name}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
-    assert done.stdout.splitlines()[-1] == "(400, 400) 1"
-
-
 def test_installed_command_is_the_module() -> None:
     command = Path(sys.executable).with_name("fltea")
     if not command.exists():

@@ -1,7 +1,6 @@
 """Builds and runs the C++ tests of host/native, so that pytest shows them beside the others."""
 
 import subprocess
-import sys
 
 import pytest
 from built import BUILD, NATIVE, make
@@ -28,18 +27,6 @@ def test_doctest_with_sanitizers(cases: str) -> None:
     make(NATIVE, TESTS, "tests")
     done = subprocess.run([TESTS / "tests", cases], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-
-
-def test_the_module_leaks_nothing() -> None:
-    code = """
-import fltea.spectrum.live_axes as live, fltea.settings.live as of, numpy as np
-axes = live.LiveAxes(("x",), 0.01, of.LiveConfig(), "deg/s")
-axes.add(np.random.default_rng(1).normal(size=(2000, 1)))
-print(axes.fit(curves=True)["x"].verdict)
-"""
-    command = [sys.executable, "-X", "dev", "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert (done.stdout, done.stderr) == ("white\n", "")
 
 
 @pytest.mark.slow
