@@ -85,6 +85,7 @@ def test_wraps_like_a_device() -> None:
         ("?f=inf", "f has to be a finite number"),
         ("?f=1000", "runs away where f is positive"),
         ("?alpha=2.5", "alpha = 2.5: such noise runs away"),
+        ("?alpha=1e308", "alpha = 1e+308: such noise runs away"),
         ("?offset_dps=nan", "offset_dps has to be a finite number"),
         ("?rate_hz=0", "rate_hz has to be positive"),
         ("?rate_hz=nan", "rate_hz has to be a finite number"),

@@ -123,12 +123,14 @@ def _check_system(f: float, Q: float, R: float, h: float) -> None:
 
 def _check_bounded(alpha: float, f: float, h: float) -> None:
     """Raise ValueError where x runs away. f = 0 gives integrated noise, which wanders but does not run."""
-    if stationary(alpha, h**alpha * f) or (f == 0 and alpha <= 2):
+    if f == 0 and abs(alpha) <= HIGHEST_ORDER:
+        return
+    if not abs(alpha) < HIGHEST_ORDER:
+        raise ValueError(f"alpha = {alpha:g}: such noise runs away; give an order below {HIGHEST_ORDER:g}")
+    if stationary(alpha, h**alpha * f):
         return
     lowest = -((2 / h) ** alpha)
     why = f"f = {f:g}: at alpha = {alpha:g} and {1 / h:g} Hz noise runs away below f = {lowest:.3g}"
-    if alpha >= HIGHEST_ORDER:
-        why = f"alpha = {alpha:g}: such noise runs away; give an order below {HIGHEST_ORDER:g}"
-    elif f > 0:
+    if f > 0:
         why = f"f = {f:g}: noise runs away where f is positive; give 0 or below"
     raise ValueError(why)
