@@ -39,7 +39,7 @@ def model_adev(spectrum: Callable[[Array], Array], factors: ArrayLike) -> Array:
     return np.asarray(np.sqrt(np.einsum("ij,j->i", weights, spectrum(lam))))
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=2)  # of 3 MB each
 def _quadrature(factors: tuple[float, ...]) -> tuple[Array, Array]:
     """Return nodes λ (n,) and the weights (k, n) of the spectrum there in the variances at these factors.
 
