@@ -28,7 +28,7 @@ from fltea.service.walk import Walk
 from fltea.settings.config import Config
 from fltea.settings.ingest import is_shared
 from fltea.sources.replay import ReplaySource
-from fltea.stream.beside import Beside, BesideThread
+from fltea.stream.beside import BesideThread
 
 if TYPE_CHECKING:
     from fltea.service.ingest.loop import Ingest
@@ -104,6 +104,7 @@ class _Run:
         self._lock = threading.Lock()
         self._running = len(configs)
         self._manager = ServiceManager()
+        self._beside = BesideThread(sum(not is_shared(config.source) for config in configs))
         self._walks: list[Walk] = []
         self._ingests: list[Ingest] = []
 
@@ -127,23 +128,21 @@ class _Run:
                 if isinstance(source, ReplaySource)
             ]
             check_shared(shared)
-            live = bool(shared) or any(source.live for source in sources)
-            beside = BesideThread(len(sources))
             open_outputs(self._configs, self._hub, replays)
             if self._configs[0].state.file is not None:
                 state = StateFile(self._configs[0].state, self._hub.report())
-            self._ingests = [self._ingest(config, beside) for config in shared]
+            self._ingests = [self._ingest(config) for config in shared]
             self._stop.armed = True
         except BaseException:
             self._stop.asked.set()
             ending.wait([*_closing(sources), *self._hub.close()])
             raise
         self._walks = [
-            Walk(source, config, self._hub, state, beside, number)
+            Walk(source, config, self._hub, state, self._beside, number)
             for number, (source, config) in enumerate(zip(sources, configs, strict=True))
         ]
         on_lines = [walk for walk in self._walks if has_line(walk)]
-        pressure = Pressure(beside, self._hub.report())
+        pressure = Pressure(self._beside, self._hub.report())
         lines = LineLoop(on_lines, self._end, pressure) if on_lines else None
         threads = [
             threading.Thread(target=self._pump, args=(walk,), name=f"walk {walk.name}")
@@ -157,6 +156,7 @@ class _Run:
             thread.daemon = True
             thread.start()
         self._manager.ready()
+        live = bool(shared) or any(source.live for source in sources)
         self._wait(self._done)
         if self._failure is None and not (live or self._configs[0].once or self._stop.asked.is_set()):
             self._stay()
@@ -169,7 +169,7 @@ class _Run:
             [
                 *_closing([*sources, *self._ingests]),
                 *(Awaited(thread.name.strip(), _has_ended(thread)) for thread in threads),
-                Awaited("looks", beside.close),
+                Awaited("looks", self._beside.close),
             ]
         )
         saving = [] if state is None else [_begun(state.close, "state", kept=True)]
@@ -215,11 +215,11 @@ class _Run:
         else:
             self._end(walk, None)
 
-    def _ingest(self, config: Config, beside: Beside) -> "Ingest":
+    def _ingest(self, config: Config) -> "Ingest":
         from fltea.service.ingest.loop import Ingest  # few have many devices behind a broker
         from fltea.service.ingest.receivers import receiver_of
 
-        return Ingest(config, self._hub, receiver_of(config), self._end, beside)
+        return Ingest(config, self._hub, receiver_of(config), self._end, self._beside)
 
     def _end(self, walk: "Walk | Ingest", error: Exception | None) -> None:
         """A walk has ended: by itself, or with a fault, which must not leave a daemon that looks alive."""
