@@ -180,7 +180,7 @@ def _stretches(weight: bytes) -> _Stretches:
     # The shortest flank that begins at each line, upwards and downwards.
     up = np.searchsorted(weights, weights + FLANK, side="left")
     down = np.searchsorted(weights, weights - FLANK, side="right") - 1
-    tries: list[tuple[Ints, Ints, Ints, Ints, Ints, Ints]] = []
+    tries: list[list[Ints]] = []
     gathered: list[Array] = []
     for width in (1 << i for i in range(int(math.log2(max(WIDEST_SHARE * m, 1))) + 1)):
         flank = max(SHORTEST_FLANK, 2 * width)
@@ -195,8 +195,7 @@ def _stretches(weight: bytes) -> _Stretches:
         whole = np.minimum(after_end - after, before - before_end) >= least
         whole &= weights[after_end] - weights[after] >= LEAST_IN_FLANK
         whole &= weights[before] - weights[before_end] >= LEAST_IN_FLANK
-        tried = at, at + width, before_end, before, after, after_end
-        tries.append(tuple(one[whole] for one in tried))  # type: ignore[arg-type]
+        tries.append([one[whole] for one in (at, at + width, before_end, before, after, after_end)])
         gathered.append(np.where(averaging[at[whole]], _gathered(width), 1.0))
     at, end, low_from, low_to, high_from, high_to = map(np.concatenate, zip(*tries, strict=True))
     own, low, high = (
