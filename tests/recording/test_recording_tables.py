@@ -108,7 +108,7 @@ def test_corrected_rates_are_those_of_a_run_whether_they_were_recorded_or_not(tm
         np.testing.assert_array_equal(data[f"{field}_gyro_y_dps"], np.array(wanted, dtype=float))
     assert {row["moving_gyro_z"] for row in rows} == {"0"}
     np.savez(tmp_path / "rest.npz", gyro_dps=np.ones((50, 1)), fs_hz=100.0)
-    assert export([tmp_path / "rest.npz"], tmp_path / "rates.csv", "corrected", 100) == 50
+    assert export([tmp_path / "rest.npz"], tmp_path / "rates.csv", "corrected", 100).rows == 50
 
 
 def test_csv_replays_to_the_same_estimates_where_nothing_is_lost(tmp_path: Path) -> None:
@@ -195,7 +195,7 @@ def test_what_was_not_valid_stays_empty(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_exports_of_other_recordings(tmp_path: Path) -> None:
     np.savez(tmp_path / "rest.npz", gyro_raw=np.ones((50, 2)), lsb_per_dps=131.0, fs_hz=100.0)
-    assert export([tmp_path / "rest.npz"], tmp_path / "out.csv", "samples", 100) == 50
+    assert export([tmp_path / "rest.npz"], tmp_path / "out.csv", "samples", 100).rows == 50
     assert (tmp_path / "out.csv").read_text().splitlines()[2].startswith(f"0.01,{1 / 131},{1 / 131},,")
 
 
@@ -223,7 +223,7 @@ def test_an_export_replaces_nothing_unless_it_is_told_to(name: str, tmp_path: Pa
     with pytest.raises(UsageError, match=rf"--to .*{name}: exists already; .*--force"):
         export([tmp_path / "rec"], tmp_path / name, "samples", 100)
     assert (tmp_path / "out.csv").read_text() == "of yesterday"
-    assert export([tmp_path / "rec"], tmp_path / name, "samples", 100, force=True) > 50
+    assert export([tmp_path / "rec"], tmp_path / name, "samples", 100, force=True).rows > 50
     assert not (tmp_path / "nowhere").exists()
 
 

@@ -91,7 +91,7 @@ def test_records_of_both_ride_along_with_a_schema_and_can_be_exported(tmp_path: 
     live, _ = record(tmp_path, board_items(), estimate_on="both")
     compared = of(DeviceEstimates, live)
     out = tmp_path / "own.csv"
-    assert export([tmp_path], out, "device_estimates", 100) == len(compared) == 130
+    assert export([tmp_path], out, "device_estimates", 100).rows == len(compared) == 130
     head, first = out.read_text().splitlines()[:2]
     row = dict(zip(head.split(","), first.split(","), strict=True))
     axis = compared[0].axes["gyro_y"]

@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
-from typing import Annotated, Any, BinaryIO, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -31,6 +31,9 @@ from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
+
+if TYPE_CHECKING:
+    from fltea.sources.mcap import McapRecording
 
 Axis = Annotated[str, msgspec.Meta(pattern=f"^({'|'.join(AXES + ACCEL_AXES)})$")]
 
@@ -92,6 +95,13 @@ OF_A_FIT = {
 OF_ALL = ("epoch", "seq", "device_us", "host_ns")
 
 
+class Exported(NamedTuple):
+    """How many rows were written, and why files of the recording could not be read, or not all of them."""
+
+    rows: int
+    unread: list[str]
+
+
 class Table(NamedTuple):
     """The names of a table's columns, and its rows as they come."""
 
@@ -108,8 +118,8 @@ def export(
     force: bool = False,
     limits: Limits = DEFAULT_LIMITS,
     how: How = AS_IT_SAYS,
-) -> int:
-    """Write samples or estimates of one recording; the file appears whole or not at all. Returns the rows.
+) -> Exported:
+    """Write samples or estimates of one recording; the file appears whole or not at all.
 
     force: replace what is at `out` already. how: what is said of the recording.
 
@@ -124,31 +134,30 @@ def export(
     if not force and os.path.lexists(out):  # a link that leads nowhere is something, too
         raise UsageError(f"--to {out}: exists already; give another name, or --force to replace it.")
     with whole_file(out) as file:
+        was_published = what not in ("samples", "corrected")  # which no file of another program holds
+        source = None if was_published and is_one_file(paths[0]) else _source(paths, limits, how)
         if suffix == ".csv":
             table = (
-                sample_table(decode(paths, max_gap, limits, how))
+                sample_table(decode(source, max_gap))
                 if what == "samples"
-                else published_table(paths, what, max_gap, limits, how)
+                else published_table(paths, source, what, max_gap)
             )
             rows = _write_csv(file, table)
         else:
             with Spool() as spool:
                 scales, rows = (
-                    gather_samples(spool, decode(paths, max_gap, limits, how))
+                    gather_samples(spool, decode(source, max_gap))
                     if what == "samples"
-                    else ({}, gather_rows(spool, published_table(paths, what, max_gap, limits, how)))
+                    else ({}, gather_rows(spool, published_table(paths, source, what, max_gap)))
                 )
                 spool.write_npz(file, scales)
         if not rows:
             raise UsageError(f"{paths[0]}: holds no samples that can be used.")
-    return rows
+    return Exported(rows, [] if source is None else source.unread)
 
 
-def decode(
-    paths: Sequence[Path], max_gap: Duration, limits: Limits = DEFAULT_LIMITS, how: How = AS_IT_SAYS
-) -> Iterator[Decoded]:
+def decode(source: Any, max_gap: Duration) -> Iterator[Decoded]:
     """Yield the samples of a recording of any kind."""
-    source = _source(paths, limits, how)
     decoder = Decoder(lambda: int(source.unix_offset_ns), max_gap)
     for event in source.events():
         for found in decoder.feed(event):
@@ -267,7 +276,7 @@ def _counts(values: Values) -> NDArray[np.int32]:
     return values.astype(np.int32)
 
 
-def published_table(paths: Sequence[Path], what: What, max_gap: Duration, limits: Limits, how: How) -> Table:
+def published_table(paths: Sequence[Path], source: Any, what: What, max_gap: Duration) -> Table:
     """Return a table with one row a record: as published, estimates of either kind, fits; or corrected rates.
 
     What was not valid, or the data did not define, stays empty. what: "device_estimates" are those that the
@@ -277,9 +286,7 @@ def published_table(paths: Sequence[Path], what: What, max_gap: Duration, limits
         UsageError: no recording, or one without such records.
     """
     records: Iterator[Corrected | _Estimate | _Fit] = (
-        corrected(_source(paths, limits, how), max_gap)
-        if what == "corrected"
-        else _published(paths, what.removesuffix("s"), limits)
+        corrected(source, max_gap) if what == "corrected" else _published(source, what.removesuffix("s"))
     )
     first = next(records, None)
     if first is None:
@@ -363,20 +370,15 @@ class _Fit(_Published, frozen=True):
 _estimate, _fit = msgspec.json.Decoder(_Estimate), msgspec.json.Decoder(_Fit)
 
 
-def _published(paths: Sequence[Path], topic: str, limits: Limits) -> Iterator[_Estimate | _Fit]:
+def _published(recording: "McapRecording | None", topic: str) -> Iterator[_Estimate | _Fit]:
     """Yield the records of one kind in a recording, as they were published."""
-    if is_one_file(paths[0]):
-        return
-    from fltea.sources.mcap import read_entries
-
     decode = _fit.decode if topic == "fit" else _estimate.decode
-    for part in open_mcap(paths, "")().parts:
-        for entry in read_entries(part, limits):
-            if entry.topic == topic:
-                try:
-                    yield decode(entry.data)
-                except (ValueError, RecursionError) as error:  # msgspec's errors, and brackets in brackets
-                    raise UsageError(f"{part.path}: a {topic} in it is damaged ({error}).") from error
+    for part, entry in recording.entries() if recording is not None else ():
+        if entry.topic == topic:
+            try:
+                yield decode(entry.data)
+            except (ValueError, RecursionError) as error:  # msgspec's errors, and brackets in brackets
+                raise UsageError(f"{part.path}: a {topic} in it is damaged ({error}).") from error
 
 
 def _number(value: float | bool | str | None) -> float | None:

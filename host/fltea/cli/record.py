@@ -127,14 +127,13 @@ def export(
         fltea export drive.csv --units deg/s --to rates.csv --what corrected
     """
     from fltea.archive.export import export as write_export
-    from fltea.sources.replay import unread_files
 
     config = load_config(None, settings)
     limits, how = config.replay.limits, config.replay.how
-    rows = write_export(paths, to, what, config.link.max_gap, force=force, limits=limits, how=how)
-    say(f"{to}: {rows} {what.replace('corrected', 'corrected rates')}")
-    if unread := unread_files(paths, limits):
-        raise Incomplete(unread)
+    found = write_export(paths, to, what, config.link.max_gap, force=force, limits=limits, how=how)
+    say(f"{to}: {found.rows} {what.replace('corrected', 'corrected rates')}")
+    if found.unread:
+        raise Incomplete(found.unread)
 
 
 @takes_settings([], only=LIMITS)

@@ -5,7 +5,7 @@ Files are read as a stream, a chunk at a time, so neither their size nor their n
 
 import re
 from collections.abc import Iterator, Sequence
-from itertools import chain, islice, pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -221,22 +221,13 @@ def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch 
         )
 
 
-def left_out(session: Session, limits: Limits = DEFAULT_LIMITS) -> list[str]:
-    """Return why files of a recording cannot be read, and where others are damaged first."""
-    found = list(session.unread.values())
-    for part in session.parts:
-        damages = (item for item in read_batches(part, limits) if isinstance(item, Damage))
-        found += [_of_damage(part, first) for first in islice(damages, 1)]
-    return found
-
-
-def _of_damage(part: Part, damage: Damage) -> str:
-    return f"{part.path}: {damage.said}; what stands before and after that is read."
-
-
 def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry]:
     """Yield the messages one by one; those that are damaged, or were torn off, are left out."""
-    for batch in read_batches(part, limits):
+    return _entries_of(read_batches(part, limits))
+
+
+def _entries_of(items: Iterator[Batch | Damage | Torn]) -> Iterator[Entry]:
+    for batch in items:
         if not isinstance(batch, Batch):
             continue
         for channel, sequence, log_ns, publish_ns, data in batch.messages.each():
@@ -244,7 +235,7 @@ def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry]
 
 
 class McapRecording:
-    """Gives the events of a recording, once.
+    """Gives the events of a recording, or its messages, once.
 
     name: what HELLO gives as the source. `breaks` counts the places where something was not recorded, `torn`
     the files that were not finished, `unread` says why others cannot be read, or not all of them.
@@ -278,25 +269,38 @@ class McapRecording:
 
     def events(self) -> Iterator[Event]:
         """Yield what the device sent; troubles of the past are not fatal now."""
-        number, damaged = self.parts[0].info.part, set[Part]()
+        number = self.parts[0].info.part
         for part in self.parts:
             if part.info.part != number:
                 self._break(f"files are missing before {part.path.name}", part.info.hello)
             number = part.info.part + 1
-            for item in read_batches(part, self._limits):
+            for item in self._items_of(part):
                 match item:
                     case Batch():
                         yield from self._on_batch(item, part.info)
                     case Damage():
                         self._break(f"{part.path.name} {item.said}", None)
-                        if part not in damaged:
-                            self.unread.append(_of_damage(part, item))
-                        damaged.add(part)
                     case Torn(text):
                         self.torn += 1
                         yield Trouble("cut_recording", text, self._now_ns, fatal=False)
         for why in self.unread:
             yield Trouble("unread_file", why, self._now_ns, fatal=False)
+
+    def entries(self) -> Iterator[tuple[Part, Entry]]:
+        """Yield the messages one by one, with their file; those that are damaged are left out."""
+        for part in self.parts:
+            for entry in _entries_of(self._items_of(part)):
+                yield part, entry
+
+    def _items_of(self, part: Part) -> Iterator[Batch | Damage | Torn]:
+        """Yield what is in a file, and note the first damage of it."""
+        is_damaged = False
+        for item in read_batches(part, self._limits):
+            if isinstance(item, Damage) and not is_damaged:
+                is_damaged = True
+                what = f"{part.path}: {item.said}; what stands before and after that is read."
+                self.unread.append(what)
+            yield item
 
     def _break(self, why: str, hello: Hello | None) -> None:
         """Take note that something is missing here. hello: what is known of the device behind the gap."""

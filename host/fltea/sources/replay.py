@@ -177,15 +177,6 @@ def open_mcap(
     return lambda: library.McapRecording(session, name, limits)
 
 
-def unread_files(paths: Sequence[Path], limits: Limits = DEFAULT_LIMITS) -> list[str]:
-    """Return why files of a recording cannot be read, which are not used."""
-    if is_one_file(paths[0]):
-        return []
-    library = _mcap_library()
-    found: list[str] = library.left_out(library.find_session(paths), limits)
-    return found
-
-
 def mcap_sessions(paths: Sequence[Path]) -> list[list[Path]]:
     """Return the files that are there of each recording that `sources.mcap.find_sessions` finds, and strays.
 
