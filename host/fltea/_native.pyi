@@ -296,6 +296,30 @@ def half_band_gain(angle: float) -> float: ...
 TRACKER_COORDINATES: int
 
 # pairs, then a, b, Q, c, the state's and the bias's coordinates, P0, R: fltea.noise.system.System.
+# What a lane of a tracker remembers, as it was; 2 log L of it, but for a constant.
+class Remembered:
+    def likelihood(
+        self, pairs: int, a: _V, b: _V, Q: _V, c: _V, state: _V, bias: _V, P0: _V, R: float
+    ) -> float: ...
+
+    # For each variance of a step of the last coordinate.
+    def likelihoods(
+        self,
+        steps: list[float],
+        pairs: int,
+        a: _V,
+        b: _V,
+        Q: _V,
+        c: _V,
+        state: _V,
+        bias: _V,
+        P0: _V,
+        R: float,
+    ) -> list[float]: ...
+
+    # NaN while it had seen too little, and once a system was set.
+    def of_walks(self) -> float: ...
+
 class Tracker:
     # ValueError for no lanes.
     def __init__(self, offsets: list[float | None]) -> None: ...
@@ -317,11 +341,7 @@ class Tracker:
         P0: _V,
         R: float,
     ) -> None: ...
-    def likelihood(
-        self, lane: int, pairs: int, a: _V, b: _V, Q: _V, c: _V, state: _V, bias: _V, P0: _V, R: float
-    ) -> float: ...
-    # NaN while it has seen too little, and once a system is set.
-    def likelihood_of_walks(self, lane: int) -> float: ...
+    def remembered(self, lane: int) -> Remembered: ...
     # The origin of its numbers, and x after the newest sample; no coordinates before a system is set.
     def x(self, lane: int) -> tuple[float, list[float]]: ...
     def stats(self) -> list[tuple[int, int, float, float, float, int]]: ...
@@ -354,6 +374,7 @@ class Octaves:
 
     # Averaging factors (samples), Allan variances, effective numbers of terms; of how many samples they are.
     def allan(self, lane: int) -> tuple[list[float], list[float], list[float], float]: ...
+    def copy(self) -> Octaves: ...
     def save(self) -> bytes: ...
     def load(self, bytes: bytes) -> None: ...
 

@@ -38,6 +38,8 @@ class Octaves {
         lanes_.assign(lanes, Lane(memory));
     }
 
+    Octaves(const Octaves& other) : memory_(other.memory_), lanes_(other.copy()) {}
+
     void add(Rows y) {
         const size_t rows = y.shape(0), lanes = lanes_.size();
         if (y.shape(1) != lanes) throw nb::value_error("y must have shape (rows, lanes)");
@@ -203,6 +205,7 @@ void bind_octaves(nb::module_& m) {
         .def("spectrum", &Octaves::spectrum, nb::arg("lane"))
         .def("cells", &Octaves::cells, nb::arg("lane"))
         .def("allan", &Octaves::allan, nb::arg("lane"))
+        .def("copy", [](const Octaves& self) { return Octaves(self); })
         .def("save", &Octaves::save)
         .def("load", &Octaves::load, nb::arg("bytes"));
 }

@@ -147,31 +147,48 @@ void through(const System<kMost>& s, const Newest<size>& means, double m, double
 
 }  // namespace refilter
 
-// `rest`: the last samples that are not in the past yet; NaN where nothing is known. `innovations`: of the
-// newest samples, if anybody wants them.
-inline double filter_again(const System<kMost>& s, const RiccatiMap<kMost>& map, const Past& past,
-                           const float* rest, int count, Kalman<kMost>& filter,
-                           refilter::Innovations* innovations = nullptr) {
-    double x[kMost] = {0}, P[kMost * kMost];
-    std::memcpy(P, s.P0, sizeof(double) * std::size_t(s.n * s.n));
-    refilter::Likelihood fits;
-    double m = std::pow(double(Past::kGroup), double(Past::kLevels));
-    for (int level = Past::kLevels - 1; level >= 0; --level) {
-        refilter::through(s, past.means(level), m, x, P, fits);
-        m /= Past::kGroup;
+// The samples that a filter begins again with: those of the past, and the last ones, which are not in it yet
+// in case there was motion; NaN where nothing is known.
+struct Remembered {
+    enum { kRecent = 2 * RestGate::kChunk };
+
+    // Leaves the filter after the newest sample, and returns log L but for a constant. `innovations`: of the
+    // newest samples, if anybody wants them.
+    double filter_again(const System<kMost>& s, const RiccatiMap<kMost>& map, Kalman<kMost>& filter,
+                        refilter::Innovations* innovations = nullptr) const {
+        double x[kMost] = {0}, P[kMost * kMost];
+        std::memcpy(P, s.P0, sizeof(double) * std::size_t(s.n * s.n));
+        refilter::Likelihood fits;
+        double m = std::pow(double(Past::kGroup), double(Past::kLevels));
+        for (int level = Past::kLevels - 1; level >= 0; --level) {
+            refilter::through(s, past.means(level), m, x, P, fits);
+            m /= Past::kGroup;
+        }
+        std::memcpy(filter.x, x, sizeof x);
+        filter.start(&s, &map, P);
+        const int single = past.single().count();
+        for (int i = 0; i < single + kept; ++i) {
+            const double y = i < single ? past.single()[i] : double(recent[i - single]);
+            const double e = filter.innovation(std::isnan(y) ? 0 : y);
+            if (!std::isnan(y)) fits.add(e, filter.S);
+            if (innovations != nullptr) innovations->add(std::isnan(y) ? y : e / std::sqrt(filter.S));
+            filter.go_on(e, !std::isnan(y));
+        }
+        return fits.value();
     }
-    std::memcpy(filter.x, x, sizeof x);
-    filter.start(&s, &map, P);
-    const int single = past.single().count();
-    for (int i = 0; i < single + count; ++i) {
-        const double y = i < single ? past.single()[i] : double(rest[i - single]);
-        const double e = filter.innovation(std::isnan(y) ? 0 : y);
-        if (!std::isnan(y)) fits.add(e, filter.S);
-        if (innovations != nullptr) innovations->add(std::isnan(y) ? y : e / std::sqrt(filter.S));
-        filter.go_on(e, !std::isnan(y));
+
+    // 2 log L, but for a constant; NaN if no filter can work with the system.
+    double likelihood(const System<kMost>& s) const {
+        RiccatiMap<kMost> map;
+        if (!map.set(s)) return __builtin_nan("");
+        Kalman<kMost> filter;
+        return 2 * filter_again(s, map, filter);
     }
-    return fits.value();
-}
+
+    Past past;
+    float recent[kRecent];
+    int kept = 0;
+};
 
 }  // namespace track
 }  // namespace fltea

@@ -54,7 +54,7 @@ class Tracker {
         next->absolute = absolute;
         if (!next->map.set(next->system)) return false;
         refilter::Innovations innovations;
-        refilter(*next, &innovations);
+        memory_.filter_again(next->system, next->map, next->filter, &innovations);
         if (!std::isfinite(next->filter.S)) return false;
         gate_.expect(innovations.usual(gate_.usual()));
         if (filter_ == nullptr || filter_->system.n != system.n) white_.skip();
@@ -65,15 +65,9 @@ class Tracker {
         return true;
     }
 
-    // 2 log L of the samples that are remembered, but for a constant; NaN if no filter can work with it.
-    double likelihood(const System<kMost>& system) const {
-        Model model;
-        model.system = system;
-        if (!model.map.set(system)) return __builtin_nan("");
-        return 2 * refilter(model);
-    }
+    const Remembered& memory() const { return memory_; }
 
-    // The same of the bank, for as long as there is one.
+    // 2 log L of the samples by the bank, but for a constant, for as long as there is one.
     double likelihood() const {
         return banks_ != nullptr && banks_->bank.knows() ? banks_->bank.likelihood() : __builtin_nan("");
     }
@@ -97,7 +91,7 @@ class Tracker {
         } else if (filter_ != nullptr) {
             white_.add(e, std::sqrt(filter_->filter.S));
         }
-        recent_[kept_++] = moving ? __builtin_nanf("") : remembered(apart);
+        memory_.recent[memory_.kept++] = moving ? __builtin_nanf("") : remembered(apart);
         Tracked result = tracked(e, moving);
         end_sample(deviation);
         return result;
@@ -114,7 +108,7 @@ class Tracker {
             double e = 0, deviation = 1;
             begin_sample(0, e, deviation);
             go_on(0, false);
-            recent_[kept_++] = __builtin_nanf("");
+            memory_.recent[memory_.kept++] = __builtin_nanf("");
             end_sample(deviation);
         }
     }
@@ -129,14 +123,14 @@ class Tracker {
         io.number(has_last_, 0, 1);
         io.real(last_, -2 * kLargest, 2 * kLargest);
         io.real(rounding_, 0, 2 * kLargest);
-        io.number(kept_, 0, kRecent - 1);
+        io.number(memory_.kept, 0, Remembered::kRecent - 1);
         io.number(counts_.moved, 0, 1e15);
         io.number(counts_.begun, 0, 1e15);
         white_.visit(io);
         gate_.visit(io);
-        io.require(gate_.fill() == kept_ % RestGate::kChunk);
-        past_.visit(io);
-        for (int i = 0; i < kept_ && io.sound(); ++i) visit_known(io, recent_[i]);
+        io.require(gate_.fill() == memory_.kept % RestGate::kChunk);
+        memory_.past.visit(io);
+        for (int i = 0; i < memory_.kept && io.sound(); ++i) visit_known(io, memory_.recent[i]);
         if (!io.sound()) return;
         if (has_system) {
             if (filter_ == nullptr) filter_.reset(new Model);
@@ -151,7 +145,6 @@ class Tracker {
     }
 
   private:
-    enum { kRecent = 2 * RestGate::kChunk };
     static constexpr double kRoundings = 3.4641016151377544;  // √12
     struct Model {
         System<kMost> system;
@@ -222,15 +215,15 @@ class Tracker {
         }
         if (verdict == RestGate::kBegins) {
             go_back();
-            for (float& one : recent_) one = __builtin_nanf("");
+            for (float& one : memory_.recent) one = __builtin_nanf("");
         }
-        if (kept_ < kRecent) {
+        if (memory_.kept < Remembered::kRecent) {
             keep();
             return;
         }
-        past_.add(recent_);
-        std::memcpy(recent_, recent_ + RestGate::kChunk, sizeof(float) * RestGate::kChunk);
-        kept_ = RestGate::kChunk;
+        memory_.past.add(memory_.recent);
+        std::memcpy(memory_.recent, memory_.recent + RestGate::kChunk, sizeof(float) * RestGate::kChunk);
+        memory_.kept = RestGate::kChunk;
         keep();
     }
 
@@ -252,7 +245,7 @@ class Tracker {
         } else {
             banks_->bank = banks_->before[0];
         }
-        for (int i = 0; i < kept_; ++i) {
+        for (int i = 0; i < memory_.kept; ++i) {
             double e = 0, deviation = 1;
             begin_sample(0, e, deviation);
             go_on(0, false);
@@ -261,8 +254,8 @@ class Tracker {
 
     // With what is known of the noise, if anything is, and nothing of the offset.
     void begin_again() {
-        past_.clear();
-        kept_ = 0;
+        memory_.past.clear();
+        memory_.kept = 0;
         spiked_ = false;
         gate_ = RestGate(gate_.usual());
         has_last_ = false;
@@ -274,10 +267,6 @@ class Tracker {
         }
         keep();
         keep();
-    }
-
-    double refilter(Model& model, refilter::Innovations* innovations = nullptr) const {
-        return filter_again(model.system, model.map, past_, recent_, kept_, model.filter, innovations);
     }
 
     template <typename Io>
@@ -296,11 +285,9 @@ class Tracker {
 
     bool fixed_, has_origin_ = false, spiked_ = false, has_last_ = false;
     double origin_ = 0, last_ = 0, rounding_ = 0;
-    int kept_ = 0;
-    float recent_[kRecent];  // samples that are not in the past yet, in case there was motion
     TrackerCounts counts_ = TrackerCounts();
     RestGate gate_;
-    Past past_;
+    Remembered memory_;
     Whiteness white_;
     std::unique_ptr<Model> filter_;
     std::unique_ptr<Banks> banks_;  // until it is found

@@ -25,6 +25,7 @@ using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::
 using Matrix = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 constexpr double kLargestSample = kLargestInput / 2;
+constexpr double kLargestStep = 1e200;
 enum { kColumns = 5 };
 
 void copy(const Vector& from, double* to, size_t n) {
@@ -65,6 +66,41 @@ System system_of(int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state
     if (!loader.sound()) throw nb::value_error("no filter can work with such a system");
     return s;
 }
+
+// What a lane remembers, as it was: nothing changes it, so it may be asked in any thread.
+class Remembered {
+  public:
+    explicit Remembered(const Lane& lane) : memory_(lane.memory()), of_walks_(lane.likelihood()) {}
+
+    double likelihood(int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state, Vector bias, Matrix P0,
+                      double R) const {
+        const System system = system_of(pairs, a, b, Q, c, state, bias, P0, R);
+        nb::gil_scoped_release release;
+        return memory_.likelihood(system);
+    }
+
+    // The same for each variance of a step of the last coordinate.
+    std::vector<double> likelihoods(std::vector<double> steps, int pairs, Vector a, Vector b, Matrix Q,
+                                    Vector c, Vector state, Vector bias, Matrix P0, double R) const {
+        System system = system_of(pairs, a, b, Q, c, state, bias, P0, R);
+        if (system.n == 0) throw nb::value_error("the system has no coordinate that could walk");
+        for (const double step : steps) {
+            if (!(step >= 0 && step <= kLargestStep)) throw nb::value_error("no offset walks like that");
+        }
+        nb::gil_scoped_release release;
+        for (double& one : steps) {
+            system.Q[system.n * system.n - 1] = one;
+            one = memory_.likelihood(system);
+        }
+        return steps;
+    }
+
+    double of_walks() const { return of_walks_; }
+
+  private:
+    fltea::track::Remembered memory_;
+    double of_walks_;
+};
 
 class Tracker {
   public:
@@ -111,16 +147,9 @@ class Tracker {
         if (!at(lane).set(system, absolute)) throw nb::value_error("no filter can work with such a system");
     }
 
-    double likelihood(size_t lane, int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state,
-                      Vector bias, Matrix P0, double R) {
-        const System system = system_of(pairs, a, b, Q, c, state, bias, P0, R);
+    Remembered remembered(size_t lane) {
         const std::lock_guard<std::mutex> alone(mutex_);
-        return at(lane).likelihood(system);
-    }
-
-    double likelihood_of_walks(size_t lane) {
-        const std::lock_guard<std::mutex> alone(mutex_);
-        return at(lane).likelihood();
+        return Remembered(at(lane));
     }
 
     std::tuple<double, std::vector<double>> x(size_t lane) {
@@ -185,13 +214,16 @@ class Tracker {
 
 void bind_tracker(nb::module_& m) {
     m.attr("TRACKER_COORDINATES") = static_cast<int>(fltea::track::kMost);
+    nb::class_<Remembered>(m, "Remembered")
+        .def("likelihood", &Remembered::likelihood)
+        .def("likelihoods", &Remembered::likelihoods)
+        .def("of_walks", &Remembered::of_walks);
     nb::class_<Tracker>(m, "Tracker")
         .def(nb::init<const std::vector<std::optional<double>>&>(), nb::arg("offsets"))
         .def("run", &Tracker::run, nb::arg("y"), nb::arg("out"), nb::arg("moving"))
         .def("skip", &Tracker::skip, nb::arg("count"))
         .def("set", &Tracker::set)
-        .def("likelihood", &Tracker::likelihood)
-        .def("likelihood_of_walks", &Tracker::likelihood_of_walks, nb::arg("lane"))
+        .def("remembered", &Tracker::remembered, nb::arg("lane"))
         .def("x", &Tracker::x, nb::arg("lane"))
         .def("stats", &Tracker::stats)
         .def("save", &Tracker::save)

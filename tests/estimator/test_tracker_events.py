@@ -220,9 +220,22 @@ def test_likelihood_is_that_of_the_innovations() -> None:
     one = Tracker([None])
     run(one, y)
     exact = kalman_likelihood(s, y)
-    assert one.likelihood(0, s) == pytest.approx(exact, rel=1e-6)
-    assert one.likelihood(0, white(float(y.var())).with_offset()) < exact - 50
-    assert math.isnan(Tracker([None]).likelihood_of_walks(0))
+    then = one.remembered(0)
+    run(one, y)
+    assert then.likelihood(s) == pytest.approx(exact, rel=1e-6)
+    assert then.likelihood(white(float(y.var())).with_offset()) < exact - 50
+    assert math.isnan(Tracker([None]).remembered(0).likelihood_of_walks())
+
+
+def test_likelihoods_of_steps_are_those_of_each() -> None:
+    one, s, q = Tracker([None]), SYSTEMS["low-pass"], 1e-3
+    run(one, simulated(s, 5000, 8)[0])
+    assert one.remembered(0).likelihoods(white(1.0).with_offset(), np.array([0.0, q])).tolist() == [
+        one.remembered(0).likelihood(white(1.0).with_offset(step)) for step in (0.0, q)
+    ]
+    for system, step in ((white(1.0).with_offset(), math.nan), (white(1.0), q)):
+        with pytest.raises(ValueError, match="walk"):
+            one.remembered(0).likelihoods(system, np.array([step]))
 
 
 def kalman_likelihood(s: System, y: Array) -> float:

@@ -257,7 +257,7 @@ TEST_CASE("tracker: another system is no jump of what does not depend on it") {
             CHECK(sane(found));
             CHECK(found.bias == doctest::Approx(5).epsilon(0.5));
         }
-        CHECK(std::isfinite(one->likelihood(system_of(n, 8))));
+        CHECK(std::isfinite(one->memory().likelihood(system_of(n, 8))));
     }
     CHECK(std::isnan(one->likelihood()));
 }

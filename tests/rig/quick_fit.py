@@ -53,7 +53,7 @@ class QuickAxes:
     def _look(self, axis: str, spectrum: FitSpectrum | None, end: str) -> Looked:
         digest = hashlib.sha256(self._seen + axis.encode()).digest()
         p, alpha = max(0.0, digest[0] / 127 - 1), digest[1] / 200
-        noise = Noise((White(1e-2), Relaxation(0.1, 0.1 + alpha)), p < 0.01, self.samples)
+        noise = Noise((White(0.2), Relaxation(0.1, 0.1 + alpha)), p < 0.01, self.samples)
         s2, R = 1e-3 + digest[2] * 1e-5, 1e-2 + digest[3] * 1e-4
         fit = AxisFit(
             "white" if p >= 0.05 else "fractional",

@@ -5,13 +5,15 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import pytest
 from blocks import cuts, in_blocks, ndjson, of, records_of
+from fltea.estimator.offset_walk import OffsetWalk
+from fltea.noise.system import System
 from fltea.records.events import LinkDown
 from fltea.records.records import Estimate, Fit
-from fltea.stream import fit_times, live
+from fltea.stream import fit_times, learning, live
 from fltea.stream.beside import Beside, BesideThread
 from host_support import hello
 from hypothesis import example, given, settings
@@ -67,6 +69,7 @@ def test_fits_count_from_the_same_sample_however_long_they_take_and_the_blocks_a
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "LiveAxes", Noticing)
+        patch.setattr(learning, "ENOUGH", 0)
         block = raw(k for k in range(1300) if k not in lost)
         items, pipeline = walk([hello(), block])
         whole = ndjson([*records_of(items), *pipeline.finish()])
@@ -74,6 +77,31 @@ def test_fits_count_from_the_same_sample_however_long_they_take_and_the_blocks_a
         items, pipeline = walk([hello(), *in_blocks(block, places)], beside=beside)
         assert ndjson([*records_of(items), *pipeline.finish()]) == whole
         assert beside.close()
+
+
+def test_what_the_tracker_goes_by_is_made_beside_the_walk_and_outlives_the_epoch(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made: list[str] = []
+    of_parts = learning.system_of
+
+    def system_of(*args: Any) -> tuple[System, OffsetWalk]:
+        made.append(threading.current_thread().name)
+        return of_parts(*args)
+
+    monkeypatch.setattr(live, "LiveAxes", Noticing)
+    monkeypatch.setattr(learning, "ENOUGH", 0)
+    monkeypatch.setattr(learning, "system_of", system_of)
+    beside = Unhurried([0.0])
+    _, pipeline = walk([hello(), raw(range(700))], beside=beside)
+    assert set(made) == {"looks"}
+    for event in (LinkDown(1), hello(), raw(range(800, 810))):
+        list(pipeline.feed(event))
+    tracker = pipeline.stats().axes["gyro_x"].tracker
+    assert tracker is not None
+    assert tracker.model == "white + relaxation"
+    assert beside.close()
+    assert set(made) == {"looks"}
 
 
 def test_a_fault_of_a_look_is_one_of_the_walk() -> None:

@@ -38,7 +38,7 @@ PARTS = {
     "bytes to columns": ("wire", "sources"),
     "number, time, units": ("stream/place", "stream/time", "stream/decode", "wire/sample_scaling"),
     "filters": ("estimator", "stream/host", "stream/tuning"),
-    "tracker": ("estimator/tracker", "estimator/offset_walk", "stream/tracking", "noise"),
+    "tracker": ("estimator/tracker", "stream/tracking"),
     "sums of the fit": ("spectrum", "stream/live", "stream/fit_times", "stream/beside"),
     "lines": ("sinks", "records/block"),
 }

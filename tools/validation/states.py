@@ -131,13 +131,15 @@ def _live(y: Array) -> tuple[Array, Array, Array]:
     while at < n:
         end = min(n, due)
         for axis in axes:
-            sensor.learn(axis, settled[axis])
+            sensor.go_by(axis, settled[axis])
         found.append(sensor.run(y[at:end]))
         live.add(y[at:end], found[-1].moving)
         at = end
         if at == due:
             looks = live.look(curves=False, fresh=True)
-            settled = {axis: settled[axis].followed_by(*look()) for axis, look in looks.items()}
+            settled = {
+                axis: settled[axis].followed_by(look(), sensor.learner(axis)) for axis, look in looks.items()
+            }
             due = at + max(round(1 / H), math.ceil(at / 10))
     columns = {name: [getattr(one, name) for one in found] for name in ("bias", "bias_std", "state")}
     bias, std, state = (np.concatenate(column) for column in columns.values())

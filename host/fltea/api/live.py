@@ -129,8 +129,8 @@ class Live:
         for axis, look in self._live.look(curves=curves, last=last).items():
             looked = look()
             found[axis] = looked.fit
-            self._settled[axis] = self._settled[axis].followed_by(*looked)
-            self._tracks.learn(axis, self._settled[axis])
+            self._settled[axis] = self._settled[axis].followed_by(looked, self._tracks.learner(axis))
+            self._tracks.go_by(axis, self._settled[axis])
         return LiveReport(found, self.samples, self.rate_hz)
 
     def heading_std(self, t_s: float) -> dict[str, float]:

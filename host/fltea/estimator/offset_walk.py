@@ -6,11 +6,12 @@ their likelihood, and a constant offset as much as all of them together.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from fltea.estimator.tracker import Remembered
 from fltea.noise.parts import Part
 from fltea.noise.system import System, system
 from fltea.records.arrays import Array
@@ -55,33 +56,26 @@ CONSTANT = OffsetWalk(np.zeros(1), np.ones(1))
 
 
 def system_of(
-    parts: Sequence[Part], h: float, samples: int, likelihood: Callable[[System], float]
+    parts: Sequence[Part], h: float, samples: int, remembered: Remembered
 ) -> tuple[System, OffsetWalk]:
     """Return the system of a noise found in so many samples, and how its offset walks.
 
     It does beside any noise that does not walk itself, orders too. Measured, this is as near the best as a
-    constant offset where that is the truth, and nearer where a fit has missed what is slow. likelihood: 2 log
-    L of the samples with such a system.
+    constant offset where that is the truth, and nearer where a fit has missed what is slow. remembered: of
+    these samples.
     """
     found = system(parts, h, samples, found=True)
     if found.walks:
         return found, CONSTANT
-    walk = offset_walk(found, samples, likelihood)
+    walk = offset_walk(found, samples, remembered)
     return found.with_offset(walk.q, of_state=walk.is_certain), walk
 
 
-def offset_walk(found: System, samples: int, likelihood: Callable[[System], float]) -> OffsetWalk:
-    """Return how fast the offset of a noise walks; likelihood: 2 log L of the samples with such a noise."""
+def offset_walk(found: System, samples: int, remembered: Remembered) -> OffsetWalk:
+    """Return how fast the offset of a noise walks."""
     level = float(found.spectrum(np.array([LEVEL_AT]))[0])
     steps = np.array([0.0, *(share * level / samples**2 for share in SHARES)])
-    still = found.with_offset()
-
-    def walking(q: float) -> System:
-        Q = still.Q.copy()
-        Q[-1, -1] = q
-        return still._replace(Q=Q)
-
-    likely = np.array([likelihood(walking(q)) for q in steps.tolist()])
+    likely = remembered.likelihoods(found.with_offset(), steps)
     if not np.isfinite(likely).all():
         return CONSTANT
     weights = np.exp((likely - likely.max()) / 2) * np.array([1.0, *[1 / len(SHARES)] * len(SHARES)])

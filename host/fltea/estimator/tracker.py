@@ -44,6 +44,28 @@ class TrackerFigures(NamedTuple):
     innovations: int
 
 
+class Remembered:
+    """What a tracker remembers of the samples of an axis, as it was; it may be asked in any thread."""
+
+    def __init__(self, native: _native.Remembered) -> None:
+        self._native = native
+
+    def likelihood(self, system: System) -> float:
+        """Return 2 log L of them with such a noise, but for a constant; NaN without a filter.
+
+        Raises ValueError for what is no system.
+        """
+        return self._native.likelihood(*_numbers(system))
+
+    def likelihoods(self, system: System, steps: Array) -> Array:
+        """Return the same for each variance of a step of the last coordinate, (n,)."""
+        return np.array(self._native.likelihoods(steps.tolist(), *_numbers(system)))
+
+    def likelihood_of_walks(self) -> float:
+        """Return the same of the bank of walks; NaN before it knew enough, and once a system was set."""
+        return self._native.of_walks()
+
+
 class Tracker:
     """Tracks the biases of the axes of one sensor.
 
@@ -73,15 +95,11 @@ class Tracker:
 
         Raises ValueError, and changes nothing, if no filter can work with it.
         """
-        self._native.set(lane, system.walks, *self._numbers(system))
+        self._native.set(lane, system.walks, *_numbers(system))
 
-    def likelihood(self, lane: int, system: System) -> float:
-        """Return 2 log L of the samples that are remembered, but for a constant; NaN without a filter."""
-        return self._native.likelihood(lane, *self._numbers(system))
-
-    def likelihood_of_walks(self, lane: int) -> float:
-        """Return the same of the bank of walks; NaN before it knows enough, and once a system is set."""
-        return self._native.likelihood_of_walks(lane)
+    def remembered(self, lane: int) -> Remembered:
+        """Return what it remembers of the samples of an axis, as it is now."""
+        return Remembered(self._native.remembered(lane))
 
     def x(self, lane: int) -> tuple[float, Array]:
         """Return where the numbers of an axis begin, and from there x of its system after the newest sample.
@@ -107,5 +125,6 @@ class Tracker:
         """Go on from there. Raises ValueError, and changes nothing, for what cannot be one's own."""
         self._native.load(saved)
 
-    def _numbers(self, s: System) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
-        return s.pairs, s.a, s.b, s.Q, s.c, s.signal * s.c, s.bias, s.P0, s.R
+
+def _numbers(s: System) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
+    return s.pairs, s.a, s.b, s.Q, s.c, s.signal * s.c, s.bias, s.P0, s.R

@@ -108,7 +108,7 @@ def learned(parts: Sequence[Part], y: Array, h: float) -> Learned:
     """Return the system of a noise that was found in y."""
     tracker = Tracker([None])
     tracker.run(y[:, None])
-    return Learned(parts, len(y), *system_of(parts, h, len(y), lambda one: tracker.likelihood(0, one)))
+    return Learned(parts, len(y), *system_of(parts, h, len(y), tracker.remembered(0)))
 
 
 def found(

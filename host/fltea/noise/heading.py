@@ -41,19 +41,27 @@ class Rest(NamedTuple):
 
 def ahead(system: System, h: float, t_s: float) -> Ahead:
     """Return the angle t_s after the last sample at rest; h: sampling period in s."""
+    return aheads(system, h, [t_s])[0]
+
+
+def aheads(system: System, h: float, times_s: Sequence[float]) -> list[Ahead]:
+    """Return the same for several times, which have the squares in common."""
     n = len(system.a)
     driven = system.c @ system.Q
     F, Q = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
     F[:n, :n], F[n, :n], F[n, n] = system.A, h * (system.c @ system.A), 1.0
     Q[:n, :n], Q[n, :n], Q[:n, n] = system.Q, h * driven, h * driven
     Q[n, n] = h * h * (float(driven @ system.c) + system.R)
-    to, noise = np.eye(n + 1), np.zeros((n + 1, n + 1))
-    count = max(round(t_s / h), 1)
-    while count:
-        if count & 1:
-            to, noise = F @ to, F @ noise @ F.T + Q
-        F, Q, count = F @ F, F @ Q @ F.T + Q, count >> 1
-    return Ahead(to[n, :n], float(noise[n, n]))
+    rows, noise = np.zeros((len(times_s), n + 1)), np.zeros(len(times_s))
+    rows[:, n] = 1.0
+    counts = [max(round(t_s / h), 1) for t_s in times_s]
+    while any(counts):
+        own = [k for k, count in enumerate(counts) if count & 1]
+        if own:
+            noise[own] += ((rows[own] @ Q) * rows[own]).sum(axis=1)
+            rows[own] = rows[own] @ F
+        F, Q, counts = F @ F, F @ Q @ F.T + Q, [count >> 1 for count in counts]
+    return [Ahead(row, variance) for row, variance in zip(rows[:, :n], noise.tolist(), strict=True)]
 
 
 def heading_std(system: System, P: Array, h: float, t_s: float) -> float:
@@ -95,7 +103,7 @@ def bias_std(system: System, P: Array) -> float:
 
 def heading_stds(system: System, P: Array, h: float, times_s: Sequence[float]) -> list[float]:
     """Return the same as `heading_std` for several times."""
-    return [heading_std(system, P, h, t_s) for t_s in times_s]
+    return [one.std(P) for one in aheads(system, h, times_s)]
 
 
 def rest_for(system: System, h: float, t_s: float, within: float) -> Rest:

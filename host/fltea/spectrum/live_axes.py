@@ -114,7 +114,7 @@ class LiveAxes:
         the level of one look, as `fltea identify` does it. fresh: sentences, peaks and changes are searched
         for again, as with curves; else all begins at the last fit until the record has grown by a tenth.
         """
-        octaves = Octaves.restore(len(self.axes), self._memory, self._octaves.save())
+        octaves = self._octaves.copy()
         level, fresh = LEVEL if last else ANYTIME_LEVEL, fresh or curves
         return {
             axis: partial(self._look, octaves, lane, curves, level, fresh)

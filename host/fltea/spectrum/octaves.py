@@ -168,6 +168,12 @@ class Octaves:
         """
         self._native.merge(other._native)
 
+    def copy(self) -> "Octaves":
+        """Return another one that has seen the same, for any thread."""
+        result = Octaves.__new__(Octaves)
+        result._native = self._native.copy()
+        return result
+
     def save(self) -> bytes:
         """Return all of it, for `restore`."""
         return self._native.save()

@@ -14,7 +14,8 @@ counts before the sums do, and these leave out what it calls motion.
 """
 
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from msgspec.structs import replace
@@ -26,9 +27,10 @@ from fltea.records.fit import AxisFit
 from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello, Whiteness
 from fltea.settings.config import Config
 from fltea.spectrum.evidence import ANYTIME_LEVEL
-from fltea.spectrum.live_axes import LiveAxes, Looked, Noise
+from fltea.spectrum.live_axes import LiveAxes, Looked
 from fltea.stream.beside import Beside
 from fltea.stream.fit_times import Look, LookTimes, period_s, turn
+from fltea.stream.learning import Learned, Learner
 from fltea.stream.stages import Beginning, Item, Moment, Saved, Stage, Standing
 
 NO_VERDICT = ("too few samples",)
@@ -42,23 +44,35 @@ class SettledFit(NamedTuple):
 
     Another kind of processor may differ in the last digits of its figures.
     stands: the newest whose verdict is stable, which is one that two settled fits in a row have agreed on.
+    learned: what the tracker goes by.
     """
 
     null_p: float | None = None
     whiteness: Whiteness | None = None
     fit: AxisFit | None = None
     stands: AxisFit | None = None
-    noise: Noise | None = None
+    learned: Learned | None = None
 
-    def followed_by(self, fit: AxisFit, noise: Noise | None) -> "SettledFit":
+    def followed_by(self, looked: Looked, learner: Learner) -> "SettledFit":
         """Return the next one."""
+        fit, learned = looked.fit, learner.learned(looked.noise, self.learned)
         agreed = self.fit is not None and self.fit.verdict == fit.verdict and fit.verdict not in NO_VERDICT
         stands = fit if agreed or (self.stands and self.stands.verdict == fit.verdict) else self.stands
         if fit.null_p is None:
-            return SettledFit(fit=fit, stands=stands, noise=noise)
+            return SettledFit(fit=fit, stands=stands, learned=learned)
         p = float(f"{fit.null_p:.3g}")
         whiteness: Whiteness = "rejected" if p < ANYTIME_LEVEL else "not rejected"
-        return SettledFit(p, whiteness, fit, stands, noise)
+        return SettledFit(p, whiteness, fit, stands, learned)
+
+
+class Tracks(Protocol):
+    """Who takes the samples of a walk."""
+
+    def track(self, block: Block) -> Tracked:
+        """Take a part of a block, by the fits that count by now."""
+
+    def learner(self, axis: str) -> Learner:
+        """Return what is to learn from the samples of an axis until now."""
 
 
 class _Sensor(NamedTuple):
@@ -77,8 +91,8 @@ class _Begun(NamedTuple):
     moment: Moment
     samples: int
     look: Look
-    looks: dict[str, Callable[[], Looked]]
-    """Of each axis what gives its result."""
+    looks: dict[str, Callable[[], tuple[AxisFit, SettledFit]]]
+    """Of each axis what gives the fit, and what is settled from then on."""
 
 
 class LiveFits(Stage):
@@ -152,11 +166,8 @@ class LiveFits(Stage):
         """Give the samples on: they come through `walk`."""
         yield block
 
-    def walk(self, block: Block, missing: int, track: Callable[[Block], Tracked]) -> Iterator[Item]:
-        """Give the samples on, tracked, and a fit after those with which one is due.
-
-        track: takes a part of the block, by the fits that count by then.
-        """
+    def walk(self, block: Block, missing: int, tracks: Tracks) -> Iterator[Item]:
+        """Give the samples on, tracked, and a fit after those with which one is due."""
         if not self._sensors:
             yield block
             return
@@ -174,7 +185,7 @@ class LiveFits(Stage):
             stop = min(self._times.check, self._begun.look.counts) if self._begun else self._times.check
             end = min(n, taken + 1 + max(0, stop - number))
             part = _rows(block, taken, end)
-            tracked.append(track(part))
+            tracked.append(tracks.track(part))
             self._take(part, tracked[-1])
             number += end - taken - 1
             taken = end
@@ -183,7 +194,7 @@ class LiveFits(Stage):
                 given, tracked = end, []
                 yield self._counted(self._begun)
             if number >= self._times.check:
-                self._look(number)
+                self._look(number, tracks)
         if given < n:
             yield with_tracked(_rows(block, given, n), tracked)
 
@@ -241,7 +252,7 @@ class LiveFits(Stage):
     def _notices(self) -> int:
         return sum(sensor.live.noticed for sensor in self._sensors.values())
 
-    def _look(self, number: int) -> None:
+    def _look(self, number: int, tracks: Tracks) -> None:
         """Begin a look after sample `number` of the epoch if one is due."""
         assert self._at is not None
         noticed, samples = self._notices(), self._samples
@@ -251,7 +262,9 @@ class LiveFits(Stage):
             return
         self._noticed = noticed
         looks = {
-            axis: self._beside.begin(make)
+            axis: self._beside.begin(
+                partial(_looked, make, self.settled(axis), tracks.learner(axis) if look.settles else None)
+            )
             for sensor in self._sensors.values()
             for axis, make in sensor.live.look(curves=look.curves, fresh=look.fresh).items()
         }
@@ -263,9 +276,8 @@ class LiveFits(Stage):
         """From here on a look counts."""
         self._begun = None
         looked = {axis: result() for axis, result in begun.looks.items()}
-        if begun.look.settles:
-            self._settled = {axis: self.settled(axis).followed_by(*one) for axis, one in looked.items()}
-        found = {axis: self._with_stability(axis, one.fit) for axis, one in looked.items()}
+        self._settled = {axis: settled for axis, (_, settled) in looked.items()}
+        found = {axis: self._with_stability(axis, fit) for axis, (fit, _) in looked.items()}
         return Fit(*begun.moment, begun.samples, found, device=self._config.name)
 
     def _with_stability(self, axis: str, fit: AxisFit) -> AxisFit:
@@ -274,6 +286,13 @@ class LiveFits(Stage):
 
 
 NO_FIT = SettledFit()
+
+
+def _looked(
+    make: Callable[[], Looked], settled: SettledFit, learner: Learner | None
+) -> tuple[AxisFit, SettledFit]:
+    looked = make()
+    return looked.fit, settled if learner is None else settled.followed_by(looked, learner)
 
 
 def _rows(block: Block, begin: int, end: int) -> Block:

@@ -5,19 +5,14 @@ there and which leaves out what is motion here. It has estimates from the first 
 stable, or half a minute long, a bank of random walks stands for the noise.
 """
 
+import contextlib
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from msgspec.structs import replace as with_fields
 
-from fltea.estimator.offset_walk import CONSTANT, system_of
 from fltea.estimator.tracker import Tracker
-from fltea.noise.heading import heading_std, rested
-from fltea.noise.left_open import distance
-from fltea.noise.parts import Part
-from fltea.noise.system import System, system
 from fltea.records.arrays import Array
 from fltea.records.block import Block, Tracked, TrackedColumns, with_tracked
 from fltea.records.events import Ints
@@ -27,20 +22,11 @@ from fltea.records.stats import TrackerStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import describes
-from fltea.spectrum.live_axes import Noise
 from fltea.spectrum.wording import names
+from fltea.stream.learning import Learned, Learner
 from fltea.stream.live import LiveFits, SettledFit, settled_by
 from fltea.stream.stages import Beginning, Item, Saved, Stage, Standing
 
-ENOUGH = 3000
-"""Samples: a fit of fewer knows too little of what is slow, and the bank of walks goes on."""
-FEWEST, LIKELIER = 300, 30.0
-"""Samples, from which on a fit counts that makes them so much likelier than the bank does, in 2 log L."""
-AHEAD_S = 1, 10, 60, 600, 3600
-GROWTH, APART = 1.5, 0.5
-"""A filter is made again for a record that is so much longer, or for a noise so much likelier, by log L."""
-DIGITS = 3
-"""Of the figures of a fit: the last ones differ between a run and its replay."""
 UNDEFINED = Interval()
 
 
@@ -51,12 +37,9 @@ class SensorTracks:
         self.names, self._places, self._h, self.unit = tuple(axes), list(axes.values()), h, unit
         self._offsets = _offsets(config, len(self.names))
         self._tracker = Tracker(self._offsets)
-        self._walks = [UNDEFINED] * len(self.names)
-        self._models: list[tuple[System, Array] | None] = [None] * len(self.names)
-        self._headings: list[dict[int, float]] = [{} for _ in self.names]
         self._biases = (np.full(len(self.names), math.nan),) * 2
         self._known: dict[str, SettledFit] = {}
-        self._learned: dict[str, Noise] = {}
+        self._learned: dict[str, Learned] = {}
 
     def run(self, values: Array) -> TrackedColumns:
         """Take samples, (n, columns)."""
@@ -78,52 +61,39 @@ class SensorTracks:
         """Predict over lost samples."""
         self._tracker.skip(count)
 
-    def learn(self, axis: str, settled: SettledFit) -> None:
-        """Take what the live fit has found for the noise of an axis, if it is new and sure enough."""
+    def learner(self, axis: str) -> Learner:
+        """Return what is to learn from the samples of an axis until now, for `SettledFit.followed_by`."""
+        lane = self.names.index(axis)
+        return Learner(self._tracker.remembered(lane), self._h, self.unit, self._offsets[lane] is not None)
+
+    def go_by(self, axis: str, settled: SettledFit) -> None:
+        """Take what the live fit has found for the noise of an axis, if it is new."""
         if settled is self._known.get(axis):
             return
         self._known[axis] = settled
-        noise = settled.noise
-        if noise is None or noise.samples < FEWEST:
+        learned = settled.learned
+        if learned is None or learned is self._learned.get(axis):
             return
-        before = self._learned.get(axis)
-        if before is not None and _says_the_same(noise, before, self._h):
-            return
-        parts, lane = tuple(_rounded(part) for part in noise.parts), self.names.index(axis)
-        try:
-            if self._offsets[lane] is None:
-                found, walk = system_of(
-                    parts, self._h, noise.samples, lambda one: self._tracker.likelihood(lane, one)
-                )
-            else:
-                found, walk = system(parts, self._h, noise.samples, found=True), CONSTANT
-            if before is None and noise.samples < ENOUGH:
-                bank = self._tracker.likelihood_of_walks(lane)
-                if not self._tracker.likelihood(lane, found) - bank > LIKELIER:
-                    return
-            self._tracker.set(lane, found)
-            self._walks[lane], self._models[lane] = walk.K(self._h), (found, rested(found, noise.samples))
-            if self.unit == GYRO_UNIT:
-                self._headings[lane] = {t_s: self.heading_std(axis, t_s) for t_s in AHEAD_S}
-        except (ValueError, ArithmeticError):  # at the edge of what is stationary: the last one goes on
-            return
-        self._learned[axis] = noise
+        with contextlib.suppress(ValueError):  # no filter can work with it: the last one goes on
+            self._tracker.set(self.names.index(axis), learned.system)
+            self._learned[axis] = learned
 
     def heading_std(self, axis: str, t_s: float) -> float:
         """Return the deviation of the integral t_s after a rest as long as the fit's; NaN before a fit."""
-        model = self._models[self.names.index(axis)]
-        return math.nan if model is None else heading_std(*model, self._h, t_s)
+        return self._learned[axis].heading_std(t_s) if axis in self._learned else math.nan
 
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
         """Yield how each axis gets on."""
-        figures = self._tracker.figures(), self._walks, self._headings, zip(*self._biases, strict=True)
-        for axis, one, K, heading, biases in zip(self.names, *figures, strict=True):
+        figures = self._tracker.figures(), zip(*self._biases, strict=True)
+        for axis, one, biases in zip(self.names, *figures, strict=True):
             holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
-            words = names(map(type, self._learned[axis].parts)) if axis in self._learned else "walks"
+            words, K, headings = "walks", UNDEFINED, dict[int, float]()
+            if (learned := self._learned.get(axis)) is not None:
+                words, K, headings = names(map(type, learned.noise.parts)), learned.K, learned.headings
             bias, std = (float(x) if math.isfinite(x) else None for x in biases)
             yield (
                 axis,
-                TrackerStats(words, one.nis, one.lag1, holds, one.moved, one.begun, K, heading, bias, std),
+                TrackerStats(words, one.nis, one.lag1, holds, one.moved, one.begun, K, headings, bias, std),
             )
 
     def save(self) -> bytes:
@@ -166,17 +136,22 @@ class Tracking(Stage):
         if missing:
             self.bridge(missing)
         if self._fits is not None:
-            return self._fits.walk(block, missing, self._track)
-        return iter((with_tracked(block, [self._track(block)]),))
+            return self._fits.walk(block, missing, self)
+        return iter((with_tracked(block, [self.track(block)]),))
 
-    def _track(self, block: Block) -> Tracked:
+    def track(self, block: Block) -> Tracked:
+        """Take samples, by the fits that count by now."""
         tracked = []
         for name, values in (("gyro", block.gyro_dps), ("accel", block.accel_ms2)):
             if (sensor := self._sensors.get(name)) is not None and values is not None:
                 for axis in sensor.names:
-                    sensor.learn(axis, self._settled(axis))
+                    sensor.go_by(axis, self._settled(axis))
                 tracked.append(sensor.run(values))
         return tuple(tracked)
+
+    def learner(self, axis: str) -> Learner:
+        """Return what is to learn from the samples of an axis until now."""
+        return next(one for one in self._sensors.values() if axis in one.names).learner(axis)
 
     def standing(self) -> Standing:
         """How the trackers get on."""
@@ -193,19 +168,3 @@ def _offsets(config: EstimatorConfig, axes: int) -> list[float | None]:
     if isinstance(bias, str):
         return [None] * axes
     return list(bias) if isinstance(bias, list) else [bias] * axes
-
-
-def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:
-    """Return whether so little is new that the filter is not made again."""
-    if noise.samples > GROWTH * before.samples or noise.drifts != before.drifts:
-        return False
-    if [type(part) for part in noise.parts] != [type(part) for part in before.parts]:
-        return False
-    return distance(noise.parts, before.parts, h, noise.samples) < APART
-
-
-def _rounded(part: Part) -> Part:
-    figures = ((name, getattr(part, name)) for name in part.__struct_fields__)
-    # A number of samples stays a whole one.
-    rounded = {name: x if isinstance(x, int) else float(f"{x:.{DIGITS}g}") for name, x in figures}
-    return with_fields(part, **rounded)
