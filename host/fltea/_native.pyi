@@ -5,7 +5,7 @@ spectra.
 """
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -350,7 +350,12 @@ class Tracker:
 
 class Octaves:
     # ValueError for no lanes, and for a memory that is neither 0 nor 256 to 10^12 samples.
+    @overload
     def __init__(self, lanes: int, memory: float) -> None: ...
+
+    # A copy.
+    @overload
+    def __init__(self, other: Octaves) -> None: ...
 
     # y (rows, lanes) float64. ValueError for a wrong shape, and for numbers that are not finite or too large.
     def add(self, y: NDArray[np.float64]) -> None: ...
@@ -364,6 +369,9 @@ class Octaves:
     # taken, used, bridged, lost, gaps, knocks, knocked, steps, changes, limited, moved, motions; whether
     # it never changed.
     def counts(self, lane: int) -> tuple[list[int], bool]: ...
+
+    # Steps and changes of all lanes.
+    def noticed(self) -> int: ...
 
     # Of each level of Welch's sums: power (lines,) float64, blocks, effective blocks; then the values of the
     # whole level, float32, and the lengths of its stretches, int32.

@@ -91,6 +91,13 @@ class Octaves {
                 at(lane).constant()};
     }
 
+    uint64_t noticed() const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        uint64_t found = 0;
+        for (const Lane& lane : lanes_) found += lane.counts().steps + lane.counts().changes;
+        return found;
+    }
+
     // Of each level that is Welch's: sums of |FFT|^2, blocks, effective blocks. Then the values of the whole
     // level (float32) and the lengths of its stretches (int32).
     nb::tuple spectrum(size_t lane) const {
@@ -197,11 +204,13 @@ void bind_octaves(nb::module_& m) {
     m.def("half_band_gain", &fltea::half_band_gain, nb::arg("angle"));
     nb::class_<Octaves>(m, "Octaves")
         .def(nb::init<size_t, double>(), nb::arg("lanes"), nb::arg("memory"))
+        .def(nb::init<const Octaves&>(), nb::arg("other"))
         .def("add", &Octaves::add, nb::arg("y"))
         .def("add_at_rest", &Octaves::add_at_rest, nb::arg("y"), nb::arg("moving"), nb::arg("longest"))
         .def("skip", &Octaves::skip, nb::arg("count"))
         .def("merge", &Octaves::merge, nb::arg("other"))
         .def("counts", &Octaves::counts, nb::arg("lane"))
+        .def("noticed", &Octaves::noticed)
         .def("spectrum", &Octaves::spectrum, nb::arg("lane"))
         .def("cells", &Octaves::cells, nb::arg("lane"))
         .def("allan", &Octaves::allan, nb::arg("lane"))

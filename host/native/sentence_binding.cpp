@@ -203,13 +203,9 @@ void spectrum(const std::vector<int>& codes, const std::vector<double>& eta, Col
     if (total.shape(0) != lam.shape(0)) refuse("total must have one number a frequency");
     const std::size_t size = lam.shape(0);
     const LockGivenAway given(size);
-    std::vector<double> walk;
-    for (std::size_t i = 0; i < size; ++i) {
-        const double half = std::sin(lam.data()[i] / 2);
-        walk.push_back(1 / (4 * half * half));
-    }
-    const std::vector<double> nothing(size);
-    const Bins bins(fastest(), std::vector<double>(lam.data(), lam.data() + size), nothing, nothing, walk, h);
+    unsigned read = 0;
+    for (const Word& word : words) read |= read_by(word.part);
+    const Bins bins(fastest(), std::vector<double>(lam.data(), lam.data() + size), read, h);
     Spectrum here(bins);
     here.at(words, eta.data());
     std::copy(here.total().begin(), here.total().end(), total.data());

@@ -11,6 +11,31 @@
 namespace fltea {
 namespace sentence {
 
+// Columns that only some parts read.
+enum Read : unsigned { kSquare = 1, kTurn = 2, kLogSize = 4, kBranch = 8, kAllColumns = 15 };
+
+inline unsigned read_by(Part part) {
+    switch (part) {
+        case kWhite:
+        case kFloor:
+        case kMean:
+            return 0;
+        case kResonance:
+            return kTurn;
+        case kOrder:
+        case kOrderByF:
+        case kOrderByf:
+        case kRise:
+            return kLogSize;
+        case kArfima:
+            return kLogSize | kSquare;
+        case kLowPass:
+            return kBranch;
+        default:
+            return kSquare;
+    }
+}
+
 struct Bins {
     const Kernel* kernel = nullptr;
     std::vector<double> counts, power, lam, square, cos1, sin1, ln_size, quarter, walk, spread, branch;
@@ -27,11 +52,23 @@ struct Bins {
           lam(std::move(frequencies)),
           walk(std::move(walks)),
           log_h(std::log(h)) {
-        for (std::size_t i = 0; i < size(); ++i) add(i);
-        for (const int turns : {0, -1, 1})
-            for (const double l : lam) branch.push_back(2 * std::log(std::fabs(2 * kPi * turns + l)));
+        fill(kAllColumns);
+        for (std::size_t i = 0; i < size(); ++i) {
+            ordinates += counts[i];
+            mean += counts[i] * power[i];
+        }
         if (size()) lowest = lam[0];
         mean /= ordinates;
+    }
+    // Frequencies at which there are no data, for the spectrum of parts that read these columns.
+    Bins(const Kernel& used, std::vector<double> frequencies, unsigned read, double h)
+        : kernel(&used),
+          counts(frequencies.size()),
+          power(frequencies.size()),
+          lam(std::move(frequencies)),
+          log_h(std::log(h)) {
+        fill(read);
+        for (const double one : square) walk.push_back(1 / one);
     }
 
     std::size_t size() const { return lam.size(); }
@@ -42,18 +79,25 @@ struct Bins {
     }
 
   private:
-    void add(std::size_t i) {
-        const double l = lam[i], half = std::sin(l / 2);
-        square.push_back(4 * half * half);
-        cos1.push_back(std::cos(l));
-        sin1.push_back(std::sin(l));
-        ln_size.push_back(std::log(2 * half));
-        quarter.push_back((kPi - l) / 2);
-        // Lines are taken to fill the space between neighbouring bins.
-        const double reach = (lam[i + 1 < size() ? i + 1 : i] - lam[i ? i - 1 : 0]) / 4;
-        spread.push_back(reach * reach / 3);
-        ordinates += counts[i];
-        mean += counts[i] * power[i];
+    void fill(unsigned read) {
+        for (std::size_t i = 0; i < size(); ++i) {
+            quarter.push_back((kPi - lam[i]) / 2);
+            // Lines are taken to fill the space between neighbouring bins.
+            const double reach = (lam[i + 1 < size() ? i + 1 : i] - lam[i ? i - 1 : 0]) / 4;
+            spread.push_back(reach * reach / 3);
+        }
+        for (const double l : lam) {
+            const double half = read & (kSquare | kLogSize) ? std::sin(l / 2) : 0.0;
+            if (read & kSquare) square.push_back(4 * half * half);
+            if (read & kLogSize) ln_size.push_back(std::log(2 * half));
+            if (read & kTurn) {
+                cos1.push_back(std::cos(l));
+                sin1.push_back(std::sin(l));
+            }
+        }
+        for (const int turns : {0, -1, 1})
+            for (const double l : lam)
+                if (read & kBranch) branch.push_back(2 * std::log(std::fabs(2 * kPi * turns + l)));
     }
 };
 

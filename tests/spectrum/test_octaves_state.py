@@ -16,11 +16,13 @@ def test_a_snapshot_goes_on_as_if_nothing_had_happened(before: int, after: int, 
     y = noise(before + after, 2, 1)
     octaves.add(y[:before])
     octaves.skip(3)
-    restored = Octaves.restore(2, memory, octaves.save())
-    assert octaves.save() == restored.save()
+    saved, copied = octaves.save(), octaves.copy()
+    restored = Octaves.restore(2, memory, saved)
+    assert saved == restored.save()
     for one in (octaves, restored):
         one.add(y[before:])
     assert octaves.save() == restored.save()
+    assert copied.save() == saved
     if after + before > 1000:
         p, q = octaves.periodogram(1, H), restored.periodogram(1, H)
         assert (p.power == q.power).all()

@@ -5,6 +5,8 @@ equations 7 to 10 and 13; also in W. J. Riley, NIST SP 1065 (2008), 5.4.1. The s
 which a block begins every m / S samples.
 """
 
+import functools
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -46,6 +48,7 @@ def full_overlap(power: ArrayLike, factors: ArrayLike, samples: int) -> Array:
     return degrees_of_freedom(power, m, terms, FULL_PARTS)
 
 
+@functools.lru_cache(maxsize=256)  # axes, and devices of one age, have most in common
 def _one(power: int, m: float, terms: float, parts: float) -> float:
     reach = min(terms, 3 * parts)
     j = np.arange(0.0, np.ceil(reach))

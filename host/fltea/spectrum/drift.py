@@ -65,6 +65,6 @@ def slow_power(
     if slow is None:
         return SlowPower(below_hz, offset=offset, offset_p=offset_p)
     weight = np.ones_like(slow.lam) if slow.weight is None else slow.weight
-    ratio = float(np.average(slow.power / model(slow.lam), weights=weight))
-    degrees = 2 * float(weight.sum())
+    ordinates = float(weight.sum())
+    ratio, degrees = float((slow.power / model(slow.lam) * weight).sum()) / ordinates, 2 * ordinates
     return SlowPower(below_hz, ratio, chi2_tail(ratio * degrees, degrees), offset, offset_p)

@@ -3,10 +3,14 @@
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from fltea.spectrum.drift import FALSE_ALARM, SlowPower
-from fltea.spectrum.frontier import Frontier
+from fltea.spectrum.frontier import Frontier, Sentence
 from fltea.spectrum.lines import Peak
+from fltea.spectrum.periodogram import AT_ONCE, Periodogram
 from fltea.spectrum.reading import Reading
+from fltea.spectrum.residuals import farthest
 from fltea.spectrum.stationarity import Change
 
 LEVEL = 0.05
@@ -40,12 +44,21 @@ class Evidence(NamedTuple):
     """The clean ordinates are between."""
     slow: SlowPower
     change: Change | None
-    residual_ks: float
-    """The distance of the cumulative periodogram over the best sentence with an order; 0 if there is none."""
+    clean: Periodogram
+    """The clean ordinates."""
     decides_s: float | None
     """Length of a record that tells the order from the sentence without one, where this one does not."""
     level: float = LEVEL
     """The level at which the null test rejects."""
+
+    def residual_ks(self, sentence: Sentence) -> float:
+        """Return the distance of the cumulative periodogram over a sentence from a line (`residuals`)."""
+        p = self.clean
+        ratio = np.empty_like(p.lam)
+        for begin in range(0, len(ratio), AT_ONCE):  # which takes less memory
+            part = slice(begin, begin + AT_ONCE)
+            ratio[part] = p.power[part] / sentence.spectrum(p.lam[part], p.h)
+        return farthest(ratio, p.weight)
 
     @property
     def drifts(self) -> bool:

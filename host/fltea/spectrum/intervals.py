@@ -209,7 +209,8 @@ def angle_walk(f: Frontier, sentence: Sentence) -> Interval:
         return Interval()
     slope = np.zeros(len(sentence.eta))
     slope[places] = rows[:, 0]
-    information = information_of(f, sentence) + 1e-9 * np.eye(len(slope))
+    whole = rows if len(fast) == len(words) else _slopes(f, sentence.codes, sentence.eta)[1]
+    information = (whole * f.data.counts) @ whole.T + 1e-9 * np.eye(len(slope))
     deviation = NORMAL_95 * math.sqrt(max(float(slope @ np.linalg.solve(information, slope)), 0.0))
     if not deviation < HARDLY_KNOWN:
         return Interval()

@@ -12,19 +12,23 @@ import numpy as np
 from fltea.records.arrays import Array
 from fltea.spectrum.null_constants import COEFFICIENTS, PROBABILITIES
 
+_COEFFICIENTS = np.array(COEFFICIENTS).T
+_PROBABILITIES = np.array(PROBABILITIES)
+_LOGARITHMS = np.log(_PROBABILITIES)
+
 
 def p_value(likelihood_ratio: float, ordinates: float) -> float:
     """Return the probability that white noise gives this ratio or more, with so many ordinates."""
     quantiles = critical_values(ordinates)
-    probabilities = np.array(PROBABILITIES)
     if likelihood_ratio <= quantiles[0]:
         share = max(likelihood_ratio, 0.0) / quantiles[0]
-        return float(1 - share * (1 - probabilities[0]))
+        return float(1 - share * (1 - _PROBABILITIES[0]))
     if likelihood_ratio >= quantiles[-1]:
-        return float(probabilities[-1] * math.exp(-(likelihood_ratio - quantiles[-1]) / 2))
-    return float(np.exp(np.interp(likelihood_ratio, quantiles, np.log(probabilities))))
+        return float(_PROBABILITIES[-1] * math.exp(-(likelihood_ratio - quantiles[-1]) / 2))
+    return float(np.exp(np.interp(likelihood_ratio, quantiles, _LOGARITHMS)))
 
 
 def critical_values(ordinates: float) -> Array:
     """Return the ratios that white noise exceeds with `PROBABILITIES`, from 50 % down to 0.1 %."""
-    return np.asarray(np.polynomial.polynomial.polyval(math.log10(ordinates), np.array(COEFFICIENTS).T))
+    x, (c, b, a) = math.log10(ordinates), _COEFFICIENTS
+    return np.asarray((a * x + b) * x + c)

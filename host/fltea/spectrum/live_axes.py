@@ -97,7 +97,7 @@ class LiveAxes:
     @property
     def noticed(self) -> int:
         """The number of steps and changes of all axes so far."""
-        return sum(one.steps + one.changes for one in map(self._octaves.counts, range(len(self.axes))))
+        return self._octaves.noticed
 
     def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
         """Fit every axis; arguments as for `look`."""
@@ -165,14 +165,16 @@ class LiveAxes:
             needed = f"{counts.used:,} of the {FEWEST_SAMPLES} without a break that a fit needs"
             text = f"Too few samples yet: {needed}."
             return Looked(AxisFit("too few samples", text, self.unit), None)
-        return self._axis_fit(octaves, lane, seen, whole if curves else None)
+        return self._axis_fit(octaves, lane, counts.used, seen, whole if curves else None)
 
-    def _axis_fit(self, octaves: Octaves, lane: int, seen: Spectral, drawn: Periodogram | None) -> Looked:
+    def _axis_fit(
+        self, octaves: Octaves, lane: int, used: int, seen: Spectral, drawn: Periodogram | None
+    ) -> Looked:
         """Return what the record says of an axis; drawn: what the curves are drawn from."""
         e, f = seen.evidence, seen.evidence.frontier
         verdict = decide(e)
         noise = winner(e, verdict)
-        tracked = f.order if f.order is not None and verdict.has_order else noise
+        tracked = f.order if verdict.has_order and f.order is not None else noise
         order, seconds = verdict.order, None
         if order.alpha.value is not None and f.order is not None:
             longest_s = REMEMBERED * self._memory * self.h if self._memory else None
@@ -200,7 +202,7 @@ class LiveAxes:
             allan=allan,
             spectrum=spectrum,
         )
-        return Looked(fit, Noise(tracked.parts(self.h), e.drifts, octaves.counts(lane).used))
+        return Looked(fit, Noise(tracked.parts(self.h), e.drifts, used))
 
 
 def _R(N: Interval, h: float) -> Interval:

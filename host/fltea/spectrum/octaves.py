@@ -13,6 +13,7 @@ With a memory of M samples nothing older than two M is in the figures, and betwe
 """
 
 import functools
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -189,6 +190,12 @@ class Octaves:
         result._native.load(data)
         return result
 
+    def copy(self) -> "Octaves":
+        """Return what does not see the samples that are still to come."""
+        result = object.__new__(Octaves)
+        result._native = _native.Octaves(self._native)
+        return result
+
     @property
     def samples(self) -> int:
         """The number of samples of a lane that were taken, whatever became of them."""
@@ -200,6 +207,11 @@ class Octaves:
         counts, constant = self._native.counts(lane)
         taken, _, bridged, lost, gaps, knocks, knocked, steps, changes, *rest = counts
         return Counts(taken - knocked, bridged, lost, gaps, knocks, knocked, steps, changes, constant, *rest)
+
+    @property
+    def noticed(self) -> int:
+        """The number of steps and changes of all lanes so far."""
+        return self._native.noticed()
 
     def periodogram(self, lane: int, h: float) -> Periodogram:
         """Return the spectrum of a lane sampled every h seconds, with weights.
@@ -269,7 +281,10 @@ def put_together(parts: Sequence[Lines], h: float, n: int) -> Periodogram:
     Raises:
         ValueError: there are too few.
     """
-    lam, power, weight = in_order(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    # Without gaps the lines rise from the last part to the first.
+    lam, power, weight = map(np.concatenate, zip(*reversed(parts), strict=True))
+    if not (lam[1:] > lam[:-1]).all():
+        lam, power, weight = in_order(*map(np.concatenate, zip(*parts, strict=True)))
     check_enough(len(lam), n)
     return Periodogram(lam, power, h, n, weight)
 
@@ -349,7 +364,8 @@ def _drifts(values: Array, amplitudes: Array) -> bool:
 
 
 def _stretches(values: NDArray[np.float32], lengths: NDArray[np.int32]) -> list[NDArray[np.float32]]:
-    parts = np.split(values, np.cumsum(lengths)[:-1]) if len(lengths) else []
+    ends = itertools.accumulate(lengths.tolist())
+    parts = (values[end - length : end] for end, length in zip(ends, lengths.tolist(), strict=True))
     return [part for part in parts if len(part) >= SHORTEST]
 
 
@@ -376,8 +392,6 @@ def in_order(lam: Array, power: Array, weight: Array) -> Lines:
     """Return the lines rising in frequency; those at the same one become their average."""
     order = np.argsort(lam)
     lam, power, weight = lam[order], power[order], weight[order]
-    if (lam[1:] > lam[:-1]).all():
-        return lam, power, weight
     unique, place = np.unique(lam, return_inverse=True)
     total = np.bincount(place, weight).astype(np.float64)
     return unique, np.bincount(place, weight * power) / total, total

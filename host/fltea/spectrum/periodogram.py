@@ -190,14 +190,17 @@ def binned(p: Periodogram) -> Binned:
 
 def bin_starts(lam: Array, n: int, wider: float = 1.0) -> NDArray[np.intp]:
     """Return where in `lam` each bin begins; the edges depend on n only, whatever is left out."""
-    starts = np.searchsorted(lam, _edges(n, wider), side="left").clip(max=len(lam) - 1)
-    return starts[np.diff(starts, prepend=-1) > 0]
+    starts = np.minimum(np.searchsorted(lam, _edges(n, wider)), len(lam) - 1)
+    others = np.ones(len(starts), dtype=np.bool_)
+    np.greater(starts[1:], starts[:-1], out=others[1:])
+    return np.asarray(starts[others])
 
 
 @functools.lru_cache(maxsize=16)
 def _edges(n: int, wider: float) -> Array:
     step = 2 * math.pi / n
-    edges = [(LOWEST - 0.5) * step]
-    while edges[-1] < math.pi:
-        edges.append(edges[-1] + max(step, wider * min(GROWTH * edges[-1], WIDEST)))
-    return np.array(edges[:-1])
+    edge, edges = (LOWEST - 0.5) * step, []
+    while edge < math.pi:
+        edges.append(edge)
+        edge += max(step, wider * min(GROWTH * edge, WIDEST))
+    return np.array(edges)

@@ -174,8 +174,8 @@ def _ends(f: Frontier, from_hz: float) -> tuple[float, float]:
     """
     low = np.array([min(max(2 * np.pi * from_hz * f.h, 1e-3), np.pi)])
     high = f.data.lam >= min(HIGHEST * np.pi, f.data.lam[-1])
-    density = f.plain.spectrum(f.data.lam, f.h)[high]
-    return float(f.plain.spectrum(low, f.h)[0]), float(np.average(density, weights=f.data.counts[high]))
+    density, counts = f.plain.spectrum(f.data.lam, f.h)[high], f.data.counts[high]
+    return float(f.plain.spectrum(low, f.h)[0]), float((density * counts).sum() / counts.sum())
 
 
 def _lowest(part: Relaxation, h: float) -> float:

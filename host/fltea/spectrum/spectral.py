@@ -15,15 +15,14 @@ import numpy as np
 from fltea.records.arrays import Array
 from fltea.spectrum.drift import drift_hz, slow_power
 from fltea.spectrum.evidence import APART, LEVEL, Evidence, apart
-from fltea.spectrum.frontier import Frontier, Sentence, native
+from fltea.spectrum.frontier import Frontier, native
 from fltea.spectrum.how_long import seconds_to_tell
 from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.octaves import BandCells, Drift
-from fltea.spectrum.periodogram import AT_ONCE, FEWEST, Periodogram, binned
+from fltea.spectrum.periodogram import FEWEST, Periodogram, binned
 from fltea.spectrum.reading import read
-from fltea.spectrum.residuals import farthest
 from fltea.spectrum.stationarity import Change, find_change
 
 Bands = tuple[tuple[float, float], ...]
@@ -184,7 +183,7 @@ def examine(
             None if slow_line else drift,
         ),
         change=looks.looked("change", ordinates, change),
-        residual_ks=0.0 if ordered is None else _residual_ks(clean, ordered),
+        clean=clean,
         decides_s=looks.looked("decides", ordinates, lambda: seconds_to_tell(frontier, duration_s, APART))
         if close
         else None,
@@ -197,14 +196,6 @@ def examine(
 def null_ratio(p: Periodogram) -> float:
     """Return the null test's ratio on some ordinates, which is searched for from all starts."""
     return Looks().null_ratio("", p)
-
-
-def _residual_ks(p: Periodogram, sentence: Sentence) -> float:
-    ratio = np.empty_like(p.lam)
-    for begin in range(0, len(ratio), AT_ONCE):  # which takes less memory
-        part = slice(begin, begin + AT_ONCE)
-        ratio[part] = p.power[part] / sentence.spectrum(p.lam[part], p.h)
-    return farthest(ratio, p.weight)
 
 
 def _above_slow_lines(peaks: tuple[Peak, ...], lowest_hz: float) -> float:

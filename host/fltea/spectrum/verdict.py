@@ -80,7 +80,7 @@ def winner(e: Evidence, verdict: Verdict) -> Sentence:
     Where the data do not tell whether there is an order, it is the one of lower BIC.
     """
     f = e.frontier
-    if f.order is not None and verdict.has_order and (verdict.kind == "fractional" or f.lead > 0):
+    if verdict.has_order and f.order is not None and (verdict.kind == "fractional" or f.lead > 0):
         return f.order
     return f.plain
 
@@ -144,10 +144,8 @@ def _claimed(e: Evidence, q: _Questions) -> bool:
         "at its limit" if order is None else f"{order:.2f}",
     ):
         return False
-    critical = kolmogorov(max(e.level, LEAST_RESIDUAL_LEVEL))
-    return q.ask(
-        "Are its residuals white?", e.residual_ks < critical, f"{e.residual_ks:.2f}, at most {critical:.2f}"
-    )
+    critical, found = kolmogorov(max(e.level, LEAST_RESIDUAL_LEVEL)), e.residual_ks(f.ordered)
+    return q.ask("Are its residuals white?", found < critical, f"{found:.2f}, at most {critical:.2f}")
 
 
 def _either(e: Evidence, q: _Questions) -> bool:
