@@ -71,8 +71,8 @@ class Lines {
         }
     }
 
-    // Rows begin, begin + step, … of the columns, of which those without a hole may be anything.
-    nb::bytes write(nb::list columns, size_t begin, size_t end, size_t step) const {
+    // Adds rows begin, begin + step, … of the columns, of which those without a hole may be anything.
+    void add(nb::bytearray into, nb::list columns, size_t begin, size_t end, size_t step) const {
         std::vector<std::optional<Column>> held(columns.size());
         std::vector<Cells> cells;
         for (const auto& [column, place] : holes_) {
@@ -82,14 +82,16 @@ class Lines {
         }
         if (step == 0) throw nb::value_error("rows follow one another");
         const size_t rows = begin < end ? (end - begin - 1) / step + 1 : 0;
-        std::string lines(rows * room_, '\0');
-        char* out = lines.data();
+        const size_t before = into.size();
+        into.resize(before + rows * room_);
+        char* const first = static_cast<char*>(into.data()) + before;
+        char* out = first;
         {
             const LockGivenAway given(rows);
             for (size_t row = begin, i = 0; i < rows; ++i, row += step)
                 out = write_row(cells, static_cast<int64_t>(row), out);
         }
-        return nb::bytes(lines.data(), static_cast<size_t>(out - lines.data()));
+        into.resize(before + static_cast<size_t>(out - first));
     }
 
   private:
@@ -158,5 +160,6 @@ void bind_lines(nb::module_& m) {
     nb::class_<Lines>(m, "Lines")
         .def(nb::init<const std::vector<nb::bytes>&, std::vector<std::pair<size_t, size_t>>, bool>(),
              nb::arg("texts"), nb::arg("holes"), nb::arg("nulls"))
-        .def("write", &Lines::write, nb::arg("columns"), nb::arg("begin"), nb::arg("end"), nb::arg("step"));
+        .def("add", &Lines::add, nb::arg("into"), nb::arg("columns"), nb::arg("begin"), nb::arg("end"),
+             nb::arg("step"));
 }

@@ -39,13 +39,19 @@ class BlockLines:
 
     def of(self, block: Block, wanted: Wanted, rows: range) -> bytes:
         """Return the records of some rows, a line each."""
+        found = bytearray()
+        self.add(found, block, wanted, rows)
+        return bytes(found)
+
+    def add(self, into: bytearray, block: Block, wanted: Wanted, rows: range) -> None:
+        """Add them to what is there."""
         place, said = (block.device, wanted), _said(block)
         known = self._known.get(place)
         if known is None or known[0] != said:
             if len(self._known) >= MOST:
                 self._known.clear()
             known = self._known[place] = said, _lines(block, wanted)
-        return known[1].write(_columns(block), rows.start, rows.stop, rows.step)
+        known[1].add(into, _columns(block), rows.start, rows.stop, rows.step)
 
 
 def _said(block: Block) -> object:

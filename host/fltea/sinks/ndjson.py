@@ -9,7 +9,7 @@ from fltea.records.block import Block
 from fltea.records.ports import Item, Sink, SinkClosed
 from fltea.sinks.lines import BlockLines, Wanted
 
-BUFFER = 1 << 16
+BUFFER = 1 << 20
 FULL_S = 0.005
 
 
@@ -33,7 +33,7 @@ class NdjsonSink(Sink):
     def write(self, item: Item) -> None:
         """Add a line a record."""
         if isinstance(item, Block):
-            self._pending += self._lines.of(item, self._wanted, item.due_rows)
+            self._lines.add(self._pending, item, self._wanted, item.due_rows)
         else:
             self._encoder.encode_into(item, self._pending, -1)
             self._pending += b"\n"

@@ -3,12 +3,13 @@
 `estimator.bank` has the live form.
 """
 
+import functools
 import math
 
 import msgspec
 import numpy as np
 
-from fltea.noise.distributions import NORMAL_95, chi2_tail
+from fltea.noise.distributions import NORMAL_95, chi2_quantile, chi2_tail
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 
@@ -100,4 +101,10 @@ def describes(samples: int, ljung_box: float) -> bool:
 
     Where they are not, neither the filter's α and f nor their deviations say anything of the noise.
     """
-    return math.sqrt(ljung_box / samples) <= COLOURED or chi2_tail(ljung_box, LAGS) > COLOURED_P
+    return math.sqrt(ljung_box / samples) <= COLOURED or ljung_box < _coloured()
+
+
+@functools.cache
+def _coloured() -> float:
+    """Return what the statistic of white innovations exceeds with the probability COLOURED_P."""
+    return float(chi2_quantile(1 - COLOURED_P, [LAGS])[0])

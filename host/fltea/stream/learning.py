@@ -18,6 +18,7 @@ from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 from fltea.records.records import GYRO_UNIT
 from fltea.spectrum.live_axes import Noise
+from fltea.spectrum.wording import names
 
 ENOUGH = 3000
 """Samples: a fit of fewer knows too little of what is slow, and the bank of walks goes on."""
@@ -34,6 +35,8 @@ class Learned(NamedTuple):
     """A noise, and what follows for its filter."""
 
     noise: Noise
+    model: str
+    """The names of its parts."""
     system: System
     K: Interval
     """How the offset walks, as of `OffsetWalk`."""
@@ -77,7 +80,8 @@ class Learner(NamedTuple):
             stds = heading_stds(found, P, self.h, AHEAD_S) if self.unit == GYRO_UNIT else ()
         except (ValueError, ArithmeticError):  # at the edge of what is stationary: the last one goes on
             return before
-        return Learned(noise, found, walk.K(self.h), P, self.h, dict(zip(AHEAD_S, stds, strict=False)))
+        model = names(map(type, noise.parts))
+        return Learned(noise, model, found, walk.K(self.h), P, self.h, dict(zip(AHEAD_S, stds, strict=False)))
 
 
 def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:

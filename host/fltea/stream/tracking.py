@@ -22,7 +22,6 @@ from fltea.records.stats import TrackerStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import describes
-from fltea.spectrum.wording import names
 from fltea.stream.learning import Learned, Learner
 from fltea.stream.live import LiveFits, SettledFit, settled_by
 from fltea.stream.stages import Beginning, Item, Saved, Stage, Standing
@@ -89,7 +88,7 @@ class SensorTracks:
             holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
             words, K, headings = "walks", UNDEFINED, dict[int, float]()
             if (learned := self._learned.get(axis)) is not None:
-                words, K, headings = names(map(type, learned.noise.parts)), learned.K, learned.headings
+                words, K, headings = learned.model, learned.K, learned.headings
             bias, std = (float(x) if math.isfinite(x) else None for x in biases)
             yield (
                 axis,
