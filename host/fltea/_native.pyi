@@ -5,7 +5,7 @@ spectra.
 """
 
 from collections.abc import Callable
-from typing import Any, Literal, overload
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -350,12 +350,7 @@ class Tracker:
 
 class Octaves:
     # ValueError for no lanes, and for a memory that is neither 0 nor 256 to 10^12 samples.
-    @overload
     def __init__(self, lanes: int, memory: float) -> None: ...
-
-    # A copy.
-    @overload
-    def __init__(self, other: Octaves) -> None: ...
 
     # y (rows, lanes) float64. ValueError for a wrong shape, and for numbers that are not finite or too large.
     def add(self, y: NDArray[np.float64]) -> None: ...

@@ -204,7 +204,6 @@ void bind_octaves(nb::module_& m) {
     m.def("half_band_gain", &fltea::half_band_gain, nb::arg("angle"));
     nb::class_<Octaves>(m, "Octaves")
         .def(nb::init<size_t, double>(), nb::arg("lanes"), nb::arg("memory"))
-        .def(nb::init<const Octaves&>(), nb::arg("other"))
         .def("add", &Octaves::add, nb::arg("y"))
         .def("add_at_rest", &Octaves::add_at_rest, nb::arg("y"), nb::arg("moving"), nb::arg("longest"))
         .def("skip", &Octaves::skip, nb::arg("count"))

@@ -190,12 +190,6 @@ class Octaves:
         result._native.load(data)
         return result
 
-    def copy(self) -> "Octaves":
-        """Return what does not see the samples that are still to come."""
-        result = object.__new__(Octaves)
-        result._native = _native.Octaves(self._native)
-        return result
-
     @property
     def samples(self) -> int:
         """The number of samples of a lane that were taken, whatever became of them."""
