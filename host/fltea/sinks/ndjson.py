@@ -9,7 +9,7 @@ from fltea.records.block import Block
 from fltea.records.ports import Item, Sink, SinkClosed
 from fltea.sinks.lines import BlockLines, Wanted
 
-BUFFER = 1 << 20
+BUFFER = 1 << 18
 FULL_S = 0.005
 
 

@@ -24,6 +24,7 @@ from fltea.settings.ingest import is_partitioned
 from fltea.stream.beside import Beside
 from fltea.stream.board import BoardEstimates
 from fltea.stream.decode import Decoded, Decoder
+from fltea.stream.gathering import Gathering
 from fltea.stream.host import HostEstimates
 from fltea.stream.live import LiveFits
 from fltea.stream.snapshot import (
@@ -74,8 +75,10 @@ class Pipeline:
         self._stats_ns, self._stats_offset_ns = stats_s * SECOND_NS, number % stats_s * SECOND_NS
         self._source, self._config, self._outputs, self._state = source, config, outputs, state
         self._decoder = Decoder(
-            lambda: source.unix_offset_ns, config.link.max_gap, config.name, config.output
+            lambda: self._source_offset_ns, config.link.max_gap, config.name, config.output
         )
+        gathers = not (watched or source.prompt or config.estimator.estimate_on in BY_DEVICE)
+        self._gathering = Gathering(self._decoder.place) if gathers else None
         self._refuse, self._watched = refuse, watched
         fits = LiveFits(config, prompt=source.prompt, watched=watched, beside=beside, number=number)
         self._fits = fits if config.live.on else None
@@ -86,7 +89,7 @@ class Pipeline:
         self._sample_ns: int | None = None
         self._last: LastSample | None = None
         self._no_axis_reported = False
-        self._offset_ns = source.unix_offset_ns
+        self._offset_ns = self._source_offset_ns = source.unix_offset_ns
 
     def feed(self, event: Event) -> Iterator[Output]:
         """Yield what one event leads to.
@@ -94,6 +97,15 @@ class Pipeline:
         Raises:
             UsageError: a fixed bias or R that does not fit the axes.
         """
+        offset_ns = self._source.unix_offset_ns
+        if self._gathering is None:
+            yield from self._feed(event, offset_ns)
+        else:
+            for taken in self._gathering.take(event, offset_ns):
+                yield from self._feed(*taken)
+
+    def _feed(self, event: Event, offset_ns: int) -> Iterator[Output]:
+        self._source_offset_ns = offset_ns
         for part in _by_second(event) if self._watched else (event,):
             yield from self._on_time(part)
             for found in self._decoder.feed(part):
@@ -129,7 +141,7 @@ class Pipeline:
         if host_ns is not None:
             self._now_ns = host_ns
         if self._decoder.timebase is None:  # the source may not have known the date before
-            self._offset_ns = self._source.unix_offset_ns
+            self._offset_ns = self._source_offset_ns
         second = (self._now_ns + self._stats_offset_ns) // self._stats_ns
         if self._second is not None and second > self._second and self._watched:
             yield self.stats()
@@ -153,7 +165,7 @@ class Pipeline:
         name, resumed_after_s, between = self._config.name, None, 0
         self._now_ns = int(raw.host_ns[0])
         if reason is not None:
-            self._offset_ns = self._source.unix_offset_ns
+            self._offset_ns = self._source_offset_ns
             notices, reason, resumed_after_s, between = self._begin(decoded, reason)
             yield from self._records(notices)
         first = int(block.seq[0])
@@ -221,6 +233,8 @@ class Pipeline:
 
     def finish(self, *, last_fit: bool = True, whole: bool = False) -> Iterator[Output]:
         """What comes at the end: a fit of everything, and the statistics; whole: the source has no more."""
+        for taken in self._gathering.rest() if self._gathering is not None else ():
+            yield from self._feed(*taken)
         if self._fits is not None and last_fit:
             yield from self._records(self._fits.last())
         stats = self.stats()

@@ -130,6 +130,10 @@ class Place:
         self._seq, self._device_us, self._last = self._seq + count, device_us[-1], before
         return Piece(raw, seq, np.array(device_us[1:]))
 
+    def follow_on(self, raw: RawBlock) -> bool:
+        """Tell whether all of them follow on what was there, without a gap or an epoch."""
+        return bool(self._follow_on(raw).all())
+
     def _follow_on(self, raw: RawBlock) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
         """Which samples are the next after the one before them by number, device's and host's clock; (n,)."""
         last, hello = self._last, self.hello
