@@ -17,14 +17,15 @@ TICK_S = 0.5
 
 TICK_NS = int(TICK_S * 1e9)
 
-LONG_ROUND_S, LONGEST_REST_S = 0.005, 0.05
+MANY_PORTS, LONG_ROUND_S, LONGEST_REST_S = 25, 0.005, 0.05
 """After a long round over many ports nothing is taken for as long: the outputs get their turn, and the next
-round finds more samples at each port, which cost less together than one by one."""
+round finds more samples at each port, which cost less together than one by one. A round over fewer is long
+only now and then, when it waited for others, and a rest would make the next samples late too."""
 
 
 def rest_s(round_s: float, ports: int) -> float:
     """How long to rest after a round that gave something of so many ports."""
-    return min(round_s, LONGEST_REST_S) if ports > 1 and round_s > LONG_ROUND_S else 0.0
+    return min(round_s, LONGEST_REST_S) if ports >= MANY_PORTS and round_s > LONG_ROUND_S else 0.0
 
 
 @dataclass
