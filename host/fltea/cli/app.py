@@ -30,9 +30,6 @@ EXIT_CODES = (
     "input file is wrong. 130: interrupted by Ctrl-C."
 )
 
-GARBAGE_AFTER = 20_000
-"""Objects that are made, and are still there, until cycles are looked for."""
-
 app = typer.Typer(
     name="fltea",
     no_args_is_help=True,
@@ -52,9 +49,7 @@ def main() -> None:
     """Run the command; every expected failure is one line on stderr and an exit code."""
     # Matrices are small here; a thread that waits for large ones would spin for 1.5 % of a core.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Hardly anything here is a cycle: to look for them all the time would take a twentieth of a run.
-    gc.freeze()
-    gc.set_threshold(GARBAGE_AFTER)
+    gc.freeze()  # what has been loaded stays
     atexit.register(gc.freeze)  # or the interpreter, which ends, looks for cycles in all there is: 40 ms
     try:
         if sys.stdout is None:
