@@ -320,6 +320,34 @@ class Remembered:
     # NaN while it had seen too little, and once a system was set.
     def of_walks(self) -> float: ...
 
+# Whether the axes are the accelerometer's, their columns, what takes the samples (sums, and samples of the
+# longest
+# motion; estimates), which axes wait to be settled, and the numbers of Known.
+SteadySensor = tuple[bool, list[int], Tracker, Octaves | None, int, Bank | None, list[bool], list[float]]
+
+class Steady:
+    # rule (4), scales (4) and line (7) as of FollowRule, Scales and Line.
+    def __init__(
+        self,
+        rule: tuple[float, ...],
+        scale: tuple[float | None, ...],
+        line: tuple[float, ...],
+        sensors: list[SteadySensor],
+    ) -> None: ...
+
+    # The columns of a block but for flags; of each sensor those of Tracks and of AxisColumns, alpha and its
+    # deviation
+    # of the last sample, and losses; Newest; OpenSecond.
+    def run(
+        self,
+        raw: tuple[Any, ...],
+        newest: tuple[int, ...],
+        stop: int,
+        until_ns: int,
+        last_ns: int,
+        earliest: tuple[float, float] | None,
+    ) -> Any | None: ...
+
 class Tracker:
     # ValueError for no lanes.
     def __init__(self, offsets: list[float | None]) -> None: ...

@@ -14,6 +14,7 @@
 #include "axis_bank.hpp"
 #include "engine_binding.hpp"
 #include "number_io.hpp"
+#include "sensor_parts.hpp"
 
 namespace nb = nanobind;
 
@@ -23,12 +24,8 @@ using fltea::AxisBank;
 using fltea::LaneRunner;
 using fltea::Lost;
 using fltea::engine::LaneSettings;
-using Places = nb::ndarray<uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Mask = nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-// Half, so that it stays within what the engine takes when the bias is taken off.
-constexpr double kLargestOffset = kLargestInput / 2;
 
 // They are bridged one by one.
 constexpr size_t kMostSkipped = 10'000'000;
@@ -50,7 +47,7 @@ std::vector<Moments> moments(Rows y, double resolution) {
     return result;
 }
 
-class Bank {
+class Bank : public SensorBank {
   public:
     explicit Bank(size_t axes) : bank_(checked(axes)) {}
 
@@ -64,7 +61,7 @@ class Bank {
             throw nb::value_error(
                 "y, valid and white must have shape (rows, axes), out (columns, rows, axes)");
         }
-        check_numbers("y", y.data(), rows, axes, nullptr, kLargestOffset);
+        check_numbers("y", y.data(), rows, axes, nullptr, kLargestSample);
         fltea::BankBlock block;
         for (size_t i = 0; i < columns; ++i) block.columns[i] = out.data() + i * rows * axes;
         block.valid = valid.data();
@@ -72,10 +69,14 @@ class Bank {
         std::vector<Lost> lost;
         {
             const LockGivenAway given(rows);
-            const std::lock_guard<std::mutex> alone(mutex_);
-            bank_.run(y.data(), rows, block, lost);
+            run(y.data(), rows, block, lost);
         }
         return as_list(lost);
+    }
+
+    void run(const double* y, size_t rows, const fltea::BankBlock& out, std::vector<Lost>& lost) override {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        bank_.run(y, rows, out, lost);
     }
 
     nb::list skip(size_t count) {
@@ -106,7 +107,7 @@ class Bank {
             throw nb::value_error("settings, bias and live must have one entry an axis");
         }
         for (size_t axis = 0; axis < axes; ++axis) {
-            if (!(std::fabs(bias.data()[axis]) <= kLargestOffset)) {
+            if (!(std::fabs(bias.data()[axis]) <= kLargestSample)) {
                 throw nb::value_error("a bias must be finite and within 5e99");
             }
         }
@@ -214,11 +215,12 @@ class Bank {
 }  // namespace
 
 void bind_bank(nb::module_& m) {
-    m.attr("LARGEST_OFFSET") = kLargestOffset;
+    m.attr("LARGEST_OFFSET") = kLargestSample;
     m.def("moments", &moments, nb::arg("y"), nb::arg("resolution"));
-    nb::class_<Bank>(m, "Bank")
+    nb::class_<Bank, SensorBank>(m, "Bank")
         .def(nb::init<size_t>(), nb::arg("axes"))
-        .def("run", &Bank::run, nb::arg("y"), nb::arg("out"), nb::arg("valid"), nb::arg("white"))
+        .def("run", nb::overload_cast<Rows, Results, Places, Places>(&Bank::run), nb::arg("y"),
+             nb::arg("out"), nb::arg("valid"), nb::arg("white"))
         .def("skip", &Bank::skip, nb::arg("count"))
         .def("window", &Bank::window, nb::arg("resolution"))
         .def("start", &Bank::start, nb::arg("instruction_set"), nb::arg("joint"), nb::arg("guard"),

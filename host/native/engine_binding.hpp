@@ -13,6 +13,7 @@
 
 using Rows = nanobind::ndarray<const double, nanobind::ndim<2>, nanobind::c_contig, nanobind::device::cpu>;
 using Flags = nanobind::ndarray<const uint8_t, nanobind::ndim<2>, nanobind::c_contig, nanobind::device::cpu>;
+using Places = nanobind::ndarray<uint8_t, nanobind::ndim<2>, nanobind::c_contig, nanobind::device::cpu>;
 using Results = nanobind::ndarray<double, nanobind::ndim<3>, nanobind::c_contig, nanobind::device::cpu>;
 using Counts = nanobind::ndarray<int32_t, nanobind::ndim<2>, nanobind::c_contig, nanobind::device::cpu>;
 
@@ -63,4 +64,5 @@ void bind_allan(nanobind::module_& m);
 void bind_lines(nanobind::module_& m);
 void bind_mcap(nanobind::module_& m);
 void bind_octaves(nanobind::module_& m);
+void bind_steady(nanobind::module_& m);
 void bind_tracker(nanobind::module_& m);

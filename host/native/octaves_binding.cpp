@@ -11,6 +11,7 @@
 #include "engine_binding.hpp"
 #include "number_io.hpp"
 #include "octaves.hpp"
+#include "sensor_parts.hpp"
 
 namespace nb = nanobind;
 
@@ -19,7 +20,6 @@ namespace {
 using Lane = fltea::Octaves<double>;
 using Ladder = fltea::engine::OctaveLadder<fltea::RealSpectrum<double>>;
 
-constexpr double kLargestSample = kLargestInput / 2;
 constexpr double kLeastMemory = 256, kMostMemory = 1e12;
 constexpr double kMostSamples = 1e15;
 
@@ -28,7 +28,7 @@ nb::bytes bytes_of(const T* values, size_t n) {
     return nb::bytes(values, n * sizeof(T));
 }
 
-class Octaves {
+class Octaves : public SensorSums {
   public:
     Octaves(size_t lanes, double memory) : memory_(memory) {
         if (lanes == 0) throw nb::value_error("there must be at least one lane");
@@ -49,18 +49,20 @@ class Octaves {
         for (size_t i = 0; i < lanes; ++i) lanes_[i].add(y.data() + i, rows, lanes);
     }
 
-    void add_at_rest(Rows y, nb::ndarray<const uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> moving,
-                     double longest) {
+    void add_at_rest(Rows y, Flags moving, double longest) {
         const size_t rows = y.shape(0), lanes = lanes_.size();
         if (y.shape(1) != lanes || moving.shape(0) != rows || moving.shape(1) != lanes)
             throw nb::value_error("y and moving must have shape (rows, lanes)");
         check_numbers("y", y.data(), rows, lanes, nullptr, kLargestSample);
         if (!(longest >= 0 && longest <= kMostSamples)) throw nb::value_error("no motion lasts so long");
-        const uint8_t* const flags = moving.data();
         const LockGivenAway given(rows);
+        add(y.data(), moving.data(), rows, static_cast<uint64_t>(longest));
+    }
+
+    void add(const double* y, const uint8_t* moving, size_t rows, uint64_t longest) override {
+        const size_t lanes = lanes_.size();
         const std::lock_guard<std::mutex> alone(mutex_);
-        for (size_t i = 0; i < lanes; ++i)
-            lanes_[i].add(y.data() + i, flags + i, rows, lanes, static_cast<uint64_t>(longest));
+        for (size_t i = 0; i < lanes; ++i) lanes_[i].add(y + i, moving + i, rows, lanes, longest);
     }
 
     void skip(double count) {
@@ -202,9 +204,9 @@ void bind_octaves(nb::module_& m) {
     m.attr("OCTAVES_LINES") =
         nb::make_tuple(static_cast<int>(Ladder::kTopLines), static_cast<int>(Ladder::kLines));
     m.def("half_band_gain", &fltea::half_band_gain, nb::arg("angle"));
-    nb::class_<Octaves>(m, "Octaves")
+    nb::class_<Octaves, SensorSums>(m, "Octaves")
         .def(nb::init<size_t, double>(), nb::arg("lanes"), nb::arg("memory"))
-        .def("add", &Octaves::add, nb::arg("y"))
+        .def("add", nb::overload_cast<Rows>(&Octaves::add), nb::arg("y"))
         .def("add_at_rest", &Octaves::add_at_rest, nb::arg("y"), nb::arg("moving"), nb::arg("longest"))
         .def("skip", &Octaves::skip, nb::arg("count"))
         .def("merge", &Octaves::merge, nb::arg("other"))

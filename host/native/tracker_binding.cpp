@@ -13,6 +13,7 @@
 
 #include "engine_binding.hpp"
 #include "number_io.hpp"
+#include "sensor_parts.hpp"
 #include "tracker.hpp"
 
 namespace nb = nanobind;
@@ -24,9 +25,7 @@ using System = fltea::track::System<fltea::track::kMost>;
 using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Matrix = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
-constexpr double kLargestSample = kLargestInput / 2;
 constexpr double kLargestStep = 1e200;
-enum { kColumns = 5 };
 
 void copy(const Vector& from, double* to, size_t n) {
     if (from.shape(0) != n) throw nb::value_error("the system's columns differ in length");
@@ -102,7 +101,7 @@ class Remembered {
     double of_walks_;
 };
 
-class Tracker {
+class Tracker : public SensorTracker {
   public:
     explicit Tracker(const std::vector<std::optional<double>>& offsets) : offsets_(offsets) {
         if (offsets.empty()) throw nb::value_error("there must be at least one lane");
@@ -110,26 +109,29 @@ class Tracker {
     }
 
     // out: (columns, rows, lanes); moving: (rows, lanes).
-    void run(Rows y, nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu> out,
-             nb::ndarray<uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> moving) {
-        const size_t rows = y.shape(0), lanes = lanes_.size(), all = rows * lanes;
-        if (y.shape(1) != lanes || out.shape(0) != static_cast<size_t>(kColumns) || out.shape(1) != rows ||
-            out.shape(2) != lanes || moving.shape(0) != rows || moving.shape(1) != lanes)
+    void run(Rows y, Results out, Places moving) {
+        const size_t rows = y.shape(0), lanes = lanes_.size();
+        if (y.shape(1) != lanes || out.shape(0) != static_cast<size_t>(kTrackedColumns) ||
+            out.shape(1) != rows || out.shape(2) != lanes || moving.shape(0) != rows ||
+            moving.shape(1) != lanes)
             throw nb::value_error("y must have shape (rows, lanes)");
         check_numbers("y", y.data(), rows, lanes, nullptr, kLargestSample);
-        double* const to = out.data();
-        uint8_t* const flags = moving.data();
         const LockGivenAway given(rows);
+        run(y.data(), rows, out.data(), moving.data());
+    }
+
+    void run(const double* y, size_t rows, double* out, uint8_t* moving) override {
+        const size_t lanes = lanes_.size(), all = rows * lanes;
         const std::lock_guard<std::mutex> alone(mutex_);
         for (size_t lane = 0; lane < lanes; ++lane) {
             for (size_t i = lane; i < all; i += lanes) {
-                const fltea::track::Tracked one = lanes_[lane].next(y.data()[i]);
-                to[i] = one.state;
-                to[all + i] = one.state_std;
-                to[2 * all + i] = one.bias;
-                to[3 * all + i] = one.bias_std;
-                to[4 * all + i] = one.innovation;
-                flags[i] = one.moving ? 1 : 0;
+                const fltea::track::Tracked one = lanes_[lane].next(y[i]);
+                out[i] = one.state;
+                out[all + i] = one.state_std;
+                out[2 * all + i] = one.bias;
+                out[3 * all + i] = one.bias_std;
+                out[4 * all + i] = one.innovation;
+                moving[i] = one.moving ? 1 : 0;
             }
         }
     }
@@ -218,9 +220,10 @@ void bind_tracker(nb::module_& m) {
         .def("likelihood", &Remembered::likelihood)
         .def("likelihoods", &Remembered::likelihoods)
         .def("of_walks", &Remembered::of_walks);
-    nb::class_<Tracker>(m, "Tracker")
+    nb::class_<Tracker, SensorTracker>(m, "Tracker")
         .def(nb::init<const std::vector<std::optional<double>>&>(), nb::arg("offsets"))
-        .def("run", &Tracker::run, nb::arg("y"), nb::arg("out"), nb::arg("moving"))
+        .def("run", nb::overload_cast<Rows, Results, Places>(&Tracker::run), nb::arg("y"), nb::arg("out"),
+             nb::arg("moving"))
         .def("skip", &Tracker::skip, nb::arg("count"))
         .def("set", &Tracker::set)
         .def("remembered", &Tracker::remembered, nb::arg("lane"))

@@ -9,33 +9,36 @@ from fltea.noise.parts import Relaxation, White
 from fltea.records.fit import AxisFit, FitSpectrum, Interval
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import Looked, Noise
+from fltea.spectrum.octaves import Octaves
 from numpy.typing import NDArray
 
 
 class QuickAxes:
     """As `fltea.spectrum.live_axes.LiveAxes`; its figures are of all samples and losses in their order."""
 
+    longest_motion = 60_000
+
     def __init__(
         self, axes: tuple[str, ...], h: float, settings: LiveConfig, unit: str, saved: bytes | None = None
     ) -> None:
         self.axes, self.unit = axes, unit
-        self.samples = self.noticed = 0
-        self.lost: list[tuple[int, int]] = []
-        self._seen = b""
+        self.noticed = 0
+        self.octaves = Octaves(len(axes))
         if saved is not None:
             if not saved.startswith(b"quick"):
                 raise ValueError("these bytes are no sums of a live fit")
-            self.samples, self._seen = int(saved[5:21], 16), saved[21:]
+            self.octaves = Octaves.restore(len(axes), 0.0, saved.removeprefix(b"quick"))
+
+    @property
+    def samples(self) -> int:
+        return self.octaves.samples
 
     def add(self, y: NDArray[np.float64], moving: NDArray[np.bool_]) -> None:
         assert y.shape[1] == len(self.axes)
-        for row, moves in zip(np.ascontiguousarray(y, dtype=np.float64), moving, strict=True):
-            self._seen = hashlib.sha256(self._seen + row.tobytes() + moves.tobytes()).digest()
-        self.samples += len(y)
+        self.octaves.add(y, moving, self.longest_motion)
 
     def skip(self, count: int) -> None:
-        self.lost.append((self.samples, count))
-        self._seen = hashlib.sha256(self._seen + b"lost %d" % count).digest()
+        self.octaves.skip(count)
 
     def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
         return {axis: look().fit for axis, look in self.look(curves=curves, last=last).items()}
@@ -44,14 +47,15 @@ class QuickAxes:
         self, *, curves: bool, last: bool = False, fresh: bool = False
     ) -> dict[str, Callable[[], Looked]]:
         spectrum = FitSpectrum([1.0], [2.0], [3.0]) if curves else None
-        looked = {axis: self._look(axis, spectrum, " at the end" if last else "") for axis in self.axes}
+        seen, end = self.octaves.save(), " at the end" if last else ""
+        looked = {axis: self._look(axis, seen, spectrum, end) for axis in self.axes}
         return {axis: partial(dict.__getitem__, looked, axis) for axis in self.axes}
 
     def save(self) -> bytes:
-        return b"quick%016x" % self.samples + self._seen
+        return b"quick" + self.octaves.save()
 
-    def _look(self, axis: str, spectrum: FitSpectrum | None, end: str) -> Looked:
-        digest = hashlib.sha256(self._seen + axis.encode()).digest()
+    def _look(self, axis: str, seen: bytes, spectrum: FitSpectrum | None, end: str) -> Looked:
+        digest = hashlib.sha256(seen + axis.encode()).digest()
         p, alpha = max(0.0, digest[0] / 127 - 1), digest[1] / 200
         noise = Noise((White(0.2), Relaxation(0.1, 0.1 + alpha)), p < 0.01, self.samples)
         s2, R = 1e-3 + digest[2] * 1e-5, 1e-2 + digest[3] * 1e-4
@@ -65,7 +69,7 @@ class QuickAxes:
             F=Interval(0.5, 0.4, 0.6),
             s2=Interval(s2, 0.8 * s2, 1.2 * s2),
             R=Interval(R, 0.9 * R, 1.1 * R),
-            left_out={"lost": sum(count for _, count in self.lost)},
+            left_out={"lost": self.octaves.counts(0).lost},
             spectrum=spectrum,
         )
         return Looked(fit, noise)

@@ -61,13 +61,13 @@ class Bank:
         self._h = h
         self._rule = BaselineRule(self.axes, config, resolution)
         self.startup_remaining = self._rule.needed
-        self._native = _native.Bank(len(self.axes))
-        self._last = np.full((2, len(self.axes)), np.nan)
+        self.native = _native.Bank(len(self.axes))
+        self.newest = np.full((2, len(self.axes)), np.nan)
         self._instruction_set = instruction_sets()[0]
         self._settings: LaneSettings | None = None
         self.variances: dict[str, Variances] = {}
         self.tuned: set[str] = set()
-        self.beliefs: dict[str, Belief] = {}
+        self._believe({})
         if state is not None:
             self._resume(state)
         elif not self.startup_remaining:
@@ -91,15 +91,15 @@ class Bank:
             raise ValueError(f"{n} samples, but the start-up window takes {self.startup_remaining} more")
         out = np.empty((7, n, len(self.axes)))
         valid, white = np.empty((2, n, len(self.axes)), dtype=bool)
-        lost = self._native.run(rows, out, valid.view(np.uint8), white.view(np.uint8))
+        lost = self.native.run(rows, out, valid.view(np.uint8), white.view(np.uint8))
         if n:
-            self._last = out[:2, -1].copy()
+            self.newest = out[:2, -1].copy()
         if self.beliefs:
-            self._known.widen(out[0:4:2], out[1:4:2])
+            self.known.widen(out[0:4:2], out[1:4:2])
         if fills:
             self.startup_remaining -= n
             if not self.startup_remaining:
-                window = [Moments(*axis) for axis in self._native.window(self._rule.resolution)]
+                window = [Moments(*axis) for axis in self.native.window(self._rule.resolution)]
                 self._begin(self._rule.baseline_of(window))
         return LaneBlock._make((*out, valid, [Lost(*one) for one in lost], white))
 
@@ -108,7 +108,7 @@ class Bank:
 
         Returns the lanes that became invalid meanwhile; rows count from the first lost sample.
         """
-        return [Lost(*one) for one in self._native.skip(count)]
+        return [Lost(*one) for one in self.native.skip(count)]
 
     def retune(self, variances: Mapping[str, Variances], beliefs: Mapping[str, Belief] | None = None) -> None:
         """Give axes other variances, from the next sample on and for where they begin again.
@@ -129,26 +129,26 @@ class Bank:
                 raise ValueError(f"{axis} cannot go on with {belief}")
         in_use = {**self.variances, **variances}
         settings = self._settings_of([in_use[axis] for axis in self.axes])
-        self._native.retune(native_table(settings.table(len(self.axes))))
+        self.native.retune(native_table(settings.table(len(self.axes))))
         self._settings, self.variances = settings, in_use
         self.tuned |= set(variances)
         for axis, belief in beliefs.items():
             joint = self._config.variant == "joint"
             numbers = belief.of_joint() if joint else belief.of_triple()
-            self._native.believe(self.axes.index(axis), *numbers)
+            self.native.believe(self.axes.index(axis), *numbers)
         self._believe(
             {axis: one for axis, one in self.beliefs.items() if axis not in variances} | {**beliefs}
         )
 
     def found(self, axis: str) -> tuple[float, float]:
         """Return the order of the last sample and the filter's own deviation of it; NaN where not valid."""
-        alpha, std = self._last[:, self.axes.index(axis)].tolist()
+        alpha, std = self.newest[:, self.axes.index(axis)].tolist()
         return alpha, std
 
     @property
     def restarts(self) -> dict[str, int]:
         """Tell how often each axis had to begin again."""
-        return self._by_axis(self._native.restarts, 0)
+        return self._by_axis(self.native.restarts, 0)
 
     @property
     def interventions(self) -> dict[str, dict[str, int]]:
@@ -180,7 +180,7 @@ class Bank:
         base, settings = self.baseline, self._settings
         if base is None or settings is None or base.constant_axes:
             return None
-        engine, supervisors, whiteness = self._native.save()
+        engine, supervisors, whiteness = self.native.save()
         Q, R = zip(*(self.variances[axis] for axis in self.axes), strict=True)
         return OnlineState(
             self.axes,
@@ -201,7 +201,7 @@ class Bank:
     def _believe(self, beliefs: dict[str, Belief]) -> None:
         """Note what the deviations of α and of f rest on from here."""
         self.beliefs = beliefs
-        self._known = Known.of([beliefs.get(axis) for axis in self.axes])
+        self.known = Known.of([beliefs.get(axis) for axis in self.axes])
 
     def _settings_of(self, variances: Sequence[Variances]) -> LaneSettings:
         Q, R = zip(*variances, strict=True)
@@ -218,11 +218,11 @@ class Bank:
         }
 
     def _counts(self) -> list[dict[str, int]]:
-        counts = interventions_of(self._native, len(self.axes)).tolist()
+        counts = interventions_of(self.native, len(self.axes)).tolist()
         return [{cause: n for cause, n in zip(CAUSES, row, strict=True) if n} for row in counts]
 
     def _of_innovations(self, figure: Callable[[float, float, float, int], _T]) -> dict[str, _T]:
-        return {axis: figure(*one) for axis, one in zip(self.axes, self._native.whiteness(), strict=True)}
+        return {axis: figure(*one) for axis, one in zip(self.axes, self.native.whiteness(), strict=True)}
 
     def _begin(self, baseline: Baseline, Q: Sequence[float] | None = None) -> None:
         """Make the lanes; those of constant axes, which nobody looks at, get any R."""
@@ -232,7 +232,7 @@ class Bank:
         self.variances = dict(zip(self.axes, variances, strict=True))
         self._settings = self._settings_of(variances)
         table = self._settings.table(len(self.axes))
-        self._native.start(
+        self.native.start(
             *self._settings.native(self._instruction_set, table),
             np.array(baseline.bias_dps, dtype=np.float64),
             np.array(live, dtype=np.uint8),
@@ -250,7 +250,7 @@ class Bank:
         if self._settings.digest(len(self.axes)) != state.settings:
             raise ValueError("it was saved with other settings")
         restarts = [state.restarts.get(axis, 0) for axis in self.axes]
-        self._native.load(state.engine, state.supervisors, restarts, state.whiteness)
+        self.native.load(state.engine, state.supervisors, restarts, state.whiteness)
 
 
 def _finite(value: float) -> float | None:

@@ -57,6 +57,11 @@ class Known(NamedTuple):
         figures = [(b.alpha, b.f, b.alpha_std, b.f_std, 1.0, 1.0) if b else (0.0,) * 6 for b in beliefs]
         return cls(*np.array(figures).T.reshape(3, 2, 1, len(beliefs)))
 
+    @property
+    def numbers(self) -> list[float]:
+        """All of it in a row; nothing where there is no belief."""
+        return [x for part in self for x in part.ravel().tolist()] if self.counts.any() else []
+
     def widen(self, values: Array, deviations: Array) -> None:
         """Make deviations of what is known of those that are the filters' own; both (2, rows, lanes)."""
         least = np.maximum(deviations, self.std)

@@ -73,7 +73,7 @@ class Tracker:
     """
 
     def __init__(self, offsets: Sequence[float | None]) -> None:
-        self._native = _native.Tracker(list(offsets))
+        self.native = _native.Tracker(list(offsets))
 
     def run(self, y: ArrayLike) -> Tracks:
         """Take n samples of every axis, (n, axes): the same, to the bit, however they are cut into blocks.
@@ -83,47 +83,47 @@ class Tracker:
         """
         rows = np.ascontiguousarray(y, dtype=np.float64)
         out, moving = np.empty((5, *rows.shape)), np.empty(rows.shape, dtype=np.uint8)
-        self._native.run(rows, out, moving)
+        self.native.run(rows, out, moving)
         return Tracks._make((*out, moving.view(np.bool_)))
 
     def skip(self, count: int) -> None:
         """Predict over lost samples of all axes."""
-        self._native.skip(count)
+        self.native.skip(count)
 
     def set(self, lane: int, system: System) -> None:
         """Take this for the noise of an axis, from the next sample on.
 
         Raises ValueError, and changes nothing, if no filter can work with it.
         """
-        self._native.set(lane, system.walks, *_numbers(system))
+        self.native.set(lane, system.walks, *_numbers(system))
 
     def remembered(self, lane: int) -> Remembered:
         """Return what it remembers of the samples of an axis, as it is now."""
-        return Remembered(self._native.remembered(lane))
+        return Remembered(self.native.remembered(lane))
 
     def x(self, lane: int) -> tuple[float, Array]:
         """Return where the numbers of an axis begin, and from there x of its system after the newest sample.
 
         Without a system there are no coordinates.
         """
-        origin, x = self._native.x(lane)
+        origin, x = self.native.x(lane)
         return origin, np.array(x)
 
     def figures(self) -> list[TrackerFigures]:
         """Tell how each axis gets on."""
         found = []
-        for moved, begun, lag1, nis, ljung_box, n in self._native.stats():
+        for moved, begun, lag1, nis, ljung_box, n in self.native.stats():
             known = (x if math.isfinite(x) else None for x in (lag1, nis, ljung_box))
             found.append(TrackerFigures._make((moved, begun, *known, n)))
         return found
 
     def save(self) -> bytes:
         """Return what `load` takes."""
-        return self._native.save()
+        return self.native.save()
 
     def load(self, saved: bytes) -> None:
         """Go on from there. Raises ValueError, and changes nothing, for what cannot be one's own."""
-        self._native.load(saved)
+        self.native.load(saved)
 
 
 def _numbers(s: System) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:

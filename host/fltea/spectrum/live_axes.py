@@ -78,26 +78,31 @@ class LiveAxes:
         self.axes, self.h, self.unit = axes, h, unit
         self._target = settings.target
         self._memory = 0.0 if settings.memory_s is None else max(settings.memory_s / h, SHORTEST_MEMORY)
-        self._octaves = self._restored(saved) if saved else Octaves(len(axes), self._memory)
+        self.octaves = self._restored(saved) if saved else Octaves(len(axes), self._memory)
         self._looks = [Looks() for _ in axes]
 
     @property
     def samples(self) -> int:
         """The number of samples of an axis that were taken."""
-        return self._octaves.samples
+        return self.octaves.samples
 
     def add(self, y: Array, moving: NDArray[np.bool_] | None = None) -> None:
         """Take samples (n, axes); moving (n, axes): left out, but what lasts longer than LONGEST_MOTION_S."""
-        self._octaves.add(y, moving, round(LONGEST_MOTION_S / self.h))
+        self.octaves.add(y, moving, self.longest_motion)
+
+    @property
+    def longest_motion(self) -> int:
+        """The number of moving samples from which on they are noise."""
+        return round(LONGEST_MOTION_S / self.h)
 
     def skip(self, count: int) -> None:
         """Take note of lost samples of all axes."""
-        self._octaves.skip(count)
+        self.octaves.skip(count)
 
     @property
     def noticed(self) -> int:
         """The number of steps and changes of all axes so far."""
-        return self._octaves.noticed
+        return self.octaves.noticed
 
     def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
         """Fit every axis; arguments as for `look`."""
@@ -114,7 +119,7 @@ class LiveAxes:
         the level of one look, as `fltea identify` does it. fresh: sentences, peaks and changes are searched
         for again, as with curves; else all begins at the last fit until the record has grown by a tenth.
         """
-        octaves = self._octaves.copy()
+        octaves = self.octaves.copy()
         level, fresh = LEVEL if last else ANYTIME_LEVEL, fresh or curves
         return {
             axis: partial(self._look, octaves, lane, curves, level, fresh)
@@ -123,9 +128,7 @@ class LiveAxes:
 
     def save(self) -> bytes:
         """Return all of it, for a later run."""
-        return msgspec.msgpack.encode(
-            _Saved(self.axes, self.h, self.unit, self._memory, self._octaves.save())
-        )
+        return msgspec.msgpack.encode(_Saved(self.axes, self.h, self.unit, self._memory, self.octaves.save()))
 
     def _restored(self, saved: bytes) -> Octaves:
         try:

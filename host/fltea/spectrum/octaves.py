@@ -140,7 +140,7 @@ class Octaves:
             ValueError: no lanes, or a memory that is neither 0 (nothing is forgotten) nor 256 to 10^12
                 samples.
         """
-        self._native = _native.Octaves(lanes, memory_samples)
+        self.native = _native.Octaves(lanes, memory_samples)
 
     def add(self, y: Array, moving: NDArray[np.bool_] | None = None, longest: float = 0.0) -> None:
         """Take samples, (n, lanes). How many come at a time changes nothing.
@@ -153,13 +153,13 @@ class Octaves:
         """
         rows = np.ascontiguousarray(y, dtype=np.float64)
         if moving is None:
-            self._native.add(rows)
+            self.native.add(rows)
         else:
-            self._native.add_at_rest(rows, np.ascontiguousarray(moving).view(np.uint8), longest)
+            self.native.add_at_rest(rows, np.ascontiguousarray(moving).view(np.uint8), longest)
 
     def skip(self, count: int) -> None:
         """Take note that so many samples of all lanes were lost before the next one."""
-        self._native.skip(count)
+        self.native.skip(count)
 
     def merge(self, other: "Octaves") -> None:
         """Take all that another one has seen, as a later stretch behind a break.
@@ -167,17 +167,17 @@ class Octaves:
         Raises:
             ValueError: it has other lanes or another memory.
         """
-        self._native.merge(other._native)
+        self.native.merge(other.native)
 
     def copy(self) -> "Octaves":
         """Return another one that has seen the same, for any thread."""
         result = Octaves.__new__(Octaves)
-        result._native = self._native.copy()
+        result.native = self.native.copy()
         return result
 
     def save(self) -> bytes:
         """Return all of it, for `restore`."""
-        return self._native.save()
+        return self.native.save()
 
     @classmethod
     def restore(cls, lanes: int, memory_samples: float, data: bytes) -> "Octaves":
@@ -187,25 +187,25 @@ class Octaves:
             ValueError: that is not sound, or had other lanes or another memory.
         """
         result = cls(lanes, memory_samples)
-        result._native.load(data)
+        result.native.load(data)
         return result
 
     @property
     def samples(self) -> int:
         """The number of samples of a lane that were taken, whatever became of them."""
-        counts, _ = self._native.counts(0)
+        counts, _ = self.native.counts(0)
         return counts[0] + counts[-2]
 
     def counts(self, lane: int) -> Counts:
         """Return what became of the samples of a lane so far."""
-        counts, constant = self._native.counts(lane)
+        counts, constant = self.native.counts(lane)
         taken, _, bridged, lost, gaps, knocks, knocked, steps, changes, *rest = counts
         return Counts(taken - knocked, bridged, lost, gaps, knocks, knocked, steps, changes, constant, *rest)
 
     @property
     def noticed(self) -> int:
         """The number of steps and changes of all lanes so far."""
-        return self._native.noticed()
+        return self.native.noticed()
 
     def periodogram(self, lane: int, h: float) -> Periodogram:
         """Return the spectrum of a lane sampled every h seconds, with weights.
@@ -234,7 +234,7 @@ class Octaves:
 
     def parts(self, lane: int) -> Parts:
         """Return what the spectrum of a lane is put together from."""
-        welch, values, lengths = self._native.spectrum(lane)
+        welch, values, lengths = self.native.spectrum(lane)
         depth = len(welch)
         octaves = [
             _welch_lines(level, np.frombuffer(power), blocks, effective)
@@ -250,7 +250,7 @@ class Octaves:
 
     def cells(self, lane: int, h: float) -> list[BandCells]:
         """Return how the power of each octave went on, highest band first; h as of `periodogram`."""
-        _, levels = self._native.cells(lane)
+        _, levels = self.native.cells(lane)
         result = []
         for level, data in enumerate(levels):
             first, counts, mean, squares = np.frombuffer(data).reshape(-1, 4).T
@@ -266,7 +266,7 @@ class Octaves:
 
     def allan(self, lane: int) -> AllanPoints:
         """Return the Allan variances of a lane."""
-        return AllanPoints(*self._native.allan(lane))
+        return AllanPoints(*self.native.allan(lane))
 
 
 def put_together(parts: Sequence[Lines], h: float, n: int) -> Periodogram:

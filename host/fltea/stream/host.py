@@ -1,6 +1,6 @@
 """The stage in which this computer estimates: the axes of both sensors, each sensor's in a bank."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -55,13 +55,15 @@ class Channels:
         self.config, self._settled = config, settled
         self._tuned = config.tuned_by == "live"
         self._names, self._places, self._unit = tuple(axes), list(axes.values()), unit
+        self._fits: list[SettledFit] = []
+        self._said: tuple[Any, ...] = ()
         self._known: dict[str, SettledFit] = {}
-        self._bank = Bank(self._names, config, h, resolution, state)
+        self.bank = Bank(self._names, config, h, resolution, state)
 
     @property
     def startup_remaining(self) -> int:
         """Samples until the start-up window is full."""
-        return self._bank.startup_remaining
+        return self.bank.startup_remaining
 
     def run(self, values: Array) -> tuple[AxisColumns | None, list[Loss]]:
         """Take samples (n, axes of the sensor); no more than `startup_remaining` while the window fills.
@@ -71,26 +73,35 @@ class Channels:
         self._tune()
         own = values if len(self._places) == values.shape[1] else values[:, self._places]
         fills = self.startup_remaining > 0
-        found = self._bank.run(own)
+        found = self.bank.run(own)
         if fills:
             return None, []
         assert found.white is not None
-        settled = [self._settled(axis) for axis in self._names]
-        columns = AxisColumns(
-            self._names,
-            self._unit,
-            tuple(one.null_p for one in settled),
-            tuple(one.whiteness for one in settled),
-            *found[:6],
-            found.valid,
-            self._settled_of(found.white),
-        )
-        return columns, [(row, self._names[lane], why) for row, lane, why in found.lost]
+        columns = self.columns(*found[:6], found.valid, found.white & ~np.array(self.waiting))
+        return columns, self.losses(found.lost)
 
-    def _settled_of(self, white: Bools) -> Bools:
-        """Return after which samples the axes are settled; white: after which their innovations are."""
-        waiting = [axis not in self._bank.tuned for axis in self._names] if self._tuned else []
-        return white & ~np.array(waiting) if any(waiting) else white
+    def columns(self, *found: Array | Bools) -> AxisColumns:
+        """Return what the bank has found of samples as columns."""
+        fits = [self._settled(axis) for axis in self._names]
+        if self._fits != fits:
+            self._fits = fits
+            self._said = tuple(one.null_p for one in fits), tuple(one.whiteness for one in fits)
+        return AxisColumns._make((self._names, self._unit, *self._said, *found))
+
+    def losses(self, lost: Iterable[tuple[int, int, Reason]]) -> list[Loss]:
+        """Return which axes became invalid, by name."""
+        return [(row, self._names[lane], why) for row, lane, why in lost]
+
+    @property
+    def waiting(self) -> list[bool]:
+        """Which axes wait for a fit to tune them."""
+        return [self._tuned and axis not in self.bank.tuned for axis in self._names]
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether nothing is to be done but to estimate: the window is full, and no fit is news."""
+        known = not self._tuned or all(self._settled(axis) is self._known.get(axis) for axis in self._names)
+        return known and not self.startup_remaining
 
     def _tune(self) -> None:
         """Hand what the fit knows of the noise to the filters."""
@@ -104,23 +115,23 @@ class Channels:
             self._known[axis] = settled
             if settled.fit is None or settled.whiteness != "rejected" or self._is_constant(axis):
                 continue
-            before = self._bank.variances[axis] if axis in self._bank.tuned else None
+            before = self.bank.variances[axis] if axis in self.bank.tuned else None
             handed = handed_over(settled.fit, before)
             if handed is not None:
                 new[axis] = handed
         if new:
-            self._bank.retune(
+            self.bank.retune(
                 {axis: one.variances for axis, one in new.items()},
                 {axis: one.belief for axis, one in new.items()},
             )
 
     def _is_constant(self, axis: str) -> bool:
-        return self._bank.baseline is None or axis in self._bank.baseline.constant_axes
+        return self.bank.baseline is None or axis in self.bank.baseline.constant_axes
 
     def on_missing(self, count: int) -> list[tuple[str, Reason]]:
         """Bridge lost samples; the axes that became invalid meanwhile, and why."""
         self._tune()
-        return [(self._names[lane], why) for _, lane, why in self._bank.on_missing(count)]
+        return [(self._names[lane], why) for _, lane, why in self.bank.on_missing(count)]
 
     def bridge(self, count: int) -> None:
         """Bridge the time for which the program stood still, as far as the memory reaches."""
@@ -128,7 +139,7 @@ class Channels:
 
     def notices(self, host_ns: int) -> Iterator[Notice]:
         """Return what is to be reported once the window is full."""
-        baseline = self._bank.baseline
+        baseline = self.bank.baseline
         for axis in baseline.constant_axes if baseline else ():
             remedy = "--set accel.R=9e-4" if axis in ACCEL_AXES else "--r 0.02"
             text = (
@@ -139,7 +150,7 @@ class Channels:
 
     def save(self) -> OnlineState | None:
         """What a later run needs to go on; None while the start-up window fills."""
-        return self._bank.save()
+        return self.bank.save()
 
     @cached_property
     def info(self) -> EstimatorInfo:
@@ -161,7 +172,7 @@ class Channels:
 
     def stats(self) -> Iterator[tuple[str, AxisStats]]:
         """Statistics of every axis."""
-        bank = self._bank
+        bank = self.bank
         baseline, restarts, interventions = bank.baseline, bank.restarts, bank.interventions
         lag1, nis, is_white = bank.lag1, bank.nis, bank.is_white
         for i, name in enumerate(self._names):
@@ -213,36 +224,36 @@ class HostEstimates(Stage):
         self._config = config
         self._settled = settled_by(fits)
         self._settings = settings
-        self._sensors: dict[str, Channels] = {}
+        self.sensors: dict[str, Channels] = {}
         self._lost_reported = OnceAMinute()
 
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch, from what was saved if it fits."""
         hello, saved = beginning.hello, beginning.saved or Saved()
         gyro, accel = beginning.axes(self._config.channels)
-        self._sensors = {}
+        self.sensors = {}
         if gyro and self._settings is not None:
             settings = _at(self._settings(), "estimator", hello.rate_hz)
             sensor = gyro, settings, 1 / hello.rate_hz, resolution_dps(hello), GYRO_UNIT
-            self._sensors["gyro"] = Channels(*sensor, self._settled, saved.gyro)
+            self.sensors["gyro"] = Channels(*sensor, self._settled, saved.gyro)
         if accel:
             settings = _at(self._config.accel, "accel", hello.rate_hz)
             sensor = accel, settings, 1 / hello.rate_hz, accel_resolution_ms2(hello), ACCEL_UNIT
-            self._sensors["accel"] = Channels(*sensor, self._settled, saved.accel)
+            self.sensors["accel"] = Channels(*sensor, self._settled, saved.accel)
 
     def bridge(self, count: int) -> None:
         """Bridge the time for which the program stood still."""
-        for channels in self._sensors.values():
+        for channels in self.sensors.values():
             channels.bridge(count)
 
     def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
         """Give the samples on with their estimates."""
-        for channels in self._sensors.values() if missing else ():
+        for channels in self.sensors.values() if missing else ():
             for axis, why in channels.on_missing(missing):
                 yield from self._lost(axis, why, int(host_ns[0]))
         begin, n = 0, len(block)
         while begin < n:
-            filling = [one for one in self._sensors.values() if one.startup_remaining]
+            filling = [one for one in self.sensors.values() if one.startup_remaining]
             end = min([n, *(begin + one.startup_remaining for one in filling)])
             part = block if (begin, end) == (0, n) else block.rows(begin, end)
             yield from self._estimate(part, host_ns[begin:end])
@@ -254,17 +265,17 @@ class HostEstimates(Stage):
 
     def standing(self) -> Standing:
         """Return how the filters get on."""
-        info = {name: channels.info for name, channels in self._sensors.items()}
+        info = {name: channels.info for name, channels in self.sensors.items()}
         return Standing(
-            startup_remaining=max((one.startup_remaining for one in self._sensors.values()), default=0),
-            axes={axis: stats for one in self._sensors.values() for axis, stats in one.stats()},
+            startup_remaining=max((one.startup_remaining for one in self.sensors.values()), default=0),
+            axes={axis: stats for one in self.sensors.values() for axis, stats in one.stats()},
             gyro=info.get("gyro"),
             accel=info.get("accel"),
         )
 
     def save(self) -> dict[str, Any]:
         """Both sensors' estimators; nothing while one of them has nothing to keep."""
-        found = {name: channels.save() for name, channels in self._sensors.items()}
+        found = {name: channels.save() for name, channels in self.sensors.items()}
         return found if all(found.values()) else {}
 
     def _estimate(self, block: Block, host_ns: Ints) -> Iterator[Item]:
@@ -272,7 +283,7 @@ class HostEstimates(Stage):
         lost: list[Loss] = []
         variant = ""
         for name, values in (("gyro", block.gyro_dps), ("accel", block.accel_ms2)):
-            channels = self._sensors.get(name)
+            channels = self.sensors.get(name)
             if channels is None or values is None:
                 continue
             columns, lost_of_sensor = channels.run(values)
@@ -282,6 +293,10 @@ class HostEstimates(Stage):
                 variant = variant or channels.config.variant
         if found:
             block = block.but(variant=variant, estimates=tuple(found))
+        yield from self.with_notices(block, lost, host_ns)
+
+    def with_notices(self, block: Block, lost: list[Loss], host_ns: Ints) -> Iterator[Item]:
+        """Give samples on, cut where an axis became invalid, and what is to be reported of that."""
         begin = 0
         for row, axis, why in sorted(lost):
             for notice in self._lost(axis, why, int(host_ns[row])):

@@ -198,6 +198,22 @@ class LiveFits(Stage):
         if given < n:
             yield with_tracked(_rows(block, given, n), tracked)
 
+    @property
+    def stop(self) -> int:
+        """The number of the next sample with which a look begins or counts."""
+        if self._first is None or self._resumed:
+            return 0
+        begun = self._times.check if self._begun is None else self._begun.look.counts
+        return self._first - 1 + min(self._times.check, begun)
+
+    def live(self, name: str) -> LiveAxes:
+        """Return the sums of a sensor."""
+        return self._sensors[name].live
+
+    def went_on(self, moment: Moment) -> None:
+        """Take note of samples before `stop`, up to this one, which its sums have taken."""
+        self._at = moment
+
     def last(self) -> Iterator[Item]:
         """A fit of everything with its curves, at the end; none if that has just been published.
 

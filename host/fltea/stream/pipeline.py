@@ -6,6 +6,7 @@ them were read: statistics go out at the first event of each new second, and cou
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 from typing import Any
 
 import msgspec
@@ -36,18 +37,14 @@ from fltea.stream.snapshot import (
     why_unused,
 )
 from fltea.stream.stages import Beginning, Item, Notice, Stage, Standing
+from fltea.stream.steady import NEVER, Steady
 from fltea.stream.tracking import Tracking
 
 Output = AnyRecord | Block
 
 
-def stages_of(config: Config, fits: LiveFits | None) -> list[Stage]:
-    """What samples go through: tracker with live fit, then this computer's filters, the board's, or both."""
-    first: list[Stage] = [*([] if fits is None else [fits]), Tracking(config, fits)]
-    if config.estimator.estimate_on not in BY_DEVICE:
-        return [*first, HostEstimates(config, lambda: config.estimator, fits)]
-    board = BoardEstimates(config, fits)
-    return [*first, HostEstimates(config, None if board.alone else board.host_settings, fits), board]
+MOST_STEADY = 64
+"""Samples of a block: of more, the stages cost less than their estimates."""
 
 
 class Pipeline:
@@ -82,7 +79,11 @@ class Pipeline:
         self._refuse, self._watched = refuse, watched
         fits = LiveFits(config, prompt=source.prompt, watched=watched, beside=beside, number=number)
         self._fits = fits if config.live.on else None
-        self._stages = stages_of(config, self._fits)
+        self._tracking = Tracking(config, self._fits)
+        self._host, board = _estimates_of(config, self._fits)
+        stages = self._fits, self._tracking, self._host, board
+        self._stages: list[Stage] = [stage for stage in stages if stage is not None]
+        self._board_estimates = board is not None
         self._board: DeviceStatus | None = None
         self._now_ns = 0
         self._second: int | None = None
@@ -90,21 +91,42 @@ class Pipeline:
         self._last: LastSample | None = None
         self._no_axis_reported = False
         self._offset_ns = self._source_offset_ns = source.unix_offset_ns
+        self._block: Block | None = None
+        self._steady: Steady | None = None
 
-    def feed(self, event: Event) -> Iterator[Output]:
-        """Yield what one event leads to.
+    def feed(self, event: Event) -> Iterable[Output]:
+        """Return what one event leads to, which has to be taken before the next one.
 
         Raises:
             UsageError: a fixed bias or R that does not fit the axes.
         """
         offset_ns = self._source.unix_offset_ns
-        if self._gathering is None:
-            yield from self._feed(event, offset_ns)
-        else:
-            for taken in self._gathering.take(event, offset_ns):
-                yield from self._feed(*taken)
+        if self._gathering is not None:
+            gathered = self._gathering.take(event, offset_ns)
+            return chain.from_iterable(self._in_stages(*taken) for taken in gathered)
+        found = self._steadily(event)
+        return self._in_stages(event, offset_ns) if found is None else found
 
-    def _feed(self, event: Event, offset_ns: int) -> Iterator[Output]:
+    def _steadily(self, event: Event) -> Iterable[Output] | None:
+        """Take samples with which nothing else happens; None for what the stages have to take."""
+        steady, self._steady = self._steady, None
+        if steady is None or not isinstance(event, RawBlock):
+            return None
+        second = self._second
+        until_ns = NEVER
+        if self._watched and second is not None:
+            until_ns = (second + 1) * self._stats_ns - self._stats_offset_ns
+        taken = steady.take(event, until_ns)
+        if taken is None:
+            return None
+        self._steady = steady
+        block, newest, lost = taken
+        self._came_to(newest.host_ns, newest.sequence, newest.device_us)
+        if lost:
+            return self._records(self._host.with_notices(block, lost, event.host_ns))
+        return (block,)
+
+    def _in_stages(self, event: Event, offset_ns: int) -> Iterator[Output]:
         self._source_offset_ns = offset_ns
         for part in _by_second(event) if self._watched else (event,):
             yield from self._on_time(part)
@@ -118,6 +140,14 @@ class Pipeline:
                 self._now_ns = int(part.host_ns[-1])  # also where its last samples could not be used
             else:
                 yield from self._on_event(part)
+        if isinstance(event, RawBlock) and len(event.sequence) <= MOST_STEADY:
+            self._steady = self._steady_now()
+
+    def _steady_now(self) -> Steady | None:
+        """Return what takes the next samples, if nothing else is to be done with them."""
+        if self._board_estimates or self._block is None:
+            return None
+        return Steady.after(self._block, self._decoder, self._tracking, self._fits, self._host)
 
     def save(self) -> DeviceState | None:
         """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
@@ -194,10 +224,18 @@ class Pipeline:
         items: Iterable[Item] = [block]
         for stage in self._stages:
             items = _through(stage, items, raw, missing)
-        self._sample_ns = int(raw.host_ns[-1])
-        if hello.boot_id is not None:
-            self._last = LastSample(hello.boot_id, int(raw.sequence[-1]), int(raw.device_us[-1]))
-        yield from self._records(items)
+        self._came_to(*(int(column[-1]) for column in (raw.host_ns, raw.sequence, raw.device_us)))
+        for item in self._records(items):
+            if isinstance(item, Block):
+                self._block = item
+            yield item
+
+    def _came_to(self, host_ns: int, sequence: int, device_us: int) -> None:
+        """Take note of the newest sample that was used."""
+        self._now_ns = self._sample_ns = host_ns
+        hello = self._decoder.place.hello
+        if hello is not None and hello.boot_id is not None:
+            self._last = LastSample(hello.boot_id, sequence, device_us)
 
     def _records(self, items: Iterable[Item]) -> Iterator[Output]:
         for item in items:
@@ -322,6 +360,14 @@ class Pipeline:
 
     def _unix_ns(self) -> int:
         return self._now_ns + self._offset_ns
+
+
+def _estimates_of(config: Config, fits: LiveFits | None) -> tuple[HostEstimates, BoardEstimates | None]:
+    """Return what estimates: this computer, the board, or both."""
+    if config.estimator.estimate_on not in BY_DEVICE:
+        return HostEstimates(config, lambda: config.estimator, fits), None
+    board = BoardEstimates(config, fits)
+    return HostEstimates(config, None if board.alone else board.host_settings, fits), board
 
 
 def _through(stage: Stage, items: Iterable[Item], raw: RawBlock, missing: int) -> Iterator[Item]:

@@ -25,10 +25,6 @@ CLOCK_TOLERANCE = 0.02
 """Sequence and time may differ by twice the ±1 % of the sensor's own clock, plus one period."""
 
 
-FEW = 8
-"""Samples from which on columns cost less than one by one; live, a read has one or two."""
-
-
 class Piece(NamedTuple):
     """Samples that follow one another, with their place in the epoch.
 
@@ -43,12 +39,41 @@ class Piece(NamedTuple):
     new_epoch: EpochReason | None = None
 
 
-class _Row(NamedTuple):
-    """A sample before the next one."""
+class FollowRule(NamedTuple):
+    """What the next sample is of a device with this period."""
+
+    period_us: float
+    tolerance_us: float
+    disagreement_ns: int
+    silence_ns: int
+
+    @classmethod
+    def at(cls, rate_hz: float) -> "FollowRule":
+        """Return that of a rate."""
+        period_us = 1e6 / rate_hz
+        tolerance_us = (CLOCK_TOLERANCE + 1) * period_us
+        return cls(period_us, tolerance_us, MAX_HOST_DISAGREEMENT_US * 1000, MAX_SILENCE_NS)
+
+    def follows(self, before: Any, after: Any) -> Any:
+        """Whether a sample is the next after another; of columns of samples, of each."""
+        sequence_step, host_step_ns = after[0] - before[0], after[2] - before[2]
+        time_step_us = (after[1] - before[1]) % TIME_WRAP_US
+        return (
+            (sequence_step % SEQUENCE_WRAP == 1)
+            & (abs(time_step_us - self.period_us) <= self.tolerance_us)
+            & (abs(time_step_us * 1000 - host_step_ns) <= self.disagreement_ns)
+            & (host_step_ns <= self.silence_ns)
+        )
+
+
+class Newest(NamedTuple):
+    """The newest sample, as it came, and its number and time in the epoch."""
 
     sequence: int
     device_us: int
     host_ns: int
+    seq: int
+    epoch_us: int
 
 
 class Place:
@@ -66,8 +91,7 @@ class Place:
         self._boot: tuple[int | None, str | None] | None = None
         self._sensor_starts: int | None = None
         self._pending: EpochReason | None = "start"
-        self._last: _Row | None = None
-        self._seq = self._device_us = 0
+        self._newest: Newest | None = None
 
     def on_hello(self, hello: Hello) -> bool:
         """Take note of a HELLO; True if it states something new (the first, or another boot or sensor)."""
@@ -91,12 +115,19 @@ class Place:
         if self._pending in (None, "sensor_restart"):
             self._pending = reason
 
+    @property
+    def newest(self) -> Newest | None:
+        """The sample on which the next one may follow; None where that one is no ordinary one."""
+        return self._newest if self._pending is None and self.hello is not None else None
+
+    def go_on(self, count: int, newest: Newest) -> None:
+        """Take note of so many samples that followed on, up to this one."""
+        self.delivered += count
+        self._newest = newest
+
     def on_block(self, raw: RawBlock) -> Iterator[Piece]:
         """Cut samples into pieces without a gap; what cannot be used is counted and left out."""
         n = len(raw.sequence)
-        if n < FEW and (piece := self._few(raw)) is not None:
-            yield piece
-            return
         plain = self._follow_on(raw)
         begin = 0
         while begin < n:
@@ -113,56 +144,40 @@ class Place:
                 end = begin + 1
             begin = end
 
-    def _few(self, raw: RawBlock) -> Piece | None:
-        """The few samples of a read if each follows on the one before it; in place of columns, for speed."""
-        before, hello = self._last, self.hello
-        if before is None or hello is None or self._pending is not None:
-            return None
-        period_us, device_us = 1e6 / hello.rate_hz, [self._device_us]
-        for row in zip(raw.sequence.tolist(), raw.device_us.tolist(), raw.host_ns.tolist(), strict=True):
-            if not _follows(before, row, period_us):
-                return None
-            device_us.append(device_us[-1] + (row[1] - before[1]) % TIME_WRAP_US)
-            before = _Row._make(row)
-        count = len(device_us) - 1
-        seq = np.arange(self._seq + 1, self._seq + 1 + count)
-        self.delivered += count
-        self._seq, self._device_us, self._last = self._seq + count, device_us[-1], before
-        return Piece(raw, seq, np.array(device_us[1:]))
-
     def follow_on(self, raw: RawBlock) -> bool:
         """Tell whether all of them follow on what was there, without a gap or an epoch."""
         return bool(self._follow_on(raw).all())
 
     def _follow_on(self, raw: RawBlock) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
         """Which samples are the next after the one before them by number, device's and host's clock; (n,)."""
-        last, hello = self._last, self.hello
+        last, hello = self._newest, self.hello
         n = len(raw.sequence)
         plain = np.zeros(n, dtype=np.bool_)
         if hello is None:
             return plain
-        period_us = 1e6 / hello.rate_hz
+        rule = FollowRule.at(hello.rate_hz)
         columns = raw.sequence, raw.device_us, raw.host_ns
         before, after = [one[:-1] for one in columns], [one[1:] for one in columns]
-        plain[1:] = _follows(before, after, period_us)
+        plain[1:] = rule.follows(before, after)
         if last is not None and self._pending is None:
-            plain[0] = _follows(last, [int(one[0]) for one in columns], period_us)
+            plain[0] = rule.follows(last, [int(one[0]) for one in columns])
         return plain
 
     def _first(self, raw: RawBlock, row: int, *, continues: bool) -> Piece | None:
         """Place the first sample of a piece; None for one that cannot be used."""
-        one = _Row(int(raw.sequence[row]), int(raw.device_us[row]), int(raw.host_ns[row]))
-        last, hello = self._last, self.hello
+        one = [int(column[row]) for column in (raw.sequence, raw.device_us, raw.host_ns)]
+        sequence, device_us, host_ns = one
+        last, hello = self._newest, self.hello
         assert hello is not None
         missing, reason = 0, self._pending
         if last is None or reason not in (None, "sensor_restart"):
-            return self._begin(raw, row, one, reason or "start")
-        if one.host_ns - last.host_ns > MAX_SILENCE_NS:
-            return self._begin(raw, row, one, reason or "silence")
-        time_step_us = (one.device_us - last.device_us) % TIME_WRAP_US
+            return self._begin(raw, sequence, device_us, reason or "start")
+        if host_ns - last.host_ns > MAX_SILENCE_NS:
+            return self._begin(raw, sequence, device_us, reason or "silence")
+        time_step_us = (device_us - last.device_us) % TIME_WRAP_US
         step = 1
         if not continues:
-            sequence_step = (one.sequence - last.sequence) % SEQUENCE_WRAP
+            sequence_step = (sequence - last.sequence) % SEQUENCE_WRAP
             if sequence_step == 0 and time_step_us == 0:
                 self.duplicates += 1
                 return None
@@ -170,7 +185,7 @@ class Place:
             wraps = round((time_step_us / period_us - sequence_step) / SEQUENCE_WRAP)
             step = sequence_step + wraps * SEQUENCE_WRAP
             disagreement_us = abs(time_step_us - step * period_us)
-            host_step_us = (one.host_ns - last.host_ns) / 1000
+            host_step_us = (host_ns - last.host_ns) / 1000
             if (
                 step < 1
                 or disagreement_us > CLOCK_TOLERANCE * step * period_us + period_us
@@ -186,12 +201,12 @@ class Place:
             longest = min(in_samples(self._max_gap, hello.rate_hz, 1), LONGEST_GAP)
             reason = reason or ("gap" if missing > longest else None)
         self._pending = None
-        seq, device_us = self._seq + step, self._device_us + time_step_us
-        return Piece(raw, np.array([seq]), np.array([device_us]), missing, reason)
+        seq, epoch_us = last.seq + step, last.epoch_us + time_step_us
+        return Piece(raw, np.array([seq]), np.array([epoch_us]), missing, reason)
 
-    def _begin(self, raw: RawBlock, row: int, one: _Row, reason: EpochReason) -> Piece:
+    def _begin(self, raw: RawBlock, sequence: int, device_us: int, reason: EpochReason) -> Piece:
         self._pending = None
-        return Piece(raw, np.array([one.sequence]), np.array([one.device_us]), 0, reason)
+        return Piece(raw, np.array([sequence]), np.array([device_us]), 0, reason)
 
     def _grown(self, piece: Piece, raw: RawBlock, begin: int, end: int) -> Piece:
         """The piece with the samples that follow on its first one, and how far it has come."""
@@ -201,19 +216,6 @@ class Place:
             steps_us: Ints = (rows.device_us[1:] - rows.device_us[:-1]) % TIME_WRAP_US
             seq = seq[0] + np.arange(end - begin, dtype=np.int64)
             device_us = np.concatenate((device_us, device_us[0] + np.cumsum(steps_us)))
-        self.delivered += end - begin
-        self._seq, self._device_us = int(seq[-1]), int(device_us[-1])
-        self._last = _Row(int(rows.sequence[-1]), int(rows.device_us[-1]), int(rows.host_ns[-1]))
+        columns = rows.sequence, rows.device_us, rows.host_ns, seq, device_us
+        self.go_on(end - begin, Newest(*(int(column[-1]) for column in columns)))
         return Piece(rows, seq, device_us, piece.missing, piece.new_epoch)
-
-
-def _follows(before: Any, after: Any, period_us: float) -> Any:
-    """Whether a sample is the next after another; of columns of samples, of each."""
-    sequence_step, host_step_ns = after[0] - before[0], after[2] - before[2]
-    time_step_us = (after[1] - before[1]) % TIME_WRAP_US
-    return (
-        (sequence_step % SEQUENCE_WRAP == 1)
-        & (abs(time_step_us - period_us) <= (CLOCK_TOLERANCE + 1) * period_us)
-        & (abs(time_step_us * 1000 - host_step_ns) <= MAX_HOST_DISAGREEMENT_US * 1000)
-        & (host_step_ns <= MAX_SILENCE_NS)
-    )

@@ -5,11 +5,12 @@ schedulers), so of every second only the earliest arrival counts; a straight lin
 the last ten minutes gives the host time of any sample, free of jitter.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fltea.records.arrays import Array
 from fltea.records.events import Ints
-from fltea.stream.place import FEW
 
 SECOND_US = 1_000_000
 SECONDS_KEPT = 600
@@ -17,6 +18,25 @@ SECONDS_FOR_PPM = 10
 DELAY_STD_S = 1e-3
 CLOCK_STD = 1e-2
 """Prior spread of the clocks' ratio: a sensor's own oscillator is within 1 %."""
+
+
+class Line(NamedTuple):
+    """Unix time of the device's clock until its second ends: a line through `centre`."""
+
+    origin_us: int
+    origin_ns: int
+    offset_ns: int
+    centre_s: float
+    centre_delay_s: float
+    slope: float
+    end_us: int
+
+
+class OpenSecond(NamedTuple):
+    """Unix time of the newest sample, and device's time and delay of the earliest arrival of a second."""
+
+    last_ns: int
+    earliest: tuple[float, float] | None
 
 
 class Timebase:
@@ -51,8 +71,6 @@ class Timebase:
             self._first = (int(seq[0]), int(device_us[0]))
             self._second_end_us = int(device_us[0]) + SECOND_US
         self._latest = (int(seq[-1]), int(device_us[-1]))
-        if len(seq) < FEW:
-            return np.array([*map(self._one, device_us.tolist(), host_ns.tolist())])
         device_s = (device_us - self._origin[0]) * np.float64(1e-6)
         delay_s = (host_ns - self._origin[1]) * np.float64(1e-9) - device_s
         n = len(seq)
@@ -70,21 +88,24 @@ class Timebase:
         self._last_ns = int(found[-1])
         return found
 
-    def _one(self, device_us: int, host_ns: int) -> int:
-        """Learn from one arrival; of a few that is ten times as fast as by columns."""
-        assert self._origin is not None
-        device_s = (device_us - self._origin[0]) * 1e-6
-        delay_s = (host_ns - self._origin[1]) * 1e-9 - device_s
-        if device_us >= self._second_end_us:
-            self._close_second()
-            self._second_end_us = device_us + SECOND_US
-        if self._earliest is None or delay_s < self._earliest[1]:
-            self._earliest = (device_s, delay_s)
-        centre = self._centre if self._seconds else self._earliest
-        estimate_s = device_s + centre[1] + self._slope_error * (device_s - centre[0])
-        now_ns = self._origin[1] + self._offset_ns + round(estimate_s * 1e9)
-        self._last_ns = now_ns if self._last_ns is None else max(now_ns, self._last_ns + 1)
-        return self._last_ns
+    @property
+    def line(self) -> Line | None:
+        """The line by which samples of this second are timed; None in the first second."""
+        if self._origin is None or not self._seconds:
+            return None
+        line = *self._origin, self._offset_ns, *self._centre, self._slope_error, self._second_end_us
+        return Line(*line)
+
+    @property
+    def second(self) -> OpenSecond:
+        """What the second that is open has come to."""
+        assert self._last_ns is not None
+        return OpenSecond(self._last_ns, self._earliest)
+
+    def go_on(self, second: OpenSecond, seq: int, device_us: int) -> None:
+        """Take note of samples that were timed by `line`, and of the number and time of the newest."""
+        self._last_ns, self._earliest = second
+        self._latest = seq, device_us
 
     def _within_second(self, device_s: Array, delay_s: Array) -> Ints:
         """Times of samples that all stand in the second that is open."""

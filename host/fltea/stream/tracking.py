@@ -7,13 +7,11 @@ stable, or half a minute long, a bank of random walks stands for the noise.
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from fltea.estimator.tracker import Tracker
-from fltea.records.arrays import Array
+from fltea.records.arrays import Array, Mask
 from fltea.records.block import Block, Tracked, TrackedColumns, with_tracked
 from fltea.records.events import Ints
 from fltea.records.fit import Interval
@@ -33,48 +31,57 @@ class SensorTracks:
     """Tracks the biases of one sensor. axes: their names, and which columns of the samples they are."""
 
     def __init__(self, axes: Mapping[str, int], config: EstimatorConfig, h: float, unit: str) -> None:
-        self.names, self._places, self._h, self.unit = tuple(axes), list(axes.values()), h, unit
-        self._offsets = _offsets(config, len(self.names))
-        self._tracker = Tracker(self._offsets)
-        self._biases = (np.full(len(self.names), math.nan),) * 2
+        self.names, self.places, self._h, self.unit = tuple(axes), list(axes.values()), h, unit
         self._known: dict[str, SettledFit] = {}
+        self._offsets = _offsets(config, len(self.names))
+        self.tracker = Tracker(self._offsets)
+        self._newest: TrackedColumns | None = None
+        self._said = self._words()
         self._learned: dict[str, Learned] = {}
 
     def run(self, values: Array) -> TrackedColumns:
         """Take samples, (n, columns)."""
-        own = values if len(self._places) == values.shape[1] else values[:, self._places]
-        found = self._tracker.run(own)
-        if len(own):
-            self._biases = found.bias[-1], found.bias_std[-1]
+        own = values if len(self.places) == values.shape[1] else values[:, self.places]
+        return self.columns(self.tracker.run(own))
+
+    def columns(self, found: Sequence[Array | Mask]) -> TrackedColumns:
+        """Return what the tracker has found of samples, of which there is one at least, as columns."""
+        self._newest = TrackedColumns._make((self.names, self.unit, *found, *self._said))
+        return self._newest
+
+    def _words(self) -> tuple[tuple[Any, ...], ...]:
+        """What stands in all columns until the next fit: verdict, alpha and f of each axis."""
         stands = [self._known[axis].stands if axis in self._known else None for axis in self.names]
-        return TrackedColumns(
-            self.names,
-            self.unit,
-            *found,
+        return (
             tuple(one.verdict if one else None for one in stands),
             tuple(one.alpha if one else UNDEFINED for one in stands),
             tuple(one.f if one else UNDEFINED for one in stands),
         )
 
+    def knows(self, axis: str, settled: SettledFit) -> bool:
+        """Return whether it has taken that."""
+        return settled is self._known.get(axis)
+
     def skip(self, count: int) -> None:
         """Predict over lost samples."""
-        self._tracker.skip(count)
+        self.tracker.skip(count)
 
     def learner(self, axis: str) -> Learner:
         """Return what is to learn from the samples of an axis until now, for `SettledFit.followed_by`."""
         lane = self.names.index(axis)
-        return Learner(self._tracker.remembered(lane), self._h, self.unit, self._offsets[lane] is not None)
+        return Learner(self.tracker.remembered(lane), self._h, self.unit, self._offsets[lane] is not None)
 
     def go_by(self, axis: str, settled: SettledFit) -> None:
         """Take what the live fit has found for the noise of an axis, if it is new."""
-        if settled is self._known.get(axis):
+        if self.knows(axis, settled):
             return
         self._known[axis] = settled
+        self._said = self._words()
         learned = settled.learned
         if learned is None or learned is self._learned.get(axis):
             return
         with contextlib.suppress(ValueError):  # no filter can work with it: the last one goes on
-            self._tracker.set(self.names.index(axis), learned.system)
+            self.tracker.set(self.names.index(axis), learned.system)
             self._learned[axis] = learned
 
     def heading_std(self, axis: str, t_s: float) -> float:
@@ -83,13 +90,15 @@ class SensorTracks:
 
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
         """Yield how each axis gets on."""
-        figures = self._tracker.figures(), zip(*self._biases, strict=True)
-        for axis, one, biases in zip(self.names, *figures, strict=True):
+        newest = [(math.nan, math.nan)] * len(self.names)
+        if self._newest is not None:
+            newest = [*zip(self._newest.bias[-1].tolist(), self._newest.bias_std[-1].tolist(), strict=True)]
+        for axis, one, biases in zip(self.names, self.tracker.figures(), newest, strict=True):
             holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
             words, K, headings = "walks", UNDEFINED, dict[int, float]()
             if (learned := self._learned.get(axis)) is not None:
                 words, K, headings = learned.model, learned.K, learned.headings
-            bias, std = (float(x) if math.isfinite(x) else None for x in biases)
+            bias, std = (x if math.isfinite(x) else None for x in biases)
             yield (
                 axis,
                 TrackerStats(words, one.nis, one.lag1, holds, one.moved, one.begun, K, headings, bias, std),
@@ -97,11 +106,11 @@ class SensorTracks:
 
     def save(self) -> bytes:
         """Return what `load` takes."""
-        return self._tracker.save()
+        return self.tracker.save()
 
     def load(self, saved: bytes) -> None:
         """Go on from there; ValueError for what cannot be one's own."""
-        self._tracker.load(saved)
+        self.tracker.load(saved)
 
 
 class Tracking(Stage):
@@ -109,25 +118,25 @@ class Tracking(Stage):
 
     def __init__(self, config: Config, fits: LiveFits | None) -> None:
         self._config, self._fits, self._settled = config, fits, settled_by(fits)
-        self._sensors: dict[str, SensorTracks] = {}
+        self.sensors: dict[str, SensorTracks] = {}
 
     def begin(self, beginning: Beginning) -> None:
         """Begin an epoch, from what was saved if it fits."""
         hello, saved = beginning.hello, beginning.saved or Saved()
         gyro, accel = beginning.axes(self._config.channels)
-        h, self._sensors = 1 / hello.rate_hz, {}
+        h, self.sensors = 1 / hello.rate_hz, {}
         for name, axes, config, unit, data in (
             ("gyro", gyro, self._config.estimator, GYRO_UNIT, saved.gyro_track),
             ("accel", accel, self._config.accel, ACCEL_UNIT, saved.accel_track),
         ):
             if axes:
-                self._sensors[name] = sensor = SensorTracks(axes, config, h, unit)
+                self.sensors[name] = sensor = SensorTracks(axes, config, h, unit)
                 if data is not None:
                     sensor.load(data)
 
     def bridge(self, count: int) -> None:
         """Predict over the time for which the program stood still."""
-        for sensor in self._sensors.values():
+        for sensor in self.sensors.values():
             sensor.skip(count)
 
     def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
@@ -142,7 +151,7 @@ class Tracking(Stage):
         """Take samples, by the fits that count by now."""
         tracked = []
         for name, values in (("gyro", block.gyro_dps), ("accel", block.accel_ms2)):
-            if (sensor := self._sensors.get(name)) is not None and values is not None:
+            if (sensor := self.sensors.get(name)) is not None and values is not None:
                 for axis in sensor.names:
                     sensor.go_by(axis, self._settled(axis))
                 tracked.append(sensor.run(values))
@@ -150,15 +159,21 @@ class Tracking(Stage):
 
     def learner(self, axis: str) -> Learner:
         """Return what is to learn from the samples of an axis until now."""
-        return next(one for one in self._sensors.values() if axis in one.names).learner(axis)
+        return next(one for one in self.sensors.values() if axis in one.names).learner(axis)
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether no fit is news."""
+        sensors = self.sensors.values()
+        return all(one.knows(axis, self._settled(axis)) for one in sensors for axis in one.names)
 
     def standing(self) -> Standing:
         """How the trackers get on."""
-        return Standing(tracker={axis: one for s in self._sensors.values() for axis, one in s.stats()})
+        return Standing(tracker={axis: one for s in self.sensors.values() for axis, one in s.stats()})
 
     def save(self) -> dict[str, Any]:
         """What the trackers of both sensors know."""
-        return {f"{name}_track": sensor.save() for name, sensor in self._sensors.items()}
+        return {f"{name}_track": sensor.save() for name, sensor in self.sensors.items()}
 
 
 def _offsets(config: EstimatorConfig, axes: int) -> list[float | None]:

@@ -1,6 +1,7 @@
 """Counts to physical units, by the scales that HELLO gives, and back (pure)."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,26 +9,40 @@ from numpy.typing import NDArray
 from fltea.records.events import RawBlock
 from fltea.records.records import Hello, Sample
 from fltea.records.units import STANDARD_GRAVITY_MS2
-from fltea.wire.sensors import temperature_c, temperature_counts
+from fltea.wire.sensors import temperature_c, temperature_counts, temperature_scale
 
 Array = NDArray[np.float64]
 
 
+class Scales(NamedTuple):
+    """How counts become units. A scale that is null in HELLO means that a recording holds the units."""
+
+    gyro_lsb_per_dps: float
+    accel_ms2_per_lsb: float | None
+    """None where there is no scale."""
+    temperature_lsb_per_c: float
+    temperature_zero_c: float
+    """Of 0 counts."""
+
+    @classmethod
+    def of(cls, hello: Hello) -> "Scales":
+        """Return those that a HELLO gives."""
+        lsb, per_g = hello.gyro_lsb_per_dps, hello.accel_lsb_per_g
+        accel = 1.0 if per_g is None else STANDARD_GRAVITY_MS2 / per_g if per_g else None
+        return cls(1.0 if lsb is None else lsb, accel, *temperature_scale(hello.who_am_i))
+
+
 def gyro_dps(raw: RawBlock, hello: Hello) -> Array:
-    """Return rates in deg/s, (n, axes). A recording whose HELLO has no scale holds deg/s already."""
-    return raw.gyro / (1.0 if hello.gyro_lsb_per_dps is None else hello.gyro_lsb_per_dps)
+    """Return rates in deg/s, (n, axes)."""
+    return raw.gyro / Scales.of(hello).gyro_lsb_per_dps
 
 
 def accel_ms2(raw: RawBlock, hello: Hello) -> Array | None:
-    """Return specific forces in m/s², (n, 3); None where there are none, or no scale of them.
-
-    A null scale in HELLO means that the recording holds m/s² already.
-    """
-    if raw.accel is None or hello.accel_lsb_per_g == 0:
+    """Return specific forces in m/s², (n, 3); None where there are none, or no scale of them."""
+    factor = Scales.of(hello).accel_ms2_per_lsb
+    if raw.accel is None or factor is None:
         return None
-    if hello.accel_lsb_per_g is None:
-        return raw.accel.astype(np.float64)
-    return np.asarray(raw.accel * (STANDARD_GRAVITY_MS2 / hello.accel_lsb_per_g), dtype=np.float64)
+    return np.asarray(raw.accel * factor, dtype=np.float64)
 
 
 def temperatures_c(raw: RawBlock, hello: Hello) -> Array | None:

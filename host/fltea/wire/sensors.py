@@ -45,13 +45,16 @@ def sensor_name(who_am_i: int) -> str:
 
 def temperature_counts(celsius: float, who_am_i: int | None) -> int:
     """Return counts of TEMP_OUT from °C: the inverse of `temperature_c`."""
-    if who_am_i == 0x68:
-        return round((celsius - 36.53) * 340.0)
-    return round((celsius - 21.0) * 333.87)
+    lsb_per_c, zero_c = temperature_scale(who_am_i)
+    return round((celsius - zero_c) * lsb_per_c)
 
 
 def temperature_c(raw: Counts, who_am_i: int | None) -> NDArray[np.float64]:
     """Return die temperatures in °C from counts of TEMP_OUT."""
-    if who_am_i == 0x68:
-        return raw / 340.0 + 36.53
-    return raw / 333.87 + 21.0
+    lsb_per_c, zero_c = temperature_scale(who_am_i)
+    return raw / lsb_per_c + zero_c
+
+
+def temperature_scale(who_am_i: int | None) -> tuple[float, float]:
+    """Return counts of TEMP_OUT a °C, and the temperature of 0 counts."""
+    return (340.0, 36.53) if who_am_i == 0x68 else (333.87, 21.0)

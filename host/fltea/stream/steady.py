@@ -1,0 +1,108 @@
+"""Samples with which nothing happens but themselves: all that is done with them, in one native call.
+
+Nearly all that a live device says is one sample or two that follow on: no gap, no second that ends, no look
+that begins or counts. One stage after another costs them five times what their estimates do, and more where
+the processor has slept: nothing of it is in its caches then. What comes out is the same, to the bit, as by
+the stages, which take all else (tests/stream/test_steady.py).
+"""
+
+from typing import NamedTuple
+
+from fltea import _native
+from fltea.records.block import COLUMNS, AxisColumns, Block, TrackedColumns
+from fltea.records.events import RawBlock
+from fltea.stream.decode import Decoder
+from fltea.stream.host import Channels, HostEstimates, Loss
+from fltea.stream.live import LiveFits
+from fltea.stream.place import FollowRule, Newest, Place
+from fltea.stream.stages import Moment
+from fltea.stream.time import OpenSecond, Timebase
+from fltea.stream.tracking import SensorTracks, Tracking
+from fltea.wire.sample_scaling import Scales
+
+NEVER = 2**62
+
+
+class Taken(NamedTuple):
+    """What came of samples. newest: the last of them. lost: which axes became invalid."""
+
+    block: Block
+    newest: Newest
+    lost: list[Loss]
+
+
+class _Sensor(NamedTuple):
+    """The parts of the stages that are one sensor's; channels: None where nothing estimates it."""
+
+    tracks: SensorTracks
+    channels: Channels | None
+
+
+class Steady:
+    """Takes samples of the epoch that goes on. block: of the samples before them, as the stages gave it."""
+
+    def __init__(
+        self,
+        native: _native.Steady,
+        sensors: list[_Sensor],
+        place: Place,
+        timebase: Timebase,
+        fits: LiveFits | None,
+        block: Block,
+    ) -> None:
+        self._native, self._sensors, self._block = native, sensors, block
+        self._place, self._timebase, self._fits = place, timebase, fits
+        self._stop = NEVER if fits is None else fits.stop
+
+    @classmethod
+    def after(
+        cls, block: Block, decoder: Decoder, tracking: Tracking, fits: LiveFits | None, host: HostEstimates
+    ) -> "Steady | None":
+        """Return what takes the samples after a block; None where more is to be done with them."""
+        place, timebase = decoder.place, decoder.timebase
+        line = None if timebase is None else timebase.line
+        if timebase is None or line is None or place.hello is None or not tracking.is_steady:
+            return None
+        sensors: list[_Sensor] = []
+        parts: list[_native.SteadySensor] = []
+        for name, tracks in tracking.sensors.items():
+            channels, sums = host.sensors.get(name), None if fits is None else fits.live(name)
+            if channels is not None and not channels.is_steady:
+                return None
+            sensors.append(_Sensor(tracks, channels))
+            part = name == "accel", tracks.places, tracks.tracker.native
+            of_sums = (None, 0) if sums is None else (sums.octaves.native, sums.longest_motion)
+            bank = None if channels is None else channels.bank
+            waiting, known = ([], []) if channels is None else (channels.waiting, channels.bank.known.numbers)
+            parts.append((*part, *of_sums, None if bank is None else bank.native, waiting, known))
+        rule, scales = FollowRule.at(place.hello.rate_hz), Scales.of(place.hello)
+        return cls(_native.Steady(rule, scales, line, parts), sensors, place, timebase, fits, block)
+
+    def take(self, raw: RawBlock, until_ns: int) -> Taken | None:
+        """Take samples that arrived before until_ns; None, and nothing has changed, if more is to be done."""
+        newest = self._place.newest
+        if newest is None:
+            return None
+        found = self._native.run(raw, newest, self._stop, until_ns, *self._timebase.second)
+        if found is None:
+            return None
+        columns, of_sensors, last, second = found
+        newest = Newest._make(last)
+        self._place.go_on(len(raw.sequence), newest)
+        self._timebase.go_on(OpenSecond._make(second), newest.seq, newest.epoch_us)
+        tracked: list[TrackedColumns] = []
+        estimates: list[AxisColumns] = []
+        lost: list[Loss] = []
+        for (tracks, channels), (of_tracks, of_bank, own, losses) in zip(
+            self._sensors, of_sensors, strict=True
+        ):
+            tracked.append(tracks.columns(of_tracks))
+            if channels is not None:
+                channels.bank.newest = own
+                estimates.append(channels.columns(*of_bank))
+                lost += channels.losses(losses)
+        fields = dict(zip(COLUMNS, (*columns, raw.flags), strict=True))
+        block = self._block.but(**fields, estimates=tuple(estimates), tracked=tuple(tracked))
+        if self._fits is not None:
+            self._fits.went_on(Moment(newest.seq, block.epoch, newest.epoch_us, second[0]))
+        return Taken(block, newest, lost)

@@ -1,0 +1,271 @@
+// fltea._native.Steady: samples with which nothing happens through all that each sample goes through, in one
+// call (host/fltea/stream/steady.py).
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <cmath>
+#include <optional>
+#include <tuple>
+#include <vector>
+
+#include "numpy_table.hpp"
+#include "sensor_parts.hpp"
+#include "steady.hpp"
+
+namespace nb = nanobind;
+
+namespace {
+
+// Numbers of a column of samples, of either type that sources have.
+class Column {
+  public:
+    Column(nb::handle array, size_t rows) {
+        if (array.is_none()) return;
+        if (PyObject_GetBuffer(array.ptr(), &view_, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT) != 0) {
+            PyErr_Clear();
+            return;
+        }
+        held_ = true;
+        width_ = view_.ndim == 1 ? 1 : static_cast<size_t>(view_.shape[1]);
+        type_ = view_.format[0];
+        sound_ = view_.ndim >= 1 && view_.ndim <= 2 && view_.format[1] == '\0' &&
+                 static_cast<size_t>(view_.shape[0]) == rows && width_ > 0 &&
+                 (type_ == 'l' || type_ == 'q' || type_ == 'h' || type_ == 'd');
+    }
+    ~Column() {
+        if (held_) PyBuffer_Release(&view_);
+    }
+    Column(const Column&) = delete;
+    Column& operator=(const Column&) = delete;
+
+    explicit operator bool() const { return sound_; }
+    bool whole() const { return type_ == 'l' || type_ == 'q'; }
+    size_t width() const { return width_; }
+    size_t size() const { return width_ * static_cast<size_t>(view_.shape[0]); }
+    std::int64_t integer(size_t i) const { return static_cast<const std::int64_t*>(view_.buf)[i]; }
+    double number(size_t i) const {
+        if (type_ == 'h') return static_cast<const std::int16_t*>(view_.buf)[i];
+        return type_ == 'd' ? static_cast<const double*>(view_.buf)[i] : static_cast<double>(integer(i));
+    }
+
+  private:
+    Py_buffer view_ = {};
+    size_t width_ = 0;
+    char type_ = '\0';
+    bool held_ = false, sound_ = false;
+};
+
+struct Sensor {
+    bool is_accel;
+    std::vector<size_t> places;
+    SensorTracker* tracker;
+    SensorSums* sums;
+    std::uint64_t longest;
+    SensorBank* bank;
+    std::vector<bool> waits;    // axes that are not settled, whatever their innovations are
+    std::vector<double> known;  // as of Known.widen, (value, std, counts) x (alpha, f) x axes, or none
+};
+
+struct Scales {
+    double gyro_divisor;
+    std::optional<double> accel_factor;
+    double temperature_divisor, temperature_c;
+};
+
+class Steady {
+  public:
+    using Rule = std::tuple<double, double, std::int64_t, std::int64_t>;
+    using Scale = std::tuple<double, std::optional<double>, double, double>;
+    using Place = std::tuple<std::int64_t, std::int64_t, std::int64_t, std::int64_t, std::int64_t>;
+    using Clock = std::tuple<std::int64_t, std::int64_t, std::int64_t, double, double, double, std::int64_t>;
+
+    Steady(const Rule& rule, const Scale& scale, const Clock& clock, nb::list sensors) {
+        std::tie(rule_.period_us, rule_.tolerance_us, rule_.disagreement_ns, rule_.silence_ns) = rule;
+        std::tie(scales_.gyro_divisor, scales_.accel_factor, scales_.temperature_divisor,
+                 scales_.temperature_c) = scale;
+        std::tie(clock_.origin_us, clock_.origin_ns, clock_.offset_ns, clock_.centre_s, clock_.centre_delay_s,
+                 clock_.slope, second_end_us_) = clock;
+        for (nb::handle one : sensors) {
+            const nb::tuple sensor = nb::cast<nb::tuple>(one);
+            kept_.append(sensor);
+            sensors_.push_back(Sensor{nb::cast<bool>(sensor[0]), nb::cast<std::vector<size_t>>(sensor[1]),
+                                      nb::cast<SensorTracker*>(sensor[2]), nb::cast<SensorSums*>(sensor[3]),
+                                      nb::cast<std::uint64_t>(sensor[4]), nb::cast<SensorBank*>(sensor[5]),
+                                      nb::cast<std::vector<bool>>(sensor[6]),
+                                      nb::cast<std::vector<double>>(sensor[7])});
+        }
+    }
+
+    // raw: sequence, device_us, host_ns, gyro, accel, temperature, as of RawBlock. place: of the newest
+    // sample. stop: a sample with this number, or a later one, may not come, nor one that arrives at until_ns
+    // or later. last_ns: Unix time of the newest sample. earliest: arrival in the clock's second.
+    nb::object run(nb::tuple raw, const Place& place, std::int64_t stop, std::int64_t until_ns,
+                   std::int64_t last_ns, std::optional<std::tuple<double, double>> earliest) {
+        const size_t n = nb::len(nb::handle(raw[0]));
+        const Column sequence(raw[0], n), device_us(raw[1], n), host_ns(raw[2], n), gyro(raw[3], n),
+            accel(raw[4], n), temperature(raw[5], n);
+        if (n == 0 || !sequence || !device_us || !host_ns || !gyro || !sequence.whole() ||
+            !device_us.whole() || !host_ns.whole())
+            return nb::none();
+        const bool has_accel = accel && scales_.accel_factor;
+        if ((!accel && !raw[4].is_none()) || (!temperature && !raw[5].is_none())) return nb::none();
+        fltea::SamplePlace at;
+        std::tie(at.sequence, at.device_us, at.host_ns, at.seq, at.epoch_us) = place;
+        fltea::SecondOfClock clock = clock_;
+        clock.last_ns = last_ns;
+        clock.any = earliest.has_value();
+        if (earliest) std::tie(clock.earliest_s, clock.earliest_delay_s) = *earliest;
+        if (at.seq + static_cast<std::int64_t>(n) >= stop) return nb::none();
+
+        size_t numbers = 3 * n + gyro.size() + (has_accel ? accel.size() : 0) + (temperature ? n : 0),
+               flags = 0;
+        for (const Sensor& one : sensors_) {
+            const size_t size = n * one.places.size();
+            numbers +=
+                size * (kTrackedColumns + (one.bank ? fltea::kLaneColumns : 0)) + 2 * one.places.size();
+            flags += size * (one.bank ? 3 : 1);
+        }
+        NumpyTable table(numpy_, numbers * 8 + flags);
+        auto* const seqs = table.room<std::int64_t>(n);
+        auto* const epoch_us = table.room<std::int64_t>(n);
+        auto* const unix_ns = table.room<std::int64_t>(n);
+        for (size_t i = 0; i < n; ++i) {
+            if (!at.go_on(rule_, sequence.integer(i), device_us.integer(i), host_ns.integer(i)) ||
+                at.epoch_us >= second_end_us_ || at.host_ns >= until_ns)
+                return nb::none();
+            seqs[i] = at.seq;
+            epoch_us[i] = at.epoch_us;
+            unix_ns[i] = clock.time(at.epoch_us, host_ns.integer(i));
+        }
+        auto* const gyro_dps = table.room<double>(gyro.size());
+        for (size_t i = 0; i < gyro.size(); ++i) gyro_dps[i] = gyro.number(i) / scales_.gyro_divisor;
+        double* accel_ms2 = nullptr;
+        if (has_accel) {
+            accel_ms2 = table.room<double>(accel.size());
+            for (size_t i = 0; i < accel.size(); ++i) accel_ms2[i] = accel.number(i) * *scales_.accel_factor;
+        }
+        double* celsius = nullptr;
+        if (temperature) {
+            celsius = table.room<double>(n);
+            for (size_t i = 0; i < n; ++i)
+                celsius[i] = temperature.number(i) / scales_.temperature_divisor + scales_.temperature_c;
+        }
+        std::vector<std::vector<double>> values;
+        for (const Sensor& one : sensors_) {
+            const double* const from = one.is_accel ? accel_ms2 : gyro_dps;
+            const size_t width = one.is_accel ? accel.width() : gyro.width();
+            if (!from) return nb::none();
+            std::vector<double> y;
+            y.reserve(n * one.places.size());
+            for (size_t i = 0; i < n; ++i) {
+                for (const size_t axis : one.places) {
+                    if (axis >= width || !(std::fabs(from[i * width + axis]) <= kLargestSample))
+                        return nb::none();
+                    y.push_back(from[i * width + axis]);
+                }
+            }
+            values.push_back(std::move(y));
+        }
+        // From here on nothing can be refused.
+        const nb::tuple of_rows = nb::make_tuple(n);
+        nb::list found;
+        std::vector<double*> tracked, estimated, own;
+        for (const Sensor& one : sensors_) {
+            const size_t size = n * one.places.size();
+            tracked.push_back(table.room<double>(kTrackedColumns * size));
+            estimated.push_back(one.bank ? table.room<double>(fltea::kLaneColumns * size) : nullptr);
+            own.push_back(table.room<double>(2 * one.places.size()));
+        }
+        for (size_t s = 0; s < sensors_.size(); ++s) {
+            const Sensor& one = sensors_[s];
+            const size_t axes = one.places.size(), size = n * axes;
+            const nb::tuple shape = nb::make_tuple(n, axes);
+            auto* const moving = table.room<std::uint8_t>(size);
+            one.tracker->run(values[s].data(), n, tracked[s], moving);
+            if (one.sums) one.sums->add(values[s].data(), moving, n, one.longest);
+            nb::list columns;
+            for (size_t c = 0; c < kTrackedColumns; ++c)
+                columns.append(table.array(tracked[s] + c * size, shape));
+            columns.append(table.array(moving, shape));
+            nb::object estimates = nb::none();
+            nb::list losses;
+            if (one.bank) {
+                fltea::BankBlock block;
+                for (size_t c = 0; c < fltea::kLaneColumns; ++c) block.columns[c] = estimated[s] + c * size;
+                block.valid = table.room<std::uint8_t>(size);
+                block.white = table.room<std::uint8_t>(size);
+                std::vector<fltea::Lost> lost;
+                one.bank->run(values[s].data(), n, block, lost);
+                for (size_t axis = 0; axis < axes; ++axis) {
+                    const size_t last = size - axes + axis;
+                    own[s][axis] = block.columns[fltea::kLaneAlpha][last];
+                    own[s][axes + axis] = block.columns[fltea::kLaneAlphaStd][last];
+                }
+                if (!one.known.empty()) widen(one.known.data(), axes, size, block);
+                for (size_t i = 0; i < size; ++i) {
+                    if (one.waits[i % axes]) block.white[i] = 0;
+                }
+                nb::list bank;
+                for (size_t c = 0; c < fltea::kLaneInnovationStd; ++c)
+                    bank.append(table.array(block.columns[c], shape));
+                bank.append(table.array(block.valid, shape));
+                bank.append(table.array(block.white, shape));
+                estimates = nb::tuple(bank);
+                losses = as_list(lost);
+            }
+            found.append(nb::make_tuple(nb::tuple(columns), estimates,
+                                        table.array(own[s], nb::make_tuple(2, axes)), losses));
+        }
+        const nb::object accel_array =
+            has_accel ? table.array(accel_ms2, nb::make_tuple(n, accel.width())) : nb::object(nb::none());
+        const nb::object celsius_array = celsius ? table.array(celsius, of_rows) : nb::object(nb::none());
+        return nb::make_tuple(
+            nb::make_tuple(
+                table.array(seqs, of_rows), table.array(epoch_us, of_rows), table.array(unix_ns, of_rows),
+                table.array(gyro_dps, nb::make_tuple(n, gyro.width())), accel_array, celsius_array),
+            found, nb::make_tuple(at.sequence, at.device_us, at.host_ns, at.seq, at.epoch_us),
+            nb::make_tuple(clock.last_ns, nb::make_tuple(clock.earliest_s, clock.earliest_delay_s)));
+    }
+
+  private:
+    // As Known.widen of host/fltea/estimator/belief.py.
+    static void widen(const double* known, size_t axes, size_t size, const fltea::BankBlock& block) {
+        const int columns[2][2] = {{fltea::kLaneAlpha, fltea::kLaneAlphaStd},
+                                   {fltea::kLaneF, fltea::kLaneFStd}};
+        for (size_t which = 0; which < 2; ++which) {
+            const double *const value = known + which * axes, *const std = value + 2 * axes,
+                                *const counts = std + 2 * axes;
+            const double* const values = block.columns[columns[which][0]];
+            double* const deviations = block.columns[columns[which][1]];
+            for (size_t i = 0; i < size; ++i) {
+                const size_t axis = i % axes;
+                const double least = deviations[i] < std[axis] ? std[axis] : deviations[i];
+                const double gone = (values[i] - value[axis]) * counts[axis];
+                deviations[i] = std::sqrt(least * least + gone * gone);
+            }
+        }
+    }
+
+    fltea::FollowRule rule_ = {};
+    Scales scales_ = {};
+    fltea::SecondOfClock clock_ = {};
+    std::int64_t second_end_us_ = 0;
+    std::vector<Sensor> sensors_;
+    nb::list kept_;  // what the sensors point to
+    Numpy numpy_;
+};
+
+}  // namespace
+
+void bind_steady(nb::module_& m) {
+    nb::class_<SensorTracker>(m, "SensorTracker");
+    nb::class_<SensorSums>(m, "SensorSums");
+    nb::class_<SensorBank>(m, "SensorBank");
+    nb::class_<Steady>(m, "Steady")
+        .def(nb::init<const Steady::Rule&, const Steady::Scale&, const Steady::Clock&, nb::list>(),
+             nb::arg("rule"), nb::arg("scale"), nb::arg("clock"), nb::arg("sensors"))
+        .def("run", &Steady::run, nb::arg("raw"), nb::arg("place"), nb::arg("stop"), nb::arg("until_ns"),
+             nb::arg("last_ns"), nb::arg("earliest").none());
+}
