@@ -337,7 +337,8 @@ class Steady:
 
     # The columns of a block but for flags; of each sensor those of Tracks and of AxisColumns, alpha and its
     # deviation
-    # of the last sample, and losses; Newest; OpenSecond.
+    # of the last sample, and losses; Newest; OpenSecond. Or the time of the first sample, if the line's second
+    # ends before it. None: something else is to be done.
     def run(
         self,
         raw: tuple[Any, ...],
@@ -346,7 +347,8 @@ class Steady:
         until_ns: int,
         last_ns: int,
         earliest: tuple[float, float] | None,
-    ) -> Any | None: ...
+    ) -> Any: ...
+    def time_by(self, line: tuple[float, ...]) -> None: ...
 
 class Tracker:
     # ValueError for no lanes.

@@ -81,12 +81,11 @@ class Steady {
     using Place = std::tuple<std::int64_t, std::int64_t, std::int64_t, std::int64_t, std::int64_t>;
     using Clock = std::tuple<std::int64_t, std::int64_t, std::int64_t, double, double, double, std::int64_t>;
 
-    Steady(const Rule& rule, const Scale& scale, const Clock& clock, nb::list sensors) {
+    Steady(const Rule& rule, const Scale& scale, const Clock& line, nb::list sensors) {
         std::tie(rule_.period_us, rule_.tolerance_us, rule_.disagreement_ns, rule_.silence_ns) = rule;
         std::tie(scales_.gyro_divisor, scales_.accel_factor, scales_.temperature_divisor,
                  scales_.temperature_c) = scale;
-        std::tie(clock_.origin_us, clock_.origin_ns, clock_.offset_ns, clock_.centre_s, clock_.centre_delay_s,
-                 clock_.slope, second_end_us_) = clock;
+        time_by(line);
         for (nb::handle one : sensors) {
             const nb::tuple sensor = nb::cast<nb::tuple>(one);
             kept_.append(sensor);
@@ -98,9 +97,16 @@ class Steady {
         }
     }
 
-    // raw: sequence, device_us, host_ns, gyro, accel, temperature, as of RawBlock. place: of the newest
-    // sample. stop: a sample with this number, or a later one, may not come, nor one that arrives at until_ns
-    // or later. last_ns: Unix time of the newest sample. earliest: arrival in the clock's second.
+    void time_by(const Clock& line) {
+        std::tie(clock_.origin_us, clock_.origin_ns, clock_.offset_ns, clock_.centre_s, clock_.centre_delay_s,
+                 clock_.slope, second_end_us_) = line;
+    }
+
+    // What came of the samples; the time of the first one if the clock's second ends before it; None, and
+    // nothing has changed, if anything else is to be done. raw: sequence, device_us, host_ns, gyro, accel,
+    // temperature, as of RawBlock. place: of the newest sample. stop: a sample with this number, or a later
+    // one, may not come, nor one that arrives at until_ns or later. last_ns: Unix time of the newest sample.
+    // earliest: arrival in the clock's second.
     nb::object run(nb::tuple raw, const Place& place, std::int64_t stop, std::int64_t until_ns,
                    std::int64_t last_ns, std::optional<std::tuple<double, double>> earliest) {
         const size_t n = nb::len(nb::handle(raw[0]));
@@ -133,8 +139,9 @@ class Steady {
         auto* const unix_ns = table.room<std::int64_t>(n);
         for (size_t i = 0; i < n; ++i) {
             if (!at.go_on(rule_, sequence.integer(i), device_us.integer(i), host_ns.integer(i)) ||
-                at.epoch_us >= second_end_us_ || at.host_ns >= until_ns)
+                at.host_ns >= until_ns)
                 return nb::none();
+            if (at.epoch_us >= second_end_us_) return i == 0 ? nb::int_(at.epoch_us) : nb::object(nb::none());
             seqs[i] = at.seq;
             epoch_us[i] = at.epoch_us;
             unix_ns[i] = clock.time(at.epoch_us, host_ns.integer(i));
@@ -265,7 +272,8 @@ void bind_steady(nb::module_& m) {
     nb::class_<SensorBank>(m, "SensorBank");
     nb::class_<Steady>(m, "Steady")
         .def(nb::init<const Steady::Rule&, const Steady::Scale&, const Steady::Clock&, nb::list>(),
-             nb::arg("rule"), nb::arg("scale"), nb::arg("clock"), nb::arg("sensors"))
+             nb::arg("rule"), nb::arg("scale"), nb::arg("line"), nb::arg("sensors"))
+        .def("time_by", &Steady::time_by, nb::arg("line"))
         .def("run", &Steady::run, nb::arg("raw"), nb::arg("place"), nb::arg("stop"), nb::arg("until_ns"),
              nb::arg("last_ns"), nb::arg("earliest").none());
 }

@@ -51,7 +51,7 @@ class Line:
             os.write(self.master, encode(wire.Sample(k, -k, 0, 0, 0, 16384, 0, 0), k, k * 10_000))
         self._sent += count
 
-    def take(self, event: Event) -> None:
+    def take(self, event: Event, *, tell: bool) -> None:
         self.events.append(event)
         if self.raises is not None and isinstance(event, RawBlock):
             raise self.raises
@@ -93,6 +93,7 @@ class Running:
         self.loop = LineLoop(
             lines,  # type: ignore[arg-type]
             lambda walk, error: self.ended.append((walk, error)),
+            lambda: None,
             self.pressure,
         )
         self.fault: Exception | None = None

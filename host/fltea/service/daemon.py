@@ -143,7 +143,7 @@ class _Run:
         ]
         on_lines = [walk for walk in self._walks if has_line(walk)]
         pressure = Pressure(self._beside, self._hub.report())
-        lines = LineLoop(on_lines, self._end, pressure) if on_lines else None
+        lines = LineLoop(on_lines, self._end, self._hub.tell, pressure) if on_lines else None
         threads = [
             threading.Thread(target=self._pump, args=(walk,), name=f"walk {walk.name}")
             for walk in self._walks

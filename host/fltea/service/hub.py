@@ -62,14 +62,27 @@ class Hub:
         *,
         wait: bool = False,
         log: bool = True,
+        tell: bool = True,
     ) -> None:
-        """Queue a device's records. wait: hold the caller up for outputs that must not lose any."""
+        """Queue a device's records.
+
+        wait: hold the caller up for outputs that must not lose any. tell: the outputs' threads at once; else
+        the caller calls `tell`, when it can do without Python's lock.
+        """
         for outlet in (*self._shared, *self._of.get(device, ())):
-            outlet.put(records, arrived_ns, wait=wait)
+            outlet.put(records, arrived_ns, wait=wait, tell=tell)
         if log and self._log is not None:
             errors = [record for record in records if isinstance(record, Error)]
             if errors:
                 self._log.put(errors)
+
+    def tell(self) -> None:
+        """Tell outputs' threads of what was published without telling them."""
+        for outlet in self._shared:
+            outlet.thread.tell()
+        for outlets in self._of.values():
+            for outlet in outlets:
+                outlet.thread.tell()
 
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until all outputs that devices share have room; False if one has none in time."""

@@ -10,6 +10,9 @@ from fltea.sources.serial import SerialSource
 from fltea.wire.ports import Ports
 
 WAIT_S = 0.5
+TELL_AFTER = 16
+"""Walks, of those that have something at once, after which the outputs are told of it. They would take
+Python's lock from a walk for what they can as well do while all walks wait for samples."""
 
 
 def has_line(walk: Walk) -> bool:
@@ -21,14 +24,20 @@ class LineLoop:
     """Reads the ports of these walks and lets each take what came from its own.
 
     on_end: called, from the loop's thread, with a walk that has ended and the exception that ended it, if one
-    did. pressure: what is to know how long samples wait.
+    did. tell: lets the outputs know of what the walks have published. pressure: what is to know how long
+    samples wait.
     """
 
     def __init__(
-        self, walks: Sequence[Walk], on_end: Callable[[Walk, Exception | None], None], pressure: Pressure
+        self,
+        walks: Sequence[Walk],
+        on_end: Callable[[Walk, Exception | None], None],
+        tell: Callable[[], None],
+        pressure: Pressure,
     ) -> None:
         self.walks = list(walks)
-        self._on_end, self._pressure, self._looked_ns = on_end, pressure, 0
+        self._on_end, self._tell, self._pressure = on_end, tell, pressure
+        self._looked_ns = 0
         self._closed = False
         self._sources = [walk.source for walk in walks if isinstance(walk.source, SerialSource)]
         self._ports = Ports([source.port for source in self._sources])
@@ -38,9 +47,12 @@ class LineLoop:
         going = set(range(len(self.walks)))
         try:
             while going and not self._closed:
-                for place, item in self._ports.poll(WAIT_S):
+                for number, (place, item) in enumerate(self._ports.poll(WAIT_S), 1):
                     if place in going and not self._take(place, item):
                         going.discard(place)
+                    if number % TELL_AFTER == 0:
+                        self._tell()
+                self._tell()
                 now_ns = clock.host_ns()
                 if now_ns - self._looked_ns >= LOOK_NS:
                     self._looked_ns = now_ns
@@ -67,7 +79,7 @@ class LineLoop:
             self._pressure.waited(clock.host_ns() - due_ns)
         try:
             for event in source.take(item):
-                walk.take(event)
+                walk.take(event, tell=False)
                 if walk.failure is not None:
                     break
         except Exception as error:

@@ -29,12 +29,12 @@ def weight(item: Item | Departed) -> int:
 class OutletThread:
     """Writes to outlets, one after the other, for as long as it has any.
 
-    due: one of them has something; hurry: it closes.
+    due: one of them has something; untold: it has, and nobody has woken the thread; hurry: one closes.
     """
 
     def __init__(self, name: str) -> None:
         self.changed = threading.Condition()
-        self.due = False
+        self.due = self.untold = False
         self.hurry = threading.Event()
         self._name = name
         self._outlets: list[Outlet] = []
@@ -50,6 +50,17 @@ class OutletThread:
             first = len(self._outlets) == 1
         if first:
             threading.Thread(target=self._run, name=self._name, daemon=True).start()
+
+    def tell(self) -> None:
+        """Wake the thread up if something waits of which it has not been told."""
+        if self.untold:
+            with self.changed:
+                self.wake()
+
+    def wake(self) -> None:
+        """Wake the thread up, by who holds `changed`."""
+        self.due, self.untold = True, False
+        self.changed.notify_all()
 
     def _run(self) -> None:
         going, rested_s = True, 0.0
@@ -92,8 +103,8 @@ class Outlet:
         self._on_end = on_end
         self._queue: deque[tuple[Item | Departed, int | None]] = deque()
         self._queued = self._waiting = 0  # records that ever were in the queue, and those that are
-        self._thread = thread or OutletThread(f"sink {sink.name}")
-        self._changed = self._thread.changed
+        self.thread = thread or OutletThread(f"sink {sink.name}")
+        self._changed = self.thread.changed
         self._ended = self._released = False
         self._written = self._dropped = self._overflow = 0
         self._in_hand = 0
@@ -107,23 +118,27 @@ class Outlet:
 
     def start(self) -> None:
         """Begin to write."""
-        self._thread.add(self)
+        self.thread.add(self)
 
     def put(
-        self, items: Iterable[Item | Departed], arrived_ns: int | None = None, *, wait: bool = False
+        self,
+        items: Iterable[Item | Departed],
+        arrived_ns: int | None = None,
+        *,
+        wait: bool = False,
+        tell: bool = True,
     ) -> None:
         """Queue items; those beyond the sink's capacity are dropped and counted.
 
-        wait: for room, if the sink is lossless.
-
+        wait: for room, if the sink is lossless. tell: the thread at once; else the caller calls its `tell`.
         arrived_ns: monotonic time at which what they report arrived, for the latency; None where it has none.
         """
         with self._changed:
-            room = self._thread.room(self.sink.capacity)
+            room = self.thread.room(self.sink.capacity)
             for item in items:
                 if wait and self.sink.lossless:
                     while self._waiting >= room and not (self._ended or self._released):
-                        self._wake()
+                        self.thread.wake()
                         self._changed.wait(IDLE_S)
                 count = weight(item)
                 if self._ended or self._waiting >= room:
@@ -133,7 +148,9 @@ class Outlet:
                     self._queue.append((item, arrived_ns))
                     self._queued += count
                     self._waiting += count
-            self._wake()
+            self.thread.untold = True
+            if tell:
+                self.thread.wake()
 
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until the queue is less than half full, or has ended; False if it is not in time."""
@@ -157,14 +174,14 @@ class Outlet:
         """Take nothing more; what is queued still goes out (see `join`)."""
         with self._changed:
             self.closing = self._released = True
-            self._thread.hurry.set()
-            self._wake()
+            self.thread.hurry.set()
+            self.thread.wake()
 
     def release(self) -> None:
         """Hold nobody up any more, who waits for room."""
         with self._changed:
             self._released = True
-            self._wake()
+            self.thread.wake()
 
     def join(self, timeout_s: float) -> bool:
         """Wait until the sink has written everything and is closed; False if it did not manage."""
@@ -183,10 +200,6 @@ class Outlet:
         except Exception as error:  # whatever a library raises ends this output alone
             self._end(error)
         return False
-
-    def _wake(self) -> None:
-        self._thread.due = True
-        self._changed.notify_all()
 
     def _write_batch(self) -> bool:
         with self._changed:

@@ -62,8 +62,8 @@ class Walk:
         self._save_period_ns = int(config.state.period_s * 1e9)
         self._save_ns = clock.host_ns() + self._save_period_ns
 
-    def take(self, event: Event) -> None:
-        """Move one event.
+    def take(self, event: Event, *, tell: bool = True) -> None:
+        """Move one event. tell: as of `Hub.publish`.
 
         Raises:
             UsageError: the settings do not fit what the source gives, or it cannot be recorded.
@@ -80,7 +80,7 @@ class Walk:
         if items:
             arrived_ns = host_ns_of(event) if live else None
             wait = not self.source.prompt
-            self._hub.publish(self.name, items, arrived_ns, wait=wait, log=self.failure is None)
+            self._hub.publish(self.name, items, arrived_ns, wait=wait, log=self.failure is None, tell=tell)
         if self._state is not None and clock.host_ns() >= self._save_ns:
             self._save_ns = clock.host_ns() + self._save_period_ns
             self._deposit(self._state)

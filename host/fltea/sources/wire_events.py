@@ -28,7 +28,7 @@ from fltea.records.records import Hello
 from fltea.records.repeat import REPEAT_NS, OnceAMinute
 from fltea.records.stats import LinkStats
 from fltea.wire import layout as wire
-from fltea.wire.block_reader import BlockReader, SampleColumns
+from fltea.wire.block_reader import BlockReader, Located, SampleColumns
 from fltea.wire.faults import fault_text
 from fltea.wire.message_events import (
     axis_event,
@@ -47,7 +47,7 @@ SILENCE_S = 5.0
 """A device that says nothing, or nothing that can be read, for this long is reported."""
 
 LIMIT_NS = int(SILENCE_S * 1e9)
-STALL_S = 2.0
+STALL_NS = 2 * SECOND_NS
 """If the program itself was held up for this long, by whatever, silence proves nothing."""
 
 TICK_NS = int(TICK_S * 1e9)
@@ -105,7 +105,26 @@ class WireEvents:
         What comes of many is what came of each alone, with ticks where nothing came, as of a silent line.
         now_ns: the monotonic clock as of now; in a recording, that of the event, or of its first read.
         """
-        if self._before_ns is not None and now_ns - self._before_ns > STALL_S * 1e9:
+        if isinstance(item, Reads) and self._is_ordinary(item, now_ns):
+            return self._on_near(item)
+        return self._feed(item, now_ns)
+
+    def _is_ordinary(self, reads: Reads, now_ns: int) -> bool:
+        """Return whether these reads came close together, in one second, and soon after what was before."""
+        times_ns = reads.host_ns.tolist()
+        first_ns, last_ns = times_ns[0], times_ns[-1]
+        return (
+            self._last_ns is not None
+            and self._before_ns is not None
+            and now_ns - self._before_ns <= STALL_NS
+            and first_ns - self._last_ns <= TICK_NS
+            and last_ns - first_ns <= TICK_NS
+            and first_ns // SECOND_NS == last_ns // SECOND_NS
+            and self._is_settled(last_ns)
+        )
+
+    def _feed(self, item: TransportEvent | Reads | None, now_ns: int) -> Iterator[Event]:
+        if self._before_ns is not None and now_ns - self._before_ns > STALL_NS:
             self.forgive(now_ns)
         match item:
             case None if self._last_ns is None or now_ns - self._last_ns < TICK_NS:
@@ -193,7 +212,17 @@ class WireEvents:
         first_ns, last_ns = int(reads.host_ns[0]), int(reads.host_ns[-1])
         self._heard(first_ns, len(reads.data))
         self._byte_ns = self._last_ns = last_ns
-        yield from self._on_bytes(reads)
+        before = self._frames.bytes_in
+        for item in self._frames.feed(reads.data):
+            if not isinstance(item, SampleColumns):
+                yield from self._on_other(item, reads)
+                self._bytes = before + item.end
+            elif self._refused:
+                self._refused_frames += len(item.end)
+                self._count(item, reads, before)
+            else:
+                yield from self._blocks(item, reads)
+                self._count(item, reads, before)
         self.unix_offset_ns = int(reads.unix_offset_ns[-1])
         yield from self._watch(last_ns)
 
@@ -202,43 +231,34 @@ class WireEvents:
             self._unread_since_ns, self._unread_bytes = host_ns, 0
         self._unread_bytes += size_bytes
 
-    def _on_bytes(self, reads: Reads) -> Iterator[Event]:
-        """Yield the events of bytes.
-
-        What is handed on is counted behind it, up to its last byte: so the counts do not depend on how the
-        bytes were read.
-        """
-        before = self._frames.bytes_in
-        for item in self._frames.feed(reads.data):
-            if isinstance(item, SampleColumns):
-                yield from self._on_samples(item, reads, before)
-                continue
-            at = int(np.searchsorted(reads.end, item.end))
-            self.unix_offset_ns = int(reads.unix_offset_ns[at])
-            if isinstance(item.item, BadFrame):
-                self._counts[item.item.reason] += 1
-            else:
-                yield from self._on_frame(item.item, int(reads.host_ns[at]))
-                self._counts["frames"] += isinstance(item.item, Frame)
-                self._readable(item.end, reads)
-            self._bytes = before + item.end
-
-    def _on_samples(self, columns: SampleColumns, reads: Reads, before: int) -> Iterator[Event]:
-        """Yield blocks of samples; one that does not follow on those before it may begin an epoch."""
-        n = len(columns.sequence)
-        if self._refused:
-            self._refused_frames += n
+    def _on_other(self, located: Located, reads: Reads) -> Iterator[Event]:
+        """Yield the events of what is no sample. It is counted behind them, as all that is handed on."""
+        item, end = located
+        at = int(np.searchsorted(reads.end, end))
+        self.unix_offset_ns = int(reads.unix_offset_ns[at])
+        if isinstance(item, BadFrame):
+            self._counts[item.reason] += 1
         else:
-            at = _at(reads, columns.end)
-            sequence, device_us, gyro, accel, temperature, flags, _ = columns
-            raw = RawBlock(sequence, device_us, reads.host_ns[at], gyro, accel, temperature, flags)
-            breaks = ((sequence[1:] - sequence[:-1] != 1).nonzero()[0] + 1).tolist() if n > 1 else []
-            for begin, end in zip([0, *breaks], [*breaks, n], strict=True):
-                self.unix_offset_ns = int(reads.unix_offset_ns[at[begin]])
-                yield raw if end - begin == n else raw.rows(begin, end)
-        self._counts["frames"] += n
-        self._bytes = before + int(columns.end[-1])
-        self._readable(int(columns.end[-1]), reads)
+            yield from self._on_frame(item, int(reads.host_ns[at]))
+            self._counts["frames"] += isinstance(item, Frame)
+            self._readable(end, reads)
+
+    def _blocks(self, columns: SampleColumns, reads: Reads) -> Iterator[RawBlock]:
+        """Yield blocks of samples; one that does not follow on those before it may begin an epoch."""
+        sequence, device_us, gyro, accel, temperature, flags, end = columns
+        n, at = len(end), _at(reads, end)
+        raw = RawBlock(sequence, device_us, reads.host_ns[at], gyro, accel, temperature, flags)
+        breaks = ((sequence[1:] - sequence[:-1] != 1).nonzero()[0] + 1).tolist() if n > 1 else []
+        for begin, stop in zip([0, *breaks], [*breaks, n], strict=True):
+            self.unix_offset_ns = int(reads.unix_offset_ns[at[begin]])
+            yield raw if stop - begin == n else raw.rows(begin, stop)
+
+    def _count(self, columns: SampleColumns, reads: Reads, before: int) -> None:
+        """Count samples that were handed on, so that the counts do not depend on how the bytes were read."""
+        end = int(columns.end[-1])
+        self._counts["frames"] += len(columns.end)
+        self._bytes = before + end
+        self._readable(end, reads)
 
     def _readable(self, end: int, reads: Reads) -> None:
         """Take note of a good frame: what came in later reads is not read yet."""

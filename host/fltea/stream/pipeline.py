@@ -15,7 +15,7 @@ import numpy as np
 from fltea.records.block import Block
 from fltea.records.clock import SECOND_NS
 from fltea.records.errors import UsageError
-from fltea.records.events import Event, LinkDown, RawBlock, Trouble, host_ns_of
+from fltea.records.events import Break, Event, LinkDown, RawBlock, Trouble, host_ns_of
 from fltea.records.ports import Source
 from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, Epoch, EpochReason, Error, Gap, Hello, Stats
 from fltea.records.stats import DeviceStatus, OutputStats, SampleStats
@@ -109,17 +109,14 @@ class Pipeline:
 
     def _steadily(self, event: Event) -> Iterable[Output] | None:
         """Take samples with which nothing else happens; None for what the stages have to take."""
-        steady, self._steady = self._steady, None
-        if steady is None or not isinstance(event, RawBlock):
+        if self._steady is None or not isinstance(event, RawBlock):
             return None
-        second = self._second
         until_ns = NEVER
-        if self._watched and second is not None:
-            until_ns = (second + 1) * self._stats_ns - self._stats_offset_ns
-        taken = steady.take(event, until_ns)
+        if self._watched and self._second is not None:
+            until_ns = (self._second + 1) * self._stats_ns - self._stats_offset_ns
+        taken = self._steady.take(event, until_ns)
         if taken is None:
             return None
-        self._steady = steady
         block, newest, lost = taken
         self._came_to(newest.host_ns, newest.sequence, newest.device_us)
         if lost:
@@ -130,8 +127,14 @@ class Pipeline:
         self._source_offset_ns = offset_ns
         for part in _by_second(event) if self._watched else (event,):
             yield from self._on_time(part)
+            taken = self._steadily(part)
+            if taken is not None:
+                yield from taken
+                continue
+            self._steady = None if isinstance(part, RawBlock | LinkDown | Break) else self._steady
             for found in self._decoder.feed(part):
                 if isinstance(found, Hello):
+                    self._steady = None
                     self._forget()
                     yield msgspec.structs.replace(found, host_ns=self._unix_ns(), device=self._config.name)
                 else:
@@ -140,7 +143,7 @@ class Pipeline:
                 self._now_ns = int(part.host_ns[-1])  # also where its last samples could not be used
             else:
                 yield from self._on_event(part)
-        if isinstance(event, RawBlock) and len(event.sequence) <= MOST_STEADY:
+        if self._steady is None and isinstance(event, RawBlock) and len(event.sequence) <= MOST_STEADY:
             self._steady = self._steady_now()
 
     def _steady_now(self) -> Steady | None:

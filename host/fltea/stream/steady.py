@@ -51,7 +51,7 @@ class Steady:
         block: Block,
     ) -> None:
         self._native, self._sensors, self._block = native, sensors, block
-        self._place, self._timebase, self._fits = place, timebase, fits
+        self._place, self._timebase, self._fits, self._hello = place, timebase, fits, place.hello
         self._stop = NEVER if fits is None else fits.stop
 
     @classmethod
@@ -80,16 +80,26 @@ class Steady:
 
     def take(self, raw: RawBlock, until_ns: int) -> Taken | None:
         """Take samples that arrived before until_ns; None, and nothing has changed, if more is to be done."""
-        newest = self._place.newest
-        if newest is None:
+        newest, hello = self._place.newest, self._place.hello
+        if newest is None or hello is None or self._hello is None:
             return None
-        found = self._native.run(raw, newest, self._stop, until_ns, *self._timebase.second)
+        if hello is not self._hello:  # as a device says once a second
+            if hello.rate_hz != self._hello.rate_hz or Scales.of(hello) != Scales.of(self._hello):
+                return None
+            self._hello = hello
+        timebase = self._timebase
+        found = self._native.run(raw, newest, self._stop, until_ns, *timebase.second)
+        if isinstance(found, int):
+            timebase.begin_second(found)
+            assert timebase.line is not None
+            self._native.time_by(timebase.line)
+            found = self._native.run(raw, newest, self._stop, until_ns, *timebase.second)
         if found is None:
             return None
         columns, of_sensors, last, second = found
         newest = Newest._make(last)
         self._place.go_on(len(raw.sequence), newest)
-        self._timebase.go_on(OpenSecond._make(second), newest.seq, newest.epoch_us)
+        timebase.go_on(OpenSecond._make(second), newest.seq, newest.epoch_us)
         tracked: list[TrackedColumns] = []
         estimates: list[AxisColumns] = []
         lost: list[Loss] = []

@@ -78,8 +78,7 @@ class Timebase:
         found = np.empty(n, dtype=np.int64)
         while begin < n:
             if device_us[begin] >= self._second_end_us:
-                self._close_second()
-                self._second_end_us = int(device_us[begin]) + SECOND_US
+                self.begin_second(int(device_us[begin]))
             end = n
             if device_us[-1] >= self._second_end_us:
                 end = int(np.searchsorted(device_us, self._second_end_us))
@@ -128,6 +127,11 @@ class Timebase:
             now_ns = np.maximum.accumulate(now_ns - row) + row
         self._last_ns = int(now_ns[-1])
         return now_ns
+
+    def begin_second(self, device_us: int) -> None:
+        """Let a second begin with a sample of this time: the line goes through the one before it, too."""
+        self._close_second()
+        self._second_end_us = device_us + SECOND_US
 
     def _close_second(self) -> None:
         if self._earliest is None:
