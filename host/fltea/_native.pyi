@@ -321,8 +321,7 @@ class Remembered:
     def of_walks(self) -> float: ...
 
 # Whether the axes are the accelerometer's, their columns, what takes the samples (sums, and samples of the
-# longest
-# motion; estimates), which axes wait to be settled, and the numbers of Known.
+# longest motion; estimates), which axes wait to be settled, and the numbers of Known.
 SteadySensor = tuple[bool, list[int], Tracker, Octaves | None, int, Bank | None, list[bool], list[float]]
 
 class Steady:
@@ -336,9 +335,8 @@ class Steady:
     ) -> None: ...
 
     # The columns of a block but for flags; of each sensor those of Tracks and of AxisColumns, alpha and its
-    # deviation
-    # of the last sample, and losses; Newest; OpenSecond. Or the time of the first sample, if the line's second
-    # ends before it. None: something else is to be done.
+    # deviation after the last sample, and losses; Newest; OpenSecond. Or the time of the first sample, if the
+    # line's second ends before it. None: something else is to be done.
     def run(
         self,
         raw: tuple[Any, ...],

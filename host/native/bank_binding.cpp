@@ -14,7 +14,7 @@
 #include "axis_bank.hpp"
 #include "engine_binding.hpp"
 #include "number_io.hpp"
-#include "sensor_parts.hpp"
+#include "sensor_binding.hpp"
 
 namespace nb = nanobind;
 

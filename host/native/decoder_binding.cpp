@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "decoder.hpp"
+#include "numpy_binding.hpp"
 
 namespace nb = nanobind;
 
@@ -38,49 +39,9 @@ class View {
     Py_buffer view_;
 };
 
-// Columns of n rows one behind the other in one bytearray, which the arrays keep alive: numpy.ndarray makes
-// an array of it in a seventh of a microsecond, nanobind's own arrays take twice as long.
-class Columns {
-  public:
-    Columns(nb::handle ndarray, std::size_t rows, std::size_t row_bytes)
-        : ndarray_(ndarray),
-          one_wide_(nb::make_tuple(rows)),
-          three_wide_(nb::make_tuple(rows, 3)),
-          buffer_(
-              nb::steal(PyByteArray_FromStringAndSize(nullptr, static_cast<Py_ssize_t>(rows * row_bytes)))) {
-        if (!buffer_.is_valid()) nb::raise_python_error();
-        next_ = PyByteArray_AsString(buffer_.ptr());
-    }
-
-    // `values(row, out)` writes the numbers of a row. Wider types come first, so that all are aligned.
-    template <typename T, std::size_t Width, typename Values>
-    nb::object add(nb::handle dtype, const std::vector<SampleRow>& samples, Values values) {
-        char* const start = next_;
-        for (const SampleRow& row : samples) {
-            T numbers[Width];
-            values(row, numbers);
-            std::memcpy(next_, numbers, sizeof numbers);
-            next_ += sizeof numbers;
-        }
-        const std::ptrdiff_t offset = start - PyByteArray_AsString(buffer_.ptr());
-        return ndarray_(Width == 1 ? one_wide_ : three_wide_, dtype, buffer_, offset);
-    }
-
-  private:
-    nb::handle ndarray_;
-    nb::tuple one_wide_, three_wide_;
-    nb::object buffer_;
-    char* next_ = nullptr;
-};
-
 class Decoder {
   public:
     Decoder() {
-        const nb::module_ numpy = nb::module_::import_("numpy");
-        ndarray_ = numpy.attr("ndarray");
-        const auto dtype = [&numpy](const char* name) { return numpy.attr("dtype")(name); };
-        int64_ = dtype("int64");
-        int16_ = dtype("int16");
         for (std::size_t i = 0; i < kReasons; ++i) {
             const char* name = fltea::reason_name(static_cast<Reason>(i));
             reasons_[i] = name ? nb::object(nb::str(name)) : nb::none();
@@ -115,28 +76,34 @@ class Decoder {
     // None for no samples.
     nb::object columns(const std::vector<SampleRow>& samples) const {
         if (samples.empty()) return nb::none();
-        Columns table(ndarray_, samples.size(), 8 + 8 + 8 + 8 + 6 + 6 + 2);
-        const auto end = table.add<std::int64_t, 1>(int64_, samples,
-                                                    [](const SampleRow& row, auto* out) { *out = row.end; });
-        const auto device_us = table.add<std::int64_t, 1>(
-            int64_, samples, [](const SampleRow& row, auto* out) { *out = row.device_us; });
-        const auto sequence = table.add<std::int64_t, 1>(
-            int64_, samples, [](const SampleRow& row, auto* out) { *out = row.sequence; });
-        const auto flags = table.add<std::int64_t, 1>(
-            int64_, samples, [](const SampleRow& row, auto* out) { *out = row.sample.flags; });
-        const auto gyro = table.add<std::int16_t, 3>(int16_, samples, [](const SampleRow& row, auto* out) {
-            out[0] = row.sample.gyro_x;
-            out[1] = row.sample.gyro_y;
-            out[2] = row.sample.gyro_z;
-        });
-        const auto accel = table.add<std::int16_t, 3>(int16_, samples, [](const SampleRow& row, auto* out) {
-            out[0] = row.sample.accel_x;
-            out[1] = row.sample.accel_y;
-            out[2] = row.sample.accel_z;
-        });
-        const auto temperature = table.add<std::int16_t, 1>(
-            int16_, samples, [](const SampleRow& row, auto* out) { *out = row.sample.temperature; });
-        return nb::make_tuple(sequence, device_us, gyro, accel, temperature, flags, end);
+        const std::size_t n = samples.size();
+        NumpyTable table(numpy_, n * (4 * sizeof(std::int64_t) + 7 * sizeof(std::int16_t)));
+        auto* const end = table.room<std::int64_t>(n);
+        auto* const device_us = table.room<std::int64_t>(n);
+        auto* const sequence = table.room<std::int64_t>(n);
+        auto* const flags = table.room<std::int64_t>(n);
+        auto* const gyro = table.room<std::int16_t>(3 * n);
+        auto* const accel = table.room<std::int16_t>(3 * n);
+        auto* const temperature = table.room<std::int16_t>(n);
+        for (std::size_t i = 0; i < n; ++i) {
+            const fltea::Sample& one = samples[i].sample;
+            end[i] = samples[i].end;
+            device_us[i] = samples[i].device_us;
+            sequence[i] = samples[i].sequence;
+            flags[i] = one.flags;
+            gyro[3 * i] = one.gyro_x;
+            gyro[3 * i + 1] = one.gyro_y;
+            gyro[3 * i + 2] = one.gyro_z;
+            accel[3 * i] = one.accel_x;
+            accel[3 * i + 1] = one.accel_y;
+            accel[3 * i + 2] = one.accel_z;
+            temperature[i] = one.temperature;
+        }
+        const nb::tuple wide = nb::make_tuple(n), three_wide = nb::make_tuple(n, 3);
+        return nb::make_tuple(table.array(sequence, wide), table.array(device_us, wide),
+                              table.array(gyro, three_wide), table.array(accel, three_wide),
+                              table.array(temperature, wide), table.array(flags, wide),
+                              table.array(end, wide));
     }
 
     nb::list others(const Decoded& found) const {
@@ -151,7 +118,7 @@ class Decoder {
 
     fltea::Decoder decoder_;
     mutable std::mutex mutex_;
-    nb::object ndarray_, int64_, int16_;
+    Numpy numpy_;
     nb::object reasons_[kReasons];
 };
 

@@ -11,7 +11,7 @@
 #include "engine_binding.hpp"
 #include "number_io.hpp"
 #include "octaves.hpp"
-#include "sensor_parts.hpp"
+#include "sensor_binding.hpp"
 
 namespace nb = nanobind;
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "decoder_binding.hpp"
+#include "numpy_binding.hpp"
 #include "port_reader.hpp"
 
 namespace nb = nanobind;
@@ -17,11 +18,7 @@ using fltea::PortRead;
 
 class PortReader {
   public:
-    explicit PortReader(std::size_t capacity) : reader_(capacity) {
-        const nb::module_ numpy = nb::module_::import_("numpy");
-        ndarray_ = numpy.attr("ndarray");
-        int64_ = numpy.attr("dtype")("int64");
-    }
+    explicit PortReader(std::size_t capacity) : reader_(capacity) {}
 
     void add(int port, int descriptor, bool closes, std::int64_t latency_ns) {
         reader_.add(port, descriptor, closes, latency_ns);
@@ -54,26 +51,24 @@ class PortReader {
     }
 
   private:
-    // Arrays in one bytearray, which they keep alive.
     nb::tuple columns(const std::vector<PortRead>& reads) const {
-        const std::size_t n = reads.size(), column = n * sizeof(std::int64_t);
-        const nb::object buffer =
-            nb::steal(PyByteArray_FromStringAndSize(nullptr, static_cast<Py_ssize_t>(3 * column)));
-        if (!buffer.is_valid()) nb::raise_python_error();
-        char* const bytes = PyByteArray_AsString(buffer.ptr());
+        const std::size_t n = reads.size();
+        NumpyTable table(numpy_, 3 * n * sizeof(std::int64_t));
+        auto* const end = table.room<std::int64_t>(n);
+        auto* const host_ns = table.room<std::int64_t>(n);
+        auto* const unix_offset_ns = table.room<std::int64_t>(n);
         for (std::size_t k = 0; k < n; ++k) {
-            const std::int64_t row[] = {reads[k].end, reads[k].stamp.host_ns, reads[k].stamp.unix_offset_ns};
-            for (std::size_t c = 0; c < 3; ++c) {
-                std::memcpy(bytes + c * column + k * sizeof row[c], &row[c], sizeof row[c]);
-            }
+            end[k] = reads[k].end;
+            host_ns[k] = reads[k].stamp.host_ns;
+            unix_offset_ns[k] = reads[k].stamp.unix_offset_ns;
         }
         const nb::tuple shape = nb::make_tuple(n);
-        return nb::make_tuple(ndarray_(shape, int64_, buffer, 0), ndarray_(shape, int64_, buffer, column),
-                              ndarray_(shape, int64_, buffer, 2 * column));
+        return nb::make_tuple(table.array(end, shape), table.array(host_ns, shape),
+                              table.array(unix_offset_ns, shape));
     }
 
     fltea::PortReader reader_;
-    nb::object ndarray_, int64_;
+    Numpy numpy_;
 };
 
 }  // namespace

@@ -10,8 +10,8 @@
 #include <tuple>
 #include <vector>
 
-#include "numpy_table.hpp"
-#include "sensor_parts.hpp"
+#include "numpy_binding.hpp"
+#include "sensor_binding.hpp"
 #include "steady.hpp"
 
 namespace nb = nanobind;

@@ -13,7 +13,7 @@
 
 #include "engine_binding.hpp"
 #include "number_io.hpp"
-#include "sensor_parts.hpp"
+#include "sensor_binding.hpp"
 #include "tracker.hpp"
 
 namespace nb = nanobind;
