@@ -100,7 +100,7 @@ def test_a_hello_with_other_numbers_counts_for_the_samples_behind_it(
     ways: Ways, said: dict[str, Any]
 ) -> None:
     events = list(_reads([1] * 900))
-    short, long = ways.both([*events[:600], hello(host_ns=6_000_000_000, **said), *events[600:]], {})
+    short, long = ways.both([*events[:640], hello(host_ns=6_390_000_000, **said), *events[640:]], {})
     assert short == long
     assert ways.short > 500
 

@@ -275,7 +275,7 @@ class Pipeline:
     def finish(self, *, last_fit: bool = True, whole: bool = False) -> Iterator[Output]:
         """What comes at the end: a fit of everything, and the statistics; whole: the source has no more."""
         for taken in self._gathering.rest() if self._gathering is not None else ():
-            yield from self._feed(*taken)
+            yield from self._in_stages(*taken)
         if self._fits is not None and last_fit:
             yield from self._records(self._fits.last())
         stats = self.stats()
