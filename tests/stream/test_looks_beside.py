@@ -79,14 +79,14 @@ def test_fits_count_from_the_same_sample_however_long_they_take_and_the_blocks_a
         assert beside.close()
 
 
-def test_what_the_tracker_goes_by_is_made_beside_the_walk_and_outlives_the_epoch(
+def test_what_the_tracker_goes_by_is_made_with_the_looks_and_outlives_the_epoch(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    made: list[str] = []
+    made: list[object] = []
     of_parts = learning.system_of
 
     def system_of(*args: Any) -> tuple[System, OffsetWalk]:
-        made.append(threading.current_thread().name)
+        made.append(args)
         return of_parts(*args)
 
     monkeypatch.setattr(live, "LiveAxes", Noticing)
@@ -94,14 +94,15 @@ def test_what_the_tracker_goes_by_is_made_beside_the_walk_and_outlives_the_epoch
     monkeypatch.setattr(learning, "system_of", system_of)
     beside = Unhurried([0.0])
     _, pipeline = walk([hello(), raw(range(700))], beside=beside)
-    assert set(made) == {"looks"}
+    count = len(made)
+    assert count
     for event in (LinkDown(1), hello(), raw(range(800, 810))):
         list(pipeline.feed(event))
     tracker = pipeline.stats().axes["gyro_x"].tracker
     assert tracker is not None
     assert tracker.model == "white + relaxation"
     assert beside.close()
-    assert set(made) == {"looks"}
+    assert len(made) == count
 
 
 def test_a_fault_of_a_look_is_one_of_the_walk() -> None:
@@ -112,16 +113,31 @@ def test_a_fault_of_a_look_is_one_of_the_walk() -> None:
 
 
 def test_looks_of_two_devices_are_made_in_the_order_in_which_they_began() -> None:
-    thread, order, begun = BesideThread(2), list[str](), list[Callable[[], None]]()
-    gate = threading.Event()
-    begun.append(thread.begin(lambda: order.append(f"first {gate.wait()}")))
-    begun += [thread.begin(partial(order.append, name)) for name in ("b", "a", "b")]
+    thread, order, gate, ended = BesideThread(2), list[str](), threading.Event(), threading.Event()
+    thread.begin(lambda: order.append(f"first {gate.wait()}"))
+    for name in ("b", "a", "b"):
+        thread.begin(partial(order.append, name))
+    thread.begin(ended.set)
     assert not order
     gate.set()
-    for result in reversed(begun):
-        result()
+    assert ended.wait(60)
     assert order == ["first True", "b", "a", "b"]
     assert thread.close(None)
+
+
+def test_who_waits_for_what_nobody_has_begun_does_it_himself_and_nobody_again() -> None:
+    thread, made = BesideThread(), list[threading.Thread]()
+    begins, gate, ended = threading.Event(), threading.Event(), threading.Event()
+    thread.begin(lambda: begins.set() or gate.wait())
+    second = thread.begin(lambda: made.append(threading.current_thread()) or 2)
+    assert begins.wait(60)
+    assert second() == second() == 2
+    gate.set()
+    thread.begin(ended.set)
+    assert ended.wait(60)
+    assert thread.close(None)
+    assert made == [threading.current_thread()]
+    assert thread.begin(lambda: 3)() == 3, "also after the end"
 
 
 def test_two_devices_that_share_a_thread_say_what_each_says_alone() -> None:

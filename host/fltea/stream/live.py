@@ -291,9 +291,10 @@ class LiveFits(Stage):
     def _counted(self, begun: _Begun) -> Fit:
         """From here on a look counts."""
         self._begun = None
-        looked = {axis: result() for axis, result in begun.looks.items()}
+        # The last first: whoever makes them has begun with the others.
+        looked = {axis: begun.looks[axis]() for axis in reversed(begun.looks)}
         self._settled = {axis: settled for axis, (_, settled) in looked.items()}
-        found = {axis: self._with_stability(axis, fit) for axis, (fit, _) in looked.items()}
+        found = {axis: self._with_stability(axis, looked[axis][0]) for axis in begun.looks}
         return Fit(*begun.moment, begun.samples, found, device=self._config.name)
 
     def _with_stability(self, axis: str, fit: AxisFit) -> AxisFit:
