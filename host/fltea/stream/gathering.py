@@ -1,4 +1,4 @@
-"""Blocks of samples put together, for a walk of which nobody sees more than the end (pure).
+"""Blocks of samples cut into seconds, or put together where nobody sees more than the end (pure).
 
 A wire says how its device is between the samples of one second and those of the next. What comes out at the
 end does not depend on where such a message stands, as long as all samples follow on; and a large block costs
@@ -6,11 +6,12 @@ hardly more than a small one.
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 
+from fltea.records.clock import SECOND_NS
 from fltea.records.events import Event, RawBlock, Tick
 from fltea.records.records import Hello
 from fltea.records.stats import DeviceStatus
@@ -76,3 +77,20 @@ def _are_alike(blocks: list[RawBlock]) -> bool:
     """Return whether they have the same columns."""
     kinds = {tuple(None if column is None else column.shape[1:] for column in one) for one in blocks}
     return len(kinds) == 1
+
+
+def by_second(event: Event) -> Iterator[Any]:
+    """Yield the event; samples cut where a second ends."""
+    if not isinstance(event, RawBlock):
+        yield event
+        return
+    host_ns = event.host_ns
+    if len(host_ns) == 1 or (len(host_ns) == 2 and host_ns[0] // SECOND_NS == host_ns[1] // SECOND_NS):
+        yield event  # as almost always live
+        return
+    ends = (np.flatnonzero(np.diff(host_ns // SECOND_NS)) + 1).tolist()
+    if not ends:
+        yield event
+        return
+    for begin, end in zip([0, *ends], [*ends, len(host_ns)], strict=True):
+        yield event.rows(begin, end)

@@ -7,10 +7,8 @@ them were read: statistics go out at the first event of each new second, and cou
 
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
-from typing import Any
 
 import msgspec
-import numpy as np
 
 from fltea.records.block import Block
 from fltea.records.clock import SECOND_NS
@@ -25,7 +23,7 @@ from fltea.settings.ingest import is_partitioned
 from fltea.stream.beside import Beside
 from fltea.stream.board import BoardEstimates
 from fltea.stream.decode import Decoded, Decoder
-from fltea.stream.gathering import Gathering
+from fltea.stream.gathering import Gathering, by_second
 from fltea.stream.host import HostEstimates
 from fltea.stream.live import LiveFits
 from fltea.stream.snapshot import (
@@ -125,7 +123,7 @@ class Pipeline:
 
     def _in_stages(self, event: Event, offset_ns: int) -> Iterator[Output]:
         self._source_offset_ns = offset_ns
-        for part in _by_second(event) if self._watched else (event,):
+        for part in by_second(event) if self._watched else (event,):
             yield from self._on_time(part)
             taken = self._steadily(part)
             if taken is not None:
@@ -383,20 +381,3 @@ def _through(stage: Stage, items: Iterable[Item], raw: RawBlock, missing: int) -
             begin = end
         else:
             yield item
-
-
-def _by_second(event: Event) -> Iterator[Any]:
-    """The event; samples cut where a second ends."""
-    if not isinstance(event, RawBlock):
-        yield event
-        return
-    host_ns = event.host_ns
-    if len(host_ns) == 1 or (len(host_ns) == 2 and host_ns[0] // SECOND_NS == host_ns[1] // SECOND_NS):
-        yield event  # as almost always live
-        return
-    ends = (np.flatnonzero(np.diff(host_ns // SECOND_NS)) + 1).tolist()
-    if not ends:
-        yield event
-        return
-    for begin, end in zip([0, *ends], [*ends, len(host_ns)], strict=True):
-        yield event.rows(begin, end)
