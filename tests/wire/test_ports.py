@@ -17,7 +17,7 @@ import serial
 from fltea.records.clock import host_ns
 from fltea.records.events import Failed, Opened, Reads, Tick
 from fltea.wire import transport
-from fltea.wire.ports import LONGEST_REST_S, MANY_PORTS, Ports, rest_s
+from fltea.wire.ports import Ports
 from fltea.wire.transport import Port
 from host_support import PATIENCE_S, each_ended, wait_until
 from hypothesis import HealthCheck, given, settings
@@ -276,9 +276,3 @@ def test_closing_frees_every_port_also_one_that_was_just_opened(monkeypatch, ter
     for one in many:
         with serial.Serial(str(one.link), exclusive=True):
             pass
-
-
-def test_many_ports_rest_after_a_long_round_and_few_do_not() -> None:
-    assert rest_s(0.030, MANY_PORTS) == 0.030
-    assert rest_s(0.400, MANY_PORTS) == LONGEST_REST_S
-    assert rest_s(0.400, MANY_PORTS - 1) == rest_s(0.001, 300) == 0

@@ -246,11 +246,11 @@ class WireEvents:
     def _blocks(self, columns: SampleColumns, reads: Reads) -> Iterator[RawBlock]:
         """Yield blocks of samples; one that does not follow on those before it may begin an epoch."""
         sequence, device_us, gyro, accel, temperature, flags, end = columns
-        n, at = len(end), _at(reads, end)
-        raw = RawBlock(sequence, device_us, reads.host_ns[at], gyro, accel, temperature, flags)
+        n, (host_ns, offset_ns) = len(end), _times(reads, end)
+        raw = RawBlock(sequence, device_us, host_ns, gyro, accel, temperature, flags)
         breaks = ((sequence[1:] - sequence[:-1] != 1).nonzero()[0] + 1).tolist() if n > 1 else []
         for begin, stop in zip([0, *breaks], [*breaks, n], strict=True):
-            self.unix_offset_ns = int(reads.unix_offset_ns[at[begin]])
+            self.unix_offset_ns = int(offset_ns[begin])
             yield raw if stop - begin == n else raw.rows(begin, stop)
 
     def _count(self, columns: SampleColumns, reads: Reads, before: int) -> None:
@@ -262,12 +262,10 @@ class WireEvents:
 
     def _readable(self, end: int, reads: Reads) -> None:
         """Take note of a good frame: what came in later reads is not read yet."""
-        last = len(reads.end) - 1
-        if last:
-            last = int(reads.end.searchsorted(end))
-        if last + 1 == len(reads.end):
+        if len(reads.end) == 1 or end > int(reads.end[-2]):
             self._unread_since_ns = None
         else:
+            last = int(reads.end.searchsorted(end))
             self._unread_since_ns = int(reads.host_ns[last + 1])
             self._unread_bytes = int(reads.end[-1] - reads.end[last])
 
@@ -363,8 +361,11 @@ def hello_problem(hello: wire.Hello) -> str | None:
     return None
 
 
-def _at(reads: Reads, ends: Ints) -> "np.ndarray[tuple[int], np.dtype[np.intp]]":
-    """Return in which read each of the ends stands."""
-    if len(reads.end) == 1:
-        return np.zeros(len(ends), dtype=np.intp)
-    return reads.end.searchsorted(ends)
+def _times(reads: Reads, ends: Ints) -> tuple[Ints, Ints]:
+    """Return host_ns and unix_offset_ns of the reads in which each of the ends stands."""
+    if (
+        ends.tolist() == reads.end.tolist()
+    ):  # as live, where each frame comes by itself; searching takes longer
+        return reads.host_ns, reads.unix_offset_ns
+    at = reads.end.searchsorted(ends)
+    return reads.host_ns[at], reads.unix_offset_ns[at]

@@ -99,9 +99,13 @@ class Channels:
 
     @property
     def is_steady(self) -> bool:
-        """Whether nothing is to be done but to estimate: the window is full, and no fit is news."""
+        """Whether nothing is to be done but to take samples: no fit is news for the filters."""
         known = not self._tuned or all(self._settled(axis) is self._known.get(axis) for axis in self._names)
-        return known and not self.startup_remaining
+        return known or self.startup_remaining > 0
+
+    def filled(self, count: int) -> None:
+        """Take note of samples of the start-up window, which the bank has taken."""
+        self.bank.startup_remaining -= count
 
     def _tune(self) -> None:
         """Hand what the fit knows of the noise to the filters."""

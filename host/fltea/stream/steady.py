@@ -53,6 +53,9 @@ class Steady:
         self._native, self._sensors, self._block = native, sensors, block
         self._place, self._timebase, self._fits, self._hello = place, timebase, fits, place.hello
         self._stop = NEVER if fits is None else fits.stop
+        for _, channels in sensors:
+            if channels is not None and channels.startup_remaining and place.newest is not None:
+                self._stop = min(self._stop, place.newest.seq + channels.startup_remaining)
 
     @classmethod
     def after(
@@ -107,8 +110,12 @@ class Steady:
             self._sensors, of_sensors, strict=True
         ):
             tracked.append(tracks.columns(of_tracks))
-            if channels is not None:
-                channels.bank.newest = own
+            if channels is None:
+                continue
+            channels.bank.newest = own
+            if channels.startup_remaining:
+                channels.filled(len(raw.sequence))
+            else:
                 estimates.append(channels.columns(*of_bank))
                 lost += channels.losses(losses)
         fields = dict(zip(COLUMNS, (*columns, raw.flags), strict=True))

@@ -3,7 +3,6 @@
 import os
 import queue
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -16,16 +15,6 @@ TICK_S = 0.5
 """A silent line is looked at so often; a replay does the same."""
 
 TICK_NS = int(TICK_S * 1e9)
-
-MANY_PORTS, LONG_ROUND_S, LONGEST_REST_S = 25, 0.005, 0.05
-"""After a long round over many ports nothing is taken for as long: the outputs get their turn, and the next
-round finds more samples at each port, which cost less together than one by one. A round over fewer is long
-only now and then, when it waited for others, and a rest would make the next samples late too."""
-
-
-def rest_s(round_s: float, ports: int) -> float:
-    """How long to rest after a round that gave something of so many ports."""
-    return min(round_s, LONGEST_REST_S) if ports >= MANY_PORTS and round_s > LONG_ROUND_S else 0.0
 
 
 @dataclass
@@ -48,20 +37,16 @@ class Ports:
         self._reader = PortReader(QUEUE_BYTES)
         self._lock = threading.Lock()
         self._closed = False
-        self._taken_s, self._served = time.monotonic(), 0
 
     def poll(self, timeout_s: float) -> Iterator[tuple[int, Reads | Opened | Failed | Tick]]:
         """Wait for something to happen; yield what did, with the place of its port.
 
         A tick says that nothing came from a port for half a second, until its time.
         """
-        if rest := rest_s(time.monotonic() - self._taken_s, self._served):
-            time.sleep(rest)
         now_ns = host_ns()
         self._open_due(now_ns)
         next_ns = min(min(line.tick_ns, line.open_ns or line.tick_ns) for line in self._lines)
         now_ns, news = self._reader.take(min(timeout_s, max(0.0, (next_ns - now_ns) * 1e-9)))
-        self._taken_s, self._served = time.monotonic(), len(news)
         for place, data, columns, overflow_bytes, lost in news:
             line = self._lines[place]
             line.port.overflow_bytes += overflow_bytes
