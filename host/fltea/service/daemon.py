@@ -37,6 +37,9 @@ SWITCH_S = 0.0001
 """How long a thread may go on while another waits: Python's own 5 ms would show in the latency, and the
 recordings of 300 devices wait 1,200 times a second."""
 
+LOOK_PAUSE_S = 0.002
+"""The time from a sample with which a look begins to the look: its line needs a millisecond."""
+
 
 def run(configs: Sequence[Config]) -> None:
     """Run until every source has ended, a signal arrives, the only output's reader leaves, or `--once` fails.
@@ -141,6 +144,8 @@ class _Run:
             Walk(source, config, self._hub, state, self._beside, number)
             for number, (source, config) in enumerate(zip(sources, configs, strict=True))
         ]
+        live = bool(shared) or any(source.live for source in sources)
+        self._beside.pause_s = LOOK_PAUSE_S if live else 0.0
         on_lines = [walk for walk in self._walks if has_line(walk)]
         pressure = Pressure(self._beside, self._hub.report())
         lines = LineLoop(on_lines, self._end, self._hub.tell, pressure) if on_lines else None
@@ -156,7 +161,6 @@ class _Run:
             thread.daemon = True
             thread.start()
         self._manager.ready()
-        live = bool(shared) or any(source.live for source in sources)
         self._wait(self._done)
         if self._failure is None and not (live or self._configs[0].once or self._stop.asked.is_set()):
             self._stay()
