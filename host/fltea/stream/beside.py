@@ -53,7 +53,7 @@ class BesideThread(Beside):
     """Does the work of all in a thread of its own, in the order in which it was begun, until it is closed.
 
     Whoever waits for what nobody has begun does it himself, so that a replay has two cores for its looks.
-    pause_s: after a time without work the next waits so long, for the sample with which it came to be out: with
+    pause_s: after a time without work the next waits so long, until the sample with which it came is out: of
     two threads at work each waits for Python's lock every tenth of a millisecond.
     """
 
