@@ -18,15 +18,26 @@ from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import fractional_world
 
 
+LONGEST_NS = 200_000_000
+"""The chip's FIFO holds a third of a second."""
+
+
 class RealHost:
-    """What the fake bus asks of a host: its time, and that a transfer takes some."""
+    """What the fake bus asks of a host: its time, and that a transfer takes some.
+
+    A machine that stands still for longer than the FIFO holds would lose samples, whatever the program does:
+    so for the chip such a pause is no longer than `LONGEST_NS`.
+    """
 
     def __init__(self) -> None:
-        self._zero_ns = clock.host_ns()
+        self._host_ns, self._now_ns = clock.host_ns(), 0
 
     @property
     def now_ns(self) -> int:
-        return clock.host_ns() - self._zero_ns
+        host_ns = clock.host_ns()
+        self._now_ns += min(host_ns - self._host_ns, LONGEST_NS)
+        self._host_ns = host_ns
+        return self._now_ns
 
     def let_pass(self, ns: int) -> None:
         time.sleep(ns * 1e-9)
