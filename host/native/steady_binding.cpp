@@ -28,11 +28,11 @@ class Column {
             return;
         }
         held_ = true;
+        if (view_.ndim < 1 || view_.ndim > 2 || static_cast<size_t>(view_.shape[0]) != rows) return;
         width_ = view_.ndim == 1 ? 1 : static_cast<size_t>(view_.shape[1]);
         type_ = view_.format[0];
-        sound_ = view_.ndim >= 1 && view_.ndim <= 2 && view_.format[1] == '\0' &&
-                 static_cast<size_t>(view_.shape[0]) == rows && width_ > 0 &&
-                 (type_ == 'l' || type_ == 'q' || type_ == 'h' || type_ == 'd');
+        sound_ = width_ > 0 && view_.format[1] == '\0' &&
+                 (whole() ? view_.itemsize == 8 : type_ == 'h' || type_ == 'd');
     }
     ~Column() {
         if (held_) PyBuffer_Release(&view_);

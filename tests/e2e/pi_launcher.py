@@ -17,7 +17,6 @@ from fltea.sources.i2c import bus as i2c_bus
 from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import fractional_world
 
-
 LONGEST_NS = 200_000_000
 """The chip's FIFO holds a third of a second."""
 
