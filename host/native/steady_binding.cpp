@@ -159,72 +159,33 @@ class Steady {
             for (size_t i = 0; i < n; ++i)
                 celsius[i] = temperature.number(i) / scales_.temperature_divisor + scales_.temperature_c;
         }
-        std::vector<std::vector<double>> values;
-        for (const Sensor& one : sensors_) {
-            const double* const from = one.is_accel ? accel_ms2 : gyro_dps;
-            const size_t width = one.is_accel ? accel.width() : gyro.width();
-            if (!from) return nb::none();
-            std::vector<double> y;
-            y.reserve(n * one.places.size());
-            for (size_t i = 0; i < n; ++i) {
-                for (const size_t axis : one.places) {
-                    if (axis >= width || !(std::fabs(from[i * width + axis]) <= kLargestSample))
-                        return nb::none();
-                    y.push_back(from[i * width + axis]);
-                }
-            }
-            values.push_back(std::move(y));
+        std::vector<Taken> taken(sensors_.size());
+        for (size_t k = 0; k < sensors_.size(); ++k) {
+            const bool is_accel = sensors_[k].is_accel;
+            const double* const from = is_accel ? accel_ms2 : gyro_dps;
+            if (!from ||
+                !chosen(from, n, is_accel ? accel.width() : gyro.width(), sensors_[k].places, taken[k].y))
+                return nb::none();
         }
         // From here on nothing can be refused.
+        for (size_t k = 0; k < sensors_.size(); ++k) {
+            const size_t axes = sensors_[k].places.size(), size = n * axes;
+            taken[k].tracked = table.room<double>(kTrackedColumns * size);
+            taken[k].own = table.room<double>(2 * axes);
+            if (!sensors_[k].bank) continue;
+            for (double*& column : taken[k].block.columns) column = table.room<double>(size);
+        }
+        for (size_t k = 0; k < sensors_.size(); ++k) {
+            const size_t size = n * sensors_[k].places.size();
+            taken[k].moving = table.room<std::uint8_t>(size);
+            if (!sensors_[k].bank) continue;
+            taken[k].block.valid = table.room<std::uint8_t>(size);
+            taken[k].block.white = table.room<std::uint8_t>(size);
+        }
+        for (size_t k = 0; k < sensors_.size(); ++k) walk(sensors_[k], n, taken[k]);
         const nb::tuple of_rows = nb::make_tuple(n);
         nb::list found;
-        std::vector<double*> tracked, estimated, own;
-        for (const Sensor& one : sensors_) {
-            const size_t size = n * one.places.size();
-            tracked.push_back(table.room<double>(kTrackedColumns * size));
-            estimated.push_back(one.bank ? table.room<double>(fltea::kLaneColumns * size) : nullptr);
-            own.push_back(table.room<double>(2 * one.places.size()));
-        }
-        for (size_t s = 0; s < sensors_.size(); ++s) {
-            const Sensor& one = sensors_[s];
-            const size_t axes = one.places.size(), size = n * axes;
-            const nb::tuple shape = nb::make_tuple(n, axes);
-            auto* const moving = table.room<std::uint8_t>(size);
-            one.tracker->run(values[s].data(), n, tracked[s], moving);
-            if (one.sums) one.sums->add(values[s].data(), moving, n, one.longest);
-            nb::list columns;
-            for (size_t c = 0; c < kTrackedColumns; ++c)
-                columns.append(table.array(tracked[s] + c * size, shape));
-            columns.append(table.array(moving, shape));
-            nb::object estimates = nb::none();
-            nb::list losses;
-            if (one.bank) {
-                fltea::BankBlock block;
-                for (size_t c = 0; c < fltea::kLaneColumns; ++c) block.columns[c] = estimated[s] + c * size;
-                block.valid = table.room<std::uint8_t>(size);
-                block.white = table.room<std::uint8_t>(size);
-                std::vector<fltea::Lost> lost;
-                one.bank->run(values[s].data(), n, block, lost);
-                for (size_t axis = 0; axis < axes; ++axis) {
-                    const size_t last = size - axes + axis;
-                    own[s][axis] = block.columns[fltea::kLaneAlpha][last];
-                    own[s][axes + axis] = block.columns[fltea::kLaneAlphaStd][last];
-                }
-                if (!one.known.empty()) widen(one.known.data(), axes, size, block);
-                for (size_t i = 0; i < size; ++i) {
-                    if (one.waits[i % axes]) block.white[i] = 0;
-                }
-                nb::list bank;
-                for (size_t c = 0; c < fltea::kLaneInnovationStd; ++c)
-                    bank.append(table.array(block.columns[c], shape));
-                bank.append(table.array(block.valid, shape));
-                bank.append(table.array(block.white, shape));
-                estimates = nb::tuple(bank);
-                losses = as_list(lost);
-            }
-            found.append(nb::make_tuple(nb::tuple(columns), estimates,
-                                        table.array(own[s], nb::make_tuple(2, axes)), losses));
-        }
+        for (size_t k = 0; k < sensors_.size(); ++k) found.append(columns(table, sensors_[k], n, taken[k]));
         const nb::object accel_array =
             has_accel ? table.array(accel_ms2, nb::make_tuple(n, accel.width())) : nb::object(nb::none());
         const nb::object celsius_array = celsius ? table.array(celsius, of_rows) : nb::object(nb::none());
@@ -237,6 +198,63 @@ class Steady {
     }
 
   private:
+    struct Taken {
+        std::vector<double> y;
+        double *tracked = nullptr, *own = nullptr;
+        std::uint8_t* moving = nullptr;
+        fltea::BankBlock block = {};
+        std::vector<fltea::Lost> lost;
+    };
+
+    // The columns `places` of n rows; false for numbers beyond all measure.
+    static bool chosen(const double* from, size_t n, size_t width, const std::vector<size_t>& places,
+                       std::vector<double>& y) {
+        y.reserve(n * places.size());
+        for (size_t i = 0; i < n; ++i) {
+            for (const size_t axis : places) {
+                if (axis >= width || !(std::fabs(from[i * width + axis]) <= kLargestSample)) return false;
+                y.push_back(from[i * width + axis]);
+            }
+        }
+        return true;
+    }
+
+    static void walk(const Sensor& one, size_t n, Taken& to) {
+        const size_t axes = one.places.size(), size = n * axes;
+        one.tracker->run(to.y.data(), n, to.tracked, to.moving);
+        if (one.sums) one.sums->add(to.y.data(), to.moving, n, one.longest);
+        if (!one.bank) return;
+        one.bank->run(to.y.data(), n, to.block, to.lost);
+        for (size_t axis = 0; axis < axes; ++axis) {
+            to.own[axis] = to.block.columns[fltea::kLaneAlpha][size - axes + axis];
+            to.own[axes + axis] = to.block.columns[fltea::kLaneAlphaStd][size - axes + axis];
+        }
+        if (!one.known.empty()) widen(one.known.data(), axes, size, to.block);
+        for (size_t i = 0; i < size; ++i) {
+            if (one.waits[i % axes]) to.block.white[i] = 0;
+        }
+    }
+
+    static nb::tuple columns(const NumpyTable& table, const Sensor& one, size_t n, const Taken& from) {
+        const size_t axes = one.places.size();
+        const nb::tuple shape = nb::make_tuple(n, axes);
+        nb::list tracked;
+        for (size_t c = 0; c < kTrackedColumns; ++c)
+            tracked.append(table.array(from.tracked + c * n * axes, shape));
+        tracked.append(table.array(from.moving, shape));
+        nb::object estimates = nb::none();
+        if (one.bank) {
+            nb::list bank;
+            for (size_t c = 0; c < fltea::kLaneInnovationStd; ++c)
+                bank.append(table.array(from.block.columns[c], shape));
+            bank.append(table.array(from.block.valid, shape));
+            bank.append(table.array(from.block.white, shape));
+            estimates = nb::tuple(bank);
+        }
+        return nb::make_tuple(nb::tuple(tracked), estimates, table.array(from.own, nb::make_tuple(2, axes)),
+                              as_list(from.lost));
+    }
+
     // As Known.widen of host/fltea/estimator/belief.py.
     static void widen(const double* known, size_t axes, size_t size, const fltea::BankBlock& block) {
         const int columns[2][2] = {{fltea::kLaneAlpha, fltea::kLaneAlphaStd},

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from blocks import of
 from fltea.records.block import Block
+from fltea.records.clock import host_ns
 from fltea.records.records import Error, Stats
 from fltea.service.hub import Hub
 from fltea.service.ingest.inbox import Inbox
@@ -167,3 +168,13 @@ def test_a_broker_holds_what_has_no_room_and_does_not_give_us_up(
         publisher.loop_stop()
         frames.close()
         broker.kill()
+
+
+def test_what_is_turned_away_just_before_the_end_is_told_of() -> None:
+    scene = Scene(queue_bytes=1_000_000)
+    scene.sink.go.set()
+    wait_until(lambda: scene.samples == 100 * len(DEVICES) * SECONDS, "all samples")
+    scene.ingest.hearing.looked_ns = host_ns() + 10**12  # no look until the end
+    scene.ingest.inbox.put("bad name<b>", second_of(0, 0))
+    scene.end()
+    assert [one.kind for one in of(Error, scene.sink.items)] == ["devices_refused"]

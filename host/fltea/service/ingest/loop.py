@@ -107,6 +107,7 @@ class Ingest:
                     self.look(now_ns)
             if self._receiver.partitions is None:  # else who is next goes on with what is left
                 self._drain()
+            self._report_losses(host_ns())  # what was turned away in the last moment, too
             for line in self.devices.lines.values():
                 line.walk.finish()
         except Exception as error:
@@ -169,6 +170,9 @@ class Ingest:
         if self.snapshots is not None:
             self.snapshots.keep_due(lines, self.walked, now_ns)
         self._pressure.look(now_ns)
+        self._report_losses(now_ns)
+
+    def _report_losses(self, now_ns: int) -> None:
         for trouble in self._losses.look(now_ns):
             self._report(trouble.kind, trouble.message)
 
