@@ -36,6 +36,7 @@ LOOK_S = 0.0005
 PACKAGE = str(Path(fltea.__file__).parent) + os.sep
 PARTS = {
     "bytes to columns": ("wire", "sources"),
+    "the short way: all estimates of samples alone": ("stream/steady",),
     "number, time, units": ("stream/place", "stream/time", "stream/decode", "wire/sample_scaling"),
     "filters": ("estimator", "stream/host", "stream/tuning"),
     "tracker": ("estimator/tracker", "stream/tracking"),
