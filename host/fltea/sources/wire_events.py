@@ -188,11 +188,9 @@ class WireEvents:
 
     def _on_reads(self, reads: Reads) -> Iterator[Event]:
         """Yield the events of reads: with ticks between those far apart, and all of one second at once."""
-        host_ns, begins = reads.host_ns, [0]
-        first_ns, last_ns = int(host_ns[0]), int(host_ns[-1])
-        if last_ns - first_ns > TICK_NS or last_ns // SECOND_NS != first_ns // SECOND_NS:
-            breaks = (np.diff(host_ns) > TICK_NS) | (np.diff(host_ns // SECOND_NS) != 0)
-            begins += (np.flatnonzero(breaks) + 1).tolist()
+        host_ns = reads.host_ns
+        breaks = (np.diff(host_ns) > TICK_NS) | (np.diff(host_ns // SECOND_NS) != 0)
+        begins = [0, *(np.flatnonzero(breaks) + 1).tolist()]
         for begin, end in zip(begins, [*begins[1:], len(host_ns)], strict=True):
             yield from self.pass_time(int(host_ns[begin]))
             if self._is_settled(int(host_ns[end - 1])):
