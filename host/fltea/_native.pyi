@@ -241,6 +241,12 @@ class Bank:
         covariance: float,
         parameter_variance: float,
     ) -> None: ...
+
+    # Of each axis alpha, its deviation, f and its deviation, of which the filters' own cannot be less sure.
+    def know(self, known: list[tuple[float, float, float, float] | None]) -> None: ...
+
+    # alpha and the filter's own deviation after the last row.
+    def newest(self, axis: int) -> tuple[float, float]: ...
     def restarts(self) -> list[int]: ...
     def counts(self, out: NDArray[np.int32]) -> None: ...
 
@@ -295,7 +301,8 @@ def half_band_gain(angle: float) -> float: ...
 # The running spectra of several lanes; see fltea.spectrum.octaves.
 TRACKER_COORDINATES: int
 
-# pairs, then a, b, Q, c, the state's and the bias's coordinates, P0, R: fltea.noise.system.System.
+# Systems: pairs, then a, b, Q, c, the state's and the bias's coordinates, P0, R (fltea.noise.system.System).
+
 # What a lane of a tracker remembers, as it was; 2 log L of it, but for a constant.
 class Remembered:
     def likelihood(
@@ -321,8 +328,8 @@ class Remembered:
     def of_walks(self) -> float: ...
 
 # Whether the axes are the accelerometer's, their columns, what takes the samples (sums, and samples of the
-# longest motion; estimates), which axes wait to be settled, and the numbers of Known.
-SteadySensor = tuple[bool, list[int], Tracker, Octaves | None, int, Bank | None, list[bool], list[float]]
+# longest motion; estimates), and which axes wait to be settled.
+SteadySensor = tuple[bool, list[int], Tracker, Octaves | None, int, Bank | None, list[bool]]
 
 class Steady:
     # rule (4), scales (4) and line (7) as of FollowRule, Scales and Line.
@@ -334,9 +341,9 @@ class Steady:
         sensors: list[SteadySensor],
     ) -> None: ...
 
-    # The columns of a block but for flags; of each sensor those of Tracks and of AxisColumns, alpha and its
-    # deviation after the last sample, and losses; Newest; OpenSecond. Or the time of the first sample, if the
-    # line's second ends before it. None: something else is to be done.
+    # The columns of a block but for flags; of each sensor those of Tracks and of AxisColumns, and losses;
+    # Newest; OpenSecond. Or the time of the first sample, if the line's second ends before it. None: more is
+    # to be done.
     def run(
         self,
         raw: tuple[Any, ...],

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -21,11 +22,27 @@ struct BankBlock {
     std::uint8_t* white;            // 0 or 1: Whiteness::is_white
 };
 
+// What a fit of the same samples knows of the order and of the parameter of an axis, with its deviations.
+//
+// A filter takes its Q and R for certain, and the slope of what it predicts for that of its past too: its own
+// deviation shrinks round a value that may be off. No filter can know more than the fit does, and it may be
+// as far off as it has gone from there.
+struct Known {
+    bool any;  // else there is no fit to go by
+    double alpha, alpha_std, f, f_std;
+};
+
 class AxisBank {
   public:
     // axes: one or more.
     explicit AxisBank(std::size_t axes)
-        : axes_(axes), window_(axes), white_(axes), bias_(axes, 0), live_(axes, 0) {}
+        : axes_(axes),
+          window_(axes),
+          white_(axes),
+          bias_(axes, 0),
+          live_(axes, 0),
+          known_(axes, Known()),
+          newest_(axes, Order{__builtin_nan(""), __builtin_nan("")}) {}
 
     std::size_t axes() const { return axes_; }
     bool started() const { return lanes_ != nullptr; }
@@ -40,6 +57,15 @@ class AxisBank {
         bias_.assign(bias, bias + axes_);
         live_.assign(live, live + axes_);
     }
+
+    // From the next row on the deviations of these axes are those of what is known.
+    void know(const std::vector<Known>& known) { known_ = known; }
+
+    struct Order {
+        double alpha, alpha_std;
+    };
+    // After the last row, with the filter's own deviation; NaN where not valid.
+    const Order& newest(std::size_t axis) const { return newest_[axis]; }
 
     LaneRunner* lanes() { return lanes_.get(); }
     const Whiteness& whiteness(std::size_t axis) const { return white_[axis]; }
@@ -58,6 +84,16 @@ class AxisBank {
             } else {
                 collect(y + place, n, shifted(out, place));
             }
+        }
+        if (rows == 0) return;
+        for (std::size_t axis = 0; axis < axes_; ++axis) {
+            const std::size_t last = (rows - 1) * axes_ + axis;
+            newest_[axis] = Order{out.columns[kLaneAlpha][last], out.columns[kLaneAlphaStd][last]};
+            const Known& known = known_[axis];
+            if (!known.any) continue;
+            widen(known.alpha, known.alpha_std, axis, rows, out.columns[kLaneAlpha],
+                  out.columns[kLaneAlphaStd]);
+            widen(known.f, known.f_std, axis, rows, out.columns[kLaneF], out.columns[kLaneFStd]);
         }
     }
 
@@ -88,6 +124,15 @@ class AxisBank {
         result.valid += place;
         result.white += place;
         return result;
+    }
+
+    void widen(double known, double known_std, std::size_t axis, std::size_t rows, const double* values,
+               double* deviations) const {
+        for (std::size_t i = axis; i < rows * axes_; i += axes_) {
+            const double least = deviations[i] < known_std ? known_std : deviations[i];
+            const double gone = values[i] - known;
+            deviations[i] = std::sqrt(least * least + gone * gone);
+        }
     }
 
     void collect(const double* y, std::size_t rows, const BankBlock& out) {
@@ -134,6 +179,8 @@ class AxisBank {
     std::vector<Whiteness> white_;
     std::vector<double> bias_;
     std::vector<std::uint8_t> live_;
+    std::vector<Known> known_;
+    std::vector<Order> newest_;
     std::vector<double> centred_ = std::vector<double>(kSlab * axes_);
     std::unique_ptr<LaneRunner> lanes_;
 };

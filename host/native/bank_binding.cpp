@@ -137,6 +137,24 @@ class Bank : public SensorBank {
         lanes().believe(axis, belief);
     }
 
+    // Of each axis alpha and f with their deviations, or None.
+    void know(const std::vector<std::optional<std::tuple<double, double, double, double>>>& known) {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        if (known.size() != bank_.axes()) throw nb::value_error("known must have one entry an axis");
+        std::vector<fltea::Known> all;
+        for (const auto& one : known) {
+            all.emplace_back();
+            if (one) all.back() = std::apply([](auto... x) { return fltea::Known{true, x...}; }, *one);
+        }
+        bank_.know(all);
+    }
+
+    std::tuple<double, double> newest(size_t axis) const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        if (axis >= bank_.axes()) throw nb::index_error("no such axis");
+        return {bank_.newest(axis).alpha, bank_.newest(axis).alpha_std};
+    }
+
     std::vector<uint64_t> restarts() const {
         const std::lock_guard<std::mutex> alone(mutex_);
         return lanes().restarts();
@@ -229,6 +247,8 @@ void bind_bank(nb::module_& m) {
         .def("retune", &Bank::retune, nb::arg("settings"))
         .def("believe", &Bank::believe, nb::arg("axis"), nb::arg("alpha"), nb::arg("parameter"),
              nb::arg("alpha_variance"), nb::arg("covariance"), nb::arg("parameter_variance"))
+        .def("know", &Bank::know, nb::arg("known"))
+        .def("newest", &Bank::newest, nb::arg("axis"))
         .def("restarts", &Bank::restarts)
         .def("counts", &Bank::counts, nb::arg("out"))
         .def("whiteness", &Bank::whiteness)

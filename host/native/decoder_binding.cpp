@@ -77,7 +77,7 @@ class Decoder {
     nb::object columns(const std::vector<SampleRow>& samples) const {
         if (samples.empty()) return nb::none();
         const std::size_t n = samples.size();
-        NumpyTable table(numpy_, n * (4 * sizeof(std::int64_t) + 7 * sizeof(std::int16_t)));
+        NumpyTable table(n * (4 * sizeof(std::int64_t) + 7 * sizeof(std::int16_t)));
         auto* const end = table.room<std::int64_t>(n);
         auto* const device_us = table.room<std::int64_t>(n);
         auto* const sequence = table.room<std::int64_t>(n);
@@ -118,7 +118,6 @@ class Decoder {
 
     fltea::Decoder decoder_;
     mutable std::mutex mutex_;
-    Numpy numpy_;
     nb::object reasons_[kReasons];
 };
 

@@ -9,14 +9,10 @@
 
 class Numpy {
   public:
-    Numpy() {
-        const nanobind::module_ numpy = nanobind::module_::import_("numpy");
-        ndarray = numpy.attr("ndarray");
-        const auto dtype = [&numpy](const char* name) { return numpy.attr("dtype")(name); };
-        int64 = dtype("int64");
-        int16 = dtype("int16");
-        float64 = dtype("float64");
-        bools = dtype("bool");
+    // For as long as the program: to look them up for each object would cost more than a read's arrays.
+    static const Numpy& loaded() {
+        static const Numpy* const one = new Numpy;
+        return *one;
     }
     nanobind::object of(const double*) const { return float64; }
     nanobind::object of(const std::int64_t*) const { return int64; }
@@ -26,14 +22,22 @@ class Numpy {
     nanobind::object ndarray;
 
   private:
+    Numpy() {
+        const nanobind::module_ numpy = nanobind::module_::import_("numpy");
+        ndarray = numpy.attr("ndarray");
+        const auto dtype = [&numpy](const char* name) { return numpy.attr("dtype")(name); };
+        int64 = dtype("int64");
+        int16 = dtype("int16");
+        float64 = dtype("float64");
+        bools = dtype("bool");
+    }
     nanobind::object int64, int16, float64, bools;
 };
 
 class NumpyTable {
   public:
-    NumpyTable(const Numpy& numpy, std::size_t bytes)
-        : numpy_(numpy),
-          buffer_(nanobind::steal(PyByteArray_FromStringAndSize(nullptr, static_cast<Py_ssize_t>(bytes)))) {
+    explicit NumpyTable(std::size_t bytes)
+        : buffer_(nanobind::steal(PyByteArray_FromStringAndSize(nullptr, static_cast<Py_ssize_t>(bytes)))) {
         if (!buffer_.is_valid()) nanobind::raise_python_error();
         next_ = PyByteArray_AsString(buffer_.ptr());
     }
@@ -49,11 +53,10 @@ class NumpyTable {
     template <typename T>
     nanobind::object array(const T* at, const nanobind::tuple& shape) const {
         const std::ptrdiff_t offset = reinterpret_cast<const char*>(at) - PyByteArray_AsString(buffer_.ptr());
-        return numpy_.ndarray(shape, numpy_.of(at), buffer_, offset);
+        return Numpy::loaded().ndarray(shape, Numpy::loaded().of(at), buffer_, offset);
     }
 
   private:
-    const Numpy& numpy_;
     nanobind::object buffer_;
     char* next_ = nullptr;
 };

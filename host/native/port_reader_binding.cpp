@@ -53,7 +53,7 @@ class PortReader {
   private:
     nb::tuple columns(const std::vector<PortRead>& reads) const {
         const std::size_t n = reads.size();
-        NumpyTable table(numpy_, 3 * n * sizeof(std::int64_t));
+        NumpyTable table(3 * n * sizeof(std::int64_t));
         auto* const end = table.room<std::int64_t>(n);
         auto* const host_ns = table.room<std::int64_t>(n);
         auto* const unix_offset_ns = table.room<std::int64_t>(n);
@@ -68,7 +68,6 @@ class PortReader {
     }
 
     fltea::PortReader reader_;
-    Numpy numpy_;
 };
 
 }  // namespace

@@ -64,8 +64,7 @@ struct Sensor {
     SensorSums* sums;
     std::uint64_t longest;
     SensorBank* bank;
-    std::vector<bool> waits;    // axes that are not settled, whatever their innovations are
-    std::vector<double> known;  // as of Known.widen, (value, std, counts) x (alpha, f) x axes, or none
+    std::vector<bool> waits;  // axes that are not settled, whatever their innovations are
 };
 
 struct Scales {
@@ -92,8 +91,7 @@ class Steady {
             sensors_.push_back(Sensor{nb::cast<bool>(sensor[0]), nb::cast<std::vector<size_t>>(sensor[1]),
                                       nb::cast<SensorTracker*>(sensor[2]), nb::cast<SensorSums*>(sensor[3]),
                                       nb::cast<std::uint64_t>(sensor[4]), nb::cast<SensorBank*>(sensor[5]),
-                                      nb::cast<std::vector<bool>>(sensor[6]),
-                                      nb::cast<std::vector<double>>(sensor[7])});
+                                      nb::cast<std::vector<bool>>(sensor[6])});
         }
     }
 
@@ -129,11 +127,10 @@ class Steady {
                flags = 0;
         for (const Sensor& one : sensors_) {
             const size_t size = n * one.places.size();
-            numbers +=
-                size * (kTrackedColumns + (one.bank ? fltea::kLaneColumns : 0)) + 2 * one.places.size();
+            numbers += size * (kTrackedColumns + (one.bank ? fltea::kLaneColumns : 0));
             flags += size * (one.bank ? 3 : 1);
         }
-        NumpyTable table(numpy_, numbers * 8 + flags);
+        NumpyTable table(numbers * 8 + flags);
         auto* const seqs = table.room<std::int64_t>(n);
         auto* const epoch_us = table.room<std::int64_t>(n);
         auto* const unix_ns = table.room<std::int64_t>(n);
@@ -171,7 +168,6 @@ class Steady {
         for (size_t k = 0; k < sensors_.size(); ++k) {
             const size_t axes = sensors_[k].places.size(), size = n * axes;
             taken[k].tracked = table.room<double>(kTrackedColumns * size);
-            taken[k].own = table.room<double>(2 * axes);
             if (!sensors_[k].bank) continue;
             for (double*& column : taken[k].block.columns) column = table.room<double>(size);
         }
@@ -200,7 +196,7 @@ class Steady {
   private:
     struct Taken {
         std::vector<double> y;
-        double *tracked = nullptr, *own = nullptr;
+        double* tracked = nullptr;
         std::uint8_t* moving = nullptr;
         fltea::BankBlock block = {};
         std::vector<fltea::Lost> lost;
@@ -225,11 +221,6 @@ class Steady {
         if (one.sums) one.sums->add(to.y.data(), to.moving, n, one.longest);
         if (!one.bank) return;
         one.bank->run(to.y.data(), n, to.block, to.lost);
-        for (size_t axis = 0; axis < axes; ++axis) {
-            to.own[axis] = to.block.columns[fltea::kLaneAlpha][size - axes + axis];
-            to.own[axes + axis] = to.block.columns[fltea::kLaneAlphaStd][size - axes + axis];
-        }
-        if (!one.known.empty()) widen(one.known.data(), axes, size, to.block);
         for (size_t i = 0; i < size; ++i) {
             if (one.waits[i % axes]) to.block.white[i] = 0;
         }
@@ -251,26 +242,7 @@ class Steady {
             bank.append(table.array(from.block.white, shape));
             estimates = nb::tuple(bank);
         }
-        return nb::make_tuple(nb::tuple(tracked), estimates, table.array(from.own, nb::make_tuple(2, axes)),
-                              as_list(from.lost));
-    }
-
-    // As Known.widen of host/fltea/estimator/belief.py.
-    static void widen(const double* known, size_t axes, size_t size, const fltea::BankBlock& block) {
-        const int columns[2][2] = {{fltea::kLaneAlpha, fltea::kLaneAlphaStd},
-                                   {fltea::kLaneF, fltea::kLaneFStd}};
-        for (size_t which = 0; which < 2; ++which) {
-            const double *const value = known + which * axes, *const std = value + 2 * axes,
-                                *const counts = std + 2 * axes;
-            const double* const values = block.columns[columns[which][0]];
-            double* const deviations = block.columns[columns[which][1]];
-            for (size_t i = 0; i < size; ++i) {
-                const size_t axis = i % axes;
-                const double least = deviations[i] < std[axis] ? std[axis] : deviations[i];
-                const double gone = (values[i] - value[axis]) * counts[axis];
-                deviations[i] = std::sqrt(least * least + gone * gone);
-            }
-        }
+        return nb::make_tuple(nb::tuple(tracked), estimates, as_list(from.lost));
     }
 
     fltea::FollowRule rule_ = {};
@@ -279,7 +251,6 @@ class Steady {
     std::int64_t second_end_us_ = 0;
     std::vector<Sensor> sensors_;
     nb::list kept_;  // what the sensors point to
-    Numpy numpy_;
 };
 
 }  // namespace

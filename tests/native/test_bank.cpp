@@ -218,7 +218,9 @@ TEST_CASE("bank: window, lanes and gaps in blocks of any size are the same") {
             bank.start(lanes_of(axes, 2), bias.data(), live.data());
             run(window, 700);
             bank.skip(300, lost);
+            bank.know(std::vector<Known>(axes, Known{true, 0.5, 0.2, -1, 0.3}));
             run(700, rows);
+            CHECK(bank.newest(0).alpha == rooms[which].block.columns[kLaneAlpha][(rows - 1) * axes]);
             CHECK(lost.empty());
             CHECK(std::isfinite(bank.whiteness(0).lag1()));
             CHECK(bank.whiteness(0).nis() > 0);
@@ -227,6 +229,9 @@ TEST_CASE("bank: window, lanes and gaps in blocks of any size are the same") {
         for (std::size_t k = 0; k < rows * axes; ++k) {
             REQUIRE(rooms[0].block.valid[k] == (k >= window * axes && live[k % axes]));
             REQUIRE(std::isfinite(rooms[0].block.columns[kLaneX][k]) == (rooms[0].block.valid[k] == 1));
+            if (k < 700 * axes || !live[k % axes]) continue;
+            REQUIRE(rooms[0].block.columns[kLaneAlphaStd][k] >= 0.2);
+            REQUIRE(rooms[0].block.columns[kLaneFStd][k] >= 0.3);
         }
     }
 }

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from fltea import _native
 from fltea.estimator.baseline import Baseline, BaselineRule, Moments
-from fltea.estimator.belief import Belief, Known
+from fltea.estimator.belief import Belief
 from fltea.estimator.engine import CAUSES, instruction_sets, interventions_of
 from fltea.estimator.lane_settings import LaneSettings, native_table
 from fltea.estimator.lanes import LaneBlock, Lost
@@ -62,7 +62,6 @@ class Bank:
         self._rule = BaselineRule(self.axes, config, resolution)
         self.startup_remaining = self._rule.needed
         self.native = _native.Bank(len(self.axes))
-        self.newest = np.full((2, len(self.axes)), np.nan)
         self._instruction_set = instruction_sets()[0]
         self._settings: LaneSettings | None = None
         self.variances: dict[str, Variances] = {}
@@ -92,10 +91,6 @@ class Bank:
         out = np.empty((7, n, len(self.axes)))
         valid, white = np.empty((2, n, len(self.axes)), dtype=bool)
         lost = self.native.run(rows, out, valid.view(np.uint8), white.view(np.uint8))
-        if n:
-            self.newest = out[:2, -1].copy()
-        if self.beliefs:
-            self.known.widen(out[0:4:2], out[1:4:2])
         if fills:
             self.startup_remaining -= n
             if not self.startup_remaining:
@@ -142,8 +137,7 @@ class Bank:
 
     def found(self, axis: str) -> tuple[float, float]:
         """Return the order of the last sample and the filter's own deviation of it; NaN where not valid."""
-        alpha, std = self.newest[:, self.axes.index(axis)].tolist()
-        return alpha, std
+        return self.native.newest(self.axes.index(axis))
 
     @property
     def restarts(self) -> dict[str, int]:
@@ -201,7 +195,8 @@ class Bank:
     def _believe(self, beliefs: dict[str, Belief]) -> None:
         """Note what the deviations of α and of f rest on from here."""
         self.beliefs = beliefs
-        self.known = Known.of([beliefs.get(axis) for axis in self.axes])
+        known = map(beliefs.get, self.axes)
+        self.native.know([one and (one.alpha, one.alpha_std, one.f, one.f_std) for one in known])
 
     def _settings_of(self, variances: Sequence[Variances]) -> LaneSettings:
         Q, R = zip(*variances, strict=True)

@@ -1,12 +1,7 @@
 """What filters go on with once the noise is known: order and parameter that belong to their Q and R."""
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
-
-import numpy as np
-
-from fltea.records.arrays import Array
 
 
 class Belief(NamedTuple):
@@ -36,34 +31,3 @@ class Belief(NamedTuple):
         """Whether a filter can go on with it."""
         deviations = self.alpha_std, self.F_std, self.f_std
         return all(map(math.isfinite, self)) and 0 <= self.alpha <= 2 and min(deviations) >= 0
-
-
-class Known(NamedTuple):
-    """What is believed of α and of f in each lane, (2, 1, lanes) each; zeros in lanes without a belief.
-
-    A filter takes its Q and R for certain, and the slope of what it predicts for that of its past too: its
-    own deviation shrinks round a value that may be off. No filter can know more than the fit of the same
-    samples does, and it may be as far off as it has gone from there.
-    """
-
-    value: Array
-    std: Array
-    counts: Array
-    """1 where there is a belief"""
-
-    @classmethod
-    def of(cls, beliefs: Sequence[Belief | None]) -> "Known":
-        """Return that of lanes, of which some have a belief."""
-        figures = [(b.alpha, b.f, b.alpha_std, b.f_std, 1.0, 1.0) if b else (0.0,) * 6 for b in beliefs]
-        return cls(*np.array(figures).T.reshape(3, 2, 1, len(beliefs)))
-
-    @property
-    def numbers(self) -> list[float]:
-        """All of it in a row; nothing where there is no belief."""
-        return [x for part in self for x in part.ravel().tolist()] if self.counts.any() else []
-
-    def widen(self, values: Array, deviations: Array) -> None:
-        """Make deviations of what is known of those that are the filters' own; both (2, rows, lanes)."""
-        least = np.maximum(deviations, self.std)
-        gone = (values - self.value) * self.counts
-        np.sqrt(least * least + gone * gone, out=deviations)  # of lanes without a belief to the bit their own

@@ -75,9 +75,8 @@ class Steady:
             sensors.append(_Sensor(tracks, channels))
             part = name == "accel", tracks.places, tracks.tracker.native
             of_sums = (None, 0) if sums is None else (sums.octaves.native, sums.longest_motion)
-            bank = None if channels is None else channels.bank
-            waiting, known = ([], []) if channels is None else (channels.waiting, channels.bank.known.numbers)
-            parts.append((*part, *of_sums, None if bank is None else bank.native, waiting, known))
+            of_bank = (None, []) if channels is None else (channels.bank.native, channels.waiting)
+            parts.append((*part, *of_sums, *of_bank))
         rule, scales = FollowRule.at(place.hello.rate_hz), Scales.of(place.hello)
         return cls(_native.Steady(rule, scales, line, parts), sensors, place, timebase, fits, block)
 
@@ -106,13 +105,10 @@ class Steady:
         tracked: list[TrackedColumns] = []
         estimates: list[AxisColumns] = []
         lost: list[Loss] = []
-        for (tracks, channels), (of_tracks, of_bank, own, losses) in zip(
-            self._sensors, of_sensors, strict=True
-        ):
+        for (tracks, channels), (of_tracks, of_bank, losses) in zip(self._sensors, of_sensors, strict=True):
             tracked.append(tracks.columns(of_tracks))
             if channels is None:
                 continue
-            channels.bank.newest = own
             if channels.startup_remaining:
                 channels.filled(len(raw.sequence))
             else:
