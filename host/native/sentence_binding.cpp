@@ -95,9 +95,7 @@ class Fitted {
         if (!(ordinates > 0)) refuse("all counts are 0: there is nothing to fit");
         if (!(sum / ordinates >= 1 / kLargestPower)) refuse("the power is 0: there is no noise in it");
         if (!(std::isfinite(h) && h > 0)) refuse("h must be finite and above 0");
-        const auto column = [size](const Column& one) {
-            return std::vector<double>(one.data(), one.data() + size);
-        };
+        const auto column = [size](const Column& one) { return Numbers(one.data(), one.data() + size); };
         bins_ = Bins(fastest(), column(lam), column(counts), column(power), column(walk), h);
     }
 
@@ -205,7 +203,7 @@ void spectrum(const std::vector<int>& codes, const std::vector<double>& eta, Col
     const LockGivenAway given(size);
     unsigned read = 0;
     for (const Word& word : words) read |= read_by(word.part);
-    const Bins bins(fastest(), std::vector<double>(lam.data(), lam.data() + size), read, h);
+    const Bins bins(fastest(), Numbers(lam.data(), lam.data() + size), read, h);
     Spectrum here(bins);
     here.at(words, eta.data());
     std::copy(here.total().begin(), here.total().end(), total.data());

@@ -86,6 +86,7 @@ class Spectrum {
     explicit Spectrum(const Bins& bins)
         : bins_(&bins),
           size_(bins.size()),
+          stride_(stride_of(size_)),
           total_(size_),
           part_(size_),
           gain_(size_),
@@ -98,36 +99,39 @@ class Spectrum {
         std::fill(total_.begin(), total_.end(), 0.0);
         std::fill(gain_.begin(), gain_.end(), 1.0);
         std::fill(floor_.begin(), floor_.end(), 0.0);
-        rows_.resize(static_cast<std::size_t>(free_of(words)) * size_);
+        const Kernel& kernel = *bins_->kernel;
+        free_ = free_of(words);
+        scaled_ = true;
+        rows_.resize(static_cast<std::size_t>(free_) * stride_);
         int next = 0;
         for (const Word& word : words) {
             double* slope[3] = {nullptr, nullptr, nullptr};
-            for (int k = 0; k < kFree[word.part]; ++k) slope[k] = row(next + k);
-            if (!bins_->kernel->word(columns, word, eta + next, part_.data(), slope))
-                return std::numeric_limits<double>::infinity();
-            if (filters(word.part)) {
-                bins_->kernel->times(size_, gain_.data(), part_.data(), gain_.data());
-            } else {
-                std::vector<double>& into = word.part == kFloor ? floor_ : total_;
-                for (std::size_t i = 0; i < size_; ++i) into[i] += part_[i];
+            const bool filter = filters(word.part), floor = word.part == kFloor;
+            for (int k = 0; k < kFree[word.part]; ++k, ++next) {
+                slope[k] = row(next);
+                by_[next] = filter ? floor_.data() : floor ? part_.data() : over_.data();
             }
-            next += kFree[word.part];
+            const double* const at = eta + next - kFree[word.part];
+            if (!kernel.word(columns, word, at, part_.data(), slope))
+                return std::numeric_limits<double>::infinity();
+            if (filter) {
+                kernel.times(size_, gain_.data(), part_.data(), gain_.data());
+            } else {
+                kernel.plus(size_, part_.data(), floor ? floor_.data() : total_.data());
+            }
         }
-        // Slopes of the logarithm of the whole.
-        bins_->kernel->whole(size_, gain_.data(), total_.data(), floor_.data(), part_.data(), over_.data());
-        next = 0;
-        for (const Word& word : words) {
-            const std::vector<double>& by = filters(word.part) ? floor_ : word.part == kFloor ? part_ : over_;
-            for (int k = 0; k < kFree[word.part]; ++k)
-                bins_->kernel->times(size_, row(next + k), by.data(), row(next + k));
-            next += kFree[word.part];
-        }
-        return bins_->kernel->nll(columns, total_.data());
+        kernel.whole(size_, gain_.data(), total_.data(), floor_.data(), part_.data(), over_.data());
+        scaled_ = false;
+        return kernel.nll(columns, total_.data());
     }
 
-    const std::vector<double>& total() const { return total_; }
-    const std::vector<double>& gain() const { return gain_; }
-    const double* slope(int i) const { return rows_.data() + static_cast<std::size_t>(i) * size_; }
+    const Numbers& total() const { return total_; }
+    const Numbers& gain() const { return gain_; }
+    // Of the logarithm of the whole.
+    const double* slope(int i) {
+        scale();
+        return row(i);
+    }
 
     // The slopes of -log L and the expected curvature.
     void derivatives(int free, double* gradient, double (*information)[kMostFree]) {
@@ -138,10 +142,20 @@ class Spectrum {
     }
 
   private:
-    double* row(int i) { return rows_.data() + static_cast<std::size_t>(i) * size_; }
+    double* row(int i) { return rows_.data() + static_cast<std::size_t>(i) * stride_; }
+
+    // Slopes of parts and gains become those of the whole, where anybody asks for them.
+    void scale() {
+        for (int k = 0; k < free_ && !scaled_; ++k) bins_->kernel->times(size_, row(k), by_[k], row(k));
+        scaled_ = true;
+    }
+
     const Bins* bins_;
-    std::size_t size_;
-    std::vector<double> total_, part_, gain_, floor_, over_, rows_;
+    std::size_t size_, stride_;
+    Numbers total_, part_, gain_, floor_, over_, rows_;
+    const double* by_[kMostFree] = {};
+    int free_ = 0;
+    bool scaled_ = true;
 };
 
 // Makes the lower half of a positive definite matrix its factor of Cholesky; false if it is none.
@@ -188,19 +202,27 @@ struct Patience {
         : steps(most), converged(gain), slowest(slower), nothing(1e-4) {}
 };
 
+// The spectra at the best place so far and at the next one, for any number of fits in a row.
+struct Room {
+    const Bins& bins;
+    Spectrum here, there;
+
+    explicit Room(const Bins& of) : bins(of), here(of), there(of) {}
+};
+
 // Moves eta to the best that is reached from there; -log L. `held` keeps its value, -1: none does.
-inline double score(const Bins& bins, const Words& words, double* eta, int held, const Patience& patience) {
+inline double score(Room& room, const Words& words, double* eta, int held, const Patience& patience) {
     const int free = free_of(words);
     double low[kMostFree], high[kMostFree], gradient[kMostFree];
     double information[kMostFree][kMostFree], damped[kMostFree][kMostFree];
     int next = 0;
     for (const Word& word : words) {
-        bounds_of(word, bins, patience.slowest, low + next, high + next);
+        bounds_of(word, room.bins, patience.slowest, low + next, high + next);
         next += kFree[word.part];
     }
     for (int i = 0; i < free; ++i)
         if (i != held) eta[i] = std::fmin(std::fmax(eta[i], low[i]), high[i]);
-    Spectrum here(bins), there(bins);
+    Spectrum &here = room.here, &there = room.there;
     double nll = here.at(words, eta), damping = 1e-3;
     int small = 0;
     for (int step = 0; step < patience.steps && std::isfinite(nll); ++step) {
@@ -252,6 +274,10 @@ inline double score(const Bins& bins, const Words& words, double* eta, int held,
         if (small > 2 || (small && damping < 1e-2)) break;
     }
     return nll;
+}
+inline double score(const Bins& bins, const Words& words, double* eta, int held, const Patience& patience) {
+    Room room(bins);
+    return score(room, words, eta, held, patience);
 }
 
 }  // namespace sentence

@@ -2,7 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <memory>
+#include <mutex>
+#include <utility>
 #include <vector>
 
 #include "sentence_fit.hpp"
@@ -14,22 +18,19 @@ namespace sentence {
 struct Candidate {
     Word word;
     double eta[3];
-    std::vector<double> shape, inverse;  // inverse: of the gain itself
-    double counted;                      // sum of the logarithm over all ordinates
+    Numbers shape, inverse;  // inverse: of the gain itself
 };
 
 inline Candidate candidate(const Bins& bins, const Word& word, double a, double b, double c) {
-    Candidate found{word, {a, b, c}, std::vector<double>(bins.size()), {}, 0};
-    std::vector<double> spare(3 * bins.size());
-    double* slope[3] = {spare.data(), spare.data() + bins.size(), spare.data() + 2 * bins.size()};
+    const std::size_t stride = stride_of(bins.size());
+    Candidate found{word, {a, b, c}, Numbers(bins.size()), {}};
+    Numbers spare(3 * stride);
+    double* slope[3] = {spare.data(), spare.data() + stride, spare.data() + 2 * stride};
     if (!bins.kernel->word(bins.columns(), word, found.eta, found.shape.data(), slope))
         std::fill(found.shape.begin(), found.shape.end(), 0.0);
     if (!filters(word.part)) return found;
-    for (std::size_t i = 0; i < bins.size(); ++i) {
-        found.inverse.push_back(1 / found.shape[i]);
-        found.shape[i] = std::log(found.shape[i]);
-        found.counted += bins.counts[i] * found.shape[i];
-    }
+    found.inverse.resize(bins.size());
+    bins.kernel->inverted(bins.size(), found.shape.data(), found.inverse.data());
     return found;
 }
 
@@ -46,6 +47,7 @@ class Gains {
         : bins_(bins),
           free_(free_of(words)),
           size_(bins.size()),
+          stride_(stride_of(size_)),
           row_(size_),
           weighted_(size_),
           excess_(size_),
@@ -59,13 +61,13 @@ class Gains {
         if (!sound_) return;
         substitute(free_, information, slope_, false);
         // The slopes with weight 1, orthogonal to each other, times the counts.
-        normal_.resize(static_cast<std::size_t>(free_) * size_);
+        normal_.resize(static_cast<std::size_t>(free_) * stride_);
         for (std::size_t i = 0; i < size_; ++i) {
             double column[kMostFree];
             for (int k = 0; k < free_; ++k) column[k] = here.slope(k)[i];
             substitute(free_, information, column, false);
             for (int k = 0; k < free_; ++k)
-                normal_[static_cast<std::size_t>(k) * size_ + i] = column[k] * bins.counts[i];
+                normal_[static_cast<std::size_t>(k) * stride_ + i] = column[k] * bins.counts[i];
             over_.push_back(1 / here.total()[i]);
             passed_.push_back(here.gain()[i] / here.total()[i]);
             ratio_[i] = bins.counts[i] * bins.power[i] / here.total()[i];
@@ -79,24 +81,26 @@ class Gains {
         const bool filter = filters(one.word.part);
         const double* shape = one.shape.data();
         if (!filter) {
-            const std::vector<double>& by = one.word.part == kFloor ? over_ : passed_;
+            const Numbers& by = one.word.part == kFloor ? over_ : passed_;
             bins_.kernel->times(size_, shape, by.data(), row_.data());
             shape = row_.data();
         }
         bins_.kernel->times(size_, bins_.counts.data(), shape, weighted_.data());
-        double slope = bins_.kernel->dot(size_, excess_.data(), shape);
-        double curvature = bins_.kernel->dot(size_, weighted_.data(), shape);
+        const double* rows[kMostFree + 2] = {excess_.data(), weighted_.data()};
+        for (int k = 0; k < free_; ++k) rows[k + 2] = normal_.data() + static_cast<std::size_t>(k) * stride_;
+        double found[kMostFree + 2];
+        bins_.kernel->dots(size_, shape, free_ + 2, rows, found);
+        double slope = found[0], curvature = found[1];
         for (int k = 0; k < free_; ++k) {
-            const double cross =
-                bins_.kernel->dot(size_, normal_.data() + static_cast<std::size_t>(k) * size_, shape);
+            const double cross = found[k + 2];
             slope += cross * slope_[k];
             curvature -= cross * cross;
         }
         const double whole = filter ? of_filter(one) : 0;
         if (!(slope > 0 && curvature > 0)) return Gain{whole, 0};
-        const double found = slope * slope / curvature;
-        if (filter) return Gain{std::fmax(whole, std::fmin(found, kLocal)), 0};
-        return Gain{found, std::log(slope / curvature)};
+        const double gain = slope * slope / curvature;
+        if (filter) return Gain{std::fmax(whole, std::fmin(gain, kLocal)), 0};
+        return Gain{gain, std::log(slope / curvature)};
     }
 
   private:
@@ -105,44 +109,49 @@ class Gains {
 
     // What the filter as it is gains, with the best scale and all else as it was.
     double of_filter(const Candidate& one) const {
-        const double after = bins_.kernel->dot(size_, ratio_.data(), one.inverse.data());
-        return 2 * (before_ - one.counted - bins_.ordinates * (std::log(after / bins_.ordinates) + 1));
+        const double* const shape = one.shape.data();
+        const double* const inverse = one.inverse.data();
+        double counted, after;
+        bins_.kernel->dots(size_, bins_.counts.data(), 1, &shape, &counted);
+        bins_.kernel->dots(size_, ratio_.data(), 1, &inverse, &after);
+        return 2 * (before_ - counted - bins_.ordinates * (std::log(after / bins_.ordinates) + 1));
     }
 
     const Bins& bins_;
     int free_;
     std::size_t size_;
     bool sound_ = false;
-    std::vector<double> row_, weighted_, excess_, ratio_, normal_, over_, passed_;
+    std::size_t stride_;
+    Numbers row_, weighted_, excess_, ratio_, normal_, over_, passed_;
     double before_ = 0;
     double slope_[kMostFree];
 };
 
-inline std::vector<Candidate> parts_to_add(const Bins& bins) {
-    const double lowest = std::log(bins.lowest), power = std::log(bins.mean);
-    std::vector<Candidate> found;
-    const double top = std::log(kPi), range = top - lowest;
+// What may be added, at a power of 1.
+typedef std::vector<Candidate> Candidates;
+
+inline Candidates parts_to_add(const Bins& bins) {
+    const double lowest = std::log(bins.lowest), top = std::log(kPi), range = top - lowest;
+    Candidates found;
     const int corners = 1 + static_cast<int>(std::lround(4 * range / std::log(10.0)));
-    const auto add = [&](Part part, double a, double b, double c) {
-        found.push_back(candidate(bins, Word{part, 0}, a, b, c));
+    const auto add = [&](Part part, double b, double c) {
+        found.push_back(candidate(bins, Word{part, 0}, 0, b, c));
     };
-    for (int i = 1; i <= corners; ++i) add(kRelaxation, power, lowest + range * i / corners, 0);
-    add(kWalk, power, 0, 0);
-    add(kQuantised, power, 0, 0);
-    add(kFloor, power, 0, 0);
-    for (const double delta : {0.3, 0.6, 1.5}) add(kRise, power, delta, 0);
-    for (const double rate : {-2.0, -0.7, 0.3}) add(kAlternating, power, rate, 0);
+    for (int i = 1; i <= corners; ++i) add(kRelaxation, lowest + range * i / corners, 0);
+    add(kWalk, 0, 0);
+    add(kQuantised, 0, 0);
+    add(kFloor, 0, 0);
+    for (const double delta : {0.3, 0.6, 1.5}) add(kRise, delta, 0);
+    for (const double rate : {-2.0, -0.7, 0.3}) add(kAlternating, rate, 0);
     const double widths[3][2] = {{0.05, 0.12}, {0.12, 0.25}, {0.35, 0.5}};
     for (const auto& width : widths)
-        for (double at = lowest + 1; at < top - 0.02; at += width[1])
-            add(kResonance, power, at, std::log(width[0]));
+        for (double at = lowest + 1; at < top - 0.02; at += width[1]) add(kResonance, at, std::log(width[0]));
     return found;
 }
 
-inline std::vector<Candidate> filters_to_add(const Bins& bins) {
-    const double lowest = std::log(bins.lowest);
-    std::vector<Candidate> found;
-    const double top = std::log(kPi);
+inline Candidates filters_to_add(const Bins& bins) {
+    const double lowest = std::log(bins.lowest), top = std::log(kPi);
+    Candidates found;
     const auto add = [&](Word word, double a, double b) { found.push_back(candidate(bins, word, a, b, 0)); };
     for (double corner = 2 * lowest + 2; corner < 4.3; corner += 0.6)
         for (const double poles : {-4.0, -2.6, -1.2, 0.5}) add(Word{kLowPass, 0}, corner, poles);
@@ -153,25 +162,49 @@ inline std::vector<Candidate> filters_to_add(const Bins& bins) {
     return found;
 }
 
-inline std::vector<Candidate> orders_to_add(Bins& bins) {
+inline Candidates orders_to_add(const Bins& of) {
+    Bins bins = of;
     bins.lowest_order = 0;
     bins.highest_order = kHighestOrder;
-    const double lowest = std::log(bins.lowest), power = std::log(bins.mean);
-    std::vector<Candidate> found;
-    const double top = std::log(kPi);
+    const double lowest = std::log(bins.lowest), top = std::log(kPi);
+    Candidates found;
     for (const double alpha : {0.2, 0.35, 0.5, 0.65, 0.8, 0.95}) {
         const double most = std::exp(kLn2 * alpha);
         for (int i = 0; i < 6; ++i) {
             const double corner = std::exp(lowest + 0.5 + (top - lowest - 1) * (i - 1) / 4.0);
             const double share = std::fmin(std::pow(2 * std::sin(corner / 2), alpha) / most, 0.98);
-            found.push_back(
-                candidate(bins, Word{kOrder, 0}, alpha, i ? std::log(share / (1 - share)) : -15.0, power));
+            const double logit = i ? std::log(share / (1 - share)) : -15.0;
+            found.push_back(candidate(bins, Word{kOrder, 0}, alpha, logit, 0));
         }
     }
     for (const double d : {0.25, 0.45, 0.7})
         for (const double rate : {-3.0, -1.5, -0.3})
-            found.push_back(candidate(bins, Word{kArfima, 0}, d, rate, power));
+            found.push_back(candidate(bins, Word{kArfima, 0}, d, rate, 0));
     return found;
+}
+
+// What one of these gives. It depends on the bins, and not on what is in them, so that the axes of a sensor,
+// which are looked at one after another, share it; the whole spectrum and its clean part have turns.
+template <Candidates (*make)(const Bins&)>
+std::shared_ptr<const Candidates> shared(const Bins& bins) {
+    struct Made {
+        const Kernel* kernel;
+        Numbers lam, walk;
+        std::shared_ptr<const Candidates> candidates;
+    };
+    static std::mutex lock;
+    static std::array<Made, 2> newest = {};
+    {
+        const std::lock_guard<std::mutex> guard(lock);
+        for (const Made& one : newest)
+            if (one.kernel == bins.kernel && one.lam == bins.lam && one.walk == bins.walk)
+                return one.candidates;
+    }
+    Made made{bins.kernel, bins.lam, bins.walk, std::make_shared<const Candidates>(make(bins))};
+    const std::lock_guard<std::mutex> guard(lock);
+    newest[1] = std::move(newest[0]);
+    newest[0] = made;
+    return made.candidates;
 }
 
 }  // namespace sentence

@@ -53,6 +53,7 @@ inline double interval_end(const Bins& bins, const Words& words, const std::vect
                            const Patience& patience, std::vector<double>& end) {
     const std::size_t at = static_cast<std::size_t>(i);
     const double middle = best[at], root = std::sqrt(critical.usual);
+    Room room(bins);
     Tried inside{middle, 0, best}, outside{limit, 0, {}};
     double trial;
     std::vector<double> eta = best;
@@ -69,7 +70,7 @@ inline double interval_end(const Bins& bins, const Words& words, const std::vect
     end.clear();
     for (int look = 0; look < 40; ++look) {
         eta[at] = trial;
-        const double found = score(bins, words, eta.data(), i, patience);
+        const double found = score(room, words, eta.data(), i, patience);
         double excess = std::isfinite(found) ? 2 * (found - nll) : 1e6;
         if (critical.white_over >= 0 && eta[0] < eta[static_cast<std::size_t>(critical.white_over)] - 6.9)
             excess *= critical.usual / critical.at_bound;

@@ -35,25 +35,38 @@ void to(double* at, T value) {
 // Calls op(T(), i) for all bins from i on, as many as T has lanes: packs, then single numbers. A bin's result
 // does not depend on which (pack_math.hpp); compilers make no vectors of exp by themselves.
 template <class Op>
-void each(std::size_t size, const Op& op) {
+__attribute__((always_inline)) inline void each(std::size_t size, Op op) {
     std::size_t i = 0;
     for (; i + engine::kWidth <= size; i += engine::kWidth) op(Wide(), i);
     for (; i < size; ++i) op(double(), i);
 }
 
-// The sum of term(T(), i) in eight lanes, whatever the width of a pack.
-template <class Term>
-double sum_of(std::size_t size, const Term& term) {
+// The sums of one(T(), i) .. in eight lanes each, whatever the width of a pack: `term` gives kSums of them.
+template <int kSums, class Term>
+__attribute__((always_inline)) inline void sums_of(std::size_t size, Term term, double* found) {
     constexpr std::size_t kPacks = 8 / engine::kWidth;
-    Wide packs[kPacks];
-    for (Wide& one : packs) one = Wide(0.0);
+    Wide packs[kSums][kPacks];
+    for (auto& row : packs)
+        for (Wide& one : row) one = Wide(0.0);
     std::size_t i = 0;
     for (; i + 8 <= size; i += 8)
-        for (std::size_t k = 0; k < kPacks; ++k) packs[k] += term(Wide(), i + k * engine::kWidth);
-    double lane[8];
+#pragma GCC unroll 8
+        for (std::size_t k = 0; k < kPacks; ++k) {
+            Wide terms[kSums];
+            term(terms, i + k * engine::kWidth);
+#pragma GCC unroll 8
+            for (int j = 0; j < kSums; ++j) packs[j][k] += terms[j];
+        }
+    double lane[kSums][8];
     __builtin_memcpy(lane, packs, sizeof lane);
-    for (; i < size; ++i) lane[i % 8] += term(double(), i);
-    return ((lane[0] + lane[4]) + (lane[1] + lane[5])) + ((lane[2] + lane[6]) + (lane[3] + lane[7]));
+    for (; i < size; ++i) {
+        double terms[kSums];
+        term(terms, i);
+        for (int j = 0; j < kSums; ++j) lane[j][i % 8] += terms[j];
+    }
+    for (int j = 0; j < kSums; ++j)
+        found[j] = ((lane[j][0] + lane[j][4]) + (lane[j][1] + lane[j][5])) +
+                   ((lane[j][2] + lane[j][6]) + (lane[j][3] + lane[j][7]));
 }
 
 double share_of(double logit) { return 1 / (1 + exp(-logit)); }
@@ -62,7 +75,7 @@ double share_of(double logit) { return 1 / (1 + exp(-logit)); }
 void relaxation(const Columns& b, bool mirrored, const double* eta, double* part, double* const* slope) {
     const double rate = exp(eta[1]), phi = exp(-rate), left = -::expm1(-rate);
     const double gap = -::expm1(-2 * rate), level = exp(eta[0]) * gap, own = 2 * phi / gap;
-    each(b.size, [&](auto one, std::size_t i) {
+    each(b.size, [=](auto one, std::size_t i) {
         typedef decltype(one) T;
         const T seen = from<T>(b.square + i), square = mirrored ? T(4.0) - seen : seen;
         const T distance = T(left * left) + T(phi) * square;
@@ -96,7 +109,7 @@ bool order(Part which, const Columns& b, const double* eta, double* part, double
     Order o;
     if (!order_of(which, b, eta, o)) return false;
     const double s2 = exp(eta[2]), alpha = o.alpha, g = o.g;
-    each(b.size, [&](auto one, std::size_t i) {
+    each(b.size, [=](auto one, std::size_t i) {
         typedef decltype(one) T;
         const T ln_size = from<T>(b.ln_size + i), quarter = from<T>(b.quarter + i);
         const T size = exp(T(alpha) * ln_size);
@@ -118,7 +131,7 @@ bool order(Part which, const Columns& b, const double* eta, double* part, double
 void arfima(const Columns& b, const double* eta, double* part, double* const* slope) {
     const double rate = exp(eta[1]), phi = exp(-rate), left = -::expm1(-rate);
     const double level = exp(eta[2]) * left * left;
-    each(b.size, [&](auto one, std::size_t i) {
+    each(b.size, [=](auto one, std::size_t i) {
         typedef decltype(one) T;
         const T ln_size = from<T>(b.ln_size + i), square = from<T>(b.square + i);
         const T distance = T(left * left) + T(phi) * square;
@@ -136,7 +149,7 @@ void resonance(const Columns& b, const double* eta, double* part, double* const*
     const double one = 1 - r, other = 1 - 2 * r * c2 + r * r;
     const double top = p * one * one * other;
     const double top_by_r = -2 / one + (2 * r - 2 * c2) / other, top_by_at = 4 * r * s2 / other;
-    each(b.size, [&](auto one, std::size_t i) {
+    each(b.size, [=](auto one, std::size_t i) {
         typedef decltype(one) T;
         const T cos1 = from<T>(b.cos1 + i), sin1 = from<T>(b.sin1 + i);
         const T near = cos1 * T(c) + sin1 * T(s), far = cos1 * T(c) - sin1 * T(s);
@@ -157,7 +170,7 @@ void resonance(const Columns& b, const double* eta, double* part, double* const*
 void low_pass(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double share = share_of(eta[1]), n = 1 + (kMostPoles - 1) * share;
     const double by_n = (kMostPoles - 1) * share * (1 - share);
-    each(b.size, [&](auto kind, std::size_t i) {
+    each(b.size, [=](auto kind, std::size_t i) {
         typedef decltype(kind) T;
         T sum = T(0.0), by_c = T(0.0), by_poles = T(0.0);
         for (std::size_t k = 0; k < 3; ++k) {
@@ -177,7 +190,7 @@ void low_pass(const Columns& b, const double* eta, double* gain, double* const* 
 void notch(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double at = exp(eta[0]), centre = ::tan(at / 2), square = centre * centre;
     const double width = centre * exp(eta[1]);
-    each(b.size, [&](auto one, std::size_t i) {
+    each(b.size, [=](auto one, std::size_t i) {
         typedef decltype(one) T;
         const T sine = from<T>(b.square + i) / T(4.0), cosine = T(1.0) - sine, step = from<T>(b.spread + i);
         const T away = sine - T(square) * cosine, flat = sine * cosine;
@@ -202,15 +215,24 @@ double mean_gain(double lam, double step, int m) {
 
 bool word_at(const Columns& b, Word word, const double* eta, double* part, double* const* slope) {
     const std::size_t n = b.size;
-    const auto level = [&](const double* shape) {
+    const auto level = [=](const double* shape) {
         const double power = exp(eta[0]);
-        for (std::size_t i = 0; i < n; ++i) slope[0][i] = part[i] = power * shape[i];
+        each(n, [=](auto one, std::size_t i) {
+            typedef decltype(one) T;
+            const T value = T(power) * from<T>(shape + i);
+            to(part + i, value);
+            to(slope[0] + i, value);
+        });
     };
     switch (word.part) {
         case kWhite:
         case kFloor: {
             const double power = exp(eta[0]);
-            for (std::size_t i = 0; i < n; ++i) slope[0][i] = part[i] = power;
+            each(n, [=](auto one, std::size_t i) {
+                typedef decltype(one) T;
+                to(part + i, T(power));
+                to(slope[0] + i, T(power));
+            });
             return true;
         }
         case kRelaxation:
@@ -235,7 +257,7 @@ bool word_at(const Columns& b, Word word, const double* eta, double* part, doubl
             return true;
         case kRise: {
             const double power = exp(eta[0]);
-            each(n, [&](auto one, std::size_t i) {
+            each(n, [=](auto one, std::size_t i) {
                 typedef decltype(one) T;
                 const T ln = T(2.0) * (from<T>(b.ln_size + i) - T(kLn2));
                 const T value = T(power) * exp(T(eta[1]) * ln);
@@ -249,11 +271,12 @@ bool word_at(const Columns& b, Word word, const double* eta, double* part, doubl
             low_pass(b, eta, part, slope);
             return true;
         case kSharp:
-            for (std::size_t i = 0; i < n; ++i) {
-                const double h = 1 + eta[0] * b.square[i];
-                part[i] = h * h;
-                slope[0][i] = 2 * b.square[i] / h;
-            }
+            each(n, [=](auto one, std::size_t i) {
+                typedef decltype(one) T;
+                const T square = from<T>(b.square + i), h = T(1.0) + T(eta[0]) * square;
+                to(part + i, h * h);
+                to(slope[0] + i, T(2.0) * square / h);
+            });
             return true;
         case kNotch:
             notch(b, eta, part, slope);
@@ -265,30 +288,65 @@ bool word_at(const Columns& b, Word word, const double* eta, double* part, doubl
 }
 
 double nll(const Columns& b, const double* total) {
-    return sum_of(b.size, [&](auto one, std::size_t i) {
-        typedef decltype(one) T;
-        const T here = from<T>(total + i);
-        return from<T>(b.counts + i) * (log(here) + from<T>(b.power + i) / here);
-    });
+    double found;
+    sums_of<1>(
+        b.size,
+        [=](auto* terms, std::size_t i) {
+            typedef typename std::remove_pointer<decltype(terms)>::type T;
+            const T here = from<T>(total + i);
+            terms[0] = from<T>(b.counts + i) * (log(here) + from<T>(b.power + i) / here);
+        },
+        &found);
+    return found;
 }
 
-double dot(std::size_t size, const double* a, const double* b) {
-    return sum_of(size, [&](auto one, std::size_t i) {
-        typedef decltype(one) T;
-        return from<T>(a + i) * from<T>(b + i);
-    });
+// One sum alone waits for the sum before; four go side by side.
+template <int kSums>
+void some_dots(std::size_t size, const double* a, const double* const* rows, double* found) {
+    sums_of<kSums>(
+        size,
+        [=](auto* terms, std::size_t i) {
+            typedef typename std::remove_pointer<decltype(terms)>::type T;
+            const T one = from<T>(a + i);
+#pragma GCC unroll 8
+            for (int j = 0; j < kSums; ++j) terms[j] = one * from<T>(rows[j] + i);
+        },
+        found);
+}
+
+void dots(std::size_t size, const double* a, int count, const double* const* rows, double* found) {
+    for (; count >= 4; count -= 4, rows += 4, found += 4) some_dots<4>(size, a, rows, found);
+    if (count == 3) some_dots<3>(size, a, rows, found);
+    if (count == 2) some_dots<2>(size, a, rows, found);
+    if (count == 1) some_dots<1>(size, a, rows, found);
 }
 
 void times(std::size_t size, const double* a, const double* b, double* into) {
-    each(size, [&](auto one, std::size_t i) {
+    each(size, [=](auto one, std::size_t i) {
         typedef decltype(one) T;
         to(into + i, from<T>(a + i) * from<T>(b + i));
     });
 }
 
+void plus(std::size_t size, const double* a, double* into) {
+    each(size, [=](auto one, std::size_t i) {
+        typedef decltype(one) T;
+        to(into + i, from<T>(into + i) + from<T>(a + i));
+    });
+}
+
+void inverted(std::size_t size, double* a, double* inverse) {
+    each(size, [=](auto one, std::size_t i) {
+        typedef decltype(one) T;
+        const T here = from<T>(a + i);
+        to(inverse + i, T(1.0) / here);
+        to(a + i, log(here));
+    });
+}
+
 void whole(std::size_t size, const double* gain, double* total, double* floor, double* inverse,
            double* over) {
-    each(size, [&](auto one, std::size_t i) {
+    each(size, [=](auto one, std::size_t i) {
         typedef decltype(one) T;
         const T passed = from<T>(total + i) * from<T>(gain + i), all = passed + from<T>(floor + i);
         const T by = T(1.0) / all;
@@ -301,15 +359,15 @@ void whole(std::size_t size, const double* gain, double* total, double* floor, d
 
 void derivatives(const Columns& b, const double* total, int free, const double* const* slopes, double* over,
                  double* gradient, double* information) {
-    each(b.size, [&](auto one, std::size_t i) {
+    each(b.size, [=](auto one, std::size_t i) {
         typedef decltype(one) T;
         to(over + i, from<T>(b.counts + i) * (T(1.0) - from<T>(b.power + i) / from<T>(total + i)));
     });
-    for (int k = 0; k < free; ++k) gradient[k] = dot(b.size, over, slopes[k]);
+    dots(b.size, over, free, slopes, gradient);
     for (int k = 0; k < free; ++k) {
         times(b.size, b.counts, slopes[k], over);
-        for (int j = 0; j <= k; ++j)
-            information[k * kMostFree + j] = information[j * kMostFree + k] = dot(b.size, over, slopes[j]);
+        dots(b.size, over, k + 1, slopes, information + k * kMostFree);
+        for (int j = 0; j < k; ++j) information[j * kMostFree + k] = information[k * kMostFree + j];
     }
 }
 
@@ -317,7 +375,7 @@ void derivatives(const Columns& b, const double* total, int free, const double* 
 }  // namespace FLTEA_INSTRUCTION_SET
 
 extern const Kernel FLTEA_JOIN(kernel_, FLTEA_INSTRUCTION_SET) = {
-    FLTEA_STRING(FLTEA_INSTRUCTION_SET), word_at, nll, whole, derivatives, dot, times};
+    FLTEA_STRING(FLTEA_INSTRUCTION_SET), word_at, nll, whole, derivatives, dots, times, plus, inverted};
 
 }  // namespace sentence
 }  // namespace fltea

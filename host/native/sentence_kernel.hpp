@@ -86,10 +86,14 @@ struct Kernel {
     // curvature (free, kMostFree); over (size,) is room.
     void (*derivatives)(const Columns& bins, const double* total, int free, const double* const* slopes,
                         double* over, double* gradient, double* information);
-    // Σ a b.
-    double (*dot)(std::size_t size, const double* a, const double* b);
+    // Σ a b of each of `count` rows b.
+    void (*dots)(std::size_t size, const double* a, int count, const double* const* rows, double* found);
     // a b, which may be put in place of either.
     void (*times)(std::size_t size, const double* a, const double* b, double* into);
+    // into += a.
+    void (*plus)(std::size_t size, const double* a, double* into);
+    // 1/a; a becomes its logarithm.
+    void (*inverted)(std::size_t size, double* a, double* inverse);
 };
 
 extern const Kernel kernel_baseline;

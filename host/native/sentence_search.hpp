@@ -55,9 +55,9 @@ class Search {
 
     // From white noise on.
     Frontier whole() {
-        parts_ = parts_to_add(bins_);
-        filters_ = filters_to_add(bins_);
-        orders_ = orders_to_add(bins_);
+        parts_ = shared<parts_to_add>(bins_);
+        filters_ = shared<filters_to_add>(bins_);
+        orders_ = shared<orders_to_add>(bins_);
         Frontier f;
         f.white = white();
         f.null = alternative(f.white);
@@ -69,7 +69,7 @@ class Search {
             const Sentence rest = removed(f.ordered, orders());
             Gains gains(bins_, rest.words, rest.eta.data());
             Sentence other;
-            for (const Ranked& one : best(gains, rest, parts_, 2, 1, Allowed()))
+            for (const Ranked& one : best(gains, rest, *parts_, 2, 1, Allowed()))
                 keep(with(rest, one), bic_, other);
             if (other.known()) keep(grown(other, bic_, Allowed()), bic_, f.plain);
             keep(grown(without(f.ordered, orders()), bic_, Allowed()), bic_, f.plain);
@@ -83,7 +83,7 @@ class Search {
     std::pair<Sentence, Sentence> null_test(const std::vector<double>& last) {
         const Sentence w = white();
         if (!last.empty()) return {w, null_from(last)};
-        orders_ = orders_to_add(bins_);
+        orders_ = shared<orders_to_add>(bins_);
         return {w, alternative(w)};
     }
 
@@ -109,7 +109,7 @@ class Search {
         bins_.lowest_order = kLeastOrder;
         bins_.highest_order = kMostOrder;
         Sentence found{words, std::move(eta), 0};
-        found.nll = score(bins_, found.words, found.eta.data(), -1, patience);
+        found.nll = score(room_, found.words, found.eta.data(), -1, patience);
         return found;
     }
 
@@ -192,9 +192,9 @@ class Search {
         const std::size_t first = eta.size();
         eta.insert(eta.end(), candidate.eta, candidate.eta + kFree[candidate.word.part]);
         if (candidate.word.part == kOrder || candidate.word.part == kArfima) {
-            eta[first + 2] += one.gain.log_power;
+            eta[first + 2] = one.gain.log_power;
         } else if (!filters(candidate.word.part)) {
-            eta[first] += one.gain.log_power;
+            eta[first] = one.gain.log_power;
         }
         if (candidate.word.part == kLowPass && !s.has(kFloor)) {
             // Rounding behind the filter, without which a steep one fits nothing.
@@ -217,8 +217,9 @@ class Search {
         while (free_of(s.words) < kMostParameters) {
             Gains gains(bins_, s.words, s.eta.data());
             Sentence next;
-            for (const Ranked& one : best(gains, s, parts_, 2, 1, allowed)) keep(with(s, one), price, next);
-            for (const Ranked& one : best(gains, s, filters_, 3, 1, allowed)) keep(with(s, one), price, next);
+            for (const Ranked& one : best(gains, s, *parts_, 2, 1, allowed)) keep(with(s, one), price, next);
+            for (const Ranked& one : best(gains, s, *filters_, 3, 1, allowed))
+                keep(with(s, one), price, next);
             if (next.known()) next = fitted(next.words, next.eta);
             if (!(cost(next, price) < cost(s, price))) break;
             s = next;
@@ -329,7 +330,7 @@ class Search {
         Sentence found;
         for (const Sentence& base : bases) {
             Gains gains(bins_, base.words, base.eta.data());
-            for (const Ranked& one : best(gains, base, orders_, 3, 2, Allowed()))
+            for (const Ranked& one : best(gains, base, *orders_, 3, 2, Allowed()))
                 keep_order(with(base, one), found);
         }
         return found;
@@ -341,7 +342,7 @@ class Search {
         Gains gains(bins_, f.white.words, f.white.eta.data());
         Allowed low_pass;
         low_pass.only_low_pass = true;
-        for (const Ranked& one : best(gains, f.white, filters_, 1, 1, low_pass))
+        for (const Ranked& one : best(gains, f.white, *filters_, 1, 1, low_pass))
             bases.push_back(with(f.white, one));
         const Sentence bare = removed(f.plain, {kRelaxation, kWalk});
         if (!bare.same_words(f.white)) bases.push_back(bare);
@@ -361,10 +362,10 @@ class Search {
         Gains gains(bins_, white.words, white.eta.data());
         Sentence found = null_from({white.eta[0], 0.5, 0.0, power_ - kSmallest});
         std::size_t count = 0;
-        for (const Ranked& one : best(gains, white, orders_, 100, 100, Allowed())) {
+        for (const Ranked& one : best(gains, white, *orders_, 100, 100, Allowed())) {
             if (one.candidate->word.part != kOrder) continue;
             const double* eta = one.candidate->eta;
-            keep(null_from({white.eta[0], eta[0], eta[1], eta[2] + one.gain.log_power}), 0, found);
+            keep(null_from({white.eta[0], eta[0], eta[1], one.gain.log_power}), 0, found);
             if (++count == kNullStarts) break;
         }
         return found;
@@ -375,14 +376,15 @@ class Search {
         bins_.lowest_order = 0;
         bins_.highest_order = 1;
         Sentence found{{Word{kWhite, 0}, Word{kOrder, 0}}, std::move(eta), 0};
-        found.nll = score(bins_, found.words, found.eta.data(), -1, patience);
+        found.nll = score(room_, found.words, found.eta.data(), -1, patience);
         return found;
     }
     static constexpr std::size_t kNullStarts = 5;
 
     Bins& bins_;
+    Room room_{bins_};
     double bic_, power_;
-    std::vector<Candidate> parts_, filters_, orders_;
+    std::shared_ptr<const Candidates> parts_, filters_, orders_;
 
   public:
     // What is called an order: of less than the one nothing is left of it, and of more than the other it is a

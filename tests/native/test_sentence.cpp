@@ -15,7 +15,7 @@ using namespace fltea::sentence;
 
 // So many bins whose width goes with the frequency, as those of the live spectrum; powers are 1.
 Bins bins_of(std::size_t size, double samples = 60000) {
-    std::vector<double> lam, counts, walk;
+    Numbers lam, counts, walk;
     const double lowest = 25 / samples, ratio = std::pow(kPi / lowest, 1 / static_cast<double>(size));
     for (std::size_t i = 0; i < size; ++i) {
         const double begin = lowest * std::pow(ratio, static_cast<double>(i)), end = begin * ratio;
@@ -23,22 +23,22 @@ Bins bins_of(std::size_t size, double samples = 60000) {
         counts.push_back(std::fmax(1.0, (end - begin) * samples / (2 * kPi)));
         walk.push_back(1 / std::pow(2 * std::sin(lam.back() / 2), 2));
     }
-    return Bins(kernel_baseline, lam, counts, std::vector<double>(size, 1.0), walk, 0.01);
+    return Bins(kernel_baseline, lam, counts, Numbers(size, 1.0), walk, 0.01);
 }
 
 // The same with these powers.
-Bins with_power(const Bins& bins, const std::vector<double>& power) {
+Bins with_power(const Bins& bins, const Numbers& power) {
     return Bins(kernel_baseline, bins.lam, bins.counts, power, bins.walk, 0.01);
 }
 
-std::vector<double> spectrum(const Bins& bins, const Words& words, const std::vector<double>& eta) {
+Numbers spectrum(const Bins& bins, const Words& words, const std::vector<double>& eta) {
     Spectrum at(bins);
     at.at(words, eta.data());
     return at.total();
 }
 
 // Powers that are exponential about these.
-std::vector<double> drawn(const Bins& bins, std::vector<double> power, unsigned seed) {
+Numbers drawn(const Bins& bins, Numbers power, unsigned seed) {
     std::mt19937 random(seed);
     for (std::size_t i = 0; i < power.size(); ++i)
         power[i] *= std::gamma_distribution<double>(bins.counts[i], 1 / bins.counts[i])(random);
@@ -82,7 +82,7 @@ TEST_CASE("the logarithm is that of the library") {
 TEST_CASE("sentence: slopes of all parts are the differences of the spectrum and of -log L") {
     std::mt19937 random(3);
     const Bins plain = bins_of(43);
-    const Bins bins = with_power(plain, drawn(plain, std::vector<double>(43, 3.0), 1));
+    const Bins bins = with_power(plain, drawn(plain, Numbers(43, 3.0), 1));
     for (int turn = 0; turn < 20; ++turn) {
         for (Part part : kAll) {
             Example one(part, random);
@@ -129,8 +129,7 @@ TEST_CASE("sentence: fits end inside their bounds from anywhere, for any number 
     for (std::size_t size = 2; size < 20; ++size) {
         const Bins plain = bins_of(size);
         for (int kind = 0; kind < 4; ++kind) {
-            std::vector<double> power =
-                drawn(plain, std::vector<double>(size, 1.0), static_cast<unsigned>(size));
+            Numbers power = drawn(plain, Numbers(size, 1.0), static_cast<unsigned>(size));
             for (std::size_t i = 0; i < size; ++i) {
                 if (kind == 1 && i % 2) power[i] = 0;
                 if (kind == 2)
@@ -270,11 +269,46 @@ TEST_CASE("sentence: an order is found beside none, and its interval holds it") 
     }
 }
 
+TEST_CASE("sentence: a search finds the same whatever was searched before") {
+    const Bins small = bins_of(40);
+    const auto found = [](const Bins& plain, unsigned seed, double power) {
+        Bins bins = with_power(plain, drawn(plain, Numbers(plain.size(), power), seed));
+        return Search(bins).whole();
+    };
+    const Frontier first = found(small, 1, 1e-3);
+    for (const Bins& other : {small, bins_of(60), bins_of(50), bins_of(40, 3000)}) found(other, 2, 1e6);
+    const Frontier again = found(small, 1, 1e-3);
+    CHECK(again.plain.eta == first.plain.eta);
+    CHECK(again.rich.eta == first.rich.eta);
+    CHECK(again.null.eta == first.null.eta);
+    CHECK(again.ordered.nll == first.ordered.nll);
+}
+
+TEST_CASE("sentence: where there is no spectrum there are slopes of no meaning") {
+    const Bins bins = bins_of(20);
+    Spectrum at(bins);
+    const double eta[] = {0, 3, 0, 0};
+    CHECK(std::isinf(at.at({Word{kWhite, 0}, Word{kOrder, 0}}, eta)));
+    for (int k = 0; k < 4; ++k) CHECK(at.slope(k) != nullptr);
+}
+
+TEST_CASE("sentence: columns and rows begin on lines of the cache") {
+    const auto begins_on_a_line = [](const double* at) {
+        return reinterpret_cast<std::uintptr_t>(at) % OnLines<double>::kLine == 0;
+    };
+    const Bins bins = bins_of(21);
+    Spectrum at(bins);
+    const double eta[] = {0, 0, 0};
+    at.at({Word{kWhite, 0}, Word{kRelaxation, 0}}, eta);
+    CHECK(begins_on_a_line(bins.power.data()));
+    for (int k = 0; k < 3; ++k) CHECK(begins_on_a_line(at.slope(k)));
+}
+
 TEST_CASE("sentence: a search of data that are no spectrum ends, with finite numbers") {
     for (std::size_t size : {2, 3, 7, 40}) {
         const Bins plain = bins_of(size);
         for (int kind = 0; kind < 3; ++kind) {
-            std::vector<double> power(size, 0.0);
+            Numbers power(size, 0.0);
             for (std::size_t i = 0; i < size; ++i) {
                 if (kind == 0) power[i] = i % 2 ? 0 : 1;
                 if (kind == 1) power[i] = std::pow(10.0, i % 2 ? 60 : -60);

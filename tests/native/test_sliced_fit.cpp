@@ -20,7 +20,7 @@ namespace sentence = fltea::sentence;
 // The bins as the host has them.
 template <class Any>
 sentence::Bins on_host(const Any& bins) {
-    std::vector<double> lam, counts, power;
+    sentence::Numbers lam, counts, power;
     std::vector<int> order;
     for (int i = 0; i < bins.size(); ++i) order.push_back(i);
     std::sort(order.begin(), order.end(), [&](int a, int b) { return bins.lam(a) < bins.lam(b); });
@@ -29,7 +29,7 @@ sentence::Bins on_host(const Any& bins) {
         counts.push_back(static_cast<double>(bins.counts(i)));
         power.push_back(static_cast<double>(bins.power(i)));
     }
-    return sentence::Bins(sentence::kernel_baseline, lam, counts, power, std::vector<double>(lam.size()), 1);
+    return sentence::Bins(sentence::kernel_baseline, lam, counts, power, sentence::Numbers(lam.size()), 1);
 }
 
 // The host's answer, from many starts: white noise and one part.
