@@ -298,6 +298,9 @@ OCTAVES_LINES: tuple[int, int]
 # Of the filter before every second sample is left out, at so many rad a sample.
 def half_band_gain(angle: float) -> float: ...
 
+# The most striking stretch of lines, its end, and the level around it; see fltea.spectrum.octave_lines.
+def strongest_octave_peak(power: _V, weight: _V, false_alarm: float) -> tuple[int, int, float] | None: ...
+
 # The running spectra of several lanes; see fltea.spectrum.octaves.
 TRACKER_COORDINATES: int
 

@@ -10,6 +10,7 @@
 
 #include "engine_binding.hpp"
 #include "number_io.hpp"
+#include "octave_peak.hpp"
 #include "octaves.hpp"
 #include "sensor_binding.hpp"
 
@@ -193,6 +194,18 @@ class Octaves : public SensorSums {
     mutable std::mutex mutex_;
 };
 
+using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+// Where the most striking stretch begins and ends, and the level around it; None if none is.
+nb::object strongest_octave_peak(Column power, Column weight, double false_alarm) {
+    if (power.shape(0) != weight.shape(0)) throw nb::value_error("each line has a power and a weight");
+    if (!(false_alarm > 0 && false_alarm < 1)) throw nb::value_error("a probability is between 0 and 1");
+    const auto found =
+        fltea::peak::Search(power.data(), weight.data(), power.shape(0)).strongest(false_alarm);
+    if (!found.any) return nb::none();
+    return nb::make_tuple(found.start, found.stop, found.level);
+}
+
 }  // namespace
 
 void bind_octaves(nb::module_& m) {
@@ -203,6 +216,8 @@ void bind_octaves(nb::module_& m) {
     m.attr("OCTAVES_LOWEST") = static_cast<int>(Ladder::Top::kLowest);
     m.attr("OCTAVES_LINES") =
         nb::make_tuple(static_cast<int>(Ladder::kTopLines), static_cast<int>(Ladder::kLines));
+    m.def("strongest_octave_peak", &strongest_octave_peak, nb::arg("power"), nb::arg("weight"),
+          nb::arg("false_alarm"));
     m.def("half_band_gain", &fltea::half_band_gain, nb::arg("angle"));
     nb::class_<Octaves, SensorSums>(m, "Octaves")
         .def(nb::init<size_t, double>(), nb::arg("lanes"), nb::arg("memory"))

@@ -7,10 +7,12 @@
 #include <cstring>
 #include <limits>
 #include <memory>
+#include <random>
 #include <vector>
 
 #include "noise.h"
 #include "number_io.hpp"
+#include "octave_peak.hpp"
 #include "octaves.hpp"
 
 using namespace fltea;
@@ -281,4 +283,23 @@ TEST_CASE("octaves: what is dropped of a whole stream") {
     CHECK(whole.stretch(0).first == 5010);
     whole.cut();
     CHECK(whole.size() == 0);
+}
+
+TEST_CASE("octave peak: lines of any number are searched, and a strong one is found") {
+    std::mt19937 random(5);
+    for (std::size_t size = 0; size < 400; size += 1 + size / 7) {
+        std::vector<double> power, weight;
+        for (std::size_t i = 0; i < size; ++i) {
+            weight.push_back(i < 60 ? 1 : 2.5);
+            power.push_back(std::gamma_distribution<double>(weight[i], 1 / weight[i])(random));
+        }
+        fltea::peak::Search(power.data(), weight.data(), size).strongest(0.5);
+        if (size < 80) continue;
+        power[size / 2] = 1e3;
+        const auto found = fltea::peak::Search(power.data(), weight.data(), size).strongest(1e-6);
+        CHECK(found.any);
+        CHECK(found.start <= size / 2);
+        CHECK(found.stop > size / 2);
+        CHECK(found.level < 10);
+    }
 }

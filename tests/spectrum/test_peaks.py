@@ -5,13 +5,17 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from fltea import _native
 from fltea.records.arrays import Array
 from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral import _above_slow_lines
+from hypothesis import given
+from hypothesis import strategies as st
 from identify_support import H, ar, long_recursion, white
 from numpy_octaves import fed
+from peak_oracle import strongest
 from scipy.signal import butter, lfilter
 
 N = 60_000
@@ -226,3 +230,40 @@ def test_the_band_begins_beyond_what_leaks_from_a_slow_line(
 ) -> None:
     """Three widths of it, where a line is below four times the band's lowest frequency."""
     assert _above_slow_lines((Peak(kind, 0.3, 0.1, 0.5, 9.0, notch_hz),), 0.125) == from_hz
+
+
+# --- the native search ---
+
+
+@given(
+    seed=st.integers(0, 1 << 32),
+    single=st.integers(0, 60),
+    octaves=st.integers(0, 4),
+    heights=st.lists(st.floats(0.5, 4), max_size=4),
+    slope=st.sampled_from([-2.0, 0.0, 1.5]),
+    false_alarm=st.floats(1e-9, 0.9),
+)
+def test_the_strongest_is_found_as_it_is_defined(
+    seed: int, single: int, octaves: int, heights: list[float], slope: float, false_alarm: float
+) -> None:
+    # Ordinates, then octaves of averaged lines, each with twice the ordinates of the one before.
+    rng = np.random.default_rng(seed)
+    weight = np.concatenate([np.ones(single), *(np.full(40, 1.7 * 2**k) for k in range(octaves))])
+    power = rng.gamma(weight, 1 / weight) * np.linspace(0.1, 1, len(weight)) ** slope
+    for height in heights if len(weight) else []:
+        at, width = rng.integers(len(weight)), rng.integers(1, 12)
+        power[at : at + width] *= 10**height
+    found = _native.strongest_octave_peak(power, weight, false_alarm)
+    expected = strongest(power, weight, false_alarm) if len(weight) else None
+    assert (found is None) == (expected is None)
+    if found is not None and expected is not None:
+        assert found == (*expected[:2], pytest.approx(expected[2], rel=1e-12))
+
+
+def test_the_native_search_refuses_what_are_no_lines() -> None:
+    one = np.ones(3)
+    with pytest.raises(ValueError, match="a power and a weight"):
+        _native.strongest_octave_peak(one, one[:2], 0.1)
+    for false_alarm in (0.0, 1.0, float("nan")):
+        with pytest.raises(ValueError, match="between 0 and 1"):
+            _native.strongest_octave_peak(one, one, false_alarm)

@@ -1,0 +1,251 @@
+// The most striking stretch among the lines of octaves (host/fltea/spectrum/octave_lines.py): its mean is too
+// far above the means of the flanks on both sides.
+//
+// Most lines are averages over blocks under Hann's window. They have more than two degrees of freedom each,
+// and neighbours are correlated, so that a stretch of a few has more for its width than a long one.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+namespace fltea {
+namespace peak {
+
+struct Found {
+    bool any;
+    std::size_t start, stop;
+    double level;  // around it
+};
+
+// Constants of the search; those that two searches share are host/fltea/spectrum/lines.py's.
+constexpr double kFlank = 48;  // ordinates in the shortest flank
+constexpr double kWidestShare = 0.08;
+constexpr std::size_t kShortestFlank =
+    12;                                 // lines in a flank, however many ordinates each of them stands for
+constexpr std::size_t kLeastFlank = 4;  // lines that a flank must have at the edge of the spectrum
+constexpr double kLeastInFlank = 16;    // ordinates there
+constexpr std::size_t kEndFlank = 4;    // ordinates in the lower flank near frequency 0, of a line
+constexpr std::size_t kEndWidths[] = {1, 2};  // at the ends of the band, where only lines are searched for
+// Variance of near²/far, the level that is continued, over that of near; both are of as many averages.
+constexpr double kContinued = 5;
+constexpr std::size_t kWidest = 8;  // averaged lines in a stretch: a fifth of an octave's
+constexpr double kHopeless = 0.6;   // share of the gain of a known level that it has to have to be looked at
+constexpr double kLeastLevel = 1e-12;  // over the mean
+
+// (1 - x² + 2x log x) / (1 - x)²; 0 at 1, where it is (1 - x)/3.
+inline double peizer_pratt(double x) {
+    const double away = 1 - x;
+    return std::fabs(away) < 1e-3 ? away / 3 : (1 - x * x + 2 * x * std::log(x)) / (away * away);
+}
+
+// The standard normal deviate that is exceeded as often as F exceeds a ratio: Peizer and Pratt's
+// approximation (J. Am. Stat. Assoc. 63, 1968), as host/fltea/noise/distributions.py's f_deviate.
+inline double f_deviate(double ratio, double a, double b) {
+    const double s = (b - 1) / 2, t = (a - 1) / 2, n = s + t;
+    const double p = std::fmin(std::fmax(b / (a * ratio + b), 1e-300), 1 - 1e-12), q = 1 - p;
+    const double d = s + 1.0 / 6 - (n + 1.0 / 3) * p + 0.04 * (q / b - p / a + (q - 0.5) / (a + b));
+    const double spread =
+        (1 + q * peizer_pratt(s / (n * p)) + p * peizer_pratt(t / (n * q))) / ((n + 1.0 / 6) * p * q);
+    return d * std::sqrt(spread);
+}
+
+// The standard normal deviate that is exceeded with this probability, which is below 0.5: Newton's method on
+// the logarithm, which is concave, from above.
+inline double critical(double probability) {
+    double z = std::sqrt(-2 * std::log(2 * probability));
+    for (int step = 0; step < 50; ++step) {
+        const double above = std::erfc(z * std::sqrt(0.5)) / 2;
+        const double density = std::exp(-z * z / 2) / std::sqrt(2 * 3.14159265358979323846);
+        const double move = std::log(above / probability) * above / density;
+        z += move;
+        if (std::fabs(move) < 1e-13 * (1 + z)) break;
+    }
+    return z;
+}
+
+class Search {
+  public:
+    // power, weight: of `size` lines; weight: the ordinates that each stands for.
+    Search(const double* power, const double* weight, std::size_t size)
+        : size_(size), sums_(size + 1), weights_(size + 1), averaged_(size + 1) {
+        for (std::size_t i = 0; i < size; ++i) {
+            sums_[i + 1] = sums_[i] + weight[i] * power[i];
+            weights_[i + 1] = weights_[i] + weight[i];
+            averaged_[i + 1] = averaged_[i] + (weight[i] != std::rint(weight[i]));
+        }
+        least_ = size ? kLeastLevel * sums_[size] / weights_[size] : 0;
+    }
+
+    Found strongest(double false_alarm) const {
+        Best best;
+        at_the_ends(false_alarm / 2, best);
+        between(false_alarm / 2, best);
+        return best.found;
+    }
+
+  private:
+    struct Best {
+        Found found{false, 0, 0, 0};
+        double gain = 0;
+    };
+    struct Range {
+        std::size_t from, to;
+    };
+    struct Try {
+        Range own, low, high;
+    };
+
+    double weight(Range r) const { return weights_[r.to] - weights_[r.from]; }
+    double mean(Range r) const { return (sums_[r.to] - sums_[r.from]) / std::fmax(weight(r), 1e-300); }
+    bool is_averaged(std::size_t i) const { return averaged_[i + 1] != averaged_[i]; }
+
+    // Effective ordinates of so many averaged lines, over the sum of their weights.
+    static double gathered(std::size_t width) {
+        const double of_next = 4.0 / 9, of_second = 1.0 / 36;  // correlations of the power of Hann's lines
+        const double w = static_cast<double>(width);
+        const double correlated =
+            1 + 2 * (of_next * std::fmax(1 - 1 / w, 0) + of_second * std::fmax(1 - 2 / w, 0));
+        return (1 + 2 * (of_next + of_second)) / correlated;
+    }
+    double effective(Range own) const {
+        return weight(own) * (is_averaged(own.from) ? gathered(own.to - own.from) : 1);
+    }
+    static double gain_of(double effective, double ratio) {
+        return effective * (ratio - 1 - std::log(ratio));
+    }
+    // If the level were known, the deviate would be about √(2 gain): most stretches need no closer look.
+    static double hopeless(double deviate) { return kHopeless * deviate * deviate / 2; }
+
+    // First line from which on all lines before `end` have so many ordinates, and lines.
+    std::size_t down(std::size_t end, double ordinates, std::size_t lines) const {
+        const auto next = std::upper_bound(weights_.begin(), weights_.end(), weights_[end] - ordinates);
+        const std::ptrdiff_t enough = next - weights_.begin() - 1;
+        const std::ptrdiff_t many = static_cast<std::ptrdiff_t>(end) - static_cast<std::ptrdiff_t>(lines);
+        return static_cast<std::size_t>(std::max<std::ptrdiff_t>(std::min(enough, many), 0));
+    }
+    std::size_t up(std::size_t begin, double ordinates, std::size_t lines) const {
+        const auto next = std::lower_bound(weights_.begin(), weights_.end(), weights_[begin] + ordinates);
+        const std::size_t enough = static_cast<std::size_t>(next - weights_.begin());
+        return std::min(std::max(enough, begin + lines), size_);
+    }
+
+    std::vector<Try> tries() const {
+        // The shortest flanks that begin at each line, upwards and downwards.
+        std::vector<std::size_t> to(size_ + 1), from(size_ + 1);
+        for (std::size_t i = 0, high = 0, low = 0; i <= size_; ++i) {
+            while (high <= size_ && weights_[high] < weights_[i] + kFlank) ++high;
+            while (low < i && weights_[low + 1] <= weights_[i] - kFlank) ++low;
+            to[i] = high;
+            from[i] = low;
+        }
+        std::vector<Try> found;
+        const double widest = std::fmax(kWidestShare * static_cast<double>(size_), 1);
+        for (std::size_t width = 1; static_cast<double>(width) <= widest; width *= 2) {
+            const std::size_t flank = std::max(kShortestFlank, 2 * width),
+                              least = std::max(kLeastFlank, width);
+            const std::size_t step = std::max<std::size_t>(1, width / 4);
+            for (std::size_t at = 0; at + 2 * width <= size_; at += step) {
+                if (at < width || (width > kWidest && averaged_[at + width] != averaged_[at])) continue;
+                const std::size_t after = at + 2 * width, before = at - width;
+                const Range low{std::min(from[before], before > flank ? before - flank : 0), before};
+                const Range high{after, std::min(std::max(to[after], after + flank), size_)};
+                if (std::min(high.to - high.from, low.to - low.from) < least) continue;
+                if (weight(high) < kLeastInFlank || weight(low) < kLeastInFlank) continue;
+                found.push_back(Try{{at, at + width}, low, high});
+            }
+        }
+        return found;
+    }
+
+    void between(double false_alarm, Best& best) const {
+        const std::vector<Try> all = tries();
+        if (all.empty()) return;
+        const double deviate = critical(false_alarm / static_cast<double>(all.size()));
+        const double hope = std::fmax(hopeless(deviate), best.gain);
+        // Of those that pass, the likeliest: deviates would favour wide stretches, whose flanks are longer.
+        for (const Try& one : all) {
+            const double low = mean(one.low), high = mean(one.high), level = std::fmax(low, high);
+            const double ratio = mean(one.own) / std::fmax(level, least_);
+            if (!(ratio > 1)) continue;
+            const double gain = gain_of(effective(one.own), ratio);
+            if (!(gain > hope && gain > best.gain)) continue;
+            const double other = weight(low > high ? one.low : one.high);
+            if (!(f_deviate(ratio, 2 * effective(one.own), 2 * other) > deviate)) continue;
+            best.gain = gain;
+            best.found = Found{true, one.own.from, one.own.to, level};
+        }
+    }
+
+    // A stretch too near to an end for whole flanks; two_sided, or with two pieces of the lower one.
+    struct AtAnEnd {
+        Range own, near, other;
+        bool two_sided;
+    };
+
+    std::vector<AtAnEnd> tries_at_the_ends() const {
+        std::vector<AtAnEnd> found;
+        const auto index = [](std::size_t one) { return static_cast<std::ptrdiff_t>(one); };
+        for (const std::size_t width : kEndWidths) {
+            const auto begin = weights_.begin(), end = weights_.end();
+            const std::ptrdiff_t first = std::lower_bound(begin, end, kLeastInFlank) - begin + index(width);
+            const std::ptrdiff_t filled =
+                std::upper_bound(begin, end, weights_[size_] - kLeastInFlank) - begin - 1;
+            const std::ptrdiff_t last =
+                std::min(filled, index(size_) - index(kLeastFlank)) - 2 * index(width);
+            for (std::ptrdiff_t at = index(kEndFlank + width); at < std::min(first, last + 1); ++at)
+                found.push_back(at_an_end(static_cast<std::size_t>(at), width));
+            // Over two averages a level can rise too far.
+            if (width > 1 && is_averaged(size_ - 1)) continue;
+            for (std::ptrdiff_t at = std::max(last + 1, first); at <= index(size_) - index(width); ++at)
+                found.push_back(at_an_end(static_cast<std::size_t>(at), width));
+        }
+        return found;
+    }
+
+    AtAnEnd at_an_end(std::size_t at, std::size_t width) const {
+        const std::size_t after = std::min(at + 2 * width, size_), before = at - width;
+        const Range high{after, up(after, kFlank, kLeastFlank)};
+        if (high.to - high.from >= kLeastFlank && weight(high) >= kLeastInFlank)
+            return {{at, at + width}, {down(before, kFlank, kShortestFlank), before}, high, true};
+        const std::size_t begin = down(before, kFlank / 2, kLeastFlank);
+        return {{at, at + width}, {begin, before}, {down(begin, kFlank / 2, kLeastFlank), begin}, false};
+    }
+
+    void at_the_ends(double false_alarm, Best& best) const {
+        if (size_ == 0) return;
+        const std::vector<AtAnEnd> all = tries_at_the_ends();
+        if (all.empty()) return;
+        const double deviate = critical(false_alarm / static_cast<double>(all.size()));
+        for (const AtAnEnd& one : all) {
+            const double near = std::fmax(mean(one.near), least_), other = mean(one.other);
+            const double far = std::fmax(other, least_);
+            const double level = one.two_sided ? std::fmax(near, far)
+                                 : other > 0   ? near * std::fmax(near / other, 1)
+                                               : near;
+            const double own = effective(one.own), ratio = mean(one.own) / level;
+            if (!(ratio > 1)) continue;
+            const double gain = gain_of(own, ratio);
+            if (!(gain > std::fmax(hopeless(deviate), best.gain))) continue;
+            // Each flank by itself: a short one is low by luck more often.
+            const auto passes = [&](double around, double ordinates) {
+                return f_deviate(mean(one.own) / around, 2 * own, 2 * ordinates) > deviate;
+            };
+            const bool continues = !one.two_sided && is_averaged(one.own.from);
+            const bool sure = one.two_sided ? passes(near, weight(one.near)) && passes(far, weight(one.other))
+                                            : passes(level, weight(one.near) / (continues ? kContinued : 1));
+            if (!sure) continue;
+            best.gain = gain;
+            best.found = Found{true, one.own.from, one.own.to, level};
+        }
+    }
+
+    std::size_t size_;
+    std::vector<double> sums_, weights_;
+    std::vector<int> averaged_;
+    double least_ = 0;
+};
+
+}  // namespace peak
+}  // namespace fltea
