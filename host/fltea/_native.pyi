@@ -92,25 +92,16 @@ class Decoder:
     def pending(self) -> int: ...
 
 # See fltea.wire.ports. capacity: bytes that may wait of one port, 24 of each read included.
-# What a thread waits for without Python's lock.
-class Bell:
-    def ring(self) -> None: ...
-
-    # Whether it has been rung since `clear`.
-    def wait(self, timeout_s: float) -> bool: ...
-    def clear(self) -> None: ...
-
 class PortReader:
     def __init__(self, capacity: int) -> None: ...
 
     # OSError if the descriptor cannot be waited for. closes: an empty read means that the other side closed.
     def add(self, port: int, descriptor: int, closes: bool, latency_ns: int) -> None: ...
 
-    # Rings the bells, and waits until something is due; the time, and for each port with news: its number,
-    # bytes, of each read end, host_ns and unix_offset_ns, bytes thrown away, and errno, host_ns and
-    # unix_offset_ns of its loss.
+    # Waits until something is due; the time, and for each port with news: its number, bytes, of each read
+    # end, host_ns and unix_offset_ns, bytes thrown away, and errno, host_ns and unix_offset_ns of its loss.
     def take(
-        self, timeout_s: float, bells: list[Bell]
+        self, timeout_s: float
     ) -> tuple[
         int,
         list[

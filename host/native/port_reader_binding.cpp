@@ -1,12 +1,7 @@
 // fltea._native.PortReader: what comes from many ports, read and stamped without Python's lock.
 // fltea.wire.ports is the interface for people.
-#include <nanobind/stl/vector.h>
-
 #include <cerrno>
-#include <chrono>
-#include <condition_variable>
 #include <cstring>
-#include <mutex>
 #include <system_error>
 #include <vector>
 
@@ -21,34 +16,6 @@ namespace {
 using fltea::PortNews;
 using fltea::PortRead;
 
-// What a thread waits for without Python's lock, and is rung by who may not have it either: of a thread that
-// is woken by who goes on with the lock, the processor is taken twice for nothing.
-class Bell {
-  public:
-    void ring() {
-        {
-            const std::lock_guard<std::mutex> alone(mutex_);
-            rung_ = true;
-        }
-        heard_.notify_all();
-    }
-    // Whether it has been rung since clear().
-    bool wait(double timeout_s) {
-        const nb::gil_scoped_release release;
-        std::unique_lock<std::mutex> alone(mutex_);
-        return heard_.wait_for(alone, std::chrono::duration<double>(timeout_s), [this] { return rung_; });
-    }
-    void clear() {
-        const std::lock_guard<std::mutex> alone(mutex_);
-        rung_ = false;
-    }
-
-  private:
-    std::mutex mutex_;
-    std::condition_variable heard_;
-    bool rung_ = false;
-};
-
 class PortReader {
   public:
     explicit PortReader(std::size_t capacity) : reader_(capacity) {}
@@ -57,15 +24,13 @@ class PortReader {
         reader_.add(port, descriptor, closes, latency_ns);
     }
 
-    // Rings the bells first. The time, and for each port with news: its number, bytes, columns of its reads
-    // (end, host_ns, unix_offset_ns), how many bytes were thrown away, and None or errno and time of its
-    // loss.
-    nb::tuple take(double timeout_s, const std::vector<Bell*>& bells) {
+    // The time, and for each port with news: its number, bytes, columns of its reads (end, host_ns,
+    // unix_offset_ns), how many bytes were thrown away, and None or errno and time of its loss.
+    nb::tuple take(double timeout_s) {
         std::int64_t now_ns = 0;
         std::vector<PortNews> news;
         {
             const nb::gil_scoped_release release;
-            for (Bell* const bell : bells) bell->ring();
             now_ns = reader_.take(timeout_s, news);
         }
         nb::list found;
@@ -116,16 +81,11 @@ void bind_port_reader(nb::module_& m) {
             PyErr_SetFromErrno(PyExc_OSError);
         }
     });
-    nb::class_<Bell>(m, "Bell")
-        .def(nb::init<>())
-        .def("ring", &Bell::ring)
-        .def("wait", &Bell::wait, nb::arg("timeout_s"))
-        .def("clear", &Bell::clear);
     nb::class_<PortReader>(m, "PortReader")
         .def(nb::init<std::size_t>(), nb::arg("capacity"))
         .def("add", &PortReader::add, nb::arg("port"), nb::arg("descriptor"), nb::arg("closes"),
              nb::arg("latency_ns"))
-        .def("take", &PortReader::take, nb::arg("timeout_s"), nb::arg("bells"))
+        .def("take", &PortReader::take, nb::arg("timeout_s"))
         .def("wake", &PortReader::wake)
         .def("close", &PortReader::close);
 }

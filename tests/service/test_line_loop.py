@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 from blocks import of, samples_of
-from fltea._native import Bell
 from fltea.records import clock
 from fltea.records.events import Event, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
@@ -42,7 +41,6 @@ class Line:
         self.fails = False
         self.finished = 0
         self.finish_raises: Exception | None = None
-        self.on_finish: Callable[[], None] = lambda: None
         self.events: list[Event] = []
         self._sent = 0
 
@@ -62,7 +60,6 @@ class Line:
 
     def finish(self) -> None:
         self.finished += 1
-        self.on_finish()
         if self.finish_raises is not None:
             raise self.finish_raises
 
@@ -93,11 +90,10 @@ class Running:
     def __init__(self, *lines: Line) -> None:
         self.ended: list[tuple[Any, Exception | None]] = []
         self.pressure = FakePressure()
-        self.bell = Bell()
         self.loop = LineLoop(
             lines,  # type: ignore[arg-type]
             lambda walk, error: self.ended.append((walk, error)),
-            lambda: [self.bell],
+            lambda: None,
             self.pressure,
         )
         self.fault: Exception | None = None
@@ -191,19 +187,6 @@ def test_a_walk_that_fails_is_finished_and_the_loop_ends_with_the_last(lines, ru
     assert one.ended == [(first, None), (second, second.finish_raises)]
 
 
-def test_outputs_are_told_before_the_loop_waits_and_when_it_ends(lines, running) -> None:
-    (line,) = lines(1)
-    one = running(line)
-    one.bell.clear()
-    line.send(3)
-    assert one.bell.wait(PATIENCE_S)
-    wait_until(lambda: len(line.heard) == 3, "all samples")
-    line.on_finish = one.bell.clear
-    one.loop.close()
-    one.join()
-    assert one.bell.wait(0), "of what a walk publishes when it is finished"
-
-
 def test_who_has_nothing_to_say_is_told_that_time_passes(lines, running) -> None:
     talks, is_silent = lines(2)
     running(talks, is_silent)
@@ -229,7 +212,7 @@ def test_a_fault_of_the_loop_itself_ends_every_walk(monkeypatch, lines) -> None:
     many = lines(2)
     one = Running(*many)
 
-    def broken(timeout_s: float, bells: list[Bell]) -> None:
+    def broken(timeout_s: float) -> None:
         raise OSError(9, "Bad file descriptor")
 
     monkeypatch.setattr(one.loop._ports, "poll", broken)

@@ -148,7 +148,7 @@ class _Run:
         self._beside.pause_s = LOOK_PAUSE_S if live else 0.0
         on_lines = [walk for walk in self._walks if has_line(walk)]
         pressure = Pressure(self._beside, self._hub.report())
-        lines = LineLoop(on_lines, self._end, self._hub.untold, pressure) if on_lines else None
+        lines = LineLoop(on_lines, self._end, self._hub.tell, pressure) if on_lines else None
         threads = [
             threading.Thread(target=self._pump, args=(walk,), name=f"walk {walk.name}")
             for walk in self._walks

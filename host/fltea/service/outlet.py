@@ -5,7 +5,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 
-from fltea._native import Bell
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.events import Reads
@@ -30,13 +29,12 @@ def weight(item: Item | Departed) -> int:
 class OutletThread:
     """Writes to outlets, one after the other, for as long as it has any.
 
-    bell: rung when one of them has something; untold: it has, and nobody has rung it; hurry: one closes.
+    due: one of them has something; untold: it has, and nobody has woken the thread; hurry: one closes.
     """
 
     def __init__(self, name: str) -> None:
         self.changed = threading.Condition()
-        self.bell = Bell()
-        self.untold = False
+        self.due = self.untold = False
         self.hurry = threading.Event()
         self._name = name
         self._outlets: list[Outlet] = []
@@ -53,14 +51,27 @@ class OutletThread:
         if first:
             threading.Thread(target=self._run, name=self._name, daemon=True).start()
 
+    def tell(self) -> None:
+        """Wake the thread up if something waits of which it has not been told."""
+        if self.untold:
+            with self.changed:
+                self.wake()
+
+    def wake(self) -> None:
+        """Wake the thread up, by who holds `changed`."""
+        self.due, self.untold = True, False
+        self.changed.notify_all()
+
     def _run(self) -> None:
         going, rested_s = True, 0.0
         while going:
-            self.bell.wait(IDLE_S)
+            with self.changed:
+                if not self.due:
+                    self.changed.wait(IDLE_S)
             # Only who has just written rests: to wake up for each of many that come together costs more.
             self.hurry.wait(max(0.0, rested_s - time.monotonic()))
             with self.changed:
-                self.bell.clear()
+                self.due = False
                 self.hurry.clear()
                 outlets = list(self._outlets)
             ended = [outlet for outlet in outlets if not outlet.write()]
@@ -119,7 +130,7 @@ class Outlet:
     ) -> None:
         """Queue items; those beyond the sink's capacity are dropped and counted.
 
-        wait: for room, if the sink is lossless. tell: the thread at once; else the caller rings its bell.
+        wait: for room, if the sink is lossless. tell: the thread at once; else the caller calls its `tell`.
         arrived_ns: monotonic time at which what they report arrived, for the latency; None where it has none.
         """
         with self._changed:
@@ -127,7 +138,7 @@ class Outlet:
             for item in items:
                 if wait and self.sink.lossless:
                     while self._waiting >= room and not (self._ended or self._released):
-                        self.thread.bell.ring()
+                        self.thread.wake()
                         self._changed.wait(IDLE_S)
                 count = weight(item)
                 if self._ended or self._waiting >= room:
@@ -137,9 +148,9 @@ class Outlet:
                     self._queue.append((item, arrived_ns))
                     self._queued += count
                     self._waiting += count
-            self.thread.untold = not tell
-        if tell:
-            self.thread.bell.ring()
+            self.thread.untold = True
+            if tell:
+                self.thread.wake()
 
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until the queue is less than half full, or has ended; False if it is not in time."""
@@ -164,14 +175,13 @@ class Outlet:
         with self._changed:
             self.closing = self._released = True
             self.thread.hurry.set()
-            self._changed.notify_all()
-        self.thread.bell.ring()
+            self.thread.wake()
 
     def release(self) -> None:
         """Hold nobody up any more, who waits for room."""
         with self._changed:
             self._released = True
-            self._changed.notify_all()
+            self.thread.wake()
 
     def join(self, timeout_s: float) -> bool:
         """Wait until the sink has written everything and is closed; False if it did not manage."""
