@@ -1,12 +1,13 @@
 """Faults of the board and of the line to it."""
 
+import contextlib
 import json
 import os
 import random
+import select
 import signal
 import termios
 import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -104,10 +105,9 @@ def another_reader(stage: Stage) -> Outcome:
     def steal() -> None:
         nonlocal stolen
         while not stop.is_set():
-            try:
+            select.select([thief], [], [], 0.01)  # it is woken with the daemon, and not later
+            with contextlib.suppress(BlockingIOError):
                 stolen += len(os.read(thief, 64))
-            except BlockingIOError:
-                time.sleep(0.0002)
 
     thread = threading.Thread(target=steal)
     with scene.fault() as board:
