@@ -5,6 +5,8 @@
 
 #include <math.h>
 
+#include <type_traits>
+
 #include "pack_log.hpp"
 #include "set_name.hpp"
 
