@@ -3,6 +3,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <cstring>
 #include <mutex>
 #include <tuple>
@@ -206,6 +207,12 @@ nb::object strongest_octave_peak(Column power, Column weight, double false_alarm
     return nb::make_tuple(found.start, found.stop, found.level);
 }
 
+std::vector<double> half_band_gains(Column angles) {
+    std::vector<double> gains(angles.shape(0));
+    std::transform(angles.data(), angles.data() + gains.size(), gains.begin(), fltea::half_band_gain);
+    return gains;
+}
+
 }  // namespace
 
 void bind_octaves(nb::module_& m) {
@@ -218,7 +225,7 @@ void bind_octaves(nb::module_& m) {
         nb::make_tuple(static_cast<int>(Ladder::kTopLines), static_cast<int>(Ladder::kLines));
     m.def("strongest_octave_peak", &strongest_octave_peak, nb::arg("power"), nb::arg("weight"),
           nb::arg("false_alarm"));
-    m.def("half_band_gain", &fltea::half_band_gain, nb::arg("angle"));
+    m.def("half_band_gains", &half_band_gains, nb::arg("angles"));
     nb::class_<Octaves, SensorSums>(m, "Octaves")
         .def(nb::init<size_t, double>(), nb::arg("lanes"), nb::arg("memory"))
         .def("add", nb::overload_cast<Rows>(&Octaves::add), nb::arg("y"))

@@ -376,10 +376,10 @@ _GRID = np.linspace(0, 0.71 * np.pi, 2001)
 
 @functools.cache
 def _passed_on_grid(level: int) -> Array:
-    angles = _GRID / 2**level
-    gain = np.array([_native.half_band_gain(angle) for angle in _GRID / 2]) ** 2
-    deeper = [np.array([_native.half_band_gain(a) for a in angles * 2**k]) ** 2 for k in range(level - 1)]
-    return np.asarray(math.prod(deeper, start=gain))
+    if level == 0:
+        return np.ones_like(_GRID)
+    last = np.array(_native.half_band_gains(_GRID / 2**level))
+    return np.asarray(_passed_on_grid(level - 1) * last**2)
 
 
 def in_order(lam: Array, power: Array, weight: Array) -> Lines:
