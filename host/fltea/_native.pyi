@@ -91,6 +91,15 @@ class Decoder:
     @property
     def pending(self) -> int: ...
 
+# What a thread waits for with select.poll, and is rung by who need not have Python's lock. OSError: no
+# descriptor is left.
+class Bell:
+    def fileno(self) -> int: ...
+    def ring(self) -> None: ...
+
+    # From now on it has not been rung.
+    def clear(self) -> None: ...
+
 # See fltea.wire.ports. capacity: bytes that may wait of one port, 24 of each read included.
 class PortReader:
     def __init__(self, capacity: int) -> None: ...
@@ -98,10 +107,11 @@ class PortReader:
     # OSError if the descriptor cannot be waited for. closes: an empty read means that the other side closed.
     def add(self, port: int, descriptor: int, closes: bool, latency_ns: int) -> None: ...
 
-    # Waits until something is due; the time, and for each port with news: its number, bytes, of each read
-    # end, host_ns and unix_offset_ns, bytes thrown away, and errno, host_ns and unix_offset_ns of its loss.
+    # Rings the bells, and waits until something is due; the time, and for each port with news: its number,
+    # bytes, of each read end, host_ns and unix_offset_ns, bytes thrown away, and errno, host_ns and
+    # unix_offset_ns of its loss.
     def take(
-        self, timeout_s: float
+        self, timeout_s: float, bells: list[Bell]
     ) -> tuple[
         int,
         list[

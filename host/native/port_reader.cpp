@@ -1,7 +1,6 @@
 #include "port_reader.hpp"
 
 #include <sys/epoll.h>
-#include <sys/eventfd.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -19,7 +18,7 @@ namespace {
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 constexpr std::size_t kMostBytes = 1 << 16;  // of one read
 constexpr int kMostPorts = 64;               // of one round
-constexpr std::uint64_t kWake = ~std::uint64_t{0};
+constexpr std::uint64_t kClose = ~std::uint64_t{0};
 
 // As long as the machine sleeps, this clock goes on where there is such a one.
 #ifdef CLOCK_BOOTTIME
@@ -59,20 +58,12 @@ Stamp stamp_now() {
     return {host_ns, now_ns(CLOCK_REALTIME) - host_ns};
 }
 
-Descriptor::~Descriptor() {
-    if (number_ >= 0) ::close(number_);
-}
-
 PortReader::PortReader(std::size_t capacity)
-    : capacity_(capacity),
-      owner_(getpid()),
-      epoll_(epoll_create1(EPOLL_CLOEXEC)),
-      wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
-      due_ns_(kNever) {
+    : capacity_(capacity), owner_(getpid()), epoll_(epoll_create1(EPOLL_CLOEXEC)), due_ns_(kNever) {
     epoll_event event = {};
     event.events = EPOLLIN;
-    event.data.u64 = kWake;
-    if (epoll_ctl(epoll_.number(), EPOLL_CTL_ADD, wake_.number(), &event) != 0) throw system_error("epoll");
+    event.data.u64 = kClose;
+    if (epoll_ctl(epoll_.number(), EPOLL_CTL_ADD, close_.number(), &event) != 0) throw system_error("epoll");
     const SignalsBlocked blocked;
     thread_ = std::thread(&PortReader::run, this);
 }
@@ -128,9 +119,7 @@ void PortReader::close() {
         const std::lock_guard<std::mutex> alone(mutex_);
         if (closed_) return;
         closed_ = true;
-        const std::uint64_t one = 1;
-        // It fails only where it would wake up anyway.
-        if (::write(wake_.number(), &one, sizeof one) < 0) errno = 0;
+        close_.ring();
     }
     due_.notify_all();
     thread_.join();
@@ -146,7 +135,7 @@ void PortReader::run() {
         bool any = count <= 0;
         for (int k = 0; k < count; ++k) {
             const std::uint64_t at = events[k].data.u64;
-            if (at == kWake) continue;
+            if (at == kClose) continue;
             const bool hung_up = (events[k].events & ~static_cast<std::uint32_t>(EPOLLIN)) != 0;
             any |= read_port(static_cast<std::size_t>(at), hung_up, buffer.get());
         }

@@ -12,6 +12,9 @@
 #include <thread>
 #include <vector>
 
+#include "bell.hpp"
+#include "descriptor.hpp"
+
 namespace fltea {
 
 struct Stamp {
@@ -35,20 +38,6 @@ struct PortNews {
     std::int64_t overflow_bytes = 0;  // read and thrown away, because too much waited
     int error = 0;                    // not 0: the port was lost behind these bytes, with this errno
     Stamp lost = {};
-};
-
-// Closes it at its own end.
-class Descriptor {
-  public:
-    explicit Descriptor(int number) : number_(number) {}
-    ~Descriptor();
-    Descriptor(const Descriptor&) = delete;
-    Descriptor& operator=(const Descriptor&) = delete;
-
-    int number() const { return number_; }
-
-  private:
-    int number_;
 };
 
 // Methods may be called from any thread; `take` from one at a time.
@@ -93,7 +82,8 @@ class PortReader {
 
     const std::size_t capacity_;
     const int owner_;  // the process; one that is forked from it has no thread to wait for
-    const Descriptor epoll_, wake_;
+    const Descriptor epoll_;
+    const Bell close_;
     std::mutex mutex_;
     std::condition_variable due_;
     std::vector<std::unique_ptr<Port>> ports_;

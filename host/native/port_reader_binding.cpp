@@ -1,5 +1,7 @@
 // fltea._native.PortReader: what comes from many ports, read and stamped without Python's lock.
 // fltea.wire.ports is the interface for people.
+#include <nanobind/stl/vector.h>
+
 #include <cerrno>
 #include <cstring>
 #include <system_error>
@@ -24,13 +26,15 @@ class PortReader {
         reader_.add(port, descriptor, closes, latency_ns);
     }
 
-    // The time, and for each port with news: its number, bytes, columns of its reads (end, host_ns,
-    // unix_offset_ns), how many bytes were thrown away, and None or errno and time of its loss.
-    nb::tuple take(double timeout_s) {
+    // Rings the bells first. The time, and for each port with news: its number, bytes, columns of its reads
+    // (end, host_ns, unix_offset_ns), how many bytes were thrown away, and None or errno and time of its
+    // loss.
+    nb::tuple take(double timeout_s, const std::vector<const fltea::Bell*>& bells) {
         std::int64_t now_ns = 0;
         std::vector<PortNews> news;
         {
             const nb::gil_scoped_release release;
+            for (const fltea::Bell* const bell : bells) bell->ring();
             now_ns = reader_.take(timeout_s, news);
         }
         nb::list found;
@@ -81,11 +85,16 @@ void bind_port_reader(nb::module_& m) {
             PyErr_SetFromErrno(PyExc_OSError);
         }
     });
+    nb::class_<fltea::Bell>(m, "Bell")
+        .def(nb::init<>())
+        .def("fileno", &fltea::Bell::number)
+        .def("ring", &fltea::Bell::ring)
+        .def("clear", &fltea::Bell::clear);
     nb::class_<PortReader>(m, "PortReader")
         .def(nb::init<std::size_t>(), nb::arg("capacity"))
         .def("add", &PortReader::add, nb::arg("port"), nb::arg("descriptor"), nb::arg("closes"),
              nb::arg("latency_ns"))
-        .def("take", &PortReader::take, nb::arg("timeout_s"))
+        .def("take", &PortReader::take, nb::arg("timeout_s"), nb::arg("bells"))
         .def("wake", &PortReader::wake)
         .def("close", &PortReader::close);
 }

@@ -97,7 +97,7 @@ class Held:
 def run_to_its_end(*urls: str, **settings: Any) -> tuple[Exception | None, bool]:
     """A run that a signal has ended already."""
     stop = StopOnSignal()
-    stop.asked.set()
+    stop.ask()
     return _Run(load_configs(None, {"format": "none", **settings}, list(urls)), stop).run()
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from blocks import of, samples_of
+from fltea._native import Bell
 from fltea.records import clock
 from fltea.records.events import Event, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
@@ -21,7 +22,7 @@ from fltea.sources.serial import SerialSource
 from fltea.stream.beside import Beside
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
-from host_support import PATIENCE_S, WIRE_HELLO, each_ended, wait_until
+from host_support import PATIENCE_S, WIRE_HELLO, each_ended, rung, wait_until
 
 
 class Line:
@@ -41,6 +42,7 @@ class Line:
         self.fails = False
         self.finished = 0
         self.finish_raises: Exception | None = None
+        self.on_finish: Callable[[], None] = lambda: None
         self.events: list[Event] = []
         self._sent = 0
 
@@ -60,6 +62,7 @@ class Line:
 
     def finish(self) -> None:
         self.finished += 1
+        self.on_finish()
         if self.finish_raises is not None:
             raise self.finish_raises
 
@@ -90,10 +93,11 @@ class Running:
     def __init__(self, *lines: Line) -> None:
         self.ended: list[tuple[Any, Exception | None]] = []
         self.pressure = FakePressure()
+        self.bell = Bell()
         self.loop = LineLoop(
             lines,  # type: ignore[arg-type]
             lambda walk, error: self.ended.append((walk, error)),
-            lambda: None,
+            lambda: [self.bell],
             self.pressure,
         )
         self.fault: Exception | None = None
@@ -187,6 +191,19 @@ def test_a_walk_that_fails_is_finished_and_the_loop_ends_with_the_last(lines, ru
     assert one.ended == [(first, None), (second, second.finish_raises)]
 
 
+def test_outputs_are_told_before_the_loop_waits_and_when_it_ends(lines, running) -> None:
+    (line,) = lines(1)
+    one = running(line)
+    one.bell.clear()
+    line.send(3)
+    assert rung(one.bell, PATIENCE_S)
+    wait_until(lambda: len(line.heard) == 3, "all samples")
+    line.on_finish = one.bell.clear
+    one.loop.close()
+    one.join()
+    assert rung(one.bell, 0), "of what a walk publishes when it is finished"
+
+
 def test_who_has_nothing_to_say_is_told_that_time_passes(lines, running) -> None:
     talks, is_silent = lines(2)
     running(talks, is_silent)
@@ -212,7 +229,7 @@ def test_a_fault_of_the_loop_itself_ends_every_walk(monkeypatch, lines) -> None:
     many = lines(2)
     one = Running(*many)
 
-    def broken(timeout_s: float) -> None:
+    def broken(timeout_s: float, bells: list[Bell]) -> None:
         raise OSError(9, "Bad file descriptor")
 
     monkeypatch.setattr(one.loop._ports, "poll", broken)

@@ -4,12 +4,13 @@ import threading
 from unittest.mock import Mock
 
 import pytest
+from fltea._native import Bell
 from fltea.records.events import Chunk
 from fltea.records.ports import LATENCY_BOUNDS_MS, Latency, Sink, SinkClosed
 from fltea.records.records import AnyRecord, Error, Gap
 from fltea.service.hub import Hub, Tap
 from fltea.service.outlet import Outlet, OutletThread
-from host_support import PATIENCE_S, closed, wait_until
+from host_support import PATIENCE_S, closed, rung, wait_until
 from hypothesis import given
 from hypothesis import strategies as st
 from memory_sink import Memory
@@ -21,6 +22,10 @@ def gap(seq: int) -> Gap:
 
 class Wire(Memory):
     takes_wire = True
+
+
+class Together(Memory):
+    together = True
 
 
 class Lossless(Memory):
@@ -209,6 +214,37 @@ def test_each_output_gets_what_concerns_it() -> None:
     assert all_outputs.stats("left").keys() == {"stdout", "mqtt"}
     assert all_outputs.stats("left")["mqtt"].written == 2
     assert [device for device, _ in all_outputs.outlets()] == [None, "left", "right"]
+
+
+def test_outputs_that_are_not_told_can_be_told_later() -> None:
+    all_outputs, _ = hub()
+    shared, left, right = Memory("stdout"), Together("mqtt"), Together("mqtt")
+    all_outputs.add(shared)
+    all_outputs.add(left, "left")
+    all_outputs.add(right, "right")
+    assert all_outputs.untold() == []
+    for name in ("left", "right"):
+        all_outputs.publish(name, [gap(1)], tell=False)
+    bells = all_outputs.untold()
+    assert len(bells) == 2, "two threads: devices have one together"
+    assert all_outputs.untold() == []
+    all_outputs.publish("left", [gap(2)], tell=False)
+    all_outputs.publish("left", [gap(3)])
+    assert all_outputs.untold() == []
+    for bell in bells:
+        bell.ring()
+    wait_until(lambda: len(shared.items) == 4 and len(left.items) == 3 and len(right.items) == 1, "all of it")
+    assert closed(all_outputs)
+
+
+def test_a_bell_rings_until_it_is_cleared() -> None:
+    bell = Bell()
+    assert not rung(bell, 0)
+    threading.Thread(target=bell.ring).start()
+    assert rung(bell, PATIENCE_S)
+    assert rung(bell, 0)
+    bell.clear()
+    assert not rung(bell, 0.001)
 
 
 def test_one_held_output_holds_up_no_other() -> None:

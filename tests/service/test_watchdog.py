@@ -1,7 +1,8 @@
-"""A walk that hangs is not called alive, and a second signal does not hold up the end."""
+"""A walk that hangs is not called alive, and a signal ends the waiting."""
 
 import math
 import signal
+from collections.abc import Callable
 from types import SimpleNamespace
 
 from fltea.service import daemon
@@ -18,41 +19,36 @@ def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
     fed: list[float] = []
     monkeypatch.setattr(run._manager, "alive", lambda: fed.append(now_s[0]))
 
-    class Once:
-        """An event to wait for that comes after one look."""
+    def once() -> Callable[[], bool]:
+        """Done after one look."""
+        stop.bell.ring()
+        return iter((False, True)).__next__
 
-        def __init__(self) -> None:
-            self.set = False
-
-        def is_set(self) -> bool:
-            return self.set
-
-        def wait(self, timeout_s: float) -> None:
-            self.set = True
-
-    run._wait(Once())  # type: ignore[arg-type]
+    run._wait(once())
     assert fed == [1000.0]
     now_s[0] += STUCK_S + 1
     left.moved_s = now_s[0]
-    run._wait(Once())  # type: ignore[arg-type]
+    run._wait(once())
     assert fed == [1000.0]
     right.moved_s = math.inf  # its source has ended
-    run._wait(Once())  # type: ignore[arg-type]
+    run._wait(once())
     assert fed == [1000.0, now_s[0]]
 
 
-def test_a_second_signal_in_the_midst_of_the_first_does_not_hang(monkeypatch) -> None:
-    """`Event.set` holds a lock that its own thread cannot take again."""
+def test_a_signal_ends_the_waiting() -> None:
     with StopOnSignal() as stop:
         stop.armed = True
-        calls, was = [], stop.asked.set
+        run = _Run([], stop)
+        run._walks = [SimpleNamespace(moved_s=math.inf)]  # type: ignore[list-item]
+        looks: list[int] = []
 
-        def interrupted() -> None:
-            calls.append(1)
-            assert len(calls) == 1, "set again, within itself"
-            signal.raise_signal(signal.SIGTERM)
-            was()
+        def done() -> bool:
+            looks.append(1)
+            if len(looks) == 2:
+                signal.raise_signal(signal.SIGTERM)
+                signal.raise_signal(signal.SIGINT)
+            return False
 
-        monkeypatch.setattr(stop.asked, "set", interrupted)
-        signal.raise_signal(signal.SIGTERM)
-        assert stop.asked.is_set()
+        run._wait(done)
+        assert stop.asked
+        assert stop.count == 2

@@ -33,8 +33,8 @@ def set_clock_by(path: Path) -> None:
     time.time = lambda: time_s() + step_ns() * 1e-9
 
     class Reader(PortReader):  # it asks the system itself
-        def take(self, timeout_s: float) -> Any:
-            now_ns, news = super().take(timeout_s)
+        def take(self, timeout_s: float, bells: Any) -> Any:
+            now_ns, news = super().take(timeout_s, bells)
             ahead_ns = step_ns()
             for number, (port, data, (end, host_ns, offset_ns), overflow, lost) in enumerate(news):
                 last = None if lost is None else (*lost[:2], lost[2] + ahead_ns)

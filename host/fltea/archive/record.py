@@ -45,7 +45,7 @@ def record(config: Config, seconds: float | None) -> str:
         try:
             for event in source.events():
                 run.take(event)
-                if stop.asked.is_set() or (end_ns is not None and clock.host_ns() >= end_ns):
+                if stop.asked or (end_ns is not None and clock.host_ns() >= end_ns):
                     break
         finally:
             source.close()

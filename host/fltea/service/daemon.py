@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from fltea._native import Bell
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.errors import FlteaError, Incomplete, SourceFailed, UsageError
 from fltea.records.ports import Source
@@ -63,16 +64,23 @@ def run(configs: Sequence[Config]) -> None:
         raise failure
 
 
+LOOK_S = 1.0
+"""How often the program looks whether all still move, for the service manager."""
+
 STUCK_S = 20.0
 """A live source gives an event at least every half second; a walk that takes this long hangs."""
 
 
 class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
-    """SIGINT, SIGTERM and SIGHUP set `asked`; before `armed` they raise KeyboardInterrupt. count: of them."""
+    """SIGINT, SIGTERM and SIGHUP ask for the end; before `armed` they raise KeyboardInterrupt.
+
+    count: of them. bell: rung when the end is asked for; an event's lock cannot be taken twice, by a second
+    signal within the first.
+    """
 
     def __init__(self) -> None:
-        self.asked = threading.Event()
-        self.armed = False
+        self.asked = self.armed = False
+        self.bell = Bell()
         self.count = 0
         self._before: dict[signal.Signals, object] = {}
 
@@ -91,8 +99,12 @@ class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
         if not self.armed:
             raise KeyboardInterrupt
         self.count += 1
-        if self.count == 1:  # a second one within `set` would wait for its lock for ever
-            self.asked.set()
+        self.ask()
+
+    def ask(self) -> None:
+        """Ask for the end."""
+        self.asked = True
+        self.bell.ring()
 
 
 class _Run:
@@ -101,7 +113,7 @@ class _Run:
     def __init__(self, configs: Sequence[Config], stop: StopOnSignal) -> None:
         self._configs = configs
         self._stop = stop
-        self._done = threading.Event()  # every source has ended, or there is a reason to end them
+        self._done = False  # every source has ended, or there is a reason to end them
         self._failure: FlteaError | None = None
         self._hub = Hub(self._on_output_end)
         self._lock = threading.Lock()
@@ -137,7 +149,7 @@ class _Run:
             self._ingests = [self._ingest(config) for config in shared]
             self._stop.armed = True
         except BaseException:
-            self._stop.asked.set()
+            self._stop.ask()
             ending.wait([*_closing(sources), *self._hub.close()])
             raise
         self._walks = [
@@ -148,7 +160,7 @@ class _Run:
         self._beside.pause_s = LOOK_PAUSE_S if live else 0.0
         on_lines = [walk for walk in self._walks if has_line(walk)]
         pressure = Pressure(self._beside, self._hub.report())
-        lines = LineLoop(on_lines, self._end, self._hub.tell, pressure) if on_lines else None
+        lines = LineLoop(on_lines, self._end, self._hub.untold, pressure) if on_lines else None
         threads = [
             threading.Thread(target=self._pump, args=(walk,), name=f"walk {walk.name}")
             for walk in self._walks
@@ -161,8 +173,8 @@ class _Run:
             thread.daemon = True
             thread.start()
         self._manager.ready()
-        self._wait(self._done)
-        if self._failure is None and not (live or self._configs[0].once or self._stop.asked.is_set()):
+        self._wait(lambda: self._done)
+        if self._failure is None and not (live or self._configs[0].once or self._stop.asked):
             self._stay()
         self._manager.stopping()
         if lines is not None:
@@ -189,12 +201,15 @@ class _Run:
 
     def _is_asked(self) -> bool:
         """Whether anybody wants the end, or something has failed."""
-        return self._stop.asked.is_set() or self._failure is not None
+        return self._stop.asked or self._failure is not None
 
-    def _wait(self, event: threading.Event) -> None:
+    def _wait(self, done: Callable[[], bool]) -> None:
         moving: list[Walk | Ingest] = [*self._walks, *self._ingests]
-        while not (event.is_set() or self._stop.asked.is_set()):
-            event.wait(0.1)
+        rung = select.poll()
+        rung.register(self._stop.bell, select.POLLIN)
+        while not (done() or self._stop.asked):
+            rung.poll(LOOK_S * 1e3)
+            self._stop.bell.clear()
             if time.monotonic() - min(one.moved_s for one in moving) < STUCK_S:
                 self._manager.alive()
 
@@ -202,7 +217,7 @@ class _Run:
         """Without --once a recording's last state stays on view until somebody ends the program."""
         text = "fltea: the recording is at its end; Ctrl-C ends the program (--once does so by itself)."
         print(text, file=sys.stderr, flush=True)
-        self._wait(threading.Event())
+        self._wait(lambda: False)
 
     def _pump(self, walk: Walk) -> None:
         """Walk one source to its end, in a thread of its own."""
@@ -238,13 +253,14 @@ class _Run:
             self._running -= 1
             self._failure = self._failure or failure
             if failure is not None or not self._running:
-                self._done.set()
+                self._done = True
+                self._stop.bell.ring()
 
     def _on_output_end(self, error: Exception | None) -> None:
         with self._lock:
             if error is not None and self._failure is None:
                 self._failure = FlteaError(f"cannot write the output: {error}.")
-            self._stop.asked.set()
+            self._stop.ask()
 
 
 def _begun(close: Callable[[], object], name: str, *, kept: bool = False) -> Awaited:

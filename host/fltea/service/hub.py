@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Sequence
 
+from fltea._native import Bell
 from fltea.records.block import Block
 from fltea.records.events import Reads, TransportEvent
 from fltea.records.ports import Departed, Item, Sink
@@ -67,7 +68,7 @@ class Hub:
         """Queue a device's records.
 
         wait: hold the caller up for outputs that must not lose any. tell: the outputs' threads at once; else
-        the caller calls `tell`, when it can do without Python's lock.
+        the caller rings the bells of `untold`, when it can do without Python's lock.
         """
         for outlet in (*self._shared, *self._of.get(device, ())):
             outlet.put(records, arrived_ns, wait=wait, tell=tell)
@@ -76,13 +77,15 @@ class Hub:
             if errors:
                 self._log.put(errors)
 
-    def tell(self) -> None:
-        """Tell outputs' threads of what was published without telling them."""
-        for outlet in self._shared:
-            outlet.thread.tell()
-        for outlets in self._of.values():
+    def untold(self) -> list[Bell]:
+        """Return the bells of threads that know nothing yet of what was published without telling."""
+        bells = []
+        for outlets in (self._shared, *self._of.values()):
             for outlet in outlets:
-                outlet.thread.tell()
+                if outlet.thread.untold:
+                    outlet.thread.untold = False
+                    bells.append(outlet.thread.bell)
+        return bells
 
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until all outputs that devices share have room; False if one has none in time."""

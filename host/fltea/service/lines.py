@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
+from fltea._native import Bell
 from fltea.records import clock
 from fltea.records.events import Failed, Opened, Reads, Tick
 from fltea.service.pressure import LOOK_NS, Pressure
@@ -24,19 +25,19 @@ class LineLoop:
     """Reads the ports of these walks and lets each take what came from its own.
 
     on_end: called, from the loop's thread, with a walk that has ended and the exception that ended it, if one
-    did. tell: lets the outputs know of what the walks have published. pressure: what is to know how long
-    samples wait.
+    did. untold: gives the bells of outputs that do not know yet of what the walks have published. pressure:
+    what is to know how long samples wait.
     """
 
     def __init__(
         self,
         walks: Sequence[Walk],
         on_end: Callable[[Walk, Exception | None], None],
-        tell: Callable[[], None],
+        untold: Callable[[], list[Bell]],
         pressure: Pressure,
     ) -> None:
         self.walks = list(walks)
-        self._on_end, self._tell, self._pressure = on_end, tell, pressure
+        self._on_end, self._untold, self._pressure = on_end, untold, pressure
         self._looked_ns = 0
         self._closed = False
         self._sources = [walk.source for walk in walks if isinstance(walk.source, SerialSource)]
@@ -47,12 +48,11 @@ class LineLoop:
         going = set(range(len(self.walks)))
         try:
             while going and not self._closed:
-                for number, (place, item) in enumerate(self._ports.poll(WAIT_S), 1):
+                for number, (place, item) in enumerate(self._ports.poll(WAIT_S, self._untold()), 1):
                     if place in going and not self._take(place, item):
                         going.discard(place)
                     if number % TELL_AFTER == 0:
                         self._tell()
-                self._tell()
                 now_ns = clock.host_ns()
                 if now_ns - self._looked_ns >= LOOK_NS:
                     self._looked_ns = now_ns
@@ -64,12 +64,17 @@ class LineLoop:
                 self._on_end(self.walks[place], error)
             raise
         finally:
+            self._tell()
             self._ports.close()
 
     def close(self) -> None:
         """End the loop, from another thread."""
         self._closed = True
         self._ports.wake()
+
+    def _tell(self) -> None:
+        for bell in self._untold():
+            bell.ring()
 
     def _take(self, place: int, item: Reads | Opened | Failed | Tick) -> bool:
         """Let one walk take what came; whether it goes on."""

@@ -1,10 +1,12 @@
 """A sink behind a bounded queue, and a thread that writes: slow or broken, it loses only its own records."""
 
+import select
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
 
+from fltea._native import Bell
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.events import Reads
@@ -29,12 +31,15 @@ def weight(item: Item | Departed) -> int:
 class OutletThread:
     """Writes to outlets, one after the other, for as long as it has any.
 
-    due: one of them has something; untold: it has, and nobody has woken the thread; hurry: one closes.
+    bell: rung when one of them has something; untold: it has, and nobody has rung it; hurry: one closes.
     """
 
     def __init__(self, name: str) -> None:
         self.changed = threading.Condition()
-        self.due = self.untold = False
+        self.bell = Bell()
+        self._rung = select.poll()
+        self._rung.register(self.bell, select.POLLIN)
+        self.untold = False
         self.hurry = threading.Event()
         self._name = name
         self._outlets: list[Outlet] = []
@@ -51,27 +56,14 @@ class OutletThread:
         if first:
             threading.Thread(target=self._run, name=self._name, daemon=True).start()
 
-    def tell(self) -> None:
-        """Wake the thread up if something waits of which it has not been told."""
-        if self.untold:
-            with self.changed:
-                self.wake()
-
-    def wake(self) -> None:
-        """Wake the thread up, by who holds `changed`."""
-        self.due, self.untold = True, False
-        self.changed.notify_all()
-
     def _run(self) -> None:
         going, rested_s = True, 0.0
         while going:
-            with self.changed:
-                if not self.due:
-                    self.changed.wait(IDLE_S)
+            self._rung.poll(IDLE_S * 1e3)
             # Only who has just written rests: to wake up for each of many that come together costs more.
             self.hurry.wait(max(0.0, rested_s - time.monotonic()))
             with self.changed:
-                self.due = False
+                self.bell.clear()
                 self.hurry.clear()
                 outlets = list(self._outlets)
             ended = [outlet for outlet in outlets if not outlet.write()]
@@ -130,7 +122,7 @@ class Outlet:
     ) -> None:
         """Queue items; those beyond the sink's capacity are dropped and counted.
 
-        wait: for room, if the sink is lossless. tell: the thread at once; else the caller calls its `tell`.
+        wait: for room, if the sink is lossless. tell: the thread at once; else the caller rings its bell.
         arrived_ns: monotonic time at which what they report arrived, for the latency; None where it has none.
         """
         with self._changed:
@@ -138,7 +130,7 @@ class Outlet:
             for item in items:
                 if wait and self.sink.lossless:
                     while self._waiting >= room and not (self._ended or self._released):
-                        self.thread.wake()
+                        self.thread.bell.ring()
                         self._changed.wait(IDLE_S)
                 count = weight(item)
                 if self._ended or self._waiting >= room:
@@ -148,9 +140,9 @@ class Outlet:
                     self._queue.append((item, arrived_ns))
                     self._queued += count
                     self._waiting += count
-            self.thread.untold = True
-            if tell:
-                self.thread.wake()
+            self.thread.untold = not tell
+        if tell:
+            self.thread.bell.ring()
 
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until the queue is less than half full, or has ended; False if it is not in time."""
@@ -175,13 +167,14 @@ class Outlet:
         with self._changed:
             self.closing = self._released = True
             self.thread.hurry.set()
-            self.thread.wake()
+            self._changed.notify_all()
+        self.thread.bell.ring()
 
     def release(self) -> None:
         """Hold nobody up any more, who waits for room."""
         with self._changed:
             self._released = True
-            self.thread.wake()
+            self._changed.notify_all()
 
     def join(self, timeout_s: float) -> bool:
         """Wait until the sink has written everything and is closed; False if it did not manage."""

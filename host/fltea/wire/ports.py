@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from fltea._native import PortReader
+from fltea._native import Bell, PortReader
 from fltea.records.clock import host_ns
 from fltea.records.events import Failed, Opened, Reads, Tick
 from fltea.wire.transport import QUEUE_BYTES, Port
@@ -38,15 +38,17 @@ class Ports:
         self._lock = threading.Lock()
         self._closed = False
 
-    def poll(self, timeout_s: float) -> Iterator[tuple[int, Reads | Opened | Failed | Tick]]:
-        """Wait for something to happen; yield what did, with the place of its port.
+    def poll(
+        self, timeout_s: float, bells: list[Bell] | None = None
+    ) -> Iterator[tuple[int, Reads | Opened | Failed | Tick]]:
+        """Ring the bells, and wait for something to happen; yield what did, with the place of its port.
 
         A tick says that nothing came from a port for half a second, until its time.
         """
         now_ns = host_ns()
         self._open_due(now_ns)
         next_ns = min(min(line.tick_ns, line.open_ns or line.tick_ns) for line in self._lines)
-        now_ns, news = self._reader.take(min(timeout_s, max(0.0, (next_ns - now_ns) * 1e-9)))
+        now_ns, news = self._reader.take(min(timeout_s, max(0.0, (next_ns - now_ns) * 1e-9)), bells or [])
         for place, data, columns, overflow_bytes, lost in news:
             line = self._lines[place]
             line.port.overflow_bytes += overflow_bytes
