@@ -12,6 +12,21 @@ struct Known {
     double state, state_variance, bias, bias_variance, innovation, S;
 };
 
+// The logarithm of what often is as it was: a gain is held for many samples.
+class HeldLog {
+  public:
+    double of(double S) {
+        if (S != S_) {
+            S_ = S;
+            log_ = std::log(S);
+        }
+        return log_;
+    }
+
+  private:
+    double S_ = 1, log_ = 0;
+};
+
 template <int N>
 class Kalman {
   public:
@@ -50,9 +65,9 @@ class Kalman {
         gains_ = other.gains_;
         S = other.S;
         if (system_ == nullptr) return *this;
-        const std::size_t n = std::size_t(system_->n);
-        std::memcpy(x, other.x, n * sizeof(double));
-        std::memcpy(K, other.K, n * sizeof(double));
+        const std::size_t n = std::size_t(system_->n), all = std::size_t(width());
+        std::memcpy(x, other.x, all * sizeof(double));
+        std::memcpy(K, other.K, all * sizeof(double));
         if (gains_ == nullptr) std::memcpy(P, other.P, n * n * sizeof(double));
         return *this;
     }
@@ -97,7 +112,7 @@ class Kalman {
         double sum = 0;
         const System<N>& s = *system_;
         s.step(x);
-        for (int i = 0; i < s.n; ++i) sum += s.c[i] * x[i];
+        for (int i = 0; i < width(); ++i) sum += s.c[i] * x[i];
         return y - sum;
     }
 
@@ -105,9 +120,8 @@ class Kalman {
     void go_on(double e, bool take) {
         const int n = system_->n;
         if (take) {
-            const double most = kClip * std::sqrt(S);
-            const double used = e > most ? most : e < -most ? -most : e;
-            for (int i = 0; i < n; ++i) x[i] += K[i] * used;
+            const double used = e * e > kClip * kClip * S ? std::copysign(kClip * std::sqrt(S), e) : e;
+            for (int i = 0; i < width(); ++i) x[i] += K[i] * used;
             if (exact_ == 0) {
                 hold_on();
                 return;
@@ -134,7 +148,7 @@ class Kalman {
         if (exact_ == 0) hold();
     }
 
-    double log_S() const { return gains_ != nullptr ? gain().log_S : std::log(S); }
+    double log_S(HeldLog& held) const { return gains_ != nullptr ? gain().log_S : held.of(S); }
 
     Known known(double e) const {
         const System<N>& s = *system_;
@@ -157,9 +171,13 @@ class Kalman {
         io.require(S > 0);
     }
 
-    double x[N], P[N * N], K[N], S = 1;
+    // What every sample needs comes first.
+    double x[N] = {}, K[N] = {}, S = 1;
 
   private:
+    // Of few coordinates all are taken, zeros behind the last: a loop of a fixed length.
+    int width() const { return N <= 4 ? N : system_->n; }
+
     // What a sample says, taken out of the covariance.
     void correct() {
         const int n = system_->n;
@@ -247,10 +265,13 @@ class Kalman {
     }
 
     const System<N>* system_ = nullptr;
-    const RiccatiMap<N>* map_ = nullptr;
     const Gains* gains_ = nullptr;  // while P is not kept
     int exact_ = 0, held_ = 0;
     Variances now_ = Variances(), from_ = Variances(), to_ = Variances();
+    const RiccatiMap<N>* map_ = nullptr;
+
+  public:
+    double P[N * N];
 };
 
 template <int N>

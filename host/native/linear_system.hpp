@@ -14,8 +14,9 @@ enum { kMost = 24 };  // coordinates
 // Numbers below all measure cost a processor a hundred times as much.
 constexpr double kNothing = 1e-200;
 
-// Room for N of them. Matrices are (n, n), row after row, in the first n * n places. `pairs` pole pairs come
-// first; a coordinate is in a sample by c[i], in the state by state[i], in what is subtracted by bias[i].
+// Room for N of them; if that is at most 4, zeros stand behind the last. Matrices are (n, n), row after row,
+// in the first n * n places. `pairs` pole pairs come first; a coordinate is in a sample by c[i], in the state
+// by state[i], in what is subtracted by bias[i].
 template <int N>
 struct System {
     int n, pairs;
@@ -48,7 +49,7 @@ struct System {
             x[i] = one;
             x[i + 1] = other;
         }
-        for (int i = 2 * pairs; i < n; ++i) x[i] *= a[i];
+        for (int i = 2 * pairs; i < (N <= 4 ? N : n); ++i) x[i] *= a[i];
     }
 
     // P <- A P A' + Q, of a symmetric P.

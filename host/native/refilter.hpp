@@ -110,17 +110,12 @@ class Innovations {
 
 class Likelihood {
   public:
-    void add(double e, double S) {
-        if (S != S_) {  // a gain is held for many samples
-            S_ = S;
-            log_S_ = std::log(S);
-        }
-        sum_ -= 0.5 * (e * e / S + log_S_);
-    }
+    void add(double e, double S) { sum_ -= 0.5 * (e * e / S + log_S_.of(S)); }
     double value() const { return sum_; }
 
   private:
-    double sum_ = 0, S_ = 1, log_S_ = 0;
+    double sum_ = 0;
+    HeldLog log_S_;
 };
 
 // Means of m samples go through the filter of the slow part; x and P of all of it are before and after.

@@ -230,10 +230,10 @@ class Tracker {
     // The filter as it is now is the one of a chunk ago before long.
     void keep() {
         if (filter_ != nullptr) {
-            filter_->before[0] = filter_->before[1];
+            std::swap(filter_->before[0], filter_->before[1]);
             filter_->before[1] = filter_->filter;
         } else {
-            banks_->before[0] = banks_->before[1];
+            std::swap(banks_->before[0], banks_->before[1]);
             banks_->before[1] = banks_->bank;
         }
     }

@@ -107,10 +107,11 @@ class WalkBank {
         double logs = 0, squares = 0;  // of the innovations
         double e = 0, unlikely = 0;    // -log L
         double weight = 1;             // over that of the best
+        HeldLog log_S;
         Kalman<BankMembers::kMost> filter;
 
         void add() {
-            logs += filter.log_S();
+            logs += filter.log_S(log_S);
             squares += e * e / filter.S;
         }
         double scale(int count) const { return count > 0 && squares > 0 ? squares / count : 1e-300; }

@@ -33,12 +33,17 @@ LOOKS = 10
 
 
 class Setting(NamedTuple):
-    """What a run is of. latency_ms: `link.latency`, None: as it comes. open_files: more may not be open."""
+    """What a run is of.
+
+    latency_ms: `link.latency`, None: as it comes. settle_s: until it is measured. open_files: more may not be
+    open.
+    """
 
     devices: int
     seconds: float
     coloured: bool = False
     latency_ms: int | None = None
+    settle_s: float = SETTLE_S
     record: bool = False
     open_files: int | None = None
 
@@ -72,7 +77,7 @@ class Reader(threading.Thread):
 def run_once(of: Setting) -> dict[str, Any]:
     """Run the daemon on so many devices for a while, and measure it from outside."""
     with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
-        folder, pipe, total_s = Path(name), subprocess.PIPE, SETTLE_S + of.seconds
+        folder, pipe, total_s = Path(name), subprocess.PIPE, of.settle_s + of.seconds
         feeding = folder, of.devices, total_s, *(["coloured"] if of.coloured else [])
         feeder = started(stack, "tools.bench.feeder", *feeding, stdin=pipe, stdout=pipe, text=True)
         feeder.stdout.readline()
@@ -91,7 +96,7 @@ def run_once(of: Setting) -> dict[str, Any]:
         time.sleep(2.0 + of.devices / 150)  # a device that is silent for 5 s is reported
         feeder.stdin.write("go\n")
         feeder.stdin.flush()
-        time.sleep(SETTLE_S)
+        time.sleep(of.settle_s)
         watch, looks = Watch({"daemon": daemon.pid}), list[Share]()
         while len(looks) < LOOKS:
             time.sleep(max(1.0, of.seconds - 1.0) / LOOKS)
@@ -169,6 +174,7 @@ def table(runs: list[dict[str, Any]]) -> Table:
         (
             f"{run['devices']}, {'coloured' if run['coloured'] else 'white'}",
             "" if run["latency_ms"] is None else f"{run['latency_ms']}",
+            f"{run['settle_s']:.0f}",
             *(f"{run[key]:.2f}" for key in ("p50_ms", "p99_ms")),
             f"{run['max_ms']:.1f}",
             f"{run['cpu_percent']:.1f}",
@@ -179,6 +185,17 @@ def table(runs: list[dict[str, Any]]) -> Table:
         for run in runs
     ]
     engine = ["times the engine"] if runs and "chain_over_engine" in runs[0] else []
-    headings = ["devices", "latency", "p50 ms", "p99 ms", "max ms", "core %", *engine, "MB", "lost, errors"]
+    headings = [
+        "devices",
+        "latency",
+        "after s",
+        "p50 ms",
+        "p99 ms",
+        "max ms",
+        "core %",
+        *engine,
+        "MB",
+        "lost, errors",
+    ]
     title = "Live devices at 100 Hz on pseudo-terminals, NDJSON; from a frame's last byte to its line"
     return Table(title, headings, cells)
