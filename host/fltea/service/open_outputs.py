@@ -25,6 +25,9 @@ def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] =
     to_table = program.format == "table" or (program.format == "auto" and sys.stdout.isatty())
     if not to_table:
         hub.add_log(LogSink(_to_stderr, several=len(configs) > 1))
+        if program.format != "none":  # before all that may report something
+            stdout = io.FileIO(sys.stdout.fileno(), "wb", closefd=False)
+            hub.add(NdjsonSink(stdout, samples=program.samples))
     of_record = program.record.for_devices(len(configs))
     recorder = RecorderOfHub(hub, of_record, program.dashboard.record_to, replays)
     for config in configs:
@@ -54,9 +57,6 @@ def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] =
         from fltea.sinks.table import TableSink
 
         hub.add(TableSink())
-    elif program.format != "none":
-        stdout = io.FileIO(sys.stdout.fileno(), "wb", closefd=False)
-        hub.add(NdjsonSink(stdout, samples=program.samples))
 
 
 def _module(name: str, extra: str, library: str) -> ModuleType:
