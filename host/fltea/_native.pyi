@@ -4,7 +4,7 @@ The device's encoder (firmware/core), for tests; the decoder of the wire; the es
 spectra.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -111,7 +111,7 @@ class PortReader:
     # bytes, of each read end, host_ns and unix_offset_ns, bytes thrown away, and errno, host_ns and
     # unix_offset_ns of its loss.
     def take(
-        self, timeout_s: float, bells: list[Bell]
+        self, timeout_s: float, bells: Sequence[Bell]
     ) -> tuple[
         int,
         list[

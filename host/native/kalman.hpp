@@ -65,7 +65,7 @@ class Kalman {
         gains_ = other.gains_;
         S = other.S;
         if (system_ == nullptr) return *this;
-        const std::size_t n = std::size_t(system_->n), all = std::size_t(width());
+        const std::size_t n = std::size_t(system_->n), all = std::size_t(system_->width());
         std::memcpy(x, other.x, all * sizeof(double));
         std::memcpy(K, other.K, all * sizeof(double));
         if (gains_ == nullptr) std::memcpy(P, other.P, n * n * sizeof(double));
@@ -112,7 +112,7 @@ class Kalman {
         double sum = 0;
         const System<N>& s = *system_;
         s.step(x);
-        for (int i = 0; i < width(); ++i) sum += s.c[i] * x[i];
+        for (int i = 0; i < s.width(); ++i) sum += s.c[i] * x[i];
         return y - sum;
     }
 
@@ -121,7 +121,7 @@ class Kalman {
         const int n = system_->n;
         if (take) {
             const double used = e * e > kClip * kClip * S ? std::copysign(kClip * std::sqrt(S), e) : e;
-            for (int i = 0; i < width(); ++i) x[i] += K[i] * used;
+            for (int i = 0; i < system_->width(); ++i) x[i] += K[i] * used;
             if (exact_ == 0) {
                 hold_on();
                 return;
@@ -175,9 +175,6 @@ class Kalman {
     double x[N] = {}, K[N] = {}, S = 1;
 
   private:
-    // Of few coordinates all are taken, zeros behind the last: a loop of a fixed length.
-    int width() const { return N <= 4 ? N : system_->n; }
-
     // What a sample says, taken out of the covariance.
     void correct() {
         const int n = system_->n;

@@ -42,6 +42,9 @@ struct System {
         io.real(R, 1e-300, 1e200);
     }
 
+    // How many of few coordinates are taken is fixed: zeros stand behind the last.
+    int width() const { return N <= 4 ? N : n; }
+
     // x <- A x.
     void step(double* x) const {
         for (int i = 0; i < 2 * pairs; i += 2) {
@@ -49,7 +52,7 @@ struct System {
             x[i] = one;
             x[i + 1] = other;
         }
-        for (int i = 2 * pairs; i < (N <= 4 ? N : n); ++i) x[i] *= a[i];
+        for (int i = 2 * pairs; i < width(); ++i) x[i] *= a[i];
     }
 
     // P <- A P A' + Q, of a symmetric P.

@@ -230,7 +230,7 @@ class Tracker {
     // The filter as it is now is the one of a chunk ago before long.
     void keep() {
         if (filter_ != nullptr) {
-            std::swap(filter_->before[0], filter_->before[1]);
+            filter_->before[0] = filter_->before[1];
             filter_->before[1] = filter_->filter;
         } else {
             std::swap(banks_->before[0], banks_->before[1]);

@@ -3,7 +3,6 @@
 import contextlib
 import http.client
 import os
-import select
 import signal
 import subprocess
 import sys
@@ -15,7 +14,6 @@ from unittest import mock
 from urllib.parse import urlsplit
 
 import msgspec
-from fltea._native import Bell
 from fltea.cli.app import main
 from fltea.records.records import AnyRecord, Hello
 from fltea.service.hub import Hub
@@ -39,11 +37,6 @@ _decoder = msgspec.json.Decoder(AnyRecord)
 def closed(hub: Hub) -> bool:
     """Close all outputs; whether each has ended."""
     return all(one.done(PATIENCE_S) for outputs in (hub.close, hub.close_log) for one in outputs())
-
-
-def rung(bell: Bell, timeout_s: float) -> bool:
-    """Wait for a bell; whether it has been rung."""
-    return bool(select.select([bell], [], [], timeout_s)[0])
 
 
 def fltea(*arguments: str | Path, columns: int = 200) -> subprocess.CompletedProcess[str]:

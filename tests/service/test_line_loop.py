@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 from blocks import of, samples_of
-from fltea._native import Bell
 from fltea.records import clock
 from fltea.records.events import Event, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
+from fltea.service.bell import Bell
 from fltea.service.lines import LineLoop, has_line
 from fltea.service.open_source import open_source
 from fltea.service.pressure import Pressure
@@ -22,7 +22,7 @@ from fltea.sources.serial import SerialSource
 from fltea.stream.beside import Beside
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
-from host_support import PATIENCE_S, WIRE_HELLO, each_ended, rung, wait_until
+from host_support import PATIENCE_S, WIRE_HELLO, each_ended, wait_until
 
 
 class Line:
@@ -196,12 +196,12 @@ def test_outputs_are_told_before_the_loop_waits_and_when_it_ends(lines, running)
     one = running(line)
     one.bell.clear()
     line.send(3)
-    assert rung(one.bell, PATIENCE_S)
+    assert one.bell.wait(PATIENCE_S)
     wait_until(lambda: len(line.heard) == 3, "all samples")
     line.on_finish = one.bell.clear
     one.loop.close()
     one.join()
-    assert rung(one.bell, 0), "of what a walk publishes when it is finished"
+    assert one.bell.wait(0), "of what a walk publishes when it is finished"
 
 
 def test_who_has_nothing_to_say_is_told_that_time_passes(lines, running) -> None:

@@ -4,13 +4,13 @@ import threading
 from unittest.mock import Mock
 
 import pytest
-from fltea._native import Bell
 from fltea.records.events import Chunk
 from fltea.records.ports import LATENCY_BOUNDS_MS, Latency, Sink, SinkClosed
 from fltea.records.records import AnyRecord, Error, Gap
+from fltea.service.bell import Bell
 from fltea.service.hub import Hub, Tap
 from fltea.service.outlet import Outlet, OutletThread
-from host_support import PATIENCE_S, closed, rung, wait_until
+from host_support import PATIENCE_S, closed, wait_until
 from hypothesis import given
 from hypothesis import strategies as st
 from memory_sink import Memory
@@ -239,12 +239,12 @@ def test_outputs_that_are_not_told_can_be_told_later() -> None:
 
 def test_a_bell_rings_until_it_is_cleared() -> None:
     bell = Bell()
-    assert not rung(bell, 0)
+    assert not bell.wait(0)
     threading.Thread(target=bell.ring).start()
-    assert rung(bell, PATIENCE_S)
-    assert rung(bell, 0)
+    assert bell.wait(PATIENCE_S)
+    assert bell.wait(0)
     bell.clear()
-    assert not rung(bell, 0.001)
+    assert not bell.wait(0.001)
 
 
 def test_one_held_output_holds_up_no_other() -> None:

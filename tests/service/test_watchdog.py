@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 from fltea.service import daemon
 from fltea.service.daemon import STUCK_S, StopOnSignal, _Run
-from host_support import rung
 
 
 def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
@@ -48,7 +47,7 @@ def test_a_signal_ends_the_waiting() -> None:
             if len(looks) == 2:
                 signal.raise_signal(signal.SIGTERM)
                 signal.raise_signal(signal.SIGINT)
-                assert rung(stop.bell, 0), "or it would be seen only at the next look"
+                assert stop.bell.wait(0), "or it would be seen only at the next look"
             return False
 
         run._wait(done)

@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from fltea._native import Bell
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.errors import FlteaError, Incomplete, SourceFailed, UsageError
 from fltea.records.ports import Source
 from fltea.records.visible import visible_lines
+from fltea.service.bell import Bell
 from fltea.service.descriptors import check_descriptors
 from fltea.service.ending import Awaited, Ending
 from fltea.service.hub import Hub
@@ -210,10 +210,8 @@ class _Run:
 
     def _wait(self, done: Callable[[], bool]) -> None:
         moving: list[Walk | Ingest] = [*self._walks, *self._ingests]
-        rung = select.poll()
-        rung.register(self._stop.bell, select.POLLIN)
         while not (done() or self._stop.asked):
-            rung.poll(LOOK_S * 1e3)
+            self._stop.bell.wait(LOOK_S)
             self._stop.bell.clear()
             if time.monotonic() - min(one.moved_s for one in moving) < STUCK_S:
                 self._manager.alive()

@@ -3,12 +3,12 @@
 import time
 from collections.abc import Callable, Iterable, Sequence
 
-from fltea._native import Bell
 from fltea.records.block import Block
 from fltea.records.events import Reads, TransportEvent
 from fltea.records.ports import Departed, Item, Sink
 from fltea.records.records import AnyRecord, Error
 from fltea.records.stats import OutputStats
+from fltea.service.bell import Bell
 from fltea.service.ending import Awaited
 from fltea.service.outlet import Outlet, OutletThread
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 
-from fltea._native import Bell
 from fltea.records import clock
 from fltea.records.events import Failed, Opened, Reads, Tick
+from fltea.service.bell import Bell
 from fltea.service.pressure import LOOK_NS, Pressure
 from fltea.service.walk import Walk
 from fltea.sources.serial import SerialSource

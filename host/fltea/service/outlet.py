@@ -1,17 +1,16 @@
 """A sink behind a bounded queue, and a thread that writes: slow or broken, it loses only its own records."""
 
-import select
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
 
-from fltea._native import Bell
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.events import Reads
 from fltea.records.ports import Departed, Item, Latency, Sink, SinkClosed
 from fltea.records.stats import OutputStats
+from fltea.service.bell import Bell
 
 IDLE_S = 0.5
 
@@ -37,8 +36,6 @@ class OutletThread:
     def __init__(self, name: str) -> None:
         self.changed = threading.Condition()
         self.bell = Bell()
-        self._rung = select.poll()
-        self._rung.register(self.bell, select.POLLIN)
         self.untold = False
         self.hurry = threading.Event()
         self._name = name
@@ -59,7 +56,7 @@ class OutletThread:
     def _run(self) -> None:
         going, rested_s = True, 0.0
         while going:
-            self._rung.poll(IDLE_S * 1e3)
+            self.bell.wait(IDLE_S)
             # Only who has just written rests: to wake up for each of many that come together costs more.
             self.hurry.wait(max(0.0, rested_s - time.monotonic()))
             with self.changed:

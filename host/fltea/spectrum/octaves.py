@@ -365,8 +365,6 @@ def _stretches(values: NDArray[np.float32], lengths: NDArray[np.int32]) -> list[
 
 def _passed(own: Array, level: int) -> Array:
     """Return the power gain of the filters before a level, at rad a sample of its own rate, up to 0.7 π."""
-    if level == 0:
-        return np.ones_like(own)
     return np.interp(own, _GRID, _passed_on_grid(level))
 
 

@@ -39,7 +39,7 @@ class Ports:
         self._closed = False
 
     def poll(
-        self, timeout_s: float, bells: list[Bell] | None = None
+        self, timeout_s: float, bells: Sequence[Bell] = ()
     ) -> Iterator[tuple[int, Reads | Opened | Failed | Tick]]:
         """Ring the bells, and wait for something to happen; yield what did, with the place of its port.
 
@@ -48,7 +48,7 @@ class Ports:
         now_ns = host_ns()
         self._open_due(now_ns)
         next_ns = min(min(line.tick_ns, line.open_ns or line.tick_ns) for line in self._lines)
-        now_ns, news = self._reader.take(min(timeout_s, max(0.0, (next_ns - now_ns) * 1e-9)), bells or [])
+        now_ns, news = self._reader.take(min(timeout_s, max(0.0, (next_ns - now_ns) * 1e-9)), bells)
         for place, data, columns, overflow_bytes, lost in news:
             line = self._lines[place]
             line.port.overflow_bytes += overflow_bytes
