@@ -1,8 +1,9 @@
 """Many devices at 100 Hz on pseudo-terminals: `python -m tools.bench.feeder FOLDER N SECONDS [coloured]`.
 
-The ports are FOLDER/d0, d1, …; their samples are spread evenly over the period. In FOLDER/fed.npz it notes
-when the last byte of each sample's frame was written (`times`, (devices, samples) in ns of the monotonic
-clock, 0 where the port took no more), and the `bytes` that each port took. It ends by itself.
+The ports are FOLDER/d0, d1, …; their samples are spread evenly over the period, and what they say of
+themselves over the second, as of devices that were switched on one after the other. In FOLDER/fed.npz it
+notes when the last byte of each sample's frame was written (`times`, (devices, samples) in ns of the
+monotonic clock, 0 where the port took no more), and the `bytes` that each port took. It ends by itself.
 """
 
 import os
@@ -23,6 +24,8 @@ from tools.board_voice import HELLO
 
 RATE_HZ = 100
 PERIOD_NS = 10**9 // RATE_HZ
+FRAME_NS = 1_000_000
+"""Of USB (full speed, one frame a millisecond): what many ports say within it comes together."""
 VOICES = 8
 """Different noises; devices of the same one differ in their HELLO."""
 
@@ -86,9 +89,9 @@ def main() -> None:
     for i in range(samples):
         for k, master in enumerate(masters):
             data = voices[k % VOICES][i]
-            if i % RATE_HZ == 0:
+            if i == 0 or (i + k * RATE_HZ // n) % RATE_HZ == 0:
                 data = greeting(k, i // RATE_HZ, i * PERIOD_NS // 1000) + data
-            due_ns = begin_ns + i * PERIOD_NS + k * PERIOD_NS // n
+            due_ns = begin_ns + i * PERIOD_NS + k * PERIOD_NS // n // FRAME_NS * FRAME_NS
             left_ns = due_ns - time.monotonic_ns()
             if left_ns > 0:
                 time.sleep(left_ns * 1e-9)

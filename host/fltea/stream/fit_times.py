@@ -33,9 +33,9 @@ def period_s(config: Config, beside: Beside) -> float:
 
 
 def turn(beside: Beside, number: int, period: int) -> int:
-    """Return by how many samples the looks of one of many devices come later, so that they have turns.
+    """Return by how much of a period one of many devices does later what all do once in it: they have turns.
 
-    number: which of them it is. period: in samples. Many begin together, and their walks would wait together.
+    number: which of them it is. period: in samples, or in ns. Many begin together, and all walks would wait.
     """
     return int(number * GOLDEN % 1 * period) if beside.devices > DEVICES_A_SECOND else 0
 

@@ -1,4 +1,4 @@
-"""Blocks of samples cut into seconds, or put together where nobody sees more than the end (pure).
+"""Blocks of samples cut into periods, or put together where nobody sees more than the end (pure).
 
 A wire says how its device is between the samples of one second and those of the next. What comes out at the
 end does not depend on where such a message stands, as long as all samples follow on; and a large block costs
@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from fltea.records.clock import SECOND_NS
 from fltea.records.events import Event, RawBlock, Tick
 from fltea.records.records import Hello
 from fltea.records.stats import DeviceStatus
@@ -79,18 +78,18 @@ def _are_alike(blocks: list[RawBlock]) -> bool:
     return len(kinds) == 1
 
 
-def by_second(event: Event) -> Iterator[Any]:
-    """Yield the event; samples cut where a second ends."""
+def by_period(event: Event, period_ns: int, offset_ns: int = 0) -> Iterator[Any]:
+    """Yield the event; samples cut where a period ends, offset_ns after a multiple of it."""
     if not isinstance(event, RawBlock):
         yield event
         return
-    host_ns = event.host_ns
-    if len(host_ns) == 1 or (len(host_ns) == 2 and host_ns[0] // SECOND_NS == host_ns[1] // SECOND_NS):
+    first, last = (int(at) - offset_ns for at in (event.host_ns[0], event.host_ns[-1]))
+    if len(event.host_ns) <= 2 and first // period_ns == last // period_ns:
         yield event  # as almost always live
         return
-    ends = (np.flatnonzero(np.diff(host_ns // SECOND_NS)) + 1).tolist()
+    ends = (np.flatnonzero(np.diff((event.host_ns - offset_ns) // period_ns)) + 1).tolist()
     if not ends:
         yield event
         return
-    for begin, end in zip([0, *ends], [*ends, len(host_ns)], strict=True):
+    for begin, end in zip([0, *ends], [*ends, len(event.host_ns)], strict=True):
         yield event.rows(begin, end)

@@ -2,7 +2,8 @@
 
 The sources stand before it (transport, framing and messages inside the serial one), the sinks behind it.
 Nothing that comes out depends on how the samples were put together into blocks, nor on how the bytes behind
-them were read: statistics go out at the first event of each new second, and count what stands before it.
+them were read: statistics go out at the first event of each new second, and count what stands before it. Of
+many devices each has its own place in the second (`fit_times.turn`): no sample waits for those of all.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -23,7 +24,8 @@ from fltea.settings.ingest import is_partitioned
 from fltea.stream.beside import Beside
 from fltea.stream.board import BoardEstimates
 from fltea.stream.decode import Decoded, Decoder
-from fltea.stream.gathering import Gathering, by_second
+from fltea.stream.fit_times import turn
+from fltea.stream.gathering import Gathering, by_period
 from fltea.stream.host import HostEstimates
 from fltea.stream.live import LiveFits
 from fltea.stream.snapshot import (
@@ -67,7 +69,8 @@ class Pipeline:
         stats_s: int = 1,
         watched: bool = True,
     ) -> None:
-        self._stats_ns, self._stats_offset_ns = stats_s * SECOND_NS, number % stats_s * SECOND_NS
+        self._stats_ns = stats_s * SECOND_NS
+        self._stats_offset_ns = turn(beside or Beside(), number, self._stats_ns)
         self._source, self._config, self._outputs, self._state = source, config, outputs, state
         self._decoder = Decoder(
             lambda: self._source_offset_ns, config.link.max_gap, config.name, config.output
@@ -111,7 +114,7 @@ class Pipeline:
             return None
         until_ns = NEVER
         if self._watched and self._second is not None:
-            until_ns = (self._second + 1) * self._stats_ns - self._stats_offset_ns
+            until_ns = (self._second + 1) * self._stats_ns + self._stats_offset_ns
         taken = self._steady.take(event, until_ns)
         if taken is None:
             return None
@@ -123,7 +126,8 @@ class Pipeline:
 
     def _in_stages(self, event: Event, offset_ns: int) -> Iterator[Output]:
         self._source_offset_ns = offset_ns
-        for part in by_second(event) if self._watched else (event,):
+        parts = by_period(event, self._stats_ns, self._stats_offset_ns) if self._watched else (event,)
+        for part in parts:
             yield from self._on_time(part)
             taken = self._steadily(part)
             if taken is not None:
@@ -173,7 +177,7 @@ class Pipeline:
             self._now_ns = host_ns
         if self._decoder.timebase is None:  # the source may not have known the date before
             self._offset_ns = self._source_offset_ns
-        second = (self._now_ns + self._stats_offset_ns) // self._stats_ns
+        second = (self._now_ns - self._stats_offset_ns) // self._stats_ns
         if self._second is not None and second > self._second and self._watched:
             yield self.stats()
         if self._second is None or second > self._second:
