@@ -354,9 +354,9 @@ class Steady:
         sensors: list[SteadySensor],
     ) -> None: ...
 
-    # The columns of a block but for flags; of each sensor those of Tracks and of AxisColumns, and losses;
-    # Newest; OpenSecond. Or the time of the first sample, if the line's second ends before it. None: more is
-    # to be done.
+    # Of the first samples, up to one with which more is to be done: the columns of a block but for flags; of
+    # each sensor those of Tracks and of AxisColumns, and losses; Newest; OpenSecond. Or the time of the first
+    # sample, if the line's second ends before it. None: more is to be done with the first.
     def run(
         self,
         raw: tuple[Any, ...],

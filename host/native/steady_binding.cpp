@@ -5,6 +5,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <tuple>
@@ -43,7 +44,6 @@ class Column {
     explicit operator bool() const { return sound_; }
     bool whole() const { return type_ == 'l' || type_ == 'q'; }
     size_t width() const { return width_; }
-    size_t size() const { return width_ * static_cast<size_t>(view_.shape[0]); }
     std::int64_t integer(size_t i) const { return static_cast<const std::int64_t*>(view_.buf)[i]; }
     double number(size_t i) const {
         if (type_ == 'h') return static_cast<const std::int16_t*>(view_.buf)[i];
@@ -100,17 +100,17 @@ class Steady {
                  clock_.slope, second_end_us_) = line;
     }
 
-    // What came of the samples; the time of the first one if the clock's second ends before it; None, and
-    // nothing has changed, if anything else is to be done. raw: sequence, device_us, host_ns, gyro, accel,
-    // temperature, as of RawBlock. place: of the newest sample. stop: a sample with this number, or a later
-    // one, may not come, nor one that arrives at until_ns or later. last_ns: Unix time of the newest sample.
-    // earliest: arrival in the clock's second.
+    // What came of the first samples, up to one with which anything else is to be done; None, and nothing has
+    // changed, if that is the first; its time if the clock's second ends before it. raw: sequence, device_us,
+    // host_ns, gyro, accel, temperature, as of RawBlock. place: of the newest sample. stop: a sample with
+    // this number, or a later one, may not come, nor one that arrives at until_ns or later. last_ns: Unix
+    // time of the newest sample. earliest: arrival in the clock's second.
     nb::object run(nb::tuple raw, const Place& place, std::int64_t stop, std::int64_t until_ns,
                    std::int64_t last_ns, std::optional<std::tuple<double, double>> earliest) {
-        const size_t n = nb::len(nb::handle(raw[0]));
-        const Column sequence(raw[0], n), device_us(raw[1], n), host_ns(raw[2], n), gyro(raw[3], n),
-            accel(raw[4], n), temperature(raw[5], n);
-        if (n == 0 || !sequence || !device_us || !host_ns || !gyro || !sequence.whole() ||
+        const size_t all = nb::len(nb::handle(raw[0]));
+        const Column sequence(raw[0], all), device_us(raw[1], all), host_ns(raw[2], all), gyro(raw[3], all),
+            accel(raw[4], all), temperature(raw[5], all);
+        if (all == 0 || !sequence || !device_us || !host_ns || !gyro || !sequence.whole() ||
             !device_us.whole() || !host_ns.whole())
             return nb::none();
         const bool has_accel = accel && scales_.accel_factor;
@@ -121,9 +121,11 @@ class Steady {
         clock.last_ns = last_ns;
         clock.any = earliest.has_value();
         if (earliest) std::tie(clock.earliest_s, clock.earliest_delay_s) = *earliest;
-        if (at.seq + static_cast<std::int64_t>(n) >= stop) return nb::none();
+        if (at.seq + 1 >= stop) return nb::none();
+        size_t n = std::min(all, static_cast<size_t>(stop - 1 - at.seq));
 
-        size_t numbers = 3 * n + gyro.size() + (has_accel ? accel.size() : 0) + (temperature ? n : 0),
+        size_t numbers =
+                   3 * n + n * gyro.width() + (has_accel ? n * accel.width() : 0) + (temperature ? n : 0),
                flags = 0;
         for (const Sensor& one : sensors_) {
             const size_t size = n * one.places.size();
@@ -135,20 +137,27 @@ class Steady {
         auto* const epoch_us = table.room<std::int64_t>(n);
         auto* const unix_ns = table.room<std::int64_t>(n);
         for (size_t i = 0; i < n; ++i) {
-            if (!at.go_on(rule_, sequence.integer(i), device_us.integer(i), host_ns.integer(i)) ||
-                at.host_ns >= until_ns)
-                return nb::none();
-            if (at.epoch_us >= second_end_us_) return i == 0 ? nb::int_(at.epoch_us) : nb::object(nb::none());
+            fltea::SamplePlace next = at;
+            const bool goes_on =
+                next.go_on(rule_, sequence.integer(i), device_us.integer(i), host_ns.integer(i)) &&
+                next.host_ns < until_ns;
+            if (!goes_on || next.epoch_us >= second_end_us_) {
+                if (i == 0) return goes_on ? nb::int_(next.epoch_us) : nb::object(nb::none());
+                n = i;
+                break;
+            }
+            at = next;
             seqs[i] = at.seq;
             epoch_us[i] = at.epoch_us;
             unix_ns[i] = clock.time(at.epoch_us, host_ns.integer(i));
         }
-        auto* const gyro_dps = table.room<double>(gyro.size());
-        for (size_t i = 0; i < gyro.size(); ++i) gyro_dps[i] = gyro.number(i) / scales_.gyro_divisor;
+        auto* const gyro_dps = table.room<double>(n * gyro.width());
+        for (size_t i = 0; i < n * gyro.width(); ++i) gyro_dps[i] = gyro.number(i) / scales_.gyro_divisor;
         double* accel_ms2 = nullptr;
         if (has_accel) {
-            accel_ms2 = table.room<double>(accel.size());
-            for (size_t i = 0; i < accel.size(); ++i) accel_ms2[i] = accel.number(i) * *scales_.accel_factor;
+            accel_ms2 = table.room<double>(n * accel.width());
+            for (size_t i = 0; i < n * accel.width(); ++i)
+                accel_ms2[i] = accel.number(i) * *scales_.accel_factor;
         }
         double* celsius = nullptr;
         if (temperature) {

@@ -40,18 +40,20 @@ class Ways:
 
         def counted(steady: Steady, block: RawBlock, until_ns: int) -> Any:
             found = take(steady, block, until_ns)
-            self.short += 0 if found is None else len(block.sequence)
+            self.short += 0 if found is None else len(found.block)
             return found
 
         patch.setattr(Steady, "take", counted)
 
-    def both(self, found: Iterable[Event], changes: dict[str, Any]) -> tuple[list[bytes], list[bytes]]:
+    def both(
+        self, found: Iterable[Event], changes: dict[str, Any], *, watched: bool = True
+    ) -> tuple[list[bytes], list[bytes]]:
         """Return the records of events as they come out by default, and with the short way closed."""
         events = list(found)
-        by_default = _walk(events, changes)
+        by_default = _walk(events, changes, watched)
         with self._patch.context() as closed:
             closed.setattr(stream_pipeline, "MOST_STEADY", 0)
-            return by_default, _walk(events, changes)
+            return by_default, _walk(events, changes, watched)
 
 
 @pytest.fixture
@@ -59,8 +61,8 @@ def ways(monkeypatch: pytest.MonkeyPatch) -> Ways:
     return Ways(monkeypatch)
 
 
-def _walk(events: Iterable[Event], changes: dict[str, Any]) -> list[bytes]:
-    pipeline = Pipeline(StorySource(), load_config(None, SMALL | changes))
+def _walk(events: Iterable[Event], changes: dict[str, Any], watched: bool) -> list[bytes]:
+    pipeline = Pipeline(StorySource(), load_config(None, SMALL | changes), watched=watched)
     found: list[AnyRecord | Block] = [item for event in events for item in pipeline.feed(event)]
     return ndjson([*found, *pipeline.finish()])
 
@@ -71,6 +73,16 @@ def _reads(sizes: Iterable[int]) -> Iterator[Event]:
     for size in sizes:
         yield raw(range(begin, begin + size))
         begin += size
+
+
+@pytest.mark.parametrize("watched", [True, False])
+@pytest.mark.parametrize("changes", SETTINGS)
+def test_of_longer_blocks_the_short_way_takes_what_is_between_looks_and_seconds(
+    ways: Ways, changes: dict[str, Any], watched: bool
+) -> None:
+    short, long = ways.both(_reads([130, 250, 20, 100, 256, 257, 187]), changes, watched=watched)
+    assert short == long
+    assert ways.short > 0.1 * N or not watched
 
 
 @pytest.mark.parametrize("changes", SETTINGS)

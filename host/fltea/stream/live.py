@@ -31,7 +31,7 @@ from fltea.spectrum.live_axes import LiveAxes, Looked
 from fltea.stream.beside import Beside
 from fltea.stream.fit_times import Look, LookTimes, period_s, turn
 from fltea.stream.learning import Learned, Learner
-from fltea.stream.stages import Beginning, Item, Moment, Saved, Stage, Standing
+from fltea.stream.stages import NEVER, Beginning, Item, Moment, Saved, Stage, Standing
 
 NO_VERDICT = ("too few samples",)
 """Kinds that say nothing of the noise."""
@@ -200,19 +200,27 @@ class LiveFits(Stage):
 
     @property
     def stop(self) -> int:
-        """The number of the next sample with which a look begins or counts."""
+        """The number of the next sample that has to come through `walk`: with which a look counts."""
         if self._first is None or self._resumed:
             return 0
-        begun = self._times.check if self._begun is None else self._begun.look.counts
-        return self._first - 1 + min(self._times.check, begun)
+        return NEVER if self._begun is None else self._first - 1 + self._begun.look.counts
+
+    @property
+    def check(self) -> int:
+        """The number of the next sample behind which a look may begin, so `went_on` has to be called."""
+        return 0 if self._first is None else self._first - 1 + self._times.check
 
     def live(self, name: str) -> LiveAxes:
         """Return the sums of a sensor."""
         return self._sensors[name].live
 
-    def went_on(self, moment: Moment) -> None:
-        """Take note of samples before `stop`, up to this one, which its sums have taken."""
+    def went_on(self, moment: Moment, tracks: Tracks) -> None:
+        """Take note of samples before `stop`, up to this one, which its sums and the tracks have taken."""
         self._at = moment
+        assert self._first is not None
+        number = moment.seq - self._first + 1
+        if number >= self._times.check:
+            self._look(number, tracks)
 
     def last(self) -> Iterator[Item]:
         """A fit of everything with its curves, at the end; none if that has just been published.

@@ -36,14 +36,14 @@ from fltea.stream.snapshot import (
     sensor_of,
     why_unused,
 )
-from fltea.stream.stages import Beginning, Item, Notice, Stage, Standing
-from fltea.stream.steady import NEVER, Steady
+from fltea.stream.stages import NEVER, Beginning, Item, Notice, Stage, Standing
+from fltea.stream.steady import Steady, Taken
 from fltea.stream.tracking import Tracking
 
 Output = AnyRecord | Block
 
 
-MOST_STEADY = 64
+MOST_STEADY = 256
 """Samples of a block: of more, the stages cost less than their estimates."""
 
 
@@ -109,20 +109,42 @@ class Pipeline:
         return self._in_stages(event, offset_ns) if found is None else found
 
     def _steadily(self, event: Event) -> Iterable[Output] | None:
-        """Take samples with which nothing else happens; None for what the stages have to take."""
-        if self._steady is None or not isinstance(event, RawBlock):
+        """Take samples by the short way, and what is behind them; None if the first is for the stages."""
+        if not isinstance(event, RawBlock) or len(event.sequence) > MOST_STEADY:
+            return None
+        taken = self._taken(event)
+        if taken is None:
+            return None
+        if taken.lost or len(taken.block) < len(event.sequence):
+            return self._of_pieces(event, taken)
+        return (taken.block,)
+
+    def _taken(self, raw: RawBlock) -> Taken | None:
+        """Take samples by the short way, up to one with which more is to be done."""
+        if self._steady is None:
             return None
         until_ns = NEVER
         if self._watched and self._second is not None:
             until_ns = (self._second + 1) * self._stats_ns + self._stats_offset_ns
-        taken = self._steady.take(event, until_ns)
-        if taken is None:
-            return None
-        block, newest, lost = taken
-        self._came_to(newest.host_ns, newest.sequence, newest.device_us)
-        if lost:
-            return self._records(self._host.with_notices(block, lost, event.host_ns))
-        return (block,)
+        taken = self._steady.take(raw, until_ns)
+        if taken is not None:
+            newest = taken.newest
+            self._came_to(newest.host_ns, newest.sequence, newest.device_us)
+        return taken
+
+    def _of_pieces(self, raw: RawBlock, taken: Taken | None) -> Iterator[Output]:
+        """Yield what was taken of these samples, and what comes of those behind it."""
+        while taken is not None:
+            block, _, lost = taken
+            if lost:
+                yield from self._records(self._host.with_notices(block, lost, raw.host_ns))
+            else:
+                yield block
+            raw = raw.rows(len(block), len(raw.sequence))
+            if not len(raw.sequence):
+                return
+            taken = self._taken(raw)
+        yield from self._in_stages(raw, self._source_offset_ns)
 
     def _in_stages(self, event: Event, offset_ns: int) -> Iterator[Output]:
         self._source_offset_ns = offset_ns
@@ -145,8 +167,8 @@ class Pipeline:
                 self._now_ns = int(part.host_ns[-1])  # also where its last samples could not be used
             else:
                 yield from self._on_event(part)
-        if self._steady is None and isinstance(event, RawBlock) and len(event.sequence) <= MOST_STEADY:
-            self._steady = self._steady_now()
+            if self._steady is None and isinstance(part, RawBlock) and len(part.sequence) <= MOST_STEADY:
+                self._steady = self._steady_now()
 
     def _steady_now(self) -> Steady | None:
         """Return what takes the next samples, if nothing else is to be done with them."""

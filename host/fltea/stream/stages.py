@@ -12,6 +12,9 @@ from fltea.records.events import Event, Ints
 from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, EstimatorInfo, Hello
 from fltea.records.stats import AxisStats, DeviceEstimatorStats, TrackerStats
 
+NEVER = 2**62
+"""No sample has this number, and none comes at this time."""
+
 
 class Moment(NamedTuple):
     """Number, epoch, and times of a sample, as records state them."""

@@ -1,7 +1,7 @@
 """Samples with which nothing happens but themselves: all that is done with them, in one native call.
 
 Nearly all that a live device says is one sample or two that follow on: no gap, no second that ends, no look
-that begins or counts. One stage after another costs them five times what their estimates do, and more where
+that counts. One stage after another costs them five times what their estimates do, and more where
 the processor has slept: nothing of it is in its caches then. What comes out is the same, to the bit, as by
 the stages, which take all else (tests/stream/test_steady.py).
 """
@@ -15,16 +15,14 @@ from fltea.stream.decode import Decoder
 from fltea.stream.host import Channels, HostEstimates, Loss
 from fltea.stream.live import LiveFits
 from fltea.stream.place import FollowRule, Newest, Place
-from fltea.stream.stages import Moment
+from fltea.stream.stages import NEVER, Moment
 from fltea.stream.time import OpenSecond, Timebase
 from fltea.stream.tracking import SensorTracks, Tracking
 from fltea.wire.sample_scaling import Scales
 
-NEVER = 2**62
-
 
 class Taken(NamedTuple):
-    """What came of samples. newest: the last of them. lost: which axes became invalid."""
+    """What came of samples: of those in the block. newest: the last. lost: which axes became invalid."""
 
     block: Block
     newest: Newest
@@ -48,14 +46,21 @@ class Steady:
         place: Place,
         timebase: Timebase,
         fits: LiveFits | None,
+        tracking: Tracking,
         block: Block,
     ) -> None:
         self._native, self._sensors, self._block = native, sensors, block
         self._place, self._timebase, self._fits, self._hello = place, timebase, fits, place.hello
-        self._stop = NEVER if fits is None else fits.stop
+        self._tracking, self._filled = tracking, NEVER
         for _, channels in sensors:
             if channels is not None and channels.startup_remaining and place.newest is not None:
-                self._stop = min(self._stop, place.newest.seq + channels.startup_remaining)
+                self._filled = min(self._filled, place.newest.seq + channels.startup_remaining)
+        self._stop = self._next_stop()
+
+    def _next_stop(self) -> int:
+        """Return the number of the next sample that may not come; a look begins behind the one before it."""
+        fits = self._fits
+        return self._filled if fits is None else min(self._filled, fits.stop, fits.check + 1)
 
     @classmethod
     def after(
@@ -78,10 +83,13 @@ class Steady:
             of_bank = (None, []) if channels is None else (channels.bank.native, channels.waiting)
             parts.append((*part, *of_sums, *of_bank))
         rule, scales = FollowRule.at(place.hello.rate_hz), Scales.of(place.hello)
-        return cls(_native.Steady(rule, scales, line, parts), sensors, place, timebase, fits, block)
+        return cls(_native.Steady(rule, scales, line, parts), sensors, place, timebase, fits, tracking, block)
 
     def take(self, raw: RawBlock, until_ns: int) -> Taken | None:
-        """Take samples that arrived before until_ns; None, and nothing has changed, if more is to be done."""
+        """Take samples that arrived before until_ns, up to one with which more is to be done.
+
+        None, and nothing has changed, if that is the first.
+        """
         newest, hello = self._place.newest, self._place.hello
         if newest is None or hello is None or self._hello is None:
             return None
@@ -99,8 +107,8 @@ class Steady:
         if found is None:
             return None
         columns, of_sensors, last, second = found
-        newest = Newest._make(last)
-        self._place.go_on(len(raw.sequence), newest)
+        newest, n = Newest._make(last), len(columns[0])
+        self._place.go_on(n, newest)
         timebase.go_on(OpenSecond._make(second), newest.seq, newest.epoch_us)
         tracked: list[TrackedColumns] = []
         estimates: list[AxisColumns] = []
@@ -110,12 +118,14 @@ class Steady:
             if channels is None:
                 continue
             if channels.startup_remaining:
-                channels.filled(len(raw.sequence))
+                channels.filled(n)
             else:
                 estimates.append(channels.columns(*of_bank))
                 lost += channels.losses(losses)
-        fields = dict(zip(COLUMNS, (*columns, raw.flags), strict=True))
+        flags = None if raw.flags is None else raw.flags[:n]
+        fields = dict(zip(COLUMNS, (*columns, flags), strict=True))
         block = self._block.but(**fields, estimates=tuple(estimates), tracked=tuple(tracked))
         if self._fits is not None:
-            self._fits.went_on(Moment(newest.seq, block.epoch, newest.epoch_us, second[0]))
+            self._fits.went_on(Moment(newest.seq, block.epoch, newest.epoch_us, second[0]), self._tracking)
+            self._stop = self._next_stop()
         return Taken(block, newest, lost)
