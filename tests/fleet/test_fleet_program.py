@@ -1,6 +1,7 @@
 """The fleet's program with a broker that comes and goes."""
 
 import json
+import re
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -139,7 +140,8 @@ def test_a_history_that_cannot_be_written_is_told_once_and_its_end_too(stage: St
         stage.wait(1)
         stage.fleet.history.settle()
     assert [line.partition(":")[0] for line in stage.said] == ["history_lost", "history_back"]
-    assert "Rows that wait: 0; lost: 0." in stage.said[0]
+    # Whether the thread that writes has met the row of OFFLINE by then, nobody knows.
+    assert re.search(r"Rows that wait: [01]; lost: 0\.$", stage.said[0])
     assert stage.fleet.history.alerts().result()[0]["kind"] == "offline"
 
 
