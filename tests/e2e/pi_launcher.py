@@ -4,6 +4,7 @@ The chip model stands behind the interface of smbus2, in real time; all else is 
 """
 
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from fake_smbus import FakeBus
 from fltea.cli.app import main
 from fltea.records import clock
 from fltea.sources.i2c import bus as i2c_bus
+from fltea.sources.i2c.source import SystemClock
 
 from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import fractional_world
@@ -25,24 +27,33 @@ class RealHost:
     """What the fake bus asks of a host: its time, and that a transfer takes some.
 
     A machine that stands still for longer than the FIFO holds would lose samples, whatever the program does:
-    so for the chip such a pause is no longer than `LONGEST_NS`.
+    so for the chip, and for the program, such a pause is no longer than `LONGEST_NS`.
     """
 
     def __init__(self) -> None:
-        self._host_ns, self._now_ns = clock.host_ns(), 0
+        self._lock = threading.Lock()
+        self._begin_ns = self._last_ns = clock.host_ns()
+        self._left_out_ns = 0
+
+    def host_ns(self) -> int:
+        """Return the time of the program."""
+        with self._lock:
+            last_ns, self._last_ns = self._last_ns, clock.host_ns()
+            self._left_out_ns += max(0, self._last_ns - last_ns - LONGEST_NS)
+            return self._last_ns - self._left_out_ns
 
     @property
     def now_ns(self) -> int:
-        host_ns = clock.host_ns()
-        self._now_ns += min(host_ns - self._host_ns, LONGEST_NS)
-        self._host_ns = host_ns
-        return self._now_ns
+        """The time of the chip."""
+        return self.host_ns() - self._begin_ns
 
     def let_pass(self, ns: int) -> None:
         time.sleep(ns * 1e-9)
 
 
 if __name__ == "__main__":
-    bus = FakeBus(RealHost(), Mpu9250(fractional_world(sys.argv.pop(1))))
+    host = RealHost()
+    bus = FakeBus(host, Mpu9250(fractional_world(sys.argv.pop(1))))
     i2c_bus.open_bus = bus.open
+    SystemClock.host_ns = staticmethod(host.host_ns)  # type: ignore[assignment]
     main()
