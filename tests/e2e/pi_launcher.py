@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from unittest import mock
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "rig"))
 
@@ -55,5 +56,5 @@ if __name__ == "__main__":
     host = RealHost()
     bus = FakeBus(host, Mpu9250(fractional_world(sys.argv.pop(1))))
     i2c_bus.open_bus = bus.open
-    SystemClock.host_ns = staticmethod(host.host_ns)  # type: ignore[assignment]
-    main()
+    with mock.patch.object(SystemClock, "host_ns", host.host_ns):
+        main()

@@ -78,7 +78,7 @@ def _are_alike(blocks: list[RawBlock]) -> bool:
     return len(kinds) == 1
 
 
-def by_period(event: Event, period_ns: int, offset_ns: int = 0) -> Iterator[Any]:
+def by_period(event: Event, period_ns: int, offset_ns: int) -> Iterator[Any]:
     """Yield the event; samples cut where a period ends, offset_ns after a multiple of it."""
     if not isinstance(event, RawBlock):
         yield event

@@ -193,8 +193,7 @@ class LiveFits(Stage):
                 yield with_tracked(_rows(block, given, end), tracked)
                 given, tracked = end, []
                 yield self._counted(self._begun)
-            if number >= self._times.check:
-                self._look(number, tracks)
+            self._look(number, tracks)
         if given < n:
             yield with_tracked(_rows(block, given, n), tracked)
 
@@ -218,9 +217,7 @@ class LiveFits(Stage):
         """Take note of samples before `stop`, up to this one, which its sums and the tracks have taken."""
         self._at = moment
         assert self._first is not None
-        number = moment.seq - self._first + 1
-        if number >= self._times.check:
-            self._look(number, tracks)
+        self._look(moment.seq - self._first + 1, tracks)
 
     def last(self) -> Iterator[Item]:
         """A fit of everything with its curves, at the end; none if that has just been published.
@@ -278,6 +275,8 @@ class LiveFits(Stage):
 
     def _look(self, number: int, tracks: Tracks) -> None:
         """Begin a look after sample `number` of the epoch if one is due."""
+        if number < self._times.check:
+            return
         assert self._at is not None
         noticed, samples = self._notices(), self._samples
         busy, news = self._begun is not None, noticed != self._noticed

@@ -36,7 +36,7 @@ from fltea.stream.snapshot import (
     sensor_of,
     why_unused,
 )
-from fltea.stream.stages import NEVER, Beginning, Item, Notice, Stage, Standing
+from fltea.stream.stages import NEVER, Beginning, Item, Notice, Stage, Standing, through
 from fltea.stream.steady import Steady, Taken
 from fltea.stream.tracking import Tracking
 
@@ -87,7 +87,7 @@ class Pipeline:
         self._board_estimates = board is not None
         self._board: DeviceStatus | None = None
         self._now_ns = 0
-        self._second: int | None = None
+        self._stats_due_ns: int | None = None if watched else NEVER
         self._sample_ns: int | None = None
         self._last: LastSample | None = None
         self._no_axis_reported = False
@@ -121,12 +121,9 @@ class Pipeline:
 
     def _taken(self, raw: RawBlock) -> Taken | None:
         """Take samples by the short way, up to one with which more is to be done."""
-        if self._steady is None:
+        if self._steady is None or self._stats_due_ns is None:
             return None
-        until_ns = NEVER
-        if self._watched and self._second is not None:
-            until_ns = (self._second + 1) * self._stats_ns + self._stats_offset_ns
-        taken = self._steady.take(raw, until_ns)
+        taken = self._steady.take(raw, self._stats_due_ns)
         if taken is not None:
             newest = taken.newest
             self._came_to(newest.host_ns, newest.sequence, newest.device_us)
@@ -199,11 +196,13 @@ class Pipeline:
             self._now_ns = host_ns
         if self._decoder.timebase is None:  # the source may not have known the date before
             self._offset_ns = self._source_offset_ns
-        second = (self._now_ns - self._stats_offset_ns) // self._stats_ns
-        if self._second is not None and second > self._second and self._watched:
+        due_ns = self._stats_due_ns
+        if due_ns is not None and self._now_ns < due_ns:
+            return
+        if due_ns is not None:
             yield self.stats()
-        if self._second is None or second > self._second:
-            self._second = second
+        begun = (self._now_ns - self._stats_offset_ns) // self._stats_ns
+        self._stats_due_ns = (begun + 1) * self._stats_ns + self._stats_offset_ns
 
     def _on_event(self, event: Event) -> Iterator[Output]:
         match event:
@@ -250,7 +249,7 @@ class Pipeline:
                 yield Gap(first - between, between, block.epoch, int(block.host_ns[0]), device=name)
         items: Iterable[Item] = [block]
         for stage in self._stages:
-            items = _through(stage, items, raw, missing)
+            items = through(stage, items, raw, missing)
         self._came_to(*(int(column[-1]) for column in (raw.host_ns, raw.sequence, raw.device_us)))
         for item in self._records(items):
             if isinstance(item, Block):
@@ -395,15 +394,3 @@ def _estimates_of(config: Config, fits: LiveFits | None) -> tuple[HostEstimates,
         return HostEstimates(config, lambda: config.estimator, fits), None
     board = BoardEstimates(config, fits)
     return HostEstimates(config, None if board.alone else board.host_settings, fits), board
-
-
-def _through(stage: Stage, items: Iterable[Item], raw: RawBlock, missing: int) -> Iterator[Item]:
-    """Let a stage take the blocks among what the one before it gives."""
-    begin = 0
-    for item in items:
-        if isinstance(item, Block):
-            end = begin + len(item)
-            yield from stage.on_block(item, raw.host_ns[begin:end], missing if begin == 0 else 0)
-            begin = end
-        else:
-            yield item

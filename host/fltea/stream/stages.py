@@ -1,6 +1,6 @@
 """What a stage of the pipeline is, and what it gets when an epoch begins."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -8,7 +8,7 @@ import msgspec
 
 from fltea.estimator.snapshot import OnlineState
 from fltea.records.block import Block
-from fltea.records.events import Event, Ints
+from fltea.records.events import Event, Ints, RawBlock
 from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, EstimatorInfo, Hello
 from fltea.records.stats import AxisStats, DeviceEstimatorStats, TrackerStats
 
@@ -118,3 +118,15 @@ class Stage:
     def save(self) -> dict[str, Any]:
         """Return what the stage needs to go on, by the fields of `Saved`."""
         return {}
+
+
+def through(stage: Stage, items: Iterable[Item], raw: RawBlock, missing: int) -> Iterator[Item]:
+    """Let a stage take the blocks among what the one before it gives."""
+    begin = 0
+    for item in items:
+        if isinstance(item, Block):
+            end = begin + len(item)
+            yield from stage.on_block(item, raw.host_ns[begin:end], missing if begin == 0 else 0)
+            begin = end
+        else:
+            yield item

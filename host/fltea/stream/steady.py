@@ -1,9 +1,9 @@
 """Samples with which nothing happens but themselves: all that is done with them, in one native call.
 
-Nearly all that a live device says is one sample or two that follow on: no gap, no second that ends, no look
-that counts. One stage after another costs them five times what their estimates do, and more where
-the processor has slept: nothing of it is in its caches then. What comes out is the same, to the bit, as by
-the stages, which take all else (tests/stream/test_steady.py).
+Nearly all that a live device says is one sample or two that follow on: no gap, no statistics that are due, no
+look that counts. One stage after another costs them five times what their estimates do, and more where the
+processor has slept: nothing of it is in its caches then. What comes out is the same, to the bit, as by the
+stages, which take all else (tests/stream/test_steady.py).
 """
 
 from typing import NamedTuple
@@ -55,10 +55,10 @@ class Steady:
         for _, channels in sensors:
             if channels is not None and channels.startup_remaining and place.newest is not None:
                 self._filled = min(self._filled, place.newest.seq + channels.startup_remaining)
-        self._stop = self._next_stop()
 
-    def _next_stop(self) -> int:
-        """Return the number of the next sample that may not come; a look begins behind the one before it."""
+    @property
+    def _stop(self) -> int:
+        """The number of the next sample that may not come; a look begins behind the one before it."""
         fits = self._fits
         return self._filled if fits is None else min(self._filled, fits.stop, fits.check + 1)
 
@@ -97,13 +97,13 @@ class Steady:
             if hello.rate_hz != self._hello.rate_hz or Scales.of(hello) != Scales.of(self._hello):
                 return None
             self._hello = hello
-        timebase = self._timebase
-        found = self._native.run(raw, newest, self._stop, until_ns, *timebase.second)
+        timebase, stop = self._timebase, self._stop
+        found = self._native.run(raw, newest, stop, until_ns, *timebase.second)
         if isinstance(found, int):
             timebase.begin_second(found)
             assert timebase.line is not None
             self._native.time_by(timebase.line)
-            found = self._native.run(raw, newest, self._stop, until_ns, *timebase.second)
+            found = self._native.run(raw, newest, stop, until_ns, *timebase.second)
         if found is None:
             return None
         columns, of_sensors, last, second = found
@@ -127,5 +127,4 @@ class Steady:
         block = self._block.but(**fields, estimates=tuple(estimates), tracked=tuple(tracked))
         if self._fits is not None:
             self._fits.went_on(Moment(newest.seq, block.epoch, newest.epoch_us, second[0]), self._tracking)
-            self._stop = self._next_stop()
         return Taken(block, newest, lost)
