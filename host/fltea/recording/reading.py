@@ -1,0 +1,59 @@
+"""A reading: how a file was understood, each answer with its evidence; and what is missing for one.
+
+There are five kinds of evidence, the strongest first. What has none of them is missing: nothing is made up.
+
+- given: the user says it, by an option;
+- stated: the file says it itself, by a name, a row of units, its head or its metadata;
+- dialect: the logger is recognised, and its documentation says it (`dialects.toml`);
+- convention: the format's, which programs can break (messages of ROS are in rad/s);
+- measured: the numbers show it (the steps of the times are the rate, gravity is the accelerometer's unit).
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import msgspec
+
+from fltea.records.errors import UsageError
+
+Evidence = Literal["given", "stated", "dialect", "convention", "measured"]
+
+Question = Literal["rows", "sensor", "columns", "unit", "clock", "accelerometer"]
+
+
+class Answer(msgspec.Struct, frozen=True):
+    """One answer: `value` for a person, such as "gx, gy, gz"; `why` names the evidence, such as "--units"."""
+
+    question: Question
+    value: str
+    evidence: Evidence
+    why: str
+
+    def __str__(self) -> str:
+        """Return the answer as one line, without its question."""
+        return f"{self.value} ({self.evidence}: {self.why})"
+
+
+class Missing(msgspec.Struct, frozen=True):
+    """One fact that nothing tells: what it is, and the option that says it, with `?` for the value."""
+
+    what: str
+    option: str
+
+
+class NotStated(UsageError):
+    """Facts are missing, and the user has to say them."""
+
+
+def not_stated(
+    where: str, missing: Sequence[Missing], known: Sequence[str] = (), table: str = ""
+) -> NotStated:
+    """Return the error that asks for what is missing.
+
+    where: the file, for messages. known: options with their values that the user gave. missing: what has to
+    be said. table: lines that show what each candidate would mean for these data.
+    """
+    what = "; and ".join(one.what for one in missing)
+    options = " ".join([*known, *(one.option for one in missing if one.option)])
+    text = f"{where}: nothing says {what}. Say it, with the right value for each ?: {options}"
+    return NotStated(f"{text}\n{table}" if table else text)
