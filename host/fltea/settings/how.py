@@ -56,17 +56,35 @@ class How(Table, frozen=True, kw_only=True):
     topic: Annotated[
         str | None,
         Setting(
-            "ROS bags: the Imu topic, if there are several.",
-            flags=("--topic",),
+            "Which sensor, of a file with several: a topic of a bag or of a PX4 log (sensor_gyro:1), the value "
+            "in the column that tells them apart (1), or 1/2 for the first of two in turns.",
+            flags=("--topic", "--sensor"),
             metavar="NAME",
             example="/imu",
         ),
     ] = None
+    accel_units: Annotated[
+        str | None,
+        Setting(
+            "Unit of the accelerometer: m/s^2, g, mg, mm/s^2, or lsb:N (N counts are 1 g).",
+            flags=("--accel-units",),
+            metavar="UNIT",
+            example="g",
+        ),
+    ] = None
+    overrule: Annotated[
+        bool,
+        Setting(
+            "The file is wrong: what the other options say counts, even where the file itself states another "
+            "unit or rate.",
+            flags=("--overrule",),
+        ),
+    ] = False
 
     @property
     def of_text(self) -> bool:
         """Whether anything is said that only text and tables need."""
-        return bool(self.columns or self.units or self.rate_hz or self.time_column or self.time_unit)
+        return self != How(topic=self.topic)
 
 
 AS_IT_SAYS = How()
