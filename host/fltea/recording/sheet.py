@@ -1,6 +1,6 @@
 """Named columns of numbers out of any kind of file, and the recording that they are.
 
-A new format is one function in `foreign` that gives a `Sheet`.
+A new format is one module in `readers` whose `read` gives a `Sheet`, and a row in `formats`.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -1,0 +1,88 @@
+"""Tables of Arrow: Parquet and Feather, as pandas and polars write them."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fltea.recording.files import AT_ONCE, listed
+from fltea.recording.sample_times import Floats
+from fltea.recording.sheet import Sheet
+from fltea.records.errors import UsageError
+
+FEATHER = b"ARROW1"
+
+LIBRARY_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+def read(path: Path, _: str) -> Sheet:
+    """Read columns of a Parquet or Feather file; those in structures are called `angular_velocity.x`."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    with path.open("rb") as begin:
+        is_feather = begin.read(len(FEATHER)) == FEATHER
+    if is_feather:
+        stored = pa.ipc.open_file(pa.memory_map(str(path)))
+        batches = range(stored.num_record_batches)
+        rows = sum(stored.get_batch(k).num_rows for k in batches)
+        return _arrow(stored.schema, rows, lambda _: (stored.get_batch(k) for k in batches))
+    file = parquet.ParquetFile(path, pre_buffer=False)
+    return _arrow(
+        file.schema_arrow,
+        file.metadata.num_rows,
+        lambda names: file.iter_batches(AT_ONCE, columns=names, use_threads=False),
+    )
+
+
+def _arrow(schema: Any, rows: int, batches: Callable[[list[str]], Iterator[Any]]) -> Sheet:
+    import pyarrow as pa
+    from pyarrow import compute
+
+    flat = _flat(pa.Table.from_batches([], schema)).schema
+    names = list(flat.names)
+    kinds = [field.type for field in flat]
+    stamps = [n for n, kind in zip(names, kinds, strict=True) if _is_stamp(kind)]
+
+    def blocks(places: Sequence[int]) -> Iterator[Floats]:
+        bad = [names[p] for p in places if not (_is_stamp(kinds[p]) or _is_number(kinds[p]))]
+        if bad:
+            raise UsageError(f"column {listed(bad)} does not hold numbers.")
+        begin = None
+        for batch in batches([names[p] for p in places]):
+            table = _flat(pa.Table.from_batches([batch]))
+            values = np.empty((len(table), len(places)))
+            for i, place in enumerate(places):
+                column, scale = table.column(names[place]), 1.0
+                if _is_stamp(kinds[place]):
+                    column, scale = column.cast(pa.int64()), LIBRARY_S[kinds[place].unit]
+                    if begin is None:
+                        begin = next((stamp.as_py() for stamp in column if stamp.is_valid), None)
+                    column = compute.subtract(column, begin or 0)  # floats tell Unix times to 0.2 µs only
+                values[:, i] = column.cast(pa.float64(), safe=False).to_numpy() * scale
+            for first in range(0, len(values), AT_ONCE):
+                yield values[first : first + AT_ONCE]
+
+    return Sheet(names, [""] * len(names), rows, blocks, tuple(stamps))
+
+
+def _flat(table: Any) -> Any:
+    import pyarrow as pa
+
+    while any(pa.types.is_struct(field.type) for field in table.schema):
+        table = table.flatten()
+    return table
+
+
+def _is_number(kind: Any) -> bool:
+    from pyarrow import types
+
+    numbers = types.is_integer, types.is_floating, types.is_boolean, types.is_decimal
+    return any(is_kind(kind) for is_kind in numbers)
+
+
+def _is_stamp(kind: Any) -> bool:
+    from pyarrow import types
+
+    return bool(types.is_timestamp(kind) or types.is_duration(kind))

@@ -1,0 +1,14 @@
+"""Archives of arrays (.npz) that another program than fltea has written."""
+
+from pathlib import Path
+
+import numpy as np
+
+from fltea.recording.readers.arrays import of_arrays
+from fltea.recording.sheet import Sheet
+
+
+def read(path: Path, _: str) -> Sheet:
+    """Read all arrays."""
+    with np.load(path, allow_pickle=False) as archive:
+        return of_arrays({name: archive[name] for name in archive.files})
