@@ -13,7 +13,7 @@
 
 PY := .venv/bin/python
 NATIVE := pyproject.toml constraints.txt $(wildcard tools/hashes/*.txt) tools/setup.sh host/native/CMakeLists.txt \
-          $(wildcard host/native/*.cpp host/native/*.hpp firmware/core/engine/*.hpp) $(addprefix firmware/core/,cobs.h crc32.h frame.h messages.h)
+          host/native/source_hash.py $(wildcard host/native/*.cpp host/native/*.hpp firmware/core/engine/*.hpp) $(addprefix firmware/core/,cobs.h crc32.h frame.h messages.h)
 CXX_FILES := $(wildcard host/native/*.cpp host/native/*.hpp firmware/core/*.h firmware/core/*.cpp firmware/core/engine/*.hpp firmware/due/*.cpp firmware/due/*.h \
                        firmware/arduino/fltea/*.h tests/firmware/*.cpp tests/firmware/*.h tests/firmware/arduino_stub/*.cpp \
                        tests/firmware/arduino_stub/*.h tests/due_emulator/*.cpp tests/native/*.cpp tests/native/*.h tools/due_emulator/*.?pp)

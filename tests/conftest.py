@@ -1,9 +1,14 @@
-"""What all tests share: hypothesis without chance, and the real recordings where they are at hand."""
+"""What all tests share: hypothesis without chance, and the real recordings where they are at hand.
 
+No test runs with a native module that was built from other sources: its part numbers may mean other parts.
+"""
+
+import runpy
 import sys
 from pathlib import Path
 
 import pytest
+from fltea import _native
 from hypothesis import HealthCheck, settings
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -11,6 +16,15 @@ RECORDINGS = ROOT.parent / "shared/recordings"
 
 # Every test may use the stand-ins of tests/rig, `tools` as a package, and the generators within it.
 sys.path[:0] = [str(ROOT), str(ROOT / "tests/rig"), str(ROOT / "tools")]
+
+
+def pytest_configure() -> None:
+    """Refuse a native module of other sources; set-up then builds it, whatever the files' times say."""
+    wanted = runpy.run_path(str(ROOT / "host/native/source_hash.py"))["source_hash"]()
+    if getattr(_native, "SOURCE_HASH", "") != wanted:
+        (Path(sys.prefix) / ".dev").unlink(missing_ok=True)
+        raise pytest.UsageError("the native module was built from other sources: run `make setup`.")
+
 
 # Every run tries the same examples; a slow machine fails nothing, nor does a busy one on which they are drawn
 # slowly. More of them, and others each time, in the hours before a release:

@@ -15,6 +15,9 @@ _Ints = NDArray[np.int64]
 
 SCHEMA_HASH: int
 
+# Of all that the module was built from: host/native/source_hash.py.
+SOURCE_HASH: str
+
 def crc32(data: bytes) -> int: ...
 def cobs_encode(data: bytes) -> bytes: ...
 

@@ -20,6 +20,8 @@
 
 namespace nb = nanobind;
 
+extern const char kSourceHash[];  // source_hash.py
+
 namespace {
 
 const uint8_t* data(const nb::bytes& bytes) { return static_cast<const uint8_t*>(bytes.data()); }
@@ -141,6 +143,7 @@ NB_MODULE(_native, m) {
     nb::set_leak_warnings(PyObject_IsTrue(nb::module_::import_("sys").attr("flags").attr("dev_mode").ptr()) ==
                           1);
     m.attr("SCHEMA_HASH") = fltea::kSchemaHash;
+    m.attr("SOURCE_HASH") = static_cast<const char*>(kSourceHash);
     m.def("crc32", [](nb::bytes bytes) { return fltea::crc32(data(bytes), bytes.size()); }, nb::arg("data"));
     m.def("cobs_encode", &cobs_encode, nb::arg("data"));
     m.def("encode_frame", &encode_frame, nb::arg("type"), nb::arg("sequence"), nb::arg("device_us"),

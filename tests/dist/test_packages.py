@@ -40,7 +40,7 @@ def needed() -> list[Path]:
         for path in (ROOT / "host/fltea").rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     ]
-    native = [*(ROOT / "host/native").glob("*.?pp"), ROOT / "host/native/CMakeLists.txt"]
+    native = [path for path in (ROOT / "host/native").iterdir() if path.is_file()]
     core = [*(ROOT / "firmware/core").glob("*.h"), *(ROOT / "firmware/core/engine").glob("*.hpp")]
     return [*package, *native, *core, *(ROOT / name for name in ("pyproject.toml", "README.md", "LICENSE"))]
 
