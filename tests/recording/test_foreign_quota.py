@@ -4,7 +4,9 @@ import contextlib
 import gzip
 import io
 import json
+import shutil
 import struct
+import sys
 import zipfile
 import zlib
 from pathlib import Path
@@ -115,3 +117,18 @@ def test_json_in_json_without_end(tmp_path: Path) -> None:
     assert refusal(path).endswith("a.json: cannot be read as JSON (Input data was truncated).")
     path.write_text(json.dumps([{"sensor": "Barometer", "seconds_elapsed": "1"}]))
     assert "is of the app Sensor Logger, without a gyroscope; it has Barometer" in refusal(path)
+
+
+@pytest.mark.parametrize("entry", ["", ".", "here"], ids=["empty", "relative", "absolute"])
+def test_code_in_the_current_folder_is_not_run(
+    entry: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file may come with others beside it, which are called like modules of Python's or of a library."""
+    for name in ("resource", "random", "numpy", "pyarrow"):
+        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'has_run')!r}, 'w')\n")
+    shutil.copy(HERE / "pandas.parquet", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [str(tmp_path) if entry == "here" else entry, *sys.path])
+    monkeypatch.setenv("PYTHONPATH", ".")
+    assert ReplaySource(Path("pandas.parquet"))
+    assert not (tmp_path / "has_run").exists()

@@ -115,14 +115,14 @@ def _process(kind: str, path: Path, topic: str | None, quota: Quota) -> Iterator
     """Start `foreign.main`, and end it."""
     seconds = STARTUP_S + round(quota.seconds)
     memory = STARTUP_BYTES + 2 * quota.limits.whole_bytes
-    command = [sys.executable, "-B", "-m", "fltea.recording.foreign", str(seconds), str(memory)]
+    command = [sys.executable, "-B", "-P", "-m", "fltea.recording.foreign", str(seconds), str(memory)]
     # One thread a library: each more reserves memory, and takes processor time that is counted here.
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "ARROW_NUM_THREADS"), "1")
     environment = {
         **os.environ,
         **threads,
         "ARROW_DEFAULT_MEMORY_POOL": "system",
-        "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+        "PYTHONPATH": os.pathsep.join(_trusted_folders()),
     }
     with subprocess.Popen(
         [*command, kind, os.fspath(path), topic or ""],
@@ -135,6 +135,12 @@ def _process(kind: str, path: Path, topic: str | None, quota: Quota) -> Iterator
             yield process
         finally:
             process.kill()
+
+
+def _trusted_folders() -> list[str]:
+    """Where the process may import from: not the current folder, whose files may be anybody's."""
+    here = os.getcwd()
+    return [folder for folder in sys.path if os.path.isabs(folder) and folder != here]
 
 
 def _frames(path: Path, process: "subprocess.Popen[bytes]", quota: Quota) -> Iterator[bytes]:
