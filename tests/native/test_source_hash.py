@@ -70,6 +70,7 @@ def test_a_module_of_other_sources_is_refused(monkeypatch: pytest.MonkeyPatch, t
     conftest = sys.modules["conftest"]
     conftest.pytest_configure()
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    monkeypatch.delenv("FLTEA_STALE_NATIVE", raising=False)
     (tmp_path / ".dev").touch()
     for other in ("0" * 64, None):
         if other is None:
@@ -79,3 +80,5 @@ def test_a_module_of_other_sources_is_refused(monkeypatch: pytest.MonkeyPatch, t
         with pytest.raises(pytest.UsageError, match="built from other sources: run `make setup`"):
             conftest.pytest_configure()
     assert not (tmp_path / ".dev").exists()
+    monkeypatch.setenv("FLTEA_STALE_NATIVE", "1")
+    conftest.pytest_configure()

@@ -70,6 +70,9 @@ class Processes(Workers):
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
+        # What forks them is started by `python -c`, which would run a random.py of the current folder for
+        # Python's own. It stays set for what is started in its place when that has died.
+        os.environ["PYTHONSAFEPATH"] = "1"
         self._context = multiprocessing.get_context("forkserver")
         # It loads while a recording is read here.
         self._context.set_forkserver_preload(["fltea.identification.run"])
