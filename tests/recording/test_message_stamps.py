@@ -124,3 +124,27 @@ def test_any_stamps(stamps: list[int]) -> None:
     number = found.sequence(0, len(times))
     assert (np.diff(number) >= 1).all()
     assert found.period_ns > 0
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    behind_ns=st.sampled_from([0, 2_000]),
+    jitter_ns=st.sampled_from([0, 100_000]),
+    lost=st.sampled_from([0, 5]),
+)
+@settings(max_examples=20)
+def test_a_stamp_that_repeats_the_one_before_is_no_lost_sample(
+    seed: int, behind_ns: int, jitter_ns: int, lost: int
+) -> None:
+    """A driver takes the time before the new one is there: the sample comes, with an old stamp."""
+    rng = np.random.default_rng(seed)
+    n = 24_000
+    number = np.arange(n) + lost * (np.arange(n) >= 12_000)
+    stamps = number * PERIOD_NS + np.rint(rng.normal(0, jitter_ns, n)).astype(np.int64)
+    places = np.setdiff1d(np.arange(2, n - 2, 3), np.arange(11_990, 12_010))  # beside a gap nobody can tell
+    again = rng.choice(places, 48, replace=False)
+    stamps[again] = stamps[again - 1] + behind_ns
+    found = judge(stamps, None)
+    assert found.missing.sum() == lost
+    np.testing.assert_array_equal(found.sequence(0, n), number)
+    assert found.period_ns == pytest.approx(PERIOD_NS, rel=1e-6 if not jitter_ns else 1e-4)

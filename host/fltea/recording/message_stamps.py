@@ -20,6 +20,9 @@ AROUND = 64
 LATE = 1.5
 """Periods from which on a step is looked at."""
 
+ALIKE = 0.1
+"""Periods: a stamp so close behind the one before repeats it, and may be too early."""
+
 SET_BACK = 10
 """Periods: a clock that jumps back by no more still leaves no doubt how many samples there are."""
 
@@ -143,7 +146,8 @@ def _gaps(
 ) -> tuple[Times, Times]:
     """Rows before which samples are missing, and how many.
 
-    Before and after a late step, the samples that are least late tell the time of theirs.
+    Before and after a late step, the samples that are least late tell the time of theirs. A stamp that
+    repeats the one before tells nothing, except in batches, where most do.
     """
     rows, missing = [], []
     of_epochs = [0, *epoch_row.tolist(), len(times_ns)]
@@ -152,14 +156,18 @@ def _gaps(
     begin = 0
     fewest, around = (LEAST_IN_BATCHES, AROUND) if in_batches else (1, 1)
     ahead = np.arange(AROUND) * period_ns
+    tells = np.ones(len(times_ns), np.bool_)
+    if not in_batches:
+        tells[1:] = steps > ALIKE * period_ns
     for row, epoch in zip(late.tolist(), epochs.tolist(), strict=True):
         begin = max(begin, of_epochs[epoch], row - AROUND)
         if row == of_epochs[epoch]:  # the clock was set here
             continue
         end = min(row + AROUND, of_epochs[epoch + 1])
-        after = times_ns[row:end] - times_ns[row - 1]
-        before = times_ns[begin:row] - times_ns[row - 1]
-        least = (after - ahead[: end - row]).min() - (before + ahead[: row - begin][::-1]).min()
+        after = times_ns[row:end] - times_ns[row - 1] - ahead[: end - row]
+        before = times_ns[begin:row] - times_ns[row - 1] + ahead[: row - begin][::-1]
+        told = before[tells[begin:row]]
+        least = after[tells[row:end]].min() - (told if len(told) else before).min()
         lost = round(float(least) / period_ns) - 1
         if lost >= fewest and end - row >= around:
             rows.append(row)
