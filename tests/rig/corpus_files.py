@@ -10,6 +10,7 @@ import gzip
 import io
 import json
 import lzma
+import re
 import struct
 import zipfile
 from pathlib import Path
@@ -43,6 +44,16 @@ def archive(files: dict[str, bytes]) -> bytes:
         for name, data in files.items():
             packed.writestr(zipfile.ZipInfo(name), data)
     return out.getvalue()
+
+
+def timeless(book: io.BytesIO) -> bytes:
+    """Return a workbook without the times at which it was written."""
+    with zipfile.ZipFile(book) as parts:
+        files = {name: parts.read(name) for name in parts.namelist()}
+    files["docProps/core.xml"] = re.sub(
+        rb">[^<>]*Z</dcterms", b">2023-11-14T00:00:00Z</dcterms", files["docProps/core.xml"]
+    )
+    return archive(files)
 
 
 def packed() -> dict[str, bytes]:
@@ -135,6 +146,10 @@ def write_libraries() -> None:
     scipy.io.savemat(
         HERE / "matlab.mat", {"imu": {"gyro_dps": GYRO_DPS, "accel_ms2": ACCEL_MS2}, "fs": RATE_HZ}
     )
+    with (HERE / "matlab.mat").open("r+b") as raw:
+        raw.write(
+            b"MATLAB 5.0 MAT-file Platform: posix".ljust(116)
+        )  # without the time at which it was written
     with h5py.File(HERE / "matlab73.mat", "w", userblock_size=512, track_order=True) as file:
         file["gyro_dps"], file["t"] = GYRO_DPS.T, TIMES_S[np.newaxis]
     with (HERE / "matlab73.mat").open("r+b") as raw:
@@ -148,7 +163,9 @@ def write_libraries() -> None:
     for k in range(N):
         sheet.append([TIMES_S[k], *RADS[k], float(np.linalg.norm(RADS[k]))])
     book.create_sheet("Metadata Device").append(["property", "value"])
-    book.save(HERE / "phyphox.xlsx")
+    saved = io.BytesIO()
+    book.save(saved)
+    (HERE / "phyphox.xlsx").write_bytes(timeless(saved))
 
 
 if __name__ == "__main__":

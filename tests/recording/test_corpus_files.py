@@ -1,0 +1,35 @@
+"""The corpus is written alike at each run: what differs in it after one, somebody has changed."""
+
+import datetime
+import shutil
+import time
+from pathlib import Path
+
+import corpus_files
+import openpyxl
+import pytest
+import scipy.io
+
+
+def written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, bytes]:
+    """What the libraries write, by the name of the file."""
+    folder.mkdir()
+    for text in corpus_files.HERE.glob("*.csv"):
+        shutil.copy(text, folder)
+    monkeypatch.setattr(corpus_files, "HERE", folder)
+    corpus_files.write_libraries()
+    monkeypatch.undo()
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix != ".csv"}
+
+
+def test_two_runs_write_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = written(tmp_path / "first", monkeypatch)
+    begin = time.time()
+    while int(time.time() / 2) == int(begin / 2):  # a file in a zip archive has a time of two seconds' steps
+        time.sleep(0.05)
+    second = written(tmp_path / "second", monkeypatch)
+    assert {"matlab.mat", "phyphox.xlsx", "h5py.h5", "pandas.parquet", "numpy.npz"} <= set(first)
+    assert [name for name in first if second[name] != first[name]] == []
+    assert "gyro_dps" in scipy.io.loadmat(tmp_path / "first/matlab.mat")["imu"].dtype.names
+    book = openpyxl.load_workbook(tmp_path / "first/phyphox.xlsx")
+    assert book.properties.modified == datetime.datetime(2023, 11, 14)
