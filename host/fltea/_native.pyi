@@ -506,6 +506,19 @@ def sentence_spectrum(
     total: NDArray[np.float64],
 ) -> None: ...
 
+# Lines of text from `begin` up to the first that is no plain row of numbers: where it begins (beyond the end if
+# there is none), how many lines are passed, the mark of decimals ("\0" as long as none was seen), which of the
+# lines are rows, and (rows, places) numbers. separator "\0": white space. least, most: as of text_layout.Layout.
+def plain_rows(
+    text: bytes,
+    begin: int,
+    separator: str,
+    least: int,
+    most: int,
+    places: Sequence[int],
+    decimal: str,
+) -> tuple[int, int, str, _Ints, _V]: ...
+
 # Lines of JSON: texts stand before each hole and after the last one, holes are (column, place in its row);
 # nulls: numbers that are not finite are null, else left out with their key.
 class Lines:

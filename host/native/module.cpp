@@ -160,6 +160,7 @@ NB_MODULE(_native, m) {
     bind_octaves(m);
     bind_tracker(m);
     bind_lines(m);
+    bind_rows(m);
     bind_mcap(m);
     bind_port_reader(m);
 }

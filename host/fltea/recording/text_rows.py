@@ -7,7 +7,6 @@ stands for a lost one, so it takes a number.
 import codecs
 import re
 from collections import Counter
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,15 +18,12 @@ from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.suggest import hint_for, with_hint
 from fltea.recording.table import Rows
 from fltea.recording.text_layout import Layout, LayoutFinder, header_of
-from fltea.recording.text_numbers import RowParser, decoded
+from fltea.recording.text_numbers import RowParser, decoded, end_of_line
 from fltea.recording.text_times import A_CLOCK, with_seconds
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 BOM, UTF_16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
-MANY = 24
-"""Lines from which on numpy's reader is quicker than a loop."""
-
 SAMPLE_LINES, SAMPLE_BYTES = 60, 1 << 14
 """Of what comes first, which tells what the columns may be."""
 
@@ -183,23 +179,21 @@ class TextReader:
         if len(self._sample) < SAMPLE_LINES:
             self._sample += decoded(data[:SAMPLE_BYTES]).split("\n")
         found = []
-        left: bytes | None = data
-        while left is not None:
+        at = 0
+        while at <= len(data):
             if self.layout is None:
-                left = self._find(left)
-            if left is not None:
+                at = self._find(data, at)
+            if at <= len(data):
                 assert self._parser is not None
-                rows, left = self._read(self._parser, left)
+                rows, at = self._read(self._parser, data, at)
                 if rows is not None:
                     found.append(rows)
         return found
 
-    def _find(self, data: bytes) -> bytes | None:
-        """Look for the first row; what begins with it, None if there is none."""
-        begin = 0
+    def _find(self, data: bytes, begin: int) -> int:
+        """Look for the first row; where it begins, beyond the end if there is none."""
         while begin <= len(data):
-            end = data.find(b"\n", begin)
-            end = len(data) if end < 0 else end
+            end = end_of_line(data, begin)
             line = data[begin:end]
             if self.lines == 0:
                 line = line.removeprefix(BOM)
@@ -216,7 +210,7 @@ class TextReader:
                 layout = None
             if layout is not None and self._is_as_before(layout.chosen):
                 self._begin(layout)
-                return data[begin:]
+                return begin
             self.lines += 1
             if layout is not None:
                 self._count(Bad(self.lines, "header", f"other columns than before: {shown(text)}"))
@@ -224,7 +218,7 @@ class TextReader:
             elif self._finder.is_other:
                 self._count(Bad(self.lines, "before_header", f"came before the columns: {shown(text)}"))
             begin = end + 1
-        return None
+        return begin
 
     def _is_as_before(self, chosen: Chosen) -> bool:
         """Whether the columns of a new header can go on where those of the one before ended."""
@@ -240,47 +234,44 @@ class TextReader:
         self.layout, self._parser = layout, RowParser(layout)
         self.notes += layout.notes
 
-    def _read(self, parser: RowParser, data: bytes) -> tuple[Rows | None, bytes | None]:
-        """The rows in lines, up to a new header; and the bytes that begin with it, if there is one."""
-        count = data.count(b"\n") + 1
-        found = parser.many(data, count) if count >= MANY else None
-        if found is None:
-            return self._one_by_one(parser, data.split(b"\n"))
-        keep, values = found
-        numbers = self.lines + 1 + np.asarray(keep, dtype=np.int64)
-        ordinal = self._ordinal + np.arange(len(values))
-        self.lines += count
-        self._ordinal += len(values)
-        return self._rows(parser.layout, numbers, values, ordinal), None
+    def _read(self, parser: RowParser, data: bytes, at: int) -> tuple[Rows | None, int]:
+        """The rows in lines from a byte on, up to a new header; and where that begins, if there is one."""
+        numbers: list[Ints] = []
+        values: list[Floats] = []
+        ordinals: list[Ints] = []
 
-    def _rows(self, layout: Layout, numbers: Ints, values: Floats, ordinal: Ints) -> Rows:
-        begins, self._begins = self._begins, False
-        return Rows(numbers, layout.chosen.scale(values), ordinal, begins)
+        def keep(rows: Ints, of_rows: Floats) -> None:
+            numbers.append(self.lines + 1 + rows)
+            values.append(of_rows)
+            ordinals.append(self._ordinal + np.arange(len(rows)))
+            self._ordinal += len(rows)
 
-    def _one_by_one(self, parser: RowParser, lines: Sequence[bytes]) -> tuple[Rows | None, bytes | None]:
-        numbers: list[int] = []
-        ordinals: list[int] = []
-        values: list[list[float]] = []
-        left = None
-        for k, line in enumerate(lines):
-            text = decoded(line)
+        while at <= len(data):
+            plain = parser.plain(data, at)
+            if len(plain.rows):
+                keep(plain.rows, plain.values)
+            self.lines += plain.passed
+            at = plain.next
+            if at > len(data):
+                break
+            end = end_of_line(data, at)
+            text = decoded(data[at:end])
             found = parser.one(text)
             if isinstance(found, list):
-                numbers.append(self.lines + 1)
-                ordinals.append(self._ordinal)
-                values.append(found)
-                self._ordinal += 1
+                keep(np.zeros(1, np.int64), np.array([found]))
             elif found is not None:
                 if self._is_header(parser, text):
                     self.layout, self._finder = None, LayoutFinder(self._where, self._how)
-                    left = b"\n".join(lines[k:])  # the sender has begun again
-                    break
+                    break  # the sender has begun again
                 self._ordinal += found[0] not in ("text", "columns")
                 self._count(Bad(self.lines + 1, *found))
             self.lines += 1
+            at = end + 1
         if not values:
-            return None, left
-        return self._rows(parser.layout, np.array(numbers), np.array(values), np.array(ordinals)), left
+            return None, at
+        begins, self._begins = self._begins, False
+        scaled = parser.layout.chosen.scale(np.concatenate(values))
+        return Rows(np.concatenate(numbers), scaled, np.concatenate(ordinals), begins), at
 
     def _is_header(self, parser: RowParser, text: str) -> bool:
         might_be = parser.layout.parse is None and text.lstrip()[:1] not in NO_NAME

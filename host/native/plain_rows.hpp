@@ -1,0 +1,189 @@
+// Lines of text that are plain rows of numbers, as numbers: to the bit what Python's float makes of each
+// field. What is not plain is left to Python (host/fltea/recording/text_numbers.py), so it is decided in one
+// place.
+#pragma once
+
+#include <charconv>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <string_view>
+#include <system_error>
+#include <vector>
+
+namespace fltea {
+
+// separator: 0 is white space. least: a row has so many fields or more. most: those beyond them are empty.
+// places: of the fields that are read, from 0.
+struct RowForm {
+    char separator;
+    std::size_t least, most;
+    std::vector<std::size_t> places;
+};
+
+class PlainRows {
+  public:
+    // decimal: '.' or ',' if an earlier number had it, else 0; commas are decimal where they separate
+    // nothing.
+    PlainRows(RowForm form, char decimal) : form_(std::move(form)), decimal_(decimal) {}
+
+    // Reads whole lines (the last one may lack its end) up to the first that is not plain; where it begins,
+    // text.size() + 1 if there is none. Blank lines and comments are passed over.
+    std::size_t read(std::string_view text) {
+        std::size_t begin = 0;
+        while (begin <= text.size()) {
+            const void* const end =
+                begin < text.size() ? std::memchr(&text[begin], '\n', text.size() - begin) : nullptr;
+            const std::size_t stop =
+                end ? static_cast<std::size_t>(static_cast<const char*>(end) - text.data()) : text.size();
+            const std::string_view line = stripped(text.substr(begin, stop - begin), ends_line);
+            if (!line.empty() && !is_for_people(line)) {
+                if (!row(line)) break;
+                lines.push_back(static_cast<std::int64_t>(passed));
+            }
+            ++passed;
+            begin = stop + 1;
+        }
+        return begin;
+    }
+
+    // The lines that are passed; of them those that are rows, from 0, and their numbers, row after row.
+    std::size_t passed = 0;
+    std::vector<std::int64_t> lines;
+    std::vector<double> values;
+
+    char decimal() const { return decimal_; }
+
+  private:
+    static constexpr std::size_t kLongest = 64;
+
+    static bool is_blank(char sign) { return sign == ' ' || (sign >= '\t' && sign <= '\r'); }
+    static bool is_ascii(char sign) { return sign > ' ' && sign <= '~'; }
+    static bool ends_line(char sign) { return sign == ' ' || sign == '\r'; }
+
+    template <typename Marks>
+    static std::string_view stripped(std::string_view text, Marks is_mark) {
+        while (!text.empty() && is_mark(text.front())) text.remove_prefix(1);
+        while (!text.empty() && is_mark(text.back())) text.remove_suffix(1);
+        return text;
+    }
+
+    static bool is_for_people(std::string_view line) {
+        if (!line.empty() && is_blank(line.front())) line = stripped(line, is_blank);
+        return !line.empty() && (line.front() == '#' || line.front() == '%' || line.substr(0, 2) == "//");
+    }
+
+    // Whether a line is plain; then its numbers are added.
+    bool row(std::string_view line) {
+        fields_.clear();
+        bool plain = line.front() == '\t' || is_ascii(line.front());  // Python knows other blanks, too
+        for (std::size_t begin = 0, end = 0; begin < line.size(); begin = form_.separator ? end + 1 : end) {
+            if (form_.separator) {
+                for (end = begin; end < line.size() && line[end] != form_.separator;) ++end;
+            } else {
+                while (begin < line.size() && is_blank(line[begin])) ++begin;
+                if (begin == line.size()) break;
+                for (end = begin; end < line.size() && !is_blank(line[end]); ++end)
+                    plain &= is_ascii(line[end]);
+            }
+            plain &= add(line.substr(begin, end - begin));
+        }
+        if (form_.separator && line.back() == form_.separator) fields_.emplace_back();
+        if (!plain || fields_.size() < form_.least) return false;
+        for (std::size_t k = form_.most; k < fields_.size(); ++k)
+            if (!fields_[k].empty()) return false;
+        const std::size_t before = values.size();
+        char mark = decimal_;
+        for (const std::size_t place : form_.places) {
+            double value = std::numeric_limits<double>::quiet_NaN();
+            if (place < fields_.size() && !number(fields_[place], value, mark)) {
+                values.resize(before);
+                return false;
+            }
+            values.push_back(value);
+        }
+        decimal_ = mark;
+        return true;
+    }
+
+    // A field without blanks and quotes around it; false for quotes anywhere else.
+    bool add(std::string_view field) {
+        if (field.size() > 1 && field.front() == '"' && field.back() == '"')
+            field = field.substr(1, field.size() - 2);
+        fields_.push_back(stripped(field, is_blank));
+        return field.find('"') == field.npos;
+    }
+
+    // Whether a field is a number, or empty, or a word for what is missing.
+    bool number(std::string_view text, double& value, char& mark) const {
+        if (text.empty()) return true;
+        if (text.size() >= kLongest) return false;
+        char copy[kLongest];
+        const std::size_t at = form_.separator == ',' ? text.npos : text.find_first_of(".,");
+        if (at != text.npos) {
+            if (mark && text[at] != mark) return false;
+            mark = text[at];
+        }
+        if (at != text.npos && mark == ',') {
+            if (at == 0 || !is_digit(text[at - 1]) || at + 1 == text.size() || !is_digit(text[at + 1]))
+                return false;
+            text.copy(copy, text.size());
+            copy[at] = '.';
+            text = {copy, text.size()};
+        }
+        if (few_digits(text, value)) return true;
+        const char *begin = text.data(), *const end = begin + text.size();
+        if (*begin == '+' && (++begin == end || *begin == '-')) return false;
+        const std::from_chars_result found = std::from_chars(begin, end, value);
+        if (found.ec == std::errc() && found.ptr == end && end[-1] != ')') {
+            if (std::isnan(value)) value = std::numeric_limits<double>::quiet_NaN();
+            return true;
+        }
+        value = std::numeric_limits<double>::quiet_NaN();
+        return is_missing(text);
+    }
+
+    static bool is_digit(char sign) { return sign >= '0' && sign <= '9'; }
+
+    // Digits up to 2^53, and a power of ten that is exact: then one division rounds as it has to.
+    static bool few_digits(std::string_view text, double& value) {
+        static constexpr double kTens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8, 1e9,
+                                           1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18};
+        const bool is_negative = text.front() == '-';
+        const std::size_t first = is_negative || text.front() == '+' ? 1 : 0;
+        if (text.size() - first > 19) return false;
+        std::uint64_t all = 0;
+        std::size_t point = text.npos;
+        for (std::size_t k = first; k < text.size(); ++k) {
+            if (is_digit(text[k])) {
+                all = all * 10 + static_cast<unsigned>(text[k] - '0');
+            } else if (text[k] == '.' && point == text.npos) {
+                point = k;
+            } else {
+                return false;
+            }
+        }
+        const std::size_t digits = text.size() - first - (point == text.npos ? 0 : 1);
+        if (digits == 0 || digits > 18 || all > std::uint64_t{1} << 53) return false;
+        value = static_cast<double>(all) / kTens[point == text.npos ? 0 : text.size() - point - 1];
+        if (is_negative) value = -value;
+        return true;
+    }
+
+    static bool is_missing(std::string_view text) {
+        for (const std::string_view word : {"na", "n/a", "null", "none"}) {
+            std::size_t k = 0;
+            while (k < word.size() && k < text.size() && (text[k] | 0x20) == (word[k] | 0x20)) ++k;
+            if (k == word.size() && k == text.size()) return true;
+        }
+        return false;
+    }
+
+    RowForm form_;
+    char decimal_;
+    std::vector<std::string_view> fields_;
+};
+
+}  // namespace fltea
