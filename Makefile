@@ -1,13 +1,14 @@
-# setup hashes run test test-slow test-all lint gen bench validate reproduce firmware flash emulate mutants faults docs man dist: each does
+# setup hashes run near test test-slow test-all lint gen bench validate reproduce firmware flash emulate mutants faults docs man dist: each does
 # first what it needs, and nothing twice on an unchanged tree.
 #   make run ARGS='--format ndjson'             arguments for 'fltea run'
+#   make near ARGS='--since HEAD~3'             what is near a change, and since when: tools/near.py
 #   make test ARGS='-k timebase'                arguments for pytest
 #   make reproduce ARGS='--seeds 100'           arguments for 'fltea reproduce'
 #   make validate ARGS='gallery --quick'        which part, and its arguments
 #   make flash PORT=/dev/ttyACM0                the board's programming port, if it is not the only one
 #   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
-.PHONY: setup hashes run test test-slow test-all test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench validate reproduce \
+.PHONY: setup hashes run near test test-slow test-all test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench validate reproduce \
         firmware flash emulate mutants faults docs man dist clean install-service install-udev uninstall-service
 .DELETE_ON_ERROR:
 
@@ -41,6 +42,10 @@ run: .venv/.run
 # are of programs that have to keep up with a line.
 TESTS := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(PY) -m pytest
 TWO_WORKERS := -n 2 --dist loadfile --no-loadscope-reorder
+
+# Style, types and generated files of what has changed, and the tests that mirror it, in two minutes.
+near: .venv/.dev
+	@$(PY) tools/near.py $(ARGS)
 
 # The first tier is every test without the mark `slow`, the second every test with it (tests/README.md).
 test: .venv/.dev

@@ -44,9 +44,14 @@ def _folders(folder: str) -> list[str]:
     return sorted({file.parent.name for file in (ROOT / folder).glob("*/*.py")})
 
 
+def path() -> str:
+    """Return where mypy finds the modules, as its variable MYPYPATH."""
+    return os.pathsep.join(str(ROOT / folder) for folder in PATH)
+
+
 def main() -> int:
     """Run mypy; returns its exit code."""
-    environment = {**os.environ, "MYPYPATH": os.pathsep.join(str(ROOT / folder) for folder in PATH)}
+    environment = {**os.environ, "MYPYPATH": path()}
     command = [sys.executable, "-m", "mypy", *sys.argv[1:], *names()]
     return subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode
 

@@ -1,0 +1,104 @@
+"""`make near`: what is run for which changed files."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import near
+import pytest
+from near import plan
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_a_room_is_checked_typed_and_its_tests_run() -> None:
+    found = plan(["host/fltea/recording/kind.py", "host/fltea/recording/bag/of.py"])
+    assert found.python == ["host/fltea/recording/bag/of.py", "host/fltea/recording/kind.py"]
+    assert found.types == ["-p", "fltea.recording"]
+    assert (found.tests, found.cxx) == (["tests/recording"], [])
+
+
+@pytest.mark.parametrize(
+    ("name", "tests"),
+    [
+        ("host/native/engine.cpp", ["tests/estimator", "tests/native", "tests/spectrum", "tests/wire"]),
+        (
+            "firmware/core/engine/pack.hpp",
+            ["tests/estimator", "tests/native", "tests/spectrum", "tests/wire"],
+        ),
+        ("firmware/core/link.h", ["tests/firmware", "tests/protocol"]),
+        ("host/fltea/settings/how.py", ["tests/cli", "tests/settings", "tests/site"]),
+        ("host/fltea/recording/dialects.toml", ["tests/recording"]),
+        ("host/docs/guide/bias.md", ["tests/site/test_site_texts.py"]),
+        ("host/notebooks/a.ipynb", ["tests/api/test_notebooks.py"]),
+        ("tests/api/test_api.py", ["tests/api/test_api.py"]),
+        ("tests/recording/corpus/a.csv", ["tests/recording"]),
+        ("tools/due_emulator/bus.py", ["tests/due_emulator"]),
+        ("pyproject.toml", ["tests/dist"]),
+        ("LICENSE", []),
+    ],
+)
+def test_tests_mirror_files(name: str, tests: list[str]) -> None:
+    assert plan([name]).tests == tests
+    assert all((ROOT / one).exists() for one in tests)
+
+
+def test_what_is_gone_is_neither_formatted_nor_typed_but_its_tests_run() -> None:
+    found = plan([], ["host/fltea/recording/kind.py", "host/native/old.hpp"])
+    assert (found.python, found.cxx, found.types) == ([], [], [])
+    assert "tests/recording" in found.tests
+
+
+def test_a_file_of_a_folder_that_is_run_is_not_run_twice() -> None:
+    assert plan(["tests/wire/test_x.py", "host/fltea/wire/ports.py"]).tests == ["tests/wire"]
+
+
+def test_a_stand_in_runs_the_tests_that_use_it_unless_they_are_many() -> None:
+    files = [f"tests/wire/test_{i}.py" for i in range(near.MOST_USERS)]
+    found = plan(["tests/rig/few.py"], users=lambda module: files if module == "few" else [])
+    assert (found.tests, found.left_out, found.types) == (files, [], ["-m", "few"])
+    found = plan(["tests/rig/many.py"], users=lambda _: [*files, "tests/wire/test_more.py"])
+    assert (found.tests, found.left_out) == ([], ["tests/rig/many.py"])
+
+
+def test_users_are_found_by_what_they_import() -> None:
+    assert "tests/tools/test_near.py" in near.users_of("near")
+    assert "tests/recording/test_corpus.py" in near.users_of("corpus_files")
+    assert near.users_of("no_such_module") == []
+
+
+def test_every_module_has_the_name_that_lint_gives_it() -> None:
+    """Each file of Python is typed, by a word that `tools/check_types.py` has too."""
+    known = near.check_types.names()
+    pairs = set(zip(known[::2], known[1::2], strict=True))
+    for top in ("tools", "tests"):
+        for path in (ROOT / top).glob("**/*.py"):
+            name = path.relative_to(ROOT).as_posix()
+            if len(path.relative_to(ROOT).parts) < 4:
+                assert near.typed(name) in pairs, name
+
+
+def test_it_says_what_it_runs() -> None:
+    command = [sys.executable, "tools/near.py", "--dry-run", "--since", "HEAD"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert "near: python tools/generated.py --check" in done.stdout
+    assert re.match(r"near: \d+ files differ from HEAD\n", done.stdout)
+    done = subprocess.run([*command[:-1], "no-such"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "near: git diff" in done.stderr
+
+
+def test_a_failure_is_told_at_the_end(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(near, "changed", lambda _: ("HEAD", ["tools/near.py"]))
+    monkeypatch.setattr(near, "commands", lambda _: [["false", "it"], ["true"]])
+    monkeypatch.setattr(near, "_git", lambda *_: ["+++ b/CHANGELOG.md", "-old"])
+    assert near.main([]) == 1
+    out, err = capfd.readouterr()
+    assert (err, "warning: CHANGELOG.md has no new line" in out) == ("near: failed: false it\n", True)
+    monkeypatch.setattr(near, "commands", lambda _: [["true"]])
+    monkeypatch.setattr(near, "_git", lambda *_: ["+++ b/CHANGELOG.md", "+- new"])
+    assert near.main([]) == 0
+    assert "warning" not in capfd.readouterr().out

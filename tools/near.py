@@ -1,0 +1,204 @@
+"""Checks what is near a change: its style and types, the generated files, and the tests that mirror it.
+
+Counted are the files that differ from `origin/main`, or from the commit before the last one where there is no
+such branch, and those that git does not know yet. Usage: near.py [--since COMMIT] [--dry-run]; `make near`.
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import check_types
+
+ROOT = Path(__file__).resolve().parents[1]
+CXX = {".cpp", ".hpp", ".h"}
+ENGINE = ("native", "spectrum", "estimator", "wire")
+"""Folders of tests that mirror the native module and the headers of the engine."""
+ALSO = {"cli": ("site",), "settings": ("site", "cli")}
+"""Folders of tests that mirror a room beside its own."""
+TESTS_OF = {
+    "host/native/": ENGINE,
+    "firmware/core/engine/": ENGINE,
+    "firmware/": ("firmware", "protocol"),
+    "protocol/": ("protocol",),
+    "host/fltea/__init__.py": ("api",),
+    "host/fltea/__main__.py": ("cli/test_safe_path.py",),
+    "host/fltea/_native.pyi": ("native/test_source_hash.py",),
+    "tests/conftest.py": ("native/test_source_hash.py",),
+    "host/notebooks/": ("api/test_notebooks.py",),
+    "host/docs/": ("site/test_site_texts.py",),
+    "pyproject.toml": ("dist",),
+    "constraints.txt": ("dist",),
+    "tools/hashes": ("dist",),
+    "Makefile": ("native/test_source_hash.py",),
+}
+"""Tests by how a file's name begins; the first that fits counts."""
+MOST_USERS = 8
+"""A stand-in that more files of tests use is the whole suite's business."""
+
+MOST_SAID = 4
+"""Files of one command that are named."""
+
+Users = Callable[[str], list[str]]
+
+
+class Plan(NamedTuple):
+    """What is run: ruff and clang-format on files, mypy on packages and modules, pytest on tests."""
+
+    python: list[str]
+    cxx: list[str]
+    types: list[str]
+    tests: list[str]
+    left_out: list[str]
+    """Modules whose users among the tests are too many."""
+
+
+def plan(files: Iterable[str], gone: Iterable[str] = (), users: Users = lambda _: []) -> Plan:
+    """Return what is run for changed files, and for files that are gone.
+
+    users: the files of tests that use a module of `tools` or `tests/rig`, by its name.
+    """
+    here, everything = sorted(files), sorted({*files, *gone})
+    found = {name: tests_of(name, users) for name in everything}
+    left_out = [name for name, tests in found.items() if name.endswith(".py") and len(tests) > MOST_USERS]
+    tests = {test for name, tests in found.items() if name not in left_out for test in tests}
+    names = {words for name in here if name.endswith(".py") and (words := typed(name))}
+    return Plan(
+        [name for name in here if name.endswith(".py")],
+        [name for name in here if Path(name).suffix in CXX],
+        [word for words in sorted(names) for word in words],
+        sorted(test for test in tests if str(Path(test).parent) not in tests),
+        left_out,
+    )
+
+
+def tests_of(name: str, users: Users) -> list[str]:
+    """Return the folders and files of tests that mirror a file."""
+    path = Path(name)
+    match path.parts:
+        case ("host", "fltea", room, _, *_):
+            return [f"tests/{one}" for one in (room, *ALSO.get(room, ()))]
+        case ("tests", "rig", _, *_):
+            return users(path.stem)
+        case ("tests", folder, file, *_):
+            return [name if file.startswith("test_") else f"tests/{folder}"]
+        case ("tools", module) if module.endswith(".py"):
+            return users(path.stem)
+        case ("tools", package, _, *_) if package not in ("hashes", "templates"):
+            return [f"tests/{package}"] if (ROOT / "tests" / package).is_dir() else users(package)
+    begin = next((begin for begin in TESTS_OF if name.startswith(begin)), None)
+    if begin is None:
+        return ["tests/site/test_site_texts.py"] if path.suffix == ".md" else []
+    return [f"tests/{one}" for one in TESTS_OF[begin]]
+
+
+def typed(name: str) -> tuple[str, str] | None:
+    """Return the words by which mypy takes a file: its package, or its module."""
+    path = Path(name)
+    match path.parts:
+        case ("host", "fltea", room, _, *_):
+            return "-p", f"fltea.{room}"
+        case ("host", "fltea", _):
+            return "-m", "fltea" if path.stem == "__init__" else f"fltea.{path.stem}"
+        case ("tests", "rig", _):
+            return "-m", path.stem
+        case ("tools" | "tests" as top, folder, _, *_):
+            return "-p", f"{top}.{folder}"
+        case ("tools", _):
+            named = f"tools.{path.stem}"
+            return "-m", named if named in check_types.BY_PACKAGE else path.stem
+        case ("tests", _):
+            return "-m", f"tests.{path.stem}"
+    return None
+
+
+def users_of(module: str) -> list[str]:
+    """Return the files of tests that use a module of `tools` or `tests/rig`."""
+    uses = re.compile(
+        rf"\b(?:import|from) (?:tools\.)?{module}\b|\btools[./]{module}\b|\b{module}\.(?:py|sh)\b"
+    )
+    tests = (ROOT / "tests").glob("*/test_*.py")
+    return sorted(
+        path.relative_to(ROOT).as_posix() for path in tests if uses.search(path.read_text(encoding="utf-8"))
+    )
+
+
+def changed(since: str | None) -> tuple[str, list[str]]:
+    """Return the commit with which the tree is compared, and the files that differ from it."""
+    if since is None:
+        upstream = _git("rev-parse", "--verify", "--quiet", "origin/main", check=False)
+        base = upstream and _git("merge-base", "HEAD", "origin/main", check=False)
+        base = base or _git("rev-parse", "--verify", "--quiet", "HEAD~1", check=False)
+        since = base[0] if base else "HEAD"
+    differ = _git("diff", "--name-only", "--no-renames", since, "--")
+    return since, differ + _git("ls-files", "--others", "--exclude-standard")
+
+
+def _git(*words: str, check: bool = True) -> list[str]:
+    done = subprocess.run(["git", *words], cwd=ROOT, check=False, capture_output=True, text=True)
+    if check and done.returncode:
+        sys.exit(f"near: git {' '.join(words)}: {done.stderr.strip()}")
+    return done.stdout.splitlines()
+
+
+def commands(wanted: Plan) -> list[list[str]]:
+    """Return the programs that are run, the quick ones first."""
+    ruff, clang = [sys.executable, "-m", "ruff"], str(Path(sys.executable).with_name("clang-format"))
+    found = [[sys.executable, "tools/generated.py", "--check"]]
+    if wanted.python:
+        found = [[*ruff, "format", "--check", *wanted.python], [*ruff, "check", *wanted.python], *found]
+    if wanted.cxx:
+        found.append([clang, "--dry-run", "-Werror", *wanted.cxx])
+    if wanted.types:
+        found.append([sys.executable, "-m", "mypy", *wanted.types])
+    if wanted.tests:
+        found.append(["make", "--no-print-directory", "test", f"ARGS=-q {' '.join(wanted.tests)}"])
+    return found
+
+
+def said(command: Sequence[str]) -> str:
+    """Return a command as a person reads it: many files as how many they are."""
+    words = [Path(word).name if word.startswith("/") else word for word in command]
+    files = [word for word in words if "/" in word and (ROOT / word).is_file()]
+    if len(files) > MOST_SAID:
+        words = [word for word in words if word not in files] + [f"({len(files)} files)"]
+    return " ".join(words)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code, 1 where anything failed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--since", metavar="COMMIT", help="compare with it; origin/main, or else HEAD~1")
+    parser.add_argument("--dry-run", action="store_true", help="only say what would be run")
+    given = parser.parse_args(words)
+    since, names = changed(given.since)
+    here = [name for name in names if (ROOT / name).is_file()]
+    wanted = plan(here, set(names) - set(here), users_of)
+    print(f"near: {len(names)} files differ from {since}", flush=True)
+    for name in wanted.left_out:
+        print(f"near: not run: the tests that use {name}, which are many; make test does", flush=True)
+    failed = []
+    for command in commands(wanted):
+        begin = time.monotonic()
+        print(f"near: {said(command)}", flush=True)
+        environment = {**os.environ, "MYPYPATH": check_types.path()}
+        if given.dry_run:
+            continue
+        if subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode:
+            failed.append(said(command))
+        print(f"near: {time.monotonic() - begin:.0f} s", flush=True)
+    if names and not any(re.match(r"\+[^+]", line) for line in _git("diff", since, "--", "CHANGELOG.md")):
+        print("near: warning: CHANGELOG.md has no new line", flush=True)
+    for text in failed:
+        print(f"near: failed: {text}", file=sys.stderr)
+    return int(bool(failed))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
