@@ -1,129 +1,121 @@
-"""What the names of columns say, as loggers of all kinds write them: axis, time, unit (pure)."""
+"""What the names of columns say, as loggers of all kinds write them: axis, time, unit (pure).
+
+A name is words, one of which may be an axis, and a unit: in brackets behind or before them, or at their end.
+"""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache
+from typing import NamedTuple
 
 from fltea.recording.files import LONGEST_NAME
-from fltea.records.units import STANDARD_GRAVITY_MS2
+from fltea.recording.units import (
+    AMBIGUOUS,
+    TIME_UNITS,
+    accel_unit,
+    is_angle,
+    is_physical,
+    is_unit,
+    rate_unit,
+    time_unit,
+)
 from fltea.settings.how import TimeUnit
 
-TIME_UNITS: dict[str, TimeUnit] = {
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
-    **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds", "millisecond"), "ms"),
-    **dict.fromkeys(("us", "µs", "μs", "usec", "usecs", "micros", "microseconds", "microsecond"), "us"),
-    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanoseconds", "nanosecond"), "ns"),
-}
-"""As they are written behind a name, in small letters."""
-
-RATE_UNITS = {
-    **dict.fromkeys(
-        ("deg/s", "°/s", "º/s", "dps", "degs^-1", "degs-1", "deg/sec", "degps", "deg_s"), "deg/s"
-    ),
-    **dict.fromkeys(("degree/s", "degrees/s", "deg_per_s", "deg_per_sec", "degrees/sec"), "deg/s"),
-    **dict.fromkeys(("mdps", "mdeg/s", "m°/s"), "mdps"),
-    **dict.fromkeys(
-        (
-            "rad/s",
-            "rads^-1",
-            "rads-1",
-            "rad/sec",
-            "radps",
-            "rad_s",
-            "rads",
-            "rad_per_s",
-            "radians/s",
-            "radian/s",
-            "radians/sec",
-        ),
-        "rad/s",
-    ),
-}
-ACCEL_MS2 = {
-    **dict.fromkeys(("m/s^2", "m/s2", "m/s²", "m/s/s", "ms^-2", "ms-2", "ms2", "mps2"), 1.0),
-    **dict.fromkeys(("g", "gs"), STANDARD_GRAVITY_MS2),
-    "mg": 1e-3 * STANDARD_GRAVITY_MS2,
-}
-"""m/s² in one of each unit."""
-
-OTHER_UNITS = {"c", "°c", "degc", "k", "ut", "µt", "gauss", "pa", "hpa", "v", "mv", "hz", "deg", "rad", "°"}
-OTHER_UNITS |= {"lsb", "counts", "raw", "%"}
-"""Of columns beside them; a second line of a header has them too."""
-
-TIME_NAMES = {
-    "ms",
-    "us",
-    "time",
-    "t",
-    "timestamp",
-    "timestamps",
-    "time_stamp",
-    "stamp",
-    "ts",
-    "times",
-    "elapsed",
-}
-TIME_NAMES |= {
-    "elapsed_time",
-    "device_time",
-    "sensor_time",
-    "sample_time",
-    "header_stamp",
-    "time_since_start",
-    "timestamp_sample",
-    "seconds_elapsed",
-    "datetime",
-    "date_time",
-    "date",
-    "zeit",
-    "uhrzeit",
-    "datum",
-    "zeitstempel",
-}
+_OF_TIME = "time|timestamps?|time_stamp|stamp|elapsed"
+_TIMES = "ms|us|t|ts|times|elapsed_time|time_elapsed|time_since_start|timestamp_sample|seconds_elapsed"
+_TIMES += "|sample_time_fine|datetime|date_time|date|zeit|uhrzeit|datum|zeitstempel"
+_OF_CLOCK = "app|board|device|field|header|host|imu|local|raw|sample|sensor|system|unix"
 
 OF_RADS = "SampleTimeFine", "PacketCounter", "seconds_elapsed"
 """Columns of programs that write rad/s without saying so: MT Manager of Xsens, Sensor Logger of phones."""
 
-_PREFIX = r"(?:(?:field|imu\d*|imu_raw|imu_data|data|sensor|raw|board|mpu\d*|icm\d*)_)*"
-_LONG = "gyroscope|gyros?|gyr|rotation|rotation_rate|rot_rate|angular_velocity|angular_rate|ang_vel|angvel"
-_LONG += "|omega|w_rs_s"
-_ACCEL = "accelerometer|acceleration|accel|acc|linear_acceleration|lin_acc|a_rs_s"
-_SORT = r"(?:_(?:raw|data|calibrated|uncalibrated|uncal|scaled))?"
-_AXIS = re.compile(rf"{_PREFIX}(?:(?:{_LONG}){_SORT}_?|[gw]_?)([xyz])")
-_ACCEL_AXIS = re.compile(rf"{_PREFIX}(?:(?:{_ACCEL})_?|a_?)([xyz])")
-_NUMBERED = re.compile(rf"{_PREFIX}(?:{_LONG}|gyroadc)(?:_rad)?\[([012])\]")
-"""As PX4 and Betaflight call axes."""
+_NO_SENSOR = r"(?!(?:avg|bias|cov|err|max|mean|min|std|var)\d)"
+_PREFIX = r"field|raw|data|sensor|board|device|motion|scaled|highres|imu|shimmer(?:_[\da-f]+)*"
+_PREFIX += rf"|{_NO_SENSOR}[a-z]{{2,7}}\d+[a-z]{{0,4}}\d*"
+_BEFORE = rf"(?:(?:{_PREFIX})_)*"
+"""Of a sensor: imu0, lsm6dsox, but no std0."""
 
+_SORT = r"(?:_(?:raw|data|cal|calibrated|uncalibrated|uncal|scaled|adc|unfilt|smooth|ln|wr))*"
+_GYRO = "gyroscopes?|gyros?|gyr|(?:gyro_)?rotation_?rate|gyro_rotation|rot_?rate|w_rs_s|avel|omega"
+_GYRO += "|angular_?(?:velocity|rate|speed)|ang_?(?:vel|rate)"
+_ACCEL = "accelerometers?|(?:accelerometer_)?accelerations?|accel|acc|linear_?acceleration|lin_?acc|a_rs_s"
+
+
+def _axis(words: str) -> re.Pattern[str]:
+    return re.compile(rf"{_BEFORE}(?:{words})(?:_axis)?{_SORT}")
+
+
+_GYRO_AXIS = _axis(rf"(?:{_GYRO}){_SORT}_?(?P<x>[xyz])|(?P<before>[xyz])_?(?:{_GYRO})|[gw]_?(?P<bare>[xyz])")
+_ACCEL_AXIS = _axis(rf"(?:{_ACCEL}){_SORT}_?(?P<x>[xyz])|(?P<before>[xyz])_?(?:{_ACCEL})|a_?(?P<bare>[xyz])")
+_BARE_AXIS = _axis("(?:(?:as|axis|rate|rotation)_?)?(?P<x>[xyz])")
+"""Of what the unit says. AsX is what WitMotion calls an angular speed."""
+
+_TIME = re.compile(rf"{_TIMES}|{_BEFORE}(?:(?:{_OF_CLOCK})_)*(?:{_OF_TIME})(?:_unix)?{_SORT}")
 _SECONDS = re.compile(r"(.*?)_?(?:secs?|seconds|s)")
 _FINE = re.compile(r"(.*?)_?(nanosec(?:ond)?s?|nsecs?|nanos|ns|usecs?|microsec(?:ond)?s?|micros|us)")
 
-_UNIT_BEHIND = re.compile(r"(.+?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))")
+_UNIT_BEHIND = re.compile(r"(.*[^\s\[(])\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))")
+_UNIT_BEFORE = re.compile(r"(?:\[([^\[\]]+)\]|\(([^()]+)\))\s*([^\s\[(].*)")
+_SEPARATOR = re.compile(r"[\s./:\-_]+")
+_HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+_MOST_WORDS_OF_UNIT = 4
 
 
-def known_unit(text: str) -> bool:
-    """Whether a field is a unit, of anything that stands in a table of an IMU."""
-    bare = bare_unit(text)
-    return any(bare in units for units in (TIME_UNITS, RATE_UNITS, ACCEL_MS2, OTHER_UNITS))
+class _Name(NamedTuple):
+    """A name taken apart. words: of `base`, in small letters with _ between them. unit: that it states."""
+
+    base: str
+    words: str
+    unit: str
+    is_in_brackets: bool
+
+
+@lru_cache(maxsize=1 << 12)
+def _parts(name: str) -> _Name:
+    name = name.strip()
+    if len(name) > LONGEST_NAME:
+        return _Name(name, "", "", is_in_brackets=False)
+    if (found := _UNIT_BEHIND.fullmatch(name)) is not None:
+        base, unit = found[1], (found[2] or found[3] or "").strip()
+        if unit in ("0", "1", "2"):  # as PX4 and Betaflight call axes; with _rad PX4 means rad/s
+            inner = _parts(base)
+            unit = "rad/s" if inner.unit == "rad" else inner.unit
+            return _Name(base, f"{inner.words}_{'xyz'[int(found[2] or found[3])]}", unit, is_in_brackets=True)
+        return _Name(base, _plain(base), unit, is_in_brackets=True)
+    if (found := _UNIT_BEFORE.fullmatch(name)) is not None and is_unit(found[1] or found[2]):
+        return _Name(found[3], _plain(found[3]), found[1] or found[2], is_in_brackets=True)
+    for separator in list(_SEPARATOR.finditer(name, 1))[-_MOST_WORDS_OF_UNIT:]:
+        unit = name[separator.end() :]
+        if rate_unit(unit) or accel_unit(unit) or time_unit(unit) or is_angle(unit):
+            base = name[: separator.start()]
+            return _Name(base, _plain(base), unit, is_in_brackets=False)
+    return _Name(name, _plain(name), "", is_in_brackets=False)
+
+
+def unit_in(name: str) -> str:
+    """Return the unit that a name states, as it stands there; "" if it states none."""
+    return _parts(name).unit
 
 
 def time_unit_of(name: str) -> TimeUnit | None:
-    """The unit of times that a name ends in."""
-    base, unit = _parts(name)
-    if unit:
-        return TIME_UNITS.get(bare_unit(unit))
-    words = _plain(base).split("_")
-    is_said = len(words) > 1 or len(words[0]) > 3 or words[0] in TIME_NAMES
-    return TIME_UNITS.get(words[-1]) if is_said else None
+    """Return the unit of times that a name states."""
+    found = _parts(name)
+    if found.unit:
+        return time_unit(found.unit)
+    words = found.words.split("_")
+    if len(words) > 1 or len(words[0]) > 3 or _TIME.fullmatch(words[0]):
+        return TIME_UNITS.get(words[-1]) or (TIME_UNITS.get(words[0]) if len(words[0]) > 3 else None)
+    return None
 
 
 def rate_unit_of(name: str) -> str | None:
-    """The unit of angular rates that a name ends in."""
-    base, unit = _parts(name)
-    if unit in ("0", "1", "2"):
-        return "rad/s" if base.lower().endswith("_rad") else None
-    if unit:
-        return RATE_UNITS.get(bare_unit(unit))
-    plain = base.strip().lower()
-    return next((known for end, known in RATE_UNITS.items() if plain.endswith(f"_{end}")), None)
+    """Return the unit of angular rates that a name states, by its name in `units.PER_UNIT`."""
+    return rate_unit(_parts(name).unit)
+
+
+def accel_unit_of(name: str) -> float | None:
+    """Return m/s² in one of the unit of accelerations that a name states."""
+    return accel_unit(_parts(name).unit)
 
 
 def are_in_rads(names: Iterable[str]) -> bool:
@@ -132,16 +124,27 @@ def are_in_rads(names: Iterable[str]) -> bool:
 
 
 def is_time(name: str) -> bool:
-    """Whether a name is one of times, without a doubt."""
-    plain = _plain(_parts(name)[0]).removeprefix("field_").removeprefix("imu_")
-    if plain in TIME_NAMES:
-        return True
-    base, _, end = plain.rpartition("_")
-    return (base in TIME_NAMES and end in TIME_UNITS) or (plain in TIME_UNITS and len(plain) > 3)
+    """Whether a name is one of times; of a bare T see `times_in`."""
+    found = _parts(name)
+    if is_physical(found.unit) and time_unit(found.unit) is None:
+        return False
+    base, _, end = found.words.rpartition("_")
+    is_base = end in TIME_UNITS and _TIME.fullmatch(base) is not None
+    return (
+        is_base
+        or _TIME.fullmatch(found.words) is not None
+        or (len(end) > 3 and not base and end in TIME_UNITS)
+    )
+
+
+def times_in(names: Sequence[str]) -> list[str]:
+    """Return the names of times. A bare T, which may be a temperature, is one only if there is no other."""
+    found = [name for name in names if is_time(name)]
+    return [name for name in found if name.strip() != "T"] or found
 
 
 def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
-    """Places of whole seconds whose fraction has a column: its place, and seconds in one of its unit."""
+    """Return the places of whole seconds whose fraction has a column: its place, and its unit in seconds."""
     parts: dict[int, tuple[int, float]] = {}
     bases = {}
     for place, name in enumerate(names):
@@ -155,58 +158,36 @@ def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
     return parts
 
 
-def axis_of(name: str) -> str | None:
-    """The axis, x, y or z, of a gyroscope."""
-    numbered = _NUMBERED.fullmatch(_plain(name)) if len(name) <= LONGEST_NAME else None
-    return _axis_in(name, _AXIS, RATE_UNITS) if numbered is None else "xyz"[int(numbered[1])]
+def axis_of(name: str, unit: str = "") -> str | None:
+    """Return the axis, x, y or z, of a gyroscope that a name is; unit: what the file states beside it."""
+    return _axis_in(name, unit, _GYRO_AXIS, rate_unit)
+
+
+def accel_axis_of(name: str, unit: str = "") -> str | None:
+    """Return the axis of an accelerometer that a name is; unit: what the file states beside it."""
+    return _axis_in(name, unit, _ACCEL_AXIS, accel_unit)
+
+
+def _axis_in(name: str, unit: str, axis: re.Pattern[str], kind: Callable[[str], object]) -> str | None:
+    """The axis, unless its unit says that something else is measured; with its own unit a mere x is one."""
+    parts = _parts(name)
+    stated = parts.unit if is_physical(parts.unit) else unit
+    if is_physical(stated) and kind(stated) is None:
+        return None
+    found = axis.fullmatch(parts.words)
+    if found is None and is_physical(stated) and stated not in AMBIGUOUS:
+        found = _BARE_AXIS.fullmatch(parts.words)
+    return None if found is None else found[found.lastgroup or "x"]
 
 
 def named_axis(name: str, axis: int) -> str:
-    """The name of an axis, from 0, of an array with three columns: `gyro_dps` has `gyro_x_dps`."""
-    base, unit = _parts(name)
-    if unit:
-        return f"{base}_{'xyz'[axis]} [{unit}]"
-    end = _unit_end(name.lower(), (*RATE_UNITS, *ACCEL_MS2))
-    return f"{name[: len(name) - len(end)]}_{'xyz'[axis]}{end}"
-
-
-def accel_axis_of(name: str) -> str | None:
-    """The axis, x, y or z, of an accelerometer."""
-    return _axis_in(name, _ACCEL_AXIS, ACCEL_MS2)
-
-
-def _axis_in(name: str, axis: re.Pattern[str], units: Iterable[str]) -> str | None:
-    if len(name) > LONGEST_NAME:
-        return None
-    plain = _plain(_parts(name)[0])
-    found = axis.fullmatch(plain.removesuffix(_unit_end(plain, units)))
-    return found[1] if found is not None else None
-
-
-def accel_unit_of(name: str) -> float | None:
-    """The unit of specific forces that a name ends in, in m/s²."""
-    base, unit = _parts(name)
-    return ACCEL_MS2.get(bare_unit(unit) if unit else _unit_end(_plain(base), ACCEL_MS2).removeprefix("_"))
-
-
-def _unit_end(plain: str, units: Iterable[str]) -> str:
-    """The unit that a name ends in, with what separates it."""
-    return next((f"_{unit}" for unit in units if plain.endswith(f"_{unit}")), "")
-
-
-def _parts(name: str) -> tuple[str, str]:
-    """A name and the unit in brackets behind it."""
-    if len(name) > LONGEST_NAME:
-        return name, ""
-    found = _UNIT_BEHIND.fullmatch(name.strip())
-    return (found[1], found[2] or found[3] or "") if found is not None else (name.strip(), "")
+    """Return the name of an axis, from 0, of an array with three columns: `gyro_dps` has `gyro_x_dps`."""
+    found = _parts(name)
+    if found.is_in_brackets and found.unit:
+        return f"{found.base}_{'xyz'[axis]} [{found.unit}]"
+    return f"{found.base}_{'xyz'[axis]}{name.strip()[len(found.base) :]}"
 
 
 def _plain(name: str) -> str:
-    """In small letters, with _ for all that separates words."""
-    return re.sub(r"[\s./:\-_]+", "_", name.strip().lower()).strip("_")
-
-
-def bare_unit(unit: str) -> str:
-    """A unit without brackets, blanks and signs of multiplication."""
-    return re.sub(r"[\s\[\]()*·]", "", unit.lower())
+    """In small letters, with _ for all that separates words, and between the words of `gyroX`."""
+    return _SEPARATOR.sub("_", _HUMP.sub("_", name.strip()).lower()).strip("_")

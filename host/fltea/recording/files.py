@@ -4,7 +4,6 @@ A file is checked as a whole before its first sample goes out, so that bad input
 line, reason) and no half of an output.
 """
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,10 +16,6 @@ from fltea.recording.sample_times import LONGEST_S
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from fltea.records.errors import UsageError
 
-PER_UNIT = {"deg/s": 1.0, "°/s": 1.0, "dps": 1.0, "mdps": 1e-3, "rad/s": math.degrees(1.0)}
-"""Degrees per second in one of each unit."""
-
-UNITS_HELP = f"{', '.join(PER_UNIT)}, or lsb:N for counts, N LSB per deg/s"
 TIME_COLUMN = "time_s"
 LARGEST_DPS = 1e6
 """Hundreds of times what any gyroscope measures; beyond it the unit is wrong, and squares overflow."""
@@ -91,24 +86,6 @@ class Stored(NamedTuple):
             parts = [getattr(block, name) for block in blocks]
             columns[name] = None if parts[0] is None else np.concatenate(parts)
         return blocks[0]._replace(**columns)
-
-
-def parse_units(text: str) -> tuple[float, float | None]:
-    """Factor to deg/s and LSB per deg/s (None unless the unit is counts) of a unit's name.
-
-    Raises:
-        UsageError: an unknown unit.
-    """
-    if text in PER_UNIT:
-        return PER_UNIT[text], None
-    if text.startswith("lsb:"):
-        try:
-            lsb = float(text[4:])
-        except ValueError:
-            lsb = math.nan
-        if lsb > 0 and math.isfinite(lsb):
-            return 1.0, lsb
-    raise UsageError(f"--units {text}: not a unit that this program knows. Give {UNITS_HELP}.")
 
 
 def check_span(path: Path, rate_hz: float, samples: int, span_s: float) -> None:

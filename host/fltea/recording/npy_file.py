@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.recording.columns import wanted_of
-from fltea.recording.files import AT_ONCE, UNITS_HELP, Stored
+from fltea.recording.files import AT_ONCE, Stored
 from fltea.recording.npz_arrays import KINDS
 from fltea.recording.sample_times import Floats
 from fltea.recording.sheet import SAMPLE_ROWS, Sheet, open_sheet
+from fltea.recording.units import UNITS_HELP
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.settings.how import AS_IT_SAYS, How

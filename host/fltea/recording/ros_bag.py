@@ -17,7 +17,6 @@ from fltea.recording.bag_ros2 import read_mcap, read_sqlite, unpacked_file
 from fltea.recording.files import (
     AT_ONCE,
     MOST_NAMES,
-    PER_UNIT,
     Note,
     Recording,
     Stored,
@@ -30,6 +29,7 @@ from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.session import LATEST_NS
 from fltea.recording.spool import Spool
 from fltea.recording.table import is_of_sensor
+from fltea.recording.units import PER_UNIT
 from fltea.recording.unpack import unpacked_zstd
 from fltea.records.errors import UsageError
 from fltea.records.visible import visible

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from fltea.recording.column_names import known_unit, named_axis
+from fltea.recording.column_names import named_axis
+from fltea.recording.units import is_unit
 from fltea.records.records import AXES
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -69,7 +70,7 @@ def labelled(line: str) -> Labelled | None:
     for found in _PAIR.finditer(line):
         before = _GROUP_BEFORE.search(line[end : found.start()])
         words = found["label"].split()
-        while len(words) > 1 and known_unit(words[0]):  # the unit of the number before
+        while len(words) > 1 and is_unit(words[0]):  # the unit of the number before
             units.update(dict.fromkeys(members, words.pop(0)))
         unit = ""
         if len(words) > 1 and words[-1][0] in "([":
@@ -89,7 +90,7 @@ def labelled(line: str) -> Labelled | None:
         members += names
         end = found.end()
         behind = _UNIT_BEHIND.match(line[end:])
-        if behind is not None and known_unit(behind[1]):
+        if behind is not None and is_unit(behind[1]):
             units.update(dict.fromkeys(members, behind[1]))
     return Labelled(values, units) if values else None
 

@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 
 from fltea.recording.columns import Chosen
-from fltea.recording.files import parse_units
 from fltea.recording.sample_times import Floats
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from fltea.recording.table import ENOUGH_ROWS, Plausible, Rows, Samples, is_of_sensor, samples_of
 from fltea.recording.text_rows import REASONS, TextReader
+from fltea.recording.units import parse_units
 from fltea.records.errors import Implausible, UsageError
 from fltea.records.events import (
     SEQUENCE_WRAP,

@@ -1,0 +1,220 @@
+"""Units as people write them: a grammar of angles per time, accelerations and times, not a list (pure).
+
+Blanks, brackets, signs of multiplication and capitals make no difference: no logger writes megaradians. What
+may mean two things is no unit here: `rps` is revolutions or radians per second.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from functools import lru_cache
+
+from fltea.records.errors import UsageError
+from fltea.records.units import STANDARD_GRAVITY_MS2
+from fltea.settings.how import TimeUnit
+
+
+def _spelled(forms: dict[str, str]) -> dict[str, str]:
+    """Turn words by what they mean into what they mean by the word."""
+    return {word: meaning for meaning, words in forms.items() for word in words.split()}
+
+
+_ANGLES = {"rad": math.degrees(1.0), "deg": 1.0, "arcsec": 1 / 3600, "arcmin": 1 / 60, "rev": 360.0}
+_TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0}
+_PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6}
+
+PER_UNIT = {
+    f"{prefix}{angle}/{time}": scale * degrees / seconds
+    for angle, degrees in _ANGLES.items()
+    for prefix, scale in _PREFIXES.items()
+    for time, seconds in _TIMES.items()
+}
+"""Degrees per second in one of each unit of rates, by its name here."""
+
+UNITS_HELP = "deg/s, °/s, dps, mdps, rad/s, mrad/s, deg/h, rpm, or lsb:N for counts, N LSB per deg/s"
+ACCEL_UNITS_HELP = "m/s^2, mm/s^2, g, mg, or lsb:N for counts, N LSB per g"
+
+_ANGLE_WORDS = _spelled(
+    {
+        "rad": "rad rads radian radians",
+        "deg": "deg degs degree degrees °",
+        "arcsec": "arcsec arcsecs arcsecond arcseconds as ″",
+        "arcmin": "arcmin arcmins arcminute arcminutes ′",
+        "rev": "rev revs revolution revolutions rot rots rotation rotations turn turns cycle cycles",
+    }
+)
+_TIME_WORDS = _spelled(
+    {"s": "s sec secs second seconds", "min": "min mins minute minutes", "h": "h hr hrs hour hours"}
+)
+_LENGTHS = {"m": 1.0, "meter": 1.0, "metre": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048, "in": 0.0254}
+_OF_FREE_FALL = {
+    **dict.fromkeys(("g", "gs", "gn", "g0", "g-force", "gforce"), STANDARD_GRAVITY_MS2),
+    "gal": 1e-2,
+}
+_RATES_IN_ONE = {"rads": "rad/s", "rpm": "rev/min", "r/min": "rev/min"}
+"""Without a sign between angle and time."""
+
+TIME_UNITS: Mapping[str, TimeUnit] = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds", "millisecond"), "ms"),
+    **dict.fromkeys(("us", "usec", "usecs", "micros", "microseconds", "microsecond"), "us"),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanoseconds", "nanosecond"), "ns"),
+}
+"""What is written behind or instead of the name of a column of times, in small letters."""
+
+AMBIGUOUS = ("rads",)
+"""Radians per second, or several radians: of a gyroscope the first; of what is only called x nobody knows."""
+
+_OF_COUNTS = "- 1 lsb lsbs count counts raw adc digit digits bit bits tick ticks no_units unitless"
+"""Name no physical unit: numbers as a sensor's registers hold them, or without a dimension."""
+
+_OTHERS = (
+    "% percent c °c degc deg_c celsius °f degf k kelvin v mv uv ma hz khz pa hpa kpa mbar bar psi mm cm m km"
+)
+_OTHERS += (
+    " ft m/s km/h kmh kn knots ut nt mt tesla gauss g mgauss mga mg local_flux lux lx dbm db ohm ohms kohm"
+)
+_OTHERS += " kohms min hours rh %rh kg nm bool text string"
+"""Of columns beside them; a second line of a header has them too."""
+
+_NO_RATES = frozenset(f"{_OF_COUNTS} {_OTHERS}".split())
+
+_SIGNS = str.maketrans(
+    {
+        **dict.fromkeys("µμ", "u"),
+        **dict.fromkeys("º˚", "°"),
+        **dict.fromkeys("⁻−–", "-"),
+        **dict.fromkeys("·⋅*×", " "),
+        **dict.fromkeys("[](){}^$", ""),
+        **dict.fromkeys("’'", "′"),
+        "”": "″",
+        "²": "2",
+        "¹": "1",
+        "\\": "/",
+        "â": "",
+    }
+)
+"""How a sign is written otherwise. An "â" is before "°" where UTF-8 was read as the letters of Windows."""
+
+LONGEST_UNIT = 40
+"""In characters; what is longer is a sentence."""
+
+_ANY_TIME = "|".join(_TIME_WORDS)
+_RATE = re.compile(
+    rf"(?P<angle>[a-z°″′][a-z°″′ -]*?)(?:(?: ?/ ?|[ _]?per[ _]?|_|(?P<p>p))(?P<time>{_ANY_TIME})"
+    rf"|[ ._]?(?P<of>{_ANY_TIME}) ?-1)"
+)
+_SECOND = "(?:s|secs?|seconds?)"
+_ACCEL = re.compile(
+    rf"(?P<length>[a-z]+?)s?(?:(?:[ _]?per[ _]?|[ /_p]*){_SECOND}(?:[ _]?2| squared|(?:[ /_]| per ){_SECOND})"
+    rf"|[ ._]?{_SECOND} ?-2)"
+)
+_PREFIXED = re.compile(r"(?:(?P<m>milli[ -]?|m)|(?:micro[ -]?|u))(?P<bare>.+)")
+
+
+def rate_unit(text: str) -> str | None:
+    """Return the name of a unit of angular rates, a key of `PER_UNIT`; None if the text is none."""
+    return _rate(text) if len(text) <= LONGEST_UNIT else None
+
+
+@lru_cache(maxsize=1024)
+def _rate(text: str) -> str | None:
+    bare = _bare(text)
+    if bare in _RATES_IN_ONE:
+        return _RATES_IN_ONE[bare]
+    found = _RATE.fullmatch(bare)
+    if found is None:
+        return None
+    word = found["angle"].strip()
+    if found["p"] and word in ("d", "md", "ud"):  # only in dps and its like is a d a degree
+        word += "eg"
+    angle = _angle(word)
+    return None if angle is None else f"{angle}/{_TIME_WORDS[found['time'] or found['of']]}"
+
+
+def parse_units(text: str) -> tuple[float, float | None]:
+    """Return the factor to deg/s of a unit, and LSB per deg/s: None unless the unit is counts.
+
+    Raises:
+        UsageError: an unknown unit.
+    """
+    if (unit := rate_unit(text)) is not None:
+        return PER_UNIT[unit], None
+    return 1.0, _counts("--units", text, UNITS_HELP)
+
+
+def accel_unit(text: str) -> float | None:
+    """Return m/s² in one of a unit of accelerations; None if the text is none."""
+    return _accel(text) if len(text) <= LONGEST_UNIT else None
+
+
+@lru_cache(maxsize=1024)
+def _accel(text: str) -> float | None:
+    bare = _bare(text)
+    prefix, rest = _without_prefix(bare)
+    if bare in _OF_FREE_FALL or rest in _OF_FREE_FALL:
+        return _OF_FREE_FALL.get(bare) or _PREFIXES[prefix] * _OF_FREE_FALL[rest]
+    found = _ACCEL.fullmatch(bare)
+    return None if found is None else _LENGTHS.get(found["length"])
+
+
+def parse_accel_unit(text: str) -> tuple[float, float | None]:
+    """Return the factor to m/s² of a unit, and LSB per g: None unless the unit is counts.
+
+    Raises:
+        UsageError: an unknown unit.
+    """
+    if (ms2 := accel_unit(text)) is not None:
+        return ms2, None
+    lsb = _counts("--accel-units", text, ACCEL_UNITS_HELP)
+    return STANDARD_GRAVITY_MS2 / lsb, lsb
+
+
+def time_unit(text: str) -> TimeUnit | None:
+    """Return the unit of times that a text is; None if it is none."""
+    return TIME_UNITS.get(_bare(text)) if len(text) <= LONGEST_UNIT else None
+
+
+def is_angle(text: str) -> bool:
+    """Whether a text is a unit of angles, which no rate is in."""
+    return len(text) <= LONGEST_UNIT and _angle(_bare(text)) is not None
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit, of anything that stands in a table of an IMU, or says that there is none."""
+    bare = _bare(text[: LONGEST_UNIT + 1])
+    is_other = bare.replace(" ", "_") in _NO_RATES or text.strip() in ("[]", "()")
+    return is_other or any(kind(text) for kind in (rate_unit, accel_unit, time_unit, is_angle))
+
+
+def is_physical(text: str) -> bool:
+    """Whether a text is a unit of something that is measured, and neither of counts nor of a mere number."""
+    return is_unit(text) and _bare(text) not in ("", *_OF_COUNTS.split())
+
+
+def _bare(text: str) -> str:
+    """A unit in small letters, with one sign for all that mean the same."""
+    return " ".join(text.strip().strip('"').lower().translate(_SIGNS).rstrip(".").split())
+
+
+def _without_prefix(bare: str) -> tuple[str, str]:
+    found = _PREFIXED.fullmatch(bare)
+    return ("", bare) if found is None else ("m" if found["m"] else "u", found["bare"])
+
+
+def _angle(word: str) -> str | None:
+    if word in _ANGLE_WORDS:
+        return _ANGLE_WORDS[word]
+    prefix, rest = _without_prefix(word)
+    return prefix + _ANGLE_WORDS[rest] if rest in _ANGLE_WORDS else None
+
+
+def _counts(option: str, text: str, known: str) -> float:
+    """The N of `lsb:N`."""
+    try:
+        lsb = float(text.strip().lower().removeprefix("lsb:")) if ":" in text else math.nan
+    except ValueError:
+        lsb = math.nan
+    if not (lsb > 0 and math.isfinite(lsb)):
+        raise UsageError(f"{option} {text}: not a unit that this program knows. Give {known}.")
+    return lsb
