@@ -5,9 +5,10 @@ from itertools import chain
 from pathlib import Path
 from typing import BinaryIO
 
-from fltea.recording.files import Note, Stored, parse_units
+from fltea.recording.files import Note, Stored
 from fltea.recording.table import Rows, gather
 from fltea.recording.text_rows import TextReader
+from fltea.recording.units import parse_units
 from fltea.records.errors import Implausible, UsageError
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
