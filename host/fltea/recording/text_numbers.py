@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fltea._native import plain_rows
-from fltea.recording.columns import DECIMAL_COMMA, is_missing, is_number
+from fltea.recording.wanted import DECIMAL_COMMA, is_missing, is_number
 from fltea.recording.lines import shown
 from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.text_labels import values_in
@@ -94,7 +94,7 @@ class RowParser:
             if layout.separator is None:
                 fields = text.split()
             elif '"' in text:
-                fields = next(csv.reader([text], delimiter=layout.separator, strict=True), [])
+                fields = next(csv.reader([text.rstrip(" \r")], delimiter=layout.separator, strict=True), [])
             else:
                 fields = text.split(layout.separator)
         except csv.Error as error:
