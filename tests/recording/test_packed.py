@@ -1,5 +1,9 @@
 """Packed text, archives with several files, libraries that are not there, and topics of PX4."""
 
+import bz2
+import gzip
+import lzma
+import shlex
 import subprocess
 import sys
 import zipfile
@@ -8,7 +12,7 @@ from pathlib import Path
 import pytest
 from blocks import samples_of
 from corpus_files import HERE, N, text
-from fltea.recording.apart import LIBRARIES
+from fltea.recording.formats import FORMATS
 from fltea.records.errors import UsageError
 from fltea.records.events import Trouble
 from fltea.settings.how import How
@@ -50,16 +54,83 @@ def test_of_an_archive_the_file_of_the_gyroscope_is_read(tmp_path: Path) -> None
     assert len(samples_of(ReplaySource(tmp_path / "one.csv").events())) == N
 
 
-@pytest.mark.parametrize("kind", sorted(LIBRARIES.keys() - {"arrays", "json"}))
+NDJSON = b"".join(
+    (
+        b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mode":"timer"}\n',
+        *(
+            b'{"class":"sample","seq":%d,"device_us":%d,"host_ns":%d,"epoch":1,"gyro_dps":[0.5]}\n'
+            % (k, k * 10_000, k * 10_000_000)
+            for k in range(N)
+        ),
+    )
+)
+OBJECTS = b"".join(b'{"t_ms":%d,"wx_rads":0.5}\n' % (k * 10) for k in range(N))
+DOCUMENT = b"[" + OBJECTS.replace(b"\n", b",").rstrip(b",") + b"]"
+INSIDE = {
+    "rest.ndjson": NDJSON,
+    "objects.ndjson": OBJECTS,
+    "rest.json": DOCUMENT,
+    "rest.yaml": text("plain.csv"),
+    "rest.gcsv": text("plain.csv"),
+    "rest": text("plain.csv"),
+    "rest.xlsx": text("phyphox.xlsx"),
+    "flight.ulg": text("px4.ulg"),
+    "rest.parquet": text("pandas.parquet"),
+}
+PACK = {"gz": gzip.compress, "bz2": bz2.compress, "xz": lzma.compress}
+
+
+@pytest.mark.parametrize("packer", [*PACK, "zip"])
+@pytest.mark.parametrize("name", INSIDE)
+def test_what_is_packed_is_read_as_what_it_is(name: str, packer: str, tmp_path: Path) -> None:
+    path = tmp_path / f"{name}.{packer}"
+    if packer == "zip":
+        with zipfile.ZipFile(path, "w") as out:
+            out.writestr(name, INSIDE[name])
+    else:
+        path.write_bytes(PACK[packer](INSIDE[name]))
+    assert len(samples_of(ReplaySource(path).events())) == N
+    if name == "rest.ndjson":
+        with pytest.raises(UsageError, match=r"--units is not for fltea's own output"):
+            ReplaySource(path, how=How(units="dps"))
+        with pytest.raises(UsageError, match="--shuffle works on"):
+            ReplaySource(path, shuffle=1)
+
+
+@pytest.mark.parametrize(
+    ("inside", "reason"),
+    [
+        (gzip.compress(text("plain.csv")), r"holds a packed file, which is not read while it is packed; "),
+        (b"\x93NUMPY" + bytes(99), r"holds \.npy of numpy, which is not read while it is packed; "),
+        (
+            b"x".ljust(257, b"\0") + b"ustar",
+            r"is packed; .*Inside, \S*two words.csv: is an archive of tar\. ",
+        ),
+        (b"", r"is packed; .*Inside, \S*two words.csv: is empty\."),
+    ],
+)
+def test_what_has_to_be_unpacked_first_is_told_with_the_command(
+    inside: bytes, reason: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "two words.csv.gz"
+    path.write_bytes(gzip.compress(inside))
+    with pytest.raises(UsageError, match=reason) as caught:
+        ReplaySource(path)
+    command = str(caught.value).partition("unpack it first: ")[2].partition(". Inside")[0]
+    subprocess.run(shlex.split(command), check=True)
+    assert path.with_suffix("").read_bytes() == inside
+
+
+@pytest.mark.parametrize("kind", [kind for kind, form in FORMATS.items() if form.library])
 def test_a_library_that_is_missing_is_named_with_what_installs_it(
     kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module, extra, name = LIBRARIES[kind]
-    files = {"parquet": "pandas.parquet", "feather": "pandas.feather", "hdf5": "h5py.h5", "mat": "matlab.mat"}
-    files |= {"ulg": "px4.ulg", "xlsx": "phyphox.xlsx"}
-    monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(UsageError, match=rf"{name} files need the package {module}.*\[{extra}\]"):
-        ReplaySource(HERE / files[kind])
+    form = FORMATS[kind]
+    monkeypatch.setitem(sys.modules, form.library, None)
+    with pytest.raises(
+        UsageError, match=rf"{form.title} files need the package {form.library}.*\[{form.extra}\]"
+    ):
+        ReplaySource(HERE / next(iter(form.corpus)))
 
 
 def test_a_topic_of_px4_that_is_not_there() -> None:

@@ -179,7 +179,7 @@ def test_shuffle_is_the_seeds_and_says_so(tmp_path: Path) -> None:
 
 # --- what is refused ---
 
-OF_TEXT = r"--rate and --time-column are for text and tables"
+OF_TEXT = r"--(columns|units|rate|topic) is not for .*, which names its columns, its unit and its times"
 
 
 @pytest.mark.parametrize("kind", ["npz", "ndjson", "mcap"])
@@ -189,7 +189,7 @@ OF_TEXT = r"--rate and --time-column are for text and tables"
         ({"how": How(columns=["a"])}, OF_TEXT),
         ({"how": How(units="dps")}, OF_TEXT),
         ({"how": How(rate_hz=1.0)}, OF_TEXT),
-        ({"how": How(topic="/imu")}, "--topic is for bags of ROS"),
+        ({"how": How(topic="/imu")}, OF_TEXT),
         ({"shuffle": 1}, r"--shuffle works on \.npz and CSV"),
         ({"startup": 300}, r"300 rows, but the start-up window .* 300 "),
         ({"startup": 301}, r"300 rows, but the start-up window .* 301 "),

@@ -3,6 +3,8 @@
 import contextlib
 import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from blocks import samples_of
+from corpus_files import HERE, N
 from fltea.recording.kind import is_of_this_process, is_one_file, is_stream
 from fltea.records import small_file
 from fltea.records.errors import UsageError
@@ -66,13 +69,13 @@ def test_a_fifo_with_an_ending_is_what_it_says(suffix: str, fifo: Path) -> None:
 @pytest.mark.parametrize("begin", [b"PK\x03\x04", b"\x89MCAP0\r\n"])
 def test_what_has_to_be_a_file_is_refused_from_a_pipe(begin: bytes, fifo: Path) -> None:
     thread = feed(fifo, begin + bytes(100))
-    with pytest.raises(UsageError, match=r"pipe: is a pipe, and \.(npz|mcap) has to be a file.*cat .*pipe >"):
+    with pytest.raises(UsageError, match=r"pipe: is a pipe, and (a packed file|MCAP) has to be a file"):
         ReplaySource(fifo)
     thread.join()
     for suffix in (".npz", ".mcap"):
         fifo = fifo.rename(fifo.with_suffix(suffix))
         thread = feed(fifo, begin)
-        with pytest.raises(UsageError, match=r"is a pipe, and \.(npz|mcap) has to be a file"):
+        with pytest.raises(UsageError, match=r"is a pipe, and (a packed file|MCAP) has to be a file"):
             ReplaySource(fifo)
         thread.join()
 
@@ -170,6 +173,47 @@ def test_standard_input_of_run(name: str, how: str, tmp_path: Path) -> None:
             done = fltea("run", *flags, stdin=file)
     assert done.returncode == 0, done.stderr
     assert sum(json.loads(line)["class"] == "sample" for line in done.stdout.splitlines()) == 50
+
+
+WAYS = {
+    "file": "info /dev/stdin < {}",
+    "descriptor": "info /dev/fd/7 7< {}",
+    "its link": "info /proc/self/fd/7 7< {}",
+    "pipe": "cat {} | fltea info /dev/stdin",
+    "substitution": "info <(cat {})",
+}
+"""In which a shell hands over what is in a file."""
+IN_ONE_GO = {"plain.csv"}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_what_a_shell_hands_over(way: str, tmp_path: Path) -> None:
+    """A process apart has another standard input, and a table cannot be read in one go."""
+    names = ["plain.csv", "px4.ulg", "pandas.parquet", "phyphox.xlsx", "phyphox.zip", "json.mcap"]
+    command = WAYS[way] if "fltea" in WAYS[way] else "fltea " + WAYS[way]
+    script = [f"{command.format(HERE / name)} || echo refused" for name in names]
+    define = f'fltea() {{ {sys.executable} -m fltea "$@" 2>&1; }}'
+    done = subprocess.run(
+        ["bash", "-c", "\n".join([define, *(f"{one}; echo ---" for one in script)])],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    for name, said in zip(names, done.stdout.split("---\n"), strict=False):
+        if way in ("pipe", "substitution") and name not in IN_ONE_GO:
+            assert re.search(r"/dev/\S+: is a pipe, and .* has to be a file.*\nrefused", said), said
+        else:
+            assert f"samples    {N}, 0 lost" in said, (name, said)
+
+
+def test_a_redirected_file_that_has_no_name_any_more(tmp_path: Path) -> None:
+    path = tmp_path / "rest.ulg"
+    shutil.copy(HERE / "px4.ulg", path)
+    with path.open("rb") as file:
+        path.unlink()
+        done = fltea("info", "/dev/stdin", stdin=file)
+    assert f"samples    {N}, 0 lost".encode() in done.stdout, done.stderr
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

@@ -15,13 +15,15 @@ import sys
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import IO, BinaryIO, NamedTuple, cast
+from typing import IO, BinaryIO, cast
 
 import msgspec
 import numpy as np
 
 from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Stored
+from fltea.recording.formats import FORMATS, Kind
+from fltea.recording.kind import is_of_this_process
 from fltea.recording.quota import Quota
 from fltea.recording.sample_times import Floats
 from fltea.recording.sheet import Sheet, open_sheet
@@ -41,27 +43,6 @@ FAILED = (1 << 32) - 1
 """In place of a length: a reason follows."""
 
 
-class Library(NamedTuple):
-    """What reads a kind of file: the module, the extra that installs it, and the name of the format."""
-
-    module: str
-    extra: str
-    name: str
-
-
-LIBRARIES = {
-    "parquet": Library("pyarrow", "tables", "Parquet"),
-    "feather": Library("pyarrow", "tables", "Feather"),
-    "hdf5": Library("h5py", "hdf5", "HDF5"),
-    "mat": Library("scipy", "matlab", "MATLAB"),
-    "ulg": Library("pyulog", "px4", "PX4"),
-    "xlsx": Library("openpyxl", "excel", "Excel"),
-    "arrays": Library("numpy", "tables", ".npz"),
-    "json": Library("msgspec", "tables", "JSON"),
-}
-"""By the kind of file."""
-
-
 class Head(msgspec.Struct):
     """What the process says first: a `Sheet` but for its rows. text: lines follow, there are no columns."""
 
@@ -74,45 +55,48 @@ class Head(msgspec.Struct):
     text: bool = False
 
 
-def open_apart(kind: str, path: Path, how: How, limits: Limits) -> Stored:
-    """Read a file of a kind that `LIBRARIES` has.
+def open_apart(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO | None = None) -> Stored:
+    """Read a file of a kind that has a reader of its own.
+
+    file: where the content is, if it is not behind the path, which then is its name only.
 
     Raises:
         UsageError: the library is not installed, the file is none of its kind or damaged, it takes more than
             the quota, or what `open_sheet` and `open_csv` refuse.
     """
-    library = LIBRARIES[kind]
-    if sys.modules.get(library.module, library) is None or importlib.util.find_spec(library.module) is None:
+    form = FORMATS[kind]
+    library = form.library
+    if library and (sys.modules.get(library, form) is None or importlib.util.find_spec(library) is None):
         raise UsageError(
-            f"{path}: {library.name} files need the package {library.module}, which is not installed: "
-            f"{how_to_install(library.extra)}."
+            f"{path}: {form.title} files need the package {library}, which is not installed: "
+            f"{how_to_install(form.extra)}."
         )
-    quota = _quota(path, limits)
-    with _process(kind, path, how.topic, quota) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        frames = _frames(path, process, quota)
-        head = msgspec.json.decode(next(frames), type=Head)
-        if head.text:
-            return open_csv(path, how, limits, cast(BinaryIO, _Text(frames)))
-        blocks = partial(_columns, process.stdin, frames)
-        sheet = Sheet(head.names, head.units, head.rows, blocks, tuple(head.stamps), head.rate_hz)
-        if head.sample:
-            sheet = sheet._replace(sample=np.array(head.sample, np.float64))
-        return open_sheet(path, sheet, how, limits)
-
-
-def _quota(path: Path, limits: Limits) -> Quota:
     try:
-        path.open("rb").close()
-        return Quota(path, limits)
+        opened = path.open("rb") if file is None else contextlib.nullcontext(file)
+        quota = Quota(path, limits, None if file is None else os.fstat(file.fileno()).st_size)
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
+    with opened as content:
+        # Behind /dev/stdin another process finds its own, and nothing behind the name of what was packed.
+        is_named = file is None and not is_of_this_process(path)
+        place = os.fspath(path) if is_named else f"/dev/fd/{content.fileno()}"
+        with _process([kind, place, how.topic or ""], content, quota) as process:
+            assert process.stdin is not None
+            assert process.stdout is not None
+            frames = _frames(path, process, quota)
+            head = msgspec.json.decode(next(frames), type=Head)
+            if head.text:
+                return open_csv(path, how, limits, cast(BinaryIO, _Text(frames)))
+            blocks = partial(_columns, process.stdin, frames)
+            sheet = Sheet(head.names, head.units, head.rows, blocks, tuple(head.stamps), head.rate_hz)
+            if head.sample:
+                sheet = sheet._replace(sample=np.array(head.sample, np.float64))
+            return open_sheet(path, sheet, how, limits)
 
 
 @contextlib.contextmanager
-def _process(kind: str, path: Path, topic: str | None, quota: Quota) -> Iterator["subprocess.Popen[bytes]"]:
-    """Start `foreign.main`, and end it."""
+def _process(words: list[str], file: BinaryIO, quota: Quota) -> Iterator["subprocess.Popen[bytes]"]:
+    """Start `foreign.main`, which has the file open too, and end it."""
     seconds = STARTUP_S + round(quota.seconds)
     memory = STARTUP_BYTES + 2 * quota.limits.whole_bytes
     command = [sys.executable, "-B", "-P", "-m", "fltea.recording.foreign", str(seconds), str(memory)]
@@ -125,11 +109,12 @@ def _process(kind: str, path: Path, topic: str | None, quota: Quota) -> Iterator
         "PYTHONPATH": os.pathsep.join(_trusted_folders()),
     }
     with subprocess.Popen(
-        [*command, kind, os.fspath(path), topic or ""],
+        [*command, *words],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env=environment,
+        pass_fds=(file.fileno(),),
     ) as process:
         try:
             yield process

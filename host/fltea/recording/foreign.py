@@ -5,38 +5,19 @@ or after a line of JSON on stdin, the places of the columns that are wanted, row
 0 ends them; FAILED stands before a reason.
 """
 
-import importlib
 import resource
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from fltea.recording.apart import FAILED, LENGTH, LIBRARIES, Head
+from fltea.recording.apart import FAILED, LENGTH, Head
+from fltea.recording.formats import FORMATS, loaded
 from fltea.recording.readers.arrays import MOST_WIDE
 from fltea.recording.sheet import SAMPLE_ROWS, Sheet
 from fltea.records.errors import UsageError
-
-READERS = {
-    "arrays": "fltea.recording.readers.npz:read",
-    "mat": "fltea.recording.readers.matlab:read",
-    "hdf5": "fltea.recording.readers.hdf5:read",
-    "ulg": "fltea.recording.readers.px4:read",
-    "parquet": "fltea.recording.readers.arrow:read",
-    "feather": "fltea.recording.readers.arrow:read",
-    "xlsx": "fltea.recording.readers.excel:read",
-    "json": "fltea.recording.readers.json_document:read",
-}
-"""Functions by the kind of file."""
-
-
-def reader_of(name: str) -> Callable[[Path, str], Sheet | Iterator[bytes]]:
-    """Load the function that `MODULE:FUNCTION` names."""
-    module, _, function = name.partition(":")
-    found: Callable[[Path, str], Sheet | Iterator[bytes]] = getattr(importlib.import_module(module), function)
-    return found
 
 
 def main(seconds: str, memory: str, kind: str, path: str, topic: str) -> None:
@@ -49,7 +30,7 @@ def main(seconds: str, memory: str, kind: str, path: str, topic: str) -> None:
     ):
         resource.setrlimit(what, (most, most))
     try:
-        found = reader_of(READERS[kind])(Path(path), topic)
+        found: Sheet | Iterator[bytes] = loaded(FORMATS[kind].reader)(Path(path), topic)
         if isinstance(found, Sheet):
             names, units, rows, _, stamps, rate_hz, _ = found
             _send(msgspec.json.encode(Head(names, units, rows, list(stamps), rate_hz, _sample(found))))
@@ -69,7 +50,7 @@ def main(seconds: str, memory: str, kind: str, path: str, topic: str) -> None:
         _fail(f"more than the {int(memory) / 1e9:.1f} GB would be needed that a file of its size may take.")
     except Exception as error:  # whatever a library raises on damaged bytes
         reason = str(error).partition("\n")[0] or type(error).__name__
-        _fail(f"cannot be read as {LIBRARIES[kind].name} ({reason}).")
+        _fail(f"cannot be read as {FORMATS[kind].title} ({reason}).")
 
 
 def _sample(sheet: Sheet) -> list[list[float | None]]:

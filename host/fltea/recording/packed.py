@@ -1,24 +1,37 @@
-"""Text that is packed: gzip, bzip2, xz, or the one file of an archive (.zip) that holds a gyroscope."""
+"""Recordings that are packed: gzip, bzip2, xz, or the one file with a gyroscope of an archive (.zip)."""
 
 import bz2
 import contextlib
 import gzip
+import io
 import lzma
 import shlex
+import shutil
+import tempfile
 import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
-from typing import Any, BinaryIO, cast
+from typing import Any, cast
 
+from fltea.recording.apart import open_apart
 from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Note, Stored, listed
-from fltea.recording.kind import KINDS
+from fltea.recording.formats import FORMATS, KINDS
+from fltea.recording.kind import kind_of_file
+from fltea.recording.ndjson import read_ndjson
+from fltea.recording.opening import Printed, check_options
 from fltea.recording.quota import Quota
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
 
-OPENERS: dict[bytes, Any] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
+PACKERS: dict[bytes, tuple[Any, str]] = {
+    b"\x1f\x8b": (gzip.open, "gzip -dk {}"),
+    b"BZh": (bz2.open, "bzip2 -dk {}"),
+    b"\xfd7zXZ": (lzma.open, "xz -dk {}"),
+}
+"""By the first bytes: what opens it, and the command that unpacks it."""
+
 DAMAGE = (OSError, ValueError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, NotImplementedError)
 """What libraries raise on damaged bytes, and RuntimeError for an archive with a password."""
 
@@ -28,29 +41,36 @@ LIKELY = ("gyro", "imu", "raw data", "angular", "rotation")
 BESIDE = ("meta", "__macosx", "readme", "license")
 """Words in the paths of files that hold none."""
 
+BUFFER_BYTES = 1 << 18
 
-def open_packed(path: Path, how: How, limits: Limits) -> Stored:
-    """Read text as `open_csv` does.
+
+def open_packed(path: Path, how: How, limits: Limits) -> Stored | Printed:
+    """Read what is inside by what it is: text as it comes, other files from a temporary one without a name.
 
     Raises:
-        UsageError: it is damaged, unpacks to more than the quota, is no text, or which file of an archive is
-            meant is not clear.
+        UsageError: it is damaged, unpacks to more than the quota, is of a kind that has to be unpacked first,
+            or which file of an archive is meant is not clear.
     """
     quota = Quota(path, limits)
     try:
         with contextlib.ExitStack() as stack:
             file = stack.enter_context(path.open("rb"))
             begin = file.peek()
-            opener = next((found for magic, found in OPENERS.items() if begin.startswith(magic)), None)
+            opener, command = next(
+                (found for magic, found in PACKERS.items() if begin.startswith(magic)),
+                (None, "python3 -m zipfile -e {} ."),
+            )
+            command = command.format(shlex.quote(str(path)))
             if opener is not None:
                 stream, place = stack.enter_context(opener(file)), path
             else:
                 archive = stack.enter_context(zipfile.ZipFile(file))
-                member = _member(path, archive)
+                member = _member(path, archive, command)
                 stream, place = stack.enter_context(archive.open(member)), path / member.filename
             counted = _Counted(stream, quota)
-            found = open_csv(place, how, limits, cast(BinaryIO, counted))
-            if not counted.is_cut:
+            content = stack.enter_context(io.BufferedReader(cast(Any, counted), BUFFER_BYTES))
+            found = _open_inside(place, content, how, limits, f"unpack it first: {command}")
+            if not counted.is_cut or isinstance(found, Printed):
                 return found
             note = Note("cut_recording", f"{path}: is cut off; what can be unpacked is read.")
             return found._replace(notes=(note, *found.notes))
@@ -58,7 +78,31 @@ def open_packed(path: Path, how: How, limits: Limits) -> Stored:
         raise UsageError(f"{path}: cannot be unpacked ({error}). Is the file whole?") from error
 
 
-def _member(path: Path, archive: zipfile.ZipFile) -> zipfile.ZipInfo:
+def _open_inside(
+    place: Path, content: io.BufferedReader, how: How, limits: Limits, advice: str
+) -> Stored | Printed:
+    """Open what was packed. place: its name, for messages. advice: what to do where it cannot be read so."""
+    inner = place.with_suffix("") if KINDS.get(place.suffix.lower()) == "packed" else place
+    with tempfile.TemporaryFile() as whole:
+        try:
+            kind = kind_of_file(inner, content)
+            if kind not in ("csv", "ndjson"):
+                shutil.copyfileobj(content, whole, BUFFER_BYTES)
+                whole.seek(0)
+                kind = kind_of_file(inner, whole)
+        except UsageError as error:
+            raise UsageError(f"{place}: is packed; {advice}. Inside, {error}") from error
+        check_options(place, kind, how)
+        if kind == "csv":
+            return open_csv(place, how, limits, content)
+        if kind == "ndjson":
+            return Printed(*read_ndjson(place, limits=limits, file=content))
+        if FORMATS[kind].reader:
+            return open_apart(kind, place, how, limits, whole)
+    raise UsageError(f"{place}: holds {FORMATS[kind].title}, which is not read while it is packed; {advice}")
+
+
+def _member(path: Path, archive: zipfile.ZipFile, command: str) -> zipfile.ZipInfo:
     files = [info for info in archive.infolist() if not info.is_dir()]
     rest = [info for info in files if not any(word in info.filename.lower() for word in BESIDE)]
     for word in LIKELY:
@@ -67,35 +111,35 @@ def _member(path: Path, archive: zipfile.ZipFile) -> zipfile.ZipInfo:
             return found[0]
     if len(rest) == 1:
         return rest[0]
+    names = listed([info.filename for info in files])
     if not any(PurePosixPath(info.filename).suffix.lower() in KINDS for info in rest):
-        raise UsageError(
-            f"{path}: is an archive without a recording ({listed([i.filename for i in files])})."
-        )
+        raise UsageError(f"{path}: is an archive without a recording ({names}).")
     raise UsageError(
-        f"{path}: holds {len(files)} files, and which has the gyroscope is not known "
-        f"({listed([info.filename for info in files])}). Unpack it, and name the file: "
-        f"python3 -m zipfile -e {shlex.quote(str(path))} ."
+        f"{path}: holds {len(files)} files, and which has the gyroscope is not known ({names}). Unpack it, "
+        f"and name the file: {command}"
     )
 
 
-class _Counted(contextlib.AbstractContextManager["_Counted"]):
+class _Counted(io.RawIOBase):
     """What unpacks, a piece at a time; each is counted. is_cut: the end of it was missing."""
 
     def __init__(self, stream: Any, quota: Quota) -> None:
         self.is_cut = False
         self._stream, self._quota = stream, quota
 
-    def __exit__(self, *exception: object) -> None:
-        self._stream.close()
+    def readable(self) -> bool:
+        """Return True, as `io.BufferedReader` asks."""
+        return True
 
-    def read1(self, size: int) -> bytes:
-        """The next piece."""
+    def readinto(self, buffer: Any) -> int:
+        """Unpack the next piece."""
         try:
-            data: bytes = getattr(self._stream, "read1", self._stream.read)(size)
+            data: bytes = getattr(self._stream, "read1", self._stream.read)(len(buffer))
         except EOFError:
             self.is_cut = True
-            return b""
+            return 0
         except (*DAMAGE, RuntimeError) as error:
             raise OSError(f"damaged or cut off, {error}") from error
         self._quota.unpack(len(data))
-        return data
+        buffer[: len(data)] = data
+        return len(data)

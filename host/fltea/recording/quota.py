@@ -21,11 +21,11 @@ SECONDS_PER_MB = 5.0
 
 
 class Quota:
-    """Counts what reading one file has cost so far."""
+    """Counts what reading one file has cost so far. size_bytes: of it, if it is not behind the path."""
 
-    def __init__(self, path: Path, limits: Limits) -> None:
+    def __init__(self, path: Path, limits: Limits, size_bytes: int | None = None) -> None:
         self.path, self.limits = path, limits
-        self.size_bytes = path.stat().st_size
+        self.size_bytes = path.stat().st_size if size_bytes is None else size_bytes
         self.seconds = limits.seconds + SECONDS_PER_MB * self.size_bytes / MB
         self._begin_s = time.thread_time()
         self._unpacked = 0

@@ -3,15 +3,15 @@
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fltea.recording.bag_files import bags_in
 from fltea.recording.files import Recording, Stored, listed
-from fltea.recording.kind import Kind, is_one_file, is_stream, open_one_file
-from fltea.recording.ndjson import EpochMark, Kept, read_ndjson
-from fltea.recording.npz_file import open_npz
+from fltea.recording.kind import is_one_file
+from fltea.recording.ndjson import EpochMark, Kept
+from fltea.recording.opening import Printed, check_options, open_recording
 from fltea.recording.sample_numbers import Numbering
 from fltea.records import clock
 from fltea.records.errors import UsageError
@@ -37,9 +37,6 @@ if TYPE_CHECKING:
 
 AT_ONCE = 8192
 """Samples of a block."""
-
-NAMED = "mcap", "ndjson", "bag", "npz"
-"""Kinds that say themselves what they hold; of all others `--columns` and the like may say it."""
 
 
 class ReplaySource:
@@ -76,38 +73,23 @@ class ReplaySource:
         self.about = self.topic = ""
         printable = str(path).encode(errors="replace").decode()  # a name may hold bytes that are no text
         name = f"replay:{printable}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
-        kind: Kind = "mcap"
-        file: BinaryIO | None = None
-        if is_one_file(path):
-            if not (path.exists() or is_stream(path)):
-                raise UsageError(f"{path}: there is no such file.")
-            kind, file = open_one_file(path)
-        if shuffle is not None and kind in ("ndjson", "mcap"):
-            if file is not None:
-                file.close()
+        opened = open_recording(path, how, limits) if is_one_file(path) else None
+        if shuffle is not None and not isinstance(opened, Stored):
             raise UsageError(f"{path}: --shuffle works on .npz and CSV recordings, other tables and bags.")
-        if kind == "ndjson":
-            records, cut = read_ndjson(path, limits=limits, file=file)
-            self._events = _from_ndjson(records, cut)
-            samples = sum(isinstance(record, Sample) for record in records)
-        elif kind == "mcap":
+        if isinstance(opened, Printed):
+            self._events = _from_ndjson(*opened)
+            samples = sum(isinstance(record, Sample) for record in opened.records)
+        elif opened is None:
+            check_options(path, "mcap", how)
             open_again = open_mcap([path], name, limits)
             samples = _count_samples(open_again(), startup + 1)
             self._mcap = open_again()
             self._events = self._mcap.events()
         else:
-            recording = _open_stored(kind, path, how, limits, file)
-            self._events = _from_recording(name, recording, shuffle)
-            samples = recording.samples
-            self._offset_ns, self.about = recording.start_unix_ns, recording.about
-            self.topic = recording.topic
-        if kind in NAMED and how.of_text:
-            raise UsageError(
-                f"{path}: --columns, --units, --rate and --time-column are for text and tables; this file "
-                "names its own."
-            )
-        if kind not in ("bag", "ulg") and how.topic is not None:
-            raise UsageError(f"{path}: --topic is for bags of ROS and PX4 logs; this is none.")
+            self._events = _from_recording(name, opened, shuffle)
+            samples = opened.samples
+            self._offset_ns, self.about = opened.start_unix_ns, opened.about
+            self.topic = opened.topic
         if samples <= startup:
             raise UsageError(
                 f"{path}: {samples} rows, but the start-up window alone takes {startup} and estimates begin "
@@ -193,33 +175,6 @@ def mcap_sessions(paths: Sequence[Path]) -> list[list[Path]]:
 
 def _mcap_library() -> ModuleType:
     return load("fltea.sources.mcap", "mcap", "record", "MCAP recordings need")
-
-
-def _open_stored(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO | None) -> Stored:
-    """Open a recording that is one file; libraries load where they are needed."""
-    match kind:
-        case "npz":
-            return open_npz(path, limits)
-        case "npy":
-            from fltea.recording.npy_file import open_npy
-
-            return open_npy(path, how, limits)
-        case "bag":
-            from fltea.recording.ros_bag import open_bag
-
-            return open_bag(path, how, limits)
-        case "csv":
-            from fltea.recording.csv_file import open_csv
-
-            return open_csv(path, how, limits, file)
-        case "packed":
-            from fltea.recording.packed import open_packed
-
-            return open_packed(path, how, limits)
-        case _:
-            from fltea.recording.apart import open_apart
-
-            return open_apart(kind, path, how, limits)
 
 
 def _count_samples(recording: "McapRecording", limit: int) -> int:

@@ -11,7 +11,8 @@ def read(path: Path, _: str) -> Iterator[bytes]:
     """The first sheet with more than ten rows as lines of text, whose fields are separated by tabs."""
     from openpyxl import load_workbook
 
-    book = load_workbook(path, read_only=True, data_only=True, keep_links=False)
+    # By its name it would be refused without the right ending, whatever it is.
+    book = load_workbook(path.open("rb"), read_only=True, data_only=True, keep_links=False)
     sheet = next((one for one in book.worksheets if (one.max_row or 11) > 10), book.worksheets[0])
     sheet.reset_dimensions()  # some programs write wrong ones, and rows beyond them would be missing
     lines: list[str] = []

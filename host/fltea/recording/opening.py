@@ -1,0 +1,63 @@
+"""A recording that is one file, opened by what it is: the table of formats says who reads it."""
+
+from pathlib import Path
+from typing import NamedTuple, cast
+
+from fltea.recording.apart import open_apart
+from fltea.recording.files import Stored
+from fltea.recording.formats import FORMATS, Kind, loaded
+from fltea.recording.kind import is_stream, open_one_file
+from fltea.recording.ndjson import Kept, read_ndjson
+from fltea.records.errors import UsageError
+from fltea.settings.how import AS_IT_SAYS, How
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
+from fltea.settings.setting import declared
+
+
+class Printed(NamedTuple):
+    """The output of fltea itself. cut: what is said of a last line that is not whole; None: it is."""
+
+    records: list[Kept]
+    cut: str | None
+
+
+def open_recording(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored | Printed:
+    """Open what `kind.is_one_file`; libraries load where they are needed.
+
+    Raises:
+        UsageError: a missing, bad or too large file, or an option that such a file does not take; the text
+            names file, line and reason.
+    """
+    if not (path.exists() or is_stream(path)):
+        raise UsageError(f"{path}: there is no such file.")
+    kind, file = open_one_file(path)
+    try:
+        check_options(path, kind, how)
+    except UsageError:
+        if file is not None:
+            file.close()
+        raise
+    if kind == "ndjson":
+        return Printed(*read_ndjson(path, limits=limits, file=file))
+    form = FORMATS[kind]
+    if form.reader:
+        return open_apart(kind, path, how, limits)
+    said = {"how": how} if form.options else {}
+    content = {} if file is None else {"file": file}
+    return cast(Stored | Printed, loaded(form.opener)(path, limits=limits, **said, **content))
+
+
+def check_options(path: Path, kind: Kind, how: How) -> None:
+    """Raise UsageError for options that a kind of file does not take, since it says itself what they say."""
+    form = FORMATS[kind]
+    flags = [
+        one.setting.flags[0]
+        for one in declared(how)
+        if one.default != getattr(AS_IT_SAYS, one.name) and one.name not in form.options
+    ]
+    if flags:
+        verb = "are" if len(flags) > 1 else "is"
+        raise UsageError(
+            f"{path}: {', '.join(flags)} {verb} not for {form.title}, which names its columns, its unit and "
+            "its times itself."
+        )
