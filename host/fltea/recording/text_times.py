@@ -8,19 +8,30 @@ import re
 from datetime import date
 from functools import lru_cache
 
-_CLOCK = (
-    r"(?P<h>\d\d?):(?P<m>\d\d):(?P<s>\d\d)(?:\.(?P<f>\d+)|,(?P<g>\d+)(?=[;\t\"]|\s*->|[ ]+[-+\d]))?"
-    r"(?:\s?(?P<half>[AaPp])\.?[Mm]\b\.?)?(?:\s?(?P<zone>Z|UTC|[+-]\d\d:?\d\d)(?![\d:]))?"
-)
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_MONTH = f"(?i:{'|'.join(_MONTHS)})[a-z]{{0,6}}"
 _DAY = (
     r"(?P<y>\d{4})[-/.](?P<mo>\d\d?)[-/.](?P<d>\d\d?)"
     r"|(?P<a>\d\d?)(?P<sign>[-/.])(?P<b>\d\d?)[-/.](?P<c>\d{4}|\d\d)"
+    rf"|(?P<day>\d\d?)(?:st|nd|rd|th)?[- ](?P<name>{_MONTH})\.?[- ](?P<year>\d{{4}}|\d\d)"
+    rf"|(?P<american>{_MONTH})\.? (?P<day_>\d\d?)(?:st|nd|rd|th)?,? (?P<year_>\d{{4}})"
 )
-_TIME = re.compile(rf'"?(?<![\w:.])(?:(?:{_DAY})(?:[T]|\s+|,\s))?{_CLOCK}(?![\w:])"?', re.M)
-_MINUTES = re.compile(r"(?<![\w:.])(\d{1,3}):(\d\d)([.,]\d+)(?![\w:])")
-"""Minutes and seconds, as Excel shows short times."""
+_WEEKDAY = "(?:(?i:mon|tue|wed|thu|fri|sat|sun)[a-z]*,? )?"
+_HOUR = re.compile(rf"(?<![\w:.])(?:{_WEEKDAY}(?:{_DAY})(?:T|\s+|,\s))?(?P<h>\d\d?)$")
+"""What stands before the first colon of a time of day."""
 
-A_CLOCK = re.compile(rb"\d:[0-5]\d")
+_LONGEST_BEFORE = 40
+
+_CLOCK = re.compile(
+    r":(?<=\d:)([0-5]?\d)(?::([0-5]?\d)"
+    r"(?:([.:])(\d+)|,(\d+)(?=[;\t\"]|\s*->|[ ]+[-+\d]))?"
+    r"(?:\s?([AaPp])\.?[Mm]\b\.?)?(?:\s?(Z|UTC|GMT|[+-]\d\d:?\d\d)(?![\d:]))?|(?<=:\d\d)([.,])(\d+))(?![\w:])"
+)
+"""From the first colon on; the last two groups are of minutes and seconds, as Excel shows short times."""
+
+_MINUTES = re.compile(r"(?<![\w:.])\d{1,3}$")
+
+A_CLOCK = re.compile(rb"\d:[0-5]?\d[:.,]")
 """Without which there is none in some bytes, and they need no closer look."""
 
 _DECIMAL_COMMAS = re.compile(r"[;\t][-+ ]*\d+,\d")
@@ -28,44 +39,118 @@ _DECIMAL_COMMAS = re.compile(r"[;\t][-+ ]*\d+,\d")
 
 _ARROW = re.compile(r"^(\d+(?:[.,]\d+)?) -> ?([^\n]*)", re.M)
 
+_LAST = re.compile(r"^[^\n]*?(\d\d?:\d\d?:\d\d?)([.:])(\d+)(?![\d:])", re.M)
+"""The first time of day in a line: to the second, and what is behind."""
+
+_ENOUGH = 1 << 14
+"""Characters of a block that show how the parts of seconds are written."""
+
+
+class Clocks:
+    """Turns the times of one text into seconds, a block of whole lines at a time.
+
+    Digits behind the seconds are a fraction, unless times rise only if they are whole milliseconds: WitMotion
+    writes 5 ms as `9:46:40.5` or `9:46:40:5` (Python SDK of WitStandardProtocol_JY901,
+    `wit_protocol_resolver.py`, `get_chiptime`: each number by `str`). Behind a colon they are milliseconds, if
+    they are not always two, which may be frames of a film.
+    """
+
+    def __init__(self) -> None:
+        self._in_ms: bool | None = None
+        self._colon_is_ms = False
+        self._last = "", ""
+
+    def with_seconds(self, text: str) -> str:
+        """Return lines with seconds in place of dates and times of day."""
+        if self._in_ms is None or not self._colon_is_ms:
+            self._look(text[:_ENOUGH])
+        with_commas = (";" in text or "\t" in text) and _DECIMAL_COMMAS.search(text) is not None
+        mark = "," if with_commas else "."
+        pieces: list[str] = []
+        done = 0
+        for found in _CLOCK.finditer(text):
+            colon, end = found.span()
+            begin = max(done, colon - _LONGEST_BEFORE, text.rfind("\n", done, colon) + 1)
+            before = text[begin:colon]
+            seconds = self._seconds(found, before, mark)
+            if seconds is None:
+                continue
+            begin += seconds[0]
+            if text[begin - 1 : begin] == '"' == text[end : end + 1] and begin > done:
+                begin, end = begin - 1, end + 1
+            pieces += text[done:begin], seconds[1]
+            done = end
+        turned = "".join([*pieces, text[done:]])
+        return _ARROW.sub(_before_line, turned) if " -> " in turned else turned
+
+    def _look(self, text: str) -> None:
+        """Find out how the parts of seconds are written."""
+        fraction_falls = ms_falls = False
+        last = self._last
+        for clock, sign, digits in _LAST.findall(text):
+            self._colon_is_ms |= sign == ":" and len(digits) != 2
+            if clock == last[0] and sign == ".":
+                fraction_falls |= float(f".{digits}") < float(f".{last[1]}")
+                ms_falls |= len(digits) > 3 or int(digits) < int(last[1])
+            last = clock, digits
+        self._last = last
+        if self._in_ms is None and (ms_falls or fraction_falls):
+            self._in_ms = not ms_falls
+
+    def _seconds(self, found: re.Match[str], before: str, mark: str) -> tuple[int, str] | None:
+        """Where in `before` a time begins, and its seconds; None if it is none."""
+        m, s, sign, digits, behind_comma, half, zone, point, fraction = found.groups()
+        if s is None:
+            minutes = _MINUTES.search(before)
+            if minutes is None:
+                return None
+            return minutes.start(), f"{60 * int(minutes[0]) + int(m)}.{fraction}"
+        if (hours := _hours(before)) is None or (sign == ":" and not self._colon_is_ms):
+            return None
+        begin, seconds, hour = hours
+        seconds += 60 * int(m) + int(s)
+        if half:
+            seconds += 43_200 * ((half in "pP") - (hour == 12))
+        if zone and zone[0] in "+-":
+            seconds -= (1 if zone[0] == "+" else -1) * (3600 * int(zone[1:3]) + 60 * int(zone[-2:]))
+        if digits and (sign == ":" or self._in_ms):
+            digits = digits.zfill(3)
+        digits = digits or behind_comma
+        return begin, f"{seconds}{mark}{digits}" if digits else str(seconds)
+
 
 def with_seconds(text: str) -> str:
     """Return lines with seconds in place of dates and times of day."""
-    with_commas = _DECIMAL_COMMAS.search(text) is not None
-    found = _TIME.sub(lambda m: _seconds(m, "," if with_commas else "."), text)
-    found = _MINUTES.sub(lambda m: f"{60 * int(m[1]) + int(m[2])}{m[3].replace(',', '.')}", found)
-    return _ARROW.sub(_before_line, found) if " -> " in found else found
+    return Clocks().with_seconds(text)
 
 
-def _seconds(found: re.Match[str], mark: str) -> str:
-    part = found.groupdict()
-    seconds = 3600 * int(part["h"]) + 60 * int(part["m"]) + int(part["s"])
-    if part["half"]:
-        seconds += 43_200 * ((part["half"] in "pP") - (int(part["h"]) == 12))
-    zone = part["zone"]
-    if zone and zone[0] in "+-":
-        seconds -= (1 if zone[0] == "+" else -1) * (3600 * int(zone[1:3]) + 60 * int(zone[-2:]))
-    if part["y"] or part["a"]:
-        day = _day(part["y"], part["mo"], part["d"]) if part["y"] else _day_of(part)
-        if day is None:
-            return found[0]
-        seconds += 86_400 * day
-    fraction = part["f"] or part["g"]
-    return f"{seconds}{mark}{fraction}" if fraction else str(seconds)
+@lru_cache(maxsize=256)
+def _hours(before: str) -> tuple[int, int, int] | None:
+    """Where a date and an hour begin that a text ends in, their seconds, and the hour; None without an hour."""
+    found = _HOUR.search(before)
+    if found is None:
+        return None
+    part, hour = found.groupdict(), int(found["h"])
+    name = part["name"] or part["american"]
+    if part["y"]:
+        day = _day(part["y"], part["mo"], part["d"])
+    elif part["a"]:  # the day is first before a point, or if the number is above 12
+        day_first = part["sign"] == "." or int(part["a"]) > 12
+        day = _day(part["c"], *((part["b"], part["a"]) if day_first else (part["a"], part["b"])))
+    elif name:
+        month = str(_MONTHS.index(name[:3].lower()) + 1)
+        day = _day(part["year"] or part["year_"], month, part["day"] or part["day_"])
+    else:
+        day = 0
+    return None if day is None else (found.start(), 86_400 * day + 3600 * hour, hour)
 
 
-def _day_of(part: dict[str, str]) -> int | None:
-    """Day and month stand in either order: the day is first before a point, or if the number is above 12."""
-    day_first = part["sign"] == "." or int(part["a"]) > 12
-    day, month = (part["a"], part["b"]) if day_first else (part["b"], part["a"])
-    return _day(part["c"] if len(part["c"]) == 4 else f"20{part['c']}", month, day)
-
-
-@lru_cache(maxsize=64)
 def _day(year: str, month: str, day: str) -> int | None:
     """Days since 1970."""
     try:
-        return date(int(year), int(month), int(day)).toordinal() - date(1970, 1, 1).toordinal()
+        return (
+            date(int(year if len(year) == 4 else f"20{year}"), int(month), int(day)) - date(1970, 1, 1)
+        ).days
     except ValueError:
         return None
 
