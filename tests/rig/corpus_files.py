@@ -33,6 +33,23 @@ GYRO_DPS = np.round(0.2 * _random.normal(size=(N, 3)) + [0.5, -0.3, 0.1], 3)
 ACCEL_MS2 = np.round(0.02 * _random.normal(size=(N, 3)) + [0.1, -0.2, 9.81], 3)
 RADS = np.radians(GYRO_DPS)
 
+RATES_HZ = {
+    **dict.fromkeys(("gopro.csv", "gopro_zxy.csv"), 200.0),
+    "arduino_simple_gyroscope.txt": 104.0,
+    "coarse_clock.csv": 7500.0,
+    "xsens_dot.csv": 60.0,
+}
+"""Of loggers that have a rate of their own."""
+COARSE_DPS = {
+    **dict.fromkeys(("mavlink_bare_raw.csv", "mavlink_bare_scaled.csv"), 0.03),
+    **dict.fromkeys(("mavlink_raw_imu.csv", "mavlink_scaled_imu2.csv"), 0.03),
+    "arduino_simple_gyroscope.txt": 0.0051,
+    "betaflight_unfiltered.csv": 0.051,
+    "gyroflow.gcsv": 0.002,
+    "i2cdevlib_raw.txt": 0.5 / 131,
+}
+"""Half a step of loggers that round coarsely."""
+
 
 def text(name: str) -> bytes:
     return (HERE / name).read_bytes()
@@ -143,6 +160,10 @@ def write_libraries() -> None:
     with h5py.File(HERE / "h5py.h5", "w", track_order=True) as file:
         file["imu/gyro"], file["imu/t"] = RADS, TIMES_S
         file["imu/gyro"].attrs["units"] = "rad/s"
+    with h5py.File(HERE / "ronin.h5", "w", track_order=True) as file:  # as RoNIN's README says it
+        file["synced/time"], file["synced/gyro"], file["synced/acce"] = TIMES_S + 25_000.5, RADS, ACCEL_MS2
+        file["synced/gyro_uncalib"] = np.add(RADS, [0.01, -0.02, 0.03])
+        file["pose/tango_pos"] = np.zeros((N, 3))
     scipy.io.savemat(
         HERE / "matlab.mat", {"imu": {"gyro_dps": GYRO_DPS, "accel_ms2": ACCEL_MS2}, "fs": RATE_HZ}
     )
