@@ -1,43 +1,33 @@
-"""Which columns of a table are meant: by what the user says, or by names that leave no doubt (pure)."""
+"""Which columns are meant, in which units, by which clock, of which sensor: a reading, with its evidence (pure)."""
 
-import re
-import shlex
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.recording.column_names import (
-    ACCEL_MS2,
-    RATE_UNITS,
-    TIME_UNITS,
-    accel_axis_of,
-    accel_unit_of,
-    are_in_rads,
-    axis_of,
-    bare_unit,
-    is_time,
-    rate_unit_of,
-    split_seconds,
-    time_unit_of,
-)
-from fltea.recording.files import TIME_COLUMN, UNITS_HELP, listed, parse_units
+from fltea.recording.dialects import Facts, dialect_of
+from fltea.recording.evidence import Choice
+from fltea.recording.files import Note
+from fltea.recording.reading import Answer
+from fltea.recording.sample_times import TimeColumn
+from fltea.recording.wanted import Wanted, wanted_of
 from fltea.records.errors import UsageError
-from fltea.records.records import AXES
 from fltea.settings.how import How, TimeUnit
 
-DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?", re.ASCII)
-MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
-"""What programs write where they have no number; in small letters."""
+NOTHING = Facts()
 
 
 class Chosen(NamedTuple):
     """What to read: places from 0 of the axes and of the times (None without), and what they are counted in.
 
-    factor, lsb: as of `parse_units`. time_unit: None if neither the name nor the user says it. accel: places
-    of the accelerometer's axes x, y, z, or none; accel_ms2: m/s² in one of their unit. fine: place of what is
-    added to whole seconds, fine_s: seconds in one of its unit.
+    axes: of the places in `gyro`, x, y or z. units: as `--units` takes them. factor, lsb: as of `parse_units`.
+    time_unit: None if nothing says it. time_factor: of that unit, for 1 in the column. accel: places of the
+    accelerometer's axes x, y, z, or none; accel_ms2: m/s² in one of their unit. fine: place of what is added to
+    whole seconds, fine_s: seconds in one of its unit. rate_hz: the rate that is given or stated; is_given: by
+    the user. sensor: place of the column that tells several sensors apart, and the value of the one that is
+    read, None: the only one. turn: of several sensors in turns which one, and of how many. answers: the reading
+    so far. notes: what the user has to know.
     """
 
     names: list[str]
@@ -51,11 +41,25 @@ class Chosen(NamedTuple):
     accel_ms2: float = 1.0
     fine: int | None = None
     fine_s: float = 0.0
+    axes: tuple[str, ...] = ("x", "y", "z")
+    time_factor: float = 1.0
+    rate_hz: float | None = None
+    is_given: bool = False
+    overrule: bool = False
+    sensor: tuple[int, str | None] | None = None
+    turn: tuple[int, int] = (0, 1)
+    answers: tuple[Answer, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     @property
     def time_name(self) -> str:
         """The column of times."""
         return "" if self.time is None else self.names[self.time]
+
+    @property
+    def times(self) -> TimeColumn:
+        """The same as a column of times."""
+        return TimeColumn(self.time_name, self.time_unit, self.rate_hz, self.is_given, self.overrule)
 
     @property
     def needed(self) -> tuple[int, ...]:
@@ -64,7 +68,7 @@ class Chosen(NamedTuple):
 
     @property
     def places(self) -> tuple[int, ...]:
-        """All that is read."""
+        """All that is read as numbers."""
         return (*self.needed, *self.accel)
 
     def scale(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -72,6 +76,8 @@ class Chosen(NamedTuple):
         with np.errstate(over="ignore", invalid="ignore"):
             axes = len(self.gyro)
             values[:, :axes] *= self.factor
+            if self.time is not None and self.time_factor != 1.0:
+                values[:, axes] *= self.time_factor
             if self.fine is not None:
                 values[:, axes] += values[:, axes + 1] * self.fine_s
             if self.accel:
@@ -84,231 +90,85 @@ class Chosen(NamedTuple):
         return [self.names[place] for place in self.places]
 
 
-class Wanted(NamedTuple):
-    """The columns that the user names, or None for those that are known by their names; and that of times."""
-
-    columns: list[str] | None
-    time: str | None = None
-
-    @property
-    def names(self) -> list[str]:
-        """All names that the user gives."""
-        return [*(self.columns or ()), *([] if self.time is None else [self.time])]
-
-    @property
-    def by_position(self) -> bool:
-        """Whether the names are numbers, which count columns from 1."""
-        return self.columns is not None and all(map(_is_position, self.names))
-
-    def are_in(self, header: Sequence[str]) -> bool:
-        """Whether a line of names has all that is needed."""
-        named = all(name in header for name in self.names)
-        return named and (self.columns is not None or bool(_axes_of(header)))
-
-    def are_at(self, fields: Sequence[str]) -> bool:
-        """Whether a line without a header is a row: by the positions, or since it has no other columns."""
-        if self.by_position:
-            found = [fields[p - 1] for p in map(int, self.names) if p <= len(fields)]
-            return (
-                len(found) == len(self.names)
-                and any(map(is_number, found))
-                and all(is_number(field) or is_missing(field) for field in found)
-            )
-        alike = self.columns is not None and len(fields) == len(self.columns)
-        return self.time is None and alike and all(map(is_number, fields))
-
-    def lacking(self, header: Sequence[str] | None, line: str = "") -> str:
-        """What is not in a header, or in a `line` that is none; it has not all that is needed."""
-        lacking = [name for name in self.names if header is None or name not in header]
-        has = f"no header{line}" if header is None else listed(header)
-        if self.columns is None and not (lacking and header):
-            yours = "say which are yours by their positions" if header is None else "name yours"
-            known = "no columns with names of a gyroscope, such as gyro_x_dps"
-            return f"{known}; {yours} with --columns (it has: {has})"
-        return f"no column {', '.join(lacking)} (it has: {has})"
-
-
-def wanted_of(how: How) -> Wanted:
-    """What the user names.
-
-    Raises:
-        UsageError: more columns than a gyroscope has axes, or one of them twice.
-    """
-    if how.columns is not None and len(how.columns) > len(AXES):
-        raise UsageError(
-            f"--columns names {len(how.columns)} columns; a gyroscope has up to {len(AXES)} axes."
-        )
-    wanted = Wanted(how.columns, how.time_column)
-    twice = {name for name in wanted.names if wanted.names.count(name) > 1}
-    if twice:
-        raise UsageError(f"--columns, --time-column: {', '.join(sorted(twice))} is named twice.")
-    return wanted
-
-
 def choose(
-    where: str, names: Sequence[str] | None, units: Sequence[str] | None, width: int, how: How
+    where: str,
+    names: Sequence[str] | None,
+    units: Sequence[str] | None,
+    width: int,
+    how: How,
+    facts: Facts = NOTHING,
+    tag: str = "",
 ) -> Chosen:
-    """Find the columns that are meant.
+    """Find what is meant.
 
     where: for messages, the file and, where there is one, the line of the names. names: of all columns; None:
-    they have none, and there are `width`. units: of each, where a line of them follows the names.
+    they have none, and there are `width`. units: of each, where a line of them follows the names. tag: the first
+    field of a row, of files with rows of several kinds.
 
     Raises:
-        UsageError: a column is not there, or twice, its unit is not known or another than the given one, or
-            neither a rate is given nor a column of times is there.
+        NotStated: a fact has no evidence; the text asks for it, with what each candidate would mean.
+        UsageError: a column is not there, or twice, or two pieces of evidence contradict each other.
     """
     wanted = wanted_of(how)
-    labels = list(names or ())
-    if names is None or not wanted.are_in(names):
-        labels = _by_position(where, names, width, wanted)
-        names = names if wanted.by_position and names is not None and len(names) == width else labels
-    axes = wanted.columns or _axes_of(labels)
-    for name in (*axes, *([wanted.time] if wanted.time is not None else [])):
-        if labels.count(name) > 1:
-            raise UsageError(
-                f"{where}: {labels.count(name)} columns are called {name}, and which is meant is not known. "
-                "Give them different names."
-            )
-    gyro = tuple(labels.index(name) for name in axes)
-    beside = [units[place] if units is not None and place < len(units) else "" for place in range(len(names))]
-    unit = _unit_of(where, [names[p] for p in gyro], [beside[p] for p in gyro], how, are_in_rads(names))
-    factor, lsb = parse_units(unit)
-    time = _time_of(where, names, how) if wanted.time is None else labels.index(wanted.time)
-    if how.rate_hz is None and time is None:
-        raise UsageError(
-            f"{where}: has no column '{TIME_COLUMN}' or another whose name says times, so give its rate: "
-            f"--rate 100, or name the column: --time-column NAME --time-unit ms (it has: {listed(names)})."
+    dialect = dialect_of(names or (), facts, tag=tag, fields=width)
+    if dialect is not None and dialect.unread:
+        raise UsageError(f"{where}: is of {dialect.name}: {dialect.unread}")
+    labels, names = _labels(where, names, width, wanted)
+    found = Choice(where, labels, names, list(units or ()), wanted, how, facts, dialect)
+    sensor = found.sensor(tag)
+    gyro, axes = found.gyro()
+    unit, factor, lsb = found.unit(gyro)
+    time, unit_of_time, time_factor, fine, fine_s = found.clock(gyro)
+    rate_hz = found.rate(time)
+    if found.missing:
+        raise found.error(
+            gyro, rate_hz or (None if time is None else found.measured_hz(time, unit_of_time, time_factor))
         )
-    time_unit = how.time_unit
-    if time is not None:
-        stated = TIME_UNITS.get(bare_unit(beside[time])) or time_unit_of(names[time])
-        if stated is not None and time_unit not in (None, stated):
-            raise UsageError(
-                f"{where}: the column {listed([names[time]])} is in {stated} by its name or line of units, "
-                f"and --time-unit {time_unit} says otherwise. Leave --time-unit out, or mend the header."
-            )
-        time_unit = time_unit or stated
-    fine, fine_s = None, 0.0
-    if time is not None and time in (parts := split_seconds(names)):
-        fine, fine_s = parts[time]
-        time_unit = "s"
-    accel, accel_ms2 = _accel_of(names, beside)
-    if {*gyro, time} & {*accel}:
-        accel = ()
-    return Chosen(list(names), gyro, time, unit, factor, lsb, time_unit, accel, accel_ms2, fine, fine_s)
+    accel, accel_ms2 = found.accelerometer({*gyro, time})
+    if dialect is not None and dialect.note:
+        found.notes.append(Note("reading", f"{where}: {dialect.name}: {dialect.note}"))
+    return Chosen(
+        list(names),
+        gyro,
+        time,
+        unit,
+        factor,
+        lsb,
+        unit_of_time,
+        accel,
+        accel_ms2,
+        fine,
+        fine_s,
+        axes,
+        time_factor,
+        rate_hz,
+        how.rate_hz is not None,
+        how.overrule,
+        sensor,
+        found.turn,
+        tuple(found.answers),
+        tuple(found.notes),
+    )
 
 
-def _axes_of(names: Sequence[str]) -> list[str]:
-    """Names of the axes x, y, z: ours, else those that other programs use; none if two are of one axis."""
-    ours = [f"{axis}_dps" for axis in AXES if f"{axis}_dps" in names]
-    if ours:
-        return ours
-    found: dict[str, str] = {}
-    for name in names:
-        axis = axis_of(name)
-        if axis is not None and found.setdefault(axis, name) != name:
-            return []
-    return [found[axis] for axis in "xyz" if axis in found]
-
-
-def _accel_of(names: Sequence[str], beside: Sequence[str]) -> tuple[tuple[int, ...], float]:
-    """Places of an accelerometer's axes x, y, z, and m/s² in their unit; none unless all is clear."""
-    found: dict[str, list[int]] = {axis: [] for axis in "xyz"}
-    for place, name in enumerate(names):
-        axis = accel_axis_of(name)
-        if axis is not None:
-            found[axis].append(place)
-    if any(len(places) != 1 for places in found.values()):
-        return (), 1.0
-    accel = tuple(places[0] for places in found.values())
-    units = {accel_unit_of(names[place]) or ACCEL_MS2.get(bare_unit(beside[place])) for place in accel}
-    unit = units.pop()
-    return ((), 1.0) if units or unit is None else (accel, unit)
-
-
-def _unit_of(where: str, names: list[str], beside: list[str], how: How, in_rads: bool) -> str:
-    found = {
-        rate_unit_of(name) or RATE_UNITS.get(bare_unit(unit))
-        for name, unit in zip(names, beside, strict=True)
-    }
-    if how.units is not None:
-        given = parse_units(how.units)
-        denied = [unit for unit in found if unit is not None and parse_units(unit) != given]
-        if denied:
-            raise UsageError(
-                f"{where}: the columns {listed(names)} are in {denied[0]} by their names or line of units, "
-                f"and --units {how.units} says otherwise. Leave --units out, or mend the header."
-            )
-        return how.units
-    if len(found) > 1:
-        raise UsageError(
-            f"{where}: the columns {listed(names)} are not all of one unit; say which: --units dps; "
-            f"known are {UNITS_HELP}."
-        )
-    unit = found.pop()
-    if unit is None:
-        likely, other = ("rad/s", "dps") if in_rads else ("dps", "rad/s")
-        raise UsageError(
-            f"{where}: nothing says the unit of {listed(names)}, so give it: --units {likely}, or {other}, "
-            "mdps, or lsb:N for counts of which N are 1 deg/s by the data sheet, such as lsb:131. ROS, "
-            "phones and newer Adafruit libraries give rad/s."
-        )
-    return unit
-
-
-def _time_of(where: str, names: Sequence[str], how: How) -> int | None:
-    if parts := split_seconds(names):
-        return next(iter(parts))
-    found = [TIME_COLUMN] if TIME_COLUMN in names else [name for name in names if is_time(name)]
-    if not found:
-        return None
-    if len(found) > 1:  # a date beside a time of day; and phones' own count of seconds beside their clock
-        found = (
-            [name for name in found if name.lower() == "seconds_elapsed"]
-            or [name for name in found if name.lower().endswith("header.stamp")]  # rostopic echo -p
-            or [name for name in found if name.lower() not in ("date", "datum")]
-        )
-    if (len(found) > 1 or names.count(found[0]) > 1) and how.rate_hz is None:
-        raise UsageError(
-            f"{where}: {listed(found)} are times by their names; say which is meant: "
-            f"--time-column {shlex.quote(found[0])}."
-        )
-    return list(names).index(found[0])
-
-
-def _by_position(where: str, names: Sequence[str] | None, width: int, wanted: Wanted) -> list[str]:
-    """Columns called by their positions from 1, or by what the user calls them if there are no others."""
-    if wanted.by_position:
-        beyond = [name for name in wanted.names if int(name) > width]
+def _labels(
+    where: str, names: Sequence[str] | None, width: int, wanted: Wanted
+) -> tuple[list[str], Sequence[str]]:
+    """Return what the user may call the columns, and their names; without names these are positions from 1."""
+    positions = [str(place + 1) for place in range(width)]
+    if wanted.columns is None and wanted.time is None:
+        return list(names or positions), names or positions
+    if names is not None and all(name in names for name in wanted.names):
+        return list(names), names
+    if all(name.isdecimal() for name in wanted.names):
+        beyond = [name for name in wanted.names if not 1 <= int(name) <= width]
         if beyond:
-            raise UsageError(f"{where}: no column {', '.join(beyond)} (it has {width}, without names).")
-        return [str(place + 1) for place in range(width)]
+            raise UsageError(f"{where}: no column {', '.join(beyond)} (it has {width}).")
+        return positions, names if names is not None and len(names) == width else positions
     if names is None and wanted.columns is not None and wanted.time is None and width == len(wanted.columns):
-        return wanted.columns
+        return wanted.columns, wanted.columns
     if names is None:
         raise UsageError(
-            f"{where}: the {width} columns have no names; say which are the axes by their positions, from 1: "
-            "--columns 1,2,3."
+            f"{where}: the {width} columns have no names; say which are the axes by their positions, from 1."
         )
     raise UsageError(f"{where}: {wanted.lacking(names)}.")
-
-
-def _is_position(name: str) -> bool:
-    return name.isascii() and name.isdecimal() and int(name) >= 1
-
-
-def is_number(field: str) -> bool:
-    """Whether a field holds a number, with a decimal point or comma."""
-    field = field.strip().strip('"').strip()
-    if DECIMAL_COMMA.fullmatch(field):
-        return True
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return "_" not in field and field.isascii()
-
-
-def is_missing(field: str) -> bool:
-    """Whether a field is what programs write where they have no number."""
-    return field.strip().strip('"').strip().lower() in MISSING

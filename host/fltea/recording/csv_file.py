@@ -38,12 +38,12 @@ def open_csv(
             if first is None or reader.chosen is None:
                 raise reader.refusal()
             rows = chain([first], rows)
-            found = gather(path, reader.chosen, rows, how, limits, lambda line: f"{path}:{line}")
+            found = gather(path, reader.chosen, rows, limits, lambda line: f"{path}:{line}")
     except OSError as error:
         raise UsageError(f"{path}: cannot be read as CSV ({error}).") from error
     except UsageError as error:
         if isinstance(error, Implausible):
-            error = reader.with_hint(error)
+            error = reader.with_columns(error)
         bad = reader.first
         if reader.chosen is not None and bad is not None and bad.why not in str(error):
             error.args = (f"{error} Lines were left out, the first is {bad.line}: {bad.why}",)

@@ -1,12 +1,24 @@
 """Dialects: what loggers write, from a table that is data (`dialects.toml`), and which one a file is in."""
 
+import math
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
+from types import MappingProxyType
+from typing import NamedTuple
 
 import msgspec
+import numpy as np
+
+from fltea.recording.files import listed
+from fltea.recording.sample_times import Floats
+from fltea.recording.units import accel_unit
+from fltea.records.errors import UsageError
+from fltea.records.units import STANDARD_GRAVITY_MS2
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 
 class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -27,7 +39,7 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     by which the numbers are multiplied. ask_unit: where the file cannot tell the unit: what it may be, and
     when. accel, accel_unit, accel_scale: the same of the accelerometer. time: the columns of times, the best
     first. time_unit: s, ms, us or ns; time_ticks: so many of that unit are 1; time_scale: the name of a number
-    in the head. rate: a regular expression for the head, whose first group is the rate in Hz. sensor: the
+    in the head. convention: others write these names too, in other units: what it says is a convention. rate: a regular expression for the head, whose first group is the rate in Hz. sensor: the
     column that tells several sensors apart. no_time: columns that are no times, whatever they are called.
     unread: why there is no gyroscope in it. note: what the user has to know.
     """
@@ -54,6 +66,7 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     time_scale: str = ""
     rate: str = ""
     sensor: str = ""
+    convention: bool = False
     no_time: tuple[str, ...] = ()
     unread: str = ""
     note: str = ""
@@ -68,3 +81,82 @@ def dialects() -> tuple[Dialect, ...]:
     """Return all dialects, in the order of the table: the first that a file is in is its dialect."""
     text = files("fltea.recording").joinpath("dialects.toml").read_text(encoding="utf-8")
     return tuple(msgspec.convert(tomllib.loads(text), _Table).dialect)
+
+
+MOST_NAMES = 1000
+"""Columns of a table that a logger writes; a file may hold more names, and each is compared with each dialect."""
+
+GRAVITY_TOLERANCE = 0.05
+"""Of the accelerometer's length in a dialect that is known by the number of its fields only."""
+
+
+class Facts(NamedTuple):
+    """What a file says beside the names of its columns.
+
+    head: the lines before them. file: its name. rates: sample rates in Hz by what states them, such as `imu.fs`.
+    sample: gives the first rows of all columns, (n, width), NaN where there is no number.
+    """
+
+    head: str = ""
+    file: str = ""
+    rates: Mapping[str, float] = MappingProxyType({})
+    sample: Callable[[], Floats] = lambda: np.empty((0, 0))
+
+    def number(self, name: str) -> float | None:
+        """Return the number that the head gives for a name, as `tscale,0.001`."""
+        found = re.search(rf"^\W*{re.escape(name)}\s*[,:=;\t ]\s*({_NUMBER})", self.head, re.M)
+        return None if found is None else float(found[1])
+
+
+def dialect_of(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int = 0) -> Dialect | None:
+    """Return the dialect that a file is in, if it is in one.
+
+    names: of the columns, or none. tag, fields: of rows without names, their first field and how many there are.
+    """
+    if len(names) > MOST_NAMES:
+        return None
+    return next((one for one in dialects() if _is_in(one, names, facts, tag, fields)), None)
+
+
+def _is_in(one: Dialect, names: Sequence[str], facts: Facts, tag: str, fields: int) -> bool:
+    if bool(one.names) != bool(names) or (one.tag and not re.fullmatch(one.tag, tag)):
+        return False
+    if not one.names and not one.tag and (one.fields == 0 or one.fields != fields):
+        return False
+    if one.tag and one.fields not in (0, fields):
+        return False
+    if not all(any(re.fullmatch(pattern, name) for name in names) for pattern in one.names):
+        return False
+    if not all(re.search(pattern, facts.head, re.M) for pattern in one.head):
+        return False
+    if one.file and not re.search(one.file, facts.file, re.I):
+        return False
+    return bool(one.names or one.tag or one.head or one.file) or _has_gravity(one, facts)
+
+
+def _has_gravity(one: Dialect, facts: Facts) -> bool:
+    """Whether the accelerometer's columns, by their positions, have the length of gravity in its unit."""
+    values = facts.sample()
+    if not one.accel or values.ndim != 2 or values.shape[1] != one.fields or not len(values):
+        return False
+    length = np.linalg.norm(values[:, [int(place) - 1 for place in one.accel[0]]], axis=1)
+    wanted = STANDARD_GRAVITY_MS2 / (accel_unit(one.accel_unit) or math.inf)
+    return bool(abs(float(np.median(length)) / wanted - 1) < GRAVITY_TOLERANCE)
+
+
+def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str]) -> tuple[int, ...]:
+    """Return the places of the first triple of patterns whose columns are all there; none if there is none.
+
+    Raises:
+        UsageError: two columns have the name that one axis is known by.
+    """
+    for triple in triples:
+        places = [[k for k, name in enumerate(names) if re.fullmatch(one, name)] for one in triple]
+        if several := next((found for found in places if len(found) > 1), None):
+            raise UsageError(
+                f"{listed([names[k] for k in several])} are all called as one axis is. Name the columns of one "
+                "sensor with --columns."
+            )
+        if all(places):
+            return tuple(found[0] for found in places)
+    return ()

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.recording.lines import shown
+from fltea.recording.reading import Answer
 from fltea.recording.sample_times import LONGEST_S
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from fltea.records.errors import UsageError
@@ -65,7 +66,8 @@ class Stored(NamedTuple):
     """A recording that was checked as a whole and is read a block of rows at a time.
 
     blocks: gives all its rows again, each time it is called. start_unix_ns: when it begins; 0: not known.
-    about: what else it says of itself, for a person. topic: of a bag, "" of other files.
+    about: what else it says of itself, for a person. topic: of a bag, "" of other files. reading: how it was
+    understood. axes: of the gyroscope, x, y or z each; none: the first ones.
     """
 
     samples: int
@@ -77,6 +79,8 @@ class Stored(NamedTuple):
     start_unix_ns: int = 0
     about: str = ""
     topic: str = ""
+    reading: tuple[Answer, ...] = ()
+    axes: tuple[str, ...] = ()
 
     def whole(self) -> Recording:
         """All of it in memory."""

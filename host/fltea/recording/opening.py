@@ -1,5 +1,6 @@
 """A recording that is one file, opened by what it is: the table of formats says who reads it."""
 
+import shlex
 from pathlib import Path
 from typing import NamedTuple, cast
 
@@ -8,10 +9,10 @@ from fltea.recording.files import Stored
 from fltea.recording.formats import FORMATS, Kind, loaded
 from fltea.recording.kind import is_stream, open_one_file
 from fltea.recording.ndjson import Kept, read_ndjson
+from fltea.recording.reading import ASK, NotStated
 from fltea.records.errors import UsageError
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
-from fltea.settings.setting import declared
 
 
 class Printed(NamedTuple):
@@ -40,22 +41,21 @@ def open_recording(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_L
     if kind == "ndjson":
         return Printed(*read_ndjson(path, limits=limits, file=file))
     form = FORMATS[kind]
-    if form.reader:
-        return open_apart(kind, path, how, limits)
     said = {"how": how} if form.options else {}
     content = {} if file is None else {"file": file}
-    return cast(Stored | Printed, loaded(form.opener)(path, limits=limits, **said, **content))
+    try:
+        if form.reader:
+            return open_apart(kind, path, how, limits)
+        return cast(Stored | Printed, loaded(form.opener)(path, limits=limits, **said, **content))
+    except NotStated as error:
+        error.args = (str(error).replace(ASK, f"{ASK}fltea identify {shlex.quote(str(path))} "),)
+        raise
 
 
 def check_options(path: Path, kind: Kind, how: How) -> None:
     """Raise UsageError for options that a kind of file does not take, since it says itself what they say."""
     form = FORMATS[kind]
-    flags = [
-        one.setting.flags[0]
-        for one in declared(how)
-        if one.default != getattr(AS_IT_SAYS, one.name) and one.name not in form.options
-    ]
-    if flags:
+    if flags := how.flags(form.options):
         verb = "are" if len(flags) > 1 else "is"
         raise UsageError(
             f"{path}: {', '.join(flags)} {verb} not for {form.title}, which names its columns, its unit and "

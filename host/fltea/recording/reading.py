@@ -9,14 +9,16 @@ There are five kinds of evidence, the strongest first. What has none of them is 
 - measured: the numbers show it (the steps of the times are the rate, gravity is the accelerometer's unit).
 """
 
+import shlex
 from collections.abc import Sequence
 from typing import Literal
 
 import msgspec
 
 from fltea.records.errors import UsageError
+from fltea.settings.how import How
 
-Evidence = Literal["given", "stated", "dialect", "convention", "measured"]
+Evidence = Literal["given", "stated", "dialect", "convention", "measured", "missing"]
 
 Question = Literal["rows", "sensor", "columns", "unit", "clock", "accelerometer"]
 
@@ -41,6 +43,10 @@ class Missing(msgspec.Struct, frozen=True):
     option: str
 
 
+ASK = "Say it, with the right value for each ?: "
+"""Before the options in the text of `NotStated`; whoever knows the file puts the command between."""
+
+
 class NotStated(UsageError):
     """Facts are missing, and the user has to say them."""
 
@@ -55,5 +61,20 @@ def not_stated(
     """
     what = "; and ".join(one.what for one in missing)
     options = " ".join([*known, *(one.option for one in missing if one.option)])
-    text = f"{where}: nothing says {what}. Say it, with the right value for each ?: {options}"
+    text = f"{where}: nothing says {what}. {ASK}{options}"
     return NotStated(f"{text}\n{table}" if table else text)
+
+
+def given_options(how: How) -> list[str]:
+    """Return what the user said, as it is typed."""
+    given = {
+        "--columns": None if how.columns is None else ",".join(how.columns),
+        "--units": how.units,
+        "--rate": None if how.rate_hz is None else f"{how.rate_hz:g}",
+        "--time-column": how.time_column,
+        "--time-unit": how.time_unit,
+        "--sensor": how.topic,
+        "--accel-units": how.accel_units,
+    }
+    words = [f"{flag} {shlex.quote(value)}" for flag, value in given.items() if value is not None]
+    return [*words, "--overrule"] if how.overrule else words

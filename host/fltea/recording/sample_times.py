@@ -16,7 +16,7 @@ These are the rules for the first kind, the same for live text, text files, tabl
 - **A long step**, of more than a minute and of more than ten periods, begins a new run: whether the sensor
   went on meanwhile cannot be known, and nothing is counted as missing.
 - **A step backwards** begins a new run. A counter of 32 bits (`millis()`, `micros()`) that wraps is no step
-  backwards.
+  backwards, and neither is a clock that goes on from 0 s at midnight.
 - **A repeated time** is the same sample again: it is left out and counted. Where the values differ it counts
   as an uneven step, for the clock is then coarser than the samples.
 - **A given rate** wins. The times still number the samples, by their own period. Times that are uneven do
@@ -33,6 +33,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.recording.reading import Answer, Missing, not_stated
 from fltea.records.errors import UsageError
 from fltea.settings.how import TimeUnit
 
@@ -51,8 +52,8 @@ PLAUSIBLE_HZ = 5.0, 10_000.0
 SHORTEST_STEP_S, LONGEST_S = 1e-6, 4e9
 """The second is 126 years; so many nanoseconds fit into 64 bits."""
 
-COUNTER_WRAP = float(1 << 32)
-"""Of millis() and micros(), which are what boards send as times in ms and in us."""
+COUNTER_WRAP, DAY_S = float(1 << 32), 86_400.0
+"""Of millis() and micros(), which are what boards send as times in ms and in us; and of times of day."""
 
 LONGEST_GAP_S, LONGEST_GAP_PERIODS = 60.0, 10.0
 
@@ -62,13 +63,19 @@ GRAINS = (1.0, 0.1, 1e-2, 1e-3, 1e-4)
 SHORT_GAPS = 2, 3, 4
 """Steps of so many periods are a clock's, too, however many there are. Bursts leave longer ones."""
 
+MOST_IN_TURNS = 4
+"""Rows with the same time that may be of as many sensors."""
+
 MANY_STEPS = 32
 """Over which rounded times are compared."""
 
 NEARLY = 1e-3
 """Of a grain: times are on it."""
 
-SAME_RATE = 0.2
+SAME_TIME = 4 * float(np.finfo(np.float64).eps)
+"""Of a time: what two that are the same may differ by."""
+
+SAME_RATE = 0.1
 """A given rate and one by the times that differ by less are the same."""
 
 
@@ -83,7 +90,7 @@ class Elapsed:
     def __init__(self, unit: TimeUnit | None) -> None:
         self.repeated = self.odd = self.backwards = self.rows = 0
         self.first: int | None = None
-        self._wrap = COUNTER_WRAP if unit in ("ms", "us") else None
+        self._wrap = {"ms": COUNTER_WRAP, "us": COUNTER_WRAP, "ns": math.inf}.get(unit or "s", DAY_S)
         self._longest = LONGEST_GAP_S / SECONDS[unit or "s"]
         self._offset = 0.0
         self._last: tuple[float, float, Floats] | None = None
@@ -113,17 +120,17 @@ class Elapsed:
         offset: float | Floats = self._offset
         if begins.any():
             jump = np.where(begins, -steps, 0.0)
-            if self._wrap is not None:
-                after = steps + self._wrap
-                wraps = begins & (after > 0) & (after <= self._longest)
-                jump[wraps] = self._wrap
-                begins &= ~wraps
+            after = steps + self._wrap
+            wraps = begins & (after <= self._longest) & (time >= 0) & (time < after)
+            jump[wraps] = self._wrap
+            begins &= ~wraps
             offset = self._offset + np.cumsum(jump)
             self._offset = float(offset[-1])
             self.backwards += int(begins.sum())
             self.odd += int(begins.sum())
         elapsed = time + offset
-        flat = (differences(elapsed, last_elapsed) <= 0) & ~begins
+        # Times that differ by the rounding of a float only are the same.
+        flat = (differences(elapsed, last_elapsed) <= SAME_TIME * np.abs(time)) & ~begins
         flat[0] &= not is_first
         if flat.any():
             before = np.concatenate([last_values[np.newaxis], values[:-1]])
@@ -228,74 +235,119 @@ class Timing(NamedTuple):
     """How rows are numbered and timed.
 
     period: in the column's unit; None: the order of the rows numbers them. unit_s: seconds in one of that
-    unit. warning: what the user has to know, "" if that is nothing.
+    unit. warning: what the user has to know, "" if that is nothing. answers: on the clock.
     """
 
     rate_hz: float
     period: float | None
     unit_s: float = 1.0
     warning: str = ""
+    answers: tuple[Answer, ...] = ()
+
+
+class TimeColumn(NamedTuple):
+    """A column of times. unit: None if nothing says it.
+
+    rate_hz: of the rows, where the user gives it or the file states it; is_given: by the user. overrule: that
+    counts, whatever the times say.
+    """
+
+    name: str
+    unit: TimeUnit | None
+    rate_hz: float | None = None
+    is_given: bool = False
+    overrule: bool = False
 
 
 def timing(
     where: str,
-    column: str,
-    unit: TimeUnit | None,
+    column: TimeColumn,
     clock: Clock | None,
-    given_hz: float | None,
     elapsed: Elapsed,
     place: Callable[[int], str] = str,
 ) -> Timing:
     """The rate of rows, and how they are numbered.
 
-    where, column: for messages. given_hz: the rate that the user gives. elapsed: what the clock was found of.
-    place: a row, for messages.
+    where: for messages. elapsed: what the clock was found of. place: a row, for messages.
 
     Raises:
-        UsageError: no rate is given, and the times tell none.
+        UsageError: no rate is given, and the times tell none, or another one than is given or stated.
     """
-    if given_hz is not None:
-        return _with_rate(f"{where}: column '{column}'", unit, clock, given_hz)
+    name, unit = column.name, column.unit
+    where_column = f"{where}: column '{name}'"
+    if column.is_given and column.rate_hz is not None:
+        return _with_rate(where_column, column, clock, column.rate_hz)
     if clock is None:
-        raise UsageError(f"{where}: one time in '{column}' tells no rate; give it: --rate 100.")
+        raise not_stated(where, [Missing(f"the rate; one time in '{name}' tells none", "--rate ?")])
     unit_s = SECONDS[unit or "s"]
     if unit is None and clock.even and not _is_plausible(1 / clock.typical):
-        raise _unit_needed(f"{where}: column '{column}'", 1 / clock.typical)
+        raise _unit_needed(where_column, clock.typical)
     if clock.even and clock.typical * unit_s < SHORTEST_STEP_S:
         raise UsageError(
-            f"{where}: column '{column}': a step of {clock.typical:.3g} {unit or 's'} is no gyroscope's. Is "
-            "the unit right (--time-unit)? Or give the rate: --rate 100."
+            f"{where_column}: a step of {clock.typical:.3g} {unit or 's'} is no gyroscope's. Is "
+            "the unit right (--time-unit)?"
         )
     if not clock.even:
-        raise UsageError(f"{where}: column '{column}': {_why_uneven(where, unit, clock, elapsed, place)}")
-    return Timing(1.0 / (clock.typical * unit_s), clock.typical, unit_s)
+        raise _uneven(where, where_column, unit, clock, elapsed, place)
+    rate_hz = 1.0 / (clock.typical * unit_s)
+    if column.rate_hz is not None and abs(rate_hz / column.rate_hz - 1) > SAME_RATE and not column.overrule:
+        raise UsageError(
+            f"{where_column}: by its times the rate is {rate_hz:.6g} Hz, and the file states "
+            f"{column.rate_hz:g} Hz. Say which is right: --rate ? --overrule."
+        )
+    return Timing(rate_hz, clock.typical, unit_s, answers=(_clock_answer(column, rate_hz),))
 
 
-def _why_uneven(
-    where: str, unit: TimeUnit | None, clock: Clock, elapsed: Elapsed, place: Callable[[int], str]
-) -> str:
+def _clock_answer(column: TimeColumn, rate_hz: float) -> Answer:
+    unit = f" in {column.unit}" if column.unit else ", which can only be seconds"
+    return Answer("clock", f"{rate_hz:.6g} Hz", "measured", f"the times of {column.name}{unit}")
+
+
+def _uneven(
+    where: str,
+    where_column: str,
+    unit: TimeUnit | None,
+    clock: Clock,
+    elapsed: Elapsed,
+    place: Callable[[int], str],
+) -> UsageError:
     """What is wrong with times that are no sensor's clock, and what to do."""
     shown = unit or "s"
     is_coarse = elapsed.repeated > (1 - EVEN_SHARE) * elapsed.rows
     steps, span = (elapsed.rows, clock.median) if is_coarse else (elapsed.rows - 1, 0.0)
-    rate_hz = steps / (elapsed.span + span) / SECONDS[shown] if elapsed.span > 0 else 100.0
+    rate_hz = steps / (elapsed.span + span) / SECONDS[shown] if elapsed.span > 0 else math.nan
     first = "" if elapsed.first is None else place(elapsed.first).removeprefix(where).strip(": ")
     at = f", the first in {f'line {first}' if first.isdigit() else first}" if first else ""
-    remedy = f"Give the rate: --rate {rate_hz:.4g} (the mean of these times, which then tell no gaps)."
+    mean = (
+        f"The mean of these times is {rate_hz:.4g} Hz" if unit is not None or _is_plausible(rate_hz) else ""
+    )
+    remedy = f"{mean or 'They tell no rate'}; if every row is a sample of one sensor: --rate "
+    remedy += f"{rate_hz:.4g} (the times then tell no gaps)." if mean else "?"
+    turns = elapsed.rows / max(elapsed.rows - elapsed.repeated, 1)
     if elapsed.backwards > (1 - EVEN_SHARE) * elapsed.rows:
         rate_hz = (elapsed.rows - 1) / max(elapsed.between * SECONDS[shown], SHORTEST_STEP_S)
-        return (
-            f"{elapsed.backwards} of {elapsed.rows} times are earlier than the one before{at}. If the rows "
-            f"stand in the order in which they were measured, give their rate: --rate {rate_hz:.4g}. "
+        return UsageError(
+            f"{where_column}: {elapsed.backwards} of {elapsed.rows} times are earlier than the one before{at}. If "
+            f"the rows stand in the order in which they were measured, give their rate: --rate {rate_hz:.4g}. "
             "Otherwise sort them by their times."
         )
-    if is_coarse:
-        return (
-            f"{elapsed.repeated} of {elapsed.rows} times are the same as the one before{at}: the clock is "
-            f"coarser than the samples, with steps of {clock.median:.3g} {shown}. {remedy}"
+    if is_coarse and MOST_IN_TURNS >= round(turns) >= 2 and abs(turns - round(turns)) < 0.01:
+        n = round(turns)
+        return not_stated(
+            where,
+            [Missing(f"whether {n} sensors take turns, or the clock is coarser than the samples", "?")],
+            (),
+            f"Each time in '{where_column.rpartition(' ')[2].strip(chr(39))}' stands {n} times{at}:\n"
+            f"  --sensor 1/{n}: the first of {n} sensors in turns, --sensor 2/{n} the second …\n"
+            f"  --rate {rate_hz:.4g}: one sensor, whose clock is coarser than its samples",
         )
-    return (
-        f"the steps are too uneven for a sensor's clock (median {clock.median:.3g} {shown}, from "
+    if is_coarse:
+        return UsageError(
+            f"{where_column}: {elapsed.repeated} of {elapsed.rows} times are the same as the one before{at}: the "
+            f"clock is coarser than the samples, with steps of {clock.median:.3g} {shown}. {remedy}"
+        )
+    return UsageError(
+        f"{where_column}: the steps are too uneven for a sensor's clock (median {clock.median:.3g} {shown}, from "
         f"{clock.least:.3g} to {clock.largest:.3g} {shown}{at}), as times of arrival are. {remedy}"
     )
 
@@ -304,31 +356,54 @@ def _is_plausible(rate_hz: float) -> bool:
     return PLAUSIBLE_HZ[0] <= rate_hz <= PLAUSIBLE_HZ[1]
 
 
-def _unit_needed(where: str, in_seconds_hz: float) -> UsageError:
-    rates = {unit: in_seconds_hz / unit_s for unit, unit_s in SECONDS.items()}
-    likely = [f"--time-unit {unit} ({rate:.6g} Hz)" for unit, rate in rates.items() if _is_plausible(rate)]
-    return UsageError(
-        f"{where} says no unit, and in seconds its steps would be {in_seconds_hz:.4g} Hz. "
-        f"Say what it counts: {' or '.join(likely) or '--time-unit s, ms, us or ns'}."
-    )
+def _unit_needed(where_column: str, step: float) -> UsageError:
+    rates = {unit: 1 / (step * unit_s) for unit, unit_s in SECONDS.items()}
+    likely = [f"  --time-unit {unit}: {rate:.6g} Hz" for unit, rate in rates.items() if _is_plausible(rate)]
+    table = [f"A step of {step:.6g} would be:", *likely, "  or in ticks of its own: --rate ?"]
+    return not_stated(where_column, [Missing("what its times count", "--time-unit ?")], (), "\n".join(table))
 
 
-def _with_rate(where: str, unit: TimeUnit | None, clock: Clock | None, rate_hz: float) -> Timing:
+def _with_rate(where_column: str, column: TimeColumn, clock: Clock | None, rate_hz: float) -> Timing:
+    unit = column.unit
     if clock is None:
         return Timing(rate_hz, None)
     if not clock.even:
         return Timing(
             rate_hz,
             None,
-            warning=f"{where} has steps too uneven for a clock, so it cannot tell which samples are missing: "
-            f"with --rate {rate_hz:g} all rows count as evenly spaced.",
+            warning=f"{where_column} has steps too uneven for a clock, so it cannot tell which samples are "
+            f"missing: with --rate {rate_hz:g} all rows count as evenly spaced.",
         )
     found = [1 / (clock.typical * SECONDS[u]) for u in ([unit] if unit else SECONDS)]
     nearest = min(found, key=lambda rate: abs(math.log(rate / rate_hz)))
-    warning = ""
-    if abs(nearest / rate_hz - 1) > SAME_RATE:
-        warning = (
-            f"{where}: by its times the rate is {nearest:.6g} Hz; --rate {rate_hz:g} is used, and the column "
-            "tells only which samples are missing."
+    if abs(nearest / rate_hz - 1) <= SAME_RATE:
+        return Timing(rate_hz, clock.typical)
+    if unit is not None and not column.overrule:
+        raise UsageError(
+            f"{where_column}: by its times the rate is {nearest:.6g} Hz, and --rate {rate_hz:g} says otherwise. "
+            "Leave --rate out. If the times are wrong, add --overrule."
         )
+    warning = (
+        f"{where_column}: its unit is not known; with --rate {rate_hz:g} a step of {clock.typical:.6g} is one "
+        "sample, and the column tells only which are missing."
+    )
     return Timing(rate_hz, clock.typical, warning=warning)
+
+
+def between(times: Floats, period: float) -> Marks:
+    """Mark rows that stand between two samples of an even clock: their neighbours are one period apart.
+
+    times: (n,) elapsed, in the unit of `period`. Of two neighbours that could both be so, the one that is
+    farther from where the next sample is due stands between.
+    """
+    found = np.zeros(len(times), np.bool_)
+    steps = np.diff(times) / period
+    if len(steps) < 2 or (steps > 1 - EVENNESS).all():
+        return found
+    two = steps[:-1] + steps[1:]
+    found[1:-1] = (np.abs(two - 1) <= EVENNESS) & (np.minimum(steps[:-1], steps[1:]) < 1 - EVENNESS)
+    for k in np.flatnonzero(found[:-1] & found[1:]).tolist():
+        if found[k] and found[k + 1]:
+            due = times[k - 1] + period
+            found[k if abs(times[k] - due) < abs(times[k + 1] - due) else k + 1] = False
+    return found

@@ -20,10 +20,9 @@ from fltea.recording.files import (
 )
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.sample_numbers import Numbering
-from fltea.recording.sample_times import Elapsed, Floats, Ints, Marks, Timing, clock_of, timing
+from fltea.recording.sample_times import Elapsed, Floats, Ints, Marks, Timing, between, clock_of, timing
 from fltea.recording.spool import Spool
 from fltea.records.errors import Implausible, NoNumbers, UsageError
-from fltea.settings.how import How
 from fltea.settings.limits import Limits
 
 MOST_DPS = 4000.0
@@ -68,6 +67,9 @@ class Samples(NamedTuple):
 def samples_of(rows: Rows, chosen: Chosen) -> Samples:
     """The samples among rows: those that have all numbers that are needed, and none that cannot be."""
     values, numbers, ordinal = rows.values, rows.numbers, rows.ordinal
+    if chosen.turn[1] > 1:
+        ours = ordinal % chosen.turn[1] == chosen.turn[0]
+        values, numbers, ordinal = values[ours], numbers[ours], ordinal[ours] // chosen.turn[1]
     axes, needed = len(chosen.gyro), len(chosen.needed)
     largest = LARGEST_DPS * (chosen.lsb or 1.0)
     left_out: dict[str, tuple[int, int]] = {}
@@ -140,7 +142,6 @@ def gather(
     path: Path,
     chosen: Chosen,
     blocks: Iterable[Rows],
-    how: How,
     limits: Limits,
     place: Callable[[int], str],
 ) -> Stored:
@@ -151,7 +152,7 @@ def gather(
     Raises:
         UsageError: no rows, none with numbers that a gyroscope gives, or times that tell no rate.
     """
-    table = _Table(path, chosen, how, limits, place)
+    table = _Table(path, chosen, limits, place)
     for block in blocks:
         if len(block.values):
             table.add(block)
@@ -166,10 +167,9 @@ def row_place(path: Path, row: int) -> str:
 class _Table:
     """What the rows so far came to."""
 
-    def __init__(
-        self, path: Path, chosen: Chosen, how: How, limits: Limits, place: Callable[[int], str]
-    ) -> None:
-        self._path, self._chosen, self._place, self._rate_hz = path, chosen, place, how.rate_hz
+    def __init__(self, path: Path, chosen: Chosen, limits: Limits, place: Callable[[int], str]) -> None:
+        self._path, self._chosen, self._place = path, chosen, place
+        self._given_hz = chosen.rate_hz if chosen.is_given else None
         self._limits = limits
         self._most = limits.whole_bytes // NUMBER_BYTES
         self._spool = Spool()
@@ -249,15 +249,29 @@ class _Table:
             samples, last_s = n, (n - 1) / found.rate_hz
         else:
             spool.drop("row")
-            samples = n - self._elapsed.repeated
+            samples = n - self._elapsed.repeated - self._note_between(found)
             last_s = self._last_elapsed * found.unit_s
         check_span(self._path, found.rate_hz, samples, last_s)
         begins = np.concatenate(self._begins) if self._begins else np.empty(0, np.int64)
-        make = partial(_blocks, spool, chosen, found, begins, given=self._rate_hz is not None)
-        names = listed([chosen.names[place] for place in chosen.gyro])
-        times = f"; times of {listed([chosen.time_name])}" if found.period is not None else ""
-        about = f"{names} in {chosen.units}{times}"
-        return Stored(samples, found.rate_hz, chosen.lsb, None, make, tuple(self._notes), about=about)
+        make = partial(_blocks, spool, chosen, found, begins, given=self._given_hz is not None)
+        answers = (*chosen.answers, *found.answers)
+        notes = (*chosen.notes, *self._notes)
+        return Stored(
+            samples, found.rate_hz, chosen.lsb, None, make, notes, reading=answers, axes=chosen.axes
+        )
+
+    def _note_between(self, timing: Timing) -> int:
+        """Count the rows that stand between two samples, and are left out."""
+        assert timing.period is not None
+        count = sum(
+            int(between(times, timing.period).sum()) for (times,) in self._spool.blocks(["time"], AT_ONCE)
+        )
+        if count:
+            text = f"{count} rows stand between two samples of an even clock, and are left out: are they of"
+            self._notes.append(
+                Note("row_times", f"{self._path}: column '{self._chosen.time_name}': {text} another sensor?")
+            )
+        return count
 
     def _none(self) -> UsageError:
         chosen = self._chosen
@@ -292,16 +306,13 @@ class _Table:
         """How the rows are numbered; a warning of runs and repeated rows that the times tell."""
         chosen, spool = self._chosen, self._spool
         if chosen.time is None:
-            assert self._rate_hz is not None  # `choose` refuses a table without both
+            assert chosen.rate_hz is not None  # `choose` refuses a table without both
             self._begins = [np.array(self._headers, np.int64)]
-            return Timing(self._rate_hz, None)
+            return Timing(chosen.rate_hz, None)
         clock = clock_of(
             lambda: (times for (times,) in spool.blocks(["time"], STEPS_AT_ONCE)), self._elapsed.odd
         )
-        where = str(self._path)
-        found = timing(
-            where, chosen.time_name, chosen.time_unit, clock, self._rate_hz, self._elapsed, self._place
-        )
+        found = timing(str(self._path), chosen.times, clock, self._elapsed, self._place)
         if found.period is None:
             self._begins = [np.array(self._headers, np.int64)]
         elif runs := sum(map(len, self._begins)):
@@ -328,6 +339,9 @@ def _blocks(
         marks[begins[(begins >= row) & (begins < row + len(gyro))] - row] = True
         row += len(gyro)
         if by_times:
+            if (off := between(place, timing.period or 1.0)).any():
+                gyro, place, marks = gyro[~off], place[~off], marks[~off]
+                accel_ms2 = None if accel_ms2 is None else accel_ms2[~off]
             found = numbering.add(place, marks)
             if not found.kept.all():
                 gyro, accel_ms2 = gyro[found.kept], None if accel_ms2 is None else accel_ms2[found.kept]

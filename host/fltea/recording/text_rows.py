@@ -11,20 +11,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fltea.recording.columns import Chosen, wanted_of
+from fltea.recording.candidates import columns_table
+from fltea.recording.columns import Chosen
 from fltea.recording.files import Note
 from fltea.recording.lines import LONGEST_LINE, shown
+from fltea.recording.one_sensor import OneSensor
+from fltea.recording.reading import given_options
 from fltea.recording.sample_times import Floats, Ints
-from fltea.recording.suggest import hint_for, with_hint
 from fltea.recording.table import Rows
-from fltea.recording.text_layout import Layout, LayoutFinder, header_of
+from fltea.recording.text_fields import sample_of
+from fltea.recording.text_forms import YAML, YamlDocuments, plain_lines
+from fltea.recording.text_layout import Layout, LayoutFinder
 from fltea.recording.text_numbers import RowParser, decoded, end_of_line
 from fltea.recording.text_times import A_CLOCK, with_seconds
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 BOM, UTF_16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
-SAMPLE_LINES, SAMPLE_BYTES = 60, 1 << 14
+SAMPLE_LINES, SAMPLE_BYTES = 2000, 1 << 18
 """Of what comes first, which tells what the columns may be."""
 
 ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s*["\[{]|\{\s*"0"))')
@@ -53,22 +57,12 @@ The last three are found where rows become samples (`fltea.recording.table`).
 """
 
 
-OF_PHONE = How(columns=["x", "y", "z"], units="rad/s", time_column="seconds_elapsed")
-"""How to read a gyroscope of the app Sensor Logger, whose files of all sensors have the same names."""
-
-
 class Bad(NamedTuple):
     """A line without a sample. line: its number, from 1. why: in full, with what the line holds."""
 
     line: int
     reason: str
     why: str
-
-
-def _is_of_phone(where: str, line: str) -> bool:
-    """Whether a first line is of the app Sensor Logger, and the file's name says that it is a gyroscope's."""
-    names = {name.strip() for name in line.split(",")}
-    return {"seconds_elapsed", "x", "y", "z"} <= names and "gyro" in where.rpartition("/")[2].lower()
 
 
 class TextReader:
@@ -84,7 +78,6 @@ class TextReader:
     """
 
     def __init__(self, where: str, how: How) -> None:
-        self._wanted = wanted_of(how)
         self.layout: Layout | None = None
         self.counts: Counter[str] = Counter()
         self.first: Bad | None = None
@@ -93,14 +86,16 @@ class TextReader:
         self.lines = 0
         self.notes: list[Note] = []
         self._where, self._how = where, how
-        self._finder = LayoutFinder(where, how)
+        self._sample: list[str] = []
+        self._finder = LayoutFinder(where, how, lambda: self._sample)
         self.chosen: Chosen | None = None
         self._parser: RowParser | None = None
-        self._ordinal = 0
+        self._sensor: OneSensor | None = None
+        self._ordinal = self._since_header = self._page = 0
         self._begins = self._skipping = False
         self._rest = self._head = b""
         self._utf_16: codecs.IncrementalDecoder | None = None
-        self._sample: list[str] = []
+        self._yaml: YamlDocuments | None = None
 
     @property
     def left_out(self) -> int:
@@ -111,15 +106,16 @@ class TextReader:
         """The sender was lost and is back; within_line: what comes first may be the end of a line."""
         self._rest, self._skipping = b"", within_line
 
-    def with_hint(self, error: UsageError) -> UsageError:
-        """An error with the options that probably read what came first."""
-        return with_hint(error, hint_for(self._sample, self._how))
+    def with_columns(self, error: UsageError) -> UsageError:
+        """An error with a table of what the first rows show."""
+        chosen = self.chosen
+        if chosen is None:
+            return error
+        values = sample_of(self._sample, chosen.names, len(chosen.names), "")
+        return type(error)("\n".join(filter(None, [str(error), columns_table(chosen.names, values)])))
 
     def refusal(self) -> UsageError:
         """Why there was no row so far."""
-        return self.with_hint(self._refusal())
-
-    def _refusal(self) -> UsageError:
         if ONE_DOCUMENT.match(self._head):
             return UsageError(
                 f"{self._where}: is one document of JSON; of a stream only an object a line is read. "
@@ -137,10 +133,14 @@ class TextReader:
         """
         if not self._head:
             self._head = data[:HEAD_BYTES]
+            if YAML.match(data.removeprefix(BOM)):
+                self._yaml = YamlDocuments()
             if data.startswith(UTF_16):  # as PowerShell and Excel's "Unicode text" write it
                 self._utf_16 = codecs.getincrementaldecoder("utf-16")("replace")
         if self._utf_16 is not None:
             data = self._utf_16.decode(data).encode()
+        if self._yaml is not None:
+            data = self._yaml.feed(data)
         if self._skipping:
             _, end, data = data.partition(b"\n")
             if not end:
@@ -161,7 +161,10 @@ class TextReader:
 
     def finish(self) -> list[Rows]:
         """The sender has ended: its last line may lack its end."""
-        rest, self._rest = self._rest, b""
+        last = self._yaml.finish() if self._yaml is not None else b""
+        rest, self._rest = (self._rest + last).removesuffix(b"\n"), b""
+        if self._yaml is not None and self._yaml.is_cut:
+            self.cut = Note("cut_recording", f"{self._where}: the last message is cut off, and left out.")
         if not rest:
             return []
         before, first, newest = self.counts.copy(), self.first, self.newest
@@ -174,38 +177,38 @@ class TextReader:
 
     def _take(self, data: bytes) -> list[Rows]:
         """Whole lines, without the end of the last one."""
+        data = plain_lines(data)
         if b":" in data and A_CLOCK.search(data):
             data = with_seconds(decoded(data)).encode()
         if len(self._sample) < SAMPLE_LINES:
-            self._sample += decoded(data[:SAMPLE_BYTES]).split("\n")
-        found = []
-        at = 0
-        while at <= len(data):
+            self._sample += decoded(data[:SAMPLE_BYTES]).split("\n")[:SAMPLE_LINES]
+        pieces: list[Rows] = []
+        at: int | None = 0
+        if self.layout is not None:
+            data = self._of_sensor(data, 0)
+        while at is not None and at <= len(data):
             if self.layout is None:
                 at = self._find(data, at)
-            if at <= len(data):
-                assert self._parser is not None
-                rows, at = self._read(self._parser, data, at)
-                if rows is not None:
-                    found.append(rows)
-        return found
+                if at is None:
+                    break
+                data, at = self._of_sensor(data, at), 0
+            assert self._parser is not None
+            at = self._read(self._parser, data, at, pieces)
+        return _joined(pieces)
 
-    def _find(self, data: bytes, begin: int) -> int:
-        """Look for the first row; where it begins, beyond the end if there is none."""
+    def _find(self, data: bytes, begin: int) -> int | None:
+        """Look for the first row; where it begins, None if there is none."""
         while begin <= len(data):
             end = end_of_line(data, begin)
             line = data[begin:end]
             if self.lines == 0:
                 line = line.removeprefix(BOM)
             text = decoded(line)
-            if self.lines == 0 and not self._how.of_text and _is_of_phone(self._where, text):
-                self._how = OF_PHONE
-                self._wanted, self._finder = wanted_of(OF_PHONE), LayoutFinder(self._where, OF_PHONE)
             try:
                 layout = self._finder.take(self.lines + 1, text)
             except UsageError as error:
                 if self.chosen is None:
-                    raise self.with_hint(error) from None
+                    raise
                 self._count(Bad(self.lines + 1, "header", str(error)))
                 layout = None
             if layout is not None and self._is_as_before(layout.chosen):
@@ -214,17 +217,20 @@ class TextReader:
             self.lines += 1
             if layout is not None:
                 self._count(Bad(self.lines, "header", f"other columns than before: {shown(text)}"))
-                self._finder = LayoutFinder(self._where, self._how)
+                self._finder = self._new_finder()
             elif self._finder.is_other:
                 self._count(Bad(self.lines, "before_header", f"came before the columns: {shown(text)}"))
             begin = end + 1
-        return begin
+        return None
+
+    def _new_finder(self) -> LayoutFinder:
+        return LayoutFinder(self._where, self._how, lambda: self._sample, self._finder.head)
 
     def _is_as_before(self, chosen: Chosen) -> bool:
         """Whether the columns of a new header can go on where those of the one before ended."""
 
         def kind(of: Chosen) -> tuple[object, ...]:
-            return len(of.gyro), of.lsb, of.time is None, of.time_unit, len(of.accel)
+            return len(of.gyro), of.lsb, of.time is None, of.time_unit, len(of.accel), of.factor
 
         return self.chosen is None or kind(chosen) == kind(self.chosen)
 
@@ -233,52 +239,93 @@ class TextReader:
         self.chosen = self.chosen or layout.chosen
         self.layout, self._parser = layout, RowParser(layout)
         self.notes += layout.notes
+        if self._sensor is None and layout.chosen.sensor is not None:
+            place, value = layout.chosen.sensor
+            name = layout.chosen.names[place]
+            self._sensor = OneSensor(self._where, name, value, given_options(self._how))
 
-    def _read(self, parser: RowParser, data: bytes, at: int) -> tuple[Rows | None, int]:
-        """The rows in lines from a byte on, up to a new header; and where that begins, if there is one."""
-        numbers: list[Ints] = []
-        values: list[Floats] = []
-        ordinals: list[Ints] = []
+    def _of_sensor(self, data: bytes, begin: int) -> bytes:
+        """Bytes from one on; lines of other sensors are empty in them, which keeps the numbers of the rest."""
+        assert self.layout is not None
+        if self._sensor is None or self.layout.chosen.sensor is None:
+            return data[begin:] if begin else data
+        place, separator = self.layout.chosen.sensor[0], self.layout.separator
+        mark = None if separator is None else separator.encode()
+        lines = data[begin:].split(b"\n")
+        fields = [line.split(mark, place + 1) for line in lines]
+        has = [k for k, found in enumerate(fields) if len(found) > place and lines[k][:1] not in b"#%"]
+        keep = self._sensor.keep([fields[k][place].decode("latin-1").strip().strip('"') for k in has])
+        for k in np.asarray(has)[~keep].tolist():
+            lines[k] = b""
+        return b"\n".join(lines)
 
-        def keep(rows: Ints, of_rows: Floats) -> None:
-            numbers.append(self.lines + 1 + rows)
-            values.append(of_rows)
-            ordinals.append(self._ordinal + np.arange(len(rows)))
-            self._ordinal += len(rows)
-
-        while at <= len(data):
-            plain = parser.plain(data, at)
-            if len(plain.rows):
-                keep(plain.rows, plain.values)
-            self.lines += plain.passed
-            at = plain.next
-            if at > len(data):
-                break
-            end = end_of_line(data, at)
-            text = decoded(data[at:end])
-            found = parser.one(text)
-            if isinstance(found, list):
-                keep(np.zeros(1, np.int64), np.array([found]))
-            elif found is not None:
+    def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
+        """Read rows; where another header begins, None at the end of the data."""
+        while begin <= len(data):
+            found = parser.plain(data, begin)
+            self._add(parser.layout, found.rows, found.values, pieces)
+            self.lines += found.passed
+            begin = found.next
+            if begin > len(data):
+                return None
+            end = end_of_line(data, begin)
+            text = decoded(data[begin:end])
+            values = parser.one(text)
+            if isinstance(values, list):
+                self._add(parser.layout, np.zeros(1, np.int64), np.array([values]), pieces)
+            elif text.strip() in parser.layout.again:
+                if text.strip() == parser.layout.again[0]:
+                    self._page_begins(data, begin, end)
+            elif values is not None:
                 if self._is_header(parser, text):
-                    self.layout, self._finder = None, LayoutFinder(self._where, self._how)
-                    break  # the sender has begun again
-                self._ordinal += found[0] not in ("text", "columns")
-                self._count(Bad(self.lines + 1, *found))
+                    self.layout, self._finder = None, self._new_finder()
+                    return begin
+                self._ordinal += values[0] not in ("text", "columns")
+                self._count(Bad(self.lines + 1, *values))
             self.lines += 1
-            at = end + 1
-        if not values:
-            return None, at
+            begin = end + 1
+        return None
+
+    def _page_begins(self, data: bytes, begin: int, end: int) -> None:
+        """The header stands there again: the sender began again, unless it does so after every so many rows."""
+        again = data.find(data[begin:end], end)
+        rows = data.count(b"\n", end + 1, again) if again > 0 else -1
+        self._begins |= self._since_header not in (self._page, rows)
+        self._page, self._since_header = self._since_header, 0
+
+    def _add(self, layout: Layout, rows: Ints, values: Floats, pieces: list[Rows]) -> None:
+        if not len(rows):
+            return
         begins, self._begins = self._begins, False
-        scaled = parser.layout.chosen.scale(np.concatenate(values))
-        return Rows(np.concatenate(numbers), scaled, np.concatenate(ordinals), begins), at
+        ordinal = self._ordinal + np.arange(len(rows))
+        self._ordinal += len(rows)
+        self._since_header += len(rows)
+        pieces.append(Rows(self.lines + 1 + rows, layout.chosen.scale(values), ordinal, begins))
 
     def _is_header(self, parser: RowParser, text: str) -> bool:
         might_be = parser.layout.parse is None and text.lstrip()[:1] not in NO_NAME
-        return might_be and header_of(text, self._wanted) is not None
+        return might_be and self._finder.header_of(text) is not None
 
     def _count(self, bad: Bad) -> None:
         self.counts[bad.reason] += 1
         self.newest = bad
         if self.first is None or (self.first.reason == "before_header" and bad.reason != "before_header"):
             self.first = bad
+
+
+def _joined(pieces: list[Rows]) -> list[Rows]:
+    """Rows that follow each other in one piece, up to where the sender began again."""
+    found: list[list[Rows]] = []
+    for piece in pieces:
+        if piece.begins or not found:
+            found.append([])
+        found[-1].append(piece)
+    return [
+        Rows(
+            *(np.concatenate(parts) for parts in zip(*(one[:3] for one in group), strict=True)),
+            group[0].begins,
+        )
+        if len(group) > 1
+        else group[0]
+        for group in found
+    ]

@@ -17,13 +17,13 @@ from fltea.recording.sample_times import (
     Floats,
     Ints,
     Marks,
+    TimeColumn,
     Timing,
     clock_of,
     timing,
 )
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from fltea.records.errors import UsageError
-from fltea.settings.how import TimeUnit
 
 RATE_S, FEWEST, MOST = 2.0, 8, 20_000
 """The rate is found from samples of so long a time, so many at least and at most."""
@@ -100,17 +100,18 @@ class _Waiting(NamedTuple):
 class ByTime:
     """Numbers samples by a column of times: where it runs ahead of the rate, samples are missing.
 
-    where, column: for messages. rate_hz: None until it is found, unless the user gives it. duplicates:
+    where: for messages. rate_hz: None until it is found, unless the user gives it. duplicates:
     samples left out, for the time before them is the same. unrated: samples left out, for their times tell no
     rate; why_no_rate says why. uneven: that a given rate has to do without the times.
     """
 
-    def __init__(self, where: str, column: str, unit: TimeUnit | None, given_hz: float | None) -> None:
+    def __init__(self, where: str, column: TimeColumn) -> None:
         self.rate_hz: float | None = None
         self.duplicates = self.unrated = 0
         self.why_no_rate = self.uneven = ""
-        self._where, self._column, self._unit, self._given_hz = where, column, unit, given_hz
-        self._elapsed = Elapsed(unit)
+        self._where, self._column, self._unit = where, column, column.unit
+        self._given_hz = column.rate_hz if column.is_given else None
+        self._elapsed = Elapsed(column.unit)
         self._waiting: list[_Waiting] = []
         self._timing: Timing | None = None
         self._numbering: Numbering | None = None
@@ -153,7 +154,7 @@ class ByTime:
         elapsed = np.concatenate([one.elapsed for one in waiting])
         clock = clock_of(lambda: [elapsed], self._elapsed.odd)
         try:
-            found = timing(self._where, self._column, self._unit, clock, self._given_hz, self._elapsed)
+            found = timing(self._where, self._column, clock, self._elapsed)
             if not LOWEST_RATE_HZ <= found.rate_hz <= HIGHEST_RATE_HZ:
                 raise UsageError(
                     f"{self._where}: a rate of {found.rate_hz:.6g} Hz is impossible for a gyroscope."

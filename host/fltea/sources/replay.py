@@ -12,6 +12,7 @@ from fltea.recording.files import Recording, Stored, listed
 from fltea.recording.kind import is_one_file
 from fltea.recording.ndjson import EpochMark, Kept
 from fltea.recording.opening import Printed, check_options, open_recording
+from fltea.recording.reading import Answer
 from fltea.recording.sample_numbers import Numbering
 from fltea.records import clock
 from fltea.records.errors import UsageError
@@ -71,6 +72,8 @@ class ReplaySource:
         self._mcap: McapRecording | None = None
         self._offset_ns = 0
         self.about = self.topic = ""
+        self.reading: tuple[Answer, ...] = ()
+        self.axes: tuple[str, ...] = ()
         printable = str(path).encode(errors="replace").decode()  # a name may hold bytes that are no text
         name = f"replay:{printable}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
         opened = open_recording(path, how, limits) if is_one_file(path) else None
@@ -89,7 +92,7 @@ class ReplaySource:
             self._events = _from_recording(name, opened, shuffle)
             samples = opened.samples
             self._offset_ns, self.about = opened.start_unix_ns, opened.about
-            self.topic = opened.topic
+            self.topic, self.reading, self.axes = opened.topic, opened.reading, opened.axes
         if samples <= startup:
             raise UsageError(
                 f"{path}: {samples} rows, but the start-up window alone takes {startup} and estimates begin "

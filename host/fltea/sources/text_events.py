@@ -158,13 +158,13 @@ class TextEvents:
     def _set_up(self, chosen: Chosen, now_ns: int) -> Iterator[Event]:
         """Choose what numbers the samples, now that the columns are known."""
         if chosen.time is None:
-            assert self._how.rate_hz is not None  # `choose` refuses columns without both
-            self._numbers = ByOrder(self._how.rate_hz)
-            self._watch = ArrivalWatch(self.url, self._how.rate_hz)
+            assert chosen.rate_hz is not None  # `choose` refuses columns without both
+            self._numbers = ByOrder(chosen.rate_hz)
+            self._watch = ArrivalWatch(self.url, chosen.rate_hz)
         else:
-            self._numbers = ByTime(self._where, chosen.time_name, chosen.time_unit, self._how.rate_hz)
+            self._numbers = ByTime(self._where, chosen.times)
         self._plausible = Plausible(chosen)
-        for note in self.reader.notes:
+        for note in (*self.reader.notes, *chosen.notes):
             yield Trouble(note.kind, note.text, now_ns, fatal=False)
 
     def _judge_gyro(self, plausible: Plausible, gyro: Floats) -> None:
@@ -177,7 +177,7 @@ class TextEvents:
         try:
             plausible.check(self._where)
         except Implausible as error:
-            raise self.reader.with_hint(error) from None
+            raise self.reader.with_columns(error) from None
         if plausible.rows >= ENOUGH_ROWS:
             self._plausible = None
 

@@ -14,6 +14,7 @@ from urllib.parse import parse_qsl
 
 import numpy as np
 
+from fltea.recording.sample_times import TimeColumn
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from fltea.records import clock
 from fltea.records.errors import UsageError
@@ -253,7 +254,7 @@ class _Reader:
         self._ordinal = 0
         self._has_time = buffer.has_time
         if buffer.has_time:
-            self.numbers = ByTime(device.id, "timestamp", "ns", None)
+            self.numbers = ByTime(device.id, TimeColumn("timestamp", "ns"))
         elif self.said_hz is not None:
             self.numbers = ByOrder(self.said_hz)
         else:

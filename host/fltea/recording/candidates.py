@@ -1,0 +1,141 @@
+"""What each answer that is missing would mean for the numbers of a file, for a person to choose by (pure).
+
+Nothing is chosen here: a table shows what the columns hold and what each unit would make of them.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from fltea.recording.files import LONGEST_NAME, listed
+from fltea.recording.lines import shown
+from fltea.recording.sample_times import PLAUSIBLE_HZ, SECONDS, Floats
+from fltea.recording.units import parse_units
+from fltea.records.units import SQRT_HOUR, STANDARD_GRAVITY_MS2
+
+GRAVITY = {"m/s^2": STANDARD_GRAVITY_MS2, "g": 1.0, "mg": 1000.0, "mm/s^2": 1000 * STANDARD_GRAVITY_MS2}
+"""The length of gravity in each unit."""
+
+GRAVITY_TOLERANCE = 0.15
+"""Offsets and scales of cheap accelerometers are off by some 5 %; no two of these units are nearer than 2 %."""
+
+STEADY = 0.1
+"""Spread of the length of gravity, to its mean: beyond it the sensor moves, or these are no accelerations."""
+
+UNITS = ("rad/s", "deg/s", "mrad/s", "mdps", "deg/h")
+COUNTS = ("lsb:131", "lsb:65.5", "lsb:32.8", "lsb:16.4")
+"""Counts of the commonest sensors at ±250, ±500, ±1000 and ±2000 deg/s."""
+
+USUAL = "MEMS gyroscopes have N 0.1 to 3 deg/√h, and at rest a mean of up to some 10 deg/s."
+
+MOST_COLUMNS = 40
+NOBODY_MEASURES = 1e100
+"""A number as large is none; the squares of smaller ones are still numbers."""
+
+
+def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] | None = None) -> str:
+    """Return a line for each unit that rates may be in: N and mean of the axes in it.
+
+    values: (n, axes) as they stand in the file. rate_hz: None if it is not known; then the table shows σ. when:
+    the units that come into question, and the circumstances; None: the usual ones.
+    """
+    values = values[np.isfinite(values).all(axis=1)] if values.size else values
+    if len(values) < 3:
+        return ""
+    is_whole = bool((values == np.rint(values)).all())
+    units = dict(when) if when is not None else dict.fromkeys(UNITS + (COUNTS if is_whole else ()), "")
+    std = _white_std(values)
+    what = "σ in deg/s" if rate_hz is None else "N in deg/√h"
+    lines = []
+    for unit, circumstances in units.items():
+        factor, lsb = parse_units(unit)
+        factor /= lsb or 1.0
+        noise = std * factor * (1.0 if rate_hz is None else SQRT_HOUR / math.sqrt(rate_hz))
+        mean = values.mean(axis=0) * factor
+        text = f"  --units {unit:<9} {what} {_numbers(noise)}; mean in deg/s {_numbers(mean)}"
+        lines.append(f"{text}  ({circumstances})" if circumstances else text)
+    return "\n".join(["What each unit would mean here, axis by axis:", *lines, USUAL])
+
+
+def columns_table(names: Sequence[str] | None, values: Floats) -> str:
+    """Return a line for each column: its position, name, mean and σ, and what can be measured of it."""
+    if len(values) < 3:
+        return ""
+    values = np.where(np.abs(values) < NOBODY_MEASURES, values, math.nan)
+    width = min(values.shape[1], MOST_COLUMNS)
+    remarks = _remarks(values[:, :width])
+    lines = ["The columns, and what the first rows show:"]
+    for place in range(width):
+        column = values[:, place]
+        column = column[np.isfinite(column)]
+        name = "" if names is None else f"{_shown(names[place])}: "
+        figures = f"mean {column.mean():.6g}, σ {column.std():.3g}" if len(column) else "no numbers"
+        lines.append(f"  {place + 1}  {name}{figures}{remarks.get(place, '')}")
+    if width < values.shape[1]:
+        lines.append(f"  … {values.shape[1]} columns in all")
+    return "\n".join(lines)
+
+
+def times_table(steps: float) -> list[str]:
+    """Return for each unit in which `steps` between times are a gyroscope's the option and its rate."""
+    rates = {unit: 1 / (steps * unit_s) for unit, unit_s in SECONDS.items()} if steps > 0 else {}
+    return [
+        f"  --time-unit {unit}: {rate:.6g} Hz"
+        for unit, rate in rates.items()
+        if PLAUSIBLE_HZ[0] / 5 <= rate <= PLAUSIBLE_HZ[1] * 2
+    ]
+
+
+def gravity_unit(values: Floats) -> str | None:
+    """Return the unit of an accelerometer's axes (n, 3) at rest, by the length of gravity; None if unclear."""
+    values = values[np.isfinite(values).all(axis=1)]
+    length = np.linalg.norm(values, axis=1)
+    mean = float(np.median(length)) if len(length) else math.nan
+    if not (0 < mean < NOBODY_MEASURES) or float(np.median(np.abs(length - mean))) > STEADY * mean:
+        return None
+    found = [unit for unit, g in GRAVITY.items() if abs(mean / g - 1) < GRAVITY_TOLERANCE]
+    return found[0] if len(found) == 1 else None
+
+
+def is_rising(column: Floats) -> bool:
+    """Whether numbers never fall, as times do."""
+    steps = np.diff(column[np.isfinite(column)])
+    return len(steps) > 1 and bool((steps >= 0).all() and steps.any())
+
+
+def _remarks(values: Floats) -> dict[int, str]:
+    """Return what can be measured: which columns rise, and which three have the length of gravity."""
+    found = {}
+    numbers = []
+    for place in range(values.shape[1]):
+        if is_rising(values[:, place]):
+            step = float(np.nanmean(np.diff(values[:, place])))
+            rates = ", ".join(line.removeprefix("  --time-unit ") for line in times_table(step))
+            found[place] = ": rises, as times and counters do" + (f" ({rates})" if rates else "")
+        elif np.isfinite(values[:, place]).any():
+            numbers.append(place)
+    for first in range(len(numbers) - 2):
+        three = numbers[first : first + 3]
+        unit = gravity_unit(values[:, three])
+        if unit is not None and not any(place in found for place in three):
+            length = float(np.nanmedian(np.linalg.norm(values[:, three], axis=1)))
+            for place in three:
+                found[place] = f": columns {three[0] + 1} to {three[2] + 1} have the length {length:.4g}"
+                found[place] += f", which is gravity in {unit}"
+    return found
+
+
+def _white_std(values: Floats) -> Floats:
+    """Return σ of the white noise of each axis, which a drift does not enlarge."""
+    steps = np.diff(values, axis=0)
+    robust = 1.4826 * np.median(np.abs(steps - np.median(steps, axis=0)), axis=0)
+    return np.asarray(np.where(robust > 0, robust, steps.std(axis=0)) / math.sqrt(2))
+
+
+def _numbers(values: Floats) -> str:
+    return ", ".join(f"{value:.2g}" for value in np.atleast_1d(values).tolist())
+
+
+def _shown(name: str) -> str:
+    return listed([name]) if len(name) < LONGEST_NAME else shown(name)

@@ -1,0 +1,130 @@
+"""Lines of text as fields: what separates them, which lines are alike, and the numbers in them (pure)."""
+
+import contextlib
+import csv
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from fltea.recording.sample_times import Floats
+from fltea.recording.text_labels import decode_object, values_in
+from fltea.recording.units import is_unit
+from fltea.recording.wanted import DECIMAL_COMMA, is_missing, is_number
+
+COMMENTS = ("#", "%", "//")
+
+MOST_COLUMNS = 10_000
+"""Names in a line; a file of text may hold lines of a million."""
+
+MOST_KINDS = 20
+"""First words of lines beyond which they tell no kinds of rows apart."""
+
+
+def is_blank(line: str) -> bool:
+    """Whether nothing stands in a line; separators are something."""
+    return not line.strip(" \r\n") or (line.isspace() and "\t" not in line)
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line is for people."""
+    return line.lstrip().startswith(COMMENTS)
+
+
+def all_numbers(line: str) -> bool:
+    """Whether there are numbers in a line, and nothing else."""
+    known = [field for field in split(line, separator_of(line)) if not is_missing(field)]
+    return bool(known) and all(map(is_number, known))
+
+
+def separator_of(line: str, columns: int = 0) -> str | None:
+    """What separates the fields of a row of so many columns, if that is known; None is white space."""
+    for separator in ("\t", ";"):
+        if separator in line:
+            return separator
+    words = line.split()
+    if columns == 1 and len(words) == 1 and DECIMAL_COMMA.fullmatch(words[0]):
+        return None
+    if len(words) > 1 and "," in line and all(map(is_number, words)):
+        return None
+    return "," if "," in line else None
+
+
+def split(line: str, separator: str | None) -> list[str]:
+    """The fields of a line, without quotes around them."""
+    if separator is None:
+        fields = line.split()
+    elif '"' in line and len(line) < csv.field_size_limit():
+        text = line.rstrip("\r\n").replace("\r", " ")
+        fields = next(csv.reader([text], delimiter=separator, skipinitialspace=True), [])
+    else:
+        fields = line.rstrip("\r\n").split(separator)
+    return [field.strip().strip('"').strip() for field in fields]
+
+
+def bare_fields(line: str) -> list[str]:
+    """The fields of a line that may be a comment."""
+    text = line.strip().lstrip("#%/").strip()
+    return split(text, separator_of(text))
+
+
+def units_in(line: str) -> list[str] | None:
+    """The units in the second line of a header, which holds nothing else; "" where one is not known."""
+    fields = bare_fields(line)
+    filled = [field for field in fields if field]
+    known = sum(map(is_unit, filled))
+    if any(map(is_number, filled)) or not known or 2 * known < len(filled):
+        return None
+    return [field if is_unit(field) else "" for field in fields]
+
+
+def kinds_of(lines: Sequence[str]) -> dict[str, int]:
+    """The words that lines of numbers begin with, and how many fields such lines have."""
+    kinds: dict[str, int] = {}
+    for line in lines:
+        fields = [] if is_comment(line) else split(line, separator_of(line))
+        if len(fields) > 2 and not is_number(fields[0]) and fields[0]:
+            if 2 * sum(map(is_number, fields[1:])) > len(fields) and len(kinds) <= MOST_KINDS:
+                kinds.setdefault(fields[0], len(fields))
+    return kinds if len(kinds) <= MOST_KINDS else {}
+
+
+def rows_alike(lines: Sequence[str]) -> tuple[str, list[str]]:
+    """The commonest kind of lines that hold numbers: objects, rows of so many fields, or labels; and these."""
+    found: dict[tuple[str, int], list[str]] = {}
+    for line in lines:
+        if is_blank(line) or is_comment(line):
+            continue
+        if line.lstrip().startswith("{"):
+            with contextlib.suppress(ValueError, RecursionError):
+                found.setdefault(("object", len(decode_object(line))), []).append(line)
+        elif 2 * sum(map(is_number, fields := split(line, separator_of(line)))) > len(fields) - 1:
+            found.setdefault(("row", len(fields)), []).append(line)
+        elif values := values_in(line):
+            found.setdefault(("label", len(values)), []).append(line)
+    kind = max(found, key=lambda one: len(found[one]), default=("", 0))
+    return kind[0], found.get(kind, []) if kind[1] <= MOST_COLUMNS else []
+
+
+def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str) -> Floats:
+    """The numbers in lines of one kind, (n, width), NaN where there is none. tag: what the rows begin with."""
+    rows: list[list[float]] = []
+    for line in lines:
+        if line.lstrip().startswith("{") or (names and (found := values_in(line)).keys() >= {*names}):
+            with contextlib.suppress(ValueError, RecursionError):
+                values = decode_object(line) if line.lstrip().startswith("{") else found
+                rows.append([_value(values.get(name)) for name in names or ()])
+            continue
+        fields = split(line, separator_of(line, width))
+        while len(fields) > width and not fields[-1]:
+            fields.pop()
+        if len(fields) == width and (not tag or fields[0] == tag) and any(map(is_number, fields)):
+            rows.append([_value(field) for field in fields])
+    return np.array([row for row in rows if len(row) == width], np.float64).reshape(-1, width)
+
+
+def _value(field: Any) -> float:
+    if isinstance(field, str):
+        return float(field.replace(",", ".")) if is_number(field) else math.nan
+    return float(field) if isinstance(field, int | float) else math.nan

@@ -1,0 +1,91 @@
+"""What the user says of the columns, and what a field of text holds (pure)."""
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from fltea.recording.files import listed
+from fltea.records.errors import UsageError
+from fltea.records.records import AXES
+from fltea.settings.how import How
+
+DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?", re.ASCII)
+MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
+"""What programs write where they have no number; in small letters."""
+
+
+class Wanted(NamedTuple):
+    """The columns that the user names; None: they are known by their names or the dialect. time: of times."""
+
+    columns: list[str] | None
+    time: str | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """All names that the user gives."""
+        return [*(self.columns or ()), *([] if self.time is None else [self.time])]
+
+    @property
+    def by_position(self) -> bool:
+        """Whether the names are numbers, which count columns from 1."""
+        return self.columns is not None and all(map(_is_position, self.names))
+
+    def is_in(self, header: Sequence[str]) -> bool:
+        """Whether a line of names has all that the user names, and names the axes at all."""
+        return self.columns is not None and all(name in header for name in self.names)
+
+    def is_at(self, fields: Sequence[str]) -> bool:
+        """Whether a line without a header is a row: by the positions, or since it has no other columns."""
+        if self.by_position:
+            found = [fields[p - 1] for p in map(int, self.names) if p <= len(fields)]
+            return (
+                len(found) == len(self.names)
+                and any(map(is_number, found))
+                and all(is_number(field) or is_missing(field) for field in found)
+            )
+        alike = self.columns is not None and len(fields) == len(self.columns)
+        return self.time is None and alike and all(map(is_number, fields))
+
+    def lacking(self, header: Sequence[str] | None, line: str = "") -> str:
+        """Return which of the user's columns a header, or a `line` that is none, does not have."""
+        lacking = [name for name in self.names if header is None or name not in header]
+        has = f"no header{line}" if header is None else listed(header)
+        return f"no column {', '.join(lacking)} (it has: {has})"
+
+
+def wanted_of(how: How) -> Wanted:
+    """Return what the user names.
+
+    Raises:
+        UsageError: more columns than a gyroscope has axes, or one of them twice.
+    """
+    if how.columns is not None and len(how.columns) > len(AXES):
+        raise UsageError(
+            f"--columns names {len(how.columns)} columns; a gyroscope has up to {len(AXES)} axes."
+        )
+    wanted = Wanted(how.columns, how.time_column)
+    twice = {name for name in wanted.names if wanted.names.count(name) > 1}
+    if twice:
+        raise UsageError(f"--columns, --time-column: {', '.join(sorted(twice))} is named twice.")
+    return wanted
+
+
+def _is_position(name: str) -> bool:
+    return name.isascii() and name.isdecimal() and int(name) >= 1
+
+
+def is_number(field: str) -> bool:
+    """Whether a field holds a number, with a decimal point or comma."""
+    field = field.strip().strip('"').strip()
+    if DECIMAL_COMMA.fullmatch(field):
+        return True
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return "_" not in field and field.isascii()
+
+
+def is_missing(field: str) -> bool:
+    """Whether a field is what programs write where they have no number."""
+    return field.strip().strip('"').strip().lower() in MISSING
