@@ -101,6 +101,6 @@ def test_a_bag_in_several_files(tmp_path: Path) -> None:
 def test_a_bag_in_run(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a.db3", {"/a": even(N), "/b": even(N, seed=2)})
     flags = ("--once", "--format", "none", "--window", "50", "--startup", "100")
-    assert "has 2 Imu topics" in fltea_here("run", "-s", f"replay:{path}", *flags).stderr
+    assert "which of its 2 Imu topics is meant" in fltea_here("run", "-s", f"replay:{path}", *flags).stderr
     found = fltea_here("run", "-s", str(path), "--topic", "/b", "--shuffle", "3", *flags)
     assert found.returncode == 0, found.stderr

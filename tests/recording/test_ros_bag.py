@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bag_support import KINDS, START_NS, Messages, even, gathered, serialised, told, write_bag, write_mcap
-from fltea.recording.bag_imu import read_imu
+from fltea.recording.bag_imu import GYRO, Encoding, Imu, read_ros, ros_layout
 from fltea.recording.files import Stored
 from fltea.recording.kind import is_one_file
 from fltea.recording.ros_bag import open_bag
@@ -18,6 +18,13 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType
 
 N = 900
+
+
+def read_imu(messages: list[bytes], encoding: Encoding) -> Imu:
+    layout = ros_layout("sensor_msgs/msg/Imu", encoding, b"")
+    assert layout is not None
+    assert layout.gyro == (f"{GYRO}.x", f"{GYRO}.y", f"{GYRO}.z")
+    return read_ros(messages, layout, is_ros1=encoding == "ros1")
 
 
 def opened(path: Path, messages: Messages) -> Stored:
@@ -116,9 +123,9 @@ def test_messages_are_read_as_rosbags_writes_them(
     ((_, data),) = serialised(message, how == "ros1", little_endian=how != "big")
     found = read_imu([data, data[:-1], b"", data], "ros1" if how == "ros1" else "cdr")
     assert found.row.tolist() == [0, 3]
-    assert found.stamp_ns.tolist() == [stamp_ns] * 2
-    assert found.gyro_rads.tolist() == [values[:3]] * 2
-    assert found.accel_ms2.tolist() == [values[3:]] * 2
+    assert found.time.tolist() == [[*divmod(stamp_ns, 10**9)]] * 2
+    assert found.gyro.tolist() == [values[:3]] * 2
+    assert found.accel.tolist() == [values[3:]] * 2
 
 
 @pytest.mark.parametrize("frame", ["imu", "imu0", "imu_link", ""])
@@ -128,8 +135,8 @@ def test_messages_of_xcdr_2_are_aligned_to_four_bytes(frame: str) -> None:
     numbers = data[len(data) - 37 * 8 :]
     packed = b"\0\7\0\0" + data[4:text] + bytes(-text % 4) + numbers
     found = read_imu([packed], "cdr")
-    assert found.gyro_rads.tolist() == [[1.5, 2.5, 3.5]]
-    assert found.accel_ms2.tolist() == [[4.5, 5.5, 6.5]]
+    assert found.gyro.tolist() == [[1.5, 2.5, 3.5]]
+    assert found.accel.tolist() == [[4.5, 5.5, 6.5]]
     assert not len(read_imu([b"\0\2\0\0" + packed[4:]], "cdr").row)  # a list of parameters
 
 
@@ -140,7 +147,7 @@ def test_messages_of_xcdr_2_are_aligned_to_four_bytes(frame: str) -> None:
 def test_several_topics_are_listed_and_one_is_named(tmp_path: Path, kind: str) -> None:
     left, right = even(40), even(30, seed=2)
     path = write_bag(tmp_path / f"two.{kind}", {"/left/imu": left, "/right/imu": right}, words=["/chatter"])
-    with pytest.raises(UsageError, match=r"2 Imu topics.*--topic /left/imu") as several:
+    with pytest.raises(UsageError, match=r"which of its 2 Imu topics is meant.*: --topic \?\n") as several:
         open_bag(path)
     assert "/right/imu  (sensor_msgs/" in str(several.value)
     assert "30 messages)" in str(several.value)

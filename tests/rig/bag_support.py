@@ -1,5 +1,6 @@
 """Bags of ROS, made by the library `rosbags`."""
 
+import json
 import shutil
 from collections.abc import Sequence
 from functools import cache
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 IMU = "sensor_msgs/msg/Imu"
 START_NS = 1_700_000_000_123_456_789
@@ -144,6 +145,56 @@ def write_mcap(path: Path, messages: Messages, *, profile: str = "ros2", **how: 
             writer.add_message(channel, arrival, data, arrival)
         writer.finish()
     return path
+
+
+def write_objects(
+    path: Path,
+    objects: Sequence[dict[str, Any]],
+    arrival_ns: Sequence[int],
+    *,
+    kind: str = "Imu",
+    schema: dict[str, Any] | None = None,
+) -> Path:
+    """Write the topic /imu as JSON in MCAP. schema: as JSON Schema; None: none at all."""
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        number = 0
+        if schema is not None:
+            number = writer.register_schema(kind, "jsonschema", json.dumps(schema).encode())
+        channel = writer.register_channel("/imu", "json", number)
+        for arrival, one in zip(arrival_ns, objects, strict=True):
+            writer.add_message(channel, int(arrival), json.dumps(one).encode(), int(arrival))
+        writer.finish()
+    return path
+
+
+def write_types(
+    path: Path, topics: dict[str, tuple[str, str, Sequence[dict[str, Any]]]], arrival_ns: Sequence[int]
+) -> Path:
+    """Write a bag of types that ROS does not have. topics: by name type, definition, and messages."""
+    store = get_typestore(Stores.ROS1_NOETIC if path.suffix == ".bag" else Stores.ROS2_HUMBLE)
+    ros1 = path.suffix == ".bag"
+    plugin = StoragePlugin.SQLITE3 if path.suffix == ".db3" else StoragePlugin.MCAP
+    writer: Any = Ros1Writer(path) if ros1 else Ros2Writer(path, version=9, storage_plugin=plugin)
+    with writer:
+        for name, (kind, definition, messages) in topics.items():
+            store.register(get_types_from_msg(definition, kind))
+            connection = writer.add_connection(name, kind, typestore=store)
+            for arrival, fields in zip(arrival_ns, messages, strict=True):
+                message = made(store, kind, fields)
+                data = store.serialize_ros1(message, kind) if ros1 else store.serialize_cdr(message, kind)
+                writer.write(connection, int(arrival), bytes(data))
+    return path
+
+
+def made(store: Any, kind: str, fields: dict[str, Any]) -> Any:
+    """A message, from the values of its fields; those of messages in it are dicts."""
+    types = {name: node[1] for name, node in store.fielddefs[kind][1]}
+    values = {}
+    for name, value in fields.items():
+        values[name] = made(store, types[name], value) if isinstance(value, dict) else value
+    return store.types[kind](**values)
 
 
 def gathered(stored: Any) -> NDArray[np.float64]:

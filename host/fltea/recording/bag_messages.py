@@ -3,20 +3,22 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from fltea.recording.bag_imu import IMU_TYPES, Encoding
+from fltea.recording.bag_imu import Encoding, Imu, Layout, read_ros, ros_layout
 
 LONGEST_MESSAGE = 1 << 16
 """Bytes; an Imu message has 350."""
 
-
 RATES = b"angular_velocity", b"gyro"
 """What a schema has of a gyroscope."""
+
+DEFINITIONS = "ros1msg", "ros2msg", "jsonschema", "protobuf"
+"""Encodings of schemas that are read."""
 
 
 class Topic(NamedTuple):
     """Whose messages they are. encoding: how they are written; None: in none of those that are known.
 
-    schema: of objects, what describes them.
+    schema: what describes them, in one of DEFINITIONS.
     """
 
     name: str
@@ -26,16 +28,37 @@ class Topic(NamedTuple):
 
     @property
     def is_imu(self) -> bool:
-        """Whether its messages can be read here."""
+        """Whether its messages may hold a gyroscope's numbers; of objects only one of them tells it."""
         if self.is_of_objects:
             names = f"{self.type} {self.name}".lower()
             return "imu" in names or "gyro" in names or any(word in self.schema for word in RATES)
-        return self.type in IMU_TYPES and self.encoding is not None
+        return self.encoding is not None and ros_layout(self.type, self.encoding, self.schema) is not None
 
     @property
     def is_of_objects(self) -> bool:
         """Whether each message names its numbers, as those of other programs than ROS do."""
         return self.encoding in ("json", "protobuf")
+
+    def layout(self, messages: list[bytes]) -> Layout | None:
+        """Return what its messages hold, by the first of them; None: no gyroscope's numbers.
+
+        Raises:
+            UsageError: the axes of one sensor state different units.
+        """
+        assert self.encoding is not None
+        if not self.is_of_objects:
+            return ros_layout(self.type, self.encoding, self.schema)
+        from fltea.recording.bag_objects import layout_of
+
+        return layout_of(messages, self.encoding, self.type, self.schema)
+
+    def read(self, messages: list[bytes], layout: Layout) -> Imu:
+        """Read messages as they are in the file, in their order; what is none is left out."""
+        if not self.is_of_objects:
+            return read_ros(messages, layout, is_ros1=self.encoding == "ros1")
+        from fltea.recording.bag_objects import read_objects
+
+        return read_objects(messages, layout, str(self.encoding), self.type, self.schema)
 
 
 def encoding_of(name: str) -> Encoding | None:

@@ -1,62 +1,164 @@
 """Messages of MCAP files that are no ROS', objects of JSON or of protobuf, as those of sensor_msgs/Imu.
 
-Their fields are found by their names, as columns of text are. Angular rates whose names state no unit are
-taken for rad/s, as programs for robots write them.
+Their fields are found by their names, as columns of text are. No convention tells their units: the names do,
+or what the schema says of the fields in words, or the user.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from fltea.recording.bag_imu import Imu
-from fltea.recording.column_names import (
-    accel_axis_of,
-    accel_unit_of,
-    axis_of,
-    is_time,
-    rate_unit_of,
-    split_seconds,
-    time_unit_of,
-)
-from fltea.recording.files import PER_UNIT
-from fltea.recording.sample_times import LONGEST_S, SECONDS
-from fltea.recording.text_labels import decode_object
+from fltea.recording.bag_imu import Imu, Layout, named_layout
+from fltea.recording.column_names import named_axis
+from fltea.recording.text_labels import DEEPEST, decode_object
 from fltea.recording.text_times import with_seconds
+from fltea.records.records import AXES
 from fltea.settings.extras import load
 
-NS = 1_000_000_000
 Decoder = Callable[[bytes], dict[str, Any]]
 
+WORDS = "description", "title", "unit", "units", "x-unit", "$comment"
+"""What says of a field in JSON Schema what it is."""
 
-def read_objects(messages: Sequence[bytes], encoding: str, kind: str, schema: bytes) -> Imu:
-    """Read messages as they are in a file, in their order; what is none is left out.
+MOST_TRIED, MOST_TEXTS = 100, 10_000
+"""Messages of which one has to hold a gyroscope's numbers, and texts of a schema that are looked at."""
+
+
+def layout_of(messages: Sequence[bytes], encoding: str, kind: str, schema: bytes) -> Layout | None:
+    """Return what messages hold, by the first of them that holds a gyroscope's numbers.
 
     kind, schema: of the messages, by the channel.
+
+    Raises:
+        UsageError: the axes of one sensor state different units.
     """
-    decode = decode_object if encoding == "json" else decoder_of(kind, schema)
-    rows, stamps, numbers = [], [], []
+    decode = _decoder(encoding, kind, schema)
+    texts = (_texts_of_json if encoding == "json" else _texts_of_protobuf)(kind, schema)
+    for message in messages[:MOST_TRIED]:
+        try:
+            found = decode(message)
+        except (ValueError, RecursionError):
+            continue
+        layout = named_layout(list(found), kind, lambda name: _about(name, texts))
+        if layout is not None:
+            is_date = len(layout.time) == 1 and _as_number(found[layout.time[0]])[1]
+            return layout._replace(time_s=(1.0,)) if is_date else layout
+    return None
+
+
+def read_objects(messages: Sequence[bytes], layout: Layout, encoding: str, kind: str, schema: bytes) -> Imu:
+    """Read messages as they are in a file, in their order; what is none is left out.
+
+    null counts as a number that is missing.
+    """
+    decode = _decoder(encoding, kind, schema)
+    names = [*layout.time, *layout.gyro, *layout.accel]
+    rows, numbers = [], []
     for row, message in enumerate(messages):
         try:
             found = decode(message)
-        except (ValueError, RecursionError):  # msgspec's and protobuf's errors are ValueErrors
+            line = [_as_number(found.get(name) if name in layout.accel else found[name])[0] for name in names]
+        except (ValueError, KeyError, TypeError, RecursionError):  # msgspec's and protobuf's are ValueErrors
             continue
-        gyro = _triple(
-            found, axis_of, lambda name: PER_UNIT[rate_unit_of(name) or "rad/s"] / PER_UNIT["rad/s"]
-        )
-        if gyro is not None:
-            accel = _triple(found, accel_axis_of, lambda name: accel_unit_of(name) or 1.0)
-            rows.append(row)
-            stamps.append(_stamp_ns(found))
-            numbers.append([*gyro, *(accel or [np.nan] * 3), accel is not None])
-    values = np.array(numbers, np.float64).reshape(-1, 7)
-    measured = np.ones(len(rows), np.bool_)
-    has_accel = values[:, 6] > 0
-    accel_ms2 = np.where(has_accel[:, np.newaxis], values[:, 3:6], 0.0)
-    stamp_ns = np.array(stamps, np.int64)
-    return Imu(np.array(rows, np.int64), stamp_ns, values[:, :3], accel_ms2, measured, has_accel)
+        rows.append(row)
+        numbers.append(line)
+    values = np.array(numbers, np.float64).reshape(-1, len(names))
+    begin = len(layout.time)
+    accel = values[:, begin + 3 :] if layout.accel else np.zeros((len(rows), 3))
+    has_accel = np.full(len(rows), bool(layout.accel))
+    return Imu(
+        np.array(rows, np.int64),
+        values[:, :begin],
+        values[:, begin : begin + 3],
+        accel,
+        np.ones(len(rows), np.bool_),
+        has_accel,
+    )
+
+
+def _as_number(value: Any) -> tuple[float, bool]:
+    """A value as a number, and whether it is a date, in seconds; protobuf gives 64 bits as text.
+
+    Raises:
+        ValueError, TypeError: it is none.
+    """
+    if value is None:
+        return np.nan, False
+    if isinstance(value, str):
+        text = with_seconds(value)
+        return float(text), text != value
+    return float(value), False
+
+
+def _decoder(encoding: str, kind: str, schema: bytes) -> Decoder:
+    return decode_object if encoding == "json" else decoder_of(kind, schema)
+
+
+def _about(name: str, texts: dict[str, str]) -> Iterator[str]:
+    """What describes a field, and what describes those that it is part of."""
+    while name:
+        yield texts.get(name, "")
+        name = name.rpartition(".")[0]
+    yield texts.get("", "")
+
+
+def _texts_of_json(_: str, schema: bytes) -> dict[str, str]:
+    """What a JSON Schema says of fields in words, by their names as `decode_object` gives them."""
+    texts: dict[str, str] = {}
+    try:
+        whole = msgspec.json.decode(schema)
+    except (ValueError, RecursionError):
+        return texts
+    definitions = {}
+    for key in ("$defs", "definitions"):
+        known = whole.get(key) if isinstance(whole, dict) else None
+        for name, definition in known.items() if isinstance(known, dict) else ():
+            definitions[f"#/{key}/{name}"] = definition
+
+    def add(name: str, part: Any, depth: int) -> None:
+        if not isinstance(part, dict) or not depth or len(texts) > MOST_TEXTS:
+            return
+        said = [str(part[word]) for word in WORDS if isinstance(part.get(word), str)]
+        for place in (name, *(named_axis(name, axis) for axis in range(len(AXES) if name else 0))):
+            texts[place] = " ; ".join(filter(None, [texts.get(place), *said]))
+        if "$ref" in part:
+            add(name, definitions.get(str(part["$ref"])), depth - 1)
+        inner = part.get("properties")
+        for key, value in inner.items() if isinstance(inner, dict) else ():
+            add(f"{name}.{key}" if name else key, value, depth - 1)
+
+    add("", whole, DEEPEST)
+    return texts
+
+
+def _texts_of_protobuf(kind: str, schema: bytes) -> dict[str, str]:
+    """The comments on the fields of a message and on itself, if its schema has them."""
+    files, texts = _files_of(schema), dict[str, str]()
+    for file in files.file if files is not None else ():
+        for number, message in enumerate(file.message_type):
+            if kind != f"{file.package}.{message.name}".lstrip("."):
+                continue
+            for place in file.source_code_info.location:
+                said = f"{place.leading_comments} {place.trailing_comments}"
+                match list(place.path):
+                    case [4, n] if n == number:
+                        texts[""] = said
+                    case [4, n, 2, k] if n == number and k < len(message.field):
+                        texts[message.field[k].name] = said
+    return texts
+
+
+def _files_of(schema: bytes) -> Any:
+    load("google.protobuf", "google", "ros", "Messages of protobuf need")
+    from google.protobuf import descriptor_pb2
+
+    try:
+        return descriptor_pb2.FileDescriptorSet.FromString(schema)
+    except Exception:  # DecodeError has no base of its own; `decoder_of` tells of it
+        return None
 
 
 @lru_cache(maxsize=8)
@@ -66,12 +168,12 @@ def decoder_of(kind: str, schema: bytes) -> Decoder:
     Raises:
         UsageError: the library is not installed.
     """
-    load("google.protobuf", "google", "ros", "Messages of protobuf need")
-    from google.protobuf import descriptor_pb2, descriptor_pool, json_format, message_factory
+    files = _files_of(schema)
+    from google.protobuf import descriptor_pool, json_format, message_factory
 
     pool = descriptor_pool.DescriptorPool()
     try:
-        for file in descriptor_pb2.FileDescriptorSet.FromString(schema).file:
+        for file in files.file:
             pool.Add(file)
         message_class = message_factory.GetMessageClass(pool.FindMessageTypeByName(kind))
     except Exception as error:  # whatever protobuf raises on a schema that is damaged
@@ -94,32 +196,3 @@ def decoder_of(kind: str, schema: bytes) -> Decoder:
         return decode_object(msgspec.json.encode(found))
 
     return decode
-
-
-def _triple(
-    found: dict[str, Any], axis_in: Callable[[str], str | None], scale: Callable[[str], float]
-) -> list[float] | None:
-    """Three numbers of one sensor; None if they are not all there."""
-    axes = {axis: name for name in found if (axis := axis_in(name)) is not None}
-    values = [found[axes[axis]] for axis in "xyz" if axis in axes]
-    if len(values) != 3 or not all(isinstance(value, int | float) for value in values):
-        return None
-    return [float(value) * scale(axes[axis]) for value, axis in zip(values, "xyz", strict=True)]
-
-
-def _stamp_ns(found: dict[str, Any]) -> int:
-    """The time that a message states; 0 without one, and then that of its arrival is taken."""
-    names = list(found)
-    for whole, (fine, unit_s) in split_seconds(names).items():
-        try:
-            return int(found[names[whole]]) * NS + round(int(found[names[fine]]) * unit_s * NS)
-        except (TypeError, ValueError):
-            return 0
-    for name in filter(is_time, names):
-        value = found[name]
-        text = with_seconds(str(value))  # protobuf gives whole numbers of 64 bits as text, too
-        if text.replace(".", "", 1).isdigit():
-            is_date = text != str(value)
-            seconds = float(text) * (1.0 if is_date else SECONDS[time_unit_of(name) or "s"])
-            return round(seconds * NS) if seconds < LONGEST_S else 0
-    return 0

@@ -191,7 +191,8 @@ class _Messages:
         elif kind == Op.CONNECTION and connection not in self._topics:
             header = _read_fields(data)
             name, kind_of = (one.decode(errors="replace") for one in (fields[b"topic"], header[b"type"]))
-            self._topics[connection] = Topic(name, kind_of, "ros1")
+            schema = header.get(b"message_definition", b"")
+            self._topics[connection] = Topic(name, kind_of, "ros1", schema)
             self._batches[connection] = Batch(self._topics[connection])
 
     def taken(self) -> Iterator[Batch]:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from fltea.recording.bag_files import PACKED
-from fltea.recording.bag_messages import LONGEST_MESSAGE, Batch, Topic, encoding_of
+from fltea.recording.bag_messages import DEFINITIONS, LONGEST_MESSAGE, Batch, Topic, encoding_of
 from fltea.recording.files import Note
 from fltea.recording.quota import Quota
 from fltea.recording.session import LATEST_NS
@@ -60,12 +60,14 @@ def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
         ):
             connection.set_progress_handler(quota.is_over, STEPS)
             _check_tables(connection)
+            definitions = _definitions(connection)
             topics = {}
             for number, *texts in connection.execute(
                 "SELECT id, name, type, serialization_format FROM topics"
             ):
                 if isinstance(number, int) and all(isinstance(text, str) for text in texts):
-                    topics[number] = Topic(texts[0], texts[1], encoding_of(texts[2]))
+                    schema = definitions.get(texts[1], b"")
+                    topics[number] = Topic(texts[0], texts[1], encoding_of(texts[2]), schema)
             yield from map(Batch, topics.values())
             yield from _rows(path, connection, topics, is_cut, quota)
     except sqlite3.Error as error:
@@ -85,6 +87,20 @@ def _check_tables(connection: sqlite3.Connection) -> None:
             raise ValueError(f"no bag of ROS 2 in SQLite: it has no table {name}")
         if any(hidden for *_, hidden in connection.execute(f"PRAGMA main.table_xinfo({name})")):
             raise ValueError(f"no bag of ROS 2 in SQLite: columns of its table {name} are computed")
+
+
+def _definitions(connection: sqlite3.Connection) -> dict[str, bytes]:
+    """Definitions of types in the form of `.msg` files, which newer bags hold."""
+    kinds = {name: kind for _, name, kind, *_ in connection.execute("PRAGMA main.table_list")}
+    columns = list(connection.execute("PRAGMA main.table_xinfo(message_definitions)"))
+    if kinds.get("message_definitions") != "table" or any(hidden for *_, hidden in columns):
+        return {}
+    if not {"topic_type", "encoding", "encoded_message_definition"} <= {name for _, name, *_ in columns}:
+        return {}
+    rows = connection.execute(
+        "SELECT topic_type, encoded_message_definition FROM message_definitions WHERE encoding = 'ros2msg'"
+    )
+    return {kind: text.encode() for kind, text in rows if isinstance(kind, str) and isinstance(text, str)}
 
 
 def _open_sqlite(path: Path, limits: Limits) -> sqlite3.Connection:
@@ -186,13 +202,11 @@ def read_mcap(path: Path, limits: Limits) -> Iterator[Batch | Note]:
     for item in scan:
         match item:
             case module.Schema():
-                schemas[item.id] = item.name, item.data
+                schemas[item.id] = item.name, item.data if item.encoding in DEFINITIONS else b""
             case module.Channel():
                 encoding = encoding_of(item.message_encoding)
                 name, schema = schemas.get(item.schema_id, ("", b""))
-                topics[item.id] = Topic(item.topic, name, encoding)
-                if topics[item.id].is_of_objects:
-                    topics[item.id] = topics[item.id]._replace(schema=schema)
+                topics[item.id] = Topic(item.topic, name, encoding, schema)
                 yield Batch(topics[item.id])
             case module.Messages():
                 channels = item.table[:, module.CHANNEL]

@@ -77,6 +77,12 @@ class Stamps(NamedTuple):
         return np.searchsorted(self.epoch_row, np.arange(begin, end), "right").astype(np.int64)
 
 
+def even(period_ns: float) -> Stamps:
+    """Return stamps of samples of which only the period is known."""
+    none = np.empty(0, np.int64)
+    return Stamps(period_ns, none, none, none, 0, 0, 0, 0.0)
+
+
 def judge(times_ns: Times, arrival_ns: Times | None) -> Stamps:
     """Look at stamps (n,), n > 1, and at the arrivals of the same messages, if they are known.
 

@@ -1,0 +1,204 @@
+"""What units the numbers of a bag are in: what is said of them against what they show at rest (pure).
+
+A convention can be broken: drivers write deg/s where ROS has rad/s, and g where it has m/s². At rest the
+length of gravity tells the one, and what noise MEMS gyroscopes have the other, since the two are 57 apart.
+"""
+
+import math
+import shlex
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fltea.recording.bag_imu import Layout, Said, title
+from fltea.recording.candidates import gravity_unit
+from fltea.recording.files import Note
+from fltea.recording.reading import NotStated
+from fltea.recording.sample_times import Floats
+from fltea.recording.units import parse_accel_unit, parse_units
+from fltea.records.errors import UsageError
+from fltea.records.units import SQRT_HOUR
+from fltea.settings.how import How
+
+CLUSTER_S, CLUSTERS, FEWEST = 0.1, 32, 8
+"""Means over a tenth of a second tell N where a low-pass has taken the noise of single samples, too."""
+
+QUIET = 0.1
+"""Share of the stretches, the quietest, that count as rest."""
+
+MOVING = 0.05
+"""Spread of the length of gravity at rest, of its mean: no accelerometer has more, what shakes has."""
+
+LEAST_N, MOST_N = 0.03, 5.0
+"""Of MEMS gyroscopes, in deg/√h."""
+
+MOST_MEAN_DPS = 20.0
+"""Offset of the worst MEMS gyroscopes; what has a low N has a small offset."""
+
+OVERRULE = "If the file is wrong, add --overrule."
+
+
+class Scale(NamedTuple):
+    """A unit, its factor to deg/s or m/s², and if it is counts LSB in 1 deg/s or 1 g."""
+
+    said: Said
+    factor: float
+    lsb: float | None
+
+
+Parse = Callable[[str], tuple[float, float | None]]
+
+
+def scales(where: str, layout: Layout, how: How) -> tuple[Scale | None, Scale | None, list[Note]]:
+    """Return the units of both sensors, None where nothing says it, and what has to be told of them.
+
+    Raises:
+        UsageError: what the user says contradicts what the file states, or is no unit.
+    """
+    notes: list[Note] = []
+
+    def settled(
+        names: Sequence[str], said: Said | None, given: str | None, option: str, parse: Parse
+    ) -> Scale | None:
+        if given is None:
+            return None if said is None else Scale(said, *parse(said.unit))
+        found = Scale(Said(given, "given", option), *parse(given))
+        if said is not None and parse(said.unit) != found[1:]:
+            if said.evidence == "stated" and not how.overrule:
+                raise UsageError(
+                    f"{where}: {title(names)} are in {said.unit} by {said.why}, and {option} {given} says "
+                    f"otherwise. Leave {option} out. {OVERRULE}"
+                )
+            text = (
+                f"{title(names)} are read in {given}, as {option} says; by {said.why} they are in {said.unit}"
+            )
+            notes.append(Note("reading", f"{where}: {text}."))
+        return found
+
+    rate = settled(layout.gyro, layout.rate, how.units, "--units", parse_units)
+    if how.accel_units is not None and not layout.accel:
+        raise UsageError(f"{where}: --accel-units is given, and its messages have no accelerometer.")
+    accel = settled(layout.accel, layout.accel_unit, how.accel_units, "--accel-units", parse_accel_unit)
+    return rate, accel, notes
+
+
+class Rest(NamedTuple):
+    """The quietest stretches, in the file's own numbers: mean (3,), and noise (3,) as σ of a second's mean.
+
+    gravity: (n, 3) mean accelerations of all stretches. moves: whether accelerations shake in the quietest.
+    """
+
+    mean: Floats
+    noise: Floats
+    gravity: Floats
+    moves: bool
+
+
+def at_rest(blocks: Iterable[Sequence[Floats]], rate_hz: float) -> Rest | None:
+    """Look for the quietest stretches; None: there are too few samples.
+
+    blocks: of rates (n, 3), and accelerations (n, 3) or nothing.
+    """
+    noise, means, gravity, shakes = [], [], [], []
+    for gyro, *accel in blocks:
+        size = max(1, min(round(rate_hz * CLUSTER_S), len(gyro) // FEWEST))
+        count = len(gyro) // size
+        clusters = min(CLUSTERS, count)
+        if clusters < FEWEST:
+            continue
+        whole = count // clusters
+        rows = whole * clusters * size
+        groups = gyro[:rows].reshape(whole, clusters, size, 3).mean(axis=2)
+        noise.append(np.sqrt((np.diff(groups, axis=1) ** 2).mean(axis=1) / 2 * size / rate_hz))
+        means.append(groups.mean(axis=1))
+        for one in accel:
+            length = np.linalg.norm(one[:rows], axis=1).reshape(whole, clusters * size)
+            shakes.append(length.std(axis=1) > MOVING * length.mean(axis=1))
+            gravity.append(one[:rows].reshape(whole, clusters * size, 3).mean(axis=1))
+    if not noise:
+        return None
+    noises = np.concatenate(noise)
+    order = np.argsort(np.median(noises, axis=1))
+    quiet = order[: math.ceil(QUIET * len(order))]
+    moves = bool(np.concatenate(shakes)[quiet].mean() > 1 / 2) if shakes else False
+    mean = np.median(np.concatenate(means)[quiet], axis=0)
+    of_gravity = np.concatenate(gravity) if gravity else np.empty((0, 3))
+    return Rest(mean, np.median(noises[quiet], axis=0), of_gravity, moves)
+
+
+def options_of(how: How) -> list[str]:
+    """Return what the user says, as options of a command."""
+    said = {
+        "--topic": how.topic,
+        "--units": how.units,
+        "--accel-units": how.accel_units,
+        "--rate": None if how.rate_hz is None else f"{how.rate_hz:g}",
+        "--time-unit": how.time_unit,
+    }
+    found = [f"{flag} {shlex.quote(value)}" for flag, value in said.items() if value is not None]
+    return [*found, *(["--overrule"] if how.overrule else [])]
+
+
+class AtRest(NamedTuple):
+    """What is known of an accelerometer once it is compared with gravity.
+
+    scale: None: nothing tells its unit. problem: how it contradicts gravity, and option what mends it.
+    """
+
+    scale: Scale | None
+    problem: str = ""
+    option: str = ""
+
+
+def measured_accel(layout: Layout, accel: Scale | None, rest: Rest, how: How) -> AtRest:
+    """Compare the accelerometer's unit with the length of gravity, or take it from there."""
+    unit = gravity_unit(rest.gravity) if len(rest.gravity) else None
+    if unit is None or not layout.accel:
+        return AtRest(accel)
+    measured = Scale(Said(unit, "measured", "gravity has this length"), *parse_accel_unit(unit))
+    if accel is None:
+        return AtRest(measured)
+    if how.overrule or math.isclose(accel.factor, measured.factor, rel_tol=0.2):
+        return AtRest(accel)
+    length = float(np.median(np.linalg.norm(rest.gravity, axis=1)))
+    said = accel.said
+    option = f"--accel-units {unit}{' --overrule' if said.evidence == 'stated' else ''}"
+    problem = (
+        f"{title(layout.accel)} have the length {length:.4g} at rest, which is gravity in {unit}; in "
+        f"{said.unit}, as {said.why} has it, that is {length * accel.factor:.3g} m/s². If they hold gravity, "
+        f"add {option}; else add --accel-units {said.unit} --overrule."
+    )
+    return AtRest(accel, problem, option)
+
+
+def check_rates(
+    where: str,
+    layout: Layout,
+    rate: Scale,
+    rest: Rest,
+    accel: AtRest,
+    table: Callable[[dict[str, str]], str],
+    options: Sequence[str],
+) -> None:
+    """Compare a convention with the noise of gyroscopes at rest.
+
+    accel: of the same stretches. table: makes lines on candidates. options: that the user gives.
+
+    Raises:
+        NotStated: it cannot be, and deg/s can.
+    """
+    if rate.said.evidence != "convention" or rest.moves:
+        return
+    noise = float(np.median(rest.noise)) * SQRT_HOUR
+    mean = float(np.abs(rest.mean).max())
+    is_odd = noise * rate.factor > MOST_N or mean * rate.factor > MOST_MEAN_DPS
+    if is_odd and LEAST_N <= noise <= MOST_N:
+        unit, high, off = rate.said.unit, noise * rate.factor, mean * rate.factor
+        command = " ".join(filter(None, [*options, accel.option, "--units ?"]))
+        lines = filter(None, [table({unit: "", "deg/s": ""}), accel.problem])
+        raise NotStated(
+            f"{where}: {title(layout.gyro)} are in {unit} by {rate.said.why}, and drivers break this "
+            f"convention: at rest N would be {high:.3g} deg/√h and the mean {off:.3g} deg/s, in deg/s {noise:.2g} and "
+            f"{mean:.2g}. Say which it is, with the right value for the ?: {command}\n" + "\n".join(lines)
+        )
