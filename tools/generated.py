@@ -19,7 +19,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 WRITERS = (
-    *("gen_settings", "gen_protocol", "gen_registers", "make_vectors"),
+    *("gen_settings", "gen_formats", "gen_protocol", "gen_registers", "make_vectors"),
     *("gen_memory_constants", "gen_fixed_nodes", "gen_octave_tables", "make_golden", "build_id"),
 )
 

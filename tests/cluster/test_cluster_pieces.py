@@ -85,10 +85,10 @@ def test_a_phone_says_in_the_name_of_a_file_whose_columns_these_are(tmp_path: Pa
     assert [row.error for row in rows] == [None] * 3
     assert rows[0].mean == pytest.approx(np.degrees(SHORT.mean()), rel=1e-4)
     elsewhere = file._replace(protocol="s3", path="lab/my gyro log.CSV")
-    assert (elsewhere.copied_name, file._replace(path="a.csv").copied_name) == (
-        "gyroscope.csv",
-        "recording.csv",
-    )
+    assert elsewhere.copied_name == "my_gyro_log.csv"
+    assert file._replace(path="..-._.csv").copied_name == "recording.csv"
+    assert file._replace(path="lab/rest.json.gz").copied_name == "rest.json.gz"
+    assert file._replace(path="lab/due-0003.mcap").copied_name == "recording.mcap"
 
 
 def test_pieces_of_other_scales_are_left_out(tmp_path: Path) -> None:

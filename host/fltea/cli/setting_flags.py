@@ -27,7 +27,7 @@ Sources = Annotated[
         metavar="URL",
         help="`serial:PORT` (a device path, socket://HOST:PORT, hwgrep://REGEXP), "
         "`i2c:///dev/i2c-1?addr=0x68` (a sensor on a Raspberry Pi), `iio:NAME` (a sensor with a "
-        "driver of the Linux kernel), `replay:FILE` (.mcap or a folder of them, .npz, .csv, .ndjson), "
+        "driver of the Linux kernel), `replay:FILE` (a recording, of any kind that `fltea identify` takes), "
         "`stdin:` or `serial-text:PORT?baud=115200` (lines of CSV or NDJSON, live), `mqtt://BROKER` "
         "or `nats://SERVER` (many devices that publish their frames there) or "
         "`synthetic:?alpha=0.3&f=-1.5`; repeat it for several devices. Default: the Arduino Due, once "

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import PurePosixPath
 from typing import Any, NamedTuple
 
-from fltea.recording.kind import KINDS
+from fltea.recording.formats import KINDS
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.secret import refuse_secret
 from fltea.settings.extras import how_to_install, load
@@ -20,12 +20,16 @@ LIKE_NAMES = ("file", *WEB)
 """What they call a file is its address."""
 MAGIC, MAGIC_OF_WEB = re.compile(r"[*?\[]"), re.compile(r"[*\[]")
 """Of patterns. Behind a question mark in a web address stands what the server is asked."""
+LONGEST_NAME = 60
+"""Of a copy, without its ending."""
 STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "Last-Modified", "updated", "created")
 """What file systems call it when a file is no longer the same, the surest first."""
 SILENT_S = 60.0
 """How long a web server may send nothing."""
 PACKAGES = {"gs": "gcsfs", "gcs": "gcsfs", "abfs": "adlfs", "az": "adlfs"}
 """What file systems need that no extra of fltea has."""
+DESCRIBE = (".json", ".yaml", ".yml")
+"""Endings of files that lie beside recordings and tell of them, and only where they are named are some."""
 JOURNAL = "_journal.ndjson"
 """Of a table of verdicts, which may lie among recordings. Readers of Parquet pass over underscores."""
 
@@ -47,9 +51,14 @@ class File(NamedTuple):
 
     @property
     def copied_name(self) -> str:
-        """That of a copy, which no server chooses. Phones tell only by it that columns are a gyroscope's."""
-        is_said = "gyro" in PurePosixPath(self._name).name.lower()
-        return f"{'gyroscope' if is_said else 'recording'}{self.suffix}"
+        """That of a copy: its own but for what no name needs. Some loggers tell only by it what they wrote.
+
+        Files of a session would be looked for by theirs, and are copied one by one.
+        """
+        name = PurePosixPath(self._name).name.removesuffix(PurePosixPath(self._name).suffix)
+        is_one = KINDS.get(self.suffix) not in ("mcap", "bag")
+        stem = re.sub(r"[^a-zA-Z0-9_.-]+", "_", name)[:LONGEST_NAME].strip("._-") if is_one else ""
+        return f"{stem or 'recording'}{self.suffix}"
 
     @property
     def _name(self) -> str:
@@ -146,7 +155,7 @@ def _matching(system: Any, protocol: str, path: str) -> Iterator[File | Unlisted
             return
         for one in _below(system, protocol, path, None):
             file = one if isinstance(one, Unlisted) else _file(system, protocol, one)
-            if isinstance(file, Unlisted) or (file.suffix in KINDS and file.suffix != ".json"):
+            if isinstance(file, Unlisted) or (file.suffix in KINDS and file.suffix not in DESCRIBE):
                 yield file
         return
     from fsspec.utils import glob_translate

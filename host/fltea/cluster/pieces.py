@@ -12,7 +12,8 @@ from fltea.cluster.cut import Cut, Ranges, open_bytes
 from fltea.cluster.fetch import COPY_BYTES, check_room
 from fltea.cluster.listing import WEB, File
 from fltea.cluster.whole import Ask
-from fltea.recording.kind import KINDS, kind_of
+from fltea.recording.formats import KINDS
+from fltea.recording.kind import kind_of
 from fltea.records.errors import FlteaError
 
 

@@ -74,7 +74,8 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
         ),
         "packed": Format(
             "a packed file",
-            "packed files: text, and all below that need an extra; of a `.zip` the file of the gyroscope",
+            "packed by gzip, bzip2, xz or zip: text and what is written by other programs; of a `.zip` the "
+            "file with the gyroscope",
             (".gz", ".bz2", ".xz", ".zip"),
             _each("plain.csv.gz plain.csv.bz2 plain.csv.xz"),
             magic=(b"\x1f\x8b", b"BZh", b"\xfd7zXZ", ZIP),

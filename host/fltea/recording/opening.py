@@ -4,7 +4,6 @@ import shlex
 from pathlib import Path
 from typing import NamedTuple, cast
 
-from fltea.recording.apart import open_apart
 from fltea.recording.files import Stored
 from fltea.recording.formats import FORMATS, Kind, loaded
 from fltea.recording.kind import is_stream, open_one_file
@@ -45,6 +44,8 @@ def open_recording(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_L
     content = {} if file is None else {"file": file}
     try:
         if form.reader:
+            from fltea.recording.apart import open_apart
+
             return open_apart(kind, path, how, limits)
         return cast(Stored | Printed, loaded(form.opener)(path, limits=limits, **said, **content))
     except NotStated as error:

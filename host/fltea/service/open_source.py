@@ -6,7 +6,8 @@ What few need is imported when it is: a program's start on a Raspberry Pi takes 
 from collections.abc import Sequence
 from pathlib import Path
 
-from fltea.recording.kind import KINDS, is_one_file
+from fltea.recording.formats import KINDS
+from fltea.recording.kind import is_one_file
 from fltea.records.errors import UsageError
 from fltea.records.ports import Source
 from fltea.settings.config import Config
@@ -18,8 +19,6 @@ from fltea.wire.transport import ANY_BOARD
 TEXT = ("stdin", "serial-text")
 SAMPLES_ONLY = ("i2c", "iio", "synthetic", *TEXT)
 """Kinds that give no estimates of a device's own."""
-
-RECORDING_SUFFIXES = tuple(KINDS)
 
 
 def find_board() -> str:
@@ -47,19 +46,19 @@ def open_source(config: Config) -> Source:
     of_pyserial = rest.startswith("//") and scheme != "i2c"
     if not colon or of_pyserial or url.startswith("/"):  # a bare path, or pyserial's own URLs
         place = Path(url)
-        is_file = place.suffix.lower() in RECORDING_SUFFIXES or place.is_dir() or place.is_file()
+        is_file = place.suffix.lower() in KINDS or place.is_dir() or place.is_file()
         is_pipe = url in ("-", "/dev/stdin") or Path(url).is_fifo()
         scheme, rest = ("replay" if is_file else "stdin" if is_pipe else "serial"), url
     if scheme in SAMPLES_ONLY:
         _need_wire(config, url)
     replay = config.replay
-    if scheme not in ("replay", *TEXT) and replay.how.of_text:
+    if scheme not in ("replay", *TEXT) and (said := replay.how.flags()):
         raise UsageError(
-            "--columns, --units, --rate, --time-column and --time-unit are for recordings (replay:FILE) and "
-            "for lines of text (stdin:, serial-text:PORT)."
+            f"{', '.join(said)}: such options are for recordings (replay:FILE) and for lines of text "
+            "(stdin:, serial-text:PORT)."
         )
-    if scheme != "replay" and (replay.topic or replay.shuffle is not None):
-        raise UsageError("--topic and --shuffle are for recordings (replay:FILE).")
+    if scheme != "replay" and replay.shuffle is not None:
+        raise UsageError("--shuffle: such options are for recordings (replay:FILE).")
     if not rest and scheme not in ("synthetic", "stdin"):
         raise UsageError(f"--source {url}: nothing follows '{scheme}:'.")
     match scheme:

@@ -1,8 +1,9 @@
 """How to read a recording that does not say it itself."""
 
+from collections.abc import Collection
 from typing import Annotated, Literal
 
-from fltea.settings.setting import Setting, Table
+from fltea.settings.setting import Setting, Table, declared
 
 TimeUnit = Literal["s", "ms", "us", "ns"]
 
@@ -22,7 +23,7 @@ class How(Table, frozen=True, kw_only=True):
     units: Annotated[
         str | None,
         Setting(
-            "Text and tables: unit of the rates: deg/s, °/s, dps, mdps, rad/s, or lsb:N (N counts are 1 "
+            "Unit of the rates: deg/s (dps, °/s), mdps, rad/s, mrad/s, deg/h, rpm, or lsb:N (N counts are 1 "
             "deg/s).",
             flags=("--units",),
             metavar="UNIT",
@@ -56,8 +57,8 @@ class How(Table, frozen=True, kw_only=True):
     topic: Annotated[
         str | None,
         Setting(
-            "Which sensor, of a file with several: a topic of a bag or of a PX4 log (sensor_gyro:1), the value "
-            "in the column that tells them apart (1), or 1/2 for the first of two in turns.",
+            "Which sensor, of a file with several: a topic of a bag or of a PX4 log (sensor_gyro:1), the "
+            "value in the column that tells them apart (1), or 1/2 for the first of two in turns.",
             flags=("--topic", "--sensor"),
             metavar="NAME",
             example="/imu",
@@ -80,6 +81,14 @@ class How(Table, frozen=True, kw_only=True):
             flags=("--overrule",),
         ),
     ] = False
+
+    def flags(self, but: Collection[str] = ()) -> list[str]:
+        """Return the flags of all that is said, but for some fields."""
+        return [
+            one.setting.flags[0]
+            for one in declared(self)
+            if one.default != getattr(AS_IT_SAYS, one.name) and one.name not in but
+        ]
 
     @property
     def of_text(self) -> bool:
