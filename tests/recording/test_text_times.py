@@ -1,9 +1,14 @@
 """Times and accelerometers of text recordings, as other programs write them."""
 
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
+from fltea.recording.sample_times import Elapsed
+from fltea.recording.text_times import Clocks, with_seconds
+from hypothesis import given
+from hypothesis import strategies as st
 from text_files import refusal, stored
 
 # --- the accelerometer ---
@@ -163,3 +168,115 @@ def test_long_files_go_over_many_blocks(tmp_path: Path) -> None:
         in (found.notes[0].text)
     )
     assert found.samples == len(times) - 2
+
+
+# --- dates and times of day ---
+
+BEGIN = datetime(2023, 5, 3, 9, 46, 40, tzinfo=UTC)
+
+DATES = [
+    "2023-05-03T09:46:40",
+    "2023-05-03 09:46:40Z",
+    "2023-05-03T11:46:40+02:00",
+    "2023/05/03, 9:46:40 AM",
+    "2023-5-3 9:46:40",
+    "03.05.2023 09:46:40",
+    "5/3/2023 9:46:40 AM",
+    "03-May-2023 09:46:40",
+    "3-MAY-23 09:46:40",
+    "3 May 2023 09:46:40",
+    "May 3, 2023 9:46:40 AM",
+    "Wednesday, May 3rd 2023 9:46:40 a.m.",
+    "Wed, 03 May 2023 09:46:40 GMT",
+]
+
+
+@pytest.mark.parametrize("text", DATES)
+@pytest.mark.parametrize("form", ["{}", '"{}"', "{},1.5", "7,{},1.5", '{{"t":"{}","gx":1.5}}', "t: {}"])
+def test_dates_are_seconds_of_unix_time(text: str, form: str) -> None:
+    quoted = form.replace('"{}"', "{}")
+    expected = quoted.format(f"{BEGIN.timestamp():.0f}")
+    assert with_seconds(form.format(text)) == expected
+
+
+@given(
+    st.datetimes(datetime(2000, 1, 1), datetime(2068, 1, 1)),
+    st.sampled_from(
+        ["%Y-%m-%dT%H:%M:%S.%f", "%d-%b-%Y %H:%M:%S.%f", "%B %d, %Y %I:%M:%S.%f %p", "%d.%m.%y %H:%M:%S.%f"]
+    ),
+)
+def test_any_date_is_its_seconds(when: datetime, form: str) -> None:
+    found = with_seconds(f"{when.strftime(form)},1.5").removesuffix(",1.5")
+    assert float(found) == pytest.approx(when.replace(tzinfo=UTC).timestamp(), abs=1e-6)
+
+
+NO_TIMES = ["12-Foo-2023", "00:11:22:33:44:55", "(F4:9B:00:12:34:56)", "x09:46:40", "9:75:40", "9:46:40:12"]
+NO_TIMES += ["2023-13-45 09:46:40", "gx:10.5,gy:22.5", '{"gx":10.5}', "1.2.3:45"]
+
+
+@pytest.mark.parametrize("text", NO_TIMES)
+def test_what_is_no_time_stays(text: str) -> None:
+    assert with_seconds(f"{text}\n1,2") == f"{text}\n1,2"
+
+
+@pytest.mark.parametrize("point", [".", ":"])
+def test_milliseconds_that_are_not_padded(point: str, tmp_path: Path) -> None:
+    """As WitMotion's SDK for Python joins the numbers of a chip's time, each by `str`.
+
+    github.com/WITMOTION/WitStandardProtocol_JY901, Python/Python-WitProtocol, wit_protocol_resolver.py,
+    get_chiptime. Read as a fraction, 9:46:40.5 would be half a second and not 5 ms.
+    """
+    text = "time,wx(deg/s)\n"
+    for k in range(400):
+        when = BEGIN + timedelta(milliseconds=5 + 20 * k)
+        clock = f"{when.hour}:{when.minute}:{when.second}{point}{when.microsecond // 1000}"
+        text += f"{when.year}-{when.month}-{when.day} {clock},{k % 7}\n"
+    found = stored(tmp_path, text)
+    assert found.rate_hz == pytest.approx(50.0)
+    assert found.whole().seq.tolist() == list(range(400))  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("step_ms", [5, 50, 125])
+def test_fractions_without_their_last_zeros_stay_fractions(step_ms: int) -> None:
+    times = [f"{k * step_ms / 1000 % 60:.3f}".rstrip("0").rstrip(".") for k in range(40)]
+    found = Clocks().with_seconds("\n".join(f"09:46:{time}" for time in times)).split("\n")
+    assert [float(one) for one in found] == pytest.approx([35160 + k * step_ms / 1000 for k in range(40)])
+
+
+def test_lines_that_come_one_by_one_are_read_as_a_block_once_they_tell() -> None:
+    clocks = Clocks()
+    lines = [f"9:46:{40 + k // 20}.{50 * k % 1000}" for k in range(60)]
+    found = [float(clocks.with_seconds(line)) for line in lines]
+    assert found[3:] == pytest.approx([35200 + 0.05 * k for k in range(60)][3:])
+
+
+def test_a_clock_goes_on_at_midnight(tmp_path: Path) -> None:
+    begin = datetime(2023, 5, 3, 23, 59, 58, tzinfo=UTC)
+    times = [begin + timedelta(milliseconds=10 * k) for k in range(600) if k not in (190, 200, 201)]
+    text = "Time,gx (deg/s)\n" + "".join(f"{time:%H:%M:%S.%f},1.5\n" for time in times)
+    found = stored(tmp_path, text)
+    whole = found.whole()
+    assert found.rate_hz == pytest.approx(100.0)
+    assert found.notes == ()
+    assert whole.seq.tolist() == [k for k in range(600) if k not in (190, 200, 201)]  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("unit", "times", "begins"),
+    [
+        ("s", [86_399.99, 0.0], False),
+        (None, [86_399.0, 1.0], False),
+        ("s", [86_399.0, 100.0], True),
+        ("s", [86_401.0, 0.5], True),
+        ("s", [200_000.0, 113_650.0], True),
+        ("s", [100.0, 0.0], True),
+        ("ms", [86_399_990.0, 0.0], True),
+        ("ms", [4_294_967_290.0, 4.0], False),
+        ("ns", [5.0, 1.0], True),
+    ],
+)
+def test_a_step_back_is_a_new_run_unless_a_counter_or_the_day_ended(
+    unit: str, times: list[float], begins: bool
+) -> None:
+    _, found = Elapsed(unit).add(np.array(times), np.zeros((2, 1)))  # type: ignore[arg-type]
+    assert found.tolist() == [False, begins]

@@ -45,8 +45,8 @@ def _axis(words: str) -> re.Pattern[str]:
     return re.compile(rf"{_BEFORE}(?:{words})(?:_axis)?{_SORT}")
 
 
-_GYRO_AXIS = _axis(rf"(?:{_GYRO}){_SORT}_?(?P<x>[xyz])|(?P<before>[xyz])_?(?:{_GYRO})|[gw]_?(?P<bare>[xyz])")
-_ACCEL_AXIS = _axis(rf"(?:{_ACCEL}){_SORT}_?(?P<x>[xyz])|(?P<before>[xyz])_?(?:{_ACCEL})|a_?(?P<bare>[xyz])")
+_GYRO_AXIS = _axis(rf"(?:{_GYRO})\d?{_SORT}_?(?P<x>[xyz])|(?P<before>[xyz])_?(?:{_GYRO})|[gw]_?(?P<bare>[xyz])")
+_ACCEL_AXIS = _axis(rf"(?:{_ACCEL})\d?{_SORT}_?(?P<x>[xyz])|(?P<before>[xyz])_?(?:{_ACCEL})|a_?(?P<bare>[xyz])")
 _BARE_AXIS = _axis("(?:(?:as|axis|rate|rotation)_?)?(?P<x>[xyz])")
 """Of what the unit says. AsX is what WitMotion calls an angular speed."""
 

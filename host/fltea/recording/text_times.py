@@ -49,10 +49,9 @@ _ENOUGH = 1 << 14
 class Clocks:
     """Turns the times of one text into seconds, a block of whole lines at a time.
 
-    Digits behind the seconds are a fraction, unless times rise only if they are whole milliseconds: WitMotion
-    writes 5 ms as `9:46:40.5` or `9:46:40:5` (Python SDK of WitStandardProtocol_JY901,
-    `wit_protocol_resolver.py`, `get_chiptime`: each number by `str`). Behind a colon they are milliseconds, if
-    they are not always two, which may be frames of a film.
+    Digits behind the seconds are a fraction, unless times rise only if they are whole milliseconds: the SDK
+    of WitMotion writes 5 ms as `9:46:40.5`. Behind a colon, where its programs have them, they are
+    milliseconds, if they are not always two, which may be frames of a film.
     """
 
     def __init__(self) -> None:
@@ -99,7 +98,7 @@ class Clocks:
 
     def _seconds(self, found: re.Match[str], before: str, mark: str) -> tuple[int, str] | None:
         """Where in `before` a time begins, and its seconds; None if it is none."""
-        m, s, sign, digits, behind_comma, half, zone, point, fraction = found.groups()
+        m, s, sign, digits, behind_comma, half, zone, _, fraction = found.groups()
         if s is None:
             minutes = _MINUTES.search(before)
             if minutes is None:
@@ -126,7 +125,7 @@ def with_seconds(text: str) -> str:
 
 @lru_cache(maxsize=256)
 def _hours(before: str) -> tuple[int, int, int] | None:
-    """Where a date and an hour begin that a text ends in, their seconds, and the hour; None without an hour."""
+    """Where the date and hour at the end of a text begin, their seconds, and the hour; None without one."""
     found = _HOUR.search(before)
     if found is None:
         return None
