@@ -23,7 +23,7 @@ from fltea.recording.text_fields import sample_of
 from fltea.recording.text_forms import YAML, YamlDocuments, plain_lines
 from fltea.recording.text_layout import Layout, LayoutFinder
 from fltea.recording.text_numbers import RowParser, decoded, end_of_line
-from fltea.recording.text_times import A_CLOCK, with_seconds
+from fltea.recording.text_times import A_CLOCK, Clocks
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
@@ -87,6 +87,7 @@ class TextReader:
         self.notes: list[Note] = []
         self._where, self._how = where, how
         self._sample: list[str] = []
+        self._clocks = Clocks()
         self._finder = LayoutFinder(where, how, lambda: self._sample)
         self.chosen: Chosen | None = None
         self._parser: RowParser | None = None
@@ -179,7 +180,7 @@ class TextReader:
         """Whole lines, without the end of the last one."""
         data = plain_lines(data)
         if b":" in data and A_CLOCK.search(data):
-            data = with_seconds(decoded(data)).encode()
+            data = self._clocks.with_seconds(decoded(data)).encode()
         if len(self._sample) < SAMPLE_LINES:
             self._sample += decoded(data[:SAMPLE_BYTES]).split("\n")[:SAMPLE_LINES]
         pieces: list[Rows] = []
