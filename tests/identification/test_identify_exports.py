@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from fltea.api.recording import open as open_recording
+from fltea.api.series import identify
 from fltea.documents.imu_yaml import AxisNoise, Inflation, Shown, axis_noise, imu_yaml
 from fltea.identification.axis import AxisResult, IdentifyOptions
 from fltea.identification.findings import _axis, document, side_by_side
@@ -27,7 +29,8 @@ from fltea.noise.parts import (
     Walk,
     White,
 )
-from host_support import fltea
+from fltea.settings.how import How
+from host_support import fltea, fltea_here
 from hypothesis import HealthCheck, given
 from hypothesis import settings as random
 from hypothesis import strategies as st
@@ -222,6 +225,73 @@ def test_imu_yaml_of_both_sensors() -> None:
         assert larger[key] == (pytest.approx(factor * value, rel=1e-5) if factor > 1 else value)
     only = imu_yaml({}, 100.0, "rest.npz", accel=accel)
     assert "# gyroscope_noise_density:  # rad/s/sqrt(Hz); not known: no axis was analysed" in only
+
+
+def sound_and_bad(folder: Path) -> Path:
+    """A table whose gyro_z was rounded to 0.01 rad/s, a tenth of its noise; the others are sound."""
+    y = 0.1 * white(3000, 3, 1).T
+    y[:, 2] = np.degrees(np.round(np.radians(y[:, 2] + 0.3), 2))
+    np.savetxt(folder / "rest.csv", y, "%.9g", ",", header="gyro_x_dps,gyro_y_dps,gyro_z_dps", comments="")
+    return folder / "rest.csv"
+
+
+@pytest.mark.parametrize("flag", ["--export-model", "--imu-yaml", "--gauss-markov"])
+def test_nothing_is_written_of_bad_data(flag: str, tmp_path: Path) -> None:
+    """An imu.yaml came from pure rounding, beside a trap that said "bad"."""
+    command = ("identify", sound_and_bad(tmp_path), "--rate", "100", "--shuffles", "0", "--jobs", "1")
+    done = fltea_here(*command, flag, tmp_path / "out", columns=300)
+    assert done.returncode == 1
+    assert f"withheld, for the data are bad: {flag}. gyro_z: σ is" in done.stderr
+    assert "write more of them" in done.stderr
+    assert "--channels gyro_x,gyro_y" in done.stderr
+    assert not (tmp_path / "out").exists()
+    assert done.stdout.index("bad: gyro_z: ") < done.stdout.index("gyro_x: "), "the mark comes first"
+    assert "gyro_z: " in done.stdout
+    done = fltea_here(*command, flag, tmp_path / "out", "--channels", "gyro_x,gyro_y")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "out").exists()
+
+
+def test_no_figure_goes_on_from_an_axis_that_is_bad(tmp_path: Path) -> None:
+    """Neither a comparison with a data sheet nor a forecast nor a heading; the other axes have them."""
+    path = sound_and_bad(tmp_path)
+    command = ("identify", path, "--rate", "100", "--shuffles", "0", "--jobs", "1", "--report", tmp_path)
+    done = fltea_here(*command, "--sheet", "MPU-9250", "--forecast", "--json")
+    assert done.returncode == 1
+    assert "withheld, for the data are bad: --sheet, --forecast. gyro_z: σ is" in done.stderr
+    assert "--channels" not in done.stderr
+    axes = json.loads(done.stdout)["files"][0]["axes"]
+    for name, one in axes.items():
+        assert (one["withheld"] != "") == (name == "gyro_z")
+        assert {one["sheet"] is None, one["forecast"] is None, one["now"] is None} == {name == "gyro_z"}
+    page = (tmp_path / "report.html").read_text()
+    assert page.index("gyro_z: σ is") < page.index("<b>gyro_x:")
+    done = fltea_here(*command)
+    assert done.returncode == 0, "nothing that was asked for is withheld"
+    found = open_recording(path, rate_hz=100.0).identify(forecast=True)
+    assert (found["gyro_z"].forecast, found["gyro_z"].now) == (None, None)
+    assert "too few decimals" in found["gyro_z"].withheld
+    assert "Bad data." in found["gyro_z"]._repr_html_()
+    assert found["gyro_x"].forecast is not None
+    assert found["gyro_x"].withheld == ""
+
+
+def test_what_is_wrong_with_all_of_a_recording_withholds(tmp_path: Path) -> None:
+    """Two sensors by turns: the trap is the recording's, and the axes have it."""
+    y = 0.1 * white(3000, 2, 1).T + np.resize([0.2, -0.2], 3000)[:, None]
+    np.savetxt(tmp_path / "a.csv", y, "%.9g", ",", header="gyro_x_dps,gyro_y_dps", comments="")
+    (found,) = identify_all(
+        [Request((tmp_path / "a.csv",), how=How(rate_hz=100.0))], settings(shuffles=0), Here()
+    )
+    assert found.recording is not None
+    assert [trap.kind for trap in found.recording.traps if trap.severity == "bad"] == ["alternates"]
+    for axis in found.axes.values():
+        assert isinstance(axis, AxisReport)
+        assert "--sensor 1/2" in axis.withheld
+    y[:, 1] = 0
+    series = identify(y[:, 0], 100.0, unit="deg/s", forecast=True)
+    assert series.forecast is None
+    assert "sensors by turns" in series.withheld
 
 
 @pytest.mark.slow

@@ -5,7 +5,8 @@ import functools
 import numpy as np
 import pytest
 from fltea.identification.counts import Counts
-from fltea.identification.traps import axis_traps, sensor_traps, timing_traps
+from fltea.identification.judges import held
+from fltea.identification.traps import axis_traps, timing_traps
 from fltea.records.arrays import Array
 from fltea.spectrum.lines import find_peaks
 from fltea.spectrum.periodogram import periodogram
@@ -44,7 +45,7 @@ def test_clean_noise_hardly_ever_has_one(kind: str, lsb: float | None) -> None:
     series = clean(kind)
     if lsb is not None:
         series = np.rint(series / lsb) * lsb
-    found = [trap for y in series for trap in sensor_traps([y], [lsb])]
+    found = [trap for y in series for trap in held([y], [lsb], H)]
     assert sum(len(kinds(y, lsb)) for y in series) + len(found) <= 1
 
 
@@ -55,7 +56,7 @@ def test_no_trap_at_any_scale(seed: int, scale: float, coarse: float) -> None:
     y = np.rint(white(2000, 1, seed)[0] / coarse) * coarse
     wanted = {"quantisation"} if y.std() < 2 * coarse else set()
     assert set(kinds(y * scale, coarse * scale)) == wanted
-    assert sensor_traps([y * scale], [coarse * scale]) == ()
+    assert held([y * scale], [coarse * scale], H) == ()
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -79,8 +80,9 @@ def test_drift(change: float) -> None:
 )
 @pytest.mark.parametrize("known", [True, False])
 def test_quantisation(sigma_lsb: float, severity: str | None, known: bool) -> None:
-    y = np.rint(white(20_000, 1, 1)[0] * sigma_lsb) * LSB
-    assert kinds(y, LSB if known else None).get("quantisation") == severity
+    lsb = 1 / 16.4  # a power of ten is taken for decimals where the count is not known
+    y = np.rint(white(20_000, 1, 1)[0] * sigma_lsb) * lsb
+    assert kinds(y, lsb if known else None).get("quantisation") == severity
 
 
 def test_outliers() -> None:
@@ -137,10 +139,10 @@ def test_repeated_reads(every: int, severity: str, lsb: float | None) -> None:
     y = white(6000, 3, 1)
     y = (y if lsb is None else counts(y)).T
     y[1::every] = y[:-1:every][: len(y[1::every])]
-    (trap,) = sensor_traps(list(y.T), [lsb] * 3)
+    (trap,) = held(list(y.T), [lsb] * 3, H)
     assert (trap.kind, trap.severity) == ("repeated", severity)
     y[:, 2] = white(6000, 1, 9)[0]  # one axis that moves on is enough to see that it was no old sample
-    assert sensor_traps(list(y.T), [lsb] * 3) == ()
+    assert held(list(y.T), [lsb] * 3, H) == ()
 
 
 def test_peaks() -> None:

@@ -1,11 +1,13 @@
 """What is found out about the noise of one axis, and of all axes of a recording."""
 
+from html import escape
 from typing import TYPE_CHECKING
 
 from fltea.api._html import axis_html, page
 from fltea.api._tables import ByAxis, frame, row
 from fltea.identification.axis import AxisResult
 from fltea.identification.forecast import Forecast, Now
+from fltea.identification.traps import Trap
 from fltea.records.fit import FitSpectrum, FittedAxis
 
 if TYPE_CHECKING:
@@ -29,6 +31,10 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     """The bias at the end of the record, and how far the heading is off after a minute."""
     forecast: Forecast | None
     """With `forecast=True`."""
+    traps: tuple[Trap, ...]
+    """What in the data can mislead."""
+    withheld: str
+    """Why `now` and `forecast` are None: what is bad in the data, and what to do; "" where nothing is."""
     details: AxisResult
     """All figures of `fltea identify`: parts, N, K, sentences that did not win, peaks, FLTEA."""
 
@@ -50,7 +56,8 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
 
     def _repr_html_(self) -> str:
         of = f"{self.samples:,} samples at {self.rate_hz:g} Hz, σ = {self.std:.3g} {self.unit}"
-        return page(axis_html(self.axis, self, of))
+        withheld = f"<p><strong>Bad data.</strong> {escape(self.withheld)}</p>" if self.withheld else ""
+        return page(withheld + axis_html(self.axis, self, of))
 
 
 class Report(ByAxis[Identified]):

@@ -25,7 +25,7 @@ from fltea.identification.load import (
     load,
     recordings,
 )
-from fltea.identification.traps import Trap
+from fltea.identification.traps import Trap, of_axis
 from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
 from fltea.settings.how import How, TimeUnit
@@ -104,7 +104,8 @@ class Recording(Mapping[str, Array]):
         for name, series in self._loaded.axes.items():
             try:
                 with python_words():
-                    found[name] = of_series(name, series, h, options, forecast=forecast)
+                    known = of_axis(self.traps, name)
+                    found[name] = of_series(name, series, h, options, forecast=forecast, known=known)
             except ValueError as error:
                 raise ValueError(f"{self.name}, {name}: {error}") from error
         return Report(found)

@@ -5,12 +5,14 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
-from fltea.api._check import one_axis, period_s, python_words
+from fltea.api._check import in_python, one_axis, period_s, python_words
 from fltea.api.identified import Identified
 from fltea.identification.axis import IdentifyOptions, identified, look
 from fltea.identification.forecast import Goal
+from fltea.identification.judges import judge_one
 from fltea.identification.load import Series
-from fltea.identification.run import forecasts
+from fltea.identification.run import forecasts, traps_of
+from fltea.identification.traps import Trap, withheld
 from fltea.spectrum.allan_curve import fit_allan
 from fltea.spectrum.live_axes import spectrum_of
 
@@ -45,14 +47,21 @@ def identify(
     h = period_s(rate_hz)
     options = IdentifyOptions(from_hz=from_hz, notch_hz=tuple((low, high) for low, high in notch_hz))
     series = Series(one_axis(y), unit, lsb)
+    known = tuple(judge_one(series.y, unit, lsb, h))
     with python_words():
-        return of_series(axis, series, h, options, forecast=forecast)
+        return of_series(axis, series, h, options, forecast=forecast, known=known)
 
 
 def of_series(
-    axis: str, series: Series, h: float, options: IdentifyOptions, *, forecast: bool | Goal = False
+    axis: str,
+    series: Series,
+    h: float,
+    options: IdentifyOptions,
+    *,
+    forecast: bool | Goal = False,
+    known: Sequence[Trap] = (),
 ) -> Identified:
-    """Return the same of an axis of a recording."""
+    """Return the same of an axis of a recording; known: what is wrong with it by the recording as a whole."""
     looked = look(series.y, h, options, series.gaps)
     found = identified(looked, series.lsb, options)
     *sums, samples = looked.summed.octaves.allan(0)
@@ -60,7 +69,9 @@ def of_series(
     curve = fit_allan(tuple(sums), samples, h, series.unit, noise, found.level.N.value)
     if curve is not None:
         curve = replace(curve, K=found.level.K.value)
-    bias, ahead = forecasts(looked, options, series.unit, forecast=forecast)
+    traps = (*known, *traps_of(looked, series, found))
+    why = withheld(traps)
+    bias, ahead = forecasts(looked, options, series.unit, why, forecast=forecast)
     return Identified(
         axis=axis,
         unit=series.unit,
@@ -80,5 +91,7 @@ def of_series(
         spectrum=spectrum_of(looked.summed.lines, noise),
         now=bias,
         forecast=ahead,
+        traps=traps,
+        withheld=in_python(why),
         details=found,
     )

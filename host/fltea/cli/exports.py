@@ -1,10 +1,15 @@
-"""The files that `fltea identify` writes for other programs: models, imu.yaml, a navigation filter's."""
+"""The files that `fltea identify` writes for other programs: models, imu.yaml, a navigation filter's.
+
+Nothing is made of a recording that is marked bad: what reads these files sees no mark.
+"""
 
 import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.records import AXES
 
 if TYPE_CHECKING:
     from fltea.identification.run import FileReport
@@ -19,9 +24,10 @@ class Files(NamedTuple):
     inflation: tuple[float, float]
 
     @property
-    def any(self) -> bool:
-        """Whether any export is asked for."""
-        return any(path is not None for path in (self.model, self.yaml, self.navigation))
+    def flags(self) -> list[str]:
+        """The options by which files are asked for."""
+        named = {"--export-model": self.model, "--imu-yaml": self.yaml, "--gauss-markov": self.navigation}
+        return [flag for flag, path in named.items() if path is not None]
 
 
 def parse_inflation(text: str | None, yaml: Path | None) -> tuple[float, float]:
@@ -44,8 +50,33 @@ def parse_inflation(text: str | None, yaml: Path | None) -> tuple[float, float]:
     return density, walk
 
 
+def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str]) -> Iterator[FlteaError]:
+    """Yield why nothing is made of a recording, and what to do, if that is so.
+
+    flags: the options that ask for one file of all axes. of_axes: those that ask for something of each axis,
+    which the other axes have.
+    """
+    from fltea.identification.run import AxisReport
+
+    good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
+    bad: dict[str, list[str]] = {}
+    for name, axis in good.items():
+        if axis.withheld:
+            bad.setdefault(axis.withheld, []).append(name)
+    if not bad or not (flags or of_axes):
+        return
+    reasons = " ".join(f"{', '.join(names)}: {why}" for why, names in bad.items())
+    rest = [name for name, axis in good.items() if not axis.withheld]
+    gyro = [name for name in rest if name in AXES]
+    # A model file has no gyro_y without gyro_x.
+    possible = rest and flags and ("--export-model" not in flags or gyro == list(AXES[: len(gyro)]))
+    others = f" The others are sound: --channels {','.join(rest)}." if possible else ""
+    what = ", ".join((*flags, *of_axes))
+    yield FlteaError(f"{report.name}: withheld, for the data are bad: {what}. {reasons}{others}")
+
+
 def write(report: "FileReport", files: Files) -> None:
-    """Write them; nothing of a recording that could not be read.
+    """Write them; nothing of a recording that could not be read, or that is marked bad (`withheld`).
 
     Raises:
         FlteaError: one cannot be written, or what it needs was not found.
@@ -54,9 +85,9 @@ def write(report: "FileReport", files: Files) -> None:
     from fltea.identification import model_file, navigation_file
     from fltea.identification.run import AxisReport
 
-    if report.recording is None or not files.any:
-        return
     axes = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
+    if report.recording is None or not files.flags or any(axis.withheld for axis in axes.values()):
+        return
     rate_hz = report.recording.hello.rate_hz
     if files.model is not None:
         try:

@@ -213,7 +213,7 @@ def identify(
         )
         for one in found
     ]
-    if len(requests) > 1 and files_wanted.any:
+    if len(requests) > 1 and files_wanted.flags:
         raise UsageError("--export-model, --imu-yaml and --gauss-markov are for one recording.")
     ahead = forecast if goal is None else goal
     by = run.Settings(options, chosen.estimator, chosen.accel, figures=report is not None, forecast=ahead)
@@ -232,7 +232,8 @@ def identify(
         written = page.write(report, reports)
         say(f"fltea: {written[0]}, and {len(written) - 1} figures")
     exports.write(reports[0], files_wanted)
-    _fail(reports)
+    each = {"--sheet": sheet, "--forecast": forecast, "--rest-for": rest_for}
+    _fail(reports, files_wanted.flags, [flag for flag, value in each.items() if value])
 
 
 def parse_notch(text: str) -> tuple[float, float]:
@@ -311,8 +312,8 @@ def _show(reports: "Sequence[FileReport]", *, details: bool) -> None:
     print_result(text.getvalue())
 
 
-def _fail(reports: "Sequence[FileReport]") -> None:
-    """End with the failures, after all else was reported."""
+def _fail(reports: "Sequence[FileReport]", files: Sequence[str], of_axes: Sequence[str]) -> None:
+    """End with the failures; files, of_axes: the options that asked for files, and for figures of axes."""
     from fltea.identification.run import Failure
 
     failures: list[FlteaError] = []
@@ -327,4 +328,5 @@ def _fail(reports: "Sequence[FileReport]") -> None:
             for name, axis in report.axes.items()
             if isinstance(axis, Failure)
         ]
+        failures += exports.withheld(report, files, of_axes)
     end_with(failures)

@@ -151,7 +151,9 @@ def traps(report: FileReport) -> list[tuple[str, Trap]]:
     of_all = report.recording.traps if report.recording else ()
     for name, those in [("", of_all), *of_axes]:
         for trap in those:
-            found.setdefault((trap.kind, trap.text), ([], trap))[0].append(name)
+            found.setdefault((trap.kind, trap.text), ([], trap))[0].extend(
+                one for one in trap.axes or (name,) if one in report.axes or not one
+            )
     named = [(", ".join(filter(None, names)), trap) for names, trap in found.values()]
     return sorted(named, key=lambda one: SEVERITIES.index(one[1].severity))
 

@@ -4,7 +4,7 @@ What may be done across a gap is for whoever uses the samples to say (`identific
 or scales the one with the most samples is taken. What is left out is counted.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,9 +14,11 @@ import numpy as np
 from fltea.archive.info import sessions
 from fltea.identification.counts import Counts
 from fltea.identification.gaps import Gaps, bridge, no_gaps
-from fltea.identification.traps import Trap, sensor_traps, source_trap, timing_traps
+from fltea.identification.judges import judge
+from fltea.identification.traps import Trap, source_trap, timing_traps
 from fltea.recording.bag_files import bags_in
 from fltea.recording.kind import is_one_file
+from fltea.recording.reading import Answer
 from fltea.recording.spool import Spool
 from fltea.records.arrays import Array
 from fltea.records.errors import FlteaError, UsageError
@@ -162,8 +164,9 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     bridged = gaps.lost_up_to(bridge(len(used), gaps))
     counts = Counts(groups.samples, len(used), used.first, groups.stretches, bridged, *lost, *used.flagged)
     axes, clock_ppm = used.axes(gaps), None if used.no_clock else used.ppm
-    traps = _traps(used, counts, axes, clock_ppm)
-    return Loaded(used.hello, counts, _chosen(axes, request), clock_ppm, (*_most(reported), *traps), topic)
+    chosen = _chosen(axes, request)
+    traps = _traps(used, counts, axes, clock_ppm, chosen)
+    return Loaded(used.hello, counts, chosen, clock_ppm, (*_most(reported), *traps), topic)
 
 
 def _most(reported: list[Trap]) -> list[Trap]:
@@ -173,13 +176,19 @@ def _most(reported: list[Trap]) -> list[Trap]:
 
 
 def _traps(
-    used: "_Group", counts: Counts, axes: dict[str, Series], clock_ppm: float | None
+    used: "_Group",
+    counts: Counts,
+    axes: dict[str, Series],
+    clock_ppm: float | None,
+    wanted: Collection[str],
+    reading: Sequence[Answer] = (),
 ) -> tuple[Trap, ...]:
+    """Return what is wrong with the recording, or with axes of it that are wanted."""
     assert used.hello is not None
-    gyro = [name for name in AXES if name in axes]
     of_time = timing_traps(counts, used.hello.rate_hz, clock_ppm)
-    # One axis at a time in memory.
-    return *of_time, *sensor_traps(map(used.axis, gyro), [axes[name].lsb for name in gyro])
+    lsb = {name: one.lsb for name, one in axes.items()}
+    found = judge(used.axis, lsb, 1 / used.hello.rate_hz, used.gaps(), reading)
+    return *of_time, *(trap for trap in found if not trap.axes or set(trap.axes) & set(wanted))
 
 
 def _chosen(axes: dict[str, Series], request: Request) -> dict[str, Series]:

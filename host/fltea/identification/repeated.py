@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fltea.identification.resolution import thin
 from fltea.records.arrays import Array
 
 Equal = NDArray[np.bool_]
@@ -37,6 +38,10 @@ UNIFORM_LSB = 0.7
 """σ from which on the signal lies anywhere between two counts, also with heavy tails."""
 LONG = 1 << 20
 """Steps from which on the correlation is that of some of them, spread evenly."""
+DIFFERENT = 0.9
+"""Share of samples of different values from which on they are not rounded, or too finely to matter."""
+IN_STEP, AT_ONCE = 0.6, 200
+"""Changes at a steady rate are within one sample of a straight line over so many, 0.29 by their deviation."""
 TAILS = 1.15
 """Times as many equal neighbours as of Gaussian steps are allowed for other distributions."""
 _STEPS = np.geomspace(0.2, 2 * FINE_COUNTS, 400)
@@ -53,6 +58,8 @@ class Repeats(NamedTuple):
     """How many chance makes equal."""
     found: bool
     """Whether there are more."""
+    change_every: float | None = None
+    """Samples from one change of the values to the next, if they change at a steady rate."""
 
 
 def repeats(axes: Iterable[tuple[ArrayLike, float | None]]) -> Repeats | None:
@@ -93,7 +100,7 @@ def _of_several(near: NDArray[np.bool_], far: NDArray[np.bool_], steps: list[NDA
     chance = max(alike * float(near.mean(axis=1).prod()) * pairs, float(all_far.sum()))
     few = same > 3 + 1.5 * chance + 6 * math.sqrt(chance)
     repeated = (share - max(share_far, 0.0) if share_far < share / 2 else share) * pairs
-    return Repeats(same, pairs, max(same - max(repeated, 0.0), 0.0), sure or few)
+    return Repeats(same, pairs, max(same - max(repeated, 0.0), 0.0), sure or few, _change_every(all_near))
 
 
 def _alike(steps: list[NDArray[np.float32]], moved: Equal) -> float:
@@ -130,25 +137,49 @@ def _root(together: Array, each: Array) -> Array:
     return np.asarray((low + high) / 2)
 
 
+def _change_every(equal: Equal) -> float | None:
+    """Return the samples from one change to the next; None where changes come at no steady rate."""
+    at = np.flatnonzero(~equal[:LONG])
+    rows = len(at) // AT_ONCE
+    if not rows:
+        return None
+    parts = at[: rows * AT_ONCE].reshape(rows, AT_ONCE).astype(np.float64)
+    k = np.arange(AT_ONCE) - (AT_ONCE - 1) / 2
+    slopes = parts @ k / (k @ k)
+    away = parts - parts.mean(axis=1, keepdims=True) - slopes[:, np.newaxis] * k
+    return float((at[-1] - at[0]) / (len(at) - 1)) if np.median(away.std(axis=1)) < IN_STEP else None
+
+
+def _usual_gap(samples: Array) -> float | None:
+    """Return the usual distance of two values that were rounded to uneven steps; None: they were not."""
+    some = thin(samples)
+    values = np.unique(some)
+    if len(values) > DIFFERENT * len(some):
+        return None
+    return float(np.median(np.diff(values[len(values) // 4 : -(len(values) // 4) or None])))
+
+
 def _of_one_axis(samples: Array, count: float | None) -> Repeats:
     moves = np.diff(samples)
     same, pairs = int((moves == 0).sum()), len(moves)
+    every = _change_every(moves == 0)
+    count = count or _usual_gap(samples)
     if count is None:
-        return Repeats(same, pairs, 0.0, same > 3)
+        return Repeats(same, pairs, 0.0, same > 3, every)
     sizes = np.rint(np.abs(moves) / count)
     moved = moves[sizes > 0]
     spread = float(moved.std()) / count if len(moved) else 0.0
     if spread >= FINE_COUNTS:
         expected = pairs / (spread * math.sqrt(2 * math.pi))
-        return Repeats(same, pairs, expected, same > 3 + 1.5 * expected + 6 * math.sqrt(expected))
+        return Repeats(same, pairs, expected, same > 3 + 1.5 * expected + 6 * math.sqrt(expected), every)
     if float(samples.std()) < UNIFORM_LSB * count:
-        return Repeats(same, pairs, float(same), False)
+        return Repeats(same, pairs, float(same), False, every)
     none, one, two = (_shares(sizes == k) for k in (0, 1, 2))
     over = none.mean() - TAILS * _none(one.mean(), two.mean())
     rest = [(PARTS * part.mean() - part) / (PARTS - 1) for part in (none, one, two)]
     error = _jackknife(rest[0] - TAILS * _none(rest[1], rest[2]))
     expected = min(float(_none(one.mean(), two.mean())) * pairs, float(same))
-    return Repeats(same, pairs, expected, bool(over > SIGNIFICANT * error))
+    return Repeats(same, pairs, expected, bool(over > SIGNIFICANT * error), every)
 
 
 def _none(one: Array, two: Array) -> Array:

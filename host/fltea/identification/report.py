@@ -13,6 +13,7 @@ from fltea.identification.run import AxisReport, FileReport
 from fltea.records.whole_file import whole_file
 
 PAGE = "report.html"
+WITHHELD = "No forecast, comparison with a data sheet or file for another program is made of bad data."
 
 
 def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:
@@ -79,6 +80,10 @@ def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Itera
         yield f'<p class="bad">{escape(str(report.failure))}</p></section>'
         return
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
+    for axes, trap in findings.traps(report):
+        if trap.severity == "bad":
+            said = escape(f"{axes}{axes and ': '}{trap.text} {trap.remedy}")
+            yield f'<p class="verdict bad">{said} {WITHHELD}</p>'
     for name, axis in report.axes.items():
         if isinstance(axis, AxisReport):
             text = escape(axis.result.verdict.text)

@@ -33,7 +33,7 @@ from fltea.identification.load import GYRO_UNIT, Loaded, Request, Series, Unread
 from fltea.identification.noise_model import AxisModel, modelled
 from fltea.identification.reproduction import Reproduction, reproduction
 from fltea.identification.shuffled import Copies, estimate, groups
-from fltea.identification.traps import Trap, axis_traps
+from fltea.identification.traps import Trap, axis_traps, of_axis, withheld
 from fltea.identification.work_folder import work_folder
 from fltea.identification.workers import Workers
 from fltea.records.errors import FlteaError, UsageError
@@ -75,6 +75,8 @@ class AxisReport(msgspec.Struct, frozen=True):
     forecast: Forecast | None = None
     sheet: SheetComparison | None = None
     """Only where a data sheet was named."""
+    withheld: str = ""
+    """Why there is no `now`, forecast, comparison or file for other programs: what is bad, and what to do."""
 
 
 @dataclass
@@ -90,6 +92,8 @@ class FileReport:
         """Compare the axes of a gyroscope with the data sheet of `part`."""
         for name, axis in self.axes.items():
             if isinstance(axis, AxisReport) and axis.unit == GYRO_UNIT and self.recording is not None:
+                if axis.withheld:
+                    continue
                 low_pass = self.recording.hello.gyro_dlpf_hz
                 found = compare(part, axis.result.level, axis.result.rate_hz, axis.lsb, low_pass)
                 self.axes[name] = msgspec.structs.replace(axis, sheet=found)
@@ -269,7 +273,8 @@ class _Loop(HandOut[_Task]):
                 self._total -= USUAL_TASKS
                 return
             axis = _Axis(name)
-            arguments = (series, h, options, self._settings.figures, self._settings.forecast)
+            known = of_axis(recording.traps, name)
+            arguments = (series, h, options, self._settings.figures, self._settings.forecast, known)
             axes.append(_Task(identify_series, arguments, report, axis))
             epoch = longest_epoch(len(series.y), series.gaps)
             for part, group in enumerate(groups(epoch[1] - epoch[0], options.shuffles)):
@@ -281,9 +286,16 @@ class _Loop(HandOut[_Task]):
 
 
 def identify_series(
-    series: Series, h: float, options: IdentifyOptions, figures: bool, forecast: bool | Goal = False
+    series: Series,
+    h: float,
+    options: IdentifyOptions,
+    figures: bool,
+    forecast: bool | Goal = False,
+    known: Sequence[Trap] = (),
 ) -> AxisReport:
     """Return all that is found out about one axis, but for its shuffled copies.
+
+    known: what is wrong with it already by the recording as a whole.
 
     Raises:
         ValueError: it is too short or constant.
@@ -298,9 +310,30 @@ def identify_series(
         drawn = reproduction(series.y, h, model, seed=options.seed, stretches=stretches)
     except ValueError as error:
         reason = str(error)
-    traps = axis_traps(
+    traps = traps_of(looked, series, result)
+    why = withheld((*known, *traps))
+    bias, ahead = forecasts(looked, options, series.unit, why, forecast=forecast)
+    return AxisReport(
+        series.unit,
+        series.lsb,
+        result,
+        model,
+        curve,
+        drawn,
+        reason,
+        traps,
+        curves=curves(looked, series.lsb, options, result) if figures else None,
+        now=bias,
+        forecast=ahead,
+        withheld=why,
+    )
+
+
+def traps_of(looked: Looked, series: Series, result: AxisResult) -> tuple[Trap, ...]:
+    """Return what in an axis that was looked at can mislead."""
+    return axis_traps(
         looked.y,
-        h,
+        looked.h,
         series.lsb,
         result.peaks,
         series.unit,
@@ -308,15 +341,17 @@ def identify_series(
         moved=looked.motion,
         longer=_longer(result),
     )
-    shown = curves(looked, series.lsb, options, result) if figures else None
-    bias, ahead = forecasts(looked, options, series.unit, forecast=forecast)
-    return AxisReport(series.unit, series.lsb, result, model, curve, drawn, reason, traps, shown, bias, ahead)
 
 
 def forecasts(
-    looked: Looked, options: IdentifyOptions, unit: str, *, forecast: bool | Goal
+    looked: Looked, options: IdentifyOptions, unit: str, why_not: str, *, forecast: bool | Goal
 ) -> tuple[Now | None, Forecast | None]:
-    """Return the bias now of an axis that was looked at, and the forecast if it is wanted."""
+    """Return the bias now of an axis that was looked at, and the forecast if it is wanted.
+
+    Neither if there is a reason why not.
+    """
+    if why_not:
+        return None, None
     h = looked.h
 
     def first(y: NDArray[np.float64]) -> SentenceParts:

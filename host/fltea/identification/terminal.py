@@ -10,6 +10,7 @@ from rich.text import Text
 
 from fltea.identification import findings
 from fltea.identification.run import AxisReport, Failure, FileReport
+from fltea.identification.traps import Trap
 from fltea.records.visible import visible_lines
 
 WIDTHS = (7, 9, 18, 9, 21)
@@ -26,6 +27,9 @@ def show(console: Console, report: FileReport, first: bool = True, *, details: b
         console.print(_shown(str(report.failure), style="red"))
         return
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
+    found = findings.traps(report)
+    # A verdict on bad data is read as one on good data if the mark comes behind it.
+    _traps(console, [one for one in found if one[1].severity == "bad"])
     for name, axis in report.axes.items():
         console.print(_verdict(name, axis))
     for name, axis in good.items():
@@ -37,14 +41,18 @@ def show(console: Console, report: FileReport, first: bool = True, *, details: b
         _details(console, good)
     for line in dict.fromkeys(axis.allan_reason for axis in good.values() if axis.allan_reason):
         console.print(_shown(f"{line[0].upper()}{line[1:].removesuffix('.')}."))
-    for where, trap in findings.traps(report):
+    _traps(console, [one for one in found if one[1].severity != "bad"])
+    for doubt in findings.doubts(report):
+        console.print(_shown(doubt))
+
+
+def _traps(console: Console, traps: Sequence[tuple[str, Trap]]) -> None:
+    for where, trap in traps:
         text = _shown(f"{trap.severity}: ", style=COLOURS[trap.severity])
         plain = "default not dim not bold"
         text.append_text(_shown(f"{where}: " if where else "", style=plain))
         text.append_text(_shown(f"{trap.text} {trap.remedy}", style=plain))
         console.print(text)
-    for doubt in findings.doubts(report):
-        console.print(_shown(doubt))
 
 
 def _details(console: Console, good: dict[str, AxisReport]) -> None:

@@ -9,12 +9,11 @@ from typing import Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike
 
 from fltea.identification.counts import Counts
 from fltea.identification.gaps import Gaps, no_gaps
 from fltea.identification.motion import Motion, told
-from fltea.identification.repeated import repeats
+from fltea.identification.resolution import LONG, decimals, step, thin
 from fltea.records.arrays import Array
 from fltea.records.kinds import ERROR_KINDS
 from fltea.spectrum.lines import Peak
@@ -38,8 +37,6 @@ COARSE_LSB, TOO_COARSE_LSB = 2.0, 0.5
 FULL_SCALE_COUNTS = 32767.0
 RATE_PPM = 1000.0
 SHORTEST_RUN = 5
-LONG = 1 << 20
-"""Samples from which on medians and commonest values are those of a part, spread evenly."""
 FINER = {
     "deg/s": "±250 deg/s has eight times the resolution of ±2000",
     "m/s²": "±2 g has eight times the resolution of ±16 g",
@@ -49,12 +46,31 @@ LINE_SHARE = 0.01
 
 
 class Trap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A finding; if its severity is "bad", α and f cannot be believed before it is cured."""
+    """A finding; if its severity is "bad", no figure can be believed before it is cured.
+
+    axes: those of the recording that it is about; none: all of them, or the one that it was found in.
+    """
 
     kind: str
     severity: Severity
     text: str
     remedy: str
+    axes: tuple[str, ...] = ()
+
+
+def of_axis(traps: Iterable[Trap], axis: str) -> tuple[Trap, ...]:
+    """Return those of a recording that are about one axis."""
+    return tuple(trap for trap in traps if not trap.axes or axis in trap.axes)
+
+
+def withheld(traps: Iterable[Trap]) -> str:
+    """Return why nothing may be built on the figures that these are about, and what to do; "" if all is well.
+
+    Models, files for other programs, a comparison with a data sheet and a forecast would carry the wrong
+    figures on to where nobody sees the trap.
+    """
+    bad = (f"{trap.text} {trap.remedy}" for trap in traps if trap.severity == "bad")
+    return " ".join(dict.fromkeys(bad))
 
 
 def axis_traps(
@@ -87,25 +103,6 @@ def axis_traps(
         *_saturation(samples, lsb),
         *_stuck(samples),
         *_peaks(peaks),
-    )
-
-
-def sensor_traps(y: Iterable[ArrayLike], lsb: Sequence[float | None]) -> tuple[Trap, ...]:
-    """Look for samples of all axes, each (n,), that were delivered twice; lsb of each axis, if known."""
-    axes = (np.asarray(axis, dtype=np.float64) for axis in y)
-    seen = repeats((axis, one or _step(axis)) for axis, one in zip(axes, lsb, strict=True))
-    if seen is None or not seen.found:
-        return ()
-    share = (seen.same - seen.expected) / seen.pairs
-    return (
-        Trap(
-            "repeated",
-            "bad" if share > 0.05 else "warning",
-            f"{seen.same} samples ({seen.same / seen.pairs:.2%}) are the same as the one before on every "
-            f"axis; chance gives {seen.expected:.0f}.",
-            "The sensor is read faster than it measures, or reads fail and the old value is kept: set its "
-            "sample-rate divider to the rate of reading, or wait for its data-ready signal.",
-        ),
     )
 
 
@@ -164,7 +161,7 @@ def _too_short(n: int, h: float, longer: str) -> Iterator[Trap]:
 def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[Trap]:
     block = len(y) // BLOCKS
     means = y[: block * BLOCKS].reshape(BLOCKS, block).mean(axis=1)
-    noise = _scale(_thin(np.diff(y))) / math.sqrt(2) or float(y.std())
+    noise = _scale(thin(np.diff(y))) / math.sqrt(2) or float(y.std())
     mean, std = float(y.mean()), float(y.std())
     error = max(float(means.std(ddof=1)), noise / math.sqrt(block)) / math.sqrt(BLOCKS)
     if abs(mean) > max(OFFSET_SHARE * std, SIGNIFICANT * error):
@@ -191,17 +188,21 @@ def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[Trap]:
 
 
 def _quantisation(y: Array, lsb: float | None, unit: str) -> Iterator[Trap]:
-    step = lsb or _step(y)
-    if step is None or (sigma := float(y.std()) / step) >= COARSE_LSB:
+    quantum = lsb or step(y)
+    if quantum is None or (sigma := float(y.std()) / quantum) >= COARSE_LSB:
         return
+    written = "" if lsb else decimals(quantum, unit)
     share = min(1 / 12 / sigma**2, 1.0)
     coarse = sigma < TOO_COARSE_LSB
     yield Trap(
-        "quantisation",
+        "decimals" if written else "quantisation",
         "bad" if coarse else "warning",
-        f"σ is {sigma:.2g} LSB: rounding makes up {share:.0%} of the variance"
-        + (", and is not white." if coarse else "."),
-        f"Choose a smaller range of the sensor ({FINER.get(unit, FINER['deg/s'])}).",
+        f"σ is {sigma:.2g} {f'steps of {written}' if written else 'LSB'}: rounding makes up {share:.0%} of "
+        f"the variance{', and is not white.' if coarse else '.'}",
+        "The file has too few decimals, for the step is a power of ten: write more of them, or the sensor's "
+        "counts. (If this is one count of the sensor, choose a smaller range.)"
+        if written
+        else f"Choose a smaller range of the sensor ({FINER.get(unit, FINER['deg/s'])}).",
     )
 
 
@@ -211,7 +212,7 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> I
     r /= 2
     np.subtract(y[1:-1], r, out=r)
     # Of coarse counts r has steps of half an LSB, and its median is no better known.
-    scale = _scale(_thin(r)) + 1.4826 / 4 * (lsb or _step(y) or 0.0) or float(r.std())
+    scale = _scale(thin(r)) + 1.4826 / 4 * (lsb or step(y) or 0.0) or float(r.std())
     size = np.abs(r, out=r)
     # Across a gap slow noise and the offset have moved on.
     neighbours = np.concatenate([gaps.at - 2, gaps.at - 1])
@@ -266,7 +267,7 @@ def _stuck(y: Array) -> Iterator[Trap]:
     lengths = edges[:, 1] - edges[:, 0]
     longest, first = int(lengths.max()), int(edges[lengths.argmax(), 0])
     # The run itself is no evidence of how often chance repeats a value.
-    others = _thin(y) if n > LONG else np.delete(y, slice(first, first + longest + 1))
+    others = thin(y) if n > LONG else np.delete(y, slice(first, first + longest + 1))
     commonest = np.unique(others, return_counts=True)[1].max(initial=1) / (len(others) if n > LONG else n)
     share = min(max((lengths.sum() - longest) / n, commonest), 0.999)
     by_chance = 1 + math.log(n / 1e-6) / -math.log(share)
@@ -294,19 +295,3 @@ def _peaks(peaks: Sequence[Peak]) -> Iterator[Trap]:
 def _scale(values: Array) -> float:
     """Return the standard deviation of a Gaussian with the same median absolute deviation."""
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))
-
-
-def _step(y: Array) -> float | None:
-    """Return the quantum of values that were rounded, or None."""
-    y = _thin(y)
-    values = np.unique(y)
-    if len(values) < 2 or len(values) > len(y) / 5:
-        return None
-    gaps = np.diff(values)
-    step = float(gaps[gaps > 1e-9 * np.ptp(values)].min())
-    return step if (np.abs(gaps / step - np.rint(gaps / step)) < 0.05).all() else None
-
-
-def _thin(values: Array) -> Array:
-    """Return all values, or every k-th of more than LONG, which show well enough what is typical."""
-    return values[:: -(-len(values) // LONG)] if len(values) > LONG else values

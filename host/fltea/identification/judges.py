@@ -1,0 +1,290 @@
+"""Whether a reading can be what it says: checks of physics on all axes of it, before any figure (pure).
+
+A file may hold other things than its reading has it: rows of two sensors by turns, an old value for a new
+one, bytes that were never a measurement, another unit. Each check has a threshold that clean noise, white or
+coloured, hardly ever reaches.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fltea.identification.gaps import Gaps, cut, no_gaps
+from fltea.identification.repeated import repeats
+from fltea.identification.resolution import LONG, step, thin
+from fltea.identification.traps import Trap
+from fltea.recording.reading import Answer
+from fltea.records.arrays import Array
+from fltea.records.records import ACCEL_AXES, AXES
+from fltea.records.units import STANDARD_GRAVITY_MS2
+
+TURNS, TURN = 32, 12
+"""Parts of a record whose spread gives the error of what recurs; samples that 2, 3 and 4 sensors divide."""
+ALTERNATES = {2: 50.0, 3: 25.0, 4: 25.0}
+"""The mean over its error, squared, that chance exceeds less than once in ten million, by sensors."""
+ALTERNATES_SHARE, SCATTER_SHARE = 0.01, 0.1
+"""Shares of the noise's power, and of its mean size, below which what alternates does little harm."""
+ALTERNATES_S = 20.0
+"""Mains at nearly half the rate looks like two sensors for less."""
+GROUP_SHARE, GROUP_WIDTH = 0.005, 0.2
+"""Groups of values: a share of samples on both sides, and a share of the range that is empty between them."""
+SELDOM = 0.1
+"""Of the jumps between groups that chance has: fewer are turns of the sensor."""
+FAR_COUNTS, FAR_STEPS = 32.0, 8.0
+"""Between groups: more counts, or more of the least steps within them, than coarse rounding leaves out."""
+FAR = {"deg/s": 20.0, "m/s²": 5.0}
+"""Where nobody knows what one count is: no sensor has so large a one."""
+HELD_SHARE = 0.05
+"""Of samples: from there on N is that of another rate."""
+GRAVITY = 0.1
+"""By so much an accelerometer at rest may be off."""
+MEMS_N, MEMS_MOST_N, MEMS_MOST_MEAN = (0.03, 4.0), 12.0, 10.0
+"""N of MEMS gyroscopes in deg/√h, what none has, and a mean in deg/s that hardly any has."""
+ROOT_HOUR = 60.0
+LEAST_MS2 = 0.5
+"""Some loggers take gravity off, or write zeros."""
+UNITS_OF_GRAVITY = (
+    ("That is 1 g.", STANDARD_GRAVITY_MS2, "--accel-units g"),
+    ("That is 1 g in mg.", STANDARD_GRAVITY_MS2 / 1000, "--accel-units mg"),
+    ("That is 9.81 m/s² read as g.", 1 / STANDARD_GRAVITY_MS2, "--accel-units m/s^2"),
+    ("That is 9.81 m/s² in mm/s², or 1 g in mg.", 1 / 1000, "--accel-units mm/s^2, or mg"),
+)
+"""Of a length that is not 9.81 m/s²: what it is, the factor that makes it m/s², and how to say it."""
+ORDINALS = {2: "second", 3: "third", 4: "fourth"}
+BROKEN_REMEDY = (
+    "The reads are broken: look at the bus, the wires and the order of bytes, or at whether these columns "
+    "are rates at all."
+)
+
+
+class Turns(NamedTuple):
+    """What recurs every `sensors` samples."""
+
+    sensors: int
+    severe: bool
+    """Whether it makes up a good part of the noise."""
+    what: str
+
+
+class Axis(NamedTuple):
+    """What the checks take from the samples of one axis."""
+
+    samples: int
+    mean: float
+    noise: float
+    """Standard deviation of what is fast."""
+    turns: Turns | None
+    broken: str
+
+
+def judge(
+    read: Callable[[str], Array],
+    lsb: Mapping[str, float | None],
+    h: float,
+    gaps: Gaps,
+    reading: Sequence[Answer] = (),
+) -> Iterator[Trap]:
+    """Look at all axes of a recording, at a sampling period of h s.
+
+    read: returns the samples (n,) of an axis; one axis at a time is in memory. lsb: one count of each axis in
+    its unit, if it is known. reading: how the file was understood, as far as that is told.
+    """
+    seen = {name: _look(read(name), one, unit_of(name), gaps) for name, one in lsb.items()}
+    kept = [trap for names in (AXES, ACCEL_AXES) for trap in _held(read, lsb, h, names)]
+    yield from kept
+    # Of values that are held regularly some samples are always the same as their neighbours.
+    by_turns = [] if any(trap.severity == "bad" for trap in kept) else list(_alternating(seen, h))
+    yield from by_turns
+    for name, axis in seen.items():
+        if axis.broken and not by_turns:
+            yield Trap("broken reads", "bad", axis.broken, BROKEN_REMEDY, (name,))
+    evidence = {answer.question: answer.evidence for answer in reading}
+    if evidence.get("accelerometer") != "given":
+        yield from _gravity([seen[name].mean for name in ACCEL_AXES if name in seen])
+    if evidence.get("unit") in ("convention", "measured"):
+        yield from _like_mems({name: seen[name] for name in AXES if name in seen}, h)
+
+
+def judge_one(y: Array, unit: str, lsb: float | None, h: float) -> Iterator[Trap]:
+    """Look at one axis (n,) that comes from no recording."""
+    seen = _look(y, lsb, unit, no_gaps())
+    yield from held([y], [lsb], h)
+    yield from _alternating({"it": seen}, h)
+    if seen.broken:
+        yield Trap("broken reads", "bad", seen.broken, BROKEN_REMEDY)
+
+
+def _held(
+    read: Callable[[str], Array], lsb: Mapping[str, float | None], h: float, names: Sequence[str]
+) -> tuple[Trap, ...]:
+    its = tuple(name for name in names if name in lsb)
+    return held(map(read, its), [lsb[name] for name in its], h, its)
+
+
+def held(
+    y: Iterable[Array], lsb: Sequence[float | None], h: float, names: tuple[str, ...] = ()
+) -> tuple[Trap, ...]:
+    """Look for samples of all axes of a sensor, each (n,), that were delivered twice; lsb of each, if known.
+
+    names: the axes, for the trap.
+    """
+    seen = repeats((axis, one or step(axis)) for axis, one in zip(y, lsb, strict=True))
+    if seen is None or not seen.found:
+        return ()
+    share = (seen.same - seen.expected) / seen.pairs
+    every = seen.change_every if share > HELD_SHARE else None
+    return (
+        Trap(
+            "repeated",
+            "bad" if share > HELD_SHARE else "warning",
+            f"{seen.same} samples ({seen.same / seen.pairs:.2%}) are the same as the one before on every "
+            f"axis; chance gives {seen.expected:.0f}."
+            + (f" The values change {1 / h / every:.4g} times a second, not {1 / h:.4g}." if every else ""),
+            "The sensor is read faster than it measures, or reads fail and the old value is kept: set its "
+            "sample-rate divider to the rate of reading, or wait for its data-ready signal.",
+            names,
+        ),
+    )
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of an axis: of a gyroscope deg/s, of an accelerometer m/s²."""
+    return "m/s²" if name in ACCEL_AXES else "deg/s"
+
+
+def _look(y: Array, lsb: float | None, unit: str, gaps: Gaps) -> Axis:
+    begin, end, _ = max(cut(len(y), gaps, 0), key=lambda one: one[1] - one[0])
+    run = np.ascontiguousarray(y[begin : min(end, begin + LONG)], dtype=np.float64)
+    if len(run) < 2 * TURNS or not np.ptp(run) > 0:
+        return Axis(len(y), float(y.mean()), 0.0, None, "")
+    against = run[1:-1] - (run[:-2] + run[2:]) / 2  # neither offset nor drift is left in it
+    noise = float(against.std()) / math.sqrt(1.5)
+    return Axis(len(y), float(y.mean()), noise, _turns(against, noise, unit), _broken(run, lsb, unit))
+
+
+def _turns(against: Array, noise: float, unit: str) -> Turns | None:
+    """Return what recurs every 2, 3 or 4 samples: their level, or how far they scatter.
+
+    against: samples (n,) less the mean of both neighbours. noise: the standard deviation of the samples.
+    """
+    size = len(against) // TURNS // TURN
+    if not size:
+        return None
+    for values, share, most in (
+        (against, ALTERNATES_SHARE, noise**2),
+        (np.abs(against), SCATTER_SHARE**2, float(np.abs(against).mean()) ** 2),
+    ):
+        parts = values[: TURNS * TURN * size].reshape(TURNS, size, TURN).mean(axis=1)
+        for sensors in sorted(ALTERNATES, reverse=True):
+            wave = np.exp(2j * np.pi / sensors * np.arange(TURN)) / TURN
+            found = parts @ wave
+            mean = found.mean()
+            error = float((np.abs(found - mean) ** 2).sum()) / (TURNS - 1) / TURNS
+            power = float(abs(mean)) ** 2 * (1 if sensors == 2 else 2)
+            if values is against:  # what the neighbours added
+                power /= (1 - math.cos(2 * math.pi / sensors)) ** 2
+            if abs(mean) ** 2 <= ALTERNATES[sensors] * error or power < most * share / 10:
+                continue
+            what = (
+                f"levels that are {2 * math.sqrt(power):.2g} {unit} apart"
+                if values is against
+                else "ways to scatter"
+            )
+            return Turns(sensors, power > most * share, what)
+    return None
+
+
+def _alternating(seen: Mapping[str, Axis], h: float) -> Iterator[Trap]:
+    """Yield the trap of rows by turns, which is of all axes: rows are mixed, not axes."""
+    found = {name: axis.turns for name, axis in seen.items() if axis.turns is not None}
+    if not found:
+        return
+    name = max(found, key=lambda one: (found[one].severe, found[one].sensors))
+    worst, long = found[name], seen[name].samples * h >= ALTERNATES_S
+    yield Trap(
+        "alternates",
+        "bad" if worst.severe and long else "warning",
+        f"The rows alternate: every {ORDINALS[worst.sensors]} sample is of another kind, for "
+        f"{', '.join(found)} alternate between {worst.what}.",
+        f"Are there {worst.sensors} sensors by turns in these rows, or rows computed between others? Choose "
+        f"one (--sensor 1/{worst.sensors} takes the first of {worst.sensors} in turns). If neither is so, it "
+        f"is a disturbance at exactly {1 / h / worst.sensors:.4g} Hz.",
+    )
+
+
+def _broken(y: Array, lsb: float | None, unit: str) -> str:
+    """Return a sentence on values in groups far apart among which the samples jump, "" if there are none."""
+    some = thin(y)
+    ordered = np.sort(some)
+    edge = max(int(GROUP_SHARE * len(ordered)), 5)
+    apart = np.diff(ordered)
+    inner = apart[edge:-edge]
+    if not len(inner):
+        return ""
+    at = edge + int(inner.argmax())
+    width, fine = float(apart[at]), float(apart[apart > 0].min())
+    if width < GROUP_WIDTH * (ordered[-1] - ordered[0]):
+        return ""
+    above = y > ordered[at]
+    share = float(above.mean())
+    jumps = np.count_nonzero(above[1:] != above[:-1]) / (2 * share * (1 - share) * len(y))
+    if lsb is not None:
+        far = width >= FAR_COUNTS * lsb
+    else:
+        far = width >= FAR_STEPS * fine or width >= FAR.get(unit, math.inf)
+    if jumps < SELDOM or not far:
+        return ""
+    values = np.unique(some)
+    what = (
+        f"There are {len(values)} values only, from" if len(values) <= 16 else "The values are in groups, of"
+    )
+    return (
+        f"{what} {ordered[0]:.4g} to {ordered[-1]:.4g} {unit}, {width:.3g} {unit} apart with nothing "
+        "between: no noise of a sensor is like that."
+    )
+
+
+def _gravity(means: Sequence[float]) -> Iterator[Trap]:
+    """Yield what is wrong with the length of gravity; means: of all axes of an accelerometer, in m/s²."""
+    length = math.hypot(*means)
+    if len(means) < len(ACCEL_AXES) or length < LEAST_MS2 or _is_gravity(length):
+        return
+    shown = f"The accelerometer at rest shows {length:.4g} m/s²; gravity is 9.81."
+    for what, factor, flag in UNITS_OF_GRAVITY:
+        if _is_gravity(length * factor):
+            yield Trap("gravity", "bad", f"{shown} {what}", f"Say its unit: {flag}.", ACCEL_AXES)
+            return
+    yield Trap(
+        "gravity",
+        "warning",
+        f"{shown} No usual unit makes it that.",
+        "Check its scale (--accel-units lsb:N says that N counts are 1 g), or was it moved?",
+        ACCEL_AXES,
+    )
+
+
+def _is_gravity(length: float) -> bool:
+    return abs(length / STANDARD_GRAVITY_MS2 - 1) < GRAVITY
+
+
+def _like_mems(seen: Mapping[str, Axis], h: float) -> Iterator[Trap]:
+    """Yield what noise and mean say against a unit that only a convention told."""
+    if not seen:
+        return
+    N = float(np.median([axis.noise for axis in seen.values()])) * math.sqrt(h) * ROOT_HOUR
+    mean = max((axis.mean for axis in seen.values()), key=abs)
+    factor = math.degrees(1.0)
+    low, high = MEMS_N
+    large = N > MEMS_MOST_N or (high < N and abs(mean) > MEMS_MOST_MEAN)
+    if large and low < N / factor < high:
+        yield Trap(
+            "unit",
+            "bad",
+            f"N is {N:.3g} deg/√h and the mean {mean:.3g} deg/s if the rates are in rad/s, as the format's "
+            f"convention has it; the file does not say so. If they are in deg/s, N is {N / factor:.3g} and "
+            f"the mean {mean / factor:.3g}. MEMS gyroscopes have 0.1 to 3 deg/√h.",
+            "Say which it is: --units deg/s or --units rad/s.",
+            tuple(seen),
+        )

@@ -1,0 +1,256 @@
+"""Readings that cannot be what they say: each planted and found; none in clean noise."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pytest
+from fltea.identification.gaps import Gaps, no_gaps
+from fltea.identification.judges import judge, judge_one
+from fltea.identification.resolution import decimals, step
+from fltea.identification.traps import Trap, axis_traps, of_axis, withheld
+from fltea.recording.reading import Answer, Evidence, Question
+from fltea.records.arrays import Array
+from fltea.records.records import ACCEL_AXES, AXES
+from hypothesis import given
+from hypothesis import strategies as st
+from identify_support import H, ar, gauss_markov, white
+
+N = 12_000
+IN_RAD_S = np.degrees(1.0)
+
+
+def judged(
+    axes: Mapping[str, Array],
+    h: float = H,
+    gaps: Gaps | None = None,
+    reading: Sequence[Answer] = (),
+    lsb: float | None = None,
+) -> dict[str, Trap]:
+    found = judge(axes.__getitem__, dict.fromkeys(axes, lsb), h, gaps or no_gaps(), reading)
+    return {trap.kind: trap for trap in found}
+
+
+def gyro(y: Array, offset: float = 0.0) -> dict[str, Array]:
+    return dict(zip(AXES, y + offset, strict=False))
+
+
+def accel(length: float, n: int = N, noise: float = 0.003) -> dict[str, Array]:
+    direction = np.array([0.48, -0.6, 0.64])
+    return dict(zip(ACCEL_AXES, length * (direction[:, None] + noise * white(n, 3, 8)), strict=True))
+
+
+def said(question: Question, evidence: Evidence) -> tuple[Answer, ...]:
+    return (Answer(question, "rad/s", evidence, "a test"),)
+
+
+@pytest.mark.parametrize("lsb", [None, 0.03])
+@pytest.mark.parametrize("values", [(-32438, 0, 32438), (-32768, 32767), (0, 16384, 255)])
+def test_reads_that_are_no_measurements(values: tuple[int, ...], lsb: float | None) -> None:
+    """Full-scale values only were "white noise"."""
+    y = 0.03 * np.random.default_rng(1).choice(values, (3, 6000))
+    found = judge(gyro(y).__getitem__, dict.fromkeys(AXES, lsb), H, no_gaps())
+    broken = [trap for trap in found if trap.kind == "broken reads"]
+    assert [(trap.severity, trap.axes) for trap in broken] == [("bad", (name,)) for name in AXES]
+    assert f"There are {len(values)} values only" in broken[0].text
+
+
+def test_good_samples_among_broken_ones_are_groups() -> None:
+    y = 0.1 * white(N, 1, 1)[0]
+    y[np.random.default_rng(2).random(N) < 0.3] += 400.0
+    assert "in groups" in judged({"gyro_x": y})["broken reads"].text
+
+
+@pytest.mark.parametrize("sigma_lsb", [0.1, 0.3, 0.5, 1.0])
+@pytest.mark.parametrize("lsb", [None, 0.1])
+def test_coarse_counts_are_no_broken_reads(sigma_lsb: float, lsb: float | None) -> None:
+    y = np.rint(white(N, 3, 1) * sigma_lsb + 0.3) * 0.1
+    assert "broken reads" not in judged(gyro(y), lsb=lsb)
+
+
+def test_a_sensor_that_was_turned_has_no_broken_reads() -> None:
+    y = white(N, 1, 1)
+    y[:, N // 3 : N // 2] += 200
+    assert "broken reads" not in judged(gyro(y))
+
+
+@pytest.mark.parametrize("sensors", [2, 3, 4])
+@pytest.mark.parametrize("of", ["gyro", "accel"])
+@pytest.mark.parametrize("colour", ["white", "slow"])
+def test_sensors_by_turns(sensors: int, of: str, colour: str) -> None:
+    """Two alike sensors in one series were "anti-persistent", with a "line at 50 Hz"."""
+    y = white(N, 3, 1) if colour == "white" else ar((0.95,), N, 3, 1) / 3
+    biases = np.random.default_rng(sensors).normal(0, 1.0, sensors)
+    turns = np.resize(biases, N)
+    axes = gyro(y + turns) if of == "gyro" else {**gyro(y), **accel(9.81)}
+    if of == "accel":
+        axes["accel_y"] = axes["accel_y"] + 0.05 * turns
+    trap = judged(axes)["alternates"]
+    assert (trap.severity, trap.axes) == ("bad", ())
+    assert f"--sensor 1/{sensors} " in trap.remedy
+    assert ("accel_y" if of == "accel" else "gyro_x") in trap.text
+
+
+def test_sensors_by_turns_with_a_gap() -> None:
+    """Where a row is lost, the turns go on a row later."""
+    y = white(N, 1, 1) + np.resize([0.5, -0.5], N)
+    lost = 2001
+    gaps = Gaps(np.array([lost]), np.array([1]))
+    assert "alternates" in judged(gyro(np.delete(y, lost, axis=1)), gaps=gaps)
+
+
+@pytest.mark.parametrize("noise", ["white", "slow"])
+def test_rows_between_samples_alternate(noise: str) -> None:
+    """Every second row is drawn between its neighbours: twice the rate, "low-pass, the sensor's own"."""
+    rng = np.random.default_rng(3)
+    y = white(N // 2 + 1, 3, 1) + (gauss_markov(rng, N // 2 + 1, H, 1.0, 1.0) if noise == "slow" else 0)
+    both = np.empty((3, N))
+    both[:, ::2], both[:, 1::2] = y[:, :-1], (y[:, :-1] + y[:, 1:]) / 2
+    assert "ways to scatter" in judged(gyro(both))["alternates"].text
+
+
+@pytest.mark.parametrize("hz", [49.9, 49.99, 33.3, 25.02])
+def test_a_line_near_a_part_of_the_rate_is_none(hz: float) -> None:
+    """Mains at half the rate moves against it, as sensors by turns do not."""
+    y = white(60_000, 1, 1) + 0.5 * np.sin(2 * np.pi * hz * np.arange(60_000) * H + 1)
+    assert "alternates" not in judged(gyro(y))
+
+
+def test_held_values_of_an_accelerometer() -> None:
+    """Accelerations that are held at 62.5 Hz in a record at 200 Hz were "low-pass, the sensor's own"."""
+    n, h = 24_000, 1 / 200
+    fresh = accel(9.81, n)
+    at = (np.arange(n) * 62.5 / 200).astype(int)
+    found = judged({**gyro(white(n, 3, 1)), **{name: y[at] for name, y in fresh.items()}}, h)
+    assert set(found) == {"repeated"}
+    trap = found["repeated"]
+    assert (trap.severity, trap.axes) == ("bad", ACCEL_AXES)
+    assert "The values change 62.5 times a second, not 200." in trap.text
+
+
+def test_reads_that_fail_by_chance_have_no_rate() -> None:
+    y = white(N, 3, 1)
+    for i in np.flatnonzero(np.random.default_rng(1).random(N) < 0.2).tolist():
+        y[:, i] = y[:, i - 1]
+    trap = judged(gyro(y))["repeated"]
+    assert trap.severity == "bad"
+    assert "times a second" not in trap.text
+
+
+@pytest.mark.parametrize("places", [2, 3, 4])
+def test_one_axis_with_few_decimals_has_no_repeats(places: int) -> None:
+    """Of 30 clean series 27 had some."""
+    for seed in range(30):
+        y = np.round(0.2 + 0.2 * white(N, 1, seed)[0], places)
+        assert [trap.kind for trap in judge_one(y, "deg/s", None, H)] == []
+        uneven = np.round(np.rint(y * 131) / 131, 3)  # counts of 1/131, and then decimals
+        assert [trap.kind for trap in judge_one(uneven, "deg/s", None, H)] == []
+
+
+@pytest.mark.parametrize(
+    ("length", "severity", "what"),
+    [
+        (9.81, None, ""),
+        (9.2, None, ""),
+        (0.05, None, ""),
+        (0.99, "bad", "--accel-units g"),
+        (998.0, "bad", "--accel-units mg"),
+        (9.81 * 9.80665, "bad", "--accel-units m/s^2"),
+        (9807.0, "bad", "--accel-units mm/s^2"),
+        (5.0, "warning", "lsb:N"),
+    ],
+)
+def test_gravity(length: float, severity: str | None, what: str) -> None:
+    """An accelerometer in g was read as m/s² in silence, and imu.yaml written."""
+    trap = judged(accel(length)).get("gravity")
+    assert (trap and trap.severity) == severity
+    if trap is not None:
+        assert what in trap.remedy
+        assert trap.axes == ACCEL_AXES
+    assert "gravity" not in judged(accel(length), reading=said("accelerometer", "given"))
+
+
+def test_gravity_takes_all_axes() -> None:
+    axes = accel(0.99)
+    del axes["accel_z"]
+    assert "gravity" not in judged(axes)
+
+
+@pytest.mark.parametrize(("N_deg", "mean"), [(0.43, 0.3), (1.5, 0.1), (0.12, 0.4)])
+def test_a_gyroscope_that_no_mems_is(N_deg: float, mean: float) -> None:
+    """A bag in deg/s is read as rad/s by convention: 57.3 times too large."""
+    y = (N_deg / 60 / np.sqrt(H) * white(N, 3, 1) + mean) * IN_RAD_S
+    trap = judged(gyro(y), reading=said("unit", "convention"))["unit"]
+    assert trap.severity == "bad"
+    assert "--units deg/s or --units rad/s" in trap.remedy
+    assert "in deg/s, N is 0." in trap.text or "in deg/s, N is 1." in trap.text
+    assert "unit" not in judged(gyro(y / IN_RAD_S), reading=said("unit", "convention"))
+    better: list[Evidence] = ["given", "stated", "dialect"]
+    assert not any("unit" in judged(gyro(y), reading=said("unit", one)) for one in better)
+    assert "unit" not in judged(gyro(y))
+
+
+@pytest.mark.parametrize(
+    ("quantum", "unit", "written"),
+    [
+        (0.01, "deg/s", "0.01 deg/s"),
+        (0.01 * IN_RAD_S, "deg/s", "0.01 rad/s"),
+        (1e-3 * IN_RAD_S, "deg/s", "0.001 rad/s"),
+        (10 / 3600, "deg/s", "10 deg/h"),
+        (0.001 * 9.80665, "m/s²", "0.001 g"),
+        (1.0, "m/s²", "1 m/s²"),
+        *((one, "deg/s", "") for one in (1 / 131, 1 / 16.4, 0.07, 0.0175, 0.00875, 250 / 32768, 1 / 16)),
+        *((one * 9.80665, "m/s²", "") for one in (1 / 16384, 1 / 2048, 0.000061, 0.0039)),
+    ],
+)
+def test_decimals_are_told_from_counts(quantum: float, unit: str, written: str) -> None:
+    assert decimals(quantum, unit) == written
+
+
+@pytest.mark.parametrize("sigma", [0.02, 0.12])
+def test_rounding_by_decimals_is_not_the_sensors(sigma: float) -> None:
+    """White noise rounded to 0.01 rad/s gave a file for a filter, and "choose a smaller range"."""
+    y = np.round(0.01 * (sigma * white(N, 1, 1)[0] + 0.47), 2) * IN_RAD_S
+    (trap,) = (trap for trap in axis_traps(y, H) if trap.kind in ("decimals", "quantisation"))
+    assert (trap.kind, trap.severity) == ("decimals", "bad")
+    assert "steps of 0.01 rad/s" in trap.text
+    assert "write more of them" in trap.remedy
+    assert "0.01" not in withheld(
+        trap for trap in axis_traps(y, H, 0.01 * IN_RAD_S) if trap.kind == "decimals"
+    )
+
+
+def test_the_step_of_many_values() -> None:
+    assert step(np.round(white(3000, 1, 1)[0], 3)) == pytest.approx(1e-3)
+    assert step(white(3000, 1, 1)[0]) is None
+    assert step(np.ones(100)) is None
+
+
+def test_what_is_bad_withholds() -> None:
+    traps = [
+        Trap("a", "bad", "A.", "Do a.", ("gyro_x",)),
+        Trap("b", "warning", "B.", ""),
+        Trap("c", "bad", "C.", ""),
+    ]
+    assert withheld(traps) == "A. Do a. C. "
+    assert withheld(of_axis(traps, "gyro_y")) == "C. "
+    assert withheld(traps[1:2]) == ""
+
+
+@given(
+    st.integers(0, 10**6),
+    st.sampled_from(["white", "AR(.9)", "AR(-.8)", "t4"]),
+    st.sampled_from([None, 0.3, 0.7, 2.0, 20.0]),
+    st.integers(1, 3),
+    st.booleans(),
+)
+def test_no_alarm(seed: int, kind: str, sigma_lsb: float | None, axes: int, known: bool) -> None:
+    y = {
+        "white": lambda: white(3000, axes, seed),
+        "AR(.9)": lambda: ar((0.9,), 3000, axes, seed) * 0.44,
+        "AR(-.8)": lambda: ar((-0.8,), 3000, axes, seed) * 0.6,
+        "t4": lambda: np.random.default_rng(seed).standard_t(4, (axes, 3000)) / 2**0.5,
+    }[kind]()
+    lsb = None if sigma_lsb is None else 0.1 / sigma_lsb
+    y = 0.1 * y if lsb is None else np.rint(0.1 * y / lsb) * lsb
+    reading = (*said("unit", "convention"), *said("accelerometer", "convention"))
+    assert judged(gyro(y, 0.4), reading=reading, lsb=lsb if known else None) == {}
