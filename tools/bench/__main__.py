@@ -42,6 +42,7 @@ MODES = {
         ("devices", "seconds", "open_files"),
     ),
     "loop": Mode("only where each microsecond of a live device goes", ("tools.bench.loop_profile",)),
+    "reading": Mode("only what reading text costs, beside pandas", ("tools.bench.bench_reading",)),
     "live": Mode("only what the live fit costs: accumulators and fits", ("tools.bench.bench_live",)),
     "memory": Mode(
         "only the compressed memory: modes, accuracy, time of a step", ("tools.bench.bench_memory",)

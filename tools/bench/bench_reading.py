@@ -1,0 +1,198 @@
+"""What reading text costs, by `open_csv` as `fltea info` calls it, beside pandas in the same run.
+
+Ratios are of processor time within a round, so that a busy machine is busy for both. pandas reads the same
+columns and nothing else; fltea also checks every line, numbers the samples and finds the clock.
+"""
+
+import json
+import statistics
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from fltea.recording.csv_file import open_csv
+from fltea.records.errors import UsageError
+from fltea.settings.how import How
+
+from tools.bench.measured import cpu_seconds, in_turns
+from tools.validation.tables import NONE, Table, number
+
+ROWS = 200_000
+SEVEN = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
+NAMES = ["time (s)", "gyro_x (deg/s)", "gyro_y (deg/s)", "gyro_z (deg/s)"]
+NAMES += [f"accel_{axis} (m/s^2)" for axis in "xyz"]
+PLACES = How(columns=["2", "3", "4"], time_column="1", time_unit="s", units="deg/s")
+ROUNDS = 5
+SECONDS_PER_MB, TWICE = 1.0, 2.5
+"""Goals: what 1 MB of any text may take, and how much longer twice as much may take."""
+HALF = 0.5
+"""Goal: CSV is read at this share of pandas' speed at least."""
+
+Row = tuple[str, ...]
+
+
+class Form(NamedTuple):
+    """A kind of text. pandas: reads it, None if it cannot. every: rows between two lines that are `again`."""
+
+    write: Callable[[Row], str]
+    head: str = ""
+    how: How = How()
+    pandas: Callable[[Path], object] | None = None
+    again: str = ""
+    every: int = 0
+
+
+def _of_json(row: Row) -> str:
+    return json.dumps(dict(zip(NAMES, map(float, row), strict=True)))
+
+
+def _of_yaml(row: Row) -> str:
+    """A message of `ros2 topic echo`, without its covariances."""
+    second, _, fraction = row[0].partition(".")
+    lines = ["header:", "  stamp:", f"    sec: {second}", f"    nanosec: {int(fraction) * 1_000_000}"]
+    for name, values in (("angular_velocity", row[1:4]), ("linear_acceleration", row[4:])):
+        lines += [f"{name}:", *(f"  {axis}: {value}" for axis, value in zip("xyz", values, strict=True))]
+    return "\n".join([*lines, "---"])
+
+
+def _csv(**options: Any) -> Callable[[Path], object]:
+    return partial(pd.read_csv, usecols=list(range(len(SEVEN))), **options)
+
+
+HEAD = ",".join(NAMES) + "\n"
+FORMS = {
+    "CSV with a header": Form(",".join, HEAD, pandas=_csv()),
+    "CSV without a header": Form(",".join, "", PLACES, _csv(header=None)),
+    "blanks between the columns": Form(" ".join, "", PLACES, _csv(header=None, sep=r"\s+")),
+    "CSV in quotes": Form(lambda row: ",".join(f'"{value}"' for value in row), HEAD, pandas=_csv()),
+    "JSON, an object a line": Form(_of_json, pandas=partial(pd.read_json, lines=True)),
+    "YAML of ros2 topic echo": Form(_of_yaml),
+}
+LINEAR = {
+    "CSV with a header": FORMS["CSV with a header"],
+    "a header every ten rows": Form(",".join, HEAD, again=HEAD, every=10),
+    "words every ten rows": Form(",".join, HEAD, again="battery low\n", every=10),
+    "labels beside each number": Form(
+        lambda row: " ".join(f"{name}: {value}" for name, value in zip(SEVEN, row, strict=True)),
+        how=How(columns=SEVEN[1:4], units="deg/s", time_column="t", time_unit="s"),
+    ),
+    "YAML of ros2 topic echo": FORMS["YAML of ros2 topic echo"],
+}
+
+
+def measure(rows: int = ROWS, rounds: int = ROUNDS) -> dict[str, Any]:
+    """Processor time of each form, and of once, twice and four times a file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "rest.csv"
+        speeds = {name: _speed(path, form, rows, rounds) for name, form in FORMS.items()}
+        times = {name: _growth(path, form, rows // 20, rounds) for name, form in LINEAR.items()}
+    found = {"rows": rows, "rounds": rounds, "speed": speeds, "growth": times}
+    return found | {"not_reached": not_reached(found)}
+
+
+def not_reached(found: dict[str, Any]) -> list[str]:
+    """Goals that these figures miss."""
+    ratio = found["speed"]["CSV with a header"]["of_pandas"]
+    missed = [f"CSV at {ratio:.2f} of pandas' speed, goal {HALF:g}"] if ratio < HALF else []
+    for name, one in found["growth"].items():
+        if "refused" in one:
+            missed.append(f"{name}: refused")
+            continue
+        if max(one["twice"]) > TWICE:
+            missed.append(
+                f"{name}: twice the file takes {max(one['twice']):.1f} times as long, goal {TWICE:g}"
+            )
+        if one["s_per_mb"] > SECONDS_PER_MB:
+            missed.append(f"{name}: {one['s_per_mb']:.2f} s for 1 MB, goal {SECONDS_PER_MB:g}")
+    return missed
+
+
+def text(found: dict[str, Any]) -> str:
+    """The figures as tables for people."""
+    speeds = [
+        (
+            name,
+            f"{one['mb']:.1f}",
+            *_spread(one["fltea"]),
+            *_spread(one["pandas"]),
+            number(one["of_pandas"], ".2f"),
+        )
+        if "refused" not in one
+        else (name, f"{one['mb']:.1f}", "refused", *[NONE] * 4)
+        for name, one in found["speed"].items()
+    ]
+    growth = [
+        (name, *(f"{seconds * 1e3:.0f}" for seconds in one["seconds"]), *(f"{x:.2f}" for x in one["twice"]))
+        if "refused" not in one
+        else (name, "refused", *[NONE] * 4)
+        for name, one in found["growth"].items()
+    ]
+    columns = ("", "MB", "fltea, MB/s", "from … to", "pandas, MB/s", "from … to", "of pandas' speed")
+    tables = [
+        Table(
+            f"{found['rows']:,} rows of seven columns; medians of {found['rounds']} rounds in turns",
+            columns,
+            speeds,
+        ),
+        Table(
+            f"Is it linear? {found['rows'] // 20:,} rows, twice and four times as many",
+            ("", "n, ms", "2n, ms", "4n, ms", "2n / n", "4n / 2n"),
+            growth,
+        ),
+    ]
+    missed = found["not_reached"]
+    last = "Not reached: " + "; ".join(missed) + "." if missed else "All goals measured here are reached."
+    return "\n".join([*(one.markdown() for one in tables), last])
+
+
+def _spread(speeds: list[float]) -> tuple[str, str]:
+    if not speeds:
+        return NONE, NONE
+    return f"{statistics.median(speeds):.0f}", f"{min(speeds):.0f} … {max(speeds):.0f}"
+
+
+def _write(path: Path, form: Form, rows: int) -> None:
+    rng = np.random.default_rng(1)
+    values = rng.normal([0, 0, 0, 0, 0, 9.81], [0.1, 0.1, 0.1, 0.02, 0.02, 0.02], (rows, 6))
+    with path.open("w") as file:
+        file.write(form.head)
+        for k, row in enumerate(values.tolist()):
+            if form.every and k and k % form.every == 0:
+                file.write(form.again)
+            file.write(form.write((f"{k / 200:.3f}", *(f"{value:.9f}" for value in row))) + "\n")
+
+
+def _speed(path: Path, form: Form, rows: int, rounds: int) -> dict[str, Any]:
+    _write(path, form, rows)
+    mb = path.stat().st_size / 1e6
+    works = {"fltea": partial(cpu_seconds, partial(open_csv, path, form.how))}
+    if form.pandas is not None:
+        works["pandas"] = partial(cpu_seconds, partial(form.pandas, path))
+    try:
+        seconds = in_turns(works, rounds)
+    except UsageError as error:
+        return {"mb": mb, "refused": str(error)}
+    ratios = [
+        theirs / ours for ours, theirs in zip(seconds["fltea"], seconds.get("pandas", []), strict=False)
+    ]
+    speeds = {name: [mb / one for one in seconds.get(name, [])] for name in ("fltea", "pandas")}
+    return {"mb": mb, **speeds, "of_pandas": statistics.median(ratios) if ratios else None}
+
+
+def _growth(path: Path, form: Form, rows: int, rounds: int) -> dict[str, Any]:
+    """The least time of each size: what disturbs only ever adds to it."""
+    seconds, mb = [], 0.0
+    for times in (1, 2, 4):
+        _write(path, form, rows * times)
+        mb = path.stat().st_size / 1e6
+        try:
+            seconds.append(min(cpu_seconds(partial(open_csv, path, form.how)) for _ in range(rounds)))
+        except UsageError as error:
+            return {"refused": str(error)}
+    twice = [after / before for before, after in pairwise(seconds)]
+    return {"seconds": seconds, "twice": twice, "s_per_mb": seconds[-1] / mb}
