@@ -6,6 +6,7 @@ it by `.venv/bin/python` in the clone.
 
 import bz2
 import csv
+import datetime
 import gzip
 import io
 import json
@@ -13,9 +14,13 @@ import lzma
 import re
 import struct
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
+import asammdf
 import h5py
+import nptdms
 import numpy as np
 import openpyxl
 import pyarrow as pa
@@ -85,7 +90,6 @@ def packed() -> dict[str, bytes]:
         "phyphox.zip": archive({"Raw Data.csv": text("phyphox.csv"), "meta/device.csv": b"property,value\n"}),
         "sensor_logger.zip": archive({**phone, "Metadata.csv": b"version\n3\n"}),
         "betaflight.bbl": blackbox + bytes(64),
-        "ardupilot.bin": b"\xa3\x95\x80\x80\x59FMT\0" + bytes(64),
         "old_excel.xls": bytes.fromhex("d0cf11e0a1b11ae1") + bytes(64),
     }
 
@@ -103,6 +107,61 @@ def ulog() -> bytes:
     for k in range(N):
         out += message("D", struct.pack("<HQ3fI3f", 0, 10_000 * k, *RADS[k], 10_000, *ACCEL_MS2[k]))
     return out
+
+
+IMU_FORM = "QBffffffIIfBBHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz"
+DATAFLASH_LETTERS = {"a": "32h", "n": "4s", "N": "16s", "Z": "64s", "M": "B", "c": "h", "C": "H", "L": "i"}
+
+
+def dataflash(forms: dict[str, tuple[str, str]], rows: Iterable[tuple[Any, ...]]) -> bytes:
+    """A log of ArduPilot: formats and columns by the messages' names, and rows that begin with a name."""
+    kinds = {"FMT": (0x80, "BBnNZ", "Type,Length,Name,Format,Columns")}
+    kinds |= {name: (0x81 + k, *form) for k, (name, form) in enumerate(forms.items())}
+    codes = {
+        name: struct.Struct("<" + "".join(DATAFLASH_LETTERS.get(letter, letter) for letter in form))
+        for name, (_, form, _) in kinds.items()
+    }
+
+    def message(name: str, *values: Any) -> bytes:
+        return b"\xa3\x95" + bytes([kinds[name][0]]) + codes[name].pack(*values)
+
+    heads = [
+        message("FMT", kind, codes[name].size + 3, name.encode(), form.encode(), columns.encode())
+        for name, (kind, form, columns) in kinds.items()
+    ]
+    return b"".join(heads) + b"".join(message(*row) for row in rows)
+
+
+def ardupilot() -> bytes:
+    rows = (("IMU", 10_000 * k, 0, *RADS[k], *ACCEL_MS2[k], 0, 0, 25.0, 1, 1, 1000, 1000) for k in range(N))
+    return dataflash({"IMU": IMU_FORM}, rows)
+
+
+def write_measurements() -> None:
+    """Of LabVIEW and of vehicles."""
+    with nptdms.TdmsWriter(HERE / "labview.tdms") as out:
+        properties = {"wf_increment": 1 / RATE_HZ, "wf_start_offset": 0.0, "unit_string": "rad/s"}
+        out.write_segment(
+            [
+                nptdms.ChannelObject("IMU", f"Gyro {axis}", RADS[:, i], properties)
+                for i, axis in enumerate("XYZ")
+            ]
+        )
+    with asammdf.MDF(version="4.10") as file:
+        file.start_time = datetime.datetime(2023, 11, 14, tzinfo=datetime.UTC)
+        file.append(
+            [
+                asammdf.Signal(RADS[:, i], TIMES_S, unit="rad/s", name=f"gyro_{axis}")
+                for i, axis in enumerate("xyz")
+            ],
+            acq_name="imu",
+        )
+        file.append([asammdf.Signal(TIMES_S[:9], TIMES_S[:9], unit="m/s", name="speed")], acq_name="vehicle")
+        file.save(HERE / "asam.mf4", overwrite=True)
+    data = bytearray((HERE / "asam.mf4").read_bytes())
+    written = data.index(b"##FH") + 40
+    data[written : written + 8] = bytes(8)
+    (HERE / "asam.mf4").write_bytes(data)
 
 
 def write_mcap() -> None:
@@ -176,6 +235,7 @@ def write_libraries() -> None:
     with (HERE / "matlab73.mat").open("r+b") as raw:
         raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + struct.pack("<HH", 0x0200, 0x4D49))
     write_mcap()
+    write_measurements()
     np.savez(HERE / "numpy.npz", gyro_dps=GYRO_DPS, t=TIMES_S)
     book = openpyxl.Workbook()
     sheet = book.active
@@ -190,6 +250,6 @@ def write_libraries() -> None:
 
 
 if __name__ == "__main__":
-    for name, data in {**packed(), "px4.ulg": ulog()}.items():
+    for name, data in {**packed(), "px4.ulg": ulog(), "ardupilot.bin": ardupilot()}.items():
         (HERE / name).write_bytes(data)
     write_libraries()

@@ -26,7 +26,7 @@ from fltea.recording.formats import FORMATS, Kind
 from fltea.recording.kind import is_of_this_process
 from fltea.recording.quota import Quota
 from fltea.recording.sample_times import Floats
-from fltea.recording.sheet import Sheet, open_sheet
+from fltea.recording.sheet import Sheet, SheetHead, open_sheet
 from fltea.records.errors import UsageError
 from fltea.settings.extras import how_to_install
 from fltea.settings.how import How
@@ -41,18 +41,6 @@ STARTUP_BYTES = 2 << 30
 LENGTH = struct.Struct("<I")
 FAILED = (1 << 32) - 1
 """In place of a length: a reason follows."""
-
-
-class Head(msgspec.Struct):
-    """What the process says first: a `Sheet` but for its rows. text: lines follow, there are no columns."""
-
-    names: list[str] = []
-    units: list[str] = []
-    rows: int = 0
-    stamps: list[str] = []
-    rate_hz: float | None = None
-    sample: list[list[float | None]] = []
-    text: bool = False
 
 
 def open_apart(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO | None = None) -> Stored:
@@ -84,13 +72,11 @@ def open_apart(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO 
             assert process.stdin is not None
             assert process.stdout is not None
             frames = _frames(path, process, quota)
-            head = msgspec.json.decode(next(frames), type=Head)
-            if head.text:
+            head = msgspec.json.decode(next(frames), type=SheetHead | None)
+            if head is None:
                 return open_csv(path, how, limits, cast(BinaryIO, _Text(frames)))
             blocks = partial(_columns, process.stdin, frames)
-            sheet = Sheet(head.names, head.units, head.rows, blocks, tuple(head.stamps), head.rate_hz)
-            if head.sample:
-                sheet = sheet._replace(sample=np.array(head.sample, np.float64))
+            sheet = Sheet(**{name: getattr(head, name) for name in head.__struct_fields__}, blocks=blocks)
             return open_sheet(path, sheet, how, limits)
 
 

@@ -1,8 +1,8 @@
 """Formats of other programs, each by the library that is kept for it: run as a program by `apart`.
 
-stdout: pieces, each behind its length in four bytes. The first is a `Head` as JSON. Then come lines of text,
-or after a line of JSON on stdin, the places of the columns that are wanted, rows of their numbers. The length
-0 ends them; FAILED stands before a reason.
+stdout: pieces, each behind its length in four bytes. The first is a `SheetHead` as JSON, or null. After null
+come lines of text; after a head, and a line of JSON on stdin, the places of the columns that are wanted, rows
+of their numbers. The length 0 ends them; FAILED stands before a reason.
 """
 
 import resource
@@ -13,11 +13,12 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from fltea.recording.apart import FAILED, LENGTH, Head
+from fltea.recording.apart import FAILED, LENGTH
 from fltea.recording.formats import FORMATS, loaded
-from fltea.recording.readers.arrays import MOST_WIDE
-from fltea.recording.sheet import SAMPLE_ROWS, Sheet
+from fltea.recording.sheet import Sheet, SheetHead, with_sample
 from fltea.records.errors import UsageError
+
+STDOUT = sys.stdout.buffer
 
 
 def main(seconds: str, memory: str, kind: str, path: str, topic: str) -> None:
@@ -29,23 +30,24 @@ def main(seconds: str, memory: str, kind: str, path: str, topic: str) -> None:
         (resource.RLIMIT_CORE, 0),
     ):
         resource.setrlimit(what, (most, most))
+    sys.stdout = sys.stderr  # libraries print, and what the other side reads is not for them
     try:
         found: Sheet | Iterator[bytes] = loaded(FORMATS[kind].reader)(Path(path), topic)
         if isinstance(found, Sheet):
-            names, units, rows, _, stamps, rate_hz, _ = found
-            _send(msgspec.json.encode(Head(names, units, rows, list(stamps), rate_hz, _sample(found))))
+            head = msgspec.convert(with_sample(found), SheetHead, from_attributes=True)
+            _send(msgspec.json.encode(head))
             places = msgspec.json.decode(sys.stdin.buffer.readline() or b"[]", type=list[int])
             for values in found.blocks(places) if places else ():
                 _send(np.ascontiguousarray(values).tobytes())
         else:
-            _send(msgspec.json.encode(Head(text=True)))
+            _send(b"null")
             for data in found:
                 _send(data)
         _send(b"")
     except BrokenPipeError:
         pass
     except UsageError as error:
-        _fail(str(error))
+        _fail(str(error).removeprefix(f"{path}: "))
     except MemoryError:
         _fail(f"more than the {int(memory) / 1e9:.1f} GB would be needed that a file of its size may take.")
     except Exception as error:  # whatever a library raises on damaged bytes
@@ -53,27 +55,14 @@ def main(seconds: str, memory: str, kind: str, path: str, topic: str) -> None:
         _fail(f"cannot be read as {FORMATS[kind].title} ({reason}).")
 
 
-def _sample(sheet: Sheet) -> list[list[float | None]]:
-    """The first rows, with null where there are no numbers."""
-    columns: list[list[float | None]] = []
-    count = min(SAMPLE_ROWS, sheet.rows)
-    for place in range(min(len(sheet.names), MOST_WIDE)):
-        try:
-            values = next(iter(sheet.blocks([place])))[:count, 0]
-            columns.append([float(value) if np.isfinite(value) else None for value in values])
-        except (UsageError, ValueError, StopIteration):
-            columns.append([None] * count)
-    return [list(row) for row in zip(*columns, strict=True)]
-
-
 def _send(data: bytes) -> None:
-    sys.stdout.buffer.write(LENGTH.pack(len(data)) + data)
-    sys.stdout.buffer.flush()
+    STDOUT.write(LENGTH.pack(len(data)) + data)
+    STDOUT.flush()
 
 
 def _fail(reason: str) -> None:
-    sys.stdout.buffer.write(LENGTH.pack(FAILED) + reason.encode(errors="replace"))
-    sys.stdout.buffer.flush()
+    STDOUT.write(LENGTH.pack(FAILED) + reason.encode(errors="replace"))
+    STDOUT.flush()
 
 
 if __name__ == "__main__":

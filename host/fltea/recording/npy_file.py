@@ -1,6 +1,5 @@
 """Recordings in .npy files: one array; its columns have positions for names, unless its type has fields."""
 
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,12 +7,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.recording.columns import wanted_of
-from fltea.recording.files import AT_ONCE, Stored
+from fltea.recording.files import Stored
 from fltea.recording.npz_arrays import KINDS
-from fltea.recording.sample_times import Floats
-from fltea.recording.sheet import SAMPLE_ROWS, Sheet, open_sheet
-from fltea.recording.units import UNITS_HELP
+from fltea.recording.readers.arrays import of_arrays
+from fltea.recording.sheet import open_sheet, with_sample
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.settings.how import AS_IT_SAYS, How
@@ -27,44 +24,19 @@ def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
     positions from 1.
 
     Raises:
-        UsageError: not such a file, numbers without a unit, or what `table.gather` refuses.
+        UsageError: not such a file, numbers without a unit, or what `open_sheet` refuses.
     """
     array = _mapped(path)
     if array.dtype.names is not None:
-        names = list(array.dtype.names)
-        columns = [array[name] for name in names]
+        sheet = of_arrays({"": array})
     else:
         columns = list(np.atleast_2d(array.T))
         names = [str(place + 1) for place in range(len(columns))]
-        if how.units is None:
-            raise UsageError(
-                f"{path}: an array has no unit, so give it: --units dps; known are {UNITS_HELP}."
-            )
         rest = [name for name in names if name != how.time_column]
-        if wanted_of(how).columns is None and len(rest) <= len(AXES):
+        if how.columns is None and len(rest) <= len(AXES):
             how = msgspec.structs.replace(how, columns=rest)
-
-    def blocks(places: Sequence[int]) -> Iterator[Floats]:
-        for place in places:
-            if columns[place].ndim != 1 or columns[place].dtype.kind not in KINDS:
-                raise UsageError(f"{path}: column {names[place]} does not hold numbers, one in each row.")
-        for begin in range(0, len(array), AT_ONCE):
-            rows = slice(begin, begin + AT_ONCE)
-            yield np.stack([np.asarray(columns[place][rows], np.float64) for place in places], axis=1)
-
-    return open_sheet(
-        path, Sheet(names, [""] * len(names), len(array), blocks, sample=_sample(columns)), how, limits
-    )
-
-
-def _sample(columns: list[NDArray[Any]]) -> Floats:
-    """The first rows, NaN in columns without numbers."""
-    are_numbers = [column.ndim == 1 and column.dtype.kind in KINDS for column in columns]
-    rows = [
-        np.asarray(column[:SAMPLE_ROWS], np.float64) if fits else np.full(len(column[:SAMPLE_ROWS]), np.nan)
-        for column, fits in zip(columns, are_numbers, strict=True)
-    ]
-    return np.stack(rows, axis=1)
+        sheet = of_arrays(dict(zip(names, columns, strict=True)))
+    return open_sheet(path, with_sample(sheet), how, limits)
 
 
 def _mapped(path: Path) -> NDArray[Any]:

@@ -3,76 +3,278 @@
 A new format is one module in `readers` whose `read` gives a `Sheet`, and a row in `formats`.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
-from fltea.recording.column_names import is_time
+from fltea.recording.column_names import accel_axis_of, axis_of, is_time
 from fltea.recording.columns import Chosen, choose
-from fltea.recording.files import Stored
+from fltea.recording.dialects import Facts, columns_of, dialect_of
+from fltea.recording.files import Note, Stored, listed
 from fltea.recording.npz_arrays import NUMBER_BYTES
+from fltea.recording.one_sensor import OneSensor
+from fltea.recording.reading import Evidence, Missing, given_options, not_stated
 from fltea.recording.sample_times import Floats
-from fltea.recording.suggest import options, with_hint
 from fltea.recording.table import Rows, gather, row_place
-from fltea.records.errors import Implausible, UsageError
+from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
 
-NO_ROWS: Floats = np.empty((0, 0))
+SAMPLE_ROWS, MOST_SAMPLED = 60, 64
+"""Rows and columns that are looked at before it is known which are meant."""
 
-SAMPLE_ROWS = 60
+FEW = 10
+"""Rows: an array as short beside a longer one is a calibration's, and no recording."""
+
+DEEPEST = 4
+"""Groups around a column that are looked at."""
+
+RATE_TOLERANCE = 0.01
+"""Clocks of sensors are off by up to some 5 ‰; two rates that differ by more are not of the same samples."""
 
 
-class Sheet(NamedTuple):
-    """What a file holds. names: of its columns. units: of each, "" where the file states none.
+class SheetHead(msgspec.Struct, frozen=True):
+    """What a file holds, but for its rows.
 
-    blocks: gives the rows of the columns at some places, (n, places) at a time. stamps: columns that hold
-    points of time, given as seconds since the first one. rate_hz: None unless the file states it. sample: the
-    first rows of all columns, NaN where there are no numbers.
+    names: of its columns, behind the groups that they are in: `imu.gyro_x`. units: of each, "" where the
+    file states none. rows: of the longest column. lengths: of each column; none: all are alike. arrays: what
+    array each column is of; none: each is one of its own. stamps: columns that hold points of time, given as
+    seconds since the first one. rates: samples per second, by the name of what states them: `imu.fs` holds
+    for all of `imu`, `imu.gyro@fs` for one array. doubts: of columns whose numbers may be others than they
+    seem, why. topic: the sensor that is read of several, "" if there is one. sample: the first rows of the
+    first columns, null where there are no numbers.
     """
 
     names: list[str]
     units: list[str]
     rows: int
-    blocks: Callable[[Sequence[int]], Iterator[Floats]]
+    lengths: list[int] = []
+    arrays: list[str] = []
     stamps: tuple[str, ...] = ()
-    rate_hz: float | None = None
-    sample: Floats = NO_ROWS
+    rates: dict[str, float] = {}
+    doubts: dict[str, str] = {}
+    unit_evidence: tuple[Evidence, str] = ("stated", "the file's own units")
+    notes: tuple[Note, ...] = ()
+    topic: str = ""
+    sample: list[list[float | None]] = []
+
+    def length(self, place: int) -> int:
+        """Return how many rows a column has."""
+        return self.lengths[place] if self.lengths else self.rows
+
+
+class Sheet(SheetHead, frozen=True, kw_only=True):
+    """What a file holds. blocks: gives the rows of the columns at some places, (n, places) at a time."""
+
+    blocks: Callable[[Sequence[int]], Iterator[Floats]]
+
+    def only(self, keep: Sequence[int], prefix: str) -> "Sheet":
+        """Return some of the columns, by their places, without a prefix of their names."""
+        blocks = self.blocks
+        names = {self.names[place]: self.names[place].removeprefix(prefix) for place in keep}
+        return replace(
+            self,
+            names=[self.names[place].removeprefix(prefix) for place in keep],
+            units=[self.units[place] for place in keep],
+            rows=max(self.length(place) for place in keep),
+            lengths=[self.length(place) for place in keep],
+            arrays=[self.arrays[place] for place in keep] if self.arrays else [],
+            stamps=tuple(names[name] for name in self.stamps if name in names),
+            doubts={names[name]: why for name, why in self.doubts.items() if name in names},
+            sample=[[row[p] if p < len(row) else None for p in keep] for row in self.sample],
+            blocks=lambda places: blocks([keep[place] for place in places]),
+        )
+
+
+def with_sample(sheet: Sheet) -> Sheet:
+    """Return a table with its first rows beside it."""
+    columns: list[list[float | None]] = []
+    for place in range(min(len(sheet.names), MOST_SAMPLED)):
+        try:
+            values = next(iter(sheet.blocks([place])))[:SAMPLE_ROWS, 0]
+            columns.append([float(value) if np.isfinite(value) else None for value in values])
+        except (UsageError, ValueError, StopIteration):
+            columns.append([])
+    return replace(sheet, sample=[list(row) for row in zip_longest(*columns)])
 
 
 def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
     """Read the columns of a gyroscope.
 
     Raises:
-        UsageError: the columns are not clear, or what `table.gather` refuses.
+        UsageError: the columns are not clear or not alike, a rate contradicts another, or what `table.gather`
+            refuses.
     """
+    where = str(path)
+    sheet = of_one_gyroscope(where, sheet, how)
+    how = replace(how, topic=None) if sheet.topic else how
     names = sheet.names
     has_times = how.time_column is not None or any(map(is_time, names))
     if not has_times and len(sheet.stamps) == 1:
-        how = msgspec.structs.replace(how, time_column=sheet.stamps[0])
-    elif not has_times and how.rate_hz is None:
-        how = msgspec.structs.replace(how, rate_hz=sheet.rate_hz)
+        how = replace(how, time_column=sheet.stamps[0])
+    _check_rate(where, sheet, "--rate says", how.rate_hz, how)
     units = [("s" if name in sheet.stamps else unit) for name, unit in zip(names, sheet.units, strict=True)]
-    try:
-        chosen = choose(str(path), names, units, len(names), how)
-    except UsageError as error:
-        raise with_hint(error, options(names, sheet.sample, how)) from error
+    chosen = choose(where, names, units, len(names), how, _facts(where, sheet))
+    _check_columns(where, sheet, chosen, how)
     size_bytes = sheet.rows * len(chosen.places) * NUMBER_BYTES
     if size_bytes > limits.whole_bytes:
         raise limits.whole_too_large(f"{path}: declares {sheet.rows} rows", size_bytes)
-    try:
-        return gather(path, chosen, _rows(sheet, chosen), how, limits, partial(row_place, path))
-    except Implausible as error:
-        raise with_hint(error, options(names, sheet.sample, how)) from error
+    stored = gather(path, chosen, _rows(where, sheet, chosen, how), limits, partial(row_place, path))
+    if chosen.time is not None and how.rate_hz is None:
+        _check_rate(where, sheet, f"the times of {listed([chosen.time_name])} say", stored.rate_hz, how)
+    return stored._replace(notes=(*stored.notes, *sheet.notes), topic=sheet.topic)
 
 
-def _rows(sheet: Sheet, chosen: Chosen) -> Iterator[Rows]:
-    row = 0
-    for values in sheet.blocks(chosen.places):
+def _facts(where: str, sheet: Sheet) -> Facts:
+    topic = sheet.topic if ":" in sheet.topic else f"{sheet.topic}:0"
+    file = f"{Path(where).name} {topic.replace(':', '_')}"  # as tools name the file of a topic
+    rates = {name.replace(".", "/"): rate_hz for name, rate_hz in sheet.rates.items()}
+    return Facts(file=file, rates=rates, sample=lambda: np.array(sheet.sample, np.float64))
+
+
+def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
+    """The rows of one sensor, numbered among themselves."""
+    row = ordinal = 0
+    places, sensor = chosen.places, None
+    if chosen.sensor is not None:
+        place, value = chosen.sensor
+        places, sensor = (*places, place), OneSensor(where, sheet.names[place], value, given_options(how))
+    for values in sheet.blocks(places):
         numbers = np.arange(row, row + len(values))
-        yield Rows(numbers, chosen.scale(values), numbers)
         row += len(values)
+        if sensor is not None:
+            kept = sensor.keep([f"{value:g}" for value in values[:, -1]])
+            values, numbers = np.ascontiguousarray(values[kept, :-1]), numbers[kept]
+        yield Rows(numbers, chosen.scale(values), np.arange(ordinal, ordinal := ordinal + len(values)))
+
+
+def _check_rate(where: str, sheet: Sheet, who: str, rate_hz: float | None, how: How) -> None:
+    """Compare a rate with that of the file."""
+    for name, stated_hz in sheet.rates.items() if not how.overrule else ():
+        if rate_hz is not None and abs(rate_hz / stated_hz - 1) > RATE_TOLERANCE:
+            raise UsageError(
+                f"{where}: {listed([name])} says {stated_hz:g} Hz, and {who} {rate_hz:.6g} Hz. Leave "
+                "--rate out, or if the file is wrong, say which is right: --rate ? --overrule"
+            )
+
+
+def _check_columns(where: str, sheet: Sheet, chosen: Chosen, how: How) -> None:
+    """Refuse columns that are not alike in length, or may hold other numbers than they seem to."""
+    lengths = [sheet.length(place) for place in chosen.places]
+    if len({*lengths}) > 1:
+        each = ", ".join(f"{name} {rows}" for name, rows in zip(chosen.read, lengths, strict=True))
+        raise UsageError(
+            f"{where}: the columns that are read are not alike in length ({each}), so which of their numbers "
+            "belong together is not known. Mend the file, or name those that are alike with --columns."
+        )
+    for name in () if how.overrule else chosen.read:
+        if name in sheet.doubts:
+            raise UsageError(f"{where}: {name}: {sheet.doubts[name]}")
+
+
+class _Gyroscope(NamedTuple):
+    """The axes that are read.
+
+    places: of them. group: the path of what they are in. is_by_group: they were found by it, and not by their
+    whole names. others: places of other gyroscopes' axes. topic: the group, if there are several.
+    """
+
+    places: Sequence[int] = ()
+    group: str = ""
+    is_by_group: bool = False
+    others: frozenset[int] = frozenset()
+    topic: str = ""
+
+
+def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
+    """Return the columns that are as long as the axes, and the rate of the nearest group around these.
+
+    An axis that is not alike, or holds no numbers, stays among them: what its name says is not dropped.
+
+    Raises:
+        UsageError: several groups have a gyroscope, or several rates are stated for the same samples.
+    """
+    names = sheet.names
+    found = _gyroscope(where, sheet, how)
+    if not found.places:
+        return sheet
+    (rows, _), *_ = Counter(map(sheet.length, found.places)).most_common()
+    named = {*found.places, *(place for place, name in enumerate(names) if name == how.time_column)}
+    keep = [
+        place
+        for place in range(len(names))
+        if place in named or (sheet.length(place) == rows and place not in found.others)
+    ]
+    inner = f"{found.group}." if found.group else ""
+    unread = [name for k, name in enumerate(names) if name.startswith(inner) and k not in keep]
+    unread = [name for name in unread if accel_axis_of(name.removeprefix(inner))]
+    text = f"{where}: {listed(unread)}: not read, since the gyroscope has another number of rows ({rows})."
+    notes = (*sheet.notes, Note("reading", text)) if unread else sheet.notes
+    prefix = inner if found.is_by_group and how.time_column not in names else ""
+    keep = [place for place in keep if names[place].startswith(prefix) or prefix + names[place] not in names]
+    rates = _rates_of(where, sheet, found, how)
+    return replace(sheet, rates=rates, notes=notes, topic=sheet.topic or found.topic).only(keep, prefix)
+
+
+def _gyroscope(where: str, sheet: Sheet, how: How) -> _Gyroscope:
+    """Find the axes: those that the user or a dialect names, or of the group that has some."""
+    names = sheet.names
+    if how.columns is not None:
+        places: Sequence[int] = [place for place, name in enumerate(names) if name in how.columns]
+        return _Gyroscope(places, names[places[0]].rpartition(".")[0] if places else "")
+    dialect = dialect_of(names, _facts(where, sheet))
+    if dialect is not None and (places := columns_of(dialect.gyro, names)):
+        return _Gyroscope(places, names[places[0]].rpartition(".")[0])
+    groups = gyroscopes_in(names)
+    longest = {group: max(map(sheet.length, places)) for group, places in groups.items()}
+    groups = {
+        group: groups[group] for group, rows in longest.items() if rows >= min(FEW, max(longest.values()))
+    }
+    asked = None if how.topic is None or sheet.topic else how.topic.strip("/").replace("/", ".")
+    if asked in groups:
+        group = asked
+    elif len(groups) > 1:
+        each = ", ".join(f"{group or '/'} ({longest[group]} rows)" for group in groups)
+        what = f"which gyroscope is meant of {each}"
+        raise not_stated(where, [Missing(what, "--sensor ?")], given_options(how))
+    else:
+        group = next(iter(groups), "")
+    others = frozenset(place for one, places in groups.items() if one != group for place in places)
+    return _Gyroscope(groups.get(group, ()), group, True, others, (group or "/") if asked in groups else "")
+
+
+def gyroscopes_in(names: Sequence[str]) -> dict[str, list[int]]:
+    """Return the places of the axes of gyroscopes, by their group: `left.gyro_x` is in `left`."""
+    groups: dict[str, list[int]] = {}
+    for place, name in enumerate(names):
+        parts = name.split(".") if len(name) < 200 else [name]
+        for first in range(len(parts) - 1, max(-1, len(parts) - 1 - DEEPEST), -1):
+            if axis_of(".".join(parts[first:])) is not None:
+                groups.setdefault(".".join(parts[:first]), []).append(place)
+                break
+    return groups
+
+
+def _rates_of(where: str, sheet: Sheet, found: _Gyroscope, how: How) -> Mapping[str, float]:
+    """Return the rate that the axes' own arrays state, or else the nearest group around them."""
+    arrays = {(sheet.arrays or sheet.names)[place] for place in found.places}
+    rates = {name: rate_hz for name, rate_hz in sheet.rates.items() if name.rpartition("@")[0] in arrays}
+    level = found.group
+    while not rates:
+        rates = {name: rate_hz for name, rate_hz in sheet.rates.items() if name.rpartition(".")[0] == level}
+        rates = {name: rate_hz for name, rate_hz in rates.items() if "@" not in name}
+        if not level:
+            break
+        level = level.rpartition(".")[0]
+    if len({*rates.values()}) > 1 and how.rate_hz is None:
+        each = ", ".join(f"{name} {rate_hz:g}" for name, rate_hz in rates.items())
+        what = f"which rate is right of those in Hz that are stated for the same samples: {each}"
+        raise not_stated(where, [Missing(what, "--rate ? --overrule")], given_options(how))
+    return dict(list(rates.items())[:1])

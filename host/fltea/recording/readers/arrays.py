@@ -1,91 +1,231 @@
 """Arrays by their names, of any kind of file, as a table."""
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fltea.recording.column_names import axis_of, named_axis
+from fltea.recording.column_names import named_axis
 from fltea.recording.files import AT_ONCE, listed
 from fltea.recording.npz_arrays import KINDS
-from fltea.recording.sample_times import Floats
-from fltea.recording.sheet import Sheet
+from fltea.recording.sample_times import SECONDS, Floats
+from fltea.recording.sheet import Sheet, gyroscopes_in
 from fltea.records.errors import UsageError
 
 MOST_WIDE = 64
 """Columns of one array; what is wider than long lies on its side, as MATLAB writes it."""
 
-RATES = ("fs", "fs_hz", "rate", "rate_hz", "sample_rate", "sampling_rate", "sample_rate_hz", "imu_rate")
-"""Names of a number that is a rate."""
+_RATE = re.compile(
+    r"(?:imu_|gyro_)?(?:fs|rate|odr|sfreq|data_rate|sampl(?:e|ing)_?(?:rate|freq|frequency))(?:_?(k?hz))?"
+)
+_PERIOD = re.compile(r"(?:dt|(?:sampl(?:e|ing)_?)?(?:period|interval))_(s|ms|us|ns)|wf_increment")
+_SECONDS: Mapping[str, float] = {str(unit): seconds for unit, seconds in SECONDS.items()}
+PER_S = {"": 1.0, "hz": 1.0, "khz": 1e3, "1/s": 1.0, "s-1": 1.0, "s^-1": 1.0, "sps": 1.0}
 
 Column = Callable[[int, int], Any]
 """The values from one row to another."""
 
+NONE: Mapping[str, Any] = MappingProxyType({})
 
-def of_arrays(arrays: Mapping[str, Any], units: Mapping[str, str] = MappingProxyType({})) -> Sheet:
-    """Arrays by their names, (n,) or (n, columns): of those alike in length, the ones that have axes.
 
-    units: of arrays, where they are known.
+class NoNumbers(NamedTuple):
+    """In place of an array that cannot be used. reason: a sentence about it, without its subject."""
+
+    reason: str
+    rows: int = 0
+
+
+def is_of_matlab(kind: str) -> str:
+    """Say of an array of this class of MATLAB's that it is not read, and what to do."""
+    if kind == "cell":
+        return "is a cell array; write it as numbers: cell2mat"
+    what = f"is a {kind} of MATLAB's, which only MATLAB reads"
+    return f"{what}; there, write{kind} makes a .csv of it" if kind in ("table", "timetable") else what
+
+
+def rate_of(name: str, value: Any, unit: str = "") -> float | None:
+    """Return the samples per second that a number with this name states; None if it states none."""
+    leaf = re.sub(r"[\s\-]+", "_", name.rpartition(".")[2].rpartition("@")[2].strip().lower())
+    found, period = _RATE.fullmatch(leaf), _PERIOD.fullmatch(leaf)
+    if found is None and period is None:
+        return None
+    try:
+        number = float(np.asarray(value).reshape(()))
+    except (TypeError, ValueError):
+        return None
+    if period is not None:
+        number = 1 / (number * _SECONDS[period[1] or "s"]) if number else 0.0
+    scale = PER_S.get((found[1] if found and found[1] else unit).strip().lower())
+    return None if scale is None or not 0 < number * scale < math.inf else number * scale
+
+
+def of_arrays(
+    arrays: Mapping[str, Any],
+    units: Mapping[str, str] = NONE,
+    rates: Mapping[str, float] = NONE,
+    doubts: Mapping[str, str] = NONE,
+) -> Sheet:
+    """Make a table of arrays by their names, (n,) or (n, columns); texts among them may tell units.
+
+    units, doubts: of arrays, where there are some. rates: those that are no arrays of their own.
 
     Raises:
-        ValueError: none of them holds numbers.
+        UsageError: none of them holds numbers.
     """
-    columns: dict[int, dict[str, Column]] = {}
-    stated: dict[str, str] = {}
-    stamps = []
-    rate_hz = None
+    names: list[str] = []
+    of: list[str] = []
+    lengths: list[int] = []
+    columns: list[Column] = []
+    stamps: list[str] = []
+    rates, reasons = dict(rates), []
+    doubts_of: dict[str, str] = {}
+    texts = {name: text for name, array in arrays.items() if (text := _text(array)) is not None}
+    units = {**_units_of(texts), **{name: unit for name, unit in units.items() if unit}}
     for name, array in arrays.items():
-        kind, shape = np.dtype(array.dtype).kind, array.shape
-        if kind in KINDS and math.prod(shape) == 1 and name.rpartition(".")[2].lower() in RATES:
-            rate_hz = float(np.asarray(array[()]).reshape(()))
-        if kind == "V" and len(shape) == 1:
-            for field in array.dtype.names:
-                if array.dtype[field].kind in KINDS and not array.dtype[field].shape:
-                    columns.setdefault(shape[0], {})[field] = partial(_field, array, field)
-        elif kind == "M" and len(shape) == 1:
-            stamps.append(name)
-            columns.setdefault(shape[0], {})[name] = partial(_stamps, array)
-        elif kind in KINDS and (len(shape) == 1 or (len(shape) == 2 and min(shape) <= MOST_WIDE)):
-            for label, column in _of_array(name, array):
-                columns.setdefault(max(shape), {})[label] = column
-                stated[label] = units.get(name, "")
-    columns.pop(1, None)
-    if not columns:
-        raise UsageError(f"holds no columns of numbers, but {listed(list(arrays)) or 'nothing'}.")
-    rows = max(columns, key=lambda n: (sum(axis_of(name) is not None for name in columns[n]), n))
-    found = columns[rows]
-    wanted = list(found.values())
+        if name in texts:
+            continue
+        reason = _reason(array)
+        rate_hz = (
+            None if reason or math.prod(array.shape) != 1 else rate_of(name, array[()], units.get(name, ""))
+        )
+        if rate_hz is not None:
+            rates[name] = rate_hz
+            continue
+        found: Sequence[tuple[str, Column]]
+        if reason:
+            reasons.append(f"{name} {reason}")
+            found = [(label, partial(_raise, f"{label} {reason}")) for label in _axes_named(name)]
+            rows = array.rows if isinstance(array, NoNumbers) else max((1, *array.shape))
+        else:
+            found, rows = list(_of_array(name, array)), max(array.shape, default=0)
+        for label, column in found if rows > 1 or reason else ():
+            why = f"{reason}." if reason else doubts.get(name, "")
+            doubts_of |= {label: why} if why else {}
+            stamps += [label] if not reason and array.dtype.kind == "M" else []
+            names.append(label)
+            of.append(name)
+            lengths.append(rows)
+            columns.append(column)
+    if not set(lengths) - {0} or (len(doubts_of) == len(names) and reasons):
+        raise UsageError(f"holds no columns of numbers, but {listed(reasons or list(arrays)) or 'nothing'}.")
 
     def blocks(places: Sequence[int]) -> Iterator[Floats]:
+        rows = min(lengths[place] for place in places)
         for begin in range(0, rows, AT_ONCE):
             end = min(begin + AT_ONCE, rows)
-            yield np.stack([np.asarray(wanted[p](begin, end), np.float64) for p in places], axis=1)
+            yield np.stack([np.asarray(columns[p](begin, end), np.float64) for p in places], axis=1)
 
-    beside = [stated.get(name, "") for name in found]
-    there = tuple(stamp for stamp in stamps if stamp in found)
-    return Sheet(list(found), beside, rows, blocks, there, rate_hz)
+    beside = [_unit_of(units, name, array) for name, array in zip(names, of, strict=True)]
+    return Sheet(
+        names,
+        beside,
+        max(lengths),
+        lengths=lengths,
+        arrays=of,
+        stamps=tuple(stamps),
+        rates=rates,
+        doubts=doubts_of,
+        blocks=blocks,
+    )
+
+
+def _text(array: Any) -> str | None:
+    if isinstance(array, str):
+        return array
+    is_text = (
+        not isinstance(array, NoNumbers) and np.dtype(array.dtype).kind in "US" and array.shape in ((), (1,))
+    )
+    found = np.asarray(array[()]).reshape(-1)[0] if is_text else None
+    return (
+        found.decode(errors="replace") if isinstance(found, bytes) else None if found is None else str(found)
+    )
+
+
+def _units_of(texts: Mapping[str, str]) -> dict[str, str]:
+    """Units by the array or group that texts beside them name: gyro_units, units.gyro, units of a group."""
+    found = {}
+    for name, text in texts.items():
+        group, _, leaf = name.rpartition(".")
+        outer, _, inner = group.rpartition(".")
+        if (end := re.fullmatch(r"(.+)_units?", leaf, re.I)) is not None:
+            found[f"{group}.{end[1]}" if group else end[1]] = text
+        elif re.fullmatch(r"units?", leaf, re.I):
+            found[f"{group}."] = text
+        elif re.fullmatch(r"units?", inner, re.I):
+            found[f"{outer}.{leaf}" if outer else leaf] = text
+    return found
+
+
+def _unit_of(units: Mapping[str, str], name: str, array: str) -> str:
+    """The unit of a column: its own, its array's, or that of the group it is in."""
+    group = f"{array.rpartition('.')[0]}."
+    unit = next((units[known] for known in (name, array, f"{array}.", group) if known in units), "")
+    return unit.partition(" since ")[0]  # as netCDF says of times
+
+
+def _reason(array: Any) -> str:
+    """Why an array is none of numbers, "" if it is."""
+    if isinstance(array, NoNumbers):
+        return array.reason
+    dtype, shape = np.dtype(array.dtype), array.shape
+    if dtype.kind == "V" and dtype.names and len(shape) == 1:
+        return ""
+    if dtype.kind not in KINDS + "M":
+        kinds = {
+            "S": "text",
+            "U": "text",
+            "O": "objects or lists of different lengths",
+            "c": "complex numbers",
+        }
+        return f"holds {kinds.get(dtype.kind, f'the type {dtype}')}, not one number in each row"
+    fits = len(shape) < 2 or (len(shape) == 2 and min(shape) <= MOST_WIDE and dtype.kind in KINDS)
+    return "" if fits else f"has the shape {tuple(shape)}, not one number in each row"
+
+
+def _axes_named(name: str) -> list[str]:
+    """The axes of a gyroscope that an array has by its name."""
+    return [label for label in (name, *(named_axis(name, k) for k in range(3))) if gyroscopes_in([label])][:3]
+
+
+def _raise(reason: str, *_: int) -> Any:
+    raise UsageError(f"{reason}.")
 
 
 def _of_array(name: str, array: Any) -> Iterator[tuple[str, Column]]:
-    if len(array.shape) == 1:
+    if array.dtype.names is not None:
+        for field in array.dtype.names:
+            dtype, width = array.dtype[field].base, math.prod(array.dtype[field].shape)
+            if dtype.kind in KINDS and width <= MOST_WIDE:
+                inner = f"{name}.{field}" if name else field
+                for k in range(width):
+                    shaped = bool(array.dtype[field].shape)
+                    yield _label(inner, k, width if shaped else 1), partial(_field, array, field, k, shaped)
+    elif array.dtype.kind == "M":
+        yield name, partial(_stamps, array)
+    elif len(array.shape) == 1:
         yield name, partial(_rows, array)
-        return
-    on_side = array.shape[0] < array.shape[1]
-    width = min(array.shape)
-    for k in range(width):
-        label = name if width == 1 else named_axis(name, k) if width == 3 else f"{name}[{k}]"
-        yield label, partial(_on_side if on_side else _upright, array, k)
+    elif len(array.shape) == 2:
+        on_side, width = array.shape[0] < array.shape[1], min(array.shape)
+        for k in range(width):
+            yield _label(name, k, width), partial(_on_side if on_side else _upright, array, k)
+
+
+def _label(name: str, k: int, width: int) -> str:
+    """The name of a column of an array: three are axes; which of others is which, nobody knows."""
+    return name if width == 1 else named_axis(name, k) if width == 3 else f"{name}#{k + 1}"
 
 
 def _rows(array: Any, begin: int, end: int) -> Any:
     return array[begin:end]
 
 
-def _field(array: Any, name: str, begin: int, end: int) -> Any:
-    return array[begin:end][name]
+def _field(array: Any, name: str, k: int, shaped: bool, begin: int, end: int) -> Any:
+    values = array[begin:end][name]
+    return values.reshape(len(values), -1)[:, k] if shaped else values
 
 
 def _upright(array: Any, column: int, begin: int, end: int) -> Any:

@@ -1,19 +1,17 @@
 """Tables of Arrow: Parquet and Feather, as pandas and polars write them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fltea.recording.files import AT_ONCE, listed
-from fltea.recording.sample_times import Floats
+from fltea.recording.sample_times import SECONDS, Floats
 from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
 
 FEATHER = b"ARROW1"
-
-LIBRARY_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 def read(path: Path, _: str) -> Sheet:
@@ -56,7 +54,7 @@ def _arrow(schema: Any, rows: int, batches: Callable[[list[str]], Iterator[Any]]
             for i, place in enumerate(places):
                 column, scale = table.column(names[place]), 1.0
                 if _is_stamp(kinds[place]):
-                    column, scale = column.cast(pa.int64()), LIBRARY_S[kinds[place].unit]
+                    column, scale = column.cast(pa.int64()), SECONDS[kinds[place].unit]
                     if begin is None:
                         begin = next((stamp.as_py() for stamp in column if stamp.is_valid), None)
                     column = compute.subtract(column, begin or 0)  # floats tell Unix times to 0.2 µs only
@@ -64,7 +62,14 @@ def _arrow(schema: Any, rows: int, batches: Callable[[list[str]], Iterator[Any]]
             for first in range(0, len(values), AT_ONCE):
                 yield values[first : first + AT_ONCE]
 
-    return Sheet(names, [""] * len(names), rows, blocks, tuple(stamps))
+    units = [_unit(field.metadata or {}) for field in flat]
+    return Sheet(names, units, rows, stamps=tuple(stamps), blocks=blocks)
+
+
+def _unit(metadata: Mapping[bytes, bytes]) -> str:
+    return next(
+        (metadata[key].decode(errors="replace") for key in (b"units", b"unit") if key in metadata), ""
+    )
 
 
 def _flat(table: Any) -> Any:

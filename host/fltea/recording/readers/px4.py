@@ -1,31 +1,74 @@
-"""Logs of PX4 (.ulg)."""
+"""Logs of PX4 (.ulg). What their columns mean, `dialects.toml` says."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from fltea.recording.column_names import axis_of
-from fltea.recording.files import listed
+import numpy as np
+from msgspec.structs import replace
+
+from fltea.recording.files import Note, listed
 from fltea.recording.readers.arrays import of_arrays
+from fltea.recording.reading import Missing, not_stated
 from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
 
-PX4_TOPICS = "sensor_combined", "sensor_gyro"
+TOPICS = "sensor_combined", "sensor_gyro", "sensor_gyro_fifo", "vehicle_angular_velocity"
 """Those of a log that are read if none is named, the first that is there."""
+
+FIFO = "sensor_gyro_fifo"
+
+EVEN = 0.2
+"""What the time from one message of a queue to the next may be off what its samples take."""
 
 
 def read(path: Path, topic: str) -> Sheet:
-    """The gyroscope of a log: `sensor_combined`, or the topic that is named, whose first instance is read."""
+    """Read a topic, and of several sensors that publish it the one that is named: `sensor_gyro:1`."""
     from pyulog import ULog
 
-    log = ULog(str(path))
-    there = {data.name for data in log.data_list}
-    name = topic or next((known for known in PX4_TOPICS if known in there), "")
-    if name not in there:
-        asked = f"no topic {topic}" if topic else f"no topic {' or '.join(PX4_TOPICS)}"
-        raise UsageError(f"is a PX4 log with {asked}; name one by --topic: {listed(sorted(there))}.")
-    data = log.get_dataset(name).data
-    sheet = of_arrays(data)
-    of_sensor = name.startswith("sensor_gyro")
-    names = [f"gyro_{n}" if of_sensor and n in "xyz" else n for n in sheet.names]
-    units = ["us" if n == "timestamp" else "rad/s" if axis_of(n) else "" for n in names]
-    units = ["m/s^2" if n.startswith("accelerometer_m_s2") else u for n, u in zip(names, units, strict=True)]
-    return sheet._replace(names=names, units=units)
+    name, _, instance = topic.partition(":")
+    log = ULog(str(path), [name] if name else list(TOPICS))
+    name = name or next((known for known in TOPICS if any(one.name == known for one in log.data_list)), "")
+    there = {str(one.multi_id): one for one in log.data_list if one.name == name}
+    if not there:
+        names = sorted({one.name for one in ULog(str(path)).data_list})
+        asked = f"topic {topic}" if topic else f"topic {' or '.join(TOPICS)}"
+        raise UsageError(f"is a PX4 log with no {asked}; name one by --topic: {listed(names)}.")
+    each = [f"{name}:{number} ({_about(one.data)})" for number, one in there.items()]
+    if instance and instance not in there:
+        raise UsageError(f"is a PX4 log with no topic {topic}; it has {listed(each)}.")
+    if not instance and len(there) > 1:
+        what = f"which sensor is meant of {', '.join(each)}"
+        raise not_stated(str(path), [Missing(what, "--topic ?")])
+    data = there[instance].data if instance else next(iter(there.values())).data
+    sheet = _unpacked(data) if name == FIFO else of_arrays(data)
+    dropouts = [one.duration for one in log.dropouts]
+    text = f"{path}: the logger lost data {len(dropouts)} times, {sum(dropouts)} ms in all."
+    notes = (Note("missing_numbers", text),) if dropouts else ()
+    return replace(sheet, topic=f"{name}:{instance}" if instance else name, notes=notes)
+
+
+def _about(data: Mapping[str, Any]) -> str:
+    devices = np.unique(data["device_id"]).tolist() if "device_id" in data else []
+    device = f", device_id {', '.join(str(one) for one in devices)}" if len(devices) else ""
+    return f"{len(data['timestamp'])} messages{device}"
+
+
+def _unpacked(data: Mapping[str, Any]) -> Sheet:
+    """The samples of a sensor's queue, each message of which has the last one's time and some before it."""
+    axes = {
+        axis: sorted((n for n in data if n.startswith(f"{axis}[")), key=lambda n: int(n[2:-1]))
+        for axis in "xyz"
+    }
+    count = np.asarray(data["samples"], np.int64)
+    last_us, dt_us = (np.asarray(data[name], np.float64) for name in ("timestamp_sample", "dt"))
+    behind = count[:, np.newaxis] - 1 - np.arange(len(axes["x"]))
+    there = behind >= 0
+    took = np.diff(last_us, prepend=np.nan) / np.maximum(count, 1)  # dt is what the sensor should take
+    step_us = np.where(np.abs(took / dt_us - 1) < EVEN, took, dt_us)
+    columns = {"time_us": (last_us[:, np.newaxis] - behind * step_us[:, np.newaxis])[there]}
+    scale = np.asarray(data["scale"], np.float64)[:, np.newaxis]
+    for axis, names in axes.items():
+        columns[f"gyro_{axis}"] = (np.stack([data[name] for name in names], axis=1) * scale)[there]
+    sheet = of_arrays(columns, dict.fromkeys(columns, "rad/s") | {"time_us": "us"})
+    return replace(sheet, unit_evidence=("dialect", "PX4: counts times scale are rad/s"))

@@ -1,0 +1,169 @@
+"""Logs of ArduPilot (DataFlash, .bin). What their columns mean, `dialects.toml` says."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+
+from fltea.recording.files import Note, listed
+from fltea.recording.readers.arrays import of_arrays
+from fltea.recording.reading import Missing, not_stated
+from fltea.recording.sheet import Sheet
+from fltea.records.errors import UsageError
+
+MESSAGES = "GYR", "IMU", "ISB"
+"""Samples as the sensor gives them, filtered ones, batches of raw ones; the first that is there is read."""
+
+TYPES = {
+    "b": "i1",
+    "B": "u1",
+    "M": "u1",
+    "h": "<i2",
+    "H": "<u2",
+    "c": "<i2",
+    "C": "<u2",
+    "i": "<i4",
+    "I": "<u4",
+    "e": "<i4",
+    "E": "<u4",
+    "L": "<i4",
+    "f": "<f4",
+    "g": "<f2",
+    "d": "<f8",
+    "q": "<i8",
+    "Q": "<u8",
+    "n": "S4",
+    "N": "S16",
+    "Z": "S64",
+    "a": "(32,)<i2",
+}
+SCALES = {**dict.fromkeys("cCeE", 0.01), "L": 1e-7}
+"""What the letters of a format are: ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html."""
+
+OF_GYROSCOPE = 1
+"""In ISBH's column `type`."""
+
+SAMPLES = 32
+"""In one ISBD message."""
+
+
+def read(path: Path, topic: str) -> Sheet:
+    """Read the messages of one sensor: `GYR:1`, or `IMU`, or `1`."""
+    log = _Log(path)
+    there = {message: found for message in MESSAGES if (found := log.sensors(message))}
+    asked = re.fullmatch(r"(GYR|IMU|ISB)?(?:[:\[]?(\d+)\]?)?", topic.upper())
+    message = (asked[1] if asked else topic) or next(iter(there), "")
+    if message not in there:
+        what = f"no {message} messages" if message else f"no messages {' or '.join(MESSAGES)}"
+        has = f"those of {listed([*there])}" if there else f"{listed(log.names)}"
+        raise UsageError(f"is an ArduPilot log with {what}; it has {has}. Set LOG_BITMASK to log the IMU.")
+    sensors = there[message]
+    each = ", ".join(f"{message}:{number} ({len(rows)} messages)" for number, rows in sensors.items())
+    number = int(asked[2]) if asked and asked[2] else next(iter(sensors))
+    if number not in sensors:
+        raise UsageError(f"is an ArduPilot log without {message}:{number}; it has {each}.")
+    if len(sensors) > 1 and not (asked and asked[2]):
+        raise not_stated(str(path), [Missing(f"which sensor is meant of {each}", "--topic ?")])
+    others = [one for one in there if one != message]
+    notes = [f"{message} is read; there is {listed(others)} too (--topic)."] if others and not topic else []
+    if message == "ISB":
+        sheet = log.batches(sensors[number])
+        notes.append("ISB: batches of raw samples; the samples between two batches count as lost.")
+    else:
+        sheet = of_arrays(
+            {name: sensors[number][name] for name in sensors[number].dtype.names if name != "I"}
+        )
+    told = tuple(Note("reading", f"{path}: {text}") for text in notes)
+    return replace(sheet, topic=f"{message}:{number}", notes=told)
+
+
+class _Log:
+    """Messages by their names, as arrays."""
+
+    def __init__(self, path: Path) -> None:
+        from pymavlink.DFReader import DFReader_binary
+
+        self._log = DFReader_binary(str(path))
+        self._bytes = np.frombuffer(self._log.data_map, np.uint8)
+        self.names = sorted(name for name, key in self._log.name_to_id.items() if len(self._log.offsets[key]))
+
+    def offsets(self, name: str) -> Any:
+        """Where each message of a name begins."""
+        if name not in self._log.name_to_id:
+            return np.empty(0, np.int64)
+        key = self._log.name_to_id[name]
+        found = np.array(self._log.offsets[key], np.int64)
+        return found[found + self._log.formats[key].len <= len(self._bytes)]
+
+    def rows(self, name: str) -> Any:
+        """All messages of a name, a field a column."""
+        offsets = self.offsets(name)
+        if not len(offsets):
+            return np.empty(0, [("TimeUS", "<u8")])
+        form = self._log.formats[self._log.name_to_id[name]]
+        letters = form.format if isinstance(form.format, str) else form.format.decode("latin-1")
+        letters = letters.rstrip("\0")
+        packed = np.dtype(
+            [(column, TYPES[letter]) for column, letter in zip(form.columns, letters, strict=True)]
+        )
+        if packed.itemsize != form.len - 3:
+            raise ValueError(f"{name} declares {form.len} bytes, and its fields take {packed.itemsize + 3}")
+        found = self._bytes[offsets[:, np.newaxis] + np.arange(3, form.len)].view(packed)[:, 0]
+        scaled = {
+            column: SCALES[letter]
+            for column, letter in zip(form.columns, letters, strict=True)
+            if letter in SCALES
+        }
+        if not scaled:
+            return found
+        whole = np.empty(
+            len(found), [(n, "f8" if n in scaled else found.dtype[n]) for n in found.dtype.names]
+        )
+        for column in found.dtype.names:
+            whole[column] = found[column] * scaled[column] if column in scaled else found[column]
+        return whole
+
+    def sensors(self, message: str) -> dict[int, Any]:
+        """The messages of each sensor, by its number."""
+        if message == "ISB":
+            heads = self.rows("ISBH")
+            heads = heads[heads["type"] == OF_GYROSCOPE] if len(heads) else heads
+            return (
+                {int(k): heads[heads["instance"] == k] for k in np.unique(heads["instance"])}
+                if len(heads)
+                else {}
+            )
+        rows = self.rows(message)
+        if "I" in rows.dtype.names:
+            return {int(k): rows[rows["I"] == k] for k in np.unique(rows["I"])}
+        # Before version 4.1 each sensor had messages of its own: IMU, IMU2, IMU3, and ACC1, GYR1 and so on.
+        names = (
+            (message, *(f"{message}{k}" for k in (2, 3)))
+            if message == "IMU"
+            else [f"{message}{k}" for k in (1, 2, 3)]
+        )
+        return {k: found for k, name in enumerate(names) if len(found := self.rows(name))}
+
+    def batches(self, heads: Any) -> Sheet:
+        """The samples of batches, each of which has a head with its scale, its rate and its first time."""
+        data, begins = self.rows("ISBD"), self.offsets("ISBH")
+        every = self.rows("ISBH")
+        head = np.searchsorted(begins, self.offsets("ISBD")) - 1
+        data, head = data[head >= 0], every[head[head >= 0]]
+        ours = (
+            (head["N"] == data["N"])
+            & (head["type"] == OF_GYROSCOPE)
+            & (head["instance"] == heads["instance"][0])
+        )
+        data, head = data[ours], head[ours]
+        if not len(data) or (head["smp_rate"] <= 0).any() or (head["mul"] == 0).any():
+            raise UsageError("holds heads of batches (ISBH) without samples, a rate or a scale.")
+        place = data["seqno"][:, np.newaxis] * SAMPLES + np.arange(SAMPLES)
+        time_us = head["SampleUS"][:, np.newaxis] + place * (1e6 / head["smp_rate"][:, np.newaxis])
+        kept = place < head["smp_cnt"][:, np.newaxis]
+        columns = {f"gyro_{axis}": (data[axis] / head["mul"][:, np.newaxis])[kept] for axis in "xyz"}
+        units = {"time_us": "us", **dict.fromkeys(columns, "rad/s")}
+        sheet = of_arrays({"time_us": time_us[kept], **columns}, units)
+        return replace(sheet, unit_evidence=("dialect", "ArduPilot: counts of a batch by mul are rad/s"))

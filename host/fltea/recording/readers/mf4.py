@@ -1,0 +1,58 @@
+"""Measurements in vehicles (ASAM MDF): channels of groups, each group by a clock of its own."""
+
+import io
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+
+from fltea.recording.readers.arrays import of_arrays
+from fltea.recording.sample_times import Floats
+from fltea.recording.sheet import Sheet
+from fltea.records.errors import UsageError
+
+
+def read(path: Path, _: str) -> Sheet:
+    """Read the channels of all groups as they were measured: nothing is brought to another clock."""
+    from asammdf import MDF
+    from asammdf.blocks import mdf_v3, mdf_v4
+
+    for module in (mdf_v3, mdf_v4):  # the process may write nothing, and asammdf puts things aside in files
+        module.NamedTemporaryFile = lambda **_: io.BytesIO()
+    found: dict[str, Any] = {}
+    units: dict[str, str] = {}
+    with MDF(path) as file:
+        for number, group in enumerate(file.groups):
+            name = group.channel_group.acq_name or f"group{number}"
+            name = f"{name}_{number}" if any(known.startswith(f"{name}.") for known in found) else name
+            name = name.replace(".", "_")
+            master = file.masters_db.get(number)
+            for index, channel in enumerate(group.channels):
+                label = f"{name}.{'time' if index == master else channel.name.replace('.', '_')}"
+                if label in found:
+                    label = f"{label}#{index}"
+                found[label], units[label] = _values(file, number, index)
+    sheet = of_arrays(found, units)
+    groups, blocks = [array.partition(".")[0] for array in sheet.arrays], sheet.blocks
+
+    def of_one_clock(places: Sequence[int]) -> Iterator[Floats]:
+        used = sorted({groups[place] for place in places})
+        if len(used) > 1:
+            raise UsageError(
+                f"the columns that are read are of the groups {', '.join(used)}, and each has a clock "
+                "of its own. Name columns of one group with --columns."
+            )
+        return blocks(places)
+
+    return replace(sheet, blocks=of_one_clock)
+
+
+def _values(file: Any, group: int, index: int) -> tuple[Any, str]:
+    """The numbers of a channel, NaN where the file says that they are not valid, and their unit."""
+    signal = file.get(group=group, index=index, ignore_invalidation_bits=True)
+    values, invalid = signal.samples, signal.invalidation_bits
+    if invalid is not None and values.dtype.kind in "biuf" and values.ndim == 1:
+        values = np.where(np.asarray(invalid, bool), np.nan, values)
+    return values, signal.unit or ""

@@ -1,0 +1,73 @@
+"""Files of LabVIEW (TDMS): channels of groups, whose properties say units and how far samples are apart."""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+
+from fltea.recording.files import Note
+from fltea.recording.readers.arrays import NoNumbers, of_arrays, rate_of
+from fltea.recording.sheet import Sheet
+
+UNITS = "unit_string", "NI_UnitDescription", "unit", "units"
+_LEAD_IN = struct.Struct("<4sIIQQ")
+_STILL_WRITTEN = (1 << 64) - 1
+
+
+def read(path: Path, _: str) -> Sheet:
+    """Read all channels, by group and name, block by block."""
+    from nptdms import TdmsFile
+
+    found: dict[str, Any] = {}
+    units: dict[str, str] = {}
+    rates: dict[str, float] = {}
+    file = TdmsFile.open(path)
+    for group in file.groups():
+        for channel in group.channels():
+            name = f"{group.name}.{channel.name}"
+            is_text = channel.dtype.kind not in "biufM"
+            found[name] = NoNumbers("holds no numbers", len(channel)) if is_text else _Channel(channel)
+            units[name] = next(
+                (str(channel.properties[key]) for key in UNITS if key in channel.properties), ""
+            )
+            for key, value in channel.properties.items():
+                if (rate_hz := rate_of(key, value)) is not None:
+                    rates[f"{name}@{key}"] = rate_hz
+    segments = _segments(path)
+    text = (
+        f"{path}: was written in {segments} parts. Its rate says when samples follow each other, and nothing "
+    )
+    text += "says whether there is a pause between two parts; a column of times would."
+    notes = (Note("reading", text),) if segments > 1 and rates else ()
+    return replace(of_arrays(found, units, rates), notes=notes)
+
+
+class _Channel:
+    """A channel as an array, in its own scale."""
+
+    def __init__(self, channel: Any) -> None:
+        self._channel, self.shape = channel, (len(channel),)
+        self.dtype = np.dtype("M8[us]") if channel.dtype.kind == "M" else np.dtype(np.float64)
+
+    def __getitem__(self, rows: Any) -> Any:
+        if not isinstance(rows, slice):
+            return np.asarray(self._channel[:])[rows]
+        return np.asarray(self._channel[rows])
+
+
+def _segments(path: Path) -> int:
+    """How many parts a file has, each behind its length."""
+    count, at = 0, 0
+    with path.open("rb") as file:
+        while len(head := file.read(_LEAD_IN.size)) == _LEAD_IN.size:
+            magic, _, _, length, _ = _LEAD_IN.unpack(head)
+            if magic != b"TDSm":
+                break
+            count += 1
+            if length == _STILL_WRITTEN:
+                break
+            at += _LEAD_IN.size + length
+            file.seek(at)
+    return count
