@@ -1,13 +1,16 @@
 """Bags of ROS, made by the library `rosbags`."""
 
+import contextlib
 import json
 import shutil
+import sqlite3
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.writer import Writer as McapWriter
 from numpy.typing import ArrayLike, NDArray
 from rosbags.rosbag1 import Writer as Ros1Writer
@@ -169,22 +172,71 @@ def write_objects(
     return path
 
 
+def write_protobuf(path: Path, gyro: ArrayLike, arrival_ns: Sequence[int], comments: dict[str, str]) -> Path:
+    """Write robot.Imu in MCAP, with its rates as `rate`. comments: on the message (`Imu`) and its fields."""
+    field = descriptor_pb2.FieldDescriptorProto
+    files = descriptor_pb2.FileDescriptorSet()
+    file = files.file.add(name="imu.proto", package="robot", syntax="proto3")
+    vector, imu = file.message_type.add(name="Vector3"), file.message_type.add(name="Imu")
+    one = {"label": field.LABEL_OPTIONAL}
+    for number, axis in enumerate("xyz", 1):
+        vector.field.add(name=axis, number=number, type=field.TYPE_FLOAT, **one)
+    imu.field.add(name="timestamp_us", number=1, type=field.TYPE_UINT64, **one)
+    imu.field.add(name="gyro", number=2, type=field.TYPE_MESSAGE, type_name=".robot.Vector3", **one)
+    places = {"Imu": [4, 1], "timestamp_us": [4, 1, 2, 0], "gyro": [4, 1, 2, 1]}
+    for name, comment in comments.items():
+        file.source_code_info.location.add(path=places[name], span=[0, 0, 0], trailing_comments=comment)
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    message = message_factory.GetMessageClass(pool.FindMessageTypeByName("robot.Imu"))
+    with path.open("wb") as out:
+        writer = McapWriter(out)
+        writer.start()
+        schema = writer.register_schema("robot.Imu", "protobuf", files.SerializeToString())
+        channel = writer.register_channel("/imu", "protobuf", schema)
+        for arrival, row in zip(arrival_ns, np.asarray(gyro).tolist(), strict=True):
+            axes = dict(zip("xyz", row, strict=True))
+            data = message(timestamp_us=arrival // 1000, gyro=axes).SerializeToString()
+            writer.add_message(channel, int(arrival), data, int(arrival))
+        writer.finish()
+    return path
+
+
 def write_types(
     path: Path, topics: dict[str, tuple[str, str, Sequence[dict[str, Any]]]], arrival_ns: Sequence[int]
 ) -> Path:
     """Write a bag of types that ROS does not have. topics: by name type, definition, and messages."""
-    store = get_typestore(Stores.ROS1_NOETIC if path.suffix == ".bag" else Stores.ROS2_HUMBLE)
     ros1 = path.suffix == ".bag"
-    plugin = StoragePlugin.SQLITE3 if path.suffix == ".db3" else StoragePlugin.MCAP
-    writer: Any = Ros1Writer(path) if ros1 else Ros2Writer(path, version=9, storage_plugin=plugin)
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
+    rows = {}
+    for name, (kind, definition, messages) in topics.items():
+        store.register(get_types_from_msg(definition, kind))
+        serialise = store.serialize_ros1 if ros1 else store.serialize_cdr
+        rows[name] = [bytes(serialise(made(store, kind, fields), kind)) for fields in messages]
+    if path.suffix == ".mcap":
+        with path.open("wb") as file:
+            writer: Any = McapWriter(file)
+            writer.start("ros2")
+            for name, (kind, definition, _) in topics.items():
+                schema = writer.register_schema(kind, "ros2msg", definition.encode())
+                channel = writer.register_channel(name, "cdr", schema)
+                for arrival, data in zip(arrival_ns, rows[name], strict=True):
+                    writer.add_message(channel, int(arrival), data, int(arrival))
+            writer.finish()
+        return path
+    writer = Ros1Writer(path) if ros1 else Ros2Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
     with writer:
-        for name, (kind, definition, messages) in topics.items():
-            store.register(get_types_from_msg(definition, kind))
+        for name, (kind, _, _) in topics.items():
             connection = writer.add_connection(name, kind, typestore=store)
-            for arrival, fields in zip(arrival_ns, messages, strict=True):
-                message = made(store, kind, fields)
-                data = store.serialize_ros1(message, kind) if ros1 else store.serialize_cdr(message, kind)
-                writer.write(connection, int(arrival), bytes(data))
+            for arrival, data in zip(arrival_ns, rows[name], strict=True):
+                writer.write(connection, int(arrival), data)
+    for file in path.glob("*.db3"):  # rosbags leaves out comments
+        with contextlib.closing(sqlite3.connect(file)) as database, database:
+            for kind, definition, _ in topics.values():
+                database.execute(
+                    "UPDATE message_definitions SET encoded_message_definition = ? WHERE topic_type = ?",
+                    (definition, kind),
+                )
     return path
 
 

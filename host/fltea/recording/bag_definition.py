@@ -19,8 +19,13 @@ CODES = {
     **dict.fromkeys(("float32", "float"), "f4"),
     **dict.fromkeys(("float64", "double"), "f8"),
 }
-TIMES = {"time": ("u4", "secs", "nsecs"), "duration": ("i4", "secs", "nsecs")}
-"""Types of ROS 1 that are two numbers."""
+TIMES = {
+    "time": {"secs": "u4", "nsecs": "u4"},
+    "duration": {"secs": "i4", "nsecs": "i4"},
+    "builtin_interfaces/Time": {"sec": "i4", "nanosec": "u4"},
+    "builtin_interfaces/Duration": {"sec": "i4", "nanosec": "u4"},
+}
+"""Types of ROS 1 and ROS 2 that are two numbers, whether their definitions are there or not."""
 
 LIST = -1
 """In place of how many numbers a field has: 4 bytes before them tell it. A text is a list of bytes."""
@@ -53,11 +58,15 @@ class Field(NamedTuple):
 
 
 class Definition(NamedTuple):
-    """Fields in their order. is_whole: behind them nothing more comes. said: the comment on all of them."""
+    """Fields in their order. is_whole: behind them nothing more comes. said: the comment on all of them.
+
+    padding: bytes that may stand behind a message in CDR.
+    """
 
     fields: tuple[Field, ...]
     is_whole: bool = True
     said: str = ""
+    padding: int = LONGEST_PADDING
 
 
 @lru_cache(maxsize=64)
@@ -102,20 +111,20 @@ def _flat(
         if found is None:
             above.clear()
             continue
-        name, kind = before + found["name"], found["type"]
+        name, kind = before + found["name"], found["type"].replace("/msg/", "/")
         about = (found["said"] or "\n".join(above), *said)
         above.clear()
         count = None if found["many"] is None else int(found["count"] or LIST)
         count = LIST if found["atmost"] else count
-        if kind in CODES or (kind in ("string", "wstring") and count is None):
-            is_text = kind not in CODES
-            yield Field(name, "u1" if is_text else CODES[kind], LIST if is_text else count, about)
+        if kind in CODES:
+            yield Field(name, CODES[kind], count, about)
+        elif kind == "string" and count is None:
+            yield Field(name, "u1", LIST, about)
         elif kind in TIMES and count is None:
-            code, *ends = TIMES[kind]
-            yield from (Field(f"{name}.{end}", code, None, about) for end in ends)
+            yield from (Field(f"{name}.{end}", code, None, about) for end, code in TIMES[kind].items())
         else:
             body = _body_of(kind, parts)
-            if body is None or count == LIST or not depth or kind == "wstring":
+            if body is None or count == LIST or not depth:
                 yield None
                 return
             for i in range(1 if count is None else min(count, MOST_FIELDS)):
@@ -124,7 +133,7 @@ def _flat(
 
 
 def _body_of(kind: str, parts: dict[str, str]) -> str | None:
-    kind = "std_msgs/Header" if kind == "Header" else kind.replace("/msg/", "/")
+    kind = "std_msgs/Header" if kind == "Header" else kind
     alike = [name for name in parts if name == kind or ("/" not in kind and name.endswith(f"/{kind}"))]
     return parts[alike[0]] if alike else None
 
@@ -189,7 +198,7 @@ def _read(
         layouts = [layout for layout in after if layout[1] <= size]
     for rows, at, places in layouts:
         left = size - at
-        if not definition.is_whole or 0 <= left <= (LONGEST_PADDING if widest > 1 else 0):
+        if not definition.is_whole or 0 <= left <= (definition.padding if widest > 1 else 0):
             columns = [_numbers(data[rows], places[name][0], order + places[name][1]) for name in wanted]
             yield rows, np.column_stack(columns)
 

@@ -76,6 +76,9 @@ _PLACE = re.compile(r"(.+)(?:\.([xyz])|\[([012])\])")
 MOST_CHARS = 4000
 """Of a text in which a unit is looked for."""
 
+PX4_PADDING = 3
+"""Bytes; a release that has a field more before the axes has more."""
+
 PX4_AXES = {"SensorCombined": "gyro_rad", "VehicleAngularVelocity": "xyz"}
 
 
@@ -175,7 +178,11 @@ def _px4_layout(name: str, own: Definition | None) -> Layout:
     def axes(array: str) -> tuple[str, ...]:
         return tuple(f"{array}[{i}]" for i in range(3))
 
-    definitions = (own,) if own is not None else tuple(map(parse_definition, PX4[name]))
+    definitions = (
+        (own,)
+        if own is not None
+        else tuple(parse_definition(text)._replace(padding=PX4_PADDING) for text in PX4[name])
+    )
     time = (
         "timestamp_sample"
         if any(f.name == "timestamp_sample" for f in definitions[0].fields)

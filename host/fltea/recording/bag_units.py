@@ -21,7 +21,7 @@ from fltea.records.errors import UsageError
 from fltea.records.units import SQRT_HOUR
 from fltea.settings.how import How
 
-CLUSTER_S, CLUSTERS, FEWEST = 0.1, 32, 8
+CLUSTER_S, CLUSTERS, FEWEST = 0.1, 16, 8
 """Means over a tenth of a second tell N where a low-pass has taken the noise of single samples, too."""
 
 QUIET = 0.1
@@ -199,6 +199,7 @@ def check_rates(
         lines = filter(None, [table({unit: "", "deg/s": ""}), accel.problem])
         raise NotStated(
             f"{where}: {title(layout.gyro)} are in {unit} by {rate.said.why}, and drivers break this "
-            f"convention: at rest N would be {high:.3g} deg/√h and the mean {off:.3g} deg/s, in deg/s {noise:.2g} and "
-            f"{mean:.2g}. Say which it is, with the right value for the ?: {command}\n" + "\n".join(lines)
+            f"convention: at rest N would be {high:.3g} deg/√h and the mean {off:.3g} deg/s, in deg/s "
+            f"{noise:.2g} and {mean:.2g}. Say which it is, with the right value for the ?: {command}\n"
+            + "\n".join(lines)
         )
