@@ -38,7 +38,7 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     "" where the names or a row of units say it. gyro_scale: the name of a number in the head (`NAME,NUMBER`),
     by which the numbers are multiplied. ask_unit: where the file cannot tell the unit: what it may be, and
     when. accel, accel_unit, accel_scale: the same of the accelerometer. time: the columns of times, the best
-    first. time_unit: s, ms, us or ns; time_ticks: so many of that unit are 1; time_scale: the name of a number
+    first; `A+B` are seconds and the nanoseconds that are added to them. time_unit: s, ms, us or ns; time_ticks: so many of that unit are 1; time_scale: the name of a number
     in the head. convention: others write these names too, in other units: what it says is a convention. rate: a regular expression for the head, whose first group is the rate in Hz. sensor: the
     column that tells several sensors apart. no_time: columns that are no times, whatever they are called.
     unread: why there is no gyroscope in it. note: what the user has to know.

@@ -46,6 +46,9 @@ PREFERRED_TIMES = (
 )
 """Which of several columns of times, the first rule that any fits."""
 
+_TWO_FIELDS = re.compile(r"(\d+)\+(\d+)")
+"""Whole seconds and nanoseconds, by position."""
+
 MOST_TURNS = 16
 
 
@@ -238,6 +241,10 @@ class Choice:
             return None, given, 1.0, None, 0.0
         if place in (parts := split_seconds(self.names)):
             return place, "s", 1.0, *parts[place]
+        if by_dialect and self.dialect is not None:
+            for two in map(_TWO_FIELDS.fullmatch, self.dialect.time):
+                if two is not None and two[1] == self.names[place]:
+                    return place, "s", 1.0, self.names.index(two[2]), 1e-9
         stated = time_unit(self.units[place]) or time_unit_of(self.names[place])
         unit: TimeUnit | None = given or stated
         if None not in (given, stated) and given != stated and not self.how.overrule:
@@ -261,7 +268,8 @@ class Choice:
         of_dialect = [
             place
             for pattern in (dialect.time if dialect is not None else ())
-            for place in columns_of([[pattern]], names)
+            for place in columns_of([[_TWO_FIELDS.sub(r"\1", pattern)]], names)
+            if not self._is_empty(place)
         ]
         if self.wanted.time is not None:
             place = self.labels.index(self.wanted.time)
@@ -273,7 +281,11 @@ class Choice:
             return next(iter(parts)), False
         none = dialect.no_time if dialect is not None else ()
         left = [
-            k for k in range(len(names)) if k not in gyro and not columns_of([[p] for p in none], [names[k]])
+            place
+            for place, name in enumerate(names)
+            if place not in gyro
+            and not self._is_empty(place)
+            and not any(re.fullmatch(pattern, name) for pattern in none)
         ]
         named = times_in([names[k] for k in left])
         found = [k for k in left if names[k] == TIME_COLUMN] or [k for k in left if names[k] in named]
@@ -286,6 +298,12 @@ class Choice:
                 )
             )
         return (found[0] if found else None), False
+
+    def _is_empty(self, place: int) -> bool:
+        """Whether none of the first rows has a number in a column."""
+        values = self.facts.sample()
+        fits = values.ndim == 2 and values.shape[1] == len(self.names) and len(values) > 0
+        return fits and not bool(np.isfinite(values[:, place]).any())
 
     def rate(self, time: int | None) -> float | None:
         """Find the rate that is given or stated."""

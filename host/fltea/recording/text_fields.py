@@ -3,6 +3,7 @@
 import contextlib
 import csv
 import math
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,6 +18,8 @@ COMMENTS = ("#", "%", "//")
 
 MOST_COLUMNS = 10_000
 """Names in a line; a file of text may hold lines of a million."""
+
+_WORDS = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\[\]]*\]|\([^()]*\)))?\S*")
 
 MOST_KINDS = 20
 """First words of lines beyond which they tell no kinds of rows apart."""
@@ -61,6 +64,11 @@ def split(line: str, separator: str | None) -> list[str]:
     else:
         fields = line.rstrip("\r\n").split(separator)
     return [field.strip().strip('"').strip() for field in fields]
+
+
+def words_with_units(line: str) -> list[str]:
+    """The words of a line that blanks separate; a unit in brackets belongs to the word before it."""
+    return _WORDS.findall(line) if "[" in line or "(" in line else split(line, None)
 
 
 def bare_fields(line: str) -> list[str]:
@@ -127,4 +135,7 @@ def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag
 def _value(field: Any) -> float:
     if isinstance(field, str):
         return float(field.replace(",", ".")) if is_number(field) else math.nan
-    return float(field) if isinstance(field, int | float) else math.nan
+    try:
+        return float(field) if isinstance(field, int | float) else math.nan
+    except OverflowError:
+        return math.nan

@@ -26,6 +26,7 @@ from fltea.recording.text_fields import (
     separator_of,
     split,
     units_in,
+    words_with_units,
 )
 from fltea.recording.text_labels import decode_object, labelled, values_in
 from fltea.recording.wanted import is_missing, is_number, wanted_of
@@ -95,6 +96,7 @@ class LayoutFinder:
         self._units: list[str] | None = None
         self._chosen: Chosen | None = None
         self._why_no_row = ""
+        self._kinds_of: tuple[int, dict[str, int]] = -1, {}
 
     def take(self, number: int, line: str) -> Layout | None:
         """Look at the next line; the layout if it is a row.
@@ -110,7 +112,7 @@ class LayoutFinder:
             found = self._of_object(number, line)
         else:
             numbers = not comment and all_numbers(line)
-            header = None if numbers or (comment and self._has_kinds()) else self.header_of(line)
+            header = None if numbers or self._has_kinds() else self.header_of(line)
             if header is not None:
                 self._header, self._units, self._chosen = _Header(number, line.strip(), *header), None, None
                 return None
@@ -140,7 +142,7 @@ class LayoutFinder:
         else:  # a line end separates nothing: this is one name with blanks, rather if a unit ends it
             separators = ["\n", None] if ONE_WITH_UNIT.fullmatch(text) else [None, "\n"]
         for separator in separators:
-            names = split(text, separator)
+            names = words_with_units(text) if separator is None else split(text, separator)
             if (
                 separator is None
                 and not self._wanted.by_position
@@ -151,12 +153,12 @@ class LayoutFinder:
                 return names, separator, separator is None or is_comment(line)
         return None
 
-    def _are_names(self, names: Sequence[str]) -> bool:
+    def _are_names(self, names: Sequence[str], units: Sequence[str] = ()) -> bool:
         """Whether the fields of a line name the columns that are meant."""
         wanted = self._wanted
         if wanted.columns is None:
             has_times = wanted.time is None or wanted.time in names
-            known = bool(axes_of(names)) or dialect_of(names, self._facts(names, None)) is not None
+            known = bool(axes_of(names, units)) or dialect_of(names, self._facts(names, None)) is not None
             return has_times and known
         is_row = wanted.by_position and any(is_number(field) and not field.isdecimal() for field in names)
         return wanted.is_in(names) and not is_row
@@ -194,7 +196,7 @@ class LayoutFinder:
         """What is known beside the names of columns that a separator parts."""
         count = width or len(names or ())
         return Facts(
-            "\n".join([*self.head, self._newest]),
+            "\n".join(self._sample()[:MOST_BEFORE] if tag else [*self.head, self._newest]),
             self._where.rpartition("/")[2].rpartition(":")[0] or self._where.rpartition("/")[2],
             sample=lambda: sample_of(self._sample(), names, count, tag),
         )
@@ -242,7 +244,8 @@ class LayoutFinder:
             return None
         facts = self._facts(None, separator, len(fields), tag)
         if self._wanted.columns is None:
-            if all(map(is_number, fields[1:])) and dialect_of((), facts, tag=tag, fields=len(fields)):
+            are_numbers = 2 * sum(map(is_number, fields)) > len(fields)
+            if are_numbers and dialect_of((), facts, tag=tag, fields=len(fields)):
                 chosen = choose(f"{self._where}:{number}", None, None, len(fields), self._how, facts, tag)
                 return _layout(chosen, separator, fields, len(fields), number)
             return None
@@ -260,7 +263,7 @@ class LayoutFinder:
             return ""
         if self._how.topic == tag:
             return tag
-        kinds = kinds_of(self._sample())
+        kinds = self._kinds()
         if self._how.topic in kinds:
             return None
         if tag not in kinds:
@@ -273,8 +276,15 @@ class LayoutFinder:
         """Whether a dialect knows the rows by what they begin with; comments then name columns of all kinds."""
         return any(
             dialect_of((), self._facts(None, None, width, kind), tag=kind, fields=width)
-            for kind, width in kinds_of(self._sample()).items()
+            for kind, width in self._kinds().items()
         )
+
+    def _kinds(self) -> dict[str, int]:
+        """The first words of the lines at hand; looked for again only where there are more lines."""
+        lines = self._sample()
+        if self._kinds_of[0] != len(lines):
+            self._kinds_of = len(lines), kinds_of(lines)
+        return self._kinds_of[1]
 
     def _of_object(self, number: int, line: str) -> Layout | None:
         try:
@@ -293,9 +303,11 @@ class LayoutFinder:
 
     def _of_labels(self, number: int, line: str) -> Layout | None:
         found = labelled(line) if self._header is None else None
-        if found is None or self._wanted.by_position or not self._are_names(list(found.values)):
+        if found is None or self._wanted.by_position:
             return None
         names, units = list(found.values), list(found.units.values())
+        if not self._are_names(names, units):
+            return None
         facts = self._facts(names, None)
         chosen = choose(f"{self._where}:{number}", names, units, len(names), self._how, facts)
         return Layout(chosen, None, values_in, 0, 0, 0, number)

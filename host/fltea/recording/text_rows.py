@@ -231,7 +231,7 @@ class TextReader:
         """Whether the columns of a new header can go on where those of the one before ended."""
 
         def kind(of: Chosen) -> tuple[object, ...]:
-            return len(of.gyro), of.lsb, of.time is None, of.time_unit, len(of.accel), of.factor
+            return len(of.gyro), of.lsb, of.time is None, of.time_unit, len(of.accel)
 
         return self.chosen is None or kind(chosen) == kind(self.chosen)
 
