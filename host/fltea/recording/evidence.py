@@ -401,7 +401,7 @@ def axes_of(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, int]:
     units: of the columns, where a row of them stands beside.
     """
     ours = {axis[-1]: names.index(f"{axis}_dps") for axis in AXES if f"{axis}_dps" in names}
-    if ours:
+    if ours and all(names.count(names[place]) == 1 for place in ours.values()):
         return ours
     found: dict[str, int] = {}
     for place, name in enumerate(names):
