@@ -17,14 +17,13 @@ from fltea.recording.bag_units import (
     at_rest,
     check_rates,
     measured_accel,
-    options_of,
     scales,
 )
 from fltea.recording.candidates import units_table
 from fltea.recording.files import AT_ONCE, Note, Recording, Stored, check_span, listed
 from fltea.recording.message_stamps import Stamps, Times, even, is_arrival, is_uneven, judge
 from fltea.recording.npz_arrays import NUMBER_BYTES
-from fltea.recording.reading import Answer, Missing, not_stated
+from fltea.recording.reading import Answer, Missing, given_options, not_stated
 from fltea.recording.sample_times import SECONDS, Floats, Ints
 from fltea.recording.session import LATEST_NS
 from fltea.recording.spool import Spool
@@ -63,8 +62,8 @@ class Gathered:
         self._topic, self._layout = topic, layout
         self._rate, self._accel, self._notes = scales(self._where, layout, how)
         self._time_s = _given_clock(self._where, layout, how)
-        self._clock_by = "given", "--time-unit"
         self._is_whole = True
+        self._unread: list[Answer] = []
         self._spool = Spool()
         self._waiting: list[tuple[int, bytes]] = []
         self._last: NDArray[np.int64] | None = None
@@ -147,7 +146,7 @@ class Gathered:
         check_span(self._path, rate_hz, n, last / rate_hz)
         if not (self._accel_moves and self._measured_accel):
             self._spool.drop("accel")
-        rate, accel = self._units(rate_hz, notes)
+        rate, accel = self._units(rate_hz)
         arrival_ns: Times = self._spool.whole("arrival")
         start_ns = int(arrival_ns[0])
         sane = bool((arrival_ns > 0).all() and (arrival_ns <= LATEST_NS).all())
@@ -163,11 +162,11 @@ class Gathered:
         reading = self._answers(rate, accel, clock)
         return Stored(n, rate_hz, lsb, None, blocks, tuple(notes), start_ns if sane else 0, reading=reading)
 
-    def _units(self, rate_hz: float, notes: list[Note]) -> tuple[Scale, Scale | None]:
+    def _units(self, rate_hz: float) -> tuple[Scale, Scale | None]:
         """The units of both sensors, against what the numbers show at rest."""
         there = ["gyro", *(["accel"] if "accel" in self._spool else [])]
         table = partial(units_table, next(iter(self._spool.blocks(["gyro"], SHOWN)))[0], rate_hz)
-        options = options_of(self._how)
+        options = given_options(self._how)
         if self._rate is None:
             missing = Missing(f"the unit of {title(self._layout.gyro)}", "--units ?")
             raise not_stated(self._where, [missing], options, table())
@@ -181,8 +180,8 @@ class Gathered:
             accel = found.scale
         if accel is None and "accel" in self._spool:
             self._spool.drop("accel")
-            text = f"{title(self._layout.accel)} are not read, since nothing says their unit: --accel-units ?"
-            notes.append(Note("reading", f"{self._where}: {text}"))
+            why = f"nothing says the unit of {title(self._layout.accel)}; --accel-units says it"
+            self._unread = [Answer("accelerometer", "not read", "missing", why)]
         return self._rate, accel
 
     def _answers(self, rate: Scale, accel: Scale | None, clock: Answer) -> tuple[Answer, ...]:
@@ -195,7 +194,7 @@ class Gathered:
         if accel is not None and "accel" in self._spool:
             value = f"{title(layout.accel)} in {accel.said.unit}"
             answers.append(Answer("accelerometer", value, accel.said.evidence, accel.said.why))
-        return tuple(answers)
+        return (*answers, *self._unread)
 
     def _clean_accel(self) -> None:
         """Leave out messages whose acceleration is none; if most are so, leave out the acceleration."""
@@ -267,7 +266,7 @@ class Gathered:
                 missing = Missing(
                     f"the rate: neither header stamps nor arrivals tell it ({error})", "--rate ?"
                 )
-                raise not_stated(self._where, [missing], options_of(self._how)) from error
+                raise not_stated(self._where, [missing], given_options(self._how)) from error
             clock = Answer("clock", f"{given_hz:g} Hz", "given", "--rate")
             return even(1e9 / given_hz), True, clock, []
         problems += _of_stamps(stamps, len(stamp_ns))

@@ -5,7 +5,6 @@ length of gravity tells the one, and what noise MEMS gyroscopes have the other, 
 """
 
 import math
-import shlex
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
@@ -14,7 +13,7 @@ import numpy as np
 from fltea.recording.bag_imu import Layout, Said, title
 from fltea.recording.candidates import gravity_unit
 from fltea.recording.files import Note
-from fltea.recording.reading import NotStated
+from fltea.recording.reading import ASK, NotStated
 from fltea.recording.sample_times import Floats
 from fltea.recording.units import parse_accel_unit, parse_units
 from fltea.records.errors import UsageError
@@ -127,19 +126,6 @@ def at_rest(blocks: Iterable[Sequence[Floats]], rate_hz: float) -> Rest | None:
     return Rest(mean, np.median(noises[quiet], axis=0), of_gravity, moves)
 
 
-def options_of(how: How) -> list[str]:
-    """Return what the user says, as options of a command."""
-    said = {
-        "--topic": how.topic,
-        "--units": how.units,
-        "--accel-units": how.accel_units,
-        "--rate": None if how.rate_hz is None else f"{how.rate_hz:g}",
-        "--time-unit": how.time_unit,
-    }
-    found = [f"{flag} {shlex.quote(value)}" for flag, value in said.items() if value is not None]
-    return [*found, *(["--overrule"] if how.overrule else [])]
-
-
 class AtRest(NamedTuple):
     """What is known of an accelerometer once it is compared with gravity.
 
@@ -200,6 +186,5 @@ def check_rates(
         raise NotStated(
             f"{where}: {title(layout.gyro)} are in {unit} by {rate.said.why}, and drivers break this "
             f"convention: at rest N would be {high:.3g} deg/√h and the mean {off:.3g} deg/s, in deg/s "
-            f"{noise:.2g} and {mean:.2g}. Say which it is, with the right value for the ?: {command}\n"
-            + "\n".join(lines)
+            f"{noise:.2g} and {mean:.2g}. {ASK}{command}\n" + "\n".join(lines)
         )

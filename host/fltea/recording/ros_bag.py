@@ -40,7 +40,6 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
 
 
 def _open(path: Path, how: How, limits: Limits) -> Stored:
-    _check(path, how)
     counts: dict[Topic, int] = {}
     layouts: dict[Topic, Layout | None] = {}
     notes: list[Note] = []
@@ -76,16 +75,6 @@ def _open(path: Path, how: How, limits: Limits) -> Stored:
     )
     reading = (Answer("sensor", f"topic {name}", *by), *stored.reading)
     return stored._replace(about=_about(chosen, counts), topic=chosen.name, reading=reading)
-
-
-def _check(path: Path, how: How) -> None:
-    """Raise UsageError for what nobody can say of a bag."""
-    if how.columns is not None or how.time_column is not None:
-        flag = "--time-column" if how.columns is None else "--columns"
-        raise UsageError(
-            f"{path}: {flag} is for text and tables; the type of the messages tells which fields are the "
-            "axes and the times. Leave it out; of several topics --topic names one."
-        )
 
 
 def _layout(path: Path, batch: Batch) -> Layout | None:
