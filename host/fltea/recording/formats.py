@@ -165,7 +165,7 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
             "a bag of ROS",
             "[bags of ROS](../cookbook/ros.md) 1 and 2, and `.mcap` with messages of JSON or protobuf",
             (".bag", ".active", ".db3", ".zstd"),
-            _each("json.mcap protobuf.mcap"),
+            _each("json.mcap protobuf.mcap", "--units rad/s"),
             magic=(b"#ROSBAG V", b"SQLite format 3\0"),
             opener="fltea.recording.ros_bag:open_bag",
             extra="ros",
