@@ -2,9 +2,12 @@
 
 import inspect
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from xml.etree import ElementTree
 
 import fltea
@@ -14,6 +17,7 @@ from fltea.api import series
 from fltea.api._check import PARAMETERS, in_python
 from fltea.documents.curves import Curve, log_log
 from fltea.identification.load import Request, load
+from fltea.recording.reading import Answer
 from fltea.settings.how import How
 from fltea.settings.setting import declared
 from identify_files import LSB_PER_DPS, RATE_HZ, counts, identify_axis, npz
@@ -35,12 +39,74 @@ def test_an_array_gets_the_verdict_of_the_command() -> None:
 
 def test_options_leave_bands_out() -> None:
     y = NOISE + np.sin(2 * np.pi * 20 * np.arange(3000) / 100)
-    assert fltea.identify(y, 100.0).verdict == "line"
-    assert fltea.identify(y, 100.0, notch_hz=[(19, 21)]).verdict == "white"
+    assert fltea.identify(y, 100.0, unit="deg/s").verdict == "line"
+    assert fltea.identify(y, 100.0, unit="deg/s", notch_hz=[(19, 21)]).verdict == "white"
+
+
+@pytest.mark.parametrize(
+    ("unit", "shown", "one"),
+    [
+        ("rad/s", "deg/s", math.degrees(1)),
+        ("mdps", "deg/s", 1e-3),
+        ("deg/h", "deg/s", 1 / 3600),
+        ("lsb:16.4", "deg/s", 1 / 16.4),
+        ("g", "m/s²", 9.80665),
+        ("m/s^2", "m/s²", 1.0),
+    ],
+)
+def test_figures_are_in_two_units_whatever_the_samples_are_in(unit: str, shown: str, one: float) -> None:
+    found = fltea.identify(NOISE + 5, 100.0, unit=unit, lsb=0.001)
+    own = identify_axis((NOISE + 5) * one, 0.01, 0.001 * one)
+    assert (found.unit, found.mean, found.std) == (shown, own.mean, own.std)
+    assert own.level.N.value == found.allan.N
+    live = fltea.Live(100.0, "a", unit=unit)
+    told = live.add(NOISE + 5)
+    np.testing.assert_allclose((told.rate + told.bias)[1000:], (NOISE[1000:] + 5) * one, rtol=1e-12)
+    assert (live.unit, live.fit()["a"].unit) == (shown, shown)
+    noise = fltea.simulate(600, alpha=0.5, f=-1.0, Q=0.0, R=1.0, unit=unit, window=1, warmup=0)
+    assert noise.y.std() == pytest.approx(1.0, rel=0.1)
+    assert (noise.identify().unit, noise.identify().std) == (shown, pytest.approx(noise.y.std(ddof=1) * one))
+
+
+def test_whole_counts_are_a_resolution_and_other_numbers_are_not() -> None:
+    for y, lsb in ((np.rint(0.2 * NOISE), 1 / 131), (0.2 * NOISE, None)):
+        found = fltea.identify(y, 100.0, unit="lsb:131")
+        alone = [fltea.identify(y * (1 / 131), 100.0, unit="dps", lsb=one) for one in (1 / 131, None)]
+        assert alone[0] != alone[1]
+        assert found == alone[lsb is None]
+
+
+def test_a_unit_that_is_not_said_is_asked_for_with_what_each_would_mean() -> None:
+    y = np.radians(0.3 + 0.4 / 60 * 10 * NOISE)  # N 0.4 deg/√h
+    with pytest.raises(ValueError, match="nothing says the unit of the samples") as error:
+        fltea.identify(y, 100.0)
+    said = str(error.value)
+    assert re.search(r"unit='rad/s' +N in deg/√h 0\.4\d?; mean in deg/s 0\.3\n", said)
+    assert re.search(r"unit='deg/s' +N in deg/√h 0\.007\d?; mean in deg/s 0\.005\d\n", said)
+    assert "--" not in said
+    for call in (lambda: fltea.Live(100.0), lambda: fltea.Live(100.0, unit=None)):
+        with pytest.raises(
+            ValueError, match=r"unit='rad/s', unit='deg/s' .* unit='g' of an accelerometer\.$"
+        ):
+            call()
+    with pytest.raises(TypeError, match="unit"):
+        fltea.simulate(600, alpha=0.5, f=-1.0, Q=0.1, R=0.0)
+
+
+@pytest.mark.parametrize("unit", ["furlongs", "", "lsb:0", "rad", 9.81])
+def test_a_unit_that_is_none_is_refused(unit: Any) -> None:
+    for call in (
+        lambda: fltea.identify(NOISE, 100.0, unit=unit),
+        lambda: fltea.Live(100.0, unit=unit),
+        lambda: fltea.simulate(600, alpha=0.5, f=-1.0, Q=0.1, R=0.0, unit=unit),
+    ):
+        with pytest.raises(ValueError, match=r"of a gyroscope deg/s, .* got ") as error:
+            call()
+        assert "--" not in str(error.value)
 
 
 def test_every_name_of_the_api_can_be_called() -> None:
-    assert fltea.identify(NOISE, 100.0).verdict == "white"
+    assert fltea.identify(NOISE, 100.0, unit="deg/s").verdict == "white"
     assert set(fltea.__all__) <= set(dir(fltea))
     assert all(callable(getattr(fltea, name)) for name in set(fltea.__all__) - {"__version__"})
     with pytest.raises(AttributeError, match="no attribute 'Identity'"):
@@ -66,11 +132,11 @@ def test_import_is_light() -> None:
 )
 def test_misuse_is_told(y: object, rate_hz: float, told: str) -> None:
     with pytest.raises(ValueError, match=told):
-        fltea.identify(y, rate_hz)
+        fltea.identify(y, rate_hz, unit="deg/s")
 
 
 def test_live_takes_arrays_of_any_length() -> None:
-    whole, parts = fltea.Live(100.0, ["a", "b"]), fltea.Live(100.0, ["a", "b"])
+    whole, parts = (fltea.Live(100.0, ["a", "b"], unit="deg/s") for _ in range(2))
     y = np.random.default_rng(1).standard_normal((2000, 2))
     whole.add(y)
     for begin, end in ((0, 1), (1, 1), (1, 700), (700, 2000)):
@@ -93,7 +159,7 @@ def test_rates_less_their_bias_integrate_to_a_heading_that_is_as_far_off_as_is_s
     walk = np.cumsum(rng.normal(0, 0.0005, (rest + turn, axes)), axis=0)
     y = 0.5 + walk + rng.normal(0, 0.14, walk.shape)
     rate = 20 * np.sin(np.arange(turn) / 100)[:, None]
-    live = fltea.Live(100.0, [str(axis) for axis in range(axes)])
+    live = fltea.Live(100.0, [str(axis) for axis in range(axes)], unit="deg/s")
     still = live.add(y[:rest])
     np.testing.assert_allclose(still.rate, y[:rest] - still.bias)
     assert not still.moving.any()
@@ -121,7 +187,7 @@ def test_samples_of_one_axis_come_back_in_their_shape() -> None:
 
 
 def test_misuse_of_live_is_told_and_takes_nothing() -> None:
-    live = fltea.Live(100.0, "a")
+    live = fltea.Live(100.0, "a", unit="deg/s")
     for y, told in (([[1.0, 2.0]], "column an axis"), ([1.0, np.nan], "skip"), (1.0, "column an axis")):
         with pytest.raises(ValueError, match=told):
             live.add(y)
@@ -129,9 +195,9 @@ def test_misuse_of_live_is_told_and_takes_nothing() -> None:
         live.skip(0)
     for axes in ([], ["a", "a"]):
         with pytest.raises(ValueError, match="each of them once"):
-            fltea.Live(100.0, axes)
+            fltea.Live(100.0, axes, unit="deg/s")
     with pytest.raises(ValueError, match="memory must be a time"):
-        fltea.Live(100.0, memory="soon")
+        fltea.Live(100.0, unit="deg/s", memory="soon")
     assert live.samples == 0
     assert live.fit()["a"].verdict == "too few samples"
 
@@ -143,7 +209,9 @@ def test_a_recording_is_its_axes(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found["gyro_y"], raw[:, 1] / LSB_PER_DPS)
     assert (found.rate_hz, found.units["gyro_x"], found.counts.used) == (RATE_HZ, "deg/s", 1500)
     report = found.identify()
-    assert report["gyro_x"] == fltea.identify(found["gyro_x"], RATE_HZ, axis="gyro_x", lsb=1 / LSB_PER_DPS)
+    assert report["gyro_x"] == fltea.identify(
+        found["gyro_x"], RATE_HZ, unit="deg/s", axis="gyro_x", lsb=1 / LSB_PER_DPS
+    )
     assert "a&lt;b&gt;.npz" in found._repr_html_()
     assert found.to_pandas().shape == (1500, 2)
     assert list(report.to_pandas().index) == ["gyro_y", "gyro_x"]
@@ -176,6 +244,30 @@ def test_a_recording_in_parquet(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.diff(table["time_s"]), 1 / RATE_HZ)
 
 
+def test_a_recording_tells_how_it_was_read_in_the_words_of_a_call(tmp_path: Path) -> None:
+    loaded = load(Request((npz(tmp_path / "a.npz", counts(600)),)))
+    said = (Answer("unit", "rad/s", "given", "--units"), Answer("columns", "gx, <b>", "stated", "the names"))
+    found = fltea.Recording("a.npz", SimpleNamespace(**{**loaded._asdict(), "h": loaded.h, "reading": said}))
+    assert [str(one) for one in found.reading] == ["rad/s (given: units)", "gx, <b> (stated: the names)"]
+    shown = found._repr_html_()
+    assert "<tr><th>unit</th><td>rad/s (given: units)</td></tr>" in shown
+    assert "gx, &lt;b&gt; (stated" in shown
+
+
+def test_what_a_call_says_of_a_recording_is_how_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Request] = []
+    monkeypatch.setattr("fltea.api.recording.load", lambda one: asked.append(one) or load(Request(one.paths)))
+    path = npz(tmp_path / "a.npz", counts(600))
+    fltea.open(path, units="rad/s", accel_units="g", topic="1/2", overrule=True)
+    fltea.open(path, columns=["a", 2], time_column=3, time_unit="ms", rate_hz=50)
+    assert [one.how for one in asked] == [
+        How(units="rad/s", accel_units="g", topic="1/2", overrule=True),
+        How(columns=["a", "2"], time_column="3", time_unit="ms", rate_hz=50),
+    ]
+
+
 def test_a_library_that_is_missing_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     found = fltea.open(npz(tmp_path / "a.npz", counts(600)))
     for library, call in (
@@ -199,7 +291,7 @@ def test_a_recording_that_is_none(tmp_path: Path) -> None:
 
 def test_simulated_noise_is_that_of_its_seed() -> None:
     def draw(seed: int) -> fltea.Simulated:
-        return fltea.simulate(600, alpha=0.5, f=-1.0, Q=0.1, R=0.0, warmup=100, seed=seed)
+        return fltea.simulate(600, alpha=0.5, f=-1.0, Q=0.1, R=0.0, unit="deg/s", warmup=100, seed=seed)
 
     a, b, c = draw(1), draw(1), draw(2)
     np.testing.assert_array_equal(a.y, b.y)
@@ -207,7 +299,7 @@ def test_simulated_noise_is_that_of_its_seed() -> None:
     assert (a.y != c.y).all()
     assert list(a.to_pandas().columns) == ["y", "state"]
     with pytest.raises(ValueError, match="1 or more"):
-        fltea.simulate(0, alpha=0.5, f=-1.0, Q=0.1, R=0.0)
+        fltea.simulate(0, alpha=0.5, f=-1.0, Q=0.1, R=0.0, unit="deg/s")
 
 
 @pytest.mark.parametrize(
@@ -220,13 +312,13 @@ def test_simulated_noise_is_that_of_its_seed() -> None:
 )
 def test_noise_that_runs_away_is_refused(alpha: float, f: float, rate_hz: float, told: str) -> None:
     with pytest.raises(ValueError, match=told):
-        fltea.simulate(3000, rate_hz, alpha=alpha, f=f, Q=1.0, R=0.0)
+        fltea.simulate(3000, rate_hz, alpha=alpha, f=f, Q=1.0, R=0.0, unit="deg/s")
 
 
 @pytest.mark.parametrize(("alpha", "f"), [(0.5, -14.0), (1.0, -199.0), (1.8, -5e3), (1.0, 0.0), (1.99, -1.0)])
 def test_noise_within_the_bound_does_not_run_away(alpha: float, f: float) -> None:
     """It grows as a random walk at most: twice as far after four times as long."""
-    y = fltea.simulate(8000, alpha=alpha, f=f, Q=1.0, R=0.0, warmup=0).y
+    y = fltea.simulate(8000, alpha=alpha, f=f, Q=1.0, R=0.0, unit="deg/s", warmup=0).y
     assert np.abs(y).max() < 8 * np.abs(y[:2000]).max()
 
 
@@ -238,13 +330,13 @@ def test_errors_name_what_a_call_takes(tmp_path: Path) -> None:
         return str(error.value)
 
     rows = "0.1,0.2,0.3\n0.2,0.1,0.2\n" * 30
-    assert "columns=[1, 2, 3], rate_hz=100, units='dps'" in told(rows)
+    assert "columns=[?, ?, ?], units=?, rate_hz=?" in told(rows)
     assert len(fltea.open(tmp_path / "a.csv", columns=[1, 2, 3], rate_hz=100, units="dps")) == 3
     assert told(rows, units="foo").startswith("units foo: ")
     for text in (rows, "gx,gy,gz\n" + rows, "a,b,c\n" + rows):
         assert "--" not in told(text)
     with pytest.raises(ValueError, match=r"\(from_hz, notch_hz\)"):
-        fltea.identify(NOISE[:100], 100.0)
+        fltea.identify(NOISE[:100], 100.0, unit="deg/s")
 
 
 def test_flags_become_parameters() -> None:
@@ -258,13 +350,20 @@ def test_flags_become_parameters() -> None:
         == "such as topic='/imu/data', time_unit says"
     )
     assert in_python("--rate-like --samples") == "--rate-like --samples"
+    assert in_python("--columns ?,?,? --units ? --rate ?") == "columns=[?, ?, ?], units=?, rate_hz=?"
+    assert in_python("--sensor 1/2: or --topic sensor_gyro:1") == "topic='1/2': or topic='sensor_gyro:1'"
+    assert in_python("add --accel-units m/s^2 --overrule.") == "add accel_units='m/s^2', overrule=True."
+    assert in_python("--units deg/h, or --accel-units mm/s^2, or mg") == (
+        "units='deg/h', or accel_units='mm/s^2', or mg"
+    )
+    assert in_python("--columns 'gyro x,gyro y' --units says") == "columns=['gyro x', 'gyro y'], units says"
     assert {flag for one in declared(How()) for flag in one.setting.flags} <= set(PARAMETERS)
     takes = {*inspect.signature(fltea.open).parameters, *inspect.signature(fltea.identify).parameters}
     assert set(PARAMETERS.values()) <= takes
 
 
 def test_a_notebook_is_shown_words_figures_and_curves() -> None:
-    found = fltea.identify(NOISE, 100.0, axis="<gyro>")
+    found = fltea.identify(NOISE, 100.0, unit="deg/s", axis="<gyro>")
     shown = found._repr_html_()
     assert "<strong>&lt;gyro&gt;: white</strong>" in shown
     assert "undefined" in shown  # the order of white noise

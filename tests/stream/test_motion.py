@@ -89,7 +89,7 @@ def test_what_lasts_is_noise_in_the_end(louder: float) -> None:
     rate_hz = 1.0
     y = np.random.default_rng(1).normal(0, 0.1, (4000, 1))
     y[1000:] *= louder
-    one, longest, fits = fltea.Live(rate_hz, "x"), round(LONGEST_MOTION_S * rate_hz), []
+    one, longest, fits = fltea.Live(rate_hz, "x", unit="deg/s"), round(LONGEST_MOTION_S * rate_hz), []
     moving = []
     for begin in range(0, len(y), 100):
         moving.append(one.add(y[begin : begin + 100]).moving)

@@ -4,28 +4,37 @@ import contextlib
 import math
 import re
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fltea.identification.load import ACCEL_UNIT, GYRO_UNIT
+from fltea.recording.candidates import units_table
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
+from fltea.recording.units import ACCEL_UNITS_HELP, UNITS_HELP, accel_unit, parse_units
 from fltea.records.arrays import Array
-from fltea.records.errors import FlteaError
+from fltea.records.errors import FlteaError, UsageError
 
 PARAMETERS = {
     "--columns": "columns",
     "--units": "units",
+    "--accel-units": "accel_units",
     "--rate": "rate_hz",
     "--time-column": "time_column",
     "--time-unit": "time_unit",
     "--topic": "topic",
+    "--sensor": "topic",
+    "--overrule": "overrule",
     "--channels": "axes",
     "--from-hz": "from_hz",
     "--notch": "notch_hz",
 }
 """What the flags of `fltea identify` are called here."""
 
-_VALUE = r"\d[\d.]*(?![\w,])|\w+(?:,\w+)+|/[\w/]+|[A-Z]+\b|deg/s|rad/s|m?dps|lsb:\S+|(?:[mun]?s\b)"
+_UNITS = r"m?deg/[sh]|m?rad/s|m?dps|lsb:[\d.]*\d|lsb:N|m?m/s(?:\^2|²)|m?g\b|[mun]?s\b"
+_SENSORS = r"\d+/\d+|\w+:\d+|\w+=\w+|/[\w/]+"
+_VALUE = rf"\?(?:,\?)*|{_SENSORS}|\d[\d.]*(?![\w,])|\w+(?:,\w+)+|[A-Z]+\b|{_UNITS}|'[^']+'"
 _FLAG = re.compile(rf"({'|'.join(PARAMETERS)})\b(?!-)(?:[ =]({_VALUE})( (?=--))?)?")
 
 
@@ -47,11 +56,55 @@ def in_python(text: str) -> str:
 
 
 def _argument(flag: str, value: str | None) -> str:
+    if flag == "--overrule":
+        return "=True"
     if value is None:
         return ""
+    value = value.strip("'")
     if flag == "--columns":
-        return f"={[int(one) if one.isdigit() else one for one in value.split(',')]}"
-    return f"={value}" if flag in ("--rate", "--from-hz") else f"={value!r}"
+        return (
+            "=["
+            + ", ".join(one if one.isdigit() or one == "?" else repr(one) for one in value.split(","))
+            + "]"
+        )
+    return f"={value}" if flag in ("--rate", "--from-hz") or value == "?" else f"={value!r}"
+
+
+class Scale(NamedTuple):
+    """How samples become figures: in `unit`, deg/s or m/s², of which 1 of theirs is `factor`.
+
+    counts: they are counts of a sensor.
+    """
+
+    unit: str
+    factor: float
+    counts: bool = False
+
+
+def scale(unit: str | None, y: Array | None = None, rate_hz: float | None = None) -> Scale:
+    """Return the scale of a unit that a caller states; y and rate_hz are shown in each, where none is.
+
+    Raises:
+        ValueError: no unit is stated, or one that is not known.
+    """
+    if unit is None:
+        table = "" if y is None else units_table(y[:, np.newaxis], rate_hz)
+        raise ValueError(
+            "nothing says the unit of the samples. Pass it: unit='rad/s', unit='deg/s' or another of a "
+            "gyroscope; unit='m/s^2' or unit='g' of an accelerometer."
+            + re.sub(r"--units (\S+)", r"unit='\1'", f"\n{table}").rstrip()
+        )
+    if (ms2 := accel_unit(str(unit))) is not None:
+        return Scale(ACCEL_UNIT, ms2)
+    try:
+        factor, lsb = parse_units(str(unit))
+    except UsageError as error:
+        accel = ACCEL_UNITS_HELP.partition(", or")[0]  # N counts would be 1 deg/s, not 1 g
+        raise ValueError(
+            f"unit is that of the samples, of a gyroscope {UNITS_HELP}; of an accelerometer {accel}; "
+            f"got {unit!r}"
+        ) from error
+    return Scale(GYRO_UNIT, factor / (lsb or 1.0), lsb is not None)
 
 
 def period_s(rate_hz: float) -> float:

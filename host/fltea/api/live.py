@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fltea.api._check import finite, period_s
+from fltea.api._check import finite, period_s, scale
 from fltea.api._html import axis_html, page
 from fltea.api._tables import ByAxis
 from fltea.records.arrays import Array
@@ -22,6 +22,8 @@ from fltea.stream.tracking import SensorTracks
 
 class Corrected(NamedTuple):
     """What is known of samples with the last of those before them; of their shape, NaN where nothing is yet.
+
+    All are in deg/s, of an accelerometer in m/s².
 
     rate: the samples less their bias, which is the sensor's offset and the state of its noise. bias_std: its
     standard deviation, which grows while the sensor moves. moving: the sensor is, so the bias is predicted.
@@ -52,26 +54,36 @@ class LiveReport(ByAxis[AxisFit]):
 class Live:
     """Takes samples of some axes, tells their bias, and fits their noise when asked, in constant memory.
 
+    What it tells is in deg/s, or in m/s² of an accelerometer, whatever unit the samples are in.
+
     Args:
         rate_hz: sample rate in Hz.
         axes: their names.
-        unit: of the samples.
+        unit: of the samples, which has to be said; any that `fltea.identify` takes.
         memory: time constant with which older samples are forgotten, such as "10min"; None: nothing is.
 
     Raises:
-        ValueError: an impossible rate or memory; no axes, or two of one name.
+        ValueError: an impossible rate or memory; no unit, or one that is not known; no axes, or two of one
+            name.
     """
 
     def __init__(
-        self, rate_hz: float, axes: Sequence[str] = AXES, *, unit: str = "deg/s", memory: str | None = None
+        self,
+        rate_hz: float,
+        axes: Sequence[str] = AXES,
+        *,
+        unit: str | None = None,
+        memory: str | None = None,
     ) -> None:
         names = (axes,) if isinstance(axes, str) else tuple(axes)
         if not names or len(set(names)) != len(names):
             raise ValueError(f"axes are one or more names, each of them once, got {names}")
         self.rate_hz, self.axes = rate_hz, names
-        h = period_s(rate_hz)
-        self._live = LiveAxes(names, h, LiveConfig(memory=memory), unit)
-        self._tracks = SensorTracks({name: i for i, name in enumerate(names)}, EstimatorConfig(), h, unit)
+        h, (self.unit, self._factor, _) = period_s(rate_hz), scale(unit)
+        self._live = LiveAxes(names, h, LiveConfig(memory=memory), self.unit)
+        self._tracks = SensorTracks(
+            {name: i for i, name in enumerate(names)}, EstimatorConfig(), h, self.unit
+        )
         self._settled = dict.fromkeys(names, NO_FIT)
 
     @property
@@ -96,6 +108,7 @@ class Live:
                 f"y has a column an axis, (n, {len(self.axes)}) for {', '.join(self.axes)}, "
                 f"got shape {found.shape}"
             )
+        found = found * self._factor
         tracked = self._tracks.run(found)
         if len(found) and at_rest:
             self._live.add(found, tracked.moving)

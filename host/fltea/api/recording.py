@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec.structs import replace
 
-from fltea.api._check import period_s, python_words
+from fltea.api._check import in_python, period_s, python_words
 from fltea.api._html import page
 from fltea.api._tables import columns, parquet
 from fltea.api.identified import Report
@@ -26,6 +27,7 @@ from fltea.identification.load import (
     recordings,
 )
 from fltea.identification.traps import Trap, of_axis
+from fltea.recording.reading import Answer
 from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
 from fltea.settings.how import How, TimeUnit
@@ -48,6 +50,10 @@ class Recording(Mapping[str, Array]):
         """How many samples the recording holds, how many are used, and what is missing."""
         self.traps: tuple[Trap, ...] = loaded.traps
         """What is wrong with the recording as a whole; empty where nothing is."""
+        self.reading: tuple[Answer, ...] = tuple(
+            replace(one, why=in_python(one.why)) for one in getattr(loaded, "reading", ())
+        )
+        """How the file was understood, each answer with its evidence."""
         self._loaded = loaded
 
     def __getitem__(self, axis: str) -> Array:
@@ -138,10 +144,14 @@ class Recording(Mapping[str, Array]):
             for name, y in self.items()
         )
         problems = "".join(f"<br>{escape(f'{trap.text} {trap.remedy}')}" for trap in self.traps)
+        reading = "".join(
+            f"<tr><th>{one.question}</th><td>{escape(str(one))}</td></tr>" for one in self.reading
+        )
         return page(
             f"<p><strong>{escape(self.name)}</strong> {c.used:,} of {c.samples:,} samples "
             f"at {self.rate_hz:g} Hz, {c.lost:,} lost in {c.gaps:,} gaps{problems}</p>"
             f"<table><tr><th>axis</th><th>mean</th><th>σ</th><th>unit</th></tr>{rows}</table>"
+            + (f"<table>{reading}</table>" if reading else "")
         )
 
 
@@ -155,18 +165,24 @@ def open(
     time_column: str | int | None = None,
     time_unit: TimeUnit | None = None,
     topic: str | None = None,
+    accel_units: str | None = None,
+    overrule: bool = False,
 ) -> Recording:
-    """Read a recording of any kind that `fltea identify` reads.
+    """Read a recording of any kind that `fltea identify` reads; what it does not say has to be said here.
 
     Args:
         path: a file, a folder of parts of one session, or the session's name.
         axes: which ones; None: all of the gyroscope's, and the accelerometer's where there is one.
-        columns: of text: which columns are the axes, by name or position from 1.
-        units: of text: deg/s, mdps, rad/s, or lsb:N.
-        rate_hz: of text without times: sample rate in Hz.
-        time_column: of text: the column of times, by name or position from 1.
-        time_unit: of that column: s, ms, us or ns.
-        topic: of a bag: which one.
+        columns: which columns are the axes, by name or position from 1.
+        units: of the rates: deg/s, mdps, rad/s … or lsb:N (N counts are 1 deg/s).
+        rate_hz: sample rate in Hz, where no times tell it.
+        time_column: the column of times, by name or position from 1.
+        time_unit: of the times: s, ms, us or ns.
+        topic: which sensor, of a file with several: a topic of a bag or of a PX4 log (sensor_gyro:1), the
+            value in the column that tells them apart (1), or 1/2 for the first of two in turns.
+        accel_units: of the accelerometer: m/s^2, g, mg … or lsb:N (N counts are 1 g).
+        overrule: the file is wrong: what is said here counts, even where the file itself states another unit
+            or rate.
 
     Raises:
         UsageError: it cannot be read, holds several recordings, or not these axes; the text says why.
@@ -181,6 +197,8 @@ def open(
         time_column=None if time_column is None else str(time_column),
         time_unit=time_unit,
         topic=topic,
+        accel_units=accel_units,
+        overrule=overrule,
     )
     with python_words():
         found = recordings([Path(path)])

@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
-from fltea.api._check import in_python, one_axis, period_s, python_words
+from fltea.api._check import in_python, one_axis, period_s, python_words, scale
 from fltea.api.identified import Identified
 from fltea.identification.axis import IdentifyOptions, identified, look
 from fltea.identification.forecast import Goal
@@ -21,8 +22,8 @@ def identify(
     y: ArrayLike,
     rate_hz: float,
     *,
+    unit: str | None = None,
     axis: str = "y",
-    unit: str = "deg/s",
     lsb: float | None = None,
     from_hz: float = 0.0,
     notch_hz: Sequence[tuple[float, float]] = (),
@@ -33,8 +34,9 @@ def identify(
     Args:
         y: samples (n,) without gaps; some ten minutes of them say more than one.
         rate_hz: sample rate in Hz.
+        unit: of y, which has to be said: deg/s, rad/s, dps, mdps … or lsb:N (N counts are 1 deg/s) of a
+            gyroscope, m/s^2, g, mg … of an accelerometer. All figures are in deg/s or in m/s².
         axis: a name for it.
-        unit: of y, only to be shown.
         lsb: one count in the unit of y, if it is known.
         from_hz: leave out what is slower, in Hz.
         notch_hz: bands (low, high) in Hz that are left out.
@@ -42,12 +44,17 @@ def identify(
             a `Goal`: and how long to rest for it.
 
     Raises:
-        ValueError: y is not finite, not (n,), constant or too short; a rate or band that is impossible.
+        ValueError: y is not finite, not (n,), constant or too short; no unit, or one that is not known; a
+            rate or band that is impossible.
     """
     h = period_s(rate_hz)
     options = IdentifyOptions(from_hz=from_hz, notch_hz=tuple((low, high) for low, high in notch_hz))
-    series = Series(one_axis(y), unit, lsb)
-    known = tuple(judge_one(series.y, unit, lsb, h))
+    samples = one_axis(y)
+    of = scale(unit, samples, rate_hz)
+    if lsb is None and of.counts and (samples == np.rint(samples)).all():
+        lsb = 1.0
+    series = Series(samples * of.factor, of.unit, None if lsb is None else lsb * of.factor)
+    known = tuple(judge_one(series.y, series.unit, series.lsb, h))
     with python_words():
         return of_series(axis, series, h, options, forecast=forecast, known=known)
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from fltea.api._check import period_s
+from fltea.api._check import period_s, scale
 from fltea.api._tables import columns
 from fltea.api.identified import Identified
 from fltea.api.series import identify
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Simulated(msgspec.Struct, frozen=True):
-    """Measurements y (n,) in deg/s, the true state (n,) behind them, and what they were made with."""
+    """Measurements y (n,) in `unit`, the true state (n,) behind them, and what they were made with."""
 
     y: Array
     state: Array
@@ -26,10 +26,11 @@ class Simulated(msgspec.Struct, frozen=True):
     f: float
     Q: float
     R: float
+    unit: str
 
     def identify(self) -> Identified:
         """Return what `fltea.identify` says of y."""
-        return identify(self.y, self.rate_hz)
+        return identify(self.y, self.rate_hz, unit=self.unit)
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return a table of y and the state over the time in s.
@@ -48,6 +49,7 @@ def simulate(
     f: float,
     Q: float,
     R: float,
+    unit: str,
     window: int = 3000,
     warmup: int = 3000,
     seed: int = 0,
@@ -59,17 +61,19 @@ def simulate(
         rate_hz: sample rate in Hz.
         alpha: order, below 2.
         f: parameter, in s^-α, 0 or below.
-        Q: strength of what drives the state, in (deg/s)² s^-2α; 0: white noise alone.
-        R: variance of the white noise, in (deg/s)².
+        Q: strength of what drives the state, in unit² s^-2α; 0: white noise alone.
+        R: variance of the white noise, in unit².
+        unit: of the samples that are drawn, such as deg/s: that in which Q and R are given.
         window: samples of memory.
         warmup: samples that are thrown away first.
         seed: equal ones give equal samples.
 
     Raises:
-        ValueError: impossible parameters, or noise that runs away.
+        ValueError: impossible parameters, a unit that is not known, or noise that runs away.
     """
+    scale(unit)
     if n < 1:
         raise ValueError(f"n is how many samples to draw, 1 or more, got {n}")
     h = period_s(rate_hz)
     y, state = FractionalNoise(alpha, f, Q, R, h, window, seed, warmup=warmup).samples(n)
-    return Simulated(y.copy(), state.copy(), rate_hz, alpha, f, Q, R)
+    return Simulated(y.copy(), state.copy(), rate_hz, alpha, f, Q, R, unit)
