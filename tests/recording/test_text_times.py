@@ -88,8 +88,8 @@ def test_times_without_a_unit_are_never_taken_for_seconds(
 ) -> None:
     text = timed([round(k * per_s / rate_hz) for k in range(100)])
     reason = refusal(tmp_path, text)
-    assert "column 't' says no unit" in reason
-    assert f"--time-unit {unit} ({rate_hz:g} Hz)" in reason
+    assert "column 't': nothing says what its times count" in reason
+    assert f"--time-unit {unit}: {rate_hz:g} Hz" in reason
     assert stored(tmp_path, text, time_unit=unit).rate_hz == pytest.approx(rate_hz)
 
 
@@ -115,11 +115,12 @@ def test_with_a_rate_times_still_number_the_samples(name: str, tmp_path: Path) -
     assert (found.rate_hz, found.notes) == (100.5, ())
 
 
-def test_a_rate_that_contradicts_the_times_is_told(tmp_path: Path) -> None:
-    found = stored(tmp_path, timed([k / 50 for k in range(100)], "time_s"), rate_hz=100.0)
+def test_a_rate_that_contradicts_the_times_is_refused_unless_they_are_wrong(tmp_path: Path) -> None:
+    text = timed([k / 50 for k in range(100)], "time_s")
+    assert "the rate is 50 Hz, and --rate 100 says otherwise" in refusal(tmp_path, text, rate_hz=100.0)
+    found = stored(tmp_path, text, rate_hz=100.0, overrule=True)
+    assert found.rate_hz == 100.0
     assert found.whole().seq.tolist() == list(range(100))  # type: ignore[union-attr]
-    assert [note.kind for note in found.notes] == ["row_times"]
-    assert "the rate is 50 Hz; --rate 100 is used" in found.notes[0].text
 
 
 def test_times_that_number_nothing_are_told(tmp_path: Path) -> None:

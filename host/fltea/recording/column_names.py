@@ -4,7 +4,7 @@ A name is words, one of which may be an axis, and a unit: in brackets behind or 
 """
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -26,9 +26,6 @@ _TIMES = "ms|us|t|ts|times|elapsed_time|time_elapsed|time_since_start|timestamp_
 _TIMES += "|sample_time_fine|datetime|date_time|date|zeit|uhrzeit|datum|zeitstempel"
 _OF_CLOCK = "app|board|device|field|header|host|imu|local|raw|sample|sensor|system|unix"
 
-OF_RADS = "SampleTimeFine", "PacketCounter", "seconds_elapsed"
-"""Columns of programs that write rad/s without saying so: MT Manager of Xsens, Sensor Logger of phones."""
-
 _NO_SENSOR = r"(?!(?:avg|bias|cov|err|max|mean|min|std|var)\d)"
 _PREFIX = r"field|raw|data|sensor|board|device|motion|scaled|highres|imu|shimmer(?:_[\da-f]+)*"
 _PREFIX += rf"|{_NO_SENSOR}[a-z]{{2,7}}\d+[a-z]{{0,4}}\d*"
@@ -45,8 +42,13 @@ def _axis(words: str) -> re.Pattern[str]:
     return re.compile(rf"{_BEFORE}(?:{words})(?:_axis)?{_SORT}")
 
 
-_GYRO_AXIS = _axis(rf"(?:{_GYRO})\d?{_SORT}_?(?P<x>[xyz])|(?P<before>[xyz])_?(?:{_GYRO})|[gw]_?(?P<bare>[xyz])")
-_ACCEL_AXIS = _axis(rf"(?:{_ACCEL})\d?{_SORT}_?(?P<x>[xyz])|(?P<before>[xyz])_?(?:{_ACCEL})|a_?(?P<bare>[xyz])")
+def _sensor(words: str, letters: str) -> re.Pattern[str]:
+    """Axes behind or before the words of a sensor, or behind a letter."""
+    behind, before = rf"(?:{words})\d?{_SORT}_?(?P<x>[xyz])", rf"(?P<before>[xyz])_?(?:{words})"
+    return _axis(rf"{behind}|{before}|[{letters}]_?(?P<bare>[xyz])")
+
+
+_GYRO_AXIS, _ACCEL_AXIS = _sensor(_GYRO, "gw"), _sensor(_ACCEL, "a")
 _BARE_AXIS = _axis("(?:(?:as|axis|rate|rotation)_?)?(?P<x>[xyz])")
 """Of what the unit says. AsX is what WitMotion calls an angular speed."""
 
@@ -116,11 +118,6 @@ def rate_unit_of(name: str) -> str | None:
 def accel_unit_of(name: str) -> float | None:
     """Return m/s² in one of the unit of accelerations that a name states."""
     return accel_unit(_parts(name).unit)
-
-
-def are_in_rads(names: Iterable[str]) -> bool:
-    """Whether columns are those of a program that writes rates in rad/s without saying so."""
-    return any("angular_velocity" in name or name in OF_RADS for name in names)
 
 
 def is_time(name: str) -> bool:
