@@ -149,7 +149,7 @@ def test_every_row_is_used_whatever_the_times(
 ) -> None:
     times_s = np.cumsum([0, *steps_s]).tolist()
     place, _ = walked(
-        ReplaySource(csv_file(tmp_path_factory.getbasetemp(), times_s), how=How(rate_hz=rate_hz))
+        ReplaySource(csv_file(tmp_path_factory.getbasetemp(), times_s), how=How(rate_hz=rate_hz, overrule=True))
     )
     assert (place.delivered, place.before_hello) == (len(times_s), 0)
 

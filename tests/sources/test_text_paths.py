@@ -111,7 +111,7 @@ def test_a_unit_that_the_header_denies_is_an_error_that_names_both(
     header: str, units: str, tmp_path: Path
 ) -> None:
     for found in both(tmp_path / "a.csv", f"{header}\n1\n2\n".encode(), How(units=units, rate_hz=9.0), []):
-        assert f"are in rad/s by their names or line of units, and --units {units} says otherwise" in found
+        assert f"is in rad/s by its name or the row of units, and --units {units} says otherwise" in found
 
 
 def test_another_name_for_the_same_unit_is_no_contradiction(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import msgspec
 
 from fltea.recording.bag_files import bags_in
 from fltea.recording.kind import is_one_file
+from fltea.recording.reading import Answer
 from fltea.records.events import Trouble
 from fltea.records.records import Hello
 from fltea.records.stats import LinkStats
@@ -35,7 +36,8 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     missed something. epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello: as
     in `stats`. resets: other boots of the device heard. rate_hz, clock_ppm: of the longest epoch. notes: what
     reading it reported, as the texts of `error` records. unread: why a file cannot be
-    read, or not all of it. about: what else the file says of itself.
+    read, or not all of it. about: what else the file says of itself. reading: how another program's file was
+    understood, each answer with its evidence.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     notes: list[str] = []
     unread: list[str] = []
     about: str = ""
+    reading: list[Answer] = []
 
 
 def sessions(paths: Sequence[Path]) -> list[list[Path]]:
@@ -104,7 +107,7 @@ def summarise(
     longest: tuple[int, float | None, float | None] = (0, None, None)
     of_epoch = 0
     notes: list[str] = []
-    cut = False
+    cut, has_clock = False, False
     for event in source.events():
         if isinstance(event, Trouble) and mcap is None:
             notes.append(event.message)
@@ -120,6 +123,8 @@ def summarise(
                 epochs[found.new_epoch] += 1
                 of_epoch = 0
             of_epoch += len(found.block)
+            # Of a recording without arrival times the device's are given out for them.
+            has_clock = has_clock or bool((found.raw.host_ns != found.block.device_us * 1000).any())
             if of_epoch >= longest[0]:
                 longest = of_epoch, decoder.timebase.rate_hz, decoder.timebase.clock_ppm
             first_ns = int(found.block.host_ns[0]) if first_ns is None else first_ns
@@ -144,11 +149,12 @@ def summarise(
         resets=max(0, len(boots) - 1),
         epochs=dict(epochs),
         rate_hz=longest[1],
-        clock_ppm=longest[2],
+        clock_ppm=longest[2] if has_clock else None,
         link=source.link_stats(),
         notes=notes,
         unread=unread,
         about=source.about if isinstance(source, ReplaySource) else "",
+        reading=list(source.reading) if isinstance(source, ReplaySource) else [],
     )
 
 
@@ -166,7 +172,8 @@ def as_text(s: Summary) -> str:
     if s.hello is not None and not is_foreign:
         lines += _hello_lines(s.hello)
     if s.about:
-        lines.append(("bag" if s.about.startswith("topic ") else "read", s.about))
+        lines.append(("about", s.about))
+    lines += [(one.question, one) for one in s.reading]
     remedy = "" if s.about else " (fltea recover)"  # which is for our files
     state = "whole" if s.whole else f"not finished: killed, cut or still being written{remedy}"
     if s.unread:
@@ -192,7 +199,7 @@ def as_text(s: Summary) -> str:
         lines.append(("rate", f"{s.rate_hz:.4f} Hz{ppm}"))
     lines += [("note", note) for note in s.notes]
     lines += [("not read", why) for why in s.unread]
-    return "\n".join(f"{name:<10} {visible(str(text))}" for name, text in lines)
+    return "\n".join(f"{name:<13} {visible(str(text))}" for name, text in lines)
 
 
 def _hello_lines(h: Hello) -> list[tuple[str, str]]:

@@ -76,7 +76,8 @@ class Series(NamedTuple):
 class Loaded(NamedTuple):
     """One recording. clock_ppm: how much faster the device's clock runs than the host's, None if unknown.
 
-    traps: those of the recording as a whole. topic: of a bag, "" of other files.
+    traps: those of the recording as a whole. topic: of a bag, "" of other files. reading: how another program's
+    file was understood, each answer with its evidence.
     """
 
     hello: Hello
@@ -85,6 +86,7 @@ class Loaded(NamedTuple):
     clock_ppm: float | None
     traps: tuple[Trap, ...]
     topic: str = ""
+    reading: tuple[Answer, ...] = ()
 
     @property
     def h(self) -> float:
@@ -131,7 +133,7 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
         UsageError: it cannot be read, holds no samples, or not the axes that are asked for.
     """
     path = request.paths[0]
-    topic = ""
+    topic, reading, gyro_names = "", tuple[Answer, ...](), AXES
     if is_one_file(path):
         source = ReplaySource(
             path,
@@ -139,6 +141,9 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
             limits=request.limits,
         )
         topic, events, offset = source.topic, source.events(), lambda: source.unix_offset_ns
+        reading = source.reading
+        if source.axes:
+            gyro_names = tuple(f"gyro_{axis}" for axis in source.axes)
     else:
         if request.how.of_text or request.how.topic is not None:
             raise UsageError(
@@ -147,7 +152,7 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
         recording = open_mcap(request.paths, f"replay:{request.name}", request.limits)()
         events, offset = recording.events(), lambda: recording.unix_offset_ns
     decoder = Decoder(offset, MAX_GAP)
-    groups = _Groups(folder)
+    groups = _Groups(folder, gyro_names)
     reported: list[Trap] = []
     for event in events:
         if isinstance(event, Trouble):
@@ -164,9 +169,9 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     bridged = gaps.lost_up_to(bridge(len(used), gaps))
     counts = Counts(groups.samples, len(used), used.first, groups.stretches, bridged, *lost, *used.flagged)
     axes, clock_ppm = used.axes(gaps), None if used.no_clock else used.ppm
-    chosen = _chosen(axes, request)
-    traps = _traps(used, counts, axes, clock_ppm, chosen)
-    return Loaded(used.hello, counts, chosen, clock_ppm, (*_most(reported), *traps), topic)
+    chosen = _chosen(axes, request, reading)
+    traps = _traps(used, counts, axes, clock_ppm, chosen, reading)
+    return Loaded(used.hello, counts, chosen, clock_ppm, (*_most(reported), *traps), topic, reading)
 
 
 def _most(reported: list[Trap]) -> list[Trap]:
@@ -191,23 +196,27 @@ def _traps(
     return *of_time, *(trap for trap in found if not trap.axes or set(trap.axes) & set(wanted))
 
 
-def _chosen(axes: dict[str, Series], request: Request) -> dict[str, Series]:
+def _chosen(
+    axes: dict[str, Series], request: Request, reading: Sequence[Answer]
+) -> dict[str, Series]:
     # An accelerometer that nobody asked for is left out where it says nothing: some put zeros there.
     wanted = request.channels or tuple(
         name for name, one in axes.items() if name in AXES or (request.accel and np.ptp(one.y) > 0)
     )
     lacking = [name for name in wanted if name not in axes]
     if lacking:
-        raise UsageError(f"{request.name}: has no {', '.join(lacking)} (it has {', '.join(axes)}).")
+        why = [f" {one.question}: {one}." for one in reading if one.evidence == "missing"]
+        has = f"has no {', '.join(lacking)} (it has {', '.join(axes)})."
+        raise UsageError(f"{request.name}: {has}{''.join(why)}")
     return {name: axes[name] for name in wanted}
 
 
 class _Groups:
     """The samples of a recording, those of each rate and scale by themselves."""
 
-    def __init__(self, folder: Path | None) -> None:
+    def __init__(self, folder: Path | None, gyro_names: Sequence[str]) -> None:
         self.samples = self.stretches = 0
-        self._folder = folder
+        self._folder, self._gyro_names = folder, gyro_names
         self._groups: dict[tuple[object, ...], _Group] = {}
         self._last: _Group | None = None
 
@@ -225,7 +234,7 @@ class _Groups:
 
     def largest(self) -> "_Group":
         """Return the series with the most samples, the first of equals, and forget the others."""
-        largest = max(self._groups.values(), key=len, default=_Group(0, None))
+        largest = max(self._groups.values(), key=len, default=_Group(0, None, ()))
         for group in self._groups.values():
             if group is not largest:
                 group.close()
@@ -246,15 +255,15 @@ class _Groups:
         if key not in self._groups:
             if len(self._groups) == MOST_GROUPS:
                 self._groups.pop(min(self._groups, key=lambda one: len(self._groups[one]))).close()
-            self._groups[key] = _Group(self.samples, self._folder)
+            self._groups[key] = _Group(self.samples, self._folder, self._gyro_names)
         return self._groups[key]
 
 
 class _Group:
     """Samples of one rate and scale, and the breaks between them."""
 
-    def __init__(self, first: int, folder: Path | None) -> None:
-        self.first = first
+    def __init__(self, first: int, folder: Path | None, gyro_names: Sequence[str]) -> None:
+        self.first, self._gyro_names = first, gyro_names
         self.hello: Hello | None = None
         self.ppm: float | None = None
         self.no_clock = True
@@ -283,7 +292,7 @@ class _Group:
             self._at.append(self._samples)
             self._missing.append(missing)
         self._samples += len(block)
-        for names, values in ((AXES, block.gyro_dps), (ACCEL_AXES, block.accel_ms2)):
+        for names, values in ((self._gyro_names, block.gyro_dps), (ACCEL_AXES, block.accel_ms2)):
             for name, column in zip(names, () if values is None else values.T, strict=False):
                 self._spool.append(name, column)
         if block.flags is not None and block.flags.any():

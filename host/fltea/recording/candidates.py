@@ -17,6 +17,9 @@ from fltea.records.units import SQRT_HOUR, STANDARD_GRAVITY_MS2
 GRAVITY = {"m/s^2": STANDARD_GRAVITY_MS2, "g": 1.0, "mg": 1000.0, "mm/s^2": 1000 * STANDARD_GRAVITY_MS2}
 """The length of gravity in each unit."""
 
+GRAVITY_COUNTS = (2048, 4096, 8192, 16384)
+"""The length of gravity in counts of 16 bits, at ±16, ±8, ±4 and ±2 g."""
+
 GRAVITY_TOLERANCE = 0.15
 """Offsets and scales of cheap accelerometers are off by some 5 %; no two of these units are nearer than 2 %."""
 
@@ -95,6 +98,8 @@ def gravity_unit(values: Floats) -> str | None:
     if not (0 < mean < NOBODY_MEASURES) or float(np.median(np.abs(length - mean))) > STEADY * mean:
         return None
     found = [unit for unit, g in GRAVITY.items() if abs(mean / g - 1) < GRAVITY_TOLERANCE]
+    if bool((values == np.rint(values)).all()):
+        found += [f"lsb:{g}" for g in GRAVITY_COUNTS if abs(mean / g - 1) < GRAVITY_TOLERANCE]
     return found[0] if len(found) == 1 else None
 
 
@@ -122,7 +127,8 @@ def _remarks(values: Floats) -> dict[int, str]:
             length = float(np.nanmedian(np.linalg.norm(values[:, three], axis=1)))
             for place in three:
                 found[place] = f": columns {three[0] + 1} to {three[2] + 1} have the length {length:.4g}"
-                found[place] += f", which is gravity in {unit}"
+                counts = unit.startswith("lsb:")
+                found[place] += f", which is gravity in {'counts, as it seems' if counts else unit}"
     return found
 
 

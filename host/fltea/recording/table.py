@@ -31,6 +31,9 @@ MOST_DPS = 4000.0
 ENOUGH_ROWS = 50
 """For a judgement of what a gyroscope may give."""
 
+FEWEST_BETWEEN = 20
+"""Rows between two samples; fewer may be jitter of the clock."""
+
 STEPS_AT_ONCE = 1 << 16
 LATEST = LARGEST_NUMBER * 1e3
 """A time in any unit."""
@@ -181,6 +184,7 @@ class _Table:
         self._is_new_run = False
         self._elapsed = Elapsed(chosen.time_unit)
         self._last_elapsed = 0.0
+        self._has_between = False
         self._begins: list[Ints] = []
         self._headers: list[int] = []
         self._notes: list[Note] = []
@@ -253,7 +257,15 @@ class _Table:
             last_s = self._last_elapsed * found.unit_s
         check_span(self._path, found.rate_hz, samples, last_s)
         begins = np.concatenate(self._begins) if self._begins else np.empty(0, np.int64)
-        make = partial(_blocks, spool, chosen, found, begins, given=self._given_hz is not None)
+        make = partial(
+            _blocks,
+            spool,
+            chosen,
+            found,
+            begins,
+            given=self._given_hz is not None,
+            has_between=self._has_between,
+        )
         answers = (*chosen.answers, *found.answers)
         notes = (*chosen.notes, *self._notes)
         return Stored(
@@ -266,12 +278,13 @@ class _Table:
         count = sum(
             int(between(times, timing.period).sum()) for (times,) in self._spool.blocks(["time"], AT_ONCE)
         )
-        if count:
+        self._has_between = count >= FEWEST_BETWEEN
+        if self._has_between:
             text = f"{count} rows stand between two samples of an even clock, and are left out: are they of"
             self._notes.append(
                 Note("row_times", f"{self._path}: column '{self._chosen.time_name}': {text} another sensor?")
             )
-        return count
+        return count if self._has_between else 0
 
     def _none(self) -> UsageError:
         chosen = self._chosen
@@ -325,9 +338,12 @@ class _Table:
 
 
 def _blocks(
-    spool: Spool, chosen: Chosen, timing: Timing, begins: Ints, *, given: bool
+    spool: Spool, chosen: Chosen, timing: Timing, begins: Ints, *, given: bool, has_between: bool
 ) -> Iterator[Recording]:
-    """Blocks of samples. given: the rate is the user's, so the numbers tell the times."""
+    """Blocks of samples.
+
+    given: the rate is the user's, so the numbers tell the times. has_between: rows between samples are left out.
+    """
     rate_hz, by_times = timing.rate_hz, timing.period is not None and "time" in spool
     columns = ["gyro", "time" if by_times else "row", *(["accel"] if "accel" in spool else [])]
     numbering = Numbering(timing.period or 1.0, rate_hz)
@@ -339,7 +355,7 @@ def _blocks(
         marks[begins[(begins >= row) & (begins < row + len(gyro))] - row] = True
         row += len(gyro)
         if by_times:
-            if (off := between(place, timing.period or 1.0)).any():
+            if has_between and (off := between(place, timing.period or 1.0)).any():
                 gyro, place, marks = gyro[~off], place[~off], marks[~off]
                 accel_ms2 = None if accel_ms2 is None else accel_ms2[~off]
             found = numbering.add(place, marks)

@@ -16,7 +16,7 @@ from fltea.records.records import AXES
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _COMMA = r"[-+]?\d+,\d+(?=[\s;|]|$)"
 _PAIR = re.compile(
-    rf"(?P<label>[^\W\d][^:=,;|\t\[\]{{}}]*?)\s*(?:[:=]\s*\[?|\[)\s*"
+    rf"(?P<label>[^\W\d][^:=,;|\t\[\]{{}}\"]*?)\s*(?:[:=]\s*\[?|\[)\s*"
     rf"(?P<first>{_COMMA}|{_NUMBER}(?![\d,.]*:))"
     rf"(?:\s*[,\s]\s*(?P<second>{_NUMBER})\s*[,\s]\s*(?P<third>{_NUMBER})(?![\w:=.]|\s*[,\s]\s*[-+\d]))?\s*\]?"
 )

@@ -167,28 +167,37 @@ class LayoutFinder:
         """Why no line so far is a row."""
         if self._header is not None or self._why_no_row:
             return UsageError(self._why_no_row or f"{self._where}: has a header but no rows.")
-        lines = self.head or list(self._sample())
-        if not any(is_number(field) for line in lines for field in WORDS.split(line)):
-            return UsageError(f"{self._where}: is no recording: none of its first lines holds a number.")
-        kind, rows = rows_alike(self._sample() or lines)
-        if not rows:
-            return UsageError(
-                f"{self._where}: no line of numbers; the first line is {shown(lines[0].strip())}."
-            )
-        first = rows[0]
+        lines = list(self._sample()) or self.head
+        has_numbers = any(is_number(field) for line in lines for field in WORDS.split(line))
+        kind, rows = rows_alike(lines)
+        why = "is no recording: none of its first lines holds a number."
+        if has_numbers:
+            why = f"no line of numbers; the first line is {shown(lines[0].strip())}."
+        if not rows or (not has_numbers and self._wanted.columns is None):
+            names = next((bare_fields(line) for line in lines if len(bare_fields(line)) > 1), None)
+            if self._wanted.columns is not None and not self._wanted.by_position:
+                why = f"{self._wanted.lacking(names)}."
+            return UsageError(f"{self._where}: {why}")
         try:
-            if kind != "row":
-                names = list(decode_object(first) if kind == "object" else values_in(first))
-                choose(self._where, names, None, len(names), self._how, self._facts(names, None))
-            else:
-                fields = split(first, separator_of(first))
-                _, names, units = self._names_above(len(fields))
-                tag = self._tag_of(fields) or ""
-                facts = self._facts(names, separator_of(first), len(fields), tag)
-                choose(self._where, names, units, len(fields), self._how, facts, tag)
+            self._choose_of(kind, rows[0], lines)
         except UsageError as error:
             return error
-        return UsageError(f"{self._where}: no line of numbers; the first line is {shown(lines[0].strip())}.")
+        return UsageError(f"{self._where}: {why}")
+
+    def _choose_of(self, kind: str, row: str, lines: Sequence[str]) -> None:
+        """Choose the columns of a row, which says what is missing."""
+        at = lines.index(row) + 1
+        names: list[str] | None
+        units: list[str] | None = None
+        if kind != "row":
+            names = list(decode_object(row) if kind == "object" else values_in(row))
+            fields, tag = names, ""
+        else:
+            fields = split(row, separator_of(row))
+            number, names, units = self._names_above(len(fields))
+            at, tag = number or at, self._tag_of(fields) or ""
+        facts = self._facts(names, None, len(fields), tag)
+        choose(f"{self._where}:{at}", names, units, len(fields), self._how, facts, tag)
 
     def _facts(
         self, names: Sequence[str] | None, separator: str | None, width: int = 0, tag: str = ""
