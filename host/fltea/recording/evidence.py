@@ -49,6 +49,9 @@ PREFERRED_TIMES = (
 _TWO_FIELDS = re.compile(r"(\d+)\+(\d+)")
 """Whole seconds and nanoseconds, by position."""
 
+ENOUGH = 10
+"""Rows that say that a column is empty."""
+
 MOST_TURNS = 16
 
 
@@ -302,7 +305,7 @@ class Choice:
     def _is_empty(self, place: int) -> bool:
         """Whether none of the first rows has a number in a column."""
         values = self.facts.sample()
-        fits = values.ndim == 2 and values.shape[1] == len(self.names) and len(values) > 0
+        fits = values.ndim == 2 and values.shape[1] == len(self.names) and len(values) >= ENOUGH
         return fits and not bool(np.isfinite(values[:, place]).any())
 
     def rate(self, time: int | None) -> float | None:
@@ -336,7 +339,8 @@ class Choice:
                 self._unread("several columns are called alike")
             return (), 1.0
         shown = listed([names[place] for place in accel])
-        stated = {accel_unit_of(names[place]) or accel_unit(self.units[place]) for place in accel} - {None}
+        units = [accel_unit_of(names[place]) or accel_unit(self.units[place]) for place in accel]
+        stated = {*units} - {None}
         if self.how.accel_units is not None:
             given = parse_accel_unit(self.how.accel_units)[0]
             if stated and stated != {given} and not self.how.overrule:
@@ -346,7 +350,7 @@ class Choice:
                 )
             self.answer("accelerometer", f"{shown} in {self.how.accel_units}", "given", "--accel-units")
             return accel, given
-        if len(stated) == 1:
+        if len(stated) == 1 and None not in units:
             self.answer("accelerometer", shown, "stated", "the unit is in the names or the row of units")
             return accel, float(stated.pop() or 1.0)
         if by_dialect and dialect is not None and dialect.accel_unit and not stated:
@@ -359,7 +363,7 @@ class Choice:
         values = self.facts.sample()
         fits = values.ndim == 2 and values.shape[1] == len(names) and len(values) > 0
         measured = candidates.gravity_unit(values[:, list(accel)]) if fits and not stated else None
-        if measured is None:
+        if measured is None or measured.startswith("lsb:"):  # the range may be one of its own
             self._unread(f"nothing says the unit of {shown}")
             return (), 1.0
         self.answer("accelerometer", f"{shown} in {measured}", "measured", "their length is that of gravity")
@@ -400,15 +404,19 @@ def axes_of(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, int]:
 
     units: of the columns, where a row of them stands beside.
     """
-    ours = {axis[-1]: names.index(f"{axis}_dps") for axis in AXES if f"{axis}_dps" in names}
-    if ours and all(names.count(names[place]) == 1 for place in ours.values()):
-        return ours
-    found: dict[str, int] = {}
+    places: dict[str, list[int]] = {}
     for place, name in enumerate(names):
-        axis = axis_of(name, units[place] if place < len(units) else "")
-        if axis is not None and found.setdefault(axis, place) != place:
-            return {}
-    return {axis: found[axis] for axis in "xyz" if axis in found}
+        if axis := axis_of(name, units[place] if place < len(units) else ""):
+            places.setdefault(axis, []).append(place)
+    if any(len(found) > 1 for found in places.values()):
+        places = {
+            axis: [k for k in found if names[k] == f"gyro_{axis}_dps"] for axis, found in places.items()
+        }
+    return (
+        {axis: places[axis][0] for axis in "xyz" if axis in places}
+        if all(len(k) == 1 for k in places.values())
+        else {}
+    )
 
 
 def _as_axes(names: Sequence[str], places: Sequence[int], axes: Sequence[str]) -> str:
