@@ -53,6 +53,7 @@ def _file(report: FileReport) -> dict[str, Any]:
             "clock_ppm": report.recording.clock_ppm,
             "samples": msgspec.to_builtins(report.recording.counts),
             "traps": msgspec.to_builtins(report.recording.traps),
+            "reading": msgspec.to_builtins(report.recording.reading),
         }
     return found | {"axes": {name: _axis(axis) for name, axis in report.axes.items()}}
 
@@ -124,6 +125,11 @@ def heading(report: FileReport) -> str:
     parts.append(f"{c.used:,} samples" + ("" if c.used == c.samples else f" of {c.samples:,}"))
     parts.append(f"{c.used / hello.rate_hz:.1f} s")
     return ", ".join(part for part in parts if part)
+
+
+def reading(report: FileReport) -> list[Row]:
+    """Return how another program's file was understood: each question, and its answer with the evidence."""
+    return [] if report.recording is None else [(one.question, str(one)) for one in report.recording.reading]
 
 
 def doubts(report: FileReport) -> list[str]:

@@ -94,6 +94,8 @@ def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Itera
     for line in findings.sheets(good) + findings.remarks(good):
         yield f"<p>{escape(line)}</p>"
     yield _traps(report)
+    if answers := findings.reading(report):
+        yield "<h3>How the file was read</h3>" + table(answers, kinds=("word", "text"))
     for name, axis in good.items():
         yield f'<h3 class="axis">{name}</h3><p>{escape(axis.result.verdict.text)}</p>'
         yield _rules(axis.result)

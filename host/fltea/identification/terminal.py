@@ -38,6 +38,8 @@ def show(console: Console, report: FileReport, first: bool = True, *, details: b
     for line in findings.sheets(good):
         console.print(_shown(line))
     if details:
+        for question, answer in findings.reading(report):
+            console.print(_shown(f"{question}: {answer}"))
         _details(console, good)
     for line in dict.fromkeys(axis.allan_reason for axis in good.values() if axis.allan_reason):
         console.print(_shown(f"{line[0].upper()}{line[1:].removesuffix('.')}."))
