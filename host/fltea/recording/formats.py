@@ -63,6 +63,8 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
                 **_each("plain.csv excel_dates.csv excel_unicode.txt iso_dates.csv us_dates.csv"),
                 **_each("excel_seconds.csv", "--rate 100"),
                 **_each("coarse_clock.csv", "--rate 7500"),
+                **_each("esp32.txt arduino_monitor.txt", "--units dps"),
+                **_each("plotter.txt", "--units dps --rate 100"),
                 **_each("no_header.csv", "--columns 2,3,4 --time-column 1 --time-unit ms --units dps"),
                 **_each(
                     "other_names.csv",

@@ -1,0 +1,101 @@
+"""The tables of formats and dialects are whole: each row has a file, its extra, a place in the documents."""
+
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+from corpus_files import HERE
+from fltea.recording.dialects import dialects
+from fltea.recording.formats import ALL, FORMATS, KINDS, MAGIC, UNREAD, Unread, loaded
+from fltea.recording.kind import open_one_file
+from fltea.records.errors import UsageError
+from fltea.settings.how import How
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "host/docs/guide/files.md").read_text()
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+CORPUS = {path.name for path in HERE.iterdir()} - {"README.md"}
+
+formats = pytest.mark.parametrize("kind", FORMATS)
+
+
+@formats
+def test_each_format_has_a_file_of_it(kind: str) -> None:
+    assert FORMATS[kind].corpus
+    for name in FORMATS[kind].corpus:
+        opened = open_one_file(HERE / name)
+        assert opened.kind == ("bag" if kind == "mcap" else kind), name
+
+
+@formats
+def test_each_format_is_in_the_documents(kind: str) -> None:
+    form = FORMATS[kind]
+    (row,) = [line for line in PAGE.splitlines() if line.startswith(f"| {form.guide}")]
+    assert all(f"`{suffix}`" in row for suffix in form.suffixes)
+    assert not form.extra or row.endswith(f"| `{form.extra}` |")
+
+
+@formats
+def test_each_format_has_a_reader_and_each_library_an_extra(kind: str) -> None:
+    form = FORMATS[kind]
+    assert set(form.options) <= set(ALL)
+    if kind not in ("mcap", "ndjson"):
+        assert callable(loaded(form.reader or form.opener))
+        assert not (form.reader and form.opener)
+    extras = PROJECT["optional-dependencies"]
+    if form.library:
+        packages = " ".join(extras[form.extra]).lower()
+        assert re.search(rf"\b{form.library}\b", packages)
+    if form.extra:
+        (every,) = extras["files"]
+        assert form.extra in re.findall(r"\w+", every)
+
+
+def test_no_ending_and_no_beginning_is_of_two_formats() -> None:
+    endings = [suffix for one in FORMATS.values() for suffix in one.suffixes]
+    begins = [begin for table in (FORMATS.values(), UNREAD) for one in table for begin in one.magic]
+    assert len(endings) == len(KINDS)
+    assert [(a, b) for a in begins for b in begins if a is not b and a.startswith(b)] == []
+    assert set(How.__struct_fields__) == set(ALL)
+    assert set(MAGIC) <= set(begins)
+
+
+def test_each_dialect_has_a_file_and_is_in_the_documents() -> None:
+    for one in dialects():
+        assert one.corpus, one.name
+        assert set(one.corpus) <= CORPUS, one.name
+        assert one.docs, one.name
+        assert f"| {one.guide} |" in PAGE, one.name
+
+
+def test_each_file_is_of_a_format_or_a_dialect() -> None:
+    named = {name for table in (FORMATS.values(), dialects()) for one in table for name in one.corpus}
+    assert CORPUS - named - {one.corpus for one in UNREAD} == set()
+
+
+@pytest.mark.parametrize("one", UNREAD, ids=lambda one: one.what[:20])
+def test_what_is_known_and_not_read_is_called_by_its_name(one: Unread, tmp_path: Path) -> None:
+    paths = [HERE / one.corpus] if one.corpus else []
+    for k, magic in enumerate(one.magic):
+        paths.append(tmp_path / f"rest {k}.log")
+        paths[-1].write_bytes(bytes(one.at) + magic + bytes(64))
+    if one.member:
+        paths.append(tmp_path / "rest.odd")
+        with zipfile.ZipFile(paths[-1], "w") as archive:
+            archive.writestr(one.member, "<a/>")
+    for path in paths:
+        with pytest.raises(UsageError) as caught:
+            open_one_file(path)
+        assert str(caught.value) == one.told(path)
+    assert not one.guide or f"| {one.guide} | `{one.command.format(path='FILE')}`" in PAGE
+
+
+def test_the_table_is_cheap_to_load() -> None:
+    """Help names all endings, and a program's start on a Raspberry Pi takes a second as it is."""
+    program = "import sys; from fltea.recording import formats; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert {"numpy", "h5py", "pyarrow", "fltea.recording.kind"} & {*done.stdout.split()} == set()
