@@ -299,7 +299,16 @@ def test_any_text_as_a_definition(text: str) -> None:
         read_columns([b"\0\1\0\0" + bytes(40)] * 3, definition, [definition.fields[0].name], is_ros1=False)
 
 
-def test_a_definition_within_itself_ends() -> None:
-    text = "a/B b\n" + "=" * 80 + "\nMSG: a/B\na/B b\na/B[9] c\nfloat32 x\n"
-    with contextlib.suppress(ValueError):
+@pytest.mark.parametrize("leaf", ["float32 x\n", ""])
+def test_a_definition_within_itself_ends(leaf: str) -> None:
+    text = "a/B b\n" + "=" * 80 + f"\nMSG: a/B\na/B b\na/B[9] c\n{leaf}"
+    with pytest.raises(ValueError, match=r"too many lines|without fields"):
         parse_definition(text)
+
+
+def test_an_array_that_is_shorter_than_it_should_be(tmp_path: Path) -> None:
+    definition = COMBINED.replace("float32[3] gyro_rad", "float32[2] gyro_rad")
+    messages = [{**combined(k), "gyro_rad": RADS[k, :2]} for k in range(N)]
+    topics = {"/imu": ("px4_msgs/msg/SensorCombined", definition, messages)}
+    with pytest.raises(UsageError, match=rf"{N} are not of the layout of px4_msgs/msg/SensorCombined"):
+        open_bag(write_types(tmp_path / "a.mcap", topics, ARRIVALS))

@@ -86,10 +86,10 @@ def test_a_bag_in_radians_is_not_doubted(noise: float, bias: float, seed: int) -
     assert layout is not None
     rate, _, _ = scales("a.bag", layout, How())
     assert rate is not None
-    rest = quietest([[np.radians(at_rest(noise, bias, seed))]], RATE_HZ)
+    rest = quietest([[np.radians(at_rest(noise, bias, seed))]], RATE_HZ, STANDARD_GRAVITY_MS2)
     assert rest is not None
     check_rates("a.bag", layout, rate, rest, AtRest(None), lambda _: "", [])
-    in_degrees = quietest([[at_rest(max(noise, 0.17), bias, seed)]], RATE_HZ)
+    in_degrees = quietest([[at_rest(max(noise, 0.17), bias, seed)]], RATE_HZ, STANDARD_GRAVITY_MS2)
     assert in_degrees is not None
     with pytest.raises(NotStated):
         check_rates("a.bag", layout, rate, in_degrees, AtRest(None), lambda _: "", [])
@@ -146,6 +146,9 @@ def test_accelerations_without_gravity_are_not_doubted(tmp_path: Path) -> None:
     free = Messages(STAMPS, np.radians(at_rest()), rng.normal(0, 0.6, (N, 3)))
     stored = open_bag(write_bag(tmp_path / "a.bag", {"/imu": free}))
     assert answers(stored)["accelerometer"][1] == "convention"
+    still = free._replace(gyro_rads=at_rest(), accel_ms2=rng.normal(0, 0.03, (N, 3)))
+    with pytest.raises(NotStated, match="drivers break this convention"):
+        open_bag(write_bag(tmp_path / "b.bag", {"/imu": still}))
 
 
 # --- rate and options ---

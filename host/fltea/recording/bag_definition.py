@@ -30,7 +30,7 @@ TIMES = {
 LIST = -1
 """In place of how many numbers a field has: 4 bytes before them tell it. A text is a list of bytes."""
 
-DEEPEST, MOST_FIELDS, MOST_LAYOUTS = 10, 2000, 64
+DEEPEST, MOST_LINES, MOST_LAYOUTS = 10, 5000, 64
 LONGEST_PADDING = 7
 CDR_HEAD = 4
 """Bytes before a message in CDR that say how it is written."""
@@ -85,13 +85,11 @@ def parse_definition(text: str) -> Definition:
         parts[head.removeprefix("MSG:").strip().replace("/msg/", "/")] = body
     fields: list[Field] = []
     is_whole = True
-    for field in _flat(first, "", (), parts, DEEPEST):
+    for field in _flat(first, "", (), parts, iter(range(MOST_LINES)), DEEPEST):
         if field is None:
             is_whole = False
             break
         fields.append(field)
-        if len(fields) > MOST_FIELDS:
-            raise ValueError("a message of too many fields")
     if not fields:
         raise ValueError("a definition without fields")
     head = re.match(r"(?:[ \t]*(?:#[^\n]*)?\n)*", first)
@@ -99,11 +97,13 @@ def parse_definition(text: str) -> Definition:
 
 
 def _flat(
-    text: str, before: str, said: tuple[str, ...], parts: dict[str, str], depth: int
+    text: str, before: str, said: tuple[str, ...], parts: dict[str, str], lines: Iterator[int], depth: int
 ) -> Iterator[Field | None]:
-    """Fields of a type and of those in it; None where no more places can be told."""
+    """Fields of a type and of those in it; None where no more places can be told. lines: as many are read."""
     above: list[str] = []
     for line in text.splitlines():
+        if next(lines, None) is None:
+            raise ValueError("a definition of too many lines")
         if line.strip().startswith("#"):
             above.append(line)
             continue
@@ -127,9 +127,9 @@ def _flat(
             if body is None or count == LIST or not depth:
                 yield None
                 return
-            for i in range(1 if count is None else min(count, MOST_FIELDS)):
+            for i in range(1 if count is None else count):
                 place = f"{name}." if count is None else f"{name}[{i}]."
-                yield from _flat(body, place, about, parts, depth - 1)
+                yield from _flat(body, place, about, parts, lines, depth - 1)
 
 
 def _body_of(kind: str, parts: dict[str, str]) -> str | None:
@@ -192,12 +192,16 @@ def _read(
                     after.append((rows[counts == count], begin + count * width, places))
             else:
                 begin = _aligned(at, min(width, widest))
-                found = {name: (begin + i * width, field.code) for name, i in in_field.get(field.name, ())}
-                end = begin + (1 if field.many is None else field.many) * width
+                many = 1 if field.many is None else field.many
+                its = [(name, i) for name, i in in_field.get(field.name, ()) if i < many]
+                found = {name: (begin + i * width, field.code) for name, i in its}
+                end = begin + many * width
                 after.append((rows, end, {**places, **found} if found else places))
         layouts = [layout for layout in after if layout[1] <= size]
     for rows, at, places in layouts:
         left = size - at
+        if not {*wanted} <= places.keys():
+            continue
         if not definition.is_whole or 0 <= left <= (definition.padding if widest > 1 else 0):
             columns = [_numbers(data[rows], places[name][0], order + places[name][1]) for name in wanted]
             yield rows, np.column_stack(columns)

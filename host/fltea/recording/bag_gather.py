@@ -30,6 +30,7 @@ from fltea.recording.spool import Spool
 from fltea.recording.table import is_of_sensor
 from fltea.recording.unpack import unpacked_zstd
 from fltea.records.errors import UsageError
+from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.records.visible import visible
 from fltea.settings.extras import load
 from fltea.settings.how import How
@@ -170,8 +171,9 @@ class Gathered:
         if self._rate is None:
             missing = Missing(f"the unit of {title(self._layout.gyro)}", "--units ?")
             raise not_stated(self._where, [missing], options, table())
-        rest = at_rest(self._spool.blocks(there, AT_ONCE), rate_hz)
         accel = self._accel
+        g = STANDARD_GRAVITY_MS2 / (1.0 if accel is None else accel.factor)
+        rest = at_rest(self._spool.blocks(there, AT_ONCE), rate_hz, g)
         if rest is not None:
             found = measured_accel(self._layout, accel, rest, self._how)
             check_rates(self._where, self._layout, self._rate, rest, found, table, options)

@@ -135,7 +135,7 @@ def title(names: Sequence[str]) -> str:
     return ", ".join(names)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=4096)
 def ros_layout(kind: str, encoding: Encoding, schema: bytes) -> Layout | None:
     """Return the layout of a type of ROS 1 or 2; None: its messages hold no gyroscope's numbers.
 

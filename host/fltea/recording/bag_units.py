@@ -27,7 +27,7 @@ QUIET = 0.1
 """Share of the stretches, the quietest, that count as rest."""
 
 MOVING = 0.05
-"""Spread of the length of gravity at rest, of its mean: no accelerometer has more, what shakes has."""
+"""Spread of accelerations at rest, of gravity: no accelerometer has more, and what shakes has."""
 
 LEAST_N, MOST_N = 0.03, 5.0
 """Of MEMS gyroscopes, in deg/√h."""
@@ -85,7 +85,7 @@ def scales(where: str, layout: Layout, how: How) -> tuple[Scale | None, Scale | 
 class Rest(NamedTuple):
     """The quietest stretches, in the file's own numbers: mean (3,), and noise (3,) as σ of a second's mean.
 
-    gravity: (n, 3) mean accelerations of all stretches. moves: whether accelerations shake in the quietest.
+    gravity: (n, 3) mean accelerations of all stretches. moves: whether the quietest ones shake.
     """
 
     mean: Floats
@@ -94,10 +94,10 @@ class Rest(NamedTuple):
     moves: bool
 
 
-def at_rest(blocks: Iterable[Sequence[Floats]], rate_hz: float) -> Rest | None:
+def at_rest(blocks: Iterable[Sequence[Floats]], rate_hz: float, g: float) -> Rest | None:
     """Look for the quietest stretches; None: there are too few samples.
 
-    blocks: of rates (n, 3), and accelerations (n, 3) or nothing.
+    blocks: of rates (n, 3), and accelerations (n, 3) or nothing. g: gravity in the unit of these.
     """
     noise, means, gravity, shakes = [], [], [], []
     for gyro, *accel in blocks:
@@ -112,9 +112,13 @@ def at_rest(blocks: Iterable[Sequence[Floats]], rate_hz: float) -> Rest | None:
         noise.append(np.sqrt((np.diff(groups, axis=1) ** 2).mean(axis=1) / 2 * size / rate_hz))
         means.append(groups.mean(axis=1))
         for one in accel:
-            length = np.linalg.norm(one[:rows], axis=1).reshape(whole, clusters * size)
-            shakes.append(length.std(axis=1) > MOVING * length.mean(axis=1))
-            gravity.append(one[:rows].reshape(whole, clusters * size, 3).mean(axis=1))
+            parts = one[:rows].reshape(whole, clusters * size, 3)
+            length, spread = (
+                np.linalg.norm(parts.mean(axis=1), axis=1),
+                np.linalg.norm(parts.std(axis=1), axis=1),
+            )
+            shakes.append(spread > MOVING * np.where(length > spread, length, g))
+            gravity.append(parts.mean(axis=1))
     if not noise:
         return None
     noises = np.concatenate(noise)

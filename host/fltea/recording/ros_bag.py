@@ -51,7 +51,7 @@ def _open(path: Path, how: How, limits: Limits) -> Stored:
             continue
         topic = item.topic
         counts[topic] = counts.get(topic, 0) + item.count
-        if item.data and layouts.get(topic) is None:
+        if item.data and topic not in layouts:
             layouts[topic] = _layout(path, item)
         layout = layouts.get(topic)
         if layout is None or not item.count or not _is_named(topic, how):
