@@ -1,139 +1,127 @@
-"""Files as people have them, one of each logger: what they hold, and what a refusal advises, is followed."""
+"""Files as people have them, of each format and each logger: what they hold, and what is asked for."""
 
 import re
 import shlex
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from corpus_files import ACCEL_MS2, GYRO_DPS, HERE, RATE_HZ, N
+from corpus_files import ACCEL_MS2, COARSE_DPS, GYRO_DPS, HERE, RATE_HZ, RATES_HZ
+from corpus_reading import BY_NAME, OPTIONS, UNREAD_DIALECTS, how_of, pairs
 from fltea.archive.info import as_text, summarise
+from fltea.recording.formats import UNREAD, Unread
+from fltea.recording.opening import Printed, open_recording
+from fltea.recording.reading import ASK, NotStated
 from fltea.records.errors import UsageError
-from fltea.records.events import RawBlock
+from fltea.records.events import Event, RawBlock
 from fltea.records.records import Hello
-from fltea.settings.how import How
+from fltea.settings.how import AS_IT_SAYS
+from fltea.sources import replay
 from fltea.sources.replay import ReplaySource
 from fltea.sources.text_events import TextEvents
 
-READ = {
-    **dict.fromkeys(("plain.csv", "plain.csv.gz", "plain.csv.bz2", "plain.csv.xz"), ""),
-    **dict.fromkeys(("phyphox.csv", "phyphox.zip", "phyphox.xlsx"), ""),
-    **dict.fromkeys(("Gyroscope.csv", "sensor_logger.zip", "sensor_logger.json"), ""),
-    **dict.fromkeys(("excel_dates.csv", "excel_unicode.txt", "iso_dates.csv", "us_dates.csv"), ""),
-    **dict.fromkeys(("pandas.parquet", "pandas.feather", "numpy.npz", "h5py.h5"), ""),
-    **dict.fromkeys(("pandas_fixed.h5", "pandas_table.h5"), ""),
-    **dict.fromkeys(("matlab.mat", "matlab73.mat", "px4.ulg", "json.mcap", "protobuf.mcap"), ""),
-    **dict.fromkeys(("adafruit_mpu6050.txt", "adafruit_lsm6ds.txt", "sparkfun_icm20948.txt"), "--rate 100"),
-    "excel_seconds.csv": "--rate 100",
-    "coarse_clock.csv": "--rate 7500",
-    "ros_sec_nanosec.csv": "--units rad/s",
-    **dict.fromkeys(("betaflight.csv", "esp32.txt", "arduino_monitor.txt"), "--units dps"),
-    "plotter.txt": "--units dps --rate 100",
-    "bno055.txt": "--units dps --rate 100",
-    "i2cdevlib_raw.txt": "--columns 5,6,7 --rate 100 --units lsb:131",
-    "no_header.csv": "--columns 2,3,4 --time-column 1 --time-unit ms --units dps",
-    "other_names.csv": "--columns roll,pitch,yaw --time-column counter --time-unit ms --units dps",
-}
-"""By the name of a file, the options that its refusals advise, one after the other, until it is read."""
+EVIDENCE = {"given", "stated", "dialect", "convention", "measured"}
 
-RATES_HZ = {"coarse_clock.csv": 7500.0}
-IN_RADS = {"bno055.txt"}
-"""Which nothing in the file says, so that the advice, deg/s, is wrong, and a person has to know it."""
-ERROR_DPS = {"i2cdevlib_raw.txt": 0.5 / 131}
+OURS = {"fltea.npz", "fltea.mcap", "fltea.ndjson"}
+"""Of fltea itself, which have nothing to ask and so no reading; the second is of another rest."""
 
-FOREIGN = {
-    "betaflight.bbl": r"is a Betaflight blackbox log\..*blackbox_decode \S*betaflight\.bbl",
-    "ardupilot.bin": r"is an ArduPilot DataFlash log\..*mavlogdump\.py --format csv --types IMU \S*\.bin",
-    "old_excel.xls": r"is a file of an old Excel.*libreoffice --headless --convert-to csv \S*old_excel\.xls",
-}
+READ = [name for name in OPTIONS if name not in UNREAD_DIALECTS]
+SLOW = {"asam.mf4"}
+"""Whose library takes seconds to load."""
 
-NOT_LIVE = "Gyroscope.csv", "excel_unicode.txt"
-"""The first says by its name what it is; the second is UTF-16, which nobody sends line by line."""
-LIVE = [name for name in READ if name.endswith((".txt", ".csv")) and name not in NOT_LIVE]
-
-OPTION = r"--(?:rate|units|time-unit) [^\s.,;]\S*(?<![.,;)])"
+NOT_LIVE = {*BY_NAME, "excel_unicode.txt"}
+"""Lines that come live have no file's name; the last is UTF-16, which nobody sends line by line."""
+LIVE = [name for name in READ if name.endswith((".txt", ".csv", ".gcsv")) and name not in NOT_LIVE]
 
 
-def advised(text: str) -> list[str]:
-    """The options that a refusal names for this file."""
-    _, found, options = text.partition("Probably this reads it; check which columns are the gyroscope's: ")
-    return shlex.split(options) if found else shlex.split(re.findall(OPTION, text)[0])
+def gyro_of(events: Sequence[Event]) -> np.ndarray:
+    return np.concatenate([event.gyro for event in events if isinstance(event, RawBlock)])
 
 
-def how_of(options: list[str]) -> How:
-    given = dict(zip(options[::2], options[1::2], strict=True))
-    columns, rate = given.get("--columns"), given.get("--rate")
-    return How(
-        columns=columns.split(",") if columns else None,
-        units=given.get("--units"),
-        rate_hz=float(rate) if rate else None,
-        time_column=given.get("--time-column"),
-        time_unit=given.get("--time-unit"),  # type: ignore[arg-type]
-    )
-
-
-def read(name: str) -> tuple[list[str], ReplaySource]:
-    """Open a file, and do what each refusal says until there is none."""
-    options: list[str] = []
-    for _ in range(3):
-        try:
-            return options, ReplaySource(HERE / name, how=how_of(options))
-        except UsageError as error:
-            options += advised(str(error))
-    raise AssertionError(options)
-
-
-@pytest.mark.parametrize("name", READ)
-def test_a_file_of_each_logger_is_read_as_its_refusals_advise(name: str) -> None:
-    options, source = read(name)
-    assert " ".join(options) == READ[name]
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in READ]
+)
+def test_a_file_of_each_kind_is_read(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is opened once, for the replay and for `summarise`: a process apart takes a while."""
+    how = how_of(OPTIONS[name])
+    if name != "fltea.mcap":
+        opened = open_recording(HERE / name, how)
+        monkeypatch.setattr(replay, "open_recording", lambda *_: opened)
+        assert isinstance(opened, Printed) == (name == "fltea.ndjson")
+    source = ReplaySource(HERE / name, how=how)
     events = list(source.events())
-    (hello,) = [event for event in events if isinstance(event, Hello)]
-    blocks = [event for event in events if isinstance(event, RawBlock)]
-    gyro = np.concatenate([block.gyro for block in blocks]) / (hello.gyro_lsb_per_dps or 1.0)
-    assert hello.rate_hz == pytest.approx(RATES_HZ.get(name, RATE_HZ), rel=1e-6)
-    truth = np.radians(GYRO_DPS) if name in IN_RADS else GYRO_DPS
-    assert gyro == pytest.approx(truth, abs=ERROR_DPS.get(name, 6e-4))
-    accel = [block.accel for block in blocks if block.accel is not None]
-    if accel:
-        assert np.concatenate(accel) == pytest.approx(ACCEL_MS2, abs=6e-3)
-    text = as_text(summarise([HERE / name], 100, how=how_of(options)))
-    assert f"samples    {N}, 0 lost in 0 gaps" in text
+    hello = next(event for event in events if isinstance(event, Hello))
+    gyro = gyro_of(events) / (hello.gyro_lsb_per_dps or 1.0)
+    if name != "fltea.mcap":
+        assert gyro == pytest.approx(GYRO_DPS, abs=COARSE_DPS.get(name, 6e-4))
+        assert hello.rate_hz == pytest.approx(RATES_HZ.get(name, RATE_HZ), rel=1e-6)
+    accel = [event.accel for event in events if isinstance(event, RawBlock) and event.accel is not None]
+    if name not in OURS:
+        said = {answer.question: answer for answer in source.reading}
+        assert all(said[question].evidence in EVIDENCE for question in ("columns", "unit", "clock"))
+        assert all(answer.value and answer.why for answer in source.reading)
+        assert bool(accel) == ("accelerometer" in said and said["accelerometer"].evidence in EVIDENCE)
+        if accel:
+            assert np.concatenate(accel) == pytest.approx(ACCEL_MS2, abs=6e-3)
+    text = as_text(summarise([HERE / name], 100, how=how))
+    assert re.search(rf"samples +{len(gyro)}, 0 lost in 0 gaps", text)
     assert not re.search(r"None|\bnan\b|\\x", text)
 
 
-@pytest.mark.parametrize("name", FOREIGN)
-def test_what_is_not_read_is_called_by_its_name(name: str) -> None:
-    with pytest.raises(UsageError, match=FOREIGN[name]):
-        ReplaySource(HERE / name)
+@pytest.mark.parametrize("name", [name for name in READ if OPTIONS[name]])
+def test_what_a_file_does_not_say_is_asked_for(name: str) -> None:
+    """Without its options, and without each of them, since nothing else says what that one does."""
+    truth = pairs(OPTIONS[name])
+    for left_out in (set(truth), *({flag} for flag in truth)):
+        given = {flag: value for flag, value in truth.items() if flag not in left_out}
+        with pytest.raises(UsageError) as caught:
+            open_recording(HERE / name, how_of(shlex.join(word for pair in given.items() for word in pair)))
+        assert_asks(caught.value, given)
+
+
+def assert_asks(error: UsageError, given: dict[str, str]) -> None:
+    """Check that an error asks, by a command in which nothing has a value but what was given."""
+    if not isinstance(error, NotStated):  # the times tell a mean, which may be of two sensors by turns
+        assert re.search(r"The mean of these times is ([\d.]+) Hz; if every row .*: --rate \1 ", str(error))
+        return
+    _, _, command = str(error).partition(ASK)
+    assert command.startswith("fltea identify ")
+    asked = pairs(command.partition("\n")[0].removeprefix("fltea identify ").partition(" ")[2])
+    assert {flag: value for flag, value in asked.items() if set(value) - set("?,")} == given
+    assert set(asked) > set(given)
+
+
+@pytest.mark.parametrize("name", UNREAD_DIALECTS)
+def test_a_logger_that_has_no_rates_is_refused(name: str) -> None:
+    with pytest.raises(UsageError, match=re.escape(UNREAD_DIALECTS[name])):
+        open_recording(HERE / name, AS_IT_SAYS)
+
+
+@pytest.mark.parametrize("one", [one for one in UNREAD if one.corpus], ids=lambda one: one.corpus)
+def test_what_is_not_read_is_called_by_its_name(one: Unread) -> None:
+    with pytest.raises(UsageError) as caught:
+        ReplaySource(HERE / one.corpus)
+    assert str(caught.value) == one.told(HERE / one.corpus)
+    assert one.command.format(path=HERE / one.corpus) in str(caught.value)
 
 
 @pytest.mark.parametrize("name", LIVE)
 def test_live_text_gives_the_same_samples(name: str) -> None:
-    data, how = (HERE / name).read_bytes(), how_of(shlex.split(READ[name]))
+    data, how = (HERE / name).read_bytes(), how_of(OPTIONS[name])
     live = TextEvents("stdin:", how, fatal=False)
     live.open(0, within_line=False)
     events = [event for k in range(0, len(data), 997) for event in live.feed(data[k : k + 997], 0)]
-    gyro = np.concatenate([event.gyro for event in [*events, *live.finish(0)] if isinstance(event, RawBlock)])
-    stored = ReplaySource(HERE / name, how=how)
-    assert gyro.tolist() == [
-        row for e in stored.events() if isinstance(e, RawBlock) for row in e.gyro.tolist()
-    ]
+    gyro = gyro_of([*events, *live.finish(0)])
+    assert gyro.tolist() == gyro_of(list(ReplaySource(HERE / name, how=how).events())).tolist()
 
 
-@pytest.mark.parametrize("name", ["no_header.csv", "i2cdevlib_raw.txt"])
-def test_a_column_that_no_gyroscope_gives_is_refused(name: str) -> None:
-    wrong = {
-        "no_header.csv": (
-            How(columns=["1", "2", "3"], rate_hz=100.0, units="dps"),
-            "column '1' rises from each of its 60 rows",
-        ),
-        "i2cdevlib_raw.txt": (
-            How(columns=["4"], rate_hz=100.0, units="dps"),
-            "beyond 4000 deg/s in 60 of 60 rows",
-        ),
-    }
-    how, reason = wrong[name]
-    with pytest.raises(UsageError, match=reason) as caught:
-        ReplaySource(HERE / name, how=how)
-    better = advised(str(caught.value))
-    assert ReplaySource(HERE / name, how=how_of([*better])) if "--columns" in better else "lsb:131" in better
+@pytest.mark.parametrize(
+    ("name", "options", "reason"),
+    [
+        ("no_header.csv", "--columns 1,2,3 --rate 100", "column '1' rises from each of its 60 rows"),
+        ("i2cdevlib_raw.txt", "--columns 4 --rate 100", "beyond 4000 deg/s in 60 of 60 rows"),
+    ],
+)
+def test_a_column_that_no_gyroscope_gives_is_refused(name: str, options: str, reason: str) -> None:
+    with pytest.raises(UsageError, match=reason):
+        ReplaySource(HERE / name, how=how_of(f"{options} --units dps"))
