@@ -1,9 +1,12 @@
 """Readings that cannot be what they say: each planted and found; none in clean noise."""
 
+import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
+from fltea.identification import judges, traps
 from fltea.identification.gaps import Gaps, no_gaps
 from fltea.identification.judges import judge, judge_one
 from fltea.identification.resolution import decimals, step
@@ -14,6 +17,7 @@ from fltea.records.records import ACCEL_AXES, AXES
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H, ar, gauss_markov, white
+from scipy.signal import lfilter
 
 N = 12_000
 IN_RAD_S = np.degrees(1.0)
@@ -225,15 +229,24 @@ def test_the_step_of_many_values() -> None:
     assert step(np.ones(100)) is None
 
 
+def test_every_trap_is_in_the_guide() -> None:
+    guide = (Path(__file__).parents[2] / "host/docs/guide/verdict.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"`([a-z ]+)`", "".join(re.findall(r"^\| (`.*?) \|", guide, re.MULTILINE))))
+    sources = [Path(module.__file__ or "").read_text(encoding="utf-8") for module in (traps, judges)]
+    made = {kind for text in sources for kind in re.findall(r'Trap\(\s*"([a-z ]+)"', text)}
+    assert len(made) > 12
+    assert made | {"decimals", "quantisation", "line", "resonance"} <= told
+
+
 def test_what_is_bad_withholds() -> None:
-    traps = [
+    found = [
         Trap("a", "bad", "A.", "Do a.", ("gyro_x",)),
         Trap("b", "warning", "B.", ""),
         Trap("c", "bad", "C.", ""),
     ]
-    assert withheld(traps) == "A. Do a. C. "
-    assert withheld(of_axis(traps, "gyro_y")) == "C. "
-    assert withheld(traps[1:2]) == ""
+    assert withheld(found) == "A. Do a. C. "
+    assert withheld(of_axis(found, "gyro_y")) == "C. "
+    assert withheld(found[1:2]) == ""
 
 
 @given(
@@ -254,3 +267,22 @@ def test_no_alarm(seed: int, kind: str, sigma_lsb: float | None, axes: int, know
     y = 0.1 * y if lsb is None else np.rint(0.1 * y / lsb) * lsb
     reading = (*said("unit", "convention"), *said("accelerometer", "convention"))
     assert judged(gyro(y, 0.4), reading=reading, lsb=lsb if known else None) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate_hz", [50.0, 200.0, 1000.0])
+def test_no_alarm_in_many_clean_records(rate_hz: float) -> None:
+    """A hundred records each of 100 s to 20 min: both sensors, coarse and fine counts, white and coloured."""
+    for seed in range(100):
+        rng = np.random.default_rng((int(rate_hz), seed))
+        n = int(rate_hz * rng.choice([100, 300, 1200 if rate_hz < 500 else 100]))
+        pole = rng.choice([0.0, 0.9, -0.8, 0.999])
+        axes = {}
+        for name in (*AXES[: rng.integers(1, 4)], *ACCEL_AXES[: 3 * rng.integers(0, 2)]):
+            y = rng.standard_t(5, n) if seed % 5 == 0 else lfilter([1], [1, -pole], rng.standard_normal(n))
+            y = 0.1 * (y / y.std() if seed % 3 else y / y.std() + rng.standard_normal(n))
+            y += 9.81 if name == "accel_z" else 0.0 if name in ACCEL_AXES else rng.normal(0, 1)
+            quantum = 0.1 / rng.choice([0.5, 1, 3, 30])
+            axes[name] = np.rint(y / quantum) * quantum if rng.random() < 0.7 else y
+        reading = (*said("unit", "convention"), *said("accelerometer", "convention"))
+        assert judged(axes, 1 / rate_hz, reading=reading) == {}, seed

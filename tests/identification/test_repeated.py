@@ -9,6 +9,7 @@ from fltea.records.arrays import Array
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, ar, white
+from scipy.signal import lfilter
 
 
 def low_passed(hz: float, n: int, axes: int, seed: int) -> Array:
@@ -80,6 +81,14 @@ def test_every_tenth_is_found_on_one_axis_and_on_slow_ones(sigma_lsb: float) -> 
 def test_a_sensor_that_is_read_too_fast(held: int) -> None:
     y = counted(white(6000, 3, 1), 1.0)
     assert found(np.repeat(y, held, axis=1)[:, :6000])
+
+
+@pytest.mark.parametrize("spread", [0.1, 0.3, 0.5])
+def test_small_steps_with_heavy_tails_are_no_repeats_of_one_axis(spread: float) -> None:
+    """Of slow noise in coarse counts nine in ten neighbours are equal, and tails give steps of two."""
+    steps = np.random.default_rng(1).standard_t(5, 300_000) * spread / 1.29
+    y = lfilter([1], [1, -0.999], steps)[np.newaxis]
+    assert not found(np.rint(y))
 
 
 def test_numbers_too_small_to_be_squared() -> None:

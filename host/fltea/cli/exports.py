@@ -56,17 +56,15 @@ def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str])
     flags: the options that ask for one file of all axes. of_axes: those that ask for something of each axis,
     which the other axes have.
     """
+    from fltea.identification.findings import traps
     from fltea.identification.run import AxisReport
 
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
-    bad: dict[str, list[str]] = {}
-    for name, axis in good.items():
-        if axis.withheld:
-            bad.setdefault(axis.withheld, []).append(name)
-    if not bad or not (flags or of_axes):
-        return
-    reasons = " ".join(f"{', '.join(names)}: {why}" for why, names in bad.items())
     rest = [name for name, axis in good.items() if not axis.withheld]
+    if len(rest) == len(good) or not (flags or of_axes):
+        return
+    bad = [(where, trap) for where, trap in traps(report) if trap.severity == "bad"]
+    reasons = " ".join(f"{where and f'{where}: '}{trap.text} {trap.remedy}" for where, trap in bad)
     gyro = [name for name in rest if name in AXES]
     # A model file has no gyro_y without gyro_x.
     possible = rest and flags and ("--export-model" not in flags or gyro == list(AXES[: len(gyro)]))

@@ -8,7 +8,7 @@ import msgspec
 from fltea.cluster.listing import File
 from fltea.identification.load import Loaded
 from fltea.identification.run import AxisReport, Failure, FileReport
-from fltea.identification.traps import Trap
+from fltea.identification.traps import Trap, of_axis
 
 VALUES = ("alpha", "f", "F", "s2", "R")
 COEFFICIENTS = ("N", "B", "K")
@@ -108,7 +108,7 @@ def _axis(key: Key, recording: Loaded, name: str, axis: AxisReport | Failure, se
         fltea_alpha=r.fltea and r.fltea.alpha,
         fltea_f=r.fltea and r.fltea.f,
         fltea_describes_noise=r.fltea and r.fltea.describes_noise,
-        traps=trap_kinds((*recording.traps, *axis.traps)),
+        traps=trap_kinds((*of_axis(recording.traps, name), *axis.traps)),
         values=with_ends(r.order, VALUES) | allan,
         **about,
     )

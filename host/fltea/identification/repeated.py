@@ -44,8 +44,8 @@ IN_STEP, AT_ONCE = 0.6, 200
 """Changes at a steady rate are within one sample of a straight line over so many, 0.29 by their deviation."""
 TAILS = 1.15
 """Times as many equal neighbours as of Gaussian steps are allowed for other distributions."""
-_STEPS = np.geomspace(0.2, 2 * FINE_COUNTS, 400)
-"""Spreads of steps before rounding, in LSB."""
+_STEPS = np.geomspace(0.6, 2 * FINE_COUNTS, 400)
+"""Spreads of steps before rounding, in LSB; of finer ones heavy tails alone decide how many are of two."""
 
 
 class Repeats(NamedTuple):
