@@ -26,7 +26,7 @@ def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
     Raises:
         UsageError: not such a file, numbers without a unit, or what `open_sheet` refuses.
     """
-    array = _mapped(path)
+    array, said = _mapped(path), how
     if array.dtype.names is not None:
         sheet = of_arrays({"": array})
     else:
@@ -36,7 +36,15 @@ def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
         if how.columns is None and len(rest) <= len(AXES):
             how = msgspec.structs.replace(how, columns=rest)
         sheet = of_arrays(dict(zip(names, columns, strict=True)))
-    return open_sheet(path, with_sample(sheet), how, limits)
+    stored = open_sheet(path, with_sample(sheet), how, limits)
+    if how is said:
+        return stored
+    why = "columns without names, of which there are no more than a gyroscope has axes"
+    answers = (
+        msgspec.structs.replace(one, evidence="convention", why=why) if one.question == "columns" else one
+        for one in stored.reading
+    )
+    return stored._replace(reading=tuple(answers))
 
 
 def _mapped(path: Path) -> NDArray[Any]:

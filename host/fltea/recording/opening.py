@@ -1,6 +1,8 @@
 """A recording that is one file, opened by what it is: the table of formats says who reads it."""
 
+import re
 import shlex
+from itertools import dropwhile
 from pathlib import Path
 from typing import NamedTuple, cast
 
@@ -8,7 +10,7 @@ from fltea.recording.files import Stored
 from fltea.recording.formats import FORMATS, Kind, loaded
 from fltea.recording.kind import is_stream, open_one_file
 from fltea.recording.ndjson import Kept, read_ndjson
-from fltea.recording.reading import ASK, NotStated
+from fltea.recording.reading import ASK, NotStated, given_options
 from fltea.records.errors import UsageError
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -49,8 +51,17 @@ def open_recording(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_L
             return open_apart(kind, path, how, limits)
         return cast(Stored | Printed, loaded(form.opener)(path, limits=limits, **said, **content))
     except NotStated as error:
-        error.args = (str(error).replace(ASK, f"{ASK}fltea identify {shlex.quote(str(path))} "),)
+        error.args = (_with_command(str(error), path, how),)
         raise
+
+
+def _with_command(text: str, path: Path, how: How) -> str:
+    """Return what asks for options with the whole command: what the user gave, and what is to be said."""
+    before, asks, rest = text.partition(ASK)
+    options, end, table = rest.partition("\n")
+    asked = dropwhile(lambda option: "?" not in option, re.split(r" (?=--)", options))
+    command = ["fltea identify", shlex.quote(str(path)), *given_options(how), *asked]
+    return f"{before}{asks}{' '.join(command)}{end}{table}" if asks else text
 
 
 def check_options(path: Path, kind: Kind, how: How) -> None:
