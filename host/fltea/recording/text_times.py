@@ -49,15 +49,17 @@ _ENOUGH = 1 << 14
 class Clocks:
     """Turns the times of one text into seconds, a block of whole lines at a time.
 
-    Digits behind the seconds are a fraction, unless times rise only if they are whole milliseconds: the SDK
-    of WitMotion writes 5 ms as `9:46:40.5`. Behind a colon, where its programs have them, they are
+    Digits behind the seconds are a fraction, unless they show that they are milliseconds that are not padded:
+    the SDK of WitMotion writes 5 ms as `9:46:40.5`. Behind a colon, where its programs have them, they are
     milliseconds, if they are not always two, which may be frames of a film.
     """
 
     def __init__(self) -> None:
         self._in_ms: bool | None = None
         self._colon_is_ms = False
-        self._last = "", ""
+        self._last = "", "0"
+        self._lengths: set[int] = set()
+        self._is_no_fraction = False
 
     def with_seconds(self, text: str) -> str:
         """Return lines with seconds in place of dates and times of day."""
@@ -83,18 +85,25 @@ class Clocks:
         return _ARROW.sub(_before_line, turned) if " -> " in turned else turned
 
     def _look(self, text: str) -> None:
-        """Find out how the parts of seconds are written."""
-        fraction_falls = ms_falls = False
-        last = self._last
+        """Find out how the parts of seconds are written.
+
+        Milliseconds that are not padded are of several lengths and never begin with a zero. As fractions they
+        would end in zeros or fall within a second; but who writes fractions of several lengths drops zeros.
+        """
         for clock, sign, digits in _LAST.findall(text):
-            self._colon_is_ms |= sign == ":" and len(digits) != 2
-            if clock == last[0] and sign == ".":
-                fraction_falls |= float(f".{digits}") < float(f".{last[1]}")
-                ms_falls |= len(digits) > 3 or int(digits) < int(last[1])
-            last = clock, digits
-        self._last = last
-        if self._in_ms is None and (ms_falls or fraction_falls):
-            self._in_ms = not ms_falls
+            if sign == ":":
+                self._colon_is_ms |= len(digits) != 2
+            elif self._in_ms is None:
+                last_clock, last = self._last
+                is_same = clock == last_clock
+                begins_with_0, ends_in_0 = (len(digits) > 1 and digits[k] == "0" for k in (0, -1))
+                self._lengths.add(len(digits))
+                self._is_no_fraction |= ends_in_0 or (is_same and float(f".{digits}") < float(f".{last}"))
+                if len(digits) > 3 or begins_with_0 or (is_same and int(digits) < int(last)):
+                    self._in_ms = False
+                elif len(self._lengths) > 1 and self._is_no_fraction:
+                    self._in_ms = True
+                self._last = clock, digits
 
     def _seconds(self, found: re.Match[str], before: str, mark: str) -> tuple[int, str] | None:
         """Where in `before` a time begins, and its seconds; None if it is none."""
