@@ -29,8 +29,9 @@ READ = [name for name in OPTIONS if name not in UNREAD_DIALECTS]
 SLOW = {"asam.mf4"}
 """Whose library takes seconds to load."""
 
-NOT_LIVE = {*BY_NAME, "excel_unicode.txt"}
-"""Lines that come live have no file's name; the last is UTF-16, which nobody sends line by line."""
+NOT_LIVE = {*BY_NAME, "excel_unicode.txt", "xsens_mtw.txt"}
+"""Lines that come live have no file's name; nobody sends UTF-16 line by line; a few rows do not show that the
+column of times is an empty one."""
 LIVE = [name for name in READ if name.endswith((".txt", ".csv", ".gcsv")) and name not in NOT_LIVE]
 
 
