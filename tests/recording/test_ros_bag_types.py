@@ -257,7 +257,7 @@ FIELDS = st.lists(
     ros1=st.booleans(),
     data=st.data(),
 )
-@settings(max_examples=150)
+@settings(max_examples=100)
 def test_any_definition_is_read_as_rosbags_writes_it(
     fields: Sequence[tuple[str, str]], lengths: list[int], ros1: bool, data: st.DataObject
 ) -> None:

@@ -129,7 +129,7 @@ def test_gravity_tells_the_unit_of_an_accelerometer(tmp_path: Path, unit: str, o
 
 def test_both_units_are_asked_for_at_once(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a.bag", {"/imu": imu(at_rest(), 1.0), "/b": even(20)})
-    with pytest.raises(NotStated, match=r": --sensor /imu --accel-units g --units \?\n"):
+    with pytest.raises(NotStated, match=r": --sensor /imu --units \? --accel-units g\n"):
         open_bag(path, How(topic="/imu"))
     whole = open_bag(path, How(topic="/imu", accel_units="g", units="deg/s")).whole()
     assert whole.gyro.mean(axis=0) == pytest.approx(BIAS_DPS, abs=0.05)

@@ -3,15 +3,16 @@
 import re
 from pathlib import Path
 
+from fltea.recording.formats import FORMATS
 from fltea.recording.session import SESSION
 from fltea.records.errors import UsageError
 from fltea.records.small_file import open_file
 from fltea.settings.extras import load
 
-ROS1, SQLITE, MCAP = b"#ROSBAG V", b"SQLite format 3\0", b"\x89MCAP0\r\n"
+(ROS1, SQLITE), MCAP = FORMATS["bag"].magic, b"\x89MCAP0\r\n"
 """What bags begin with; MCAP may also be ours."""
 
-SUFFIXES = (".bag", ".active", ".db3", ".zstd")
+SUFFIXES = FORMATS["bag"].suffixes
 """Of bags, but for MCAP. A bag of ROS 1 that is being written is called NAME.bag.active."""
 
 OF_FOLDERS = ("*.mcap", "*.db3")

@@ -63,6 +63,7 @@ class Gathered:
         self._topic, self._layout = topic, layout
         self._rate, self._accel, self._notes = scales(self._where, layout, how)
         self._time_s = _given_clock(self._where, layout, how)
+        self._clock_by = "" if self._time_s is None else f", in {how.time_unit} as --time-unit says"
         self._is_whole = True
         self._unread: list[Answer] = []
         self._spool = Spool()
@@ -85,6 +86,7 @@ class Gathered:
         if len(self._waiting) >= AT_ONCE:
             self._look()
 
+    @np.errstate(over="ignore", invalid="ignore")
     def _look(self) -> None:
         if not self._waiting:
             return
@@ -94,7 +96,9 @@ class Gathered:
         imu = self._topic.read(messages, self._layout)
         arrival_ns = np.array(arrivals, np.int64)[imu.row]
         if self._time_s is None:
-            self._time_s = self._layout.time_s or _measured_clock(imu.time, arrival_ns)
+            self._time_s = self._layout.time_s
+            if not self._time_s and (found := _measured_clock(imu.time, arrival_ns)):
+                self._time_s, self._clock_by = found, ", whose unit the times of arrival tell"
         stamp_ns = _stamp_ns(imu.time, self._time_s)
         factor = 1.0 if self._rate is None else self._rate.factor
         self._unusable += len(messages) - len(np.unique(imu.row))
@@ -256,7 +260,7 @@ class Gathered:
         given_hz = self._how.rate_hz
         known = bool((np.abs(arrival_ns) <= LATEST_NS).all() and np.ptp(arrival_ns) > 0)
         no_stamps = not np.ptp(stamp_ns)
-        source = "times of arrival" if no_stamps else "stamps of the messages"
+        source = "times of arrival" if no_stamps else f"stamps of the messages{self._clock_by}"
         problems = [self._without_stamps(stamp_ns)] if no_stamps else []
         try:
             if no_stamps and not known:

@@ -185,7 +185,7 @@ def check_rates(
     is_odd = noise * rate.factor > MOST_N or mean * rate.factor > MOST_MEAN_DPS
     if is_odd and LEAST_N <= noise <= MOST_N:
         unit, high, off = rate.said.unit, noise * rate.factor, mean * rate.factor
-        command = " ".join(filter(None, [*options, accel.option, "--units ?"]))
+        command = " ".join(filter(None, [*options, "--units ?", accel.option]))
         lines = filter(None, [table({unit: "", "deg/s": ""}), accel.problem])
         raise NotStated(
             f"{where}: {title(layout.gyro)} are in {unit} by {rate.said.why}, and drivers break this "
