@@ -72,17 +72,19 @@ def test_npy_with_fields_is_read_by_their_names(tmp_path: Path) -> None:
     found = npy(tmp_path, array, units="rad/s")
     assert found.rate_hz == pytest.approx(100.0)
     assert found.whole().gyro[:, 0] == pytest.approx(np.degrees(GYRO[:, 0]), rel=1e-6)
-    assert "has no unit" in refusal(npy, tmp_path, GYRO, rate_hz=1.0)
-    assert "state does not hold numbers" in refusal(npy, tmp_path, array, columns=["state"], units="dps")
+    assert "nothing says the unit of 1, 2, 3." in refusal(npy, tmp_path, GYRO, rate_hz=1.0)
+    assert "state: holds other things, not one number in each row" in refusal(
+        npy, tmp_path, array, columns=["state"], units="dps"
+    )
 
 
 BAD_NPY = {
     "six columns": (
         np.c_[GYRO, ACCEL],
         {"rate_hz": 1.0},
-        "name yours with --columns (it has: 1, 2, 3, 4, 5, 6)",
+        "nothing says which columns are the gyroscope's axes",
     ),
-    "no rate": (GYRO, {}, "--rate 100"),
+    "no rate": (GYRO, {}, "nothing says the rate, as there is no column of times"),
     "transposed": (GYRO.T, {"rate_hz": 1.0}, "save its transpose"),
     "three dimensions": (GYRO[None], {"rate_hz": 1.0}, "has the shape (1, 300, 3)"),
     "nothing": (GYRO[:0], {"rate_hz": 1.0}, "has the shape (0, 3)"),
@@ -95,7 +97,7 @@ BAD_NPY = {
         "row 0: column 2 is empty",
     ),
     "too large": (GYRO + 1e9, {"rate_hz": 1.0}, "row 0: more than 1e+06 deg/s"),
-    "times in ms": (np.c_[TIMES_S * 1e3, GYRO], {"time_column": "1"}, "--time-unit ms (100 Hz)"),
+    "times in ms": (np.c_[TIMES_S * 1e3, GYRO], {"time_column": "1"}, "--time-unit ms: 100 Hz"),
     "no such column": (GYRO, {"columns": ["4"], "rate_hz": 1.0}, "no column 4"),
 }
 
@@ -149,9 +151,11 @@ def test_what_is_null_or_nan_is_missing(tmp_path: Path) -> None:
 
 def test_bad_parquet(tmp_path: Path) -> None:
     gx = {"gyro_x_dps": GYRO[:, 0]}
-    assert "no columns with names of a gyroscope" in refusal(table, tmp_path, {"a": TIMES_S}, rate_hz=1.0)
-    assert "gx does not hold numbers" in refusal(table, tmp_path, {"gx": ["a"]}, rate_hz=1.0, units="dps")
-    assert "time_s does not hold numbers" in refusal(table, tmp_path, {"time_s": ["a"] * N, **gx})
+    assert "nothing says which columns are the gyroscope's axes" in refusal(
+        table, tmp_path, {"a": TIMES_S}, rate_hz=1.0
+    )
+    assert "gx: holds string, no numbers" in refusal(table, tmp_path, {"gx": ["a"]}, rate_hz=1.0, units="dps")
+    assert "time_s: holds string, no numbers" in refusal(table, tmp_path, {"time_s": ["a"] * N, **gx})
     stored = table(tmp_path, {"time_s": [*TIMES_S[:-1], 1.0], **gx})
     assert "column 'time_s' runs backwards 1 times; a new run begins at each" in stored.notes[0].text
     table(tmp_path, gx, rate_hz=100.0)

@@ -94,19 +94,28 @@ def packed() -> dict[str, bytes]:
     }
 
 
-def ulog() -> bytes:
-    """A log of PX4: docs.px4.io, "ULog File Format": head, flag bits, a format, a subscription, data."""
+def ulog(forms: dict[str, str], topics: Iterable[tuple[str, int]], rows: Iterable[tuple[Any, ...]]) -> bytes:
+    """A log of PX4: docs.px4.io, "ULog File Format": head, flag bits, formats, subscriptions, data.
+
+    forms: fields by the name of a message. topics: message and number of a sensor. rows: the place of a topic,
+    the letters of its fields for `struct`, and their values.
+    """
 
     def message(kind: str, body: bytes) -> bytes:
         return struct.pack("<HB", len(body), ord(kind)) + body
 
-    form = b"sensor_combined:uint64_t timestamp;float[3] gyro_rad;uint32_t gyro_integral_dt;"
-    form += b"float[3] accelerometer_m_s2;"
-    out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message("B", bytes(40)) + message("F", form)
-    out += message("A", struct.pack("<BH", 0, 0) + b"sensor_combined")
-    for k in range(N):
-        out += message("D", struct.pack("<HQ3fI3f", 0, 10_000 * k, *RADS[k], 10_000, *ACCEL_MS2[k]))
-    return out
+    out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message("B", bytes(40))
+    for name, form in forms.items():
+        out += message("F", f"{name}:uint64_t timestamp;{form}".encode())
+    for place, (name, number) in enumerate(topics):
+        out += message("A", struct.pack("<BH", number, place) + name.encode())
+    return out + b"".join(message("D", struct.pack(f"<HQ{code}", place, *row)) for place, code, *row in rows)
+
+
+def px4() -> bytes:
+    form = "float[3] gyro_rad;uint32_t gyro_integral_dt;float[3] accelerometer_m_s2;"
+    rows = ((0, "3fI3f", 10_000 * k, *RADS[k], 10_000, *ACCEL_MS2[k]) for k in range(N))
+    return ulog({"sensor_combined": form}, [("sensor_combined", 0)], rows)
 
 
 IMU_FORM = "QBffffffIIfBBHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz"
@@ -210,6 +219,19 @@ def write_mcap() -> None:
             writer.finish()
 
 
+def printed() -> bytes:
+    """What `fltea run --samples` prints of the rest, but for the estimates."""
+    hello = {"class": "hello", "source": "rest", "host_ns": 0, "rate_hz": RATE_HZ, "sampling_mode": "timer"}
+    samples = (
+        {
+            **{"class": "sample", "seq": k, "device_us": 10_000 * k, "host_ns": 10_000_000 * k, "epoch": 1},
+            "gyro_dps": GYRO_DPS[k].tolist(),
+        }
+        for k in range(N)
+    )
+    return b"".join(json.dumps(record).encode() + b"\n" for record in (hello, *samples))
+
+
 def write_libraries() -> None:
     """The files of binary kinds."""
     axes = {f"gyro_{axis}_dps": GYRO_DPS[:, i] for i, axis in enumerate("xyz")}
@@ -237,6 +259,8 @@ def write_libraries() -> None:
     write_mcap()
     write_measurements()
     np.savez(HERE / "numpy.npz", gyro_dps=GYRO_DPS, t=TIMES_S)
+    np.savez(HERE / "fltea.npz", gyro_dps=GYRO_DPS, fs_hz=RATE_HZ)
+    np.save(HERE / "numpy.npy", GYRO_DPS)
     book = openpyxl.Workbook()
     sheet = book.active
     sheet.title = "Raw Data"
@@ -250,6 +274,11 @@ def write_libraries() -> None:
 
 
 if __name__ == "__main__":
-    for name, data in {**packed(), "px4.ulg": ulog(), "ardupilot.bin": ardupilot()}.items():
+    for name, data in {
+        **packed(),
+        "px4.ulg": px4(),
+        "ardupilot.bin": ardupilot(),
+        "fltea.ndjson": printed(),
+    }.items():
         (HERE / name).write_bytes(data)
     write_libraries()

@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from fltea.recording.files import listed
+from fltea.recording.reading import Evidence
 from fltea.recording.sample_times import Floats
 from fltea.recording.units import accel_unit
 from fltea.records.errors import UsageError
@@ -94,13 +95,15 @@ class Facts(NamedTuple):
     """What a file says beside the names of its columns.
 
     head: the lines before them. file: its name. rates: sample rates in Hz by what states them, such as `imu.fs`.
-    sample: gives the first rows of all columns, (n, width), NaN where there is no number.
+    sample: gives the first rows of all columns, (n, width), NaN where there is no number. units_from: what says
+    the units that stand beside the names.
     """
 
     head: str = ""
     file: str = ""
     rates: Mapping[str, float] = MappingProxyType({})
     sample: Callable[[], Floats] = lambda: np.empty((0, 0))
+    units_from: tuple[Evidence, str] = ("stated", "the names or the row of units")
 
     def number(self, name: str) -> float | None:
         """Return the number that the head gives for a name, as `tscale,0.001`."""

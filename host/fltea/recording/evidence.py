@@ -31,7 +31,6 @@ from fltea.recording.units import (
 )
 from fltea.recording.wanted import Wanted
 from fltea.records.errors import UsageError
-from fltea.records.records import AXES
 from fltea.settings.how import How, TimeUnit
 
 OVERRULE = "If the file is wrong, add --overrule."
@@ -156,6 +155,7 @@ class Choice:
         """Find the unit of the axes: its name, the factor to deg/s or counts, and LSB per deg/s."""
         stated = [rate_unit_of(self.names[place]) or rate_unit(self.units[place]) for place in gyro]
         known = {one for one in stated if one is not None}
+        self._check_names_against_units(gyro)
         if self.how.units is not None:
             parsed = parse_units(self.how.units)
             self._check_given_unit(gyro, stated, parsed)
@@ -174,7 +174,7 @@ class Choice:
         dialect = self.dialect if self._is_of_dialect(gyro) else None
         if known and (None not in stated or (dialect is not None and not dialect.ask_unit)):
             unit = known.pop()
-            self.answer("unit", unit, "stated", "the names or the row of units")
+            self.answer("unit", unit, *self.facts.units_from)
             return unit, *parse_units(unit)
         if dialect is not None and dialect.gyro_unit and not known:
             scale = self.facts.number(dialect.gyro_scale) if dialect.gyro_scale else 1.0
@@ -215,6 +215,10 @@ class Choice:
             return
         self._refuse_other_units(gyro)
         for place, unit in zip(gyro, stated, strict=True):
+            if unit is not None and parse_units(unit) != given and self.facts.units_from[0] != "stated":
+                text = f"read in {self.how.units}, as --units says; by {self.facts.units_from[1]} they are in "
+                self.notes.append(Note("reading", f"{self.where}: {text}{unit}."))
+                break
             if unit is not None and parse_units(unit) != given:
                 raise UsageError(
                     f"{self.where}: {listed([self.names[place]])} is in {unit} by its name or the row of units, "
@@ -225,6 +229,15 @@ class Choice:
             if parse_units(dialect.gyro_unit) != given or dialect.gyro_scale:
                 text = f"read in {self.how.units}, as --units says; by {self._said()} they would be in "
                 self.notes.append(Note("reading", f"{self.where}: {text}{dialect.gyro_unit}."))
+
+    def _check_names_against_units(self, gyro: Sequence[int]) -> None:
+        for place in gyro if not self.how.overrule else ():
+            by_name, beside = rate_unit_of(self.names[place]), rate_unit(self.units[place])
+            if None not in (by_name, beside) and by_name != beside:
+                raise UsageError(
+                    f"{self.where}: {listed([self.names[place]])} is in {by_name} by its name, and in {beside} "
+                    "by the unit beside it. Say which is right: --units ? --overrule"
+                )
 
     def _refuse_other_units(self, gyro: Sequence[int]) -> None:
         """Refuse columns whose unit is none of an angular rate."""

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from fltea.recording.column_names import accel_axis_of, axis_of, is_time
+from fltea.recording.column_names import accel_axis_of, axis_of, times_in
 from fltea.recording.columns import Chosen, choose
 from fltea.recording.dialects import Facts, columns_of, dialect_of
 from fltea.recording.files import Note, Stored, listed
@@ -60,7 +60,7 @@ class SheetHead(msgspec.Struct, frozen=True):
     stamps: tuple[str, ...] = ()
     rates: dict[str, float] = {}
     doubts: dict[str, str] = {}
-    unit_evidence: tuple[Evidence, str] = ("stated", "the file's own units")
+    unit_evidence: tuple[Evidence, str] = ("stated", "the names or the units beside them")
     notes: tuple[Note, ...] = ()
     topic: str = ""
     sample: list[list[float | None]] = []
@@ -116,9 +116,12 @@ def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
     sheet = of_one_gyroscope(where, sheet, how)
     how = replace(how, topic=None) if sheet.topic else how
     names = sheet.names
-    has_times = how.time_column is not None or any(map(is_time, names))
+    has_times = how.time_column is not None or bool(times_in(names))
     if not has_times and len(sheet.stamps) == 1:
         how = replace(how, time_column=sheet.stamps[0])
+    times = [] if how.rate_hz or sheet.rates else times_in(names)
+    if times and all(name in sheet.doubts for name in times):
+        raise UsageError(f"{where}: {times[0]}: {sheet.doubts[times[0]]} Say the rate: --rate ?")
     _check_rate(where, sheet, "--rate says", how.rate_hz, how)
     units = [("s" if name in sheet.stamps else unit) for name, unit in zip(names, sheet.units, strict=True)]
     chosen = choose(where, names, units, len(names), how, _facts(where, sheet))
@@ -136,7 +139,7 @@ def _facts(where: str, sheet: Sheet) -> Facts:
     topic = sheet.topic if ":" in sheet.topic else f"{sheet.topic}:0"
     file = f"{Path(where).name} {topic.replace(':', '_')}"  # as tools name the file of a topic
     rates = {name.replace(".", "/"): rate_hz for name, rate_hz in sheet.rates.items()}
-    return Facts(file=file, rates=rates, sample=lambda: np.array(sheet.sample, np.float64))
+    return Facts("", file, rates, lambda: np.array(sheet.sample, np.float64), sheet.unit_evidence)
 
 
 def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
@@ -232,7 +235,7 @@ def _gyroscope(where: str, sheet: Sheet, how: How) -> _Gyroscope:
     dialect = dialect_of(names, _facts(where, sheet))
     if dialect is not None and (places := columns_of(dialect.gyro, names)):
         return _Gyroscope(places, names[places[0]].rpartition(".")[0])
-    groups = gyroscopes_in(names)
+    groups = gyroscopes_in(names, sheet.units)
     longest = {group: max(map(sheet.length, places)) for group, places in groups.items()}
     groups = {
         group: groups[group] for group, rows in longest.items() if rows >= min(FEW, max(longest.values()))
@@ -250,13 +253,13 @@ def _gyroscope(where: str, sheet: Sheet, how: How) -> _Gyroscope:
     return _Gyroscope(groups.get(group, ()), group, True, others, (group or "/") if asked in groups else "")
 
 
-def gyroscopes_in(names: Sequence[str]) -> dict[str, list[int]]:
+def gyroscopes_in(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, list[int]]:
     """Return the places of the axes of gyroscopes, by their group: `left.gyro_x` is in `left`."""
     groups: dict[str, list[int]] = {}
     for place, name in enumerate(names):
         parts = name.split(".") if len(name) < 200 else [name]
         for first in range(len(parts) - 1, max(-1, len(parts) - 1 - DEEPEST), -1):
-            if axis_of(".".join(parts[first:])) is not None:
+            if axis_of(".".join(parts[first:]), units[place] if units else "") is not None:
                 groups.setdefault(".".join(parts[:first]), []).append(place)
                 break
     return groups

@@ -23,6 +23,11 @@ _RATE = re.compile(
     r"(?:imu_|gyro_)?(?:fs|rate|odr|sfreq|data_rate|sampl(?:e|ing)_?(?:rate|freq|frequency))(?:_?(k?hz))?"
 )
 _PERIOD = re.compile(r"(?:dt|(?:sampl(?:e|ing)_?)?(?:period|interval))_(s|ms|us|ns)|wf_increment")
+MOST_REASONS = 5
+"""In a message."""
+
+_NOT_ONE = "holds {}, not one number in each row"
+
 _SECONDS: Mapping[str, float] = {str(unit): seconds for unit, seconds in SECONDS.items()}
 PER_S = {"": 1.0, "hz": 1.0, "khz": 1e3, "1/s": 1.0, "s-1": 1.0, "s^-1": 1.0, "sps": 1.0}
 
@@ -95,15 +100,14 @@ def of_arrays(
         if rate_hz is not None:
             rates[name] = rate_hz
             continue
-        found: Sequence[tuple[str, Column]]
         if reason:
-            reasons.append(f"{name} {reason}")
-            found = [(label, partial(_raise, f"{label} {reason}")) for label in _axes_named(name)]
+            reasons.append(f"{listed([name])} {reason}")
+            found = [_Labelled(label, _no_numbers, reason) for label in _axes_named(name)]
             rows = array.rows if isinstance(array, NoNumbers) else max((1, *array.shape))
         else:
             found, rows = list(_of_array(name, array)), max(array.shape, default=0)
-        for label, column in found if rows > 1 or reason else ():
-            why = f"{reason}." if reason else doubts.get(name, "")
+        for label, column, why in found if rows > 1 or reason else ():
+            why = f"{why}." if why else doubts.get(name, "")
             doubts_of |= {label: why} if why else {}
             stamps += [label] if not reason and array.dtype.kind == "M" else []
             names.append(label)
@@ -111,7 +115,8 @@ def of_arrays(
             lengths.append(rows)
             columns.append(column)
     if not set(lengths) - {0} or (len(doubts_of) == len(names) and reasons):
-        raise UsageError(f"holds no columns of numbers, but {listed(reasons or list(arrays)) or 'nothing'}.")
+        has = "; ".join(reasons[:MOST_REASONS]) or listed(list(arrays)) or "nothing"
+        raise UsageError(f"holds no columns of numbers, but {has}.")
 
     def blocks(places: Sequence[int]) -> Iterator[Floats]:
         rows = min(lengths[place] for place in places)
@@ -181,7 +186,7 @@ def _reason(array: Any) -> str:
             "O": "objects or lists of different lengths",
             "c": "complex numbers",
         }
-        return f"holds {kinds.get(dtype.kind, f'the type {dtype}')}, not one number in each row"
+        return _NOT_ONE.format(kinds.get(dtype.kind, f"the type {dtype}"))
     fits = len(shape) < 2 or (len(shape) == 2 and min(shape) <= MOST_WIDE and dtype.kind in KINDS)
     return "" if fits else f"has the shape {tuple(shape)}, not one number in each row"
 
@@ -191,27 +196,32 @@ def _axes_named(name: str) -> list[str]:
     return [label for label in (name, *(named_axis(name, k) for k in range(3))) if gyroscopes_in([label])][:3]
 
 
-def _raise(reason: str, *_: int) -> Any:
-    raise UsageError(f"{reason}.")
+class _Labelled(NamedTuple):
+    """A column with its name. reason: why it cannot be used."""
+
+    label: str
+    column: Column
+    reason: str = ""
 
 
-def _of_array(name: str, array: Any) -> Iterator[tuple[str, Column]]:
+def _of_array(name: str, array: Any) -> Iterator[_Labelled]:
     if array.dtype.names is not None:
         for field in array.dtype.names:
-            dtype, width = array.dtype[field].base, math.prod(array.dtype[field].shape)
-            if dtype.kind in KINDS and width <= MOST_WIDE:
-                inner = f"{name}.{field}" if name else field
-                for k in range(width):
-                    shaped = bool(array.dtype[field].shape)
-                    yield _label(inner, k, width if shaped else 1), partial(_field, array, field, k, shaped)
+            shape, inner = array.dtype[field].shape, f"{name}.{field}" if name else field
+            width = math.prod(shape)
+            if array.dtype[field].base.kind not in KINDS or width > MOST_WIDE:
+                yield _Labelled(inner, _no_numbers, _NOT_ONE.format("other things"))
+                continue
+            for k in range(width):
+                yield _Labelled(_label(inner, k, width), partial(_field, array, field, k if shape else None))
     elif array.dtype.kind == "M":
-        yield name, partial(_stamps, array)
+        yield _Labelled(name, partial(_stamps, array))
     elif len(array.shape) == 1:
-        yield name, partial(_rows, array)
+        yield _Labelled(name, partial(_rows, array))
     elif len(array.shape) == 2:
         on_side, width = array.shape[0] < array.shape[1], min(array.shape)
         for k in range(width):
-            yield _label(name, k, width), partial(_on_side if on_side else _upright, array, k)
+            yield _Labelled(_label(name, k, width), partial(_on_side if on_side else _upright, array, k))
 
 
 def _label(name: str, k: int, width: int) -> str:
@@ -223,9 +233,13 @@ def _rows(array: Any, begin: int, end: int) -> Any:
     return array[begin:end]
 
 
-def _field(array: Any, name: str, k: int, shaped: bool, begin: int, end: int) -> Any:
+def _no_numbers(begin: int, end: int) -> Any:
+    return np.full(end - begin, math.nan)
+
+
+def _field(array: Any, name: str, k: int | None, begin: int, end: int) -> Any:
     values = array[begin:end][name]
-    return values.reshape(len(values), -1)[:, k] if shaped else values
+    return values if k is None else values.reshape(len(values), -1)[:, k]
 
 
 def _upright(array: Any, column: int, begin: int, end: int) -> Any:

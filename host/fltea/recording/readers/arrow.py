@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from fltea.recording.files import AT_ONCE, listed
+from fltea.recording.files import AT_ONCE
 from fltea.recording.sample_times import SECONDS, Floats
 from fltea.recording.sheet import Sheet
-from fltea.records.errors import UsageError
 
 FEATHER = b"ARROW1"
 
@@ -43,15 +42,22 @@ def _arrow(schema: Any, rows: int, batches: Callable[[list[str]], Iterator[Any]]
     kinds = [field.type for field in flat]
     stamps = [n for n, kind in zip(names, kinds, strict=True) if _is_stamp(kind)]
 
+    is_bad = [not (_is_stamp(kind) or _is_number(kind)) for kind in kinds]
+    doubts = {
+        name: f"holds {kind}, no numbers."
+        for name, kind, bad in zip(names, kinds, is_bad, strict=True)
+        if bad
+    }
+
     def blocks(places: Sequence[int]) -> Iterator[Floats]:
-        bad = [names[p] for p in places if not (_is_stamp(kinds[p]) or _is_number(kinds[p]))]
-        if bad:
-            raise UsageError(f"column {listed(bad)} does not hold numbers.")
         begin = None
         for batch in batches([names[p] for p in places]):
             table = _flat(pa.Table.from_batches([batch]))
             values = np.empty((len(table), len(places)))
             for i, place in enumerate(places):
+                if is_bad[place]:
+                    values[:, i] = np.nan
+                    continue
                 column, scale = table.column(names[place]), 1.0
                 if _is_stamp(kinds[place]):
                     column, scale = column.cast(pa.int64()), SECONDS[kinds[place].unit]
@@ -63,7 +69,7 @@ def _arrow(schema: Any, rows: int, batches: Callable[[list[str]], Iterator[Any]]
                 yield values[first : first + AT_ONCE]
 
     units = [_unit(field.metadata or {}) for field in flat]
-    return Sheet(names, units, rows, stamps=tuple(stamps), blocks=blocks)
+    return Sheet(names, units, rows, stamps=tuple(stamps), doubts=doubts, blocks=blocks)
 
 
 def _unit(metadata: Mapping[bytes, bytes]) -> str:

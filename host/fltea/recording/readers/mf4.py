@@ -20,19 +20,18 @@ def read(path: Path, _: str) -> Sheet:
     from asammdf.blocks import mdf_v3, mdf_v4
 
     for module in (mdf_v3, mdf_v4):  # the process may write nothing, and asammdf puts things aside in files
-        module.NamedTemporaryFile = lambda **_: io.BytesIO()
+        vars(module)["NamedTemporaryFile"] = lambda **_: io.BytesIO()
     found: dict[str, Any] = {}
     units: dict[str, str] = {}
     with MDF(path) as file:
-        for number, group in enumerate(file.groups):
-            name = group.channel_group.acq_name or f"group{number}"
+        groups_of_file: list[Any] = file.groups
+        for number, group in enumerate(groups_of_file):
+            name = (group.channel_group.acq_name or f"group{number}").replace(".", "_")
             name = f"{name}_{number}" if any(known.startswith(f"{name}.") for known in found) else name
-            name = name.replace(".", "_")
-            master = file.masters_db.get(number)
             for index, channel in enumerate(group.channels):
-                label = f"{name}.{'time' if index == master else channel.name.replace('.', '_')}"
-                if label in found:
-                    label = f"{label}#{index}"
+                is_clock = index == file.masters_db.get(number)
+                label = f"{name}.{'time' if is_clock else channel.name.replace('.', '_')}"
+                label = f"{label}#{index}" if label in found else label
                 found[label], units[label] = _values(file, number, index)
     sheet = of_arrays(found, units)
     groups, blocks = [array.partition(".")[0] for array in sheet.arrays], sheet.blocks

@@ -1,0 +1,351 @@
+"""Tables with several sensors, scales and rates: labels by name, values by place, a rate in its group."""
+
+import itertools
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+from fltea.recording.files import Stored
+from fltea.recording.formats import FORMATS, loaded
+from fltea.recording.readers.arrays import rate_of
+from fltea.recording.sheet import gyroscopes_in, open_sheet, with_sample
+from fltea.records.errors import UsageError
+from fltea.settings.how import How
+from fltea.settings.limits import DEFAULT_LIMITS
+from hypothesis import given
+from hypothesis import strategies as st
+
+N = 300
+TIMES_S = np.arange(N) / 100
+GYRO = np.random.default_rng(1).normal(size=(N, 3))
+NUMBERS = itertools.count()
+OTHER = np.random.default_rng(2).normal(size=(2 * N, 3))
+
+
+def opened(kind: str, path: Path, **how: Any) -> Stored:
+    """As the process apart does it, whose start would take most of the time."""
+    try:
+        sheet = loaded(FORMATS[kind].reader)(path, how.get("topic") or "")
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}") from error
+    return open_sheet(path, with_sample(sheet), How(**how), DEFAULT_LIMITS)
+
+
+def hdf5(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
+    """Arrays by their paths; a name behind `@` is an attribute of what stands before it."""
+    path = folder / f"{next(NUMBERS)}.h5"  # h5py keeps the one before open
+    with h5py.File(path, "w", track_order=True) as file:
+        for name, value in arrays.items():
+            owner, mark, attribute = name.partition("@")
+            if mark:
+                (file.require_group(owner) if owner else file).attrs[attribute] = value
+            else:
+                file[name] = value
+    return opened("hdf5", path, **how)
+
+
+def with_attributes(folder: Path, values: Any, attributes: dict[str, Any], **how: Any) -> Stored:
+    """A gyroscope at 100 Hz in a data set with attributes."""
+    path = folder / f"{next(NUMBERS)}.h5"  # h5py keeps the one before open
+    with h5py.File(path, "w") as file:
+        file["gyro"] = values
+        file["t"] = TIMES_S
+        file["gyro"].attrs.update(attributes)
+    return opened("hdf5", path, **how)
+
+
+def matlab(folder: Path, variables: dict[str, Any], **how: Any) -> Stored:
+    scipy.io.savemat(folder / "rest.mat", variables)
+    return opened("mat", folder / "rest.mat", **how)
+
+
+def npz(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
+    np.savez(folder / "rest.npz", **arrays)
+    return opened("arrays", folder / "rest.npz", **how)
+
+
+def document(folder: Path, content: Any, **how: Any) -> Stored:
+    (folder / "rest.json").write_text(json.dumps(content))
+    return opened("json", folder / "rest.json", **how)
+
+
+def refusal(read: Callable[..., Any], *arguments: Any, **how: Any) -> str:
+    with pytest.raises(UsageError) as caught:
+        read(*arguments, **how)
+    return str(caught.value)
+
+
+# --- labels by name, values by place ---
+
+
+def three(x: Any, y: Any, z: Any) -> dict[str, Any]:
+    return {"gyro_x_dps": x, "gyro_y_dps": y, "gyro_z_dps": z}
+
+
+BAD_X = {
+    "one sample shorter": GYRO[1:, 0],
+    "text": np.array([b"0.1"] * N),
+    "complex": GYRO[:, 0] * 1j,
+    "three dimensions": np.zeros((N, 2, 2)),
+}
+
+
+@pytest.mark.parametrize("name", BAD_X)
+def test_an_axis_that_cannot_be_used_is_named_and_no_other_moves_up(name: str, tmp_path: Path) -> None:
+    arrays = three(BAD_X[name], GYRO[:, 1], GYRO[:, 2])
+    for read in (hdf5, npz, matlab):
+        if name == "text" and read is matlab:
+            continue  # it writes letters as a table of them
+        text = refusal(read, tmp_path, arrays, rate_hz=100.0)
+        assert "gyro_x_dps" in text
+        assert (
+            "not alike in length" if name == "one sample shorter" else "not one number in each row"
+        ) in text
+    found = npz(tmp_path, arrays, rate_hz=100.0, columns=["gyro_y_dps", "gyro_z_dps"])
+    assert (found.axes, found.whole().gyro.tolist()) == (("y", "z"), GYRO[:, 1:].tolist())
+
+
+def test_null_in_json_is_a_missing_number_of_its_axis(tmp_path: Path) -> None:
+    columns = three(*GYRO.T.tolist())
+    columns["gyro_x_dps"][7] = None
+    by_row = {name: {str(k): value for k, value in enumerate(values)} for name, values in columns.items()}
+    split = {"columns": [*columns], "data": list(zip(*columns.values(), strict=True))}
+    for content in (columns, by_row, split):
+        whole = document(tmp_path, content, rate_hz=100.0).whole()
+        assert whole.gyro.tolist() == np.delete(GYRO, 7, axis=0).tolist()
+        assert 7 not in whole.seq.tolist()
+    columns["gyro_y_dps"][3] = "no number"
+    text = refusal(document, tmp_path, columns, rate_hz=100.0)
+    assert "gyro_y_dps: holds 'no number', not one number in each row" in text
+
+
+def test_axes_of_different_units_are_refused(tmp_path: Path) -> None:
+    arrays = {"gyro_x_dps": GYRO[:, 0], "gyro_y_rad_s": GYRO[:, 1], "gyro_z_dps": GYRO[:, 2]}
+    text = refusal(npz, tmp_path, arrays, rate_hz=100.0)
+    assert "different units" in text
+    assert "gyro_y_rad_s in rad/s" in text
+
+
+def test_four_columns_of_an_array_are_no_axes(tmp_path: Path) -> None:
+    array = np.c_[TIMES_S, GYRO]
+    text = refusal(npz, tmp_path, {"gyro": array}, units="dps", rate_hz=100.0)
+    assert "nothing says which columns are the gyroscope's axes" in text
+    columns = ["gyro#2", "gyro#3", "gyro#4"]
+    found = npz(tmp_path, {"gyro": array}, units="dps", columns=columns, time_column="gyro#1", time_unit="s")
+    assert found.whole().gyro.tolist() == GYRO.tolist()
+
+
+def test_fields_of_a_table_keep_their_names(tmp_path: Path) -> None:
+    table = np.zeros(N, [("t_ms", "<u4"), ("gyro_dps", "<f8", 3), ("acc", "<f8", 2)])
+    table["t_ms"], table["gyro_dps"] = TIMES_S * 1e3, GYRO
+    assert npz(tmp_path, {"rest": table}).whole().gyro.tolist() == GYRO.tolist()
+
+
+def test_what_only_matlab_reads_is_called_so(tmp_path: Path) -> None:
+    cells = np.empty(3, object)
+    cells[:] = [GYRO[:, 0], "a", 1.0]
+    text = refusal(matlab, tmp_path, {"gyro_dps": cells}, rate_hz=100.0)
+    assert "gyro_dps is a cell array; write it as numbers: cell2mat" in text
+    path = tmp_path / "rest.h5"
+    with h5py.File(path, "w") as file:
+        file["imu"] = np.zeros((6, 1), np.uint32)
+        file["imu"].attrs.update({"MATLAB_class": np.bytes_("timetable"), "MATLAB_object_decode": 3})
+    assert "is a timetable of MATLAB's, which only MATLAB reads; there, writetimetable" in refusal(
+        opened, "hdf5", path
+    )
+
+
+# --- several sensors ---
+
+SENSORS = {"left/gyro": GYRO, "left/t": TIMES_S, "right/gyro": OTHER, "right/t": np.arange(2 * N) / 200}
+
+
+def test_one_of_several_groups_is_chosen_and_never_a_mixture(tmp_path: Path) -> None:
+    text = refusal(hdf5, tmp_path, SENSORS, units="dps", time_unit="s")
+    assert "which gyroscope is meant of left (300 rows), right (600 rows)" in text
+    assert text.endswith("--units dps --time-unit s --sensor ?")
+    for topic, values, rate_hz in (("left", GYRO, 100.0), ("/right", OTHER, 200.0)):
+        found = hdf5(tmp_path, SENSORS, units="dps", topic=topic)
+        assert found.whole().gyro.tolist() == values.tolist()
+        assert (found.rate_hz, found.topic) == (pytest.approx(rate_hz), topic.strip("/"))
+    parts = {name.replace("/", "_"): value for name, value in SENSORS.items()}
+    structures = {
+        side: {"gyro": parts[f"{side}_gyro"], "t": parts[f"{side}_t"]} for side in ("left", "right")
+    }
+    assert matlab(tmp_path, structures, units="dps", topic="left").whole().gyro.tolist() == GYRO.tolist()
+
+
+def test_columns_by_name_are_of_any_group_but_of_one_length(tmp_path: Path) -> None:
+    names = [f"right.gyro_{axis}" for axis in "xyz"]
+    found = hdf5(tmp_path, SENSORS, units="dps", columns=names, time_column="right.t", time_unit="s")
+    assert found.whole().gyro.tolist() == OTHER.tolist()
+    mixed = ["left.gyro_x", *names[1:]]
+    text = refusal(hdf5, tmp_path, SENSORS, units="dps", columns=mixed, rate_hz=100.0)
+    assert "not alike in length (left.gyro_x 300, right.gyro_y 600, right.gyro_z 600)" in text
+
+
+def test_a_calibration_is_no_second_sensor(tmp_path: Path) -> None:
+    arrays = {"imu/gyro": GYRO, "calibration/gyro": np.eye(3)}
+    assert hdf5(tmp_path, arrays, units="dps", rate_hz=100.0).samples == N
+
+
+def test_an_accelerometer_of_another_length_is_named_as_unread(tmp_path: Path) -> None:
+    found = hdf5(tmp_path, {"imu/gyro": GYRO, "imu/accel": GYRO[::2]}, units="dps", rate_hz=100.0)
+    assert "imu.accel_x, imu.accel_y, imu.accel_z: not read" in found.notes[0].text
+
+
+@given(st.lists(st.sampled_from(["left", "imu0", "raw", "a"]), max_size=3), st.sampled_from("xyz"))
+def test_groups_are_the_path_before_the_axis(path: list[str], axis: str) -> None:
+    for leaf in (f"gyro_{axis}", f"angular_velocity.{axis}", f"g{axis}"):
+        groups = gyroscopes_in([".".join([*path, leaf]), ".".join([*path, "accel_x"])])
+        assert groups == {".".join(path): [0]}
+
+
+# --- a rate belongs to its group ---
+
+
+def rates(folder: Path, read: Callable[..., Stored], **scalars: float) -> Stored:
+    """A gyroscope in `imu`, and rates by their paths, with _ for /."""
+    tree: dict[str, Any] = {"imu": {"gyro_dps": GYRO}, "mic": {"sound": OTHER[:, 0]}}
+    for path, rate_hz in scalars.items():
+        group, _, name = path.rpartition("_")
+        (tree[group] if group else tree)[name] = rate_hz
+    if read is matlab:
+        return matlab(folder, tree)
+    flat = {
+        (f"{name}/{key}" if isinstance(value, dict) else name): inner
+        for name, value in tree.items()
+        for key, inner in (value.items() if isinstance(value, dict) else [(name, value)])
+    }
+    if read is hdf5:
+        return hdf5(folder, flat)
+    if read is npz:
+        return npz(folder, {name.replace("/", "."): value for name, value in flat.items()})
+    lists = {
+        name: {key: np.asarray(inner).tolist() for key, inner in value.items()}
+        if isinstance(value, dict)
+        else value
+        for name, value in tree.items()
+    }
+    return document(folder, lists)
+
+
+@pytest.mark.parametrize("read", [hdf5, matlab, npz, document])
+def test_the_rate_of_the_group_counts(read: Callable[..., Stored], tmp_path: Path) -> None:
+    assert rates(tmp_path, read, imu_fs=200.0, mic_fs=44100.0).rate_hz == 200.0
+    assert rates(tmp_path, read, mic_fs=44100.0, imu_fs=200.0, fs=50.0).rate_hz == 200.0
+    assert rates(tmp_path, read, mic_fs=44100.0, fs=50.0).rate_hz == 50.0
+    assert "nothing says the rate" in refusal(rates, tmp_path, read, mic_fs=44100.0)
+    text = refusal(rates, tmp_path, read, imu_fs=200.0, imu_odr=400.0)
+    assert "which rate is right of those in Hz" in text
+    assert "imu.fs 200, imu.odr 400" in text
+
+
+def test_a_rate_is_checked_against_times_and_the_user(tmp_path: Path) -> None:
+    arrays = {"gyro_dps": GYRO, "t": TIMES_S, "fs": 102.0}
+    text = refusal(npz, tmp_path, arrays)
+    assert "fs says 102 Hz, and the times of t say 100 Hz" in text
+    assert npz(tmp_path, arrays, overrule=True).rate_hz == pytest.approx(100.0)
+    assert npz(tmp_path, {**arrays, "fs": 100.4}).rate_hz == pytest.approx(100.0)
+    plain = {"gyro_dps": GYRO, "fs": 100.0}
+    assert "fs says 100 Hz, and --rate says 200 Hz" in refusal(npz, tmp_path, plain, rate_hz=200.0)
+    assert npz(tmp_path, plain, rate_hz=200.0, overrule=True).rate_hz == 200.0
+
+
+def test_attributes_of_hdf5_are_rates_too(tmp_path: Path) -> None:
+    arrays = {"imu/gyro_dps": GYRO, "mic/sound": OTHER[:, 0], "mic@sampling_rate": 44100.0}
+    assert hdf5(tmp_path, {**arrays, "imu@Sampling Rate": 200.0}).rate_hz == 200.0
+    assert hdf5(tmp_path, {**arrays, "@fs": 50.0}).rate_hz == 50.0
+    assert with_attributes(tmp_path, GYRO, {"sample_rate": 100, "units": "deg/s"}).rate_hz == pytest.approx(
+        100
+    )
+    assert "gyro@sample_rate says 98 Hz" in refusal(
+        with_attributes, tmp_path, GYRO, {"sample_rate": 98}, units="dps"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "unit", "rate_hz"),
+    [
+        ("imu.Fs", 200, "", 200.0),
+        ("fs_kHz", 1.6, "", 1600.0),
+        ("imu.gyro@sampling frequency", "104", "", 104.0),
+        ("sample_period_us", 500, "", 2000.0),
+        ("fs", 2, "kHz", 2000.0),
+        ("fs", 2, "bananas", None),
+        ("dt", 0.01, "", None),
+        ("fs", 0, "", None),
+        ("fs", float("nan"), "", None),
+        ("heart_rate", 70, "", None),
+    ],
+)
+def test_names_of_rates(name: str, value: Any, unit: str, rate_hz: float | None) -> None:
+    found = rate_of(name, value, unit)
+    assert found is None if rate_hz is None else found == pytest.approx(rate_hz)
+
+
+# --- scales and units ---
+
+
+def test_attributes_of_netcdf_are_used(tmp_path: Path) -> None:
+    counts = np.rint(GYRO * 1000).astype(np.int16)
+    counts[5, 1] = -32768
+    packed = {"scale_factor": 0.001, "add_offset": 0.25, "_FillValue": np.int16(-32768), "units": "degree/s"}
+    whole = with_attributes(tmp_path, counts, packed).whole()
+    assert whole.gyro == pytest.approx(np.delete(counts * 0.001 + 0.25, 5, axis=0))
+    limits = {"units": "rad/s", "valid_range": [-2.0, 2.0]}
+    beyond = (np.abs(GYRO) > 2).any(axis=1)
+    found = with_attributes(tmp_path, GYRO, limits).whole()
+    assert found.gyro == pytest.approx(np.degrees(GYRO[~beyond]))
+
+
+@pytest.mark.parametrize(
+    ("attributes", "reason"),
+    [
+        ({"scale": 0.0153}, "its attribute scale 0.0153 is to change its numbers, and not said is how"),
+        ({"Offset": 0.5}, "its attribute offset 0.5 is to change its numbers"),
+        ({"scale_factor": [1.0, 2.0]}, "its scale_factor or add_offset is not one number"),
+        ({"scale_factor": "two"}, "its scale_factor or add_offset is not one number"),
+    ],
+)
+def test_a_scale_that_says_not_how_is_refused(
+    attributes: dict[str, Any], reason: str, tmp_path: Path
+) -> None:
+    assert reason in refusal(with_attributes, tmp_path, GYRO, attributes, units="dps")
+    whole = with_attributes(tmp_path, GYRO, attributes, units="dps", overrule=True).whole()
+    assert whole.gyro == pytest.approx(GYRO)
+
+
+def test_a_scale_of_one_changes_nothing(tmp_path: Path) -> None:
+    assert with_attributes(tmp_path, GYRO, {"scale": 1.0, "offset": 0.0, "units": "dps"}).samples == N
+
+
+@pytest.mark.parametrize(
+    "imu",
+    [
+        {"gyro": GYRO, "units": "rad/s"},
+        {"gyro": GYRO, "gyro_unit": "rad/s"},
+        {"gyro": GYRO, "units": {"gyro": "rad/s", "accel": "g"}},
+    ],
+    ids=["of the structure", "beside it", "by name"],
+)
+def test_texts_beside_arrays_tell_units(imu: dict[str, Any], tmp_path: Path) -> None:
+    expected = np.degrees(GYRO)
+    assert matlab(tmp_path, {"imu": {**imu, "fs": 100.0}}).whole().gyro == pytest.approx(expected)
+    lists = {**imu, "gyro": GYRO.tolist(), "fs": 100.0}
+    assert document(tmp_path, {"imu": lists}).whole().gyro == pytest.approx(expected)
+    text = refusal(matlab, tmp_path, {"imu": {**imu, "fs": 100.0}}, units="dps")
+    assert "rad/s" in text
+    assert "--overrule" in text
+
+
+def test_a_name_and_the_unit_beside_it_agree(tmp_path: Path) -> None:
+    arrays = {"imu": {"gyro_dps": GYRO, "units": "rad/s", "fs": 100.0}}
+    text = refusal(matlab, tmp_path, arrays)
+    assert "gyro_x_dps is in deg/s by its name, and in rad/s by the unit beside it" in text
+    assert matlab(tmp_path, arrays, units="dps", overrule=True).whole().gyro == pytest.approx(GYRO)
