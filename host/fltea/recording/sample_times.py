@@ -92,6 +92,7 @@ class Elapsed:
         self.first: int | None = None
         self._wrap = {"ms": COUNTER_WRAP, "us": COUNTER_WRAP, "ns": math.inf}.get(unit or "s", DAY_S)
         self._longest = LONGEST_GAP_S / SECONDS[unit or "s"]
+        self._second = 1 / SECONDS[unit] if unit in ("ms", "us", "ns") else 0.0
         self._offset = 0.0
         self._last: tuple[float, float, Floats] | None = None
         self._between = math.inf, -math.inf
@@ -120,9 +121,10 @@ class Elapsed:
         offset: float | Floats = self._offset
         if begins.any():
             jump = np.where(begins, -steps, 0.0)
-            after = steps + self._wrap
-            wraps = begins & (after <= self._longest) & (time >= 0) & (time < after)
-            jump[wraps] = self._wrap
+            wrap, longest = self._wrap_of(time)
+            after = steps + wrap
+            wraps = begins & (after <= longest) & (time >= 0) & (time < after)
+            jump[wraps] = wrap
             begins &= ~wraps
             offset = self._offset + np.cumsum(jump)
             self._offset = float(offset[-1])
@@ -142,6 +144,12 @@ class Elapsed:
             self.first = int(numbers[int(np.argmax(flat | begins))])
         self._last = float(time[-1]), float(elapsed[-1]), values[-1]
         return elapsed, begins
+
+    def _wrap_of(self, time: Floats) -> tuple[float, float]:
+        """Where the times begin again at 0, and the longest step there: parts of a second do so each second."""
+        if self._second and max(self._between[1], float(time.max())) < self._second:
+            return self._second, self._second / 2
+        return self._wrap, self._longest
 
 
 def differences(values: Floats, before: float) -> Floats:

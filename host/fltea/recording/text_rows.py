@@ -250,15 +250,30 @@ class TextReader:
         assert self.layout is not None
         if self._sensor is None or self.layout.chosen.sensor is None:
             return data[begin:] if begin else data
-        place, separator = self.layout.chosen.sensor[0], self.layout.separator
-        mark = None if separator is None else separator.encode()
         lines = data[begin:].split(b"\n")
-        fields = [line.split(mark, place + 1) for line in lines]
-        has = [k for k, found in enumerate(fields) if len(found) > place and lines[k][:1] not in b"#%"]
-        keep = self._sensor.keep([fields[k][place].decode("latin-1").strip().strip('"') for k in has])
+        values = [self._sensor_in(line) for line in lines]
+        has = [k for k, value in enumerate(values) if value is not None]
+        keep = self._sensor.keep([str(values[k]) for k in has])
         for k in np.asarray(has)[~keep].tolist():
             lines[k] = b""
         return b"\n".join(lines)
+
+    def _sensor_in(self, line: bytes) -> str | None:
+        """What a line holds in the column that tells sensors apart; None if it has no such column."""
+        assert self.layout is not None
+        assert self.layout.chosen.sensor is not None
+        place, parse = self.layout.chosen.sensor[0], self.layout.parse
+        if parse is not None:
+            try:
+                value = parse(decoded(line)).get(self.layout.chosen.names[place])
+            except (ValueError, RecursionError):
+                return None
+            return f"{value:g}" if isinstance(value, float) else None if value is None else str(value)
+        separator = None if self.layout.separator is None else self.layout.separator.encode()
+        fields = line.split(separator, place + 1)
+        if len(fields) <= place or line[:1] in b"#%":
+            return None
+        return decoded(fields[place]).strip().strip('"')
 
     def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
         """Read rows; where another header begins, None at the end of the data."""
