@@ -318,7 +318,8 @@ class Choice:
     def _is_empty(self, place: int) -> bool:
         """Whether none of the first rows has a number in a column."""
         values = self.facts.sample()
-        fits = values.ndim == 2 and values.shape[1] == len(self.names) and len(values) >= ENOUGH
+        least = 1 if self.dialect is not None and self.dialect.rate else ENOUGH
+        fits = values.ndim == 2 and values.shape[1] == len(self.names) and len(values) >= least
         return fits and not bool(np.isfinite(values[:, place]).any())
 
     def rate(self, time: int | None) -> float | None:

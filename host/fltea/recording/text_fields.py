@@ -80,7 +80,7 @@ def bare_fields(line: str) -> list[str]:
 def units_in(line: str) -> list[str] | None:
     """The units in the second line of a header, which holds nothing else; "" where one is not known."""
     fields = bare_fields(line)
-    filled = [field for field in fields if field]
+    filled = [field for field in fields if field not in ("", "1")]  # 1: a number without a dimension
     known = sum(map(is_unit, filled))
     if any(map(is_number, filled)) or not known or 2 * known < len(filled):
         return None

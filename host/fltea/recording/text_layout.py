@@ -374,7 +374,7 @@ def why_no_row(chosen: Chosen, fields: Sequence[str], separator: str | None) -> 
         if in_quotes and is_number(field):
             hint = " Decimal commas are read where ';', a tab or blanks separate the columns."
         elif place == chosen.time:
-            hint = " Times as text are not read, so give the rate: --rate 100."
+            hint = " Times as text are not read, so give the rate: --rate ?"
         return f"column {shown(name)}: {shown(field)} is not a number.{hint}"
     return ""
 
