@@ -18,6 +18,7 @@ from fltea.identification.judges import judge
 from fltea.identification.traps import Trap, source_trap, timing_traps
 from fltea.recording.bag_files import bags_in
 from fltea.recording.kind import is_one_file
+from fltea.recording.opening import check_options
 from fltea.recording.reading import Answer
 from fltea.recording.spool import Spool
 from fltea.records.arrays import Array
@@ -76,8 +77,8 @@ class Series(NamedTuple):
 class Loaded(NamedTuple):
     """One recording. clock_ppm: how much faster the device's clock runs than the host's, None if unknown.
 
-    traps: those of the recording as a whole. topic: of a bag, "" of other files. reading: how another program's
-    file was understood, each answer with its evidence.
+    traps: those of the recording as a whole. topic: of a bag, "" of other files. reading: how another
+    program's file was understood, each answer with its evidence.
     """
 
     hello: Hello
@@ -133,7 +134,8 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
         UsageError: it cannot be read, holds no samples, or not the axes that are asked for.
     """
     path = request.paths[0]
-    topic, reading, gyro_names = "", tuple[Answer, ...](), AXES
+    topic, reading = "", tuple[Answer, ...]()
+    gyro_names: tuple[str, ...] = AXES
     if is_one_file(path):
         source = ReplaySource(
             path,
@@ -145,10 +147,7 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
         if source.axes:
             gyro_names = tuple(f"gyro_{axis}" for axis in source.axes)
     else:
-        if request.how.of_text or request.how.topic is not None:
-            raise UsageError(
-                f"{path}: --columns, --units, --rate and --time-column are for text, --topic for bags of ROS."
-            )
+        check_options(path, "mcap", request.how)
         recording = open_mcap(request.paths, f"replay:{request.name}", request.limits)()
         events, offset = recording.events(), lambda: recording.unix_offset_ns
     decoder = Decoder(offset, MAX_GAP)
@@ -196,9 +195,7 @@ def _traps(
     return *of_time, *(trap for trap in found if not trap.axes or set(trap.axes) & set(wanted))
 
 
-def _chosen(
-    axes: dict[str, Series], request: Request, reading: Sequence[Answer]
-) -> dict[str, Series]:
+def _chosen(axes: dict[str, Series], request: Request, reading: Sequence[Answer]) -> dict[str, Series]:
     # An accelerometer that nobody asked for is left out where it says nothing: some put zeros there.
     wanted = request.channels or tuple(
         name for name, one in axes.items() if name in AXES or (request.accel and np.ptp(one.y) > 0)

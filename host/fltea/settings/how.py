@@ -90,10 +90,5 @@ class How(Table, frozen=True, kw_only=True):
             if one.default != getattr(AS_IT_SAYS, one.name) and one.name not in but
         ]
 
-    @property
-    def of_text(self) -> bool:
-        """Whether anything is said that only text and tables need."""
-        return self != How(topic=self.topic)
-
 
 AS_IT_SAYS = How()
