@@ -15,6 +15,7 @@ from fltea.cli import exports, many
 from fltea.cli.output import AsJson, end_with, print_result, progress_bar, say
 from fltea.cli.setting_flags import FILTERS, RECORDING, ConfigFile, takes_settings
 from fltea.identification.dask_address import check_address, trust_warning
+from fltea.recording.formats import ENDINGS
 from fltea.records.errors import FlteaError, Incomplete, UsageError
 from fltea.records.whole_file import prepare_folder
 from fltea.settings.extras import load, need_matplotlib
@@ -31,9 +32,8 @@ def identify(
         list[str],
         typer.Argument(
             metavar="FILE…",
-            help="Recordings: text (.csv, .txt, .log, …), .npz, .npy, .parquet, .xlsx, .h5, .mat, .ulg, "
-            ".mcap, .ndjson, ROS bags (.bag, .db3), a folder, or the name of a session. With --out "
-            "also URLs and patterns: 's3://lab/**/*.mcap'.",
+            help=f"Recordings: {ENDINGS}, a folder, or the name of a session. With --out also URLs and "
+            "patterns: 's3://lab/**/*.mcap'.",
             show_default=False,
         ),
     ],
