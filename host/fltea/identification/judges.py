@@ -100,10 +100,9 @@ def judge(
     for name, axis in seen.items():
         if axis.broken and not by_turns:
             yield Trap("broken reads", "bad", axis.broken, BROKEN_REMEDY, (name,))
-    evidence = {answer.question: answer.evidence for answer in reading}
-    if evidence.get("accelerometer") != "given":
+    if not any(one.question == "accelerometer" and one.evidence == "given" for one in reading):
         yield from _gravity([seen[name].mean for name in ACCEL_AXES if name in seen])
-    if evidence.get("unit") in ("convention", "measured"):
+    if any(one.question == "unit" and one.evidence == "convention" and "rad" in one.value for one in reading):
         yield from _like_mems({name: seen[name] for name in AXES if name in seen}, h)
 
 
