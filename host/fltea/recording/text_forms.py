@@ -5,8 +5,8 @@ ROS that is echoed is a document of YAML a message: each becomes one object of J
 """
 
 import re
-from operator import xor
 from functools import reduce
+from operator import xor
 
 import msgspec
 
@@ -19,6 +19,9 @@ _BRACKETS = re.compile(
 _DICT = re.compile(rb"^[ \t]*(\{[ \t]*'.*\})[ \t,\r]*$", re.M)
 _PYTHON_WORD = re.compile(rb"(?<=[:\s,\[])(None|nan|True|False)(?=[,}\s\]])")
 _WORDS = {b"None": b"null", b"nan": b"null", b"True": b"true", b"False": b"false"}
+_NUMPY = re.compile(rb"\b(?:np|numpy)\.\w+\(([^()]*)\)")
+"""A number of numpy as it is printed since version 2."""
+
 _SENTENCE = re.compile(rb"^[ \t]*\$([^*\n]*)\*([0-9A-Fa-f]{2}|[0-9A-Fa-f]{4})[ \t\r]*$", re.M)
 
 
@@ -29,6 +32,8 @@ def plain_lines(data: bytes) -> bytes:
     """
     if b"b" in data and (b"b'" in data or b'b"' in data):  # one byte is looked for ten times as fast
         data = _BYTES.sub(rb"\2", data)
+    if b"np." in data:
+        data = _NUMPY.sub(rb"\1", data)
     if b"{" in data and (b"{'" in data or b"{ '" in data):
         data = _DICT.sub(_as_json, data)
     if b")" in data or b"]" in data:

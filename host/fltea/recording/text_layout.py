@@ -17,11 +17,9 @@ from fltea.recording.text_fields import (
     COMMENTS,
     MOST_COLUMNS,
     all_numbers,
-    bare_fields,
     is_blank,
     is_comment,
     kinds_of,
-    rows_alike,
     sample_of,
     separator_of,
     split,
@@ -29,6 +27,7 @@ from fltea.recording.text_fields import (
     words_with_units,
 )
 from fltea.recording.text_labels import decode_object, labelled, values_in
+from fltea.recording.text_refusal import names_above, refusal
 from fltea.recording.wanted import is_missing, is_number, wanted_of
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
@@ -158,7 +157,7 @@ class LayoutFinder:
         wanted = self._wanted
         if wanted.columns is None:
             has_times = wanted.time is None or wanted.time in names
-            known = bool(axes_of(names, units)) or dialect_of(names, self._facts(names, None)) is not None
+            known = bool(axes_of(names, units)) or dialect_of(names, self._facts(names)) is not None
             return has_times and known
         is_row = wanted.by_position and any(is_number(field) and not field.isdecimal() for field in names)
         return wanted.is_in(names) and not is_row
@@ -168,41 +167,10 @@ class LayoutFinder:
         if self._header is not None or self._why_no_row:
             return UsageError(self._why_no_row or f"{self._where}: has a header but no rows.")
         lines = list(self._sample()) or self.head
-        has_numbers = any(is_number(field) for line in lines for field in WORDS.split(line))
-        kind, rows = rows_alike(lines)
-        why = "is no recording: none of its first lines holds a number."
-        if has_numbers:
-            why = f"no line of numbers; the first line is {shown(lines[0].strip())}."
-        if not rows or (not has_numbers and self._wanted.columns is None):
-            names = next((bare_fields(line) for line in lines if len(bare_fields(line)) > 1), None)
-            if self._wanted.columns is not None and not self._wanted.by_position:
-                why = f"{self._wanted.lacking(names)}."
-            return UsageError(f"{self._where}: {why}")
-        try:
-            self._choose_of(kind, rows[0], lines)
-        except UsageError as error:
-            return error
-        return UsageError(f"{self._where}: {why}")
+        return refusal(self._where, self._how, lines, self._kinds(), self._facts)
 
-    def _choose_of(self, kind: str, row: str, lines: Sequence[str]) -> None:
-        """Choose the columns of a row, which says what is missing."""
-        at = lines.index(row) + 1
-        names: list[str] | None
-        units: list[str] | None = None
-        if kind != "row":
-            names = list(decode_object(row) if kind == "object" else values_in(row))
-            fields, tag = names, ""
-        else:
-            fields = split(row, separator_of(row))
-            number, names, units = self._names_above(len(fields))
-            at, tag = number or at, self._tag_of(fields) or ""
-        facts = self._facts(names, None, len(fields), tag)
-        choose(f"{self._where}:{at}", names, units, len(fields), self._how, facts, tag)
-
-    def _facts(
-        self, names: Sequence[str] | None, separator: str | None, width: int = 0, tag: str = ""
-    ) -> Facts:
-        """What is known beside the names of columns that a separator parts."""
+    def _facts(self, names: Sequence[str] | None, width: int = 0, tag: str = "") -> Facts:
+        """What is known beside the names of columns. tag: what rows begin with, of several kinds of them."""
         count = width or len(names or ())
         return Facts(
             "\n".join(self._sample()[:MOST_BEFORE] if tag else [*self.head, self._newest]),
@@ -215,7 +183,7 @@ class LayoutFinder:
         assert header is not None
         names, units = header.names, self._units
         beside = units if units is not None and len(units) == len(names) else None
-        facts = self._facts(names, header.separator)
+        facts = self._facts(names)
         self._chosen = choose(f"{self._where}:{header.line}", names, beside, len(names), self._how, facts)
         self._header = header
 
@@ -251,7 +219,7 @@ class LayoutFinder:
         tag = self._tag_of(fields)
         if tag is None:
             return None
-        facts = self._facts(None, separator, len(fields), tag)
+        facts = self._facts(None, len(fields), tag)
         if self._wanted.columns is None:
             are_numbers = 2 * sum(map(is_number, fields)) > len(fields)
             if are_numbers and dialect_of((), facts, tag=tag, fields=len(fields)):
@@ -260,8 +228,8 @@ class LayoutFinder:
             return None
         if not self._wanted.is_at(fields):
             return None
-        at, names, units = self._names_above(len(fields))
-        facts = self._facts(names, separator, len(fields), tag)
+        at, names, units = names_above(self._before, len(fields))
+        facts = self._facts(names, len(fields), tag)
         chosen = choose(f"{self._where}:{at or number}", names, units, len(fields), self._how, facts, tag)
         return _layout(chosen, separator, fields, len(fields), number)
 
@@ -277,14 +245,14 @@ class LayoutFinder:
             return None
         if tag not in kinds:
             return ""
-        if dialect_of((), self._facts(None, None, kinds[tag], tag), tag=tag, fields=kinds[tag]) is not None:
+        if dialect_of((), self._facts(None, kinds[tag], tag), tag=tag, fields=kinds[tag]) is not None:
             return tag
         return None if self._has_kinds() else "" if len(kinds) == 1 else tag
 
     def _has_kinds(self) -> bool:
         """Whether a dialect knows the rows by what they begin with; comments then name columns of all kinds."""
         return any(
-            dialect_of((), self._facts(None, None, width, kind), tag=kind, fields=width)
+            dialect_of((), self._facts(None, width, kind), tag=kind, fields=width)
             for kind, width in self._kinds().items()
         )
 
@@ -303,7 +271,7 @@ class LayoutFinder:
         names = list(found)
         if len(names) > MOST_COLUMNS or self._wanted.by_position or not self._are_names(names):
             return None
-        facts = self._facts(names, None)
+        facts = self._facts(names)
         chosen = choose(f"{self._where}:{number}", names, None, len(names), self._how, facts)
         if not all(found[name] is None or type(found[name]) in (int, float) for name in chosen.read):
             self._why_no_row = f"{self._where}:{number}: {listed(chosen.read)}: not all are numbers."
@@ -317,22 +285,9 @@ class LayoutFinder:
         names, units = list(found.values), list(found.units.values())
         if not self._are_names(names, units):
             return None
-        facts = self._facts(names, None)
+        facts = self._facts(names)
         chosen = choose(f"{self._where}:{number}", names, units, len(names), self._how, facts)
         return Layout(chosen, None, values_in, 0, 0, 0, number)
-
-    def _names_above(self, width: int) -> tuple[int | None, list[str] | None, list[str] | None]:
-        """The header above rows whose columns go by their positions: its line, names, and units below it."""
-        units = None
-        for number, line in reversed(self._before):
-            found = bare_fields(line)
-            if len(found) != width or all_numbers(line) or is_number(found[0]):
-                continue
-            if units is None and units_in(line) is not None:
-                units = found
-            elif sum(map(is_number, found)) <= width // 2:
-                return number, found, units
-        return None, None, None
 
 
 def _layout(
