@@ -17,6 +17,7 @@ from fltea.identification import terminal
 from fltea.identification.run import FileReport
 from fltea.machine import host_system
 from fltea.machine.doctor.finding import problem
+from fltea.recording.reading import Answer
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import Error
 from fltea.records.stats import LinkStats
@@ -61,6 +62,7 @@ def info() -> str:
     fields = dict.fromkeys(Summary.__struct_fields__, 0) | dict.fromkeys(("start_unix_ns", "rate_hz"))
     fields |= {"name": NASTY, "device": NASTY, "session": NASTY, "hello": HELLO, "about": NASTY}
     fields |= {"epochs": {}, "link": LinkStats(), "notes": [NASTY], "unread": [NASTY]}
+    fields["reading"] = [Answer("columns", NASTY, "stated", NASTY)]
     return as_text(Summary(**fields))
 
 

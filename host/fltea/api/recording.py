@@ -51,7 +51,7 @@ class Recording(Mapping[str, Array]):
         self.traps: tuple[Trap, ...] = loaded.traps
         """What is wrong with the recording as a whole; empty where nothing is."""
         self.reading: tuple[Answer, ...] = tuple(
-            replace(one, why=in_python(one.why)) for one in getattr(loaded, "reading", ())
+            replace(one, why=in_python(one.why)) for one in loaded.reading
         )
         """How the file was understood, each answer with its evidence."""
         self._loaded = loaded
