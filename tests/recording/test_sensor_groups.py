@@ -120,6 +120,9 @@ def test_null_in_json_is_a_missing_number_of_its_axis(tmp_path: Path) -> None:
         assert whole.gyro.tolist() == np.delete(GYRO, 7, axis=0).tolist()
         assert 7 not in whole.seq.tolist()
     columns["gyro_y_dps"][3] = "no number"
+    rows = [list(row) for row in zip(*GYRO.T.tolist(), strict=True)]
+    found = document(tmp_path, rows, rate_hz=100.0, units="dps", columns=["1", "2", "3"])
+    assert found.whole().gyro.tolist() == GYRO.tolist()
     text = refusal(document, tmp_path, columns, rate_hz=100.0)
     assert "gyro_y_dps: holds 'no number', not one number in each row" in text
 
@@ -347,5 +350,5 @@ def test_texts_beside_arrays_tell_units(imu: dict[str, Any], tmp_path: Path) -> 
 def test_a_name_and_the_unit_beside_it_agree(tmp_path: Path) -> None:
     arrays = {"imu": {"gyro_dps": GYRO, "units": "rad/s", "fs": 100.0}}
     text = refusal(matlab, tmp_path, arrays)
-    assert "gyro_x_dps is in deg/s by its name, and in rad/s by the unit beside it" in text
+    assert "gyro_x_dps is in dps by its name, and in rad/s by the unit beside it" in text
     assert matlab(tmp_path, arrays, units="dps", overrule=True).whole().gyro == pytest.approx(GYRO)

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -155,7 +155,7 @@ class Choice:
         """Find the unit of the axes: its name, the factor to deg/s or counts, and LSB per deg/s."""
         stated = [rate_unit_of(self.names[place]) or rate_unit(self.units[place]) for place in gyro]
         known = {one for one in stated if one is not None}
-        self._check_names_against_units(gyro)
+        self._check_names_against_units(gyro, rate_unit_of, rate_unit, "--units")
         if self.how.units is not None:
             parsed = parse_units(self.how.units)
             self._check_given_unit(gyro, stated, parsed)
@@ -174,6 +174,7 @@ class Choice:
         dialect = self.dialect if self._is_of_dialect(gyro) else None
         if known and (None not in stated or (dialect is not None and not dialect.ask_unit)):
             unit = known.pop()
+            self._check_stated_unit(gyro, unit)
             self.answer("unit", unit, *self.facts.units_from)
             return unit, *parse_units(unit)
         if dialect is not None and dialect.gyro_unit and not known:
@@ -216,7 +217,9 @@ class Choice:
         self._refuse_other_units(gyro)
         for place, unit in zip(gyro, stated, strict=True):
             if unit is not None and parse_units(unit) != given and self.facts.units_from[0] != "stated":
-                text = f"read in {self.how.units}, as --units says; by {self.facts.units_from[1]} they are in "
+                text = (
+                    f"read in {self.how.units}, as --units says; by {self.facts.units_from[1]} they are in "
+                )
                 self.notes.append(Note("reading", f"{self.where}: {text}{unit}."))
                 break
             if unit is not None and parse_units(unit) != given:
@@ -230,13 +233,32 @@ class Choice:
                 text = f"read in {self.how.units}, as --units says; by {self._said()} they would be in "
                 self.notes.append(Note("reading", f"{self.where}: {text}{dialect.gyro_unit}."))
 
-    def _check_names_against_units(self, gyro: Sequence[int]) -> None:
-        for place in gyro if not self.how.overrule else ():
-            by_name, beside = rate_unit_of(self.names[place]), rate_unit(self.units[place])
+    def _check_stated_unit(self, gyro: Sequence[int], unit: str) -> None:
+        """Compare what the file states with what the dialect says."""
+        dialect, (evidence, why) = self.dialect, self.facts.units_from
+        if not self._is_of_dialect(gyro) or dialect is None or not dialect.gyro_unit or self.how.overrule:
+            return
+        is_other = dialect.gyro_scale or parse_units(dialect.gyro_unit) != parse_units(unit)
+        if is_other and evidence == "stated":
+            raise UsageError(
+                f"{self.where}: {listed([self.names[gyro[0]]])} is in {unit} by {why}, and {self._said()} writes "
+                f"{dialect.gyro_unit}. Say which is right: --units ? --overrule"
+            )
+
+    def _check_names_against_units(
+        self,
+        places: Sequence[int],
+        in_name: Callable[[str], object],
+        in_unit: Callable[[str], object],
+        flag: str,
+    ) -> None:
+        for place in places if not self.how.overrule else ():
+            name, unit = self.names[place], self.units[place]
+            by_name, beside = in_name(name), in_unit(unit)
             if None not in (by_name, beside) and by_name != beside:
                 raise UsageError(
-                    f"{self.where}: {listed([self.names[place]])} is in {by_name} by its name, and in {beside} "
-                    "by the unit beside it. Say which is right: --units ? --overrule"
+                    f"{self.where}: {listed([name])} is in {unit_in(name) or by_name} by its name, and in "
+                    f"{unit} by the unit beside it. Say which is right: {flag} ? --overrule"
                 )
 
     def _refuse_other_units(self, gyro: Sequence[int]) -> None:
@@ -255,12 +277,13 @@ class Choice:
         given, factor = self.how.time_unit, 1.0
         if place is None:
             return None, given, 1.0, None, 0.0
-        if place in (parts := split_seconds(self.names)):
+        if place in (parts := split_seconds(self.names)) and given in (None, "s"):
             return place, "s", 1.0, *parts[place]
-        if by_dialect and self.dialect is not None:
+        if by_dialect and self.dialect is not None and given in (None, "s"):
             for two in map(_TWO_FIELDS.fullmatch, self.dialect.time):
                 if two is not None and two[1] == self.names[place]:
                     return place, "s", 1.0, self.names.index(two[2]), 1e-9
+        self._check_names_against_units([place], time_unit_of, time_unit, "--time-unit")
         stated = time_unit(self.units[place]) or time_unit_of(self.names[place])
         unit: TimeUnit | None = given or stated
         if None not in (given, stated) and given != stated and not self.how.overrule:
@@ -328,6 +351,7 @@ class Choice:
             self.answer("clock", f"{self.how.rate_hz:g} Hz", "given", "--rate")
             return self.how.rate_hz
         dialect = self.dialect
+        rate_hz: float | None
         if dialect is not None and dialect.rate and (said := re.search(dialect.rate, self.facts.head, re.M)):
             why, rate_hz = f"the head: {said[0].strip()}", float(said[1])
         else:
@@ -352,6 +376,7 @@ class Choice:
             if several:
                 self._unread("several columns are called alike")
             return (), 1.0
+        self._check_names_against_units(accel, accel_unit_of, accel_unit, "--accel-units")
         shown = listed([names[place] for place in accel])
         units = [accel_unit_of(names[place]) or accel_unit(self.units[place]) for place in accel]
         stated = {*units} - {None}
