@@ -73,6 +73,7 @@ lint-types:
 lint-style:
 	@$(PY) -m ruff format --check $(PY_DIRS)
 	@$(PY) -m ruff check $(PY_DIRS)
+	@$(PY) tools/findings_form.py
 	@.venv/bin/clang-format --dry-run -Werror $(CXX_FILES)
 
 lint-cppcheck:

@@ -31,7 +31,7 @@ TEXTS = [
     "CHANGELOG.md",
     *sorted(
         file.relative_to(ROOT).as_posix()
-        for folder in ("host", "firmware", "protocol", "tests", "tools")
+        for folder in ("findings", "firmware", "host", "protocol", "tests", "tools")
         for file in (ROOT / folder).rglob("*.md")
     ),
 ]

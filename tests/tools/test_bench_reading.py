@@ -23,7 +23,7 @@ def test_what_is_missed_is_named() -> None:
     speed = {"mb": 1.0, "fltea": [50.0], "pandas": [90.0], "of_pandas": 0.55}
 
     def missed(ratio: float, **growth: Any) -> list[str]:
-        found = {
+        found: dict[str, Any] = {
             "speed": {"CSV with a header": speed | {"of_pandas": ratio}},
             "growth": {"a form": good | growth},
         }
