@@ -96,7 +96,7 @@ class Facts(NamedTuple):
 
     head: the lines before them. file: its name. rates: sample rates in Hz by what states them, such as `imu.fs`.
     sample: gives the first rows of all columns, (n, width), NaN where there is no number. units_from: what says
-    the units that stand beside the names.
+    the units that stand beside the names. beside: names that stand on other lines, as boards write them.
     """
 
     head: str = ""
@@ -104,6 +104,7 @@ class Facts(NamedTuple):
     rates: Mapping[str, float] = MappingProxyType({})
     sample: Callable[[], Floats] = lambda: np.empty((0, 0))
     units_from: tuple[Evidence, str] = ("stated", "the names or the row of units")
+    beside: Sequence[str] = ()
 
     def number(self, name: str) -> float | None:
         """Return the number that the head gives for a name, as `tscale,0.001`."""
@@ -128,7 +129,7 @@ def _is_in(one: Dialect, names: Sequence[str], facts: Facts, tag: str, fields: i
         return False
     if one.tag and one.fields not in (0, fields):
         return False
-    if not all(any(re.fullmatch(pattern, name) for name in names) for pattern in one.names):
+    if not all(any(re.fullmatch(pattern, name) for name in (*names, *facts.beside)) for pattern in one.names):
         return False
     if not all(re.search(pattern, facts.head, re.M) for pattern in one.head):
         return False

@@ -70,7 +70,7 @@ def labelled(line: str) -> Labelled | None:
     for found in _PAIR.finditer(line):
         before = _GROUP_BEFORE.search(line[end : found.start()])
         words = found["label"].split()
-        while len(words) > 1 and is_unit(words[0]):  # the unit of the number before
+        while members and len(words) > 1 and is_unit(words[0]):  # the unit of the number before
             units.update(dict.fromkeys(members, words.pop(0)))
         unit = ""
         if len(words) > 1 and words[-1][0] in "([":

@@ -285,7 +285,8 @@ class LayoutFinder:
         names, units = list(found.values), list(found.units.values())
         if not self._are_names(names, units):
             return None
-        facts = self._facts(names)
+        others = {name for one in self._sample()[:MOST_BEFORE] for name in values_in(one)} - {*names}
+        facts = self._facts(names)._replace(beside=sorted(others))
         chosen = choose(f"{self._where}:{number}", names, units, len(names), self._how, facts)
         return Layout(chosen, None, values_in, 0, 0, 0, number)
 
