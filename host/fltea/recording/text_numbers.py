@@ -12,17 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fltea._native import plain_rows
-from fltea.recording.wanted import DECIMAL_COMMA, is_missing, is_number
 from fltea.recording.lines import shown
 from fltea.recording.sample_times import Floats, Ints
+from fltea.recording.text_fields import is_blank, is_comment
 from fltea.recording.text_labels import values_in
-from fltea.recording.text_layout import (
-    Layout,
-    is_blank,
-    is_comment,
-    why_no_row,
-    why_too_many,
-)
+from fltea.recording.text_layout import Layout, why_no_row, why_too_many
+from fltea.recording.wanted import DECIMAL_COMMA, is_missing, is_number
 
 SAMPLE_BEGINS = '0123456789+-.,;"{'
 """With what a line begins that was meant as a sample (or with `nan`), if its fields are too few."""

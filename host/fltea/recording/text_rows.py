@@ -20,7 +20,7 @@ from fltea.recording.reading import given_options
 from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.table import Rows
 from fltea.recording.text_fields import sample_of
-from fltea.recording.text_forms import YAML, YamlDocuments, plain_lines
+from fltea.recording.text_forms import BEGINNING, YAML, YamlDocuments, plain_lines
 from fltea.recording.text_layout import Layout, LayoutFinder
 from fltea.recording.text_numbers import RowParser, decoded, end_of_line
 from fltea.recording.text_times import A_CLOCK, Clocks
@@ -34,7 +34,8 @@ SAMPLE_LINES, SAMPLE_BYTES = 2000, 1 << 18
 ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s*["\[{]|\{\s*"0"))')
 """How an array of objects begins, an object over several lines, and one of columns, as pandas writes it."""
 
-HEAD_BYTES = 256
+HEAD_BYTES, MOST_HELD = 256, 4096
+"""Of the beginning: what tells a document from lines, and what waits for that."""
 
 NO_NAME = "0123456789+-."
 """With what a line of names does not begin."""
@@ -94,7 +95,7 @@ class TextReader:
         self._sensor: OneSensor | None = None
         self._ordinal = self._since_header = self._page = 0
         self._begins = self._skipping = False
-        self._rest = self._head = b""
+        self._rest = self._head = self._held = b""
         self._utf_16: codecs.IncrementalDecoder | None = None
         self._yaml: YamlDocuments | None = None
 
@@ -105,7 +106,7 @@ class TextReader:
 
     def resume(self, *, within_line: bool) -> None:
         """The sender was lost and is back; within_line: what comes first may be the end of a line."""
-        self._rest, self._skipping = b"", within_line
+        self._rest, self._held, self._skipping = b"", b"", within_line
 
     def with_columns(self, error: UsageError) -> UsageError:
         """An error with a table of what the first rows show."""
@@ -132,6 +133,15 @@ class TextReader:
         Raises:
             UsageError: the first line that names the columns does not say clearly which are meant.
         """
+        if not self._head and not self._skipping:
+            data = self._held + data
+            if len(data) <= MOST_HELD and BEGINNING.fullmatch(data.removeprefix(BOM)):
+                self._held = data
+                return []
+        self._held = b""
+        return self._feed(data)
+
+    def _feed(self, data: bytes) -> list[Rows]:
         if not self._head:
             self._head = data[:HEAD_BYTES]
             if YAML.match(data.removeprefix(BOM)):
@@ -162,14 +172,16 @@ class TextReader:
 
     def finish(self) -> list[Rows]:
         """The sender has ended: its last line may lack its end."""
+        held, self._held = self._held, b""
+        found = self._feed(held)
         last = self._yaml.finish() if self._yaml is not None else b""
         rest, self._rest = (self._rest + last).removesuffix(b"\n"), b""
         if self._yaml is not None and self._yaml.is_cut:
             self.cut = Note("cut_recording", f"{self._where}: the last message is cut off, and left out.")
         if not rest:
-            return []
+            return found
         before, first, newest = self.counts.copy(), self.first, self.newest
-        found = self._take(rest)
+        found += self._take(rest)
         if not found and self.chosen is not None and self.counts != before:
             self.counts, self.first, self.newest = before, first, newest
             text = f"{self._where}:{self.lines}: the last line is cut off, and left out."
@@ -336,12 +348,13 @@ def _joined(pieces: list[Rows]) -> list[Rows]:
         if piece.begins or not found:
             found.append([])
         found[-1].append(piece)
-    return [
-        Rows(
-            *(np.concatenate(parts) for parts in zip(*(one[:3] for one in group), strict=True)),
-            group[0].begins,
-        )
-        if len(group) > 1
-        else group[0]
-        for group in found
-    ]
+    return [_in_one(group) for group in found]
+
+
+def _in_one(group: list[Rows]) -> Rows:
+    if len(group) == 1:
+        return group[0]
+    numbers, values, ordinal = (
+        np.concatenate(parts) for parts in zip(*(one[:3] for one in group), strict=True)
+    )
+    return Rows(numbers, values, ordinal, group[0].begins)
