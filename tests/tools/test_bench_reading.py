@@ -9,9 +9,9 @@ from fltea.recording.csv_file import open_csv
 from tools.bench import bench_reading as bench
 
 
-@pytest.mark.parametrize("name", {**bench.FORMS, **bench.LINEAR})
+@pytest.mark.parametrize("name", list(bench.FORMS | bench.LINEAR))
 def test_each_form_is_read_whole_at_its_rate(tmp_path: Path, name: str) -> None:
-    form = {**bench.FORMS, **bench.LINEAR}[name]
+    form = (bench.FORMS | bench.LINEAR)[name]
     bench._write(tmp_path / "rest.csv", form, 120)
     found = open_csv(tmp_path / "rest.csv", form.how)
     assert found.samples == 120
