@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.recording.contradictions import check_clock, check_gravity
 from fltea.recording.dialects import Facts, dialect_of
 from fltea.recording.evidence import Choice
 from fltea.recording.files import Note
@@ -59,7 +60,9 @@ class Chosen(NamedTuple):
     @property
     def times(self) -> TimeColumn:
         """The same as a column of times."""
-        return TimeColumn(self.time_name, self.time_unit, self.rate_hz, self.is_given, self.overrule)
+        return TimeColumn(
+            self.time_name, self.time_unit, self.rate_hz, self.is_given, self.overrule, self.time_factor
+        )
 
     @property
     def needed(self) -> tuple[int, ...]:
@@ -124,7 +127,9 @@ def choose(
         raise found.error(
             gyro, rate_hz or (None if time is None else found.measured_hz(time, unit_of_time, time_factor))
         )
+    check_clock(found, time, unit_of_time, time_factor)
     accel, accel_ms2 = found.accelerometer({*gyro, time})
+    check_gravity(found, gyro, accel, accel_ms2)
     if dialect is not None and dialect.note:
         found.notes.append(Note("reading", f"{where}: {dialect.name}: {dialect.note}"))
     return Chosen(

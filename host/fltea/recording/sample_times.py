@@ -49,8 +49,9 @@ EVENNESS, EVEN_SHARE = 0.2, 0.9
 PLAUSIBLE_HZ = 5.0, 10_000.0
 """Rates at which a gyroscope is recorded. A column without a unit that gives another is not in seconds."""
 
-SHORTEST_STEP_S, LONGEST_S = 1e-6, 4e9
-"""The second is 126 years; so many nanoseconds fit into 64 bits."""
+SHORTEST_STEP_S, LONGEST_S = 2e-5, 4e9
+"""No gyroscope gives more than some 32,000 samples a second. The second is
+126 years; so many nanoseconds fit into 64 bits."""
 
 COUNTER_WRAP, DAY_S = float(1 << 32), 86_400.0
 """Of millis() and micros(), which are what boards send as times in ms and in us; and of times of day."""
@@ -77,6 +78,9 @@ SAME_TIME = 4 * float(np.finfo(np.float64).eps)
 
 SAME_RATE = 0.1
 """A given rate and one by the times that differ by less are the same."""
+
+LIKE_MEAN = 1.5
+"""A given rate and the mean of uneven times are not the same if they differ by more than this factor."""
 
 
 class Elapsed:
@@ -254,7 +258,7 @@ class Timing(NamedTuple):
 
 
 class TimeColumn(NamedTuple):
-    """A column of times. unit: None if nothing says it.
+    """A column of times. unit: None if nothing says it. ticks: of that unit, which were counted.
 
     rate_hz: of the rows, where the user gives it or the file states it; is_given: by the user. overrule: that
     counts, whatever the times say.
@@ -265,6 +269,7 @@ class TimeColumn(NamedTuple):
     rate_hz: float | None = None
     is_given: bool = False
     overrule: bool = False
+    ticks: float = 1.0
 
 
 def timing(
@@ -284,7 +289,7 @@ def timing(
     name, unit = column.name, column.unit
     where_column = f"{where}: column '{name}'"
     if column.is_given and column.rate_hz is not None:
-        return _with_rate(where_column, column, clock, column.rate_hz)
+        return _with_rate(where_column, column, clock, elapsed, column.rate_hz)
     if clock is None:
         raise not_stated(where, [Missing(f"the rate; one time in '{name}' tells none", "--rate ?")])
     unit_s = SECONDS[unit or "s"]
@@ -307,7 +312,8 @@ def timing(
 
 
 def _clock_answer(column: TimeColumn, rate_hz: float) -> Answer:
-    unit = f" in {column.unit}" if column.unit else ", which can only be seconds"
+    ticks = f"{column.ticks:g} " if column.ticks != 1.0 else ""
+    unit = f" in {ticks}{column.unit}" if column.unit else ", which can only be seconds"
     return Answer("clock", f"{rate_hz:.6g} Hz", "measured", f"the times of {column.name}{unit}")
 
 
@@ -321,9 +327,8 @@ def _uneven(
 ) -> UsageError:
     """What is wrong with times that are no sensor's clock, and what to do."""
     shown = unit or "s"
-    is_coarse = elapsed.repeated > (1 - EVEN_SHARE) * elapsed.rows
-    steps, span = (elapsed.rows, clock.median) if is_coarse else (elapsed.rows - 1, 0.0)
-    rate_hz = steps / (elapsed.span + span) / SECONDS[shown] if elapsed.span > 0 else math.nan
+    is_coarse = _is_coarse(elapsed)
+    rate_hz = _mean_hz(clock, elapsed, SECONDS[shown])
     first = "" if elapsed.first is None else place(elapsed.first).removeprefix(where).strip(": ")
     at = f", the first in {f'line {first}' if first.isdigit() else first}" if first else ""
     mean = (
@@ -360,6 +365,16 @@ def _uneven(
     )
 
 
+def _is_coarse(elapsed: Elapsed) -> bool:
+    return elapsed.repeated > (1 - EVEN_SHARE) * elapsed.rows
+
+
+def _mean_hz(clock: Clock, elapsed: Elapsed, unit_s: float) -> float:
+    """Return the rate by the first time and the last."""
+    steps, span = (elapsed.rows, clock.median) if _is_coarse(elapsed) else (elapsed.rows - 1, 0.0)
+    return steps / (elapsed.span + span) / unit_s if elapsed.span > 0 else math.nan
+
+
 def _is_plausible(rate_hz: float) -> bool:
     return PLAUSIBLE_HZ[0] <= rate_hz <= PLAUSIBLE_HZ[1]
 
@@ -371,11 +386,18 @@ def _unit_needed(where_column: str, step: float) -> UsageError:
     return not_stated(where_column, [Missing("what its times count", "--time-unit ?")], (), "\n".join(table))
 
 
-def _with_rate(where_column: str, column: TimeColumn, clock: Clock | None, rate_hz: float) -> Timing:
+def _with_rate(
+    where_column: str, column: TimeColumn, clock: Clock | None, elapsed: Elapsed, rate_hz: float
+) -> Timing:
     unit = column.unit
     if clock is None:
         return Timing(rate_hz, None)
     if not clock.even:
+        mean_hz = math.nan if unit is None else _mean_hz(clock, elapsed, SECONDS[unit])
+        is_slower = mean_hz > LIKE_MEAN * rate_hz  # than there are rows; it is faster where samples are lost
+        is_faster = _is_coarse(elapsed) and LIKE_MEAN * mean_hz < rate_hz
+        if (is_slower or is_faster) and not column.overrule:
+            raise _other_rate(where_column, mean_hz, rate_hz)
         return Timing(
             rate_hz,
             None,
@@ -386,16 +408,21 @@ def _with_rate(where_column: str, column: TimeColumn, clock: Clock | None, rate_
     nearest = min(found, key=lambda rate: abs(math.log(rate / rate_hz)))
     if abs(nearest / rate_hz - 1) <= SAME_RATE:
         return Timing(rate_hz, clock.typical)
-    if unit is not None and not column.overrule:
-        raise UsageError(
-            f"{where_column}: by its times the rate is {nearest:.6g} Hz, and --rate {rate_hz:g} says otherwise. "
-            "Leave --rate out. If the times are wrong, add --overrule."
-        )
+    in_seconds_hz = 1 / clock.typical
+    if (unit is not None or _is_plausible(in_seconds_hz)) and not column.overrule:
+        raise _other_rate(where_column, nearest if unit is not None else in_seconds_hz, rate_hz)
     warning = (
         f"{where_column}: its unit is not known; with --rate {rate_hz:g} a step of {clock.typical:.6g} is one "
         "sample, and the column tells only which are missing."
     )
     return Timing(rate_hz, clock.typical, warning=warning)
+
+
+def _other_rate(where_column: str, found_hz: float, rate_hz: float) -> UsageError:
+    return UsageError(
+        f"{where_column}: by its times the rate is {found_hz:.6g} Hz, and --rate {rate_hz:g} says otherwise. "
+        "Leave --rate out. If the times are wrong, add --overrule."
+    )
 
 
 def between(times: Floats, period: float) -> Marks:

@@ -6,6 +6,7 @@ Lines are looked at one by one, so a file and an endless stream are understood i
 import re
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 from fltea.recording.columns import Chosen, choose
@@ -175,7 +176,7 @@ class LayoutFinder:
         return Facts(
             "\n".join(self._sample()[:MOST_BEFORE] if tag else [*self.head, self._newest]),
             self._where.rpartition("/")[2].rpartition(":")[0] or self._where.rpartition("/")[2],
-            sample=lambda: sample_of(self._sample(), names, count, tag),
+            sample=cache(lambda: sample_of(self._sample(), names, count, tag)),
         )
 
     def _choose_named(self) -> None:

@@ -1,0 +1,139 @@
+"""Whether answers about columns contradict each other, the dialect, or what the first rows show (pure)."""
+
+import math
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from fltea.recording import candidates
+from fltea.recording.column_names import accel_unit_of, is_time, time_unit_of
+from fltea.recording.dialects import GRAVITY_TOLERANCE
+from fltea.recording.evidence import OVERRULE, Choice
+from fltea.recording.files import Note, listed
+from fltea.recording.reading import Missing, given_options, not_stated
+from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, SAME_RATE, SECONDS, Floats
+from fltea.recording.units import accel_unit, time_unit
+from fltea.records.errors import UsageError
+from fltea.records.units import STANDARD_GRAVITY_MS2
+from fltea.settings.how import TimeUnit
+
+FEWEST_STEPS = 8
+"""Of two clocks, that tell whether they run alike."""
+
+
+def check_clock(choice: Choice, time: int | None, unit: TimeUnit | None, factor: float) -> None:
+    """Compare the clock that is read with the dialect, the rate in the head, and other columns of times.
+
+    time: its place. unit, factor: what it counts.
+
+    Raises:
+        UsageError: the user's rate is not that in the head.
+        NotStated: two clocks run at different rates, and none was chosen.
+    """
+    how, dialect = choice.how, choice.dialect
+    if dialect is not None and dialect.rate and how.rate_hz is not None and not how.overrule:
+        said = re.search(dialect.rate, choice.facts.head, re.M)
+        if said is not None and abs(how.rate_hz / float(said[1]) - 1) > SAME_RATE:
+            raise UsageError(
+                f'{choice.where}: "{said[0].strip()}" stands in the head, and --rate {how.rate_hz:g} says '
+                f"otherwise. Leave --rate out. {OVERRULE}"
+            )
+    if time is None:
+        return
+    name = choice.names[time]
+    if dialect is not None and how.time_unit is not None and name in _of_dialect(choice):
+        ticks = dialect.time_scale or ("" if dialect.time_ticks == 1.0 else f"{dialect.time_ticks:g}")
+        if ticks or time_unit(dialect.time_unit) != how.time_unit:
+            counts = f"by {dialect.name} it counts {ticks} {dialect.time_unit}".replace("  ", " ")
+            text = f"{listed([name])} is read in {how.time_unit}, as --time-unit says; {counts}."
+            choice.notes.append(Note("reading", f"{choice.where}: {text}"))
+    if how.time_column is None and not how.overrule:
+        _compare_clocks(choice, time, None if unit is None else SECONDS[unit] * factor)
+
+
+def _compare_clocks(choice: Choice, time: int, unit_s: float | None) -> None:
+    values, names = choice.facts.sample(), choice.names
+    if values.ndim != 2 or values.shape[1] != len(names):
+        return
+    none = choice.dialect.no_time if choice.dialect is not None else ()
+    for place, name in enumerate(names):
+        if place == time or not is_time(name) or any(re.fullmatch(pattern, name) for pattern in none):
+            continue
+        found = _runs_as(values[:, place], values[:, time])
+        if found is None:
+            continue
+        other = time_unit(choice.units[place]) or time_unit_of(name)
+        other_s = None if other is None else SECONDS[other]
+        if other is None and {*_of_dialect(choice)} >= {name, names[time]}:
+            other_s = unit_s
+        if other_s is not None and unit_s is not None:
+            ratio = found * other_s / unit_s
+        else:  # whatever its unit is, a power of 1000 makes it that of the other
+            ratio = found / 1000 ** round(math.log(found, 1000))
+        if abs(ratio - 1) > SAME_RATE:
+            what = f"which clock is right: {listed([names[time], name])} differ by a factor of {ratio:.4g}"
+            raise not_stated(choice.where, [Missing(what, "--time-column ?")], given_options(choice.how))
+
+
+def _of_dialect(choice: Choice) -> list[str]:
+    """Return the names of times whose unit the dialect says."""
+    dialect = choice.dialect
+    patterns = dialect.time if dialect is not None and dialect.time_unit else ()
+    return [name for name in choice.names if any(re.fullmatch(pattern, name) for pattern in patterns)]
+
+
+def _runs_as(times: Floats, others: Floats) -> float | None:
+    """Return how far times advance while others advance by 1; None if one of them is no even clock."""
+    steps, ahead = np.diff(times), np.diff(others)
+    known = np.isfinite(steps) & np.isfinite(ahead) & (ahead > 0)
+    if known.sum() < FEWEST_STEPS:
+        return None
+    ratios = steps[known] / ahead[known]
+    middle = float(np.median(ratios))
+    even = middle > 0 and (np.abs(ratios / middle - 1) < EVENNESS).mean() >= EVEN_SHARE
+    return middle if even and math.isfinite(middle) else None
+
+
+def check_gravity(choice: Choice, gyro: Sequence[int], accel: Sequence[int], accel_ms2: float) -> None:
+    """Compare the length of gravity with the user's unit, and look for it in the gyroscope's columns.
+
+    accel: places of the accelerometer's axes, which has `accel_ms2` m/s² in one.
+
+    Raises:
+        UsageError: gravity has the length of another unit than the user's, or is in the gyroscope's columns.
+    """
+    how, dialect, values = choice.how, choice.dialect, choice.facts.sample()
+    if len(accel) != 3 or how.overrule or values.ndim != 2 or values.shape[1] != len(choice.names):
+        return
+    by_dialect = "" if dialect is None else dialect.accel_unit
+    is_other = by_dialect and (accel_unit(by_dialect) != accel_ms2 or (dialect and dialect.accel_scale))
+    if dialect is not None and how.accel_units is not None and is_other:
+        text = f"the accelerometer is read in {how.accel_units}, as --accel-units says; by {dialect.name} it "
+        choice.notes.append(Note("reading", f"{choice.where}: {text}is in {by_dialect}."))
+    length_ms2 = _length(values[:, list(accel)]) * accel_ms2
+    if abs(length_ms2 / STANDARD_GRAVITY_MS2 - 1) < candidates.GRAVITY_TOLERANCE:
+        return
+    measured = candidates.gravity_unit(values[:, list(accel)])
+    stated = {accel_unit_of(choice.names[place]) or accel_unit(choice.units[place]) for place in accel}
+    if how.accel_units is not None and measured is not None and stated == {None}:
+        raise UsageError(
+            f"{choice.where}: the length of the acceleration is that of gravity in {measured}, and "
+            f"--accel-units {how.accel_units} says otherwise. {OVERRULE}"
+        )
+    if how.columns is None and len(gyro) == 3 and _is_gravity(values[:, list(gyro)], accel_ms2):
+        raise UsageError(
+            f"{choice.where}: {listed([choice.names[place] for place in gyro])} have the length of gravity, "
+            f"and {listed([choice.names[place] for place in accel])} have not: are their names swapped? Name "
+            f"the gyroscope's columns with --columns. {OVERRULE}"
+        )
+
+
+def _length(values: Floats) -> float:
+    lengths = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
+    return float(np.median(lengths)) if len(lengths) else math.nan
+
+
+def _is_gravity(values: Floats, unit_ms2: float) -> bool:
+    is_as_long = abs(_length(values) * unit_ms2 / STANDARD_GRAVITY_MS2 - 1) < GRAVITY_TOLERANCE
+    return is_as_long and candidates.gravity_unit(values) is not None
