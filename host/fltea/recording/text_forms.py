@@ -1,7 +1,7 @@
-"""Forms that programs give a line of numbers, undone before anything is read of it; a line stays one line (pure).
+"""Forms that programs give a line of numbers, undone before anything is read of it (pure).
 
-Python prints bytes, lists, tuples, dicts and arrays; sentences of NMEA and VectorNav end in a checksum. A topic of
-ROS that is echoed is a document of YAML a message: each becomes one object of JSON.
+Python prints bytes, lists, tuples, dicts and arrays; sentences of NMEA and VectorNav end in a checksum; a
+line stays one line. An echoed topic of ROS is a document of YAML a message: each becomes one object of JSON.
 """
 
 import re
@@ -17,9 +17,13 @@ _BRACKETS = re.compile(
     re.M,
 )
 _DICT = re.compile(rb"^[ \t]*(\{[ \t]*'.*\})[ \t,\r]*$", re.M)
+_ESCAPED = re.compile(rb"\\(?:t|x([89a-f][0-9a-f]))")
+"""A tab, and what is not ASCII, in bytes as Python prints them."""
+
+_AS_JSON = bytes.maketrans(b"()'", b'[]"')
 _PYTHON_WORD = re.compile(rb"(?<=[:\s,\[])(None|nan|True|False)(?=[,}\s\]])")
 _WORDS = {b"None": b"null", b"nan": b"null", b"True": b"true", b"False": b"false"}
-_NUMPY = re.compile(rb"\b(?:np|numpy)\.\w+\(([^()]*)\)")
+_NUMPY = re.compile(rb"\bnp\.\w+\(([^()]*)\)")
 """A number of numpy as it is printed since version 2."""
 
 _SENTENCE = re.compile(rb"^[ \t]*\$([^*\n]*)\*([0-9A-Fa-f]{2}|[0-9A-Fa-f]{4})[ \t\r]*$", re.M)
@@ -28,10 +32,10 @@ _SENTENCE = re.compile(rb"^[ \t]*\$([^*\n]*)\*([0-9A-Fa-f]{2}|[0-9A-Fa-f]{4})[ \
 def plain_lines(data: bytes) -> bytes:
     """Return whole lines without what Python or a sentence puts around their numbers.
 
-    A sentence whose checksum is wrong is left as it is, so that it is counted as no line of numbers.
+    The numbers of a sentence whose checksum is wrong are taken out, so that it counts as a lost sample.
     """
     if b"b" in data and (b"b'" in data or b'b"' in data):  # one byte is looked for ten times as fast
-        data = _BYTES.sub(rb"\2", data)
+        data = _BYTES.sub(_unescaped, data)
     if b"np." in data:
         data = _NUMPY.sub(rb"\1", data)
     if b"{" in data and (b"{'" in data or b"{ '" in data):
@@ -41,29 +45,35 @@ def plain_lines(data: bytes) -> bytes:
     return _SENTENCE.sub(_checked, data) if b"*" in data else data
 
 
+def _unescaped(found: re.Match[bytes]) -> bytes:
+    return _ESCAPED.sub(lambda sign: b"\t" if sign[1] is None else bytes.fromhex(sign[1].decode()), found[2])
+
+
 def _as_json(found: re.Match[bytes]) -> bytes:
-    text = found[1].replace(b"'", b'"')
-    return _PYTHON_WORD.sub(lambda word: _WORDS[word[1]], text)
+    return _PYTHON_WORD.sub(lambda word: _WORDS[word[1]], found[1].translate(_AS_JSON))
 
 
 def _checked(found: re.Match[bytes]) -> bytes:
-    """A sentence without its checksum, if that is the XOR of its bytes, or one of 16 bits, which are not checked."""
+    """A sentence without its checksum: the XOR of its bytes, or one of 16 bits, which is not checked."""
     stated = found[2]
     if len(stated) == 2 and reduce(xor, found[1], 0) != int(stated, 16):
-        return found[0]
+        return b"$" + re.sub(rb",[^,]*", b",wrong checksum", found[1])
     return b"$" + found[1]
 
 
 YAML = re.compile(rb"\s*(?:---\s*\n)?(?:#[^\n]*\n)*[A-Za-z_]\w*:[ \t\r]*\n[ ]+[A-Za-z_]\w*:")
 """How the first message begins."""
 
+BEGINNING = re.compile(rb"\s*(?:---\s*\n)?(?:#[^\n]*\n)*(?:[A-Za-z_]\w*:[ \t\r]*\n)?[^\n]{0,256}")
+"""What may still become that, as the line after it has not ended."""
+
 LONGEST_DOCUMENT = 1 << 20
 
 
 class YamlDocuments:
-    """Turns documents of YAML, of mappings and numbers as ROS prints messages, into objects of JSON, a line each.
+    """Turns documents of YAML, mappings and numbers as ROS prints them, into objects of JSON, a line each.
 
-    is_cut: the last one lacked values that the first one has, and was left out.
+    is_cut: the last one lacked values that the first one has, or the end of one, and was left out.
     """
 
     def __init__(self) -> None:
@@ -82,9 +92,9 @@ class YamlDocuments:
     def finish(self) -> bytes:
         """Return the last document, which may have no end."""
         rest, self._rest = self._rest, b""
-        self._take(rest)
-        self.is_cut = 0 < len(self._values) < self._fewest
-        return b"" if self.is_cut else self._take(b"---")
+        found = self._take(rest)
+        self.is_cut = bool(self._values) and (len(self._values) < self._fewest or b":" in rest)
+        return found if self.is_cut else found + self._take(b"---")
 
     def _take(self, line: bytes) -> bytes:
         bare = line.strip()
