@@ -120,7 +120,7 @@ def _remarks(values: Floats) -> dict[int, str]:
             found[place] = ": rises, as times and counters do" + (f" ({rates})" if rates else "")
         elif np.isfinite(values[:, place]).any():
             numbers.append(place)
-    for first in range(len(numbers) - 2):
+    for first in sorted(range(len(numbers) - 2), key=lambda place: (place % 3, place)):  # threes side by side
         three = numbers[first : first + 3]
         unit = gravity_unit(values[:, three])
         if unit is not None and not any(place in found for place in three):
