@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from bag_support import even, write_bag
+from corpus_files import HERE
 from fltea.archive.export import export
 from fltea.archive.info import as_text, summarise
 from fltea.identification.load import Loaded, Request, load
@@ -151,6 +152,18 @@ def test_the_real_files_are_read(name: str, real: Files, folder: Path) -> None:
 @pytest.mark.parametrize("name", slow_but(["rest.npy", "rest.parquet"], KINDS))
 def test_files_that_were_changed_anywhere(name: str, real: Files, folder: Path, how: list[Change]) -> None:
     check(folder, name, changed(real[name], how))
+
+
+@pytest.mark.slow
+@given(how=changes)
+@settings(max_examples=12)
+@pytest.mark.parametrize("name", ["ardupilot.bin", "labview.tdms", "asam.mf4", "px4.ulg", "matlab.mat"])
+def test_logs_that_were_changed_anywhere(name: str, folder: Path, how: list[Change]) -> None:
+    """Their libraries take a second to begin, so each is looked at once."""
+    path = folder / name
+    path.write_bytes(changed((HERE / name).read_bytes(), how))
+    with contextlib.suppress(FlteaError):
+        check_finite(load(Request((path,), None, AS_IT_SAYS, LIMITS)))
 
 
 @given(data=st.binary(max_size=300))

@@ -11,29 +11,18 @@ import numpy as np
 import pytest
 import scipy.io
 from fltea.recording.files import Stored
-from fltea.recording.formats import FORMATS, loaded
 from fltea.recording.readers.arrays import rate_of
-from fltea.recording.sheet import gyroscopes_in, open_sheet, with_sample
+from fltea.recording.sheet import gyroscopes_in
 from fltea.records.errors import UsageError
-from fltea.settings.how import How
-from fltea.settings.limits import DEFAULT_LIMITS
 from hypothesis import given
 from hypothesis import strategies as st
+from table_support import open_here
 
 N = 300
 TIMES_S = np.arange(N) / 100
 GYRO = np.random.default_rng(1).normal(size=(N, 3))
 NUMBERS = itertools.count()
 OTHER = np.random.default_rng(2).normal(size=(2 * N, 3))
-
-
-def opened(kind: str, path: Path, **how: Any) -> Stored:
-    """As the process apart does it, whose start would take most of the time."""
-    try:
-        sheet = loaded(FORMATS[kind].reader)(path, how.get("topic") or "")
-    except UsageError as error:
-        raise UsageError(f"{path}: {error}") from error
-    return open_sheet(path, with_sample(sheet), How(**how), DEFAULT_LIMITS)
 
 
 def hdf5(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
@@ -46,7 +35,7 @@ def hdf5(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
                 (file.require_group(owner) if owner else file).attrs[attribute] = value
             else:
                 file[name] = value
-    return opened("hdf5", path, **how)
+    return open_here("hdf5", path, **how)
 
 
 def with_attributes(folder: Path, values: Any, attributes: dict[str, Any], **how: Any) -> Stored:
@@ -56,22 +45,22 @@ def with_attributes(folder: Path, values: Any, attributes: dict[str, Any], **how
         file["gyro"] = values
         file["t"] = TIMES_S
         file["gyro"].attrs.update(attributes)
-    return opened("hdf5", path, **how)
+    return open_here("hdf5", path, **how)
 
 
 def matlab(folder: Path, variables: dict[str, Any], **how: Any) -> Stored:
     scipy.io.savemat(folder / "rest.mat", variables)
-    return opened("mat", folder / "rest.mat", **how)
+    return open_here("mat", folder / "rest.mat", **how)
 
 
 def npz(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
     np.savez(folder / "rest.npz", **arrays)
-    return opened("arrays", folder / "rest.npz", **how)
+    return open_here("arrays", folder / "rest.npz", **how)
 
 
 def document(folder: Path, content: Any, **how: Any) -> Stored:
     (folder / "rest.json").write_text(json.dumps(content))
-    return opened("json", folder / "rest.json", **how)
+    return open_here("json", folder / "rest.json", **how)
 
 
 def refusal(read: Callable[..., Any], *arguments: Any, **how: Any) -> str:
@@ -159,7 +148,7 @@ def test_what_only_matlab_reads_is_called_so(tmp_path: Path) -> None:
         file["imu"] = np.zeros((6, 1), np.uint32)
         file["imu"].attrs.update({"MATLAB_class": np.bytes_("timetable"), "MATLAB_object_decode": 3})
     assert "is a timetable of MATLAB's, which only MATLAB reads; there, writetimetable" in refusal(
-        opened, "hdf5", path
+        open_here, "hdf5", path
     )
 
 

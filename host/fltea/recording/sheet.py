@@ -3,6 +3,7 @@
 A new format is one module in `readers` whose `read` gives a `Sheet`, and a row in `formats`.
 """
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -19,7 +20,7 @@ from fltea.recording.columns import Chosen, choose
 from fltea.recording.dialects import Facts, columns_of, dialect_of
 from fltea.recording.files import Note, Stored, listed
 from fltea.recording.npz_arrays import NUMBER_BYTES
-from fltea.recording.one_sensor import OneSensor
+from fltea.recording.one_sensor import OneSensor, as_word
 from fltea.recording.reading import Evidence, Missing, given_options, not_stated
 from fltea.recording.sample_times import Floats
 from fltea.recording.table import Rows, gather, row_place
@@ -49,7 +50,8 @@ class SheetHead(msgspec.Struct, frozen=True):
     seconds since the first one. rates: samples per second, by the name of what states them: `imu.fs` holds
     for all of `imu`, `imu.gyro@fs` for one array. doubts: of columns whose numbers may be others than they
     seem, why. topic: the sensor that is read of several, "" if there is one. sample: the first rows of the
-    first columns, null where there are no numbers.
+    first columns, null where there are no numbers. words: of columns that tell sensors apart by words, what the
+    numbers from 0 that stand in them mean.
     """
 
     names: list[str]
@@ -64,6 +66,7 @@ class SheetHead(msgspec.Struct, frozen=True):
     notes: tuple[Note, ...] = ()
     topic: str = ""
     sample: list[list[float | None]] = []
+    words: dict[str, list[str]] = {}
 
     def length(self, place: int) -> int:
         """Return how many rows a column has."""
@@ -88,6 +91,7 @@ class Sheet(SheetHead, frozen=True, kw_only=True):
             arrays=[self.arrays[place] for place in keep] if self.arrays else [],
             stamps=tuple(names[name] for name in self.stamps if name in names),
             doubts={names[name]: why for name, why in self.doubts.items() if name in names},
+            words={names[name]: words for name, words in self.words.items() if name in names},
             sample=[[row[p] if p < len(row) else None for p in keep] for row in self.sample],
             blocks=lambda places: blocks([keep[place] for place in places]),
         )
@@ -153,9 +157,14 @@ def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
         numbers = np.arange(row, row + len(values))
         row += len(values)
         if sensor is not None:
-            kept = sensor.keep([f"{value:g}" for value in values[:, -1]])
+            words = sheet.words.get(sheet.names[place])
+            kept = sensor.keep(
+                [words[int(v)] if words and math.isfinite(v) else as_word(v) for v in values[:, -1]]
+            )
             values, numbers = np.ascontiguousarray(values[kept, :-1]), numbers[kept]
         yield Rows(numbers, chosen.scale(values), np.arange(ordinal, ordinal := ordinal + len(values)))
+    if sensor is not None and (error := sensor.why_none()) is not None:
+        raise error
 
 
 def _check_rate(where: str, sheet: Sheet, who: str, rate_hz: float | None, how: How) -> None:
@@ -177,7 +186,8 @@ def _check_columns(where: str, sheet: Sheet, chosen: Chosen, how: How) -> None:
             f"{where}: the columns that are read are not alike in length ({each}), so which of their numbers "
             "belong together is not known. Mend the file, or name those that are alike with --columns."
         )
-    for name in () if how.overrule else chosen.read:
+    sensor = [] if chosen.sensor is None else [sheet.names[chosen.sensor[0]]]
+    for name in () if how.overrule else [*sensor, *chosen.read]:
         if name in sheet.doubts:
             raise UsageError(f"{where}: {name}: {sheet.doubts[name]}")
 
@@ -221,7 +231,8 @@ def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
     text = f"{where}: {listed(unread)}: not read, since the gyroscope has another number of rows ({rows})."
     notes = (*sheet.notes, Note("reading", text)) if unread else sheet.notes
     prefix = inner if found.is_by_group and how.time_column not in names else ""
-    keep = [place for place in keep if names[place].startswith(prefix) or prefix + names[place] not in names]
+    inside = {name.removeprefix(prefix) for name in names if name.startswith(prefix)}
+    keep = [place for place in keep if names[place].startswith(prefix) or names[place] not in inside]
     rates = _rates_of(where, sheet, found, how)
     return replace(sheet, rates=rates, notes=notes, topic=sheet.topic or found.topic).only(keep, prefix)
 

@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fltea.recording.column_names import named_axis
+from fltea.recording.column_names import named_axis, tells_sensors
 from fltea.recording.files import AT_ONCE, listed
 from fltea.recording.npz_arrays import KINDS
+from fltea.recording.one_sensor import MOST_SENSORS
 from fltea.recording.sample_times import SECONDS, Floats
 from fltea.recording.sheet import Sheet, gyroscopes_in
 from fltea.records.errors import UsageError
@@ -88,11 +89,14 @@ def of_arrays(
     stamps: list[str] = []
     rates, reasons = dict(rates), []
     doubts_of: dict[str, str] = {}
+    words: dict[str, list[str]] = {}
     texts = {name: text for name, array in arrays.items() if (text := _text(array)) is not None}
     units = {**_units_of(texts), **{name: unit for name, unit in units.items() if unit}}
     for name, array in arrays.items():
         if name in texts:
             continue
+        if tells_sensors(name) and (found_words := _words(array)) is not None:
+            array, words[name] = found_words
         reason = _reason(array)
         rate_hz = (
             None if reason or math.prod(array.shape) != 1 else rate_of(name, array[()], units.get(name, ""))
@@ -134,6 +138,7 @@ def of_arrays(
         stamps=tuple(stamps),
         rates=rates,
         doubts=doubts_of,
+        words=words,
         blocks=blocks,
     )
 
@@ -148,6 +153,17 @@ def _text(array: Any) -> str | None:
     return (
         found.decode(errors="replace") if isinstance(found, bytes) else None if found is None else str(found)
     )
+
+
+def _words(array: Any) -> tuple[Any, list[str]] | None:
+    """Texts as numbers from 0, and what these mean; None if an array holds no texts, or too many."""
+    if isinstance(array, NoNumbers) or np.dtype(array.dtype).kind not in "SUO" or len(array.shape) != 1:
+        return None
+    values = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in array[()]]
+    if not all(isinstance(one, str) for one in values):
+        return None
+    words, places = np.unique(values, return_inverse=True)
+    return (places, words.tolist()) if len(words) <= MOST_SENSORS else None
 
 
 def _units_of(texts: Mapping[str, str]) -> dict[str, str]:
@@ -192,7 +208,9 @@ def _reason(array: Any) -> str:
 
 
 def _axes_named(name: str) -> list[str]:
-    """The axes of a gyroscope that an array has by its name."""
+    """The axes of a gyroscope that an array has by its name, or what tells sensors apart."""
+    if tells_sensors(name):
+        return [name]
     return [label for label in (name, *(named_axis(name, k) for k in range(3))) if gyroscopes_in([label])][:3]
 
 

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from fltea.recording.column_names import tells_sensors
 from fltea.recording.files import AT_ONCE
+from fltea.recording.one_sensor import MOST_SENSORS
 from fltea.recording.sample_times import SECONDS, Floats
 from fltea.recording.sheet import Sheet
 
@@ -43,10 +45,14 @@ def _arrow(schema: Any, rows: int, batches: Callable[[list[str]], Iterator[Any]]
     stamps = [n for n, kind in zip(names, kinds, strict=True) if _is_stamp(kind)]
 
     is_bad = [not (_is_stamp(kind) or _is_number(kind)) for kind in kinds]
+    words = {
+        n: _words(batches([n]), n) for n, bad in zip(names, is_bad, strict=True) if bad and tells_sensors(n)
+    }
+    words = {name: some for name, some in words.items() if some}
     doubts = {
         name: f"holds {kind}, no numbers."
         for name, kind, bad in zip(names, kinds, is_bad, strict=True)
-        if bad
+        if bad and name not in words
     }
 
     def blocks(places: Sequence[int]) -> Iterator[Floats]:
@@ -55,6 +61,10 @@ def _arrow(schema: Any, rows: int, batches: Callable[[list[str]], Iterator[Any]]
             table = _flat(pa.Table.from_batches([batch]))
             values = np.empty((len(table), len(places)))
             for i, place in enumerate(places):
+                if names[place] in words:
+                    column = table.column(names[place]).cast(pa.string())
+                    values[:, i] = compute.index_in(column, pa.array(words[names[place]])).to_numpy()
+                    continue
                 if is_bad[place]:
                     values[:, i] = np.nan
                     continue
@@ -69,7 +79,22 @@ def _arrow(schema: Any, rows: int, batches: Callable[[list[str]], Iterator[Any]]
                 yield values[first : first + AT_ONCE]
 
     units = [_unit(field.metadata or {}) for field in flat]
-    return Sheet(names, units, rows, stamps=tuple(stamps), doubts=doubts, blocks=blocks)
+    return Sheet(names, units, rows, stamps=tuple(stamps), doubts=doubts, words=words, blocks=blocks)
+
+
+def _words(batches: Iterator[Any], name: str) -> list[str]:
+    """What stands in a column of texts; none if that is too much to be names of sensors."""
+    import pyarrow as pa
+
+    found: set[str] = set()
+    for batch in batches:
+        column = _flat(pa.Table.from_batches([batch])).column(name)
+        if not _is_text(column.type):
+            return []
+        found |= {one for one in column.unique().to_pylist() if one is not None}
+        if len(found) > MOST_SENSORS:
+            return []
+    return sorted(found)
 
 
 def _unit(metadata: Mapping[bytes, bytes]) -> str:
@@ -91,6 +116,13 @@ def _is_number(kind: Any) -> bool:
 
     numbers = types.is_integer, types.is_floating, types.is_boolean, types.is_decimal
     return any(is_kind(kind) for is_kind in numbers)
+
+
+def _is_text(kind: Any) -> bool:
+    from pyarrow import types
+
+    kind = kind.value_type if types.is_dictionary(kind) else kind
+    return bool(types.is_string(kind) or types.is_large_string(kind) or types.is_string_view(kind))
 
 
 def _is_stamp(kind: Any) -> bool:

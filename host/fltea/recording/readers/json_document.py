@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from fltea.recording.column_names import tells_sensors
 from fltea.recording.files import listed
 from fltea.recording.readers.arrays import NoNumbers, of_arrays
 from fltea.recording.sheet import Sheet
@@ -26,7 +27,9 @@ def read(path: Path, _: str) -> Sheet | Iterator[bytes]:
             return of_arrays(dict(_arrays("", found)))
         found = max(tables, key=len)
     if isinstance(found, list) and found and not any(isinstance(row, dict) for row in found):
-        return of_arrays({"": _array(found)})
+        table = _array(found)  # without names, so by their positions
+        columns = table.T if isinstance(table, np.ndarray) and table.ndim == 2 else [table]
+        return of_arrays({str(place): column for place, column in enumerate(columns, 1)})
     rows = [row for row in found if isinstance(row, dict)] if isinstance(found, list) else []
     if any("sensor" in row and "seconds_elapsed" in row for row in rows):
         rows = _of_phone(rows)
@@ -61,7 +64,8 @@ def _arrays(name: str, value: Any) -> Iterator[tuple[str, Any]]:
         for key, inner in value.items():
             yield from _arrays(f"{name}.{key}" if name else key, inner)
     elif isinstance(value, list) and value:
-        yield name, _array(value)
+        is_words = tells_sensors(name) and all(isinstance(one, str) for one in value)
+        yield name, np.array(value, object) if is_words else _array(value)
     elif isinstance(value, str):
         yield name, value
     elif isinstance(value, int | float):

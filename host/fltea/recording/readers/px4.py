@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
+from fltea.recording.evidence import OVERRULE
 from fltea.recording.files import Note, listed
 from fltea.recording.readers.arrays import of_arrays
 from fltea.recording.reading import Missing, not_stated
@@ -42,16 +43,29 @@ def read(path: Path, topic: str) -> Sheet:
         raise not_stated(str(path), [Missing(what, "--topic ?")])
     data = there[instance].data if instance else next(iter(there.values())).data
     sheet = _unpacked(data) if name == FIFO else of_arrays(data)
-    dropouts = [one.duration for one in log.dropouts]
-    text = f"{path}: the logger lost data {len(dropouts)} times, {sum(dropouts)} ms in all."
-    notes = (Note("missing_numbers", text),) if dropouts else ()
-    return replace(sheet, topic=f"{name}:{instance}" if instance else name, notes=notes)
+    doubts = {}
+    if len(devices := _devices(data)) > 1:
+        why = f"is of several sensors one after the other (device_id {', '.join(devices)}). {OVERRULE}"
+        doubts = dict.fromkeys((name for name in sheet.names if not name.startswith("timestamp")), why)
+    texts = []
+    if name == TOPICS[0] and len(others := [one for one in log.data_list if one.name == "sensor_gyro"]) > 1:
+        texts.append(
+            f"{name} is of the sensor that PX4 chose of {len(others)}: --topic sensor_gyro:0 is the first."
+        )
+    if lost_ms := [one.duration for one in log.dropouts]:
+        texts.append(f"the logger lost data {len(lost_ms)} times, {sum(lost_ms)} ms in all.")
+    notes = tuple(Note("reading", f"{path}: {text}") for text in texts)
+    topic = f"{name}:{instance}" if instance else name
+    return replace(sheet, topic=topic, notes=notes, doubts=doubts)
 
 
 def _about(data: Mapping[str, Any]) -> str:
-    devices = np.unique(data["device_id"]).tolist() if "device_id" in data else []
-    device = f", device_id {', '.join(str(one) for one in devices)}" if len(devices) else ""
-    return f"{len(data['timestamp'])} messages{device}"
+    devices = _devices(data)
+    return f"{len(data['timestamp'])} messages{', device_id ' if devices else ''}{', '.join(devices)}"
+
+
+def _devices(data: Mapping[str, Any]) -> list[str]:
+    return [str(one) for one in np.unique(data["device_id"])] if "device_id" in data else []
 
 
 def _unpacked(data: Mapping[str, Any]) -> Sheet:
