@@ -56,6 +56,8 @@ _TIME = re.compile(rf"{_TIMES}|{_BEFORE}(?:(?:{_OF_CLOCK})_)*(?:{_OF_TIME})(?:_u
 _SECONDS = re.compile(r"(.*?)_?(?:secs?|seconds|s)")
 _FINE = re.compile(r"(.*?)_?(nanosec(?:ond)?s?|nsecs?|nanos|ns|usecs?|microsec(?:ond)?s?|micros|us)")
 
+_SENSORS = {"i", "instance", "imu", "imu_id", "imu_index", "sensor", "sensor_id", "sensor_index"}
+
 _UNIT_BEHIND = re.compile(r"(.*[^\s\[(])\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))")
 _UNIT_BEFORE = re.compile(r"(?:\[([^\[\]]+)\]|\(([^()]+)\))\s*([^\s\[(].*)")
 _SEPARATOR = re.compile(r"[\s./:\-_]+")
@@ -138,6 +140,11 @@ def times_in(names: Sequence[str]) -> list[str]:
     """Return the names of times. A bare T, which may be a temperature, is one only if there is no other."""
     found = [name for name in names if is_time(name)]
     return [name for name in found if name.strip() != "T"] or found
+
+
+def tells_sensors(name: str) -> bool:
+    """Whether a column with this name tells sensors apart, where it holds more than one value."""
+    return name.rpartition(".")[2].lower() in _SENSORS
 
 
 def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:

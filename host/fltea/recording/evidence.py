@@ -13,6 +13,7 @@ from fltea.recording.column_names import (
     axis_of,
     rate_unit_of,
     split_seconds,
+    tells_sensors,
     time_unit_of,
     times_in,
     unit_in,
@@ -34,9 +35,6 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How, TimeUnit
 
 OVERRULE = "If the file is wrong, add --overrule."
-
-SENSOR_COLUMNS = {"i", "instance", "imu", "imu_id", "imu_index", "sensor", "sensor_id", "sensor_index"}
-"""Names of columns that tell sensors apart, where they hold more than one value."""
 
 PREFERRED_TIMES = (
     lambda name: name == "seconds_elapsed",  # phones' own count of seconds, beside their clock
@@ -116,10 +114,14 @@ class Choice:
         if found:
             return found[0]
         taken = {*self.wanted.names}
-        named = [
-            k for k, name in enumerate(self.names) if name.lower() in SENSOR_COLUMNS and name not in taken
-        ]
-        return named[0] if len(named) == 1 else None
+        named = [k for k, name in enumerate(self.names) if tells_sensors(name) and name not in taken]
+        return next((place for place in named if not self._counts(place)), None)
+
+    def _counts(self, place: int) -> bool:
+        """Whether each of the first rows has a larger number in a column than the one before it."""
+        values = self.facts.sample()
+        fits = values.ndim == 2 and values.shape[1] == len(self.names) and len(values) >= ENOUGH
+        return fits and bool((np.diff(values[:, place]) > 0).all())
 
     def gyro(self) -> tuple[tuple[int, ...], tuple[str, ...]]:
         """Find the axes: their places, and what they are called."""

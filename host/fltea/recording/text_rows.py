@@ -15,7 +15,7 @@ from fltea.recording.candidates import columns_table
 from fltea.recording.columns import Chosen
 from fltea.recording.files import Note
 from fltea.recording.lines import LONGEST_LINE, shown
-from fltea.recording.one_sensor import OneSensor
+from fltea.recording.one_sensor import OneSensor, as_word
 from fltea.recording.reading import given_options
 from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.table import Rows
@@ -123,6 +123,8 @@ class TextReader:
                 f"{self._where}: is one document of JSON; of a stream only an object a line is read. "
                 "Write it to a file, and read that: cat > recording.json, then -s replay:recording.json"
             )
+        if self._sensor is not None and (error := self._sensor.why_none()) is not None:
+            return error
         if self.first is None or (self.chosen is None and self.first.reason != "too_long"):
             return self._finder.refusal()
         return UsageError(f"{self._where}:{self.first.line}: {self.first.why}")
@@ -280,7 +282,7 @@ class TextReader:
                 value = parse(decoded(line)).get(self.layout.chosen.names[place])
             except (ValueError, RecursionError):
                 return None
-            return f"{value:g}" if isinstance(value, float) else None if value is None else str(value)
+            return as_word(value) if isinstance(value, float) else None if value is None else str(value)
         separator = None if self.layout.separator is None else self.layout.separator.encode()
         fields = line.split(separator, place + 1)
         if len(fields) <= place or line[:1] in b"#%":
