@@ -1,0 +1,350 @@
+"""Files of the corpus with one fact taken away or falsified, as text, and the figures that come of one."""
+
+import io
+import math
+import re
+from collections.abc import Callable, Iterator
+from decimal import Decimal
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from corpus_files import HERE
+from corpus_reading import OPTIONS, how_of, pairs
+from fltea.identification.gaps import no_gaps
+from fltea.identification.judges import judge
+from fltea.recording.column_names import is_time
+from fltea.recording.csv_file import open_csv
+from fltea.recording.files import Stored
+from fltea.recording.reading import Answer
+from fltea.recording.text_layout import Layout
+from fltea.recording.text_rows import TextReader
+from fltea.records.records import ACCEL_AXES, AXES
+
+
+class Figures(NamedTuple):
+    """What is computed of a reading, and what is shown of it. gravity_ms2: None without an accelerometer."""
+
+    rate_hz: float
+    noise: np.ndarray
+    means: np.ndarray
+    gravity_ms2: float | None
+    answers: dict[str, Answer]
+    notes: str
+    marks: frozenset[str]
+
+    def is_like(self, other: "Figures") -> bool:
+        """Whether no figure is another by more than 5 %; a mean may differ by a part of the noise."""
+        if self.noise.shape != other.noise.shape or not _near(self.rate_hz, other.rate_hz):
+            return False
+        return (
+            all(map(_near, self.noise, other.noise))
+            and bool((np.abs(self.means - other.means) < 0.1 * other.noise).all())
+            and self.has_gravity_of(other)
+        )
+
+    def has_gravity_of(self, other: "Figures") -> bool:
+        """Whether the accelerometer is as long, or is said not to be read, or is marked as wrong."""
+        if None not in (self.gravity_ms2, other.gravity_ms2):
+            return (
+                _near(float(self.gravity_ms2 or 0), float(other.gravity_ms2 or 0)) or "gravity" in self.marks
+            )
+        return self.gravity_ms2 is other.gravity_ms2 or self.says("accelerometer", "missing")
+
+    def says(self, question: str, evidence: str, value: str = "") -> bool:
+        """Whether an answer has this evidence, and a value or reason with some text in it."""
+        answer = self.answers.get(question)
+        return answer is not None and answer.evidence == evidence and value in f"{answer.value}; {answer.why}"
+
+
+def _near(a: float, b: float) -> bool:
+    return abs(math.log(a / b)) < 0.05
+
+
+def figures(stored: Stored) -> Figures:
+    """Return the figures of a recording, and the marks of the judges."""
+    whole = stored.whole()
+    gyro = whole.gyro / (stored.lsb_per_dps or 1.0)
+    columns = dict(zip(AXES, gyro.T, strict=False))
+    if whole.accel_ms2 is not None:
+        columns |= dict(zip(ACCEL_AXES, whole.accel_ms2.T, strict=True))
+    marks = judge(columns.__getitem__, dict.fromkeys(columns), 1 / stored.rate_hz, no_gaps(), stored.reading)
+    return Figures(
+        stored.rate_hz,
+        gyro.std(axis=0),
+        gyro.mean(axis=0),
+        None if whole.accel_ms2 is None else float(np.linalg.norm(whole.accel_ms2.mean(axis=0))),
+        {answer.question: answer for answer in stored.reading},
+        "\n".join(note.text for note in stored.notes),
+        frozenset(trap.kind for trap in marks),
+    )
+
+
+class Text(NamedTuple):
+    """A file of text, taken apart. begin: its first row; header, units: their lines, -1 without one."""
+
+    name: str
+    options: str
+    lines: list[str]
+    layout: Layout
+    begin: int
+    header: int
+    units: int
+    truth: Figures
+
+    @property
+    def names(self) -> list[str]:
+        return self.layout.chosen.names
+
+    @property
+    def gyro(self) -> tuple[int, ...]:
+        return self.layout.chosen.gyro
+
+    @property
+    def clocks(self) -> list[int]:
+        """Places of all columns of times: rows without names show only the one that is read."""
+        chosen = self.layout.chosen
+        named = [k for k, name in enumerate(self.names) if is_time(name)] if self.header >= 0 else []
+        return sorted({*named, *(place for place in (chosen.time, chosen.fine) if place is not None)})
+
+
+class Case(NamedTuple):
+    """One falsification of one file. kind: of the test's table. name, options: to read it."""
+
+    of: Text
+    kind: str
+    what: str
+    text: str
+    name: str
+    options: str
+
+    def read(self) -> Figures:
+        """Read it as the program does.
+
+        Raises:
+            UsageError: it is refused.
+        """
+        return read_text(self.name, self.text, self.options)
+
+
+def read_text(name: str, text: str, options: str) -> Figures:
+    return figures(open_csv(Path(name), how_of(options), file=io.BytesIO(text.encode())))  # type: ignore[arg-type]
+
+
+def text_of(name: str) -> Text:
+    """Take a file apart, by what the reader says of it."""
+    data = (HERE / name).read_bytes()
+    text = data.decode("utf-16" if data.startswith(b"\xff\xfe") else "utf-8-sig")
+    options = OPTIONS[name]
+    reader = TextReader(name, how_of(options))
+    reader.feed(text.encode())
+    reader.finish()
+    layout = reader.layout
+    assert layout is not None
+    lines = text.splitlines(keepends=True)
+    above = [line.strip() for line in lines[: layout.begin]]
+    header, units = (above.index(one) if one and one in above else -1 for one in (layout.again or ("", "")))
+    if layout.chosen.names and header < 0 and layout.again:
+        header = next((k for k, line in enumerate(above) if layout.again[0] in line), -1)
+    return Text(name, options, lines, layout, layout.begin - 1, header, units, read_text(name, text, options))
+
+
+UNITS = {
+    "rad/s": r"rad/s|rad s\^-1|radians/s|(?<=_)rads?(?![a-z])",
+    "deg/s": r"deg/s|°/s|(?<![m\w])dps|(?<=_)dps|DPS|(?<=\()d/s|degrees/second",
+    "mdeg/s": r"mdps",
+}
+"""How the files of the corpus write units of rates."""
+OTHER = {"rad/s": "deg/s", "deg/s": "rad/s", "mdeg/s": "mrad/s"}
+_NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.:])")
+
+
+def falsified(one: Text) -> Iterator[Case]:
+    """Yield each falsification of a file of text."""
+    for edit in (_head, _columns, _clocks, _units, _sensors, _claims):
+        yield from edit(one)
+
+
+def _head(one: Text) -> Iterator[Case]:
+    case = _case(one)
+    if one.header >= 0:
+        yield case("no names", "", _without_lines(one, one.header))
+    if one.units >= 0:
+        yield case("no row of units", "", _without_lines(one, one.units))
+    others = [k for k in range(one.begin) if k not in (one.header, one.units)]
+    if len(others) > 1:
+        yield case("no head", "", _without_lines(one, *others))
+    for k in others:
+        yield case("no line of the head", one.lines[k].strip(), _without_lines(one, k))
+        for factor in (10,):
+            changed = _NUMBER.sub(lambda found, by=factor: f"{float(found[0]) * by:.9g}", one.lines[k])
+            if changed != one.lines[k]:
+                yield case(f"number of the head x{factor}", changed.strip(), _with_line(one, k, changed))
+    suffix = Path(one.name).suffix
+    text = "".join(one.lines)
+    yield case("other name", "", text)._replace(name=f"recording{suffix}")
+    yield case("other ending", "", text)._replace(
+        name=Path(one.name).stem + (".csv" if suffix == ".txt" else ".txt")
+    )
+
+
+def _columns(one: Text) -> Iterator[Case]:
+    case, chosen = _case(one), one.layout.chosen
+    if one.layout.parse is None:
+        for k in one.clocks:
+            yield case(
+                "no column of times",
+                str(k),
+                _each_row(one, lambda fields, k=k: fields[:k] + fields[k + 1 :], (k,)),
+            )
+        if len(one.clocks) > 1:
+            keep = [k for k in range(len(one.names)) if k not in one.clocks]
+            yield case("no times", "", _each_row(one, lambda fields: [fields[k] for k in keep], one.clocks))
+        if chosen.sensor is not None and one.header >= 0:
+            k = chosen.sensor[0]
+            yield case(
+                "no column of sensors", "", _each_row(one, lambda fields: fields[:k] + fields[k + 1 :], (k,))
+            )
+            yield case(
+                "sensors alike", "", _each_row(one, lambda fields: [*fields[:k], "0", *fields[k + 1 :]])
+            )
+    if len(chosen.accel) == 3 and one.header >= 0:
+        header = one.lines[one.header]
+        pairs_ = [*zip(one.gyro, chosen.accel, strict=True)]
+        for a, b in pairs_:
+            header = (
+                header.replace(one.names[a], "\0")
+                .replace(one.names[b], one.names[a])
+                .replace("\0", one.names[b])
+            )
+        yield case("names of the sensors swapped", "", _with_line(one, one.header, header))
+    lines = [re.sub(r"\*[0-9A-F]{2}(?=\s*$)", "", line) for line in one.lines]
+    if lines != one.lines:
+        yield case("no checksum", "", "".join(lines))
+        wrong = [re.sub(r"\*[0-9A-F]{2}(?=\s*$)", "*00", line) for line in one.lines]
+        yield case("wrong checksum", "", "".join(wrong))
+
+
+def _clocks(one: Text) -> Iterator[Case]:
+    chosen = one.layout.chosen
+    if one.layout.parse is not None or chosen.time is None or chosen.fine is not None:
+        return
+    for factor in (2, 1000):
+        for which in ((chosen.time,), one.clocks):
+            first: dict[int, Decimal] = {}
+            text = _each_row(
+                one, lambda fields, first=first, which=which, by=factor: _scaled(fields, which, by, first)
+            )
+            what = "all of them" if len(which) == len(one.clocks) else "the one that is read"
+            if text != "".join(one.lines) and not (which == one.clocks and len(which) == 1):
+                yield _case(one)(f"times x{factor}", what, text)
+
+
+def _units(one: Text) -> Iterator[Case]:
+    case = _case(one)
+    for unit, pattern in UNITS.items():
+        units = re.compile(pattern)
+        places = range(len(one.lines)) if one.layout.parse is not None else [*range(one.begin)]
+        where = [k for k in places if units.search(one.lines[k])]
+        if not where:
+            continue
+        lines = [units.sub(OTHER[unit], line) if k in {*where} else line for k, line in enumerate(one.lines)]
+        yield case("another unit everywhere", OTHER[unit], "".join(lines))
+        lines = [
+            re.sub(rf"\s*[\[(](?:{pattern})[\])]|[_ ](?:{pattern})|(?:{pattern})", "", line)
+            if k in {*where}
+            else line
+            for k, line in enumerate(one.lines)
+        ]
+        yield case("no unit", unit, "".join(lines))
+        if one.layout.parse is None:
+            lines = [
+                units.sub(OTHER[unit], line, count=1) if k in {*where} else line
+                for k, line in enumerate(one.lines)
+            ]
+            yield case("another unit of one axis", OTHER[unit], "".join(lines))
+
+
+def _sensors(one: Text) -> Iterator[Case]:
+    if one.layout.parse is None:
+        text = _each_row(
+            one,
+            lambda fields: [_times(field, -3) if k in one.gyro else field for k, field in enumerate(fields)],
+            twice=True,
+        )
+        yield _case(one)("two sensors by turns", "", text)
+
+
+def _claims(one: Text) -> Iterator[Case]:
+    text, given = "".join(one.lines), pairs(one.options)
+    rate_hz = one.truth.rate_hz
+    claims = [("--rate", f"{rate_hz * factor:g}") for factor in (0.1, 2)]
+    claims += [("--units", unit) for unit in ("deg/s", "rad/s", "mrad/s")]
+    units = ("s", "ms", "us", "ns")
+    known = units.index(one.layout.chosen.time_unit or "s")
+    claims += [("--time-unit", units[k]) for k in (known - 1, known + 1) if one.clocks and 0 <= k < 4]
+    claims += [("--accel-units", unit) for unit in ("g", "m/s^2")] if one.layout.chosen.accel else []
+    for flag, value in claims:
+        if given.get(flag) != value:
+            said = " ".join(f"{name} {one_}" for name, one_ in {**given, flag: value}.items())
+            yield _case(one)(f"claimed {flag}", value, text)._replace(options=said)
+
+
+def _case(one: Text) -> Callable[[str, str, str], Case]:
+    return lambda kind, what, text: Case(one, kind, what, text, one.name, one.options)
+
+
+def _without_lines(one: Text, *gone: int) -> str:
+    return "".join(line for k, line in enumerate(one.lines) if k not in gone)
+
+
+def _with_line(one: Text, place: int, line: str) -> str:
+    return "".join([*one.lines[:place], line, *one.lines[place + 1 :]])
+
+
+def _each_row(
+    one: Text,
+    edit: Callable[[list[str]], list[str]],
+    gone: tuple[int, ...] | list[int] = (),
+    *,
+    twice: bool = False,
+) -> str:
+    """Edit the fields of each row; of the names and units those of some columns go."""
+    separator, lines = one.layout.separator, list(one.lines)
+    for k in (one.header, one.units) if gone else ():
+        if k >= 0:
+            fields = one.names if k == one.header else lines[k].strip("\r\n").split(separator)
+            mark = "# " if lines[k].startswith("#") else ""
+            lines[k] = (
+                mark
+                + (separator or " ").join(field for place, field in enumerate(fields) if place not in gone)
+                + "\n"
+            )
+    for k in range(one.begin, len(lines)):
+        fields = lines[k].strip("\r\n").split(separator)
+        if len(fields) > max(one.gyro) and not lines[k].startswith(("$BARO", "ACCE", "MAGN")):
+            row = (separator or " ").join(edit(fields)) + "\n"
+            lines[k] = lines[k] + row if twice else row
+    return "".join(lines)
+
+
+def _times(field: str, factor: int) -> str:
+    number, star, rest = field.partition("*")
+    return f"{Decimal(number.strip().replace(',', '.')) * factor}{star}{rest}".replace(
+        ".", "," if "," in number else "."
+    )
+
+
+def _scaled(
+    fields: list[str], which: tuple[int, ...] | list[int], factor: int, first: dict[int, Decimal]
+) -> list[str]:
+    """Make the time since the first row longer; a date stays what it is."""
+    fields = list(fields)
+    for k in which:
+        try:
+            time = Decimal(fields[k].strip().replace(",", "."))
+        except ArithmeticError:
+            continue
+        begin = first.setdefault(k, time)
+        fields[k] = f"{begin + (time - begin) * factor:f}".replace(".", "," if "," in fields[k] else ".")
+    return fields
