@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from fltea.recording.evidence import OVERRULE
 from fltea.recording.files import Note, listed
 from fltea.recording.readers.arrays import of_arrays
 from fltea.recording.reading import Missing, not_stated
@@ -42,11 +41,12 @@ def read(path: Path, topic: str) -> Sheet:
         what = f"which sensor is meant of {', '.join(each)}"
         raise not_stated(str(path), [Missing(what, "--topic ?")])
     data = there[instance].data if instance else next(iter(there.values())).data
-    sheet = _unpacked(data) if name == FIFO else of_arrays(data)
-    doubts = {}
     if len(devices := _devices(data)) > 1:
-        why = f"is of several sensors one after the other (device_id {', '.join(devices)}). {OVERRULE}"
-        doubts = dict.fromkeys((name for name in sheet.names if not name.startswith("timestamp")), why)
+        raise UsageError(
+            f"is a PX4 log whose {name} is of several sensors one after the other (device_id "
+            f"{listed(devices)}), so its samples are not of one. Name another topic by --topic."
+        )
+    sheet = _unpacked(data) if name == FIFO else of_arrays(data)
     texts = []
     if name == TOPICS[0] and len(others := [one for one in log.data_list if one.name == "sensor_gyro"]) > 1:
         texts.append(
@@ -56,7 +56,7 @@ def read(path: Path, topic: str) -> Sheet:
         texts.append(f"the logger lost data {len(lost_ms)} times, {sum(lost_ms)} ms in all.")
     notes = tuple(Note("reading", f"{path}: {text}") for text in texts)
     topic = f"{name}:{instance}" if instance else name
-    return replace(sheet, topic=topic, notes=notes, doubts=doubts)
+    return replace(sheet, topic=topic, notes=notes)
 
 
 def _about(data: Mapping[str, Any]) -> str:
