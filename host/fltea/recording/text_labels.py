@@ -13,14 +13,17 @@ from fltea.recording.column_names import named_axis
 from fltea.recording.units import is_unit
 from fltea.records.records import AXES
 
+LONGEST_LABEL = 80
+"""With group and unit. What is longer is no label, and would be tried from each of its letters on."""
+
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _COMMA = r"[-+]?\d+,\d+(?=[\s;|]|$)"
 _PAIR = re.compile(
-    rf"(?P<label>[^\W\d][^:=,;|\t\[\]{{}}\"]*?)\s*(?:[:=]\s*\[?|\[)\s*"
-    rf"(?P<first>{_COMMA}|{_NUMBER}(?![\d,.]*:))"
+    rf"(?P<label>[^\W\d][^:=,;|\t\[\]{{}}\"]{{0,{LONGEST_LABEL}}}?)\s*(?:[:=]\s*\[?|\[)\s*"
+    rf"(?P<first>{_COMMA}|(?>{_NUMBER})(?![\d,.]*:))"
     rf"(?:\s*[,\s]\s*(?P<second>{_NUMBER})\s*[,\s]\s*(?P<third>{_NUMBER})(?![\w:=.]|\s*[,\s]\s*[-+\d]))?\s*\]?"
 )
-_UNIT_BEHIND = re.compile(r"^\s*\(?([^\s,;|\])(]+(?: per [a-z]+)?)\)?")
+_UNIT_BEHIND = re.compile(r"\s*\(?([^\s,;|\])(]+(?: per [a-z]+)?)\)?")
 _GROUP_BEFORE = re.compile(r"([^\W\d][\w .]*?)\s*(?:[\[(]([^\[\]()]*)[\])])?\s*:\s*$")
 _AXES = ("x", "y", "z")
 
@@ -68,7 +71,7 @@ def labelled(line: str) -> Labelled | None:
     members: list[str] = []
     group, end = "", 0
     for found in _PAIR.finditer(line):
-        before = _GROUP_BEFORE.search(line[end : found.start()])
+        before = _GROUP_BEFORE.search(line[max(end, found.start() - LONGEST_LABEL) : found.start()])
         words = found["label"].split()
         while members and len(words) > 1 and is_unit(words[0]):  # the unit of the number before
             units.update(dict.fromkeys(members, words.pop(0)))
@@ -87,9 +90,9 @@ def labelled(line: str) -> Labelled | None:
         names = [label] if found["third"] is None else [f"{label} {axis}" for axis in _AXES]
         for name, text in zip(names, found.group("first", "second", "third"), strict=False):
             values[name], units[name] = float(text.replace(",", ".")), unit or units.get(name, "")
-        members += names
+        members += [name for name in names if name not in members]
         end = found.end()
-        behind = _UNIT_BEHIND.match(line[end:])
+        behind = _UNIT_BEHIND.match(line, end)
         if behind is not None and is_unit(behind[1]):
             units.update(dict.fromkeys(members, behind[1]))
     return Labelled(values, units) if values else None
