@@ -12,6 +12,7 @@ import pytest
 from corpus_files import IMU_FORM, dataflash, ulog
 from fltea.recording.apart import open_apart
 from fltea.recording.files import Stored
+from fltea.recording.reading import NotStated
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import DEFAULT_LIMITS
@@ -139,6 +140,8 @@ def test_one_of_several_ardupilot_sensors_is_asked_for_by_number(tmp_path: Path)
     data = dataflash({"IMU": IMU_FORM}, [row for pair in pairs for row in pair])
     text = refusal("ardupilot", path, data)
     assert "which sensor is meant of IMU:0 (240 messages), IMU:1 (240 messages)" in text
+    with pytest.raises(NotStated):  # which is told with the whole command
+        opened("ardupilot", path)
     for topic, values in (("IMU:1", OTHER), ("0", RADS), ("IMU[1]", OTHER)):
         found = opened("ardupilot", path, topic=topic)
         assert rates_of(found) == pytest.approx(np.degrees(values), rel=1e-6)

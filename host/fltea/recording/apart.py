@@ -25,6 +25,7 @@ from fltea.recording.files import Stored
 from fltea.recording.formats import FORMATS, Kind
 from fltea.recording.kind import is_of_this_process
 from fltea.recording.quota import Quota
+from fltea.recording.reading import ASK, NotStated
 from fltea.recording.sample_times import Floats
 from fltea.recording.sheet import Sheet, SheetHead, open_sheet
 from fltea.records.errors import UsageError
@@ -124,7 +125,8 @@ def _frames(path: Path, process: "subprocess.Popen[bytes]", quota: Quota) -> Ite
     while len(head := process.stdout.read(LENGTH.size)) == LENGTH.size:
         (length,) = LENGTH.unpack(head)
         if length == FAILED:
-            raise UsageError(f"{path}: {process.stdout.read().decode(errors='replace')}")
+            reason = process.stdout.read().decode(errors="replace")
+            raise (NotStated if ASK in reason else UsageError)(f"{path}: {reason}")
         if not length:
             return
         quota.unpack(length)
