@@ -213,9 +213,6 @@ def test_other_rows_of_json_lines_are_left_out(tmp_path: Path) -> None:
     assert_is(open_csv(path, How(topic="right")), 1)
 
 
-# --- rows by turns ---
-
-
 @each_form
 @pytest.mark.parametrize("count", [2, 3])
 def test_rows_by_turns(form: Callable[..., Stored], count: int, tmp_path: Path) -> None:
@@ -247,9 +244,6 @@ def test_turns_that_cannot_be(given_: str, tmp_path: Path) -> None:
     assert "no column is known that tells sensors apart" in refusal(
         csv, tmp_path, columns, topic=given_, kind=UsageError
     )
-
-
-# --- never mixed, whatever the order ---
 
 
 @given(
