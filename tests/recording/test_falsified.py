@@ -1,6 +1,7 @@
 """One fact of a file is taken away or falsified: it is asked for, refused or shown, not followed."""
 
-from collections.abc import Callable
+import gc
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +23,11 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import DEFAULT_LIMITS
 from pyarrow import parquet
+
+pytestmark = pytest.mark.filterwarnings(
+    "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
+)
+"""Readers leave files open, since the process apart ends with them."""
 
 TEXT = [n for n in OPTIONS if n.endswith((".txt", ".csv", ".gcsv")) and n not in UNREAD_DIALECTS]
 
@@ -173,6 +179,13 @@ WRITERS: dict[str, Callable[[Path, Columns], None]] = {
 }
 
 
+@pytest.fixture(autouse=True, scope="module")
+def closed_files() -> Iterator[None]:
+    """What readers left open is closed here, and not in the middle of another test."""
+    yield
+    gc.collect()
+
+
 def read_here(path: Path, how: How) -> Figures:
     """Read a file as the program does, but not in a process apart, which takes a while to start."""
     opened = open_one_file(path)
@@ -241,7 +254,6 @@ BINARY = {
 CLAIMS = {"--rate": ("50", "1000"), "--units": ("deg/s", "rad/s", "mrad/s"), "--time-unit": ("s", "ns")}
 
 
-@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize(
     "name",
     [
@@ -251,7 +263,6 @@ CLAIMS = {"--rate": ("50", "1000"), "--units": ("deg/s", "rad/s", "mrad/s"), "--
     ],
 )
 def test_what_a_file_says_is_not_overruled_in_silence(name: str) -> None:
-    """Readers leave files open, since the process apart ends with them."""
     said = pairs(OPTIONS[name])
     truth = read_here(HERE / name, how_of(OPTIONS[name]))
     for flag, values in CLAIMS.items():

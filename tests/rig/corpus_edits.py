@@ -3,8 +3,9 @@
 import io
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from decimal import Decimal
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -128,7 +129,7 @@ class Case(NamedTuple):
 
 
 def read_text(name: str, text: str, options: str) -> Figures:
-    return figures(open_csv(Path(name), how_of(options), file=io.BytesIO(text.encode())))  # type: ignore[arg-type]
+    return figures(open_csv(Path(name), how_of(options), file=io.BytesIO(text.encode())))
 
 
 def text_of(name: str) -> Text:
@@ -161,7 +162,7 @@ _NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.:])")
 
 def falsified(one: Text) -> Iterator[Case]:
     """Yield each falsification of a file of text."""
-    for edit in (_head, _columns, _clocks, _units, _sensors, _claims):
+    for edit in (_head, _columns, _marks, _clocks, _units, _sensors, _claims):
         yield from edit(one)
 
 
@@ -176,10 +177,9 @@ def _head(one: Text) -> Iterator[Case]:
         yield case("no head", "", _without_lines(one, *others))
     for k in others:
         yield case("no line of the head", one.lines[k].strip(), _without_lines(one, k))
-        for factor in (10,):
-            changed = _NUMBER.sub(lambda found, by=factor: f"{float(found[0]) * by:.9g}", one.lines[k])
-            if changed != one.lines[k]:
-                yield case(f"number of the head x{factor}", changed.strip(), _with_line(one, k, changed))
+        changed = _NUMBER.sub(lambda found: f"{float(found[0]) * 10:.9g}", one.lines[k])
+        if changed != one.lines[k]:
+            yield case("number of the head x10", changed.strip(), _with_line(one, k, changed))
     suffix = Path(one.name).suffix
     text = "".join(one.lines)
     yield case("other name", "", text)._replace(name=f"recording{suffix}")
@@ -189,34 +189,26 @@ def _head(one: Text) -> Iterator[Case]:
 
 
 def _columns(one: Text) -> Iterator[Case]:
-    case, chosen = _case(one), one.layout.chosen
-    if one.layout.parse is None:
-        for k in one.clocks:
-            yield case(
-                "no column of times",
-                str(k),
-                _each_row(one, lambda fields, k=k: fields[:k] + fields[k + 1 :], (k,)),
-            )
-        if len(one.clocks) > 1:
-            keep = [k for k in range(len(one.names)) if k not in one.clocks]
-            yield case("no times", "", _each_row(one, lambda fields: [fields[k] for k in keep], one.clocks))
-        if chosen.sensor is not None and one.header >= 0:
-            k = chosen.sensor[0]
-            yield case(
-                "no column of sensors", "", _each_row(one, lambda fields: fields[:k] + fields[k + 1 :], (k,))
-            )
-            yield case(
-                "sensors alike", "", _each_row(one, lambda fields: [*fields[:k], "0", *fields[k + 1 :]])
-            )
-    if len(chosen.accel) == 3 and one.header >= 0:
+    case, sensor = _case(one), one.layout.chosen.sensor
+    if one.layout.parse is not None:
+        return
+    for k in one.clocks:
+        yield case("no column of times", str(k), _each_row(one, partial(_without, [k]), [k]))
+    if len(one.clocks) > 1:
+        yield case("no times", "", _each_row(one, partial(_without, one.clocks), one.clocks))
+    if sensor is not None and one.header >= 0:
+        k = sensor[0]
+        yield case("no column of sensors", "", _each_row(one, partial(_without, [k]), [k]))
+        alike = _each_row(one, lambda fields: [*fields[:k], "0", *fields[k + 1 :]])
+        yield case("sensors alike", "", alike)
+
+
+def _marks(one: Text) -> Iterator[Case]:
+    case, names = _case(one), one.names
+    if one.layout.chosen.accel and one.header >= 0:
         header = one.lines[one.header]
-        pairs_ = [*zip(one.gyro, chosen.accel, strict=True)]
-        for a, b in pairs_:
-            header = (
-                header.replace(one.names[a], "\0")
-                .replace(one.names[b], one.names[a])
-                .replace("\0", one.names[b])
-            )
+        for a, b in zip(one.gyro, one.layout.chosen.accel, strict=True):
+            header = header.replace(names[a], "\0").replace(names[b], names[a]).replace("\0", names[b])
         yield case("names of the sensors swapped", "", _with_line(one, one.header, header))
     lines = [re.sub(r"\*[0-9A-F]{2}(?=\s*$)", "", line) for line in one.lines]
     if lines != one.lines:
@@ -230,39 +222,30 @@ def _clocks(one: Text) -> Iterator[Case]:
     if one.layout.parse is not None or chosen.time is None or chosen.fine is not None:
         return
     for factor in (2, 1000):
-        for which in ((chosen.time,), one.clocks):
-            first: dict[int, Decimal] = {}
-            text = _each_row(
-                one, lambda fields, first=first, which=which, by=factor: _scaled(fields, which, by, first)
-            )
-            what = "all of them" if len(which) == len(one.clocks) else "the one that is read"
-            if text != "".join(one.lines) and not (which == one.clocks and len(which) == 1):
+        for what, which in {"the one that is read": [chosen.time], "all of them": one.clocks}.items():
+            text = _each_row(one, partial(_scaled, which, factor, {}))
+            is_all = what == "all of them"
+            if text != "".join(one.lines) and is_all >= (len(one.clocks) == 1):
                 yield _case(one)(f"times x{factor}", what, text)
 
 
 def _units(one: Text) -> Iterator[Case]:
-    case = _case(one)
+    case, is_table = _case(one), one.layout.parse is None
+    stated = one.begin if is_table else len(one.lines)
     for unit, pattern in UNITS.items():
-        units = re.compile(pattern)
-        places = range(len(one.lines)) if one.layout.parse is not None else [*range(one.begin)]
-        where = [k for k in places if units.search(one.lines[k])]
-        if not where:
+
+        def changed(to: str, most: int = 0, pattern: str = pattern) -> str:
+            return "".join(
+                [*(re.sub(pattern, to, line, count=most) for line in one.lines[:stated]), *one.lines[stated:]]
+            )
+
+        if not any(re.search(pattern, line) for line in one.lines[:stated]):
             continue
-        lines = [units.sub(OTHER[unit], line) if k in {*where} else line for k, line in enumerate(one.lines)]
-        yield case("another unit everywhere", OTHER[unit], "".join(lines))
-        lines = [
-            re.sub(rf"\s*[\[(](?:{pattern})[\])]|[_ ](?:{pattern})|(?:{pattern})", "", line)
-            if k in {*where}
-            else line
-            for k, line in enumerate(one.lines)
-        ]
-        yield case("no unit", unit, "".join(lines))
-        if one.layout.parse is None:
-            lines = [
-                units.sub(OTHER[unit], line, count=1) if k in {*where} else line
-                for k, line in enumerate(one.lines)
-            ]
-            yield case("another unit of one axis", OTHER[unit], "".join(lines))
+        yield case("another unit everywhere", OTHER[unit], changed(OTHER[unit]))
+        if is_table:
+            yield case("another unit of one axis", OTHER[unit], changed(OTHER[unit], 1))
+        alone = rf"\s*[\[(](?:{pattern})[\])]|[_ ](?:{pattern})|(?:{pattern})"
+        yield case("no unit", unit, changed("", pattern=alone))
 
 
 def _sensors(one: Text) -> Iterator[Case]:
@@ -294,6 +277,10 @@ def _case(one: Text) -> Callable[[str, str, str], Case]:
     return lambda kind, what, text: Case(one, kind, what, text, one.name, one.options)
 
 
+def _without(gone: Sequence[int], fields: list[str]) -> list[str]:
+    return [field for place, field in enumerate(fields) if place not in gone]
+
+
 def _without_lines(one: Text, *gone: int) -> str:
     return "".join(line for k, line in enumerate(one.lines) if k not in gone)
 
@@ -305,7 +292,7 @@ def _with_line(one: Text, place: int, line: str) -> str:
 def _each_row(
     one: Text,
     edit: Callable[[list[str]], list[str]],
-    gone: tuple[int, ...] | list[int] = (),
+    gone: Sequence[int] = (),
     *,
     twice: bool = False,
 ) -> str:
@@ -315,11 +302,7 @@ def _each_row(
         if k >= 0:
             fields = one.names if k == one.header else lines[k].strip("\r\n").split(separator)
             mark = "# " if lines[k].startswith("#") else ""
-            lines[k] = (
-                mark
-                + (separator or " ").join(field for place, field in enumerate(fields) if place not in gone)
-                + "\n"
-            )
+            lines[k] = mark + (separator or " ").join(_without(gone, fields)) + "\n"
     for k in range(one.begin, len(lines)):
         fields = lines[k].strip("\r\n").split(separator)
         if len(fields) > max(one.gyro) and not lines[k].startswith(("$BARO", "ACCE", "MAGN")):
@@ -335,9 +318,7 @@ def _times(field: str, factor: int) -> str:
     )
 
 
-def _scaled(
-    fields: list[str], which: tuple[int, ...] | list[int], factor: int, first: dict[int, Decimal]
-) -> list[str]:
+def _scaled(which: list[int], factor: int, first: dict[int, Decimal], fields: list[str]) -> list[str]:
     """Make the time since the first row longer; a date stays what it is."""
     fields = list(fields)
     for k in which:

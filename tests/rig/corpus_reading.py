@@ -8,7 +8,11 @@ from fltea.settings.config import of_flags
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.setting import declared
 
-OPTIONS = {name: options for one in (*FORMATS.values(), *dialects()) for name, options in one.corpus.items()}
+OPTIONS: dict[str, str] = {}
+for _one in FORMATS.values():
+    OPTIONS.update(_one.corpus)
+for _dialect in dialects():
+    OPTIONS.update(_dialect.corpus)
 """By the name of a file of `tests/recording/corpus`."""
 
 UNREAD_DIALECTS = {name: one.unread for one in dialects() if one.unread for name in one.corpus}
