@@ -165,6 +165,7 @@ def test_one_of_several_groups_is_chosen_and_never_a_mixture(tmp_path: Path) -> 
         found = hdf5(tmp_path, SENSORS, units="dps", topic=topic)
         assert found.whole().gyro.tolist() == values.tolist()
         assert (found.rate_hz, found.topic) == (pytest.approx(rate_hz), topic.strip("/"))
+        assert str(found.reading[0]) == f"{topic.strip('/')} (given: --sensor)"
     parts = {name.replace("/", "_"): value for name, value in SENSORS.items()}
     structures = {
         side: {"gyro": parts[f"{side}_gyro"], "t": parts[f"{side}_t"]} for side in ("left", "right")

@@ -21,7 +21,7 @@ from fltea.recording.dialects import Facts, columns_of, dialect_of
 from fltea.recording.files import Note, Stored, listed
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.one_sensor import OneSensor, as_word
-from fltea.recording.reading import Evidence, Missing, given_options, not_stated
+from fltea.recording.reading import Answer, Evidence, Missing, given_options, not_stated
 from fltea.recording.sample_times import Floats
 from fltea.recording.table import Rows, gather, row_place
 from fltea.records.errors import UsageError
@@ -118,6 +118,7 @@ def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
     """
     where = str(path)
     sheet = of_one_gyroscope(where, sheet, how)
+    is_chosen = bool(sheet.topic and how.topic)
     how = replace(how, topic=None) if sheet.topic else how
     names = sheet.names
     has_times = how.time_column is not None or bool(times_in(names))
@@ -136,7 +137,9 @@ def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
     stored = gather(path, chosen, _rows(where, sheet, chosen, how), limits, partial(row_place, path))
     if chosen.time is not None and how.rate_hz is None:
         _check_rate(where, sheet, f"the times of {listed([chosen.time_name])} say", stored.rate_hz, how)
-    return stored._replace(notes=(*stored.notes, *sheet.notes), topic=sheet.topic)
+    answers = (Answer("sensor", sheet.topic, "given", "--sensor"),) if is_chosen else ()
+    reading = (*answers, *stored.reading)
+    return stored._replace(notes=(*stored.notes, *sheet.notes), topic=sheet.topic, reading=reading)
 
 
 def _facts(where: str, sheet: Sheet) -> Facts:
