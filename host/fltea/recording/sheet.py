@@ -50,8 +50,8 @@ class SheetHead(msgspec.Struct, frozen=True):
     seconds since the first one. rates: samples per second, by the name of what states them: `imu.fs` holds
     for all of `imu`, `imu.gyro@fs` for one array. doubts: of columns whose numbers may be others than they
     seem, why. topic: the sensor that is read of several, "" if there is one. sample: the first rows of the
-    first columns, null where there are no numbers. words: of columns that tell sensors apart by words, what the
-    numbers from 0 that stand in them mean.
+    first columns, null where there are no numbers. words: of columns that tell sensors apart by words, what
+    the numbers from 0 that stand in them mean.
     """
 
     names: list[str]
