@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.recording.sample_times import EVENNESS, between
+from fltea.recording.sample_times import EVENNESS, Floats, between
 from fltea.recording.table import FEWEST_BETWEEN
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -23,8 +23,8 @@ def jitter(seed: int, most: float) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-most / 2, most / 2, N)
 
 
-def even(period: float) -> np.ndarray:
-    return np.arange(N) * period
+def even(period: float) -> Floats:
+    return np.arange(N, dtype=np.float64) * period
 
 
 def with_rows(times: np.ndarray, places: set[int], seed: int, period: float) -> tuple[np.ndarray, np.ndarray]:
@@ -79,7 +79,7 @@ def test_rows_behind_a_pause_are_samples(period: float, place: int, lost: int) -
 @given(PERIODS, st.integers(2, N - 2))
 def test_repeated_times_are_left_to_what_looks_for_them(period: float, place: int) -> None:
     times = even(period)
-    times = np.array(np.insert(times, place, times[place]), np.float64)
+    times = np.sort(np.r_[times, times[place]])
     assert between(times, period).sum() <= 1
     kept = times[~between(times, period)]
     assert np.unique(kept).tolist() == even(period).tolist()
@@ -87,7 +87,7 @@ def test_repeated_times_are_left_to_what_looks_for_them(period: float, place: in
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_a_few_rows_tell_nothing(count: int) -> None:
-    assert between(np.arange(count) * 0.3, 1.0).tolist() == [False] * count
+    assert between(even(0.3)[:count], 1.0).tolist() == [False] * count
 
 
 # --- in files ---
