@@ -112,12 +112,18 @@ class Facts(NamedTuple):
         return None if found is None else float(found[1])
 
 
+@cache
+def _a_first_name() -> re.Pattern[str]:
+    """What the first pattern of any dialect matches: most lines of most files hold no such name."""
+    return re.compile("|".join(f"(?:{one.names[0]})" for one in dialects() if one.names))
+
+
 def dialect_of(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int = 0) -> Dialect | None:
     """Return the dialect that a file is in, if it is in one.
 
     names: of the columns, or none. tag, fields: of rows without names, their first field and how many there are.
     """
-    if len(names) > MOST_NAMES:
+    if len(names) > MOST_NAMES or (names and not any(map(_a_first_name().fullmatch, names))):
         return None
     return next((one for one in dialects() if _is_in(one, names, facts, tag, fields)), None)
 
