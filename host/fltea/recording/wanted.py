@@ -77,12 +77,10 @@ def _is_position(name: str) -> bool:
 def is_number(field: str) -> bool:
     """Whether a field holds a number, with a decimal point or comma."""
     field = field.strip().strip('"').strip()
-    if DECIMAL_COMMA.fullmatch(field):
-        return True
     try:
         float(field)
     except ValueError:
-        return False
+        return DECIMAL_COMMA.fullmatch(field) is not None
     return "_" not in field and field.isascii()
 
 
