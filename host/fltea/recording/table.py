@@ -105,7 +105,9 @@ class Plausible:
     def add(self, gyro: Floats) -> None:
         """Look at the next samples."""
         self.rows += len(gyro)
-        self._large += (np.abs(gyro) > MOST_DPS * (self._chosen.lsb or 1.0)).sum(axis=0)
+        size, most = np.abs(gyro), MOST_DPS * (self._chosen.lsb or 1.0)
+        if size.max() > most:  # a sum over rows takes longer than all else here
+            self._large += (size > most).sum(axis=0)
         if self._rises.any():
             steps = np.diff(gyro, axis=0, prepend=gyro[:1] - 1.0 if self._last is None else self._last)
             self._rises &= (steps > 0).all(axis=0)
@@ -138,7 +140,8 @@ class Plausible:
 
 def is_of_sensor(values: Floats) -> Marks:
     """Mark the rows of numbers that a sensor may give, in deg/s or m/s²; NaN is none."""
-    return np.asarray((np.abs(values) <= LARGEST_DPS).all(axis=1))
+    good = np.abs(values) <= LARGEST_DPS
+    return np.ones(len(values), np.bool_) if good.all() else np.asarray(good.all(axis=1))
 
 
 def gather(
