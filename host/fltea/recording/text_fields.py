@@ -4,7 +4,8 @@ import contextlib
 import csv
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -87,15 +88,22 @@ def units_in(line: str) -> list[str] | None:
     return [field if is_unit(field) else "" for field in fields]
 
 
-def kinds_of(lines: Sequence[str]) -> dict[str, int]:
-    """The words that lines of numbers begin with, and how many fields such lines have."""
-    kinds: dict[str, int] = {}
-    for line in lines:
-        fields = [] if is_comment(line) else split(line, separator_of(line))
-        if len(fields) > 2 and not is_number(fields[0]) and fields[0]:
-            if 2 * sum(map(is_number, fields[1:])) > len(fields) and len(kinds) <= MOST_KINDS:
-                kinds.setdefault(fields[0], len(fields))
-    return kinds if len(kinds) <= MOST_KINDS else {}
+class Kinds:
+    """The words that lines of numbers begin with, and how many fields they have: of lines that grow more."""
+
+    def __init__(self) -> None:
+        self._seen = 0
+        self._found: dict[str, int] = {}
+
+    def of(self, lines: Sequence[str]) -> dict[str, int]:
+        """Look at the lines that are new, and return the kinds of all; none if they are too many."""
+        for line in lines[self._seen :] if len(self._found) <= MOST_KINDS else ():
+            fields = [] if is_comment(line) else split(line, separator_of(line))
+            has_word = len(fields) > 2 and not is_number(fields[0]) and bool(fields[0])
+            if has_word and 2 * sum(map(is_number, fields[1:])) > len(fields):
+                self._found.setdefault(fields[0], len(fields))
+        self._seen = len(lines)
+        return self._found if len(self._found) <= MOST_KINDS else {}
 
 
 def rows_alike(lines: Sequence[str]) -> tuple[str, list[str]]:
@@ -116,20 +124,48 @@ def rows_alike(lines: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str) -> Floats:
-    """The numbers in lines of one kind, (n, width), NaN where there is none. tag: what the rows begin with."""
-    rows: list[list[float]] = []
+    """The numbers in lines of one kind, (n, width), NaN where there is none. tag: what the rows begin with.
+
+    A header may stand among rows thousands of times; the lines are the same each time, and are taken apart once.
+    """
+    lines = tuple(lines)
+    is_by_name = names and any(
+        _has(found, line, {*names}) for found, line in zip(_named(lines), lines, strict=True)
+    )
+    return _numbers(lines, tuple(names) if names and is_by_name else (), width, tag)
+
+
+def _has(found: Mapping[str, Any], line: str, names: set[str]) -> bool:
+    return line.lstrip().startswith("{") or found.keys() >= names
+
+
+@lru_cache(maxsize=2)
+def _named(lines: Sequence[str]) -> list[Mapping[str, Any]]:
+    """What lines hold by its name: those of objects and of labels."""
+    named: list[Mapping[str, Any]] = []
     for line in lines:
-        if line.lstrip().startswith("{") or (names and (found := values_in(line)).keys() >= {*names}):
-            with contextlib.suppress(ValueError, RecursionError):
-                values = decode_object(line) if line.lstrip().startswith("{") else found
-                rows.append([_value(values.get(name)) for name in names or ()])
+        try:
+            named.append(decode_object(line) if line.lstrip().startswith("{") else values_in(line))
+        except (ValueError, RecursionError):
+            named.append({})
+    return named
+
+
+@lru_cache(maxsize=8)
+def _numbers(lines: Sequence[str], names: Sequence[str], width: int, tag: str) -> Floats:
+    rows: list[list[float]] = []
+    for line, found in zip(lines, _named(lines), strict=True):
+        if _has(found, line, {*names} or {""}):
+            rows.append([_value(found.get(name)) for name in names])
             continue
         fields = split(line, separator_of(line, width))
         while len(fields) > width and not fields[-1]:
             fields.pop()
         if len(fields) == width and (not tag or fields[0] == tag) and any(map(is_number, fields)):
             rows.append([_value(field) for field in fields])
-    return np.array([row for row in rows if len(row) == width], np.float64).reshape(-1, width)
+    found_rows = np.array([row for row in rows if len(row) == width], np.float64).reshape(-1, width)
+    found_rows.setflags(write=False)
+    return found_rows
 
 
 def _value(field: Any) -> float:

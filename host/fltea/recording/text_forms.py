@@ -36,7 +36,7 @@ def plain_lines(data: bytes) -> bytes:
     """
     if b"b" in data and (b"b'" in data or b'b"' in data):  # one byte is looked for ten times as fast
         data = _BYTES.sub(_unescaped, data)
-    if b"np." in data:
+    if b"p" in data and b"np." in data:
         data = _NUMPY.sub(rb"\1", data)
     if b"{" in data and (b"{'" in data or b"{ '" in data):
         data = _DICT.sub(_as_json, data)
@@ -67,7 +67,8 @@ YAML = re.compile(rb"\s*(?:---\s*\n)?(?:#[^\n]*\n)*[A-Za-z_]\w*:[ \t\r]*\n[ ]+[A
 BEGINNING = re.compile(rb"\s*(?:---\s*\n)?(?:#[^\n]*\n)*(?:[A-Za-z_]\w*:[ \t\r]*\n)?[^\n]{0,256}")
 """What may still become that, as the line after it has not ended."""
 
-LONGEST_DOCUMENT = 1 << 20
+LONGEST_DOCUMENT, LONGEST_LINE = 1 << 20, 1 << 14
+"""Of a longer line, such as a picture's, only the beginning is kept."""
 
 
 class YamlDocuments:
@@ -86,7 +87,7 @@ class YamlDocuments:
     def feed(self, data: bytes) -> bytes:
         """Return the lines of the documents that end in these bytes."""
         lines = (self._rest + data).split(b"\n")
-        self._rest = lines.pop()[:LONGEST_DOCUMENT]
+        self._rest = lines.pop()[:LONGEST_LINE]
         return b"".join(map(self._take, lines))
 
     def finish(self) -> bytes:

@@ -17,10 +17,10 @@ from fltea.recording.lines import shown
 from fltea.recording.text_fields import (
     COMMENTS,
     MOST_COLUMNS,
+    Kinds,
     all_numbers,
     is_blank,
     is_comment,
-    kinds_of,
     sample_of,
     separator_of,
     split,
@@ -77,26 +77,31 @@ class _Header(NamedTuple):
 class LayoutFinder:
     """Takes line after line until one is a row. where: for messages. how: what the user says.
 
-    head: the lines before, of a file whose header comes again. sample: gives the lines that are at hand, for what
-    their numbers show. is_other: the newest line was neither empty, a comment, nor part of the header.
+    sample: gives the lines that are at hand, for what their numbers show. before: what found the header before,
+    of text whose header comes again. is_other: the newest line was neither empty, a comment, nor of the header.
 
     Raises:
         UsageError: `how` names too many columns, or one twice.
     """
 
     def __init__(
-        self, where: str, how: How, sample: Callable[[], Sequence[str]] = tuple, head: Sequence[str] = ()
+        self,
+        where: str,
+        how: How,
+        sample: Callable[[], Sequence[str]] = tuple,
+        before: "LayoutFinder | None" = None,
     ) -> None:
         self.is_other, self._newest = False, ""
         self._wanted = wanted_of(how)
         self._where, self._how, self._sample = where, how, sample
-        self.head = list(head)
+        self.head: list[str] = [] if before is None else before.head
         self._before: deque[tuple[int, str]] = deque(maxlen=MOST_BEFORE)
         self._header: _Header | None = None
         self._units: list[str] | None = None
         self._chosen: Chosen | None = None
         self._why_no_row = ""
-        self._kinds_of: tuple[int, dict[str, int]] = -1, {}
+        self._kinds_at_hand: Kinds = Kinds() if before is None else before._kinds_at_hand
+        self._known: dict[tuple[int, int], bool] = {} if before is None else before._known
 
     def take(self, number: int, line: str) -> Layout | None:
         """Look at the next line; the layout if it is a row.
@@ -252,17 +257,17 @@ class LayoutFinder:
 
     def _has_kinds(self) -> bool:
         """Whether a dialect knows the rows by what they begin with; comments then name columns of all kinds."""
-        return any(
-            dialect_of((), self._facts(None, width, kind), tag=kind, fields=width)
-            for kind, width in self._kinds().items()
-        )
+        kinds = self._kinds()
+        at_hand = len(kinds), min(len(self._sample()), MOST_BEFORE)
+        if at_hand not in self._known:
+            self._known[at_hand] = any(
+                dialect_of((), self._facts(None, width, kind), tag=kind, fields=width)
+                for kind, width in kinds.items()
+            )
+        return self._known[at_hand]
 
     def _kinds(self) -> dict[str, int]:
-        """The first words of the lines at hand; looked for again only where there are more lines."""
-        lines = self._sample()
-        if self._kinds_of[0] != len(lines):
-            self._kinds_of = len(lines), kinds_of(lines)
-        return self._kinds_of[1]
+        return self._kinds_at_hand.of(self._sample())
 
     def _of_object(self, number: int, line: str) -> Layout | None:
         try:

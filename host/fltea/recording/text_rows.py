@@ -239,7 +239,7 @@ class TextReader:
         return None
 
     def _new_finder(self) -> LayoutFinder:
-        return LayoutFinder(self._where, self._how, lambda: self._sample, self._finder.head)
+        return LayoutFinder(self._where, self._how, lambda: self._sample, self._finder)
 
     def _is_as_before(self, chosen: Chosen) -> bool:
         """Whether the columns of a new header can go on where those of the one before ended."""

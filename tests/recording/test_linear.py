@@ -1,0 +1,260 @@
+"""Reading is linear: what is done for twice the rows is twice as much, whatever stands among them.
+
+Work is counted, and not timed: calls, and the bytes and lines that they look at.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fltea.recording import dialects, text_fields, text_forms, text_layout, text_numbers, text_rows
+from fltea.recording.csv_file import open_csv
+from fltea.recording.one_sensor import OneSensor
+from fltea.recording.text_forms import YamlDocuments
+from fltea.recording.text_layout import LayoutFinder
+from fltea.recording.text_numbers import RowParser
+from fltea.recording.text_rows import SAMPLE_LINES, TextReader
+from fltea.settings.how import How
+from fltea.sources.text_events import TextEvents
+
+ROWS = 4000
+"""More than the sample that tells what columns are, which is looked at more than once."""
+
+HEADER = "time_s,gyro_x_dps,gyro_y_dps,gyro_z_dps\n"
+VALUES = np.round(np.random.default_rng(4).normal(size=(2 * ROWS, 3)), 3)
+
+
+def row(k: int) -> str:
+    x, y, z = VALUES[k]
+    return f"{k / 100:.2f},{x},{y},{z}\n"
+
+
+def every(rows: int, line: str, head: str = HEADER) -> Callable[[int], Iterator[str]]:
+    """A line before the first of every so many rows."""
+
+    def lines(n: int) -> Iterator[str]:
+        yield head
+        for k in range(n):
+            if k % rows == 0:
+                yield line
+            yield row(k)
+
+    return lines
+
+
+def plain(n: int) -> Iterator[str]:
+    yield HEADER
+    yield from map(row, range(n))
+
+
+def pages(n: int) -> Iterator[str]:
+    """With a column that nobody reads, and whose name is another one on each page."""
+    for k in range(n):
+        if k % 10 == 0:
+            yield HEADER.strip() + f",page {k}\n"
+        yield row(k)
+
+
+def clocks(n: int) -> Iterator[str]:
+    for k in range(n):
+        yield f"12:{k // 6000:02}:{k / 100 % 60:05.2f} -> {row(k)}"
+
+
+def yaml(n: int) -> Iterator[str]:
+    for k in range(n):
+        x, y, z = VALUES[k]
+        yield f"header:\n  stamp:\n    sec: {k // 100}\n    nanosec: {k % 100 * 10_000_000}\n"
+        yield f"angular_velocity:\n  x: {x}\n  y: {y}\n  z: {z}\n---\n"
+
+
+def objects(n: int) -> Iterator[str]:
+    for k in range(n):
+        x, y, z = VALUES[k]
+        yield f'{{"t_s": {k / 100}, "gx_dps": {x}, "gy_dps": {y}, "gz_dps": {z}}}\n'
+        if k % 10 == 0:
+            yield '{"status": "up"}\n'
+
+
+def labels(n: int) -> Iterator[str]:
+    for k in range(n):
+        x, y, z = VALUES[k]
+        yield f"Gyro X: {x} Y: {y} Z: {z} dps\n"
+
+
+def kinds(n: int) -> Iterator[str]:
+    for k in range(n):
+        x, y, z = VALUES[k]
+        yield f"ACC,{k},0.0,0.0,9.8\nGYR,{k / 100},{x},{y},{z}\n"
+
+
+def sensors(n: int) -> Iterator[str]:
+    yield "imu," + HEADER
+    for k in range(n):
+        yield f"0,{row(k)}1,{row(k)}"
+
+
+def by_position(before: int) -> dict[str, Any]:
+    """Columns behind so many others, the first of which has the times."""
+    columns = [str(before + place) for place in (1, 2, 3)]
+    return {"columns": columns, "units": "dps", "time_column": "1", "time_unit": "s"}
+
+
+TEXTS: dict[str, tuple[Callable[[int], Iterator[str]], dict[str, Any]]] = {
+    "plain": (plain, {}),
+    "a header every ten rows": (every(10, HEADER), {}),
+    "a header and units every ten rows": (
+        every(10, "time,gx,gy,gz\ns,dps,dps,dps\n", ""),
+        {},
+    ),
+    "another header every ten rows": (every(10, "time_s,gyro_y_dps,gyro_x_dps,gyro_z_dps\n"), {}),
+    "a header that does not fit": (every(50, "time_s,gyro_x_dps\n" + HEADER), {}),
+    "a header with a number": (pages, {}),
+    "a label every ten rows": (every(10, "mode: 3, state=on\n"), {}),
+    "words every ten rows": (every(10, "W (1234) wifi: connected\n"), {}),
+    "comments every ten rows": (every(10, "# still here\n"), {}),
+    "torn rows every ten rows": (every(10, "0.1,2.\n"), {}),
+    "quotes every ten rows": (every(10, '"0.1,2\n'), {}),
+    "rows in Python's bytes": (lambda n: (f"{line.encode()!r}\n" for line in plain(n)), {}),
+    "clocks": (clocks, by_position(2)),
+    "yaml": (yaml, {}),
+    "objects": (objects, {}),
+    "labels": (labels, {"rate_hz": 100.0}),
+    "rows of several kinds": (
+        kinds,
+        {**by_position(2), "time_column": "2", "topic": "GYR"},
+    ),
+    "rows of several sensors": (sensors, {"topic": "1"}),
+    "no names": (lambda n: map(row, range(n)), by_position(1)),
+}
+
+
+@pytest.fixture
+def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """Count what is called, and how many bytes or lines it is given."""
+    done: Counter[str] = Counter()
+
+    def watch(owner: Any, name: str, size: Callable[..., int] = lambda *_: 0) -> None:
+        plainly = getattr(owner, name)
+
+        def watched(*arguments: Any, **named: Any) -> Any:
+            found = plainly(*arguments, **named)
+            done[name] += 1
+            done[f"{name}, size"] += size(found, *arguments)
+            return found
+
+        monkeypatch.setattr(owner, name, watched)
+
+    def lines(_: object, found: Any, *__: Any) -> int:
+        return len(found)
+
+    watch(RowParser, "one")
+    watch(RowParser, "plain")
+    watch(LayoutFinder, "take")
+    watch(LayoutFinder, "header_of")
+    watch(YamlDocuments, "_take")
+    watch(OneSensor, "keep", lambda marks, *_: len(marks))
+    watch(TextReader, "_sensor_in")
+    watch(TextReader, "_add", lambda *given: len(given[3]))
+    watch(text_numbers, "plain_rows", lambda found, data, begin, *_: found[0] - begin)
+    watch(text_rows, "plain_lines", lines)
+    watch(text_rows, "decoded", lines)
+    watch(text_rows, "end_of_line", lambda end, data, begin: end - begin)
+    watch(text_layout, "choose")
+    watch(text_layout, "split", lines)
+    watch(text_layout, "labelled", lines)
+    watch(text_fields, "split", lines)
+    watch(text_fields, "values_in", lines)
+    watch(text_layout, "dialect_of")
+    watch(dialects, "_is_in")
+    return done
+
+
+def assert_linear(done: list[Counter[str]]) -> None:
+    """Check that nothing is done more than twice as often for twice the rows, but for the beginning."""
+    small, large = done
+    for what, count in large.items():
+        assert count <= 2.1 * small[what] + 200, f"{what}: {small[what]} and {count}"
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_twice_the_rows_is_twice_the_work(name: str, work: Counter[str], tmp_path: Path) -> None:
+    lines, how = TEXTS[name]
+    done = []
+    for n in (ROWS, 2 * ROWS):
+        work.clear()
+        path = tmp_path / "rest.txt"
+        path.write_text("".join(lines(n)))
+        found = open_csv(path, How(**how))
+        assert n - n // 9 <= found.samples <= n
+        done.append(Counter(work))
+    assert_linear(done)
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_live_text_is_read_once_in_whatever_pieces_it_comes(name: str, work: Counter[str]) -> None:
+    lines, how = TEXTS[name]
+    done = []
+    for n in (ROWS // 2, ROWS):
+        work.clear()
+        live = TextEvents("stdin:", How(**how), fatal=False)
+        live.open(0, within_line=False)
+        data = "".join(lines(n)).encode()
+        for k in range(0, len(data), 1500):
+            list(live.feed(data[k : k + 1500], 0))
+        list(live.finish(0))
+        done.append(Counter(work))
+    assert_linear(done)
+
+
+def test_what_is_plain_is_not_looked_at_line_by_line(work: Counter[str], tmp_path: Path) -> None:
+    path = tmp_path / "rest.txt"
+    for name in ("plain", "comments every ten rows", "rows in Python's bytes", "no names"):
+        work.clear()
+        lines, how = TEXTS[name]
+        path.write_text("".join(lines(ROWS)))
+        open_csv(path, How(**how))
+        assert work["one"] < 20, name
+        assert work["take"] < 20, name
+        assert work["plain_rows, size"] < 1.1 * path.stat().st_size
+
+
+@pytest.mark.parametrize("name", [name for name in TEXTS if name.endswith("every ten rows")])
+def test_a_line_among_rows_costs_one_look_at_it(name: str, work: Counter[str], tmp_path: Path) -> None:
+    lines, how = TEXTS[name]
+    path = tmp_path / "rest.txt"
+    path.write_text("".join(lines(ROWS)))
+    open_csv(path, How(**how))
+    assert work["one"] <= 2.1 * ROWS / 10
+    assert work["plain_rows, size"] <= 1.2 * path.stat().st_size
+
+
+@pytest.mark.parametrize("end", ["", "\n"])
+def test_lines_that_are_none_of_a_recording_are_looked_at_once(end: str, work: Counter[str]) -> None:
+    """Before the columns are known: words, numbers with labels, or one line that never ends."""
+    done = []
+    for n in (ROWS, 2 * ROWS):
+        work.clear()
+        reader = TextReader("stdin", How())
+        for k in range(n):
+            reader.feed(f"W ({k}) wifi: connected, 12.5 {end}".encode())
+        reader.finish()
+        assert reader.chosen is None
+        done.append(Counter(work))
+    assert_linear(done)
+
+
+def test_a_document_that_never_ends_is_not_joined_again_and_again() -> None:
+    """Each piece is a part of a line; a reader that joined all of them each time would take hours."""
+    documents = text_forms.YamlDocuments()
+    for _ in range(20_000):
+        documents.feed(b"0123456789")
+    assert len(documents._rest) <= text_forms.LONGEST_LINE
+
+
+def test_the_sample_is_bounded(work: Counter[str]) -> None:
+    reader = TextReader("stdin", How())
+    reader.feed("".join(plain(ROWS)).encode())
+    assert len(reader._sample) <= 2 * SAMPLE_LINES
