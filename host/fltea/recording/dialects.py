@@ -123,7 +123,9 @@ def dialect_of(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int
 
     names: of the columns, or none. tag, fields: of rows without names, their first field and how many there are.
     """
-    if len(names) > MOST_NAMES or (names and not any(map(_a_first_name().fullmatch, names))):
+    if len(names) > MOST_NAMES:
+        return None
+    if names and not any(map(_a_first_name().fullmatch, (*names, *facts.beside))):
         return None
     return next((one for one in dialects() if _is_in(one, names, facts, tag, fields)), None)
 
