@@ -130,6 +130,11 @@ def dialect_of(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int
     return next((one for one in dialects() if _is_in(one, names, facts, tag, fields)), None)
 
 
+def names_kinds(line: str) -> bool:
+    """Whether a line is of the head of a dialect whose rows are of several kinds, before any row has come."""
+    return any(re.search(pattern, line) for one in dialects() if one.tag for pattern in one.head)
+
+
 def _is_in(one: Dialect, names: Sequence[str], facts: Facts, tag: str, fields: int) -> bool:
     if bool(one.names) != bool(names) or (one.tag and not re.fullmatch(one.tag, tag)):
         return False

@@ -10,7 +10,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from fltea.recording.columns import Chosen, choose
-from fltea.recording.dialects import Facts, dialect_of
+from fltea.recording.dialects import Facts, dialect_of, names_kinds
 from fltea.recording.evidence import axes_of
 from fltea.recording.files import Note, listed
 from fltea.recording.lines import shown
@@ -101,7 +101,7 @@ class LayoutFinder:
         self._chosen: Chosen | None = None
         self._why_no_row = ""
         self._kinds_at_hand: Kinds = Kinds() if before is None else before._kinds_at_hand
-        self._known: dict[tuple[int, int], bool] = {} if before is None else before._known
+        self._known: dict[tuple[int, int] | str, bool] = {} if before is None else before._known
 
     def take(self, number: int, line: str) -> Layout | None:
         """Look at the next line; the layout if it is a row.
@@ -246,18 +246,23 @@ class LayoutFinder:
             return ""
         if self._how.topic == tag:
             return tag
-        kinds = self._kinds()
-        if self._how.topic in kinds:
+        kinds, topic = self._kinds(), self._how.topic
+        if topic in kinds:
             return None
         if tag not in kinds:
             return ""
+        if topic is not None and not {*topic} & {*"=/"} and topic not in fields:  # one that is yet to come
+            return None
         if dialect_of((), self._facts(None, kinds[tag], tag), tag=tag, fields=kinds[tag]) is not None:
             return tag
         return None if self._has_kinds() else "" if len(kinds) == 1 else tag
 
     def _has_kinds(self) -> bool:
-        """Whether a dialect knows the rows by what they begin with; comments then name columns of all kinds."""
+        """Whether a dialect knows the rows by what they begin with; its head names columns of all kinds."""
         kinds = self._kinds()
+        if "head" in self._known or names_kinds(self._newest):
+            self._known["head"] = True
+            return True
         at_hand = len(kinds), min(len(self._sample()), MOST_BEFORE)
         if at_hand not in self._known:
             self._known[at_hand] = any(
