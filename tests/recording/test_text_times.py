@@ -147,7 +147,7 @@ def test_times_of_a_form_that_nobody_knows_number_nothing(tmp_path: Path) -> Non
     assert found.samples == 9
     assert "'day 3 hour 0' is no number, so it cannot tell" in found.notes[0].text
     assert ":2: column 'timestamp': 'day 3 hour 0' is not a number. " in refusal(tmp_path, text)
-    assert "--rate 100" in refusal(tmp_path, text)
+    assert "--rate ?" in refusal(tmp_path, text)
 
 
 def test_long_files_go_over_many_blocks(tmp_path: Path) -> None:
