@@ -3,6 +3,7 @@
 import json
 import math
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -187,6 +188,18 @@ def test_plain_rows_are_not_looked_at_one_by_one(monkeypatch: pytest.MonkeyPatch
 
 
 # --- whole files ---
+
+
+def test_rows_behind_a_torn_header_are_told(tmp_path: Path) -> None:
+    rows = [f"{k / 100},{k % 7},{k % 5}\n" for k in range(40)]
+    header = "time_s,gyro_x_dps,gyro_y_dps\n"
+    text = header + "".join(rows[:20]) + "time_s,gyro_x_dps\n" + "".join(rows[20:])
+    found = stored(tmp_path, text)
+    assert found.samples == 20
+    assert (
+        "the first of 20 lines that hold no sample and are left out: does not fit the header"
+        in found.notes[0].text
+    )
 
 
 @given(

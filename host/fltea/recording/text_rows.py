@@ -234,7 +234,10 @@ class TextReader:
                 self._count(Bad(self.lines, "header", f"other columns than before: {shown(text)}"))
                 self._finder = self._new_finder()
             elif self._finder.is_other:
-                self._count(Bad(self.lines, "before_header", f"came before the columns: {shown(text)}"))
+                reason, what = "before_header", "came before the columns"
+                if self.chosen is not None:  # a header was torn, or names other columns than its rows have
+                    reason, what = "fields", "does not fit the header before it"
+                self._count(Bad(self.lines, reason, f"{what}: {shown(text)}"))
             begin = end + 1
         return None
 
