@@ -1,7 +1,8 @@
 """Which columns are meant, in which units, by which clock, of which sensor: a reading, with its evidence (pure)."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,8 @@ from fltea.settings.how import How, TimeUnit
 NOTHING = Facts()
 
 
-class Chosen(NamedTuple):
+@dataclass(frozen=True)
+class Chosen:
     """What to read: places from 0 of the axes and of the times (None without), and what they are counted in.
 
     axes: of the places in `gyro`, x, y or z. units: as `--units` takes them. factor, lsb: as of `parse_units`.
@@ -52,24 +54,24 @@ class Chosen(NamedTuple):
     answers: tuple[Answer, ...] = ()
     notes: tuple[Note, ...] = ()
 
-    @property
+    @cached_property
     def time_name(self) -> str:
         """The column of times."""
         return "" if self.time is None else self.names[self.time]
 
-    @property
+    @cached_property
     def times(self) -> TimeColumn:
         """The same as a column of times."""
         return TimeColumn(
             self.time_name, self.time_unit, self.rate_hz, self.is_given, self.overrule, self.time_factor
         )
 
-    @property
+    @cached_property
     def needed(self) -> tuple[int, ...]:
         """Without which a row is no sample: the axes, then the times."""
         return tuple(place for place in (*self.gyro, self.time, self.fine) if place is not None)
 
-    @property
+    @cached_property
     def places(self) -> tuple[int, ...]:
         """All that is read as numbers."""
         return (*self.needed, *self.accel)
@@ -87,7 +89,7 @@ class Chosen(NamedTuple):
                 values[:, len(self.needed) :] *= self.accel_ms2
         return values
 
-    @property
+    @cached_property
     def read(self) -> list[str]:
         """The names at these places."""
         return [self.names[place] for place in self.places]

@@ -14,7 +14,7 @@ from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 BLOCK_BYTES = 1 << 18
-HEAD_BYTES = 1 << 20
+HEAD_BYTES = 1 << 18
 """In which the columns have to be named, or the first row has to stand."""
 
 

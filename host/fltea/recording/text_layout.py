@@ -6,6 +6,7 @@ Lines are looked at one by one, so a file and an endless stream are understood i
 import re
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -359,4 +360,4 @@ def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Cho
     if is_number(first) or is_missing(first):
         return chosen, ""
     text = f"column {shown(chosen.time_name)}: {shown(first)} is no number, so it cannot tell which samples "
-    return chosen._replace(time=None), text + "are missing."
+    return replace(chosen, time=None), text + "are missing."

@@ -37,6 +37,9 @@ ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s
 HEAD_BYTES, MOST_HELD = 256, 4096
 """Of the beginning: what tells a document from lines, and what waits for that."""
 
+MOST_CHECKS, MOST_HEADERS = 200, 64
+"""Lines of a block that may be other headers, and how many of these a file may have."""
+
 NO_NAME = "0123456789+-."
 """With what a line of names does not begin."""
 
@@ -92,6 +95,8 @@ class TextReader:
         self._finder = LayoutFinder(where, how, lambda: self._sample)
         self.chosen: Chosen | None = None
         self._parser: RowParser | None = None
+        self._layouts: dict[str, Layout | None] = {}  # by the line of names; None: its columns are others
+        self._checks = 0
         self._sensor: OneSensor | None = None
         self._ordinal = self._since_header = self._page = 0
         self._begins = self._skipping = False
@@ -199,6 +204,7 @@ class TextReader:
             self._sample += decoded(data[:SAMPLE_BYTES]).split("\n")[:SAMPLE_LINES]
         pieces: list[Rows] = []
         at: int | None = 0
+        self._checks = MOST_CHECKS
         if self.layout is not None:
             data = self._of_sensor(data, 0)
         while at is not None and at <= len(data):
@@ -206,7 +212,8 @@ class TextReader:
                 at = self._find(data, at)
                 if at is None:
                     break
-                data, at = self._of_sensor(data, at), 0
+                if self._sensor is not None:
+                    data, at = self._of_sensor(data, at), 0
             assert self._parser is not None
             at = self._read(self._parser, data, at, pieces)
         return _joined(pieces)
@@ -219,6 +226,14 @@ class TextReader:
             if self.lines == 0:
                 line = line.removeprefix(BOM)
             text = decoded(line)
+            if text.strip() in self._layouts:
+                self.lines += 1
+                if (known := self._layouts[text.strip()]) is not None:
+                    self._begin(known)
+                    return end + 1
+                self._count(Bad(self.lines, "header", f"other columns than before: {shown(text)}"))
+                begin = end + 1
+                continue
             try:
                 layout = self._finder.take(self.lines + 1, text)
             except UsageError as error:
@@ -232,6 +247,7 @@ class TextReader:
             self.lines += 1
             if layout is not None:
                 self._count(Bad(self.lines, "header", f"other columns than before: {shown(text)}"))
+                self._layouts.update(dict.fromkeys(layout.again[:1]))
                 self._finder = self._new_finder()
             elif self._finder.is_other:
                 reason, what = "before_header", "came before the columns"
@@ -252,21 +268,24 @@ class TextReader:
 
         return self.chosen is None or kind(chosen) == kind(self.chosen)
 
-    def _begin(self, layout: Layout) -> None:
+    def _begin(self, layout: Layout) -> RowParser:
         self._begins = True
         self.chosen = self.chosen or layout.chosen
         self.layout, self._parser = layout, RowParser(layout)
+        if layout.again:
+            self._layouts[layout.again[0]] = layout
         self.notes += layout.notes
         if self._sensor is None and layout.chosen.sensor is not None:
             place, value = layout.chosen.sensor
             name = layout.chosen.names[place]
             self._sensor = OneSensor(self._where, name, value, given_options(self._how))
+        return self._parser
 
     def _of_sensor(self, data: bytes, begin: int) -> bytes:
         """Bytes from one on; lines of other sensors are empty in them, which keeps the numbers of the rest."""
         assert self.layout is not None
         if self._sensor is None or self.layout.chosen.sensor is None:
-            return data[begin:] if begin else data
+            return data
         lines = data[begin:].split(b"\n")
         values = [self._sensor_in(line) for line in lines]
         has = [k for k, value in enumerate(values) if value is not None]
@@ -294,21 +313,23 @@ class TextReader:
 
     def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
         """Read rows; where another header begins, None at the end of the data."""
+        is_plain = True  # behind a line that is no row, each is looked at by itself up to the next row
         while begin <= len(data):
-            found = parser.plain(data, begin)
-            self._add(parser.layout, found.rows, found.values, pieces)
-            self.lines += found.passed
-            begin = found.next
-            if begin > len(data):
-                return None
+            if is_plain:
+                found = parser.plain(data, begin)
+                self._add(parser.layout, found.rows, found.values, pieces)
+                self.lines += found.passed
+                begin = found.next
+                if begin > len(data):
+                    return None
             end = end_of_line(data, begin)
             text = decoded(data[begin:end])
             values = parser.one(text)
+            is_plain = isinstance(values, list)
             if isinstance(values, list):
                 self._add(parser.layout, np.zeros(1, np.int64), np.array([values]), pieces)
-            elif text.strip() in parser.layout.again:
-                if text.strip() == parser.layout.again[0]:
-                    self._page_begins(data, begin, end)
+            elif (line := text.strip()) in self._layouts or line in parser.layout.again:
+                parser = self._names_again(parser, line, data, begin, end)
             elif values is not None:
                 if self._is_header(parser, text):
                     self.layout, self._finder = None, self._new_finder()
@@ -318,6 +339,17 @@ class TextReader:
             self.lines += 1
             begin = end + 1
         return None
+
+    def _names_again(self, parser: RowParser, line: str, data: bytes, begin: int, end: int) -> RowParser:
+        """A line of names, or of units, that was there before."""
+        known = self._layouts.get(line)
+        if known is not None and line != parser.layout.again[0]:
+            return self._begin(known)
+        if known is not None:
+            self._page_begins(data, begin, end)
+        elif line in self._layouts:
+            self._count(Bad(self.lines + 1, "header", f"other columns than before: {shown(line)}"))
+        return parser
 
     def _page_begins(self, data: bytes, begin: int, end: int) -> None:
         """The header stands there again: the sender began again, unless it does so after every so many rows."""
@@ -336,8 +368,12 @@ class TextReader:
         pieces.append(Rows(self.lines + 1 + rows, layout.chosen.scale(values), ordinal, begins))
 
     def _is_header(self, parser: RowParser, text: str) -> bool:
+        """Whether a line names columns anew. Of many other lines only some are looked at, since that takes long."""
         might_be = parser.layout.parse is None and text.lstrip()[:1] not in NO_NAME
-        return might_be and self._finder.header_of(text) is not None
+        if not might_be or not self._checks or len(self._layouts) >= MOST_HEADERS:
+            return False
+        self._checks -= 1
+        return self._finder.header_of(text) is not None
 
     def _count(self, bad: Bad) -> None:
         self.counts[bad.reason] += 1
