@@ -209,4 +209,4 @@ def test_why_the_only_recording_failed_is_said_once(tmp_path: Path) -> None:
     (tmp_path / "rest.csv").write_text("time,p,q\n0,1,2\n1,2,1\n")
     done = fltea_here("identify", f"{tmp_path}/rest.csv", "--columns", "p,q")
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.count("nothing says the unit of p, q, so give it: --units dps") == 1
+    assert done.stderr.count("nothing says the unit of p, q") == 1
