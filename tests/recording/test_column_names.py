@@ -43,6 +43,10 @@ GYROSCOPES = {
     "Shimmer_A7B3_Gyro_Z_CAL": None,
     "lsm6dsox_gyro_z": None,
     "gyroUnfilt[2]": None,
+    "gyro_dps.z": "deg/s",
+    "imu.gyro_rad_s.Z": "rad/s",
+    "Gyroscope (rad/s) Z": "rad/s",
+    "gyro_mdps_z": "mdeg/s",
     "gyro z (raw)": None,
     "gyro_z [LSB]": None,
     **dict.fromkeys(

@@ -60,6 +60,7 @@ _SENSORS = {"i", "instance", "imu", "imu_id", "imu_index", "sensor", "sensor_id"
 
 _UNIT_BEHIND = re.compile(r"(.*[^\s\[(])\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))")
 _UNIT_BEFORE = re.compile(r"(?:\[([^\[\]]+)\]|\(([^()]+)\))\s*([^\s\[(].*)")
+_AXIS_BEHIND = re.compile(r"(.*[^\s._])[\s._]([xyzXYZ])")
 _SEPARATOR = re.compile(r"[\s./:\-_]+")
 _HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _MOST_WORDS_OF_UNIT = 4
@@ -88,6 +89,10 @@ def _parts(name: str) -> _Name:
         return _Name(base, _plain(base), unit, is_in_brackets=True)
     if (found := _UNIT_BEFORE.fullmatch(name)) is not None and is_unit(found[1] or found[2]):
         return _Name(found[3], _plain(found[3]), found[1] or found[2], is_in_brackets=True)
+    if (found := _AXIS_BEHIND.fullmatch(name)) is not None:  # the axis of a structure: `gyro_dps.x`
+        inner = _parts(found[1])
+        if rate_unit(inner.unit) or accel_unit(inner.unit):
+            return inner._replace(base=name, words=f"{inner.words}_{found[2].lower()}")
     for separator in list(_SEPARATOR.finditer(name, 1))[-_MOST_WORDS_OF_UNIT:]:
         unit = name[separator.end() :]
         if rate_unit(unit) or accel_unit(unit) or time_unit(unit) or is_angle(unit):

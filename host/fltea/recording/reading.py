@@ -10,7 +10,7 @@ There are five kinds of evidence, the strongest first. What has none of them is 
 """
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import msgspec
@@ -48,7 +48,10 @@ ASK = "Say it, with the right value for each ?: "
 
 
 class NotStated(UsageError):
-    """Facts are missing, and the user has to say them."""
+    """Facts are missing, and the user has to say them. missing, table: as `not_stated` has them."""
+
+    missing: Sequence[Missing] = ()
+    table: str = ""
 
 
 def not_stated(
@@ -62,7 +65,20 @@ def not_stated(
     what = "; and ".join(one.what for one in missing)
     options = " ".join([*known, *(one.option for one in missing if one.option)])
     text = f"{where}: nothing says {what}. {ASK}{options}"
-    return NotStated(f"{text}\n{table}" if table else text)
+    error = NotStated(f"{text}\n{table}" if table else text)
+    error.missing, error.table = missing, table
+    return error
+
+
+def asked_with(where: str, first: Missing, known: Sequence[str], then: Callable[[], object]) -> NotStated:
+    """Return the error that asks for a fact, and for all that `then` lacks beside it."""
+    try:
+        then()
+    except NotStated as error:
+        return not_stated(where, [first, *error.missing], known, error.table)
+    except UsageError:
+        pass  # it depends on what is asked for
+    return not_stated(where, [first], known)
 
 
 def given_options(how: How) -> list[str]:
