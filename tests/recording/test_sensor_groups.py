@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import scipy.io
 from fltea.recording.files import Stored
+from fltea.recording.groups import gyroscopes_in
 from fltea.recording.readers.arrays import rate_of
-from fltea.recording.sheet import gyroscopes_in
 from fltea.records.errors import UsageError
 from hypothesis import given
 from hypothesis import strategies as st

@@ -15,13 +15,21 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from fltea.recording.column_names import accel_axis_of, axis_of, times_in
+from fltea.recording.column_names import axis_of, times_in
 from fltea.recording.columns import Chosen, choose
 from fltea.recording.dialects import Facts, columns_of, dialect_of
 from fltea.recording.files import Note, Stored, listed
+from fltea.recording.groups import (
+    around,
+    group_of,
+    gyroscopes_in,
+    is_of_accelerometer,
+    short_names,
+    with_clocks,
+)
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.one_sensor import OneSensor, as_word
-from fltea.recording.reading import Answer, Evidence, Missing, given_options, not_stated
+from fltea.recording.reading import Answer, Evidence, Missing, asked_with, given_options, not_stated
 from fltea.recording.sample_times import Floats
 from fltea.recording.table import Rows, gather, row_place
 from fltea.records.errors import UsageError
@@ -33,9 +41,6 @@ SAMPLE_ROWS, MOST_SAMPLED = 60, 64
 
 FEW = 10
 """Rows: an array as short beside a longer one is a calibration's, and no recording."""
-
-DEEPEST = 4
-"""Groups around a column that are looked at."""
 
 RATE_TOLERANCE = 0.01
 """Clocks of sensors are off by up to some 5 ‰; two rates that differ by more are not of the same samples."""
@@ -78,13 +83,13 @@ class Sheet(SheetHead, frozen=True, kw_only=True):
 
     blocks: Callable[[Sequence[int]], Iterator[Floats]]
 
-    def only(self, keep: Sequence[int], prefix: str) -> "Sheet":
-        """Return some of the columns, by their places, without a prefix of their names."""
-        blocks = self.blocks
-        names = {self.names[place]: self.names[place].removeprefix(prefix) for place in keep}
+    def only(self, called: Mapping[int, str]) -> "Sheet":
+        """Return some of the columns, by their places, and what they are called."""
+        blocks, keep = self.blocks, list(called)
+        names = {self.names[place]: name for place, name in called.items()}
         return replace(
             self,
-            names=[self.names[place].removeprefix(prefix) for place in keep],
+            names=list(called.values()),
             units=[self.units[place] for place in keep],
             rows=max(self.length(place) for place in keep),
             lengths=[self.length(place) for place in keep],
@@ -116,9 +121,34 @@ def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
         UsageError: the columns are not clear or not alike, a rate contradicts another, or what `table.gather`
             refuses.
     """
-    where = str(path)
+    where, asked = str(path), how.topic
+    sheet, chosen, how = _choose(where, sheet, _by_names(sheet.names, how))
+    _check_columns(where, sheet, chosen, how)
+    size_bytes = sheet.rows * len(chosen.places) * NUMBER_BYTES
+    if size_bytes > limits.whole_bytes:
+        raise limits.whole_too_large(f"{path}: declares {sheet.rows} rows", size_bytes)
+    stored = gather(path, chosen, _rows(where, sheet, chosen, how), limits, partial(row_place, path))
+    if chosen.time is not None and how.rate_hz is None:
+        _check_rate(where, sheet, f"the times of {listed([chosen.time_name])} say", stored.rate_hz, how)
+    answers = (Answer("sensor", sheet.topic, "given", "--sensor"),) if asked and sheet.topic else ()
+    reading = (*answers, *stored.reading)
+    return stored._replace(notes=(*stored.notes, *sheet.notes), topic=sheet.topic, reading=reading)
+
+
+def _by_names(names: Sequence[str], how: How) -> How:
+    """Return what the user says, with the names of columns that are given by their positions, from 1."""
+
+    def named(one: str) -> str:
+        known = one not in names and one.isdecimal() and 1 <= int(one) <= len(names)
+        return names[int(one) - 1] if known and names.count(names[int(one) - 1]) == 1 else one
+
+    columns = None if how.columns is None else [named(one) for one in how.columns]
+    return replace(how, columns=columns, time_column=how.time_column and named(how.time_column))
+
+
+def _choose(where: str, sheet: Sheet, how: How) -> tuple[Sheet, Chosen, How]:
+    """Return the columns around one gyroscope, what they mean, and what the user says of them."""
     sheet = of_one_gyroscope(where, sheet, how)
-    is_chosen = bool(sheet.topic and how.topic)
     how = replace(how, topic=None) if sheet.topic else how
     names = sheet.names
     has_times = how.time_column is not None or bool(times_in(names))
@@ -129,17 +159,7 @@ def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
         raise UsageError(f"{where}: {times[0]}: {sheet.doubts[times[0]]} Say the rate: --rate ?")
     _check_rate(where, sheet, "--rate says", how.rate_hz, how)
     units = [("s" if name in sheet.stamps else unit) for name, unit in zip(names, sheet.units, strict=True)]
-    chosen = choose(where, names, units, len(names), how, _facts(where, sheet))
-    _check_columns(where, sheet, chosen, how)
-    size_bytes = sheet.rows * len(chosen.places) * NUMBER_BYTES
-    if size_bytes > limits.whole_bytes:
-        raise limits.whole_too_large(f"{path}: declares {sheet.rows} rows", size_bytes)
-    stored = gather(path, chosen, _rows(where, sheet, chosen, how), limits, partial(row_place, path))
-    if chosen.time is not None and how.rate_hz is None:
-        _check_rate(where, sheet, f"the times of {listed([chosen.time_name])} say", stored.rate_hz, how)
-    answers = (Answer("sensor", sheet.topic, "given", "--sensor"),) if is_chosen else ()
-    reading = (*answers, *stored.reading)
-    return stored._replace(notes=(*stored.notes, *sheet.notes), topic=sheet.topic, reading=reading)
+    return sheet, choose(where, names, units, len(names), how, _facts(where, sheet)), how
 
 
 def _facts(where: str, sheet: Sheet) -> Facts:
@@ -198,21 +218,24 @@ def _check_columns(where: str, sheet: Sheet, chosen: Chosen, how: How) -> None:
 class _Gyroscope(NamedTuple):
     """The axes that are read.
 
-    places: of them. group: the path of what they are in. is_by_group: they were found by it, and not by their
-    whole names. others: places of other gyroscopes' axes. topic: the group, if there are several.
+    places: of them. group: the path of what they are in, without what tells the sensor: `imu` of
+    `imu.gyro.x`. others: the groups of other gyroscopes. topic: the group, if there are several. is_by_group:
+    they were found by it; is_of_dialect: by their whole names, which a dialect knows.
     """
 
     places: Sequence[int] = ()
     group: str = ""
-    is_by_group: bool = False
-    others: frozenset[int] = frozenset()
+    others: Sequence[str] = ()
     topic: str = ""
+    is_by_group: bool = False
+    is_of_dialect: bool = False
 
 
 def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
     """Return the columns that are as long as the axes, and the rate of the nearest group around these.
 
-    An axis that is not alike, or holds no numbers, stays among them: what its name says is not dropped.
+    Columns in the groups around the axes are called as they are there: `imu.t` is `t`. An axis that is not
+    alike, or holds no numbers, stays among them: what its name says is not dropped.
 
     Raises:
         UsageError: several groups have a gyroscope, or several rates are stated for the same samples.
@@ -222,33 +245,33 @@ def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
     if not found.places:
         return sheet
     (rows, _), *_ = Counter(map(sheet.length, found.places)).most_common()
-    named = {*found.places, *(place for place, name in enumerate(names) if name == how.time_column)}
-    keep = [
-        place
-        for place in range(len(names))
-        if place in named or (sheet.length(place) == rows and place not in found.others)
-    ]
-    inner = f"{found.group}." if found.group else ""
-    unread = [name for k, name in enumerate(names) if name.startswith(inner) and k not in keep]
-    unread = [name for name in unread if accel_axis_of(name.removeprefix(inner))]
-    text = f"{where}: {listed(unread)}: not read, since the gyroscope has another number of rows ({rows})."
+    of = around(names[found.places[0]])
+    apart = tuple(f"{group}." for group in (*found.others, *with_clocks(names, of)))
+    fixed = {place: name for place, name in enumerate(names) if name == how.time_column}
+    for place in found.places:
+        short = names[place].removeprefix(f"{found.group}.") if found.is_by_group else names[place]
+        fixed[place] = short if axis_of(short, sheet.units[place]) else names[place]
+    likes = [p for p, name in enumerate(names) if sheet.length(p) == rows and not name.startswith(apart)]
+    keep = sorted({*fixed, *likes})
+    inner = f"{of[0]}." if of else ""
+    unread = [name for k, name in enumerate(names) if name.startswith((inner, *apart)) and k not in keep]
+    unread = [name for name in unread if is_of_accelerometer(name)]
+    text = f"{where}: {listed(unread)}: not read, since the gyroscope has other times or {rows} rows."
     notes = (*sheet.notes, Note("reading", text)) if unread else sheet.notes
-    prefix = inner if found.is_by_group and how.time_column not in names else ""
-    inside = {name.removeprefix(prefix) for name in names if name.startswith(prefix)}
-    keep = [place for place in keep if names[place].startswith(prefix) or names[place] not in inside]
+    called = {k: names[k] for k in keep} if found.is_of_dialect else short_names(names, of, fixed, keep)
     rates = _rates_of(where, sheet, found, how)
-    return replace(sheet, rates=rates, notes=notes, topic=sheet.topic or found.topic).only(keep, prefix)
+    return replace(sheet, rates=rates, notes=notes, topic=sheet.topic or found.topic).only(called)
 
 
 def _gyroscope(where: str, sheet: Sheet, how: How) -> _Gyroscope:
     """Find the axes: those that the user or a dialect names, or of the group that has some."""
     names = sheet.names
+    dialect = dialect_of(names, _facts(where, sheet))
     if how.columns is not None:
         places: Sequence[int] = [place for place, name in enumerate(names) if name in how.columns]
-        return _Gyroscope(places, names[places[0]].rpartition(".")[0] if places else "")
-    dialect = dialect_of(names, _facts(where, sheet))
+        return _Gyroscope(places, is_of_dialect=dialect is not None)
     if dialect is not None and (places := columns_of(dialect.gyro, names)):
-        return _Gyroscope(places, names[places[0]].rpartition(".")[0])
+        return _Gyroscope(places, is_of_dialect=True)
     groups = gyroscopes_in(names, sheet.units)
     longest = {group: max(map(sheet.length, places)) for group, places in groups.items()}
     groups = {
@@ -259,37 +282,23 @@ def _gyroscope(where: str, sheet: Sheet, how: How) -> _Gyroscope:
         group = asked
     elif len(groups) > 1:
         each = ", ".join(f"{group or '/'} ({longest[group]} rows)" for group in groups)
-        what = f"which gyroscope is meant of {each}"
-        raise not_stated(where, [Missing(what, "--sensor ?")], given_options(how))
+        which = Missing(f"which gyroscope is meant of {each}", "--sensor ?")
+        one = replace(how, topic=next(iter(groups)) or "/")
+        raise asked_with(where, which, given_options(how), lambda: _choose(where, sheet, one))
     else:
         group = next(iter(groups), "")
-    others = frozenset(place for one, places in groups.items() if one != group for place in places)
-    return _Gyroscope(groups.get(group, ()), group, True, others, (group or "/") if asked in groups else "")
-
-
-def gyroscopes_in(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, list[int]]:
-    """Return the places of the axes of gyroscopes, by their group: `left.gyro_x` is in `left`."""
-    groups: dict[str, list[int]] = {}
-    for place, name in enumerate(names):
-        parts = name.split(".") if len(name) < 200 else [name]
-        for first in range(len(parts) - 1, max(-1, len(parts) - 1 - DEEPEST), -1):
-            if axis_of(".".join(parts[first:]), units[place] if units else "") is not None:
-                groups.setdefault(".".join(parts[:first]), []).append(place)
-                break
-    return groups
+    others = [one for one in groups if one and one != group and not f"{group}.".startswith(f"{one}.")]
+    topic = (group or "/") if asked in groups else ""
+    return _Gyroscope(groups.get(group, ()), group, others, topic, is_by_group=True)
 
 
 def _rates_of(where: str, sheet: Sheet, found: _Gyroscope, how: How) -> Mapping[str, float]:
     """Return the rate that the axes' own arrays state, or else the nearest group around them."""
     arrays = {(sheet.arrays or sheet.names)[place] for place in found.places}
     rates = {name: rate_hz for name, rate_hz in sheet.rates.items() if name.rpartition("@")[0] in arrays}
-    level = found.group
-    while not rates:
-        rates = {name: rate_hz for name, rate_hz in sheet.rates.items() if name.rpartition(".")[0] == level}
-        rates = {name: rate_hz for name, rate_hz in rates.items() if "@" not in name}
-        if not level:
-            break
-        level = level.rpartition(".")[0]
+    for level in (*around(sheet.names[found.places[0]]), ""):
+        near = {name: rate_hz for name, rate_hz in sheet.rates.items() if group_of(name) == level}
+        rates = rates or {name: rate_hz for name, rate_hz in near.items() if "@" not in name}
     if len({*rates.values()}) > 1 and how.rate_hz is None:
         each = ", ".join(f"{name} {rate_hz:g}" for name, rate_hz in rates.items())
         what = f"which rate is right of those in Hz that are stated for the same samples: {each}"

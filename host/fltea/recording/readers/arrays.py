@@ -11,10 +11,11 @@ import numpy as np
 
 from fltea.recording.column_names import named_axis, tells_sensors
 from fltea.recording.files import AT_ONCE, listed
+from fltea.recording.groups import gyroscopes_in
 from fltea.recording.npz_arrays import KINDS
 from fltea.recording.one_sensor import MOST_SENSORS
 from fltea.recording.sample_times import SECONDS, Floats
-from fltea.recording.sheet import Sheet, gyroscopes_in
+from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
 
 MOST_WIDE = 64
