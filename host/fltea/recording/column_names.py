@@ -17,6 +17,7 @@ from fltea.recording.units import (
     is_physical,
     is_unit,
     rate_unit,
+    time_scale,
     time_unit,
 )
 from fltea.settings.how import TimeUnit
@@ -56,14 +57,34 @@ _TIME = re.compile(rf"{_TIMES}|{_BEFORE}(?:(?:{_OF_CLOCK})_)*(?:{_OF_TIME})(?:_u
 _SECONDS = re.compile(r"(.*?)_?(?:secs?|seconds|s)")
 _FINE = re.compile(r"(.*?)_?(nanosec(?:ond)?s?|nsecs?|nanos|ns|usecs?|microsec(?:ond)?s?|micros|us)")
 
-_SENSORS = {"i", "instance", "imu", "imu_id", "imu_index", "sensor", "sensor_id", "sensor_index"}
+_SENSORS = {
+    *("i", "instance", "imu", "sensor", "device", "dev", "node", "id", "mac", "addr", "address", "topic"),
+    *("channel", "serial", "serial_number", "device_name", "device_address", "sensor_name"),
+    *(f"{of}_{by}" for of in ("imu", "sensor", "device", "node") for by in ("id", "index")),
+}
 
-_UNIT_BEHIND = re.compile(r"(.*[^\s\[(])\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))")
+_UNIT_BEHIND = re.compile(
+    r"(.*[^\s\[({<])\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\)|\{([^{}]*)\}|<([^<>]*)>)"
+)
 _UNIT_BEFORE = re.compile(r"(?:\[([^\[\]]+)\]|\(([^()]+)\))\s*([^\s\[(].*)")
 _AXIS_BEHIND = re.compile(r"(.*[^\s._])[\s._]([xyzXYZ])")
 _SEPARATOR = re.compile(r"[\s./:\-_]+")
 _HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _MOST_WORDS_OF_UNIT = 4
+_INDICES = {"0", "1", "2"}
+_CLOCKS = re.compile(
+    r"\b(?:utc|gmt|local|unix|epoch|gps|tow|tai|iso|txt|text|string|datetime|date|time)\b|^[+-]\d|yyyy"
+)
+"""What stands in brackets behind times and says which clock they are of, or in which form, but no unit."""
+
+_BODY_AXES = ("x", "y", "z"), ("p", "q", "r"), ("roll", "pitch", "yaw")
+"""What rates about the axes of a body are called, in aviation and of vehicles, too."""
+
+_NOT_MEASURED = re.compile(
+    "(?:.*_)?(?:bias|offset|std|stdev|sigma|var|variance|cov|err|error|noise|target|desired|des|setpoint|sp|ref"
+    "|reference|cmd|command|demand|mean|avg|max|min|est|estimated|truth|gt|filtered|filt|lpf)(?:_.*)?"
+)
+"""Names of rates that no gyroscope measures, or only in part."""
 
 
 class _Name(NamedTuple):
@@ -81,12 +102,13 @@ def _parts(name: str) -> _Name:
     if len(name) > LONGEST_NAME:
         return _Name(name, "", "", is_in_brackets=False)
     if (found := _UNIT_BEHIND.fullmatch(name)) is not None:
-        base, unit = found[1], (found[2] or found[3] or "").strip()
-        if unit in ("0", "1", "2"):  # as PX4 and Betaflight call axes; with _rad PX4 means rad/s
+        base, unit = found[1], next(filter(None, found.groups()[1:]), "").strip()
+        if unit in _INDICES:  # as PX4 and Betaflight call axes; with _rad PX4 means rad/s
             inner = _parts(base)
-            unit = "rad/s" if inner.unit == "rad" else inner.unit
-            return _Name(base, f"{inner.words}_{'xyz'[int(found[2] or found[3])]}", unit, is_in_brackets=True)
-        return _Name(base, _plain(base), unit, is_in_brackets=True)
+            stated = "rad/s" if inner.unit == "rad" else inner.unit
+            return _Name(base, f"{inner.words}_{'xyz'[int(unit)]}", stated, is_in_brackets=True)
+        words = _parts(base).words if base[-1:] == "]" and base[-2:-1] in _INDICES else _plain(base)
+        return _Name(base, words, unit, is_in_brackets=True)
     if (found := _UNIT_BEFORE.fullmatch(name)) is not None and is_unit(found[1] or found[2]):
         return _Name(found[3], _plain(found[3]), found[1] or found[2], is_in_brackets=True)
     if (found := _AXIS_BEHIND.fullmatch(name)) is not None:  # the axis of a structure: `gyro_dps.x`
@@ -96,7 +118,7 @@ def _parts(name: str) -> _Name:
     for separator in list(_SEPARATOR.finditer(name, 1))[-_MOST_WORDS_OF_UNIT:]:
         unit = name[separator.end() :]
         if rate_unit(unit) or accel_unit(unit) or time_unit(unit) or is_angle(unit):
-            base = name[: separator.start()]
+            base = name[: separator.start()].removesuffix(" in")
             return _Name(base, _plain(base), unit, is_in_brackets=False)
     return _Name(name, _plain(name), "", is_in_brackets=False)
 
@@ -117,6 +139,22 @@ def time_unit_of(name: str) -> TimeUnit | None:
     return None
 
 
+def time_scale_of(name: str) -> tuple[TimeUnit, float] | None:
+    """Return the same, and how many of it one is; minutes, hours and days are in brackets, or in full."""
+    found = _parts(name)
+    if found.unit:
+        return time_scale(found.unit)
+    unit, last = time_unit_of(name), found.words.rpartition("_")[2]
+    return (unit, 1.0) if unit else time_scale(last) if len(last) > 3 else None
+
+
+def counts_unknown(name: str, unit: str) -> str:
+    """Return what a file states as the unit of times, by their name or beside it, if that is not known."""
+    stated = (unit or unit_in(name)).strip()
+    is_clock = ":" in stated or _CLOCKS.search(stated.lower())
+    return "" if not stated or is_clock or time_scale(stated) or time_scale_of(name) else stated
+
+
 def rate_unit_of(name: str) -> str | None:
     """Return the unit of angular rates that a name states, by its name in `units.PER_UNIT`."""
     return rate_unit(_parts(name).unit)
@@ -130,14 +168,13 @@ def accel_unit_of(name: str) -> float | None:
 def is_time(name: str) -> bool:
     """Whether a name is one of times; of a bare T see `times_in`."""
     found = _parts(name)
-    if is_physical(found.unit) and time_unit(found.unit) is None:
+    if is_physical(found.unit) and time_scale(found.unit) is None:
         return False
     base, _, end = found.words.rpartition("_")
-    is_base = end in TIME_UNITS and _TIME.fullmatch(base) is not None
+    is_unit_at_end = end in TIME_UNITS or (len(end) > 3 and time_scale(end) is not None)
+    is_base = is_unit_at_end and _TIME.fullmatch(base) is not None
     return (
-        is_base
-        or _TIME.fullmatch(found.words) is not None
-        or (len(end) > 3 and not base and end in TIME_UNITS)
+        is_base or _TIME.fullmatch(found.words) is not None or (len(end) > 3 and not base and is_unit_at_end)
     )
 
 
@@ -149,7 +186,7 @@ def times_in(names: Sequence[str]) -> list[str]:
 
 def tells_sensors(name: str) -> bool:
     """Whether a column with this name tells sensors apart, where it holds more than one value."""
-    return name.rpartition(".")[2].lower() in _SENSORS
+    return len(name) <= LONGEST_NAME and _plain(name.rpartition(".")[2]) in _SENSORS
 
 
 def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
@@ -172,6 +209,27 @@ def axis_of(name: str, unit: str = "") -> str | None:
     return _axis_in(name, unit, _GYRO_AXIS, rate_unit)
 
 
+def axes_in_units(names: Sequence[str], units: Sequence[str]) -> dict[str, int]:
+    """Return places of x, y, z that are called alike, whatever that is, and in a unit of angular rates.
+
+    units: of the columns, where a row of them stands beside. None are found where there are two such triples.
+    """
+    found: dict[tuple[str, ...], list[tuple[str, int]]] = {}
+    for place, name in enumerate(names):
+        parts = _parts(name)
+        stated = _stated(parts, units[place] if place < len(units) else "")
+        if rate_unit(stated) is None or stated in AMBIGUOUS or _NOT_MEASURED.fullmatch(parts.words):
+            continue
+        words = parts.words.split("_")
+        for letters in _BODY_AXES:
+            if len(inside := [word for word in words if word in letters]) == 1:
+                alike = letters[0], *(word for word in words if word != inside[0])
+                found.setdefault(alike, []).append(("xyz"[letters.index(inside[0])], place))
+    triples = [sorted(axes) for axes in found.values() if len(axes) >= 3]
+    is_one = len(triples) == 1 and [axis for axis, _ in triples[0]] == ["x", "y", "z"]
+    return dict(triples[0]) if is_one else {}
+
+
 def accel_axis_of(name: str, unit: str = "") -> str | None:
     """Return the axis of an accelerometer that a name is; unit: what the file states beside it."""
     return _axis_in(name, unit, _ACCEL_AXIS, accel_unit)
@@ -180,13 +238,17 @@ def accel_axis_of(name: str, unit: str = "") -> str | None:
 def _axis_in(name: str, unit: str, axis: re.Pattern[str], kind: Callable[[str], object]) -> str | None:
     """The axis, unless its unit says that something else is measured; with its own unit a mere x is one."""
     parts = _parts(name)
-    stated = parts.unit if is_physical(parts.unit) else unit
+    stated = _stated(parts, unit)
     if is_physical(stated) and kind(stated) is None:
         return None
     found = axis.fullmatch(parts.words)
     if found is None and is_physical(stated) and stated not in AMBIGUOUS:
         found = _BARE_AXIS.fullmatch(parts.words)
     return None if found is None else found[found.lastgroup or "x"]
+
+
+def _stated(parts: _Name, unit: str) -> str:
+    return parts.unit if is_physical(parts.unit) else unit
 
 
 def named_axis(name: str, axis: int) -> str:

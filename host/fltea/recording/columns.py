@@ -14,6 +14,7 @@ from fltea.recording.files import Note
 from fltea.recording.reading import Answer
 from fltea.recording.sample_times import TimeColumn
 from fltea.recording.wanted import Wanted, wanted_of
+from fltea.recording.which_sensor import choose_sensor
 from fltea.records.errors import UsageError
 from fltea.settings.how import How, TimeUnit
 
@@ -120,8 +121,8 @@ def choose(
         raise UsageError(f"{where}: is of {dialect.name}: {dialect.unread}")
     labels, names = _labels(where, names, width, wanted)
     found = Choice(where, labels, names, list(units or ()), wanted, how, facts, dialect)
-    sensor = found.sensor(tag)
     gyro, axes = found.gyro()
+    sensor = choose_sensor(found, tag, gyro)
     unit, factor, lsb = found.unit(gyro)
     time, unit_of_time, time_factor, fine, fine_s = found.clock(gyro)
     rate_hz = found.rate(time)

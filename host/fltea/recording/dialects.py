@@ -96,7 +96,9 @@ class Facts(NamedTuple):
 
     head: the lines before them. file: its name. rates: sample rates in Hz by what states them, such as `imu.fs`.
     sample: gives the first rows of all columns, (n, width), NaN where there is no number. units_from: what says
-    the units that stand beside the names. beside: names that stand on other lines, as boards write them.
+    the units that stand beside the names. beside: names that stand on other lines, as boards write them. cells:
+    gives what stands in a column, by its place, of the same first rows as it is typed. changed: columns whose
+    numbers may still have to be changed, and by what.
     """
 
     head: str = ""
@@ -105,6 +107,8 @@ class Facts(NamedTuple):
     sample: Callable[[], Floats] = lambda: np.empty((0, 0))
     units_from: tuple[Evidence, str] = ("stated", "the names or the row of units")
     beside: Sequence[str] = ()
+    cells: Callable[[int], Sequence[str]] = lambda _: ()
+    changed: Mapping[str, str] = MappingProxyType({})
 
     def number(self, name: str) -> float | None:
         """Return the number that the head gives for a name, as `tscale,0.001`."""

@@ -10,11 +10,12 @@ from fltea.recording import candidates
 from fltea.recording.column_names import (
     accel_axis_of,
     accel_unit_of,
+    axes_in_units,
     axis_of,
+    counts_unknown,
     rate_unit_of,
     split_seconds,
-    tells_sensors,
-    time_unit_of,
+    time_scale_of,
     times_in,
     unit_in,
 )
@@ -28,6 +29,7 @@ from fltea.recording.units import (
     parse_accel_unit,
     parse_units,
     rate_unit,
+    time_scale,
     time_unit,
 )
 from fltea.recording.wanted import Wanted
@@ -48,8 +50,6 @@ _TWO_FIELDS = re.compile(r"(\d+)\+(\d+)")
 
 ENOUGH = 10
 """Rows that say that a column is empty."""
-
-MOST_TURNS = 16
 
 
 class Choice:
@@ -72,56 +72,14 @@ class Choice:
         self.answers: list[Answer] = []
         self.missing: list[Missing] = []
         self.notes: list[Note] = []
+        self.tables: list[str] = []
+        self.shown_of = ""
         self.turn = (0, 1)
         self._by_dialect: Evidence = "convention" if dialect is not None and dialect.convention else "dialect"
 
     def answer(self, question: Question, value: str, evidence: Evidence, why: str) -> None:
         """Add an answer."""
         self.answers.append(Answer(question, value, evidence, why))
-
-    def sensor(self, tag: str) -> tuple[int, str | None] | None:
-        """Find what tells several sensors apart, and which of them is read."""
-        given = self.how.topic
-        if given is not None and (turns := _turns(given)):
-            self.turn = turns
-            self.answer("sensor", f"row {turns[0] + 1} of every {turns[1]}", "given", "--sensor")
-            return None
-        column, mark, value = (given or "").rpartition("=")
-        if mark and column in self.labels:
-            self.answer("sensor", f"{column} is {value}", "given", "--sensor")
-            return self.labels.index(column), value
-        if tag:
-            if given is not None:
-                self.answer("rows", f"those that begin with {tag}", "given", "--sensor")
-            elif self.dialect is not None and self.dialect.tag:
-                self.answer("rows", f"those that begin with {tag}", "dialect", self.dialect.name)
-            return 0, tag
-        place = self._sensor_column()
-        if place is None:
-            if given is not None:
-                raise UsageError(
-                    f"{self.where}: --sensor {given}: no column is known that tells sensors apart. Name it: "
-                    "--sensor COLUMN=VALUE, or give --sensor 1/2 for the first of two whose rows take turns."
-                )
-            return None
-        if given is not None:
-            self.answer("sensor", f"{self.names[place]} is {given}", "given", "--sensor")
-        return place, given
-
-    def _sensor_column(self) -> int | None:
-        pattern = self.dialect.sensor if self.dialect is not None else ""
-        found = columns_of([[pattern]], self.names) if pattern else ()
-        if found:
-            return found[0]
-        taken = {*self.wanted.names}
-        named = [k for k, name in enumerate(self.names) if tells_sensors(name) and name not in taken]
-        return next((place for place in named if not self._counts(place)), None)
-
-    def _counts(self, place: int) -> bool:
-        """Whether each of the first rows has a larger number in a column than the one before it."""
-        values = self.facts.sample()
-        fits = values.ndim == 2 and values.shape[1] == len(self.names) and len(values) >= ENOUGH
-        return fits and bool((np.diff(values[:, place]) > 0).all())
 
     def gyro(self) -> tuple[tuple[int, ...], tuple[str, ...]]:
         """Find the axes: their places, and what they are called."""
@@ -155,16 +113,27 @@ class Choice:
 
     def unit(self, gyro: tuple[int, ...]) -> tuple[str, float, float | None]:
         """Find the unit of the axes: its name, the factor to deg/s or counts, and LSB per deg/s."""
-        stated = [rate_unit_of(self.names[place]) or rate_unit(self.units[place]) for place in gyro]
+        stated = [rate_unit_of(self.names[p]) or _rate_or_counts(self.units[p]) for p in gyro]
+        changed = "" if self.how.overrule else self._changed(gyro)
         known = {one for one in stated if one is not None}
         self._check_names_against_units(gyro, rate_unit_of, rate_unit, "--units")
         if self.how.units is not None:
             parsed = parse_units(self.how.units)
             self._check_given_unit(gyro, stated, parsed)
+            if changed and parsed[1] is None:
+                raise UsageError(
+                    f"{self.where}: {changed}, and --units {self.how.units} says not whether that is done. If "
+                    f"they are in {self.how.units} as they stand, add --overrule."
+                )
             self.answer("unit", self.how.units, "given", "--units")
             return self.how.units, *self._whole(parsed, gyro)
+        if changed:
+            what = f"what the numbers are as they stand: {changed}, and not said is how"
+            self.missing.append(Missing(what, "--units ? --overrule"))
+            return "", 1.0, None
         if not gyro:
-            self.missing.append(Missing("their unit", "--units ?"))
+            if not any(map(rate_unit_of, self.names)) and not any(map(rate_unit, self.units)):
+                self.missing.append(Missing("their unit", "--units ?"))
             return "", 1.0, None
         if len(known) > 1:
             raise UsageError(
@@ -178,7 +147,7 @@ class Choice:
             unit = known.pop()
             self._check_stated_unit(gyro, unit)
             self.answer("unit", unit, *self.facts.units_from)
-            return unit, *parse_units(unit)
+            return unit, *self._whole(parse_units(unit), gyro)
         if dialect is not None and dialect.gyro_unit and not known:
             scale = self.facts.number(dialect.gyro_scale) if dialect.gyro_scale else 1.0
             if scale is not None and math.isfinite(scale) and scale > 0:
@@ -190,6 +159,11 @@ class Choice:
         some = f" ({listed([self.names[gyro[0]]])} says {next(iter(known))})" if known else ""
         self.missing.append(Missing(f"the unit of {what}{some}", "--units ?"))
         return "", 1.0, None
+
+    def _changed(self, places: Sequence[int]) -> str:
+        """Say which columns may still have to be changed by what the file says, and by what."""
+        found = {name: what for p in places if (what := self.facts.changed.get(name := self.names[p]))}
+        return f"{listed([*found])} may have to be changed by {listed([*{*found.values()}])}" if found else ""
 
     def _whole(self, parsed: tuple[float, float | None], gyro: Sequence[int]) -> tuple[float, float | None]:
         """Return a unit as factor and LSB; `lsb:N` of fractions is a scale, and says nothing of a resolution."""
@@ -285,14 +259,18 @@ class Choice:
             for two in map(_TWO_FIELDS.fullmatch, self.dialect.time):
                 if two is not None and two[1] == self.names[place]:
                     return place, "s", 1.0, self.names.index(two[2]), 1e-9
-        self._check_names_against_units([place], time_unit_of, time_unit, "--time-unit")
-        stated = time_unit(self.units[place]) or time_unit_of(self.names[place])
-        unit: TimeUnit | None = given or stated
-        if None not in (given, stated) and given != stated and not self.how.overrule:
+        self._check_names_against_units([place], time_scale_of, time_scale, "--time-unit")
+        name, beside = self.names[place], self.units[place]
+        stated = time_scale(beside) or time_scale_of(name)
+        if given is not None and stated is not None and (given, 1.0) != stated and not self.how.overrule:
+            in_file = beside if time_scale(beside) else unit_in(name) or stated[0]
             raise UsageError(
-                f"{self.where}: the column {listed([self.names[place]])} is in {stated} by its name or line of "
+                f"{self.where}: the column {listed([name])} is in {in_file} by its name or line of "
                 f"units, and --time-unit {given} says otherwise. Leave --time-unit out. {OVERRULE}"
             )
+        unit: TimeUnit | None = given
+        if given is None and stated is not None:
+            unit, factor = stated
         dialect = self.dialect
         if unit is None and by_dialect and dialect is not None and dialect.time_unit:
             scale = self.facts.number(dialect.time_scale) if dialect.time_scale else 1.0
@@ -300,6 +278,9 @@ class Choice:
                 self.missing.append(Missing(f"the unit of {listed([self.names[place]])}", "--time-unit ?"))
             else:
                 unit, factor = time_unit(dialect.time_unit), dialect.time_ticks * scale
+        if unit is None and self.how.rate_hz is None and (what := counts_unknown(name, beside)):
+            asked = f"what the times of {listed([name])} count (the file says {listed([what])})"
+            self.missing.append(Missing(asked, "--time-unit ?"))
         return place, unit, factor, None, 0.0
 
     def _time_column(self, gyro: Sequence[int]) -> tuple[int | None, bool]:
@@ -434,21 +415,28 @@ class Choice:
         has_names = self.names != [str(place + 1) for place in range(len(self.names))]
         if fits and not gyro:
             tables.append(candidates.columns_table(self.names if has_names else None, values))
-        elif fits and any(one.option == "--units ?" for one in self.missing):
+        elif fits and any(one.option.startswith("--units ?") for one in self.missing):
             when = self.dialect.ask_unit if self._is_of_dialect(gyro) and self.dialect is not None else {}
             tables.append(candidates.units_table(values[:, list(gyro)], rate_hz, when or None))
+        tables = [*self.tables, self.shown_of if any(tables) else "", *tables]
         return not_stated(self.where, self.missing, given_options(self.how), "\n".join(filter(None, tables)))
+
+
+def _rate_or_counts(unit: str) -> str | None:
+    return rate_unit(unit) or (unit if unit.startswith("lsb:") else None)
 
 
 def axes_of(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, int]:
     """Return places of the axes x, y, z: by our names, else those that others use; none if two are of one axis.
 
-    units: of the columns, where a row of them stands beside.
+    Where no name is a gyroscope's, those in a unit of rates that are called alike but for the axis. units: of the columns, where a row of them stands beside.
     """
     places: dict[str, list[int]] = {}
     for place, name in enumerate(names):
         if axis := axis_of(name, units[place] if place < len(units) else ""):
             places.setdefault(axis, []).append(place)
+    if not places:
+        return axes_in_units(names, units)
     if any(len(found) > 1 for found in places.values()):
         places = {
             axis: [k for k in found if names[k] == f"gyro_{axis}_dps"] for axis, found in places.items()
@@ -463,10 +451,3 @@ def axes_of(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, int]:
 def _as_axes(names: Sequence[str], places: Sequence[int], axes: Sequence[str]) -> str:
     return f"{listed([names[place] for place in places])} as {', '.join(axes)}"
 
-
-def _turns(given: str) -> tuple[int, int] | None:
-    """Return the place from 0, and how many there are, of `1/2`: the first of two sensors in turns."""
-    first, mark, count = given.partition("/")
-    if not (mark and first.isdecimal() and count.isdecimal()):
-        return None
-    return (int(first) - 1, int(count)) if 1 <= int(first) <= int(count) <= MOST_TURNS else None

@@ -54,9 +54,9 @@ class SheetHead(msgspec.Struct, frozen=True):
     array each column is of; none: each is one of its own. stamps: columns that hold points of time, given as
     seconds since the first one. rates: samples per second, by the name of what states them: `imu.fs` holds
     for all of `imu`, `imu.gyro@fs` for one array. doubts: of columns whose numbers may be others than they
-    seem, why. topic: the sensor that is read of several, "" if there is one. sample: the first rows of the
-    first columns, null where there are no numbers. words: of columns that tell sensors apart by words, what
-    the numbers from 0 that stand in them mean.
+    seem, why. changed: columns whose numbers may still have to be changed, and by what. topic: the sensor that
+    is read of several, "" if there is one. sample: the first rows of the first columns, null where there are no
+    numbers. words: of columns that tell sensors apart by words, what the numbers from 0 in them mean.
     """
 
     names: list[str]
@@ -67,11 +67,17 @@ class SheetHead(msgspec.Struct, frozen=True):
     stamps: tuple[str, ...] = ()
     rates: dict[str, float] = {}
     doubts: dict[str, str] = {}
+    changed: dict[str, str] = {}
     unit_evidence: tuple[Evidence, str] = ("stated", "the names or the units beside them")
     notes: tuple[Note, ...] = ()
     topic: str = ""
     sample: list[list[float | None]] = []
     words: dict[str, list[str]] = {}
+
+    def called(self, place: int, values: Sequence[float]) -> list[str]:
+        """Return what values of a column are called, by the words that they mean, or as they are typed."""
+        words = self.words.get(self.names[place])
+        return [words[int(v)] if words and 0 <= v < len(words) else as_word(v) for v in values]
 
     def length(self, place: int) -> int:
         """Return how many rows a column has."""
@@ -96,6 +102,7 @@ class Sheet(SheetHead, frozen=True, kw_only=True):
             arrays=[self.arrays[place] for place in keep] if self.arrays else [],
             stamps=tuple(names[name] for name in self.stamps if name in names),
             doubts={names[name]: why for name, why in self.doubts.items() if name in names},
+            changed={names[name]: why for name, why in self.changed.items() if name in names},
             words={names[name]: words for name, words in self.words.items() if name in names},
             sample=[[row[p] if p < len(row) else None for p in keep] for row in self.sample],
             blocks=lambda places: blocks([keep[place] for place in places]),
@@ -166,7 +173,13 @@ def _facts(where: str, sheet: Sheet) -> Facts:
     topic = sheet.topic if ":" in sheet.topic else f"{sheet.topic}:0"
     file = f"{Path(where).name} {topic.replace(':', '_')}"  # as tools name the file of a topic
     rates = {name.replace(".", "/"): rate_hz for name, rate_hz in sheet.rates.items()}
-    return Facts("", file, rates, lambda: np.array(sheet.sample, np.float64), sheet.unit_evidence)
+    first = lambda: np.array(sheet.sample, np.float64)  # noqa: E731
+
+    def cells(place: int) -> list[str]:
+        values = [row[place] if place < len(row) else None for row in sheet.sample]
+        return sheet.called(place, [math.nan if value is None else value for value in values])
+
+    return Facts("", file, rates, first, sheet.unit_evidence, changed=sheet.changed, cells=cells)
 
 
 def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
@@ -180,10 +193,7 @@ def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
         numbers = np.arange(row, row + len(values))
         row += len(values)
         if sensor is not None:
-            words = sheet.words.get(sheet.names[place])
-            kept = sensor.keep(
-                [words[int(v)] if words and math.isfinite(v) else as_word(v) for v in values[:, -1]]
-            )
+            kept = sensor.keep(sheet.called(place, values[:, -1].tolist()))
             values, numbers = np.ascontiguousarray(values[kept, :-1]), numbers[kept]
         yield Rows(numbers, chosen.scale(values), np.arange(ordinal, ordinal := ordinal + len(values)))
     if sensor is not None and (error := sensor.why_none()) is not None:
@@ -210,7 +220,10 @@ def _check_columns(where: str, sheet: Sheet, chosen: Chosen, how: How) -> None:
             "belong together is not known. Mend the file, or name those that are alike with --columns."
         )
     sensor = [] if chosen.sensor is None else [sheet.names[chosen.sensor[0]]]
-    for name in () if how.overrule else [*sensor, *chosen.read]:
+    for name in chosen.read:
+        if name in sheet.words:
+            raise UsageError(f"{where}: {name}: holds words ({listed(sheet.words[name])}), and no numbers.")
+    for name in () if how.overrule else [*({*sensor} - sheet.words.keys()), *chosen.read]:
         if name in sheet.doubts:
             raise UsageError(f"{where}: {name}: {sheet.doubts[name]}")
 

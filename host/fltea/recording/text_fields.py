@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from fltea.recording.one_sensor import as_word
 from fltea.recording.sample_times import Floats
 from fltea.recording.text_labels import decode_object, values_in
 from fltea.recording.units import is_unit
@@ -79,13 +80,13 @@ def bare_fields(line: str) -> list[str]:
 
 
 def units_in(line: str) -> list[str] | None:
-    """The units in the second line of a header, which holds nothing else; "" where one is not known."""
+    """The units in the second line of a header, which holds nothing else but some that are not known."""
     fields = bare_fields(line)
     filled = [field for field in fields if field not in ("", "1")]  # 1: a number without a dimension
     known = sum(map(is_unit, filled))
     if any(map(is_number, filled)) or not known or 2 * known < len(filled):
         return None
-    return [field if is_unit(field) else "" for field in fields]
+    return fields
 
 
 class Kinds:
@@ -128,11 +129,15 @@ def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag
 
     A header may stand among rows thousands of times; the lines are the same each time, and are taken apart once.
     """
-    lines = tuple(lines)
-    is_by_name = names and any(
-        _has(found, line, {*names}) for found, line in zip(_named(lines), lines, strict=True)
-    )
-    return _numbers(lines, tuple(names) if names and is_by_name else (), width, tag)
+    return _numbers(tuple(lines), tuple(names or ()), width, tag)
+
+
+def cells_of(
+    lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str, place: int
+) -> list[str]:
+    """What stands in a column of the rows of `sample_of`, as it is typed."""
+    found = (row[place] for row in _rows(tuple(lines), tuple(names or ()), width, tag))
+    return [as_word(one) if isinstance(one, float) else "" if one is None else str(one) for one in found]
 
 
 def _has(found: Mapping[str, Any], line: str, names: set[str]) -> bool:
@@ -152,20 +157,29 @@ def _named(lines: Sequence[str]) -> list[Mapping[str, Any]]:
 
 
 @lru_cache(maxsize=8)
-def _numbers(lines: Sequence[str], names: Sequence[str], width: int, tag: str) -> Floats:
-    rows: list[list[float]] = []
-    for line, found in zip(lines, _named(lines), strict=True):
+def _rows(lines: Sequence[str], names: Sequence[str], width: int, tag: str) -> list[list[Any]]:
+    named = _named(lines)
+    is_by_name = names and any(_has(found, line, {*names}) for found, line in zip(named, lines, strict=True))
+    names = names if is_by_name else ()
+    rows: list[list[Any]] = []
+    for line, found in zip(lines, named, strict=True):
         if _has(found, line, {*names} or {""}):
-            rows.append([_value(found.get(name)) for name in names])
+            rows.append([found.get(name) for name in names])
             continue
         fields = split(line, separator_of(line, width))
         while len(fields) > width and not fields[-1]:
             fields.pop()
         if len(fields) == width and (not tag or fields[0] == tag) and any(map(is_number, fields)):
-            rows.append([_value(field) for field in fields])
-    found_rows = np.array([row for row in rows if len(row) == width], np.float64).reshape(-1, width)
-    found_rows.setflags(write=False)
-    return found_rows
+            rows.append(list(fields))
+    return [row for row in rows if len(row) == width]
+
+
+@lru_cache(maxsize=8)
+def _numbers(lines: Sequence[str], names: Sequence[str], width: int, tag: str) -> Floats:
+    rows = [[_value(field) for field in row] for row in _rows(lines, names, width, tag)]
+    found = np.array(rows, np.float64).reshape(-1, width)
+    found.setflags(write=False)
+    return found
 
 
 def _value(field: Any) -> float:

@@ -5,7 +5,7 @@ Lines are looked at one by one, so a file and an endless stream are understood i
 
 import re
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -20,6 +20,7 @@ from fltea.recording.text_fields import (
     MOST_COLUMNS,
     Kinds,
     all_numbers,
+    cells_of,
     is_blank,
     is_comment,
     sample_of,
@@ -65,8 +66,16 @@ class Layout(NamedTuple):
     again: tuple[str, ...] = ()
 
 
+class _Names(NamedTuple):
+    """Names of columns. is_loose: among them may be other words, or names with blanks."""
+
+    names: list[str]
+    separator: str | None
+    is_loose: bool
+
+
 class _Header(NamedTuple):
-    """A line of names. is_loose: it may hold other words than names, or names with blanks."""
+    """The same, with the number of their line, and the line."""
 
     line: int
     text: str
@@ -127,7 +136,8 @@ class LayoutFinder:
                 if units is not None:
                     self._units = units
                     return None
-                self._choose_named()
+                if not comment:
+                    self._choose_named(line)
             found = None if comment else self._of_row(number, line) or self._of_labels(number, line)
         if found is None:
             self._before.append((number, line))
@@ -136,8 +146,12 @@ class LayoutFinder:
             self.is_other = not comment
         return found
 
-    def header_of(self, line: str) -> tuple[list[str], str | None, bool] | None:
-        """The names in a line, what separates them, and whether it may hold more than names; or None."""
+    def header_of(self, line: str) -> _Names | None:
+        """The names in a line; None if it holds none."""
+        return next(self._headers(line), None)
+
+    def _headers(self, line: str) -> Iterator[_Names]:
+        """What the names in a line may be, by what may separate them."""
         text = line.strip(
             " \r\n"
         )  # a tab separates, so one in front belongs to a first column without a name
@@ -156,8 +170,7 @@ class LayoutFinder:
             ):
                 continue  # labels with numbers, as in "gx: 1.5 gy: 0.2"
             if len(names) <= MOST_COLUMNS and self._are_names(names):
-                return names, separator, separator is None or is_comment(line)
-        return None
+                yield _Names(names, separator, separator is None or is_comment(line))
 
     def _are_names(self, names: Sequence[str], units: Sequence[str] = ()) -> bool:
         """Whether the fields of a line name the columns that are meant."""
@@ -183,11 +196,23 @@ class LayoutFinder:
             "\n".join(self._sample()[:MOST_BEFORE] if tag else [*self.head, self._newest]),
             self._where.rpartition("/")[2].rpartition(":")[0] or self._where.rpartition("/")[2],
             sample=cache(lambda: sample_of(self._sample(), names, count, tag)),
+            cells=lambda place: cells_of(self._sample(), names, count, tag, place),
         )
 
-    def _choose_named(self) -> None:
+    def _choose_named(self, line: str) -> None:
+        """Choose the columns by the header and the first line behind it, which tells how many there are."""
         header, self._header = self._header, None  # of one that is refused nothing stays
         assert header is not None
+        fields = split(line, separator_of(line))
+        if 2 * sum(map(is_number, fields)) > len(fields):
+            fitting = next((one for one in self._headers(header.text) if _fit(one, line)), None)
+            if fitting is not None:
+                header = _Header(header.line, header.text, *fitting)
+            elif header.separator is None and any(mark in header.text for mark in "\t;,"):
+                lines = header.text, *(["\t".join(self._units)] if self._units else ())
+                self._before += enumerate(lines, header.line)
+                self.head += lines
+                return
         names, units = header.names, self._units
         beside = units if units is not None and len(units) == len(names) else None
         facts = self._facts(names)
@@ -301,6 +326,13 @@ class LayoutFinder:
         facts = self._facts(names)._replace(beside=sorted(others))
         chosen = choose(f"{self._where}:{number}", names, units, len(names), self._how, facts)
         return Layout(chosen, None, values_in, 0, 0, 0, number)
+
+
+def _fit(header: _Names, row: str) -> bool:
+    """Whether a row has as many fields as there are names, or more that are empty."""
+    count = len(header.names)
+    rows = (split(row, separator) for separator in {separator_of(row, count), header.separator})
+    return any(len(fields) >= count and not any(fields[count:]) for fields in rows)
 
 
 def _layout(

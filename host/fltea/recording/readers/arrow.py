@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from fltea.recording.column_names import tells_sensors
 from fltea.recording.files import AT_ONCE
 from fltea.recording.one_sensor import MOST_SENSORS
 from fltea.recording.sample_times import SECONDS, Floats
@@ -45,14 +44,12 @@ def _arrow(schema: Any, rows: int, batches: Callable[[list[str]], Iterator[Any]]
     stamps = [n for n, kind in zip(names, kinds, strict=True) if _is_stamp(kind)]
 
     is_bad = [not (_is_stamp(kind) or _is_number(kind)) for kind in kinds]
-    words = {
-        n: _words(batches([n]), n) for n, bad in zip(names, is_bad, strict=True) if bad and tells_sensors(n)
-    }
+    words = {n: _words(batches([n]), n) for n, bad in zip(names, is_bad, strict=True) if bad}
     words = {name: some for name, some in words.items() if some}
     doubts = {
         name: f"holds {kind}, no numbers."
         for name, kind, bad in zip(names, kinds, is_bad, strict=True)
-        if bad and name not in words
+        if bad
     }
 
     def blocks(places: Sequence[int]) -> Iterator[Floats]:

@@ -1,0 +1,171 @@
+"""Which column tells several sensors apart, and which of them is read (pure)."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from fltea.recording.column_names import accel_axis_of, axis_of, is_time, tells_sensors, unit_in
+from fltea.recording.dialects import columns_of
+from fltea.recording.evidence import Choice
+from fltea.recording.files import listed
+from fltea.recording.one_sensor import MOST_SENSORS, tells_apart
+from fltea.recording.reading import Missing
+from fltea.recording.sample_times import Marks
+from fltea.recording.units import is_physical
+from fltea.recording.wanted import is_number
+from fltea.records.errors import UsageError
+
+MOST_TURNS = 16
+MOST_SHOWN, MOST_FIGURES = 8, 6
+"""Sensors and columns of a table that shows them."""
+
+
+def choose_sensor(choice: Choice, tag: str, gyro: Sequence[int]) -> tuple[int, str | None] | None:
+    """Find what tells several sensors apart, and which of them is read; the rest is judged by its rows.
+
+    tag: the first field of a row, of files with rows of several kinds. gyro: places of the axes.
+
+    Raises:
+        UsageError: nothing is known of the sensor that the user names.
+    """
+    given = choice.how.topic
+    if given is not None and (turns := _turns(given)):
+        choice.turn = turns
+        which = f"row {turns[0] + 1} of every {turns[1]}" if turns[1] > 1 else "all rows are of one"
+        choice.answer("sensor", which, "given", "--sensor")
+        _only(choice, np.arange(len(choice.facts.sample())) % turns[1] == turns[0])
+        return None
+    column, mark, value = (given or "").rpartition("=")
+    if mark and (place := _place_of(choice, column)) is not None:
+        return _read(choice, place, value, column)
+    if tag:
+        if given is not None:
+            choice.answer("rows", f"those that begin with {tag}", "given", "--sensor")
+        elif choice.dialect is not None and choice.dialect.tag:
+            choice.answer("rows", f"those that begin with {tag}", "dialect", choice.dialect.name)
+        return 0, tag
+    named = [place for place in _named(choice) if not _counts(choice, place)]
+    if given is not None:
+        return _of_value(choice, given, named, gyro)
+    several = (place for place in (*named, *_measured(choice, gyro)) if len({*_cells(choice, place)}) > 1)
+    if (place := next(several, None)) is not None:
+        _ask(choice, place, gyro)
+        return place, None
+    return (named[0], None) if named else None
+
+
+def _of_value(
+    choice: Choice, value: str, named: Sequence[int], gyro: Sequence[int]
+) -> tuple[int, str | None]:
+    """Find the column that holds what the user calls the sensor."""
+    holding = [place for place in (*named, *_measured(choice, gyro)) if value in _cells(choice, place)]
+    if not holding and not named and not is_number(value):
+        others = [place for place in range(len(choice.names)) if place not in gyro]
+        holding = [place for place in others if value in _cells(choice, place)]
+    if not (holding or named):
+        raise UsageError(
+            f"{choice.where}: --sensor {value}: no column is known that tells sensors apart. Name it: "
+            "--sensor COLUMN=VALUE, or give --sensor 1/2 for the first of two whose rows take turns."
+        )
+    place = (holding or list(named))[0]
+    return _read(choice, place, value, choice.names[place])
+
+
+def _read(choice: Choice, place: int, value: str, column: str) -> tuple[int, str]:
+    choice.answer("sensor", f"{column} is {value}", "given", "--sensor")
+    _only(choice, np.array([cell == value for cell in _cells(choice, place)], np.bool_))
+    return place, value
+
+
+def _place_of(choice: Choice, column: str) -> int | None:
+    """The column that the user calls so: by its label, its name, or its position from 1."""
+    for known in (choice.labels, choice.names):
+        if column in known:
+            return known.index(column)
+    is_position = column.isdecimal() and 1 <= int(column) <= len(choice.names)
+    return int(column) - 1 if is_position else None
+
+
+def _named(choice: Choice) -> list[int]:
+    """Columns that tell sensors apart by their names, or as the dialect says."""
+    pattern = choice.dialect.sensor if choice.dialect is not None else ""
+    if pattern and (found := columns_of([[pattern]], choice.names)):
+        return [found[0]]
+    wanted = {*choice.wanted.names}
+    return [k for k, name in enumerate(choice.names) if tells_sensors(name) and name not in wanted]
+
+
+def _counts(choice: Choice, place: int) -> bool:
+    """Whether a column numbers the rows."""
+    cells = _cells(choice, place)
+    if len({*cells}) > MOST_SENSORS:
+        return True
+    numbers = [float(cell) for cell in cells if is_number(cell) and "," not in cell]
+    return len(numbers) == len(cells) >= 10 and bool((np.diff(numbers) > 0).all())
+
+
+def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
+    """Columns by which sensors take turns; what is measured, or is called a time, is none of them."""
+    values, names = choice.facts.sample(), choice.names
+    if values.ndim != 2 or values.shape[1] != len(names):
+        return
+    wanted = {*choice.wanted.names}
+    free = []
+    clock = None
+    for place, (name, unit) in enumerate(zip(names, choice.units, strict=True)):
+        if choice.labels[place] == choice.wanted.time or (clock is None and is_time(name)):
+            clock = values[:, place]
+        is_axis = place in gyro or axis_of(name, unit) or accel_axis_of(name, unit)
+        is_free = not (is_axis or is_time(name) or is_physical(unit_in(name) or unit))
+        if is_free and choice.labels[place] not in wanted:
+            free.append(place)
+    figures = values[:, [place for place in range(len(names)) if place not in free or place in gyro]]
+    yield from (
+        place for place in free if (cells := _cells(choice, place)) and tells_apart(cells, clock, figures)
+    )
+
+
+def _cells(choice: Choice, place: int) -> Sequence[str]:
+    cells = choice.facts.cells(place)
+    return cells if len(cells) == len(choice.facts.sample()) else ()
+
+
+def _only(choice: Choice, marks: Marks) -> None:
+    """Judge what follows by the first rows of the sensor that is read."""
+    values = choice.facts.sample()
+    if len(marks) == len(values) and marks.any():
+        values = values[marks]
+        choice.facts = choice.facts._replace(sample=lambda: values)
+
+
+def _ask(choice: Choice, place: int, gyro: Sequence[int]) -> None:
+    """Ask for the sensor, and show what the first rows of each hold."""
+    cells, values, name = np.array(_cells(choice, place)), choice.facts.sample(), choice.names[place]
+    counts = Counter(cells.tolist())
+    found = listed(sorted(counts))
+    what = f"which sensor is meant: column {name} tells several apart ({found})"
+    choice.missing.append(Missing(what, "--sensor ?"))
+    shown = list(gyro) or [k for k in range(len(choice.names)) if k != place and not is_time(choice.names[k])]
+    lines = [f"The sensors by the column {name}, and what the first rows show of each (mean ± σ):"]
+    for one in sorted(counts)[:MOST_SHOWN]:
+        rows = values[cells == one]
+        figures = [
+            f"{choice.names[k]} {np.nanmean(rows[:, k]):.3g} ± {np.nanstd(rows[:, k]):.2g}"
+            for k in shown
+            if np.isfinite(rows[:, k]).any()
+        ]
+        lines.append(f"  --sensor {one}: {counts[one]} rows; {', '.join(figures[:MOST_FIGURES])}")
+    (most, _), *_ = counts.most_common(1)
+    lines.append(f"  --sensor 1/1: {name} tells something else, and all rows are of one sensor")
+    choice.tables.append("\n".join(lines))
+    choice.shown_of = f"What else is asked for is shown of {name}={most}."
+    _only(choice, cells == most)
+
+
+def _turns(given: str) -> tuple[int, int] | None:
+    """Return the place from 0, and how many there are, of `1/2`: the first of two sensors in turns."""
+    first, mark, count = given.partition("/")
+    if not (mark and first.isdecimal() and count.isdecimal()):
+        return None
+    return (int(first) - 1, int(count)) if 1 <= int(first) <= int(count) <= MOST_TURNS else None
