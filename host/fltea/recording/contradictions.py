@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from fltea.recording import candidates
-from fltea.recording.column_names import accel_unit_of, is_time, time_unit_of
+from fltea.recording.column_names import accel_unit_of, is_time, time_scale_of
 from fltea.recording.dialects import GRAVITY_TOLERANCE
 from fltea.recording.evidence import OVERRULE, Choice
 from fltea.recording.files import Note, listed
 from fltea.recording.reading import Missing, given_options, not_stated
 from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, SAME_RATE, SECONDS, Floats
-from fltea.recording.units import accel_unit, time_unit
+from fltea.recording.units import accel_unit, time_scale, time_unit
 from fltea.records.errors import UsageError
 from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.settings.how import TimeUnit
@@ -63,8 +63,8 @@ def _compare_clocks(choice: Choice, time: int, unit_s: float | None) -> None:
         found = _runs_as(values[:, place], values[:, time])
         if found is None:
             continue
-        other = time_unit(choice.units[place]) or time_unit_of(name)
-        other_s = None if other is None else SECONDS[other]
+        other = time_scale(choice.units[place]) or time_scale_of(name)
+        other_s = None if other is None else SECONDS[other[0]] * other[1]
         if other is None and {*_of_dialect(choice)} >= {name, names[time]}:
             other_s = unit_s
         if other_s is not None and unit_s is not None:

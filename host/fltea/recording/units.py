@@ -62,6 +62,9 @@ TIME_UNITS: Mapping[str, TimeUnit] = {
 }
 """What is written behind or instead of the name of a column of times, in small letters."""
 
+_LONG_TIMES_S = {"min": 60.0, "h": 3600.0, "d": 86_400.0}
+_DAYS = dict.fromkeys(("d", "day", "days"), "d")
+
 AMBIGUOUS = ("rads",)
 """Radians per second, or several radians: of a gyroscope the first; of what is only called x nobody knows."""
 
@@ -85,7 +88,7 @@ _SIGNS = str.maketrans(
         **dict.fromkeys("º˚", "°"),
         **dict.fromkeys("⁻−–", "-"),
         **dict.fromkeys("·⋅*×", " "),
-        **dict.fromkeys("[](){}^$", ""),
+        **dict.fromkeys("[](){}<>^$", ""),
         **dict.fromkeys("’'", "′"),
         "”": "″",
         "²": "2",
@@ -175,6 +178,15 @@ def time_unit(text: str) -> TimeUnit | None:
     return TIME_UNITS.get(_bare(text)) if len(text) <= LONGEST_UNIT else None
 
 
+def time_scale(text: str) -> tuple[TimeUnit, float] | None:
+    """Return the same, and how many of it one is: of minutes, hours and days, so many seconds."""
+    bare = _bare(text[: LONGEST_UNIT + 1])
+    if (unit := TIME_UNITS.get(bare)) is not None:
+        return unit, 1.0
+    seconds = _LONG_TIMES_S.get(_TIME_WORDS.get(bare) or _DAYS.get(bare, ""))
+    return None if seconds is None else ("s", seconds)
+
+
 def is_angle(text: str) -> bool:
     """Whether a text is a unit of angles, which no rate is in."""
     return len(text) <= LONGEST_UNIT and _angle(_bare(text)) is not None
@@ -184,7 +196,7 @@ def is_unit(text: str) -> bool:
     """Whether a text is a unit, of anything that stands in a table of an IMU, or says that there is none."""
     bare = _bare(text[: LONGEST_UNIT + 1])
     is_other = bare.replace(" ", "_") in _NO_RATES or text.strip() in ("[]", "()")
-    return is_other or any(kind(text) for kind in (rate_unit, accel_unit, time_unit, is_angle))
+    return is_other or any(kind(text) for kind in (rate_unit, accel_unit, time_scale, is_angle))
 
 
 def is_physical(text: str) -> bool:
