@@ -15,6 +15,8 @@ from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Stored
 from fltea.recording.one_sensor import MOST_SENSORS, OneSensor, as_word
 from fltea.recording.reading import NotStated
+from fltea.recording.table import Rows
+from fltea.recording.turns import Turns
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
@@ -227,14 +229,54 @@ def test_rows_by_turns(form: Callable[..., Stored], count: int, tmp_path: Path) 
         assert str(answer) == f"row {sensor + 1} of every {count} (given: --sensor)"
 
 
-def test_rows_by_turns_of_text_stay_in_turn_behind_a_lost_row(tmp_path: Path) -> None:
+@each_form
+@pytest.mark.parametrize("later_s", [0.0, 0.005, 0.003])
+def test_rows_by_turns_stay_in_turn_behind_a_lost_row(
+    form: Callable[..., Stored], later_s: float, tmp_path: Path
+) -> None:
+    """Of a time that two should have one sensor's row is not known; of two times it is."""
+    columns = table(NUMBERS, [0, 1] * N, later_s=later_s)
+    lost = [60, 121, 240, 241, 301]
+    kept = {name: np.delete(np.array(values), lost).tolist() for name, values in columns.items()}
+    del kept["sensor_id"]
+    for sensor in (0, 1):
+        out = {row // 2 for row in lost if later_s == 0.0 or row % 2 == sensor}
+        stored = form(tmp_path, kept, topic=f"{sensor + 1}/2")
+        assert stored.whole().gyro.tolist() == np.delete(GYRO[:, sensor], sorted(out), axis=0).tolist()
+        assert stored.rate_hz == pytest.approx(100)
+
+
+def test_a_torn_row_of_text_takes_its_turn(tmp_path: Path) -> None:
+    """Without times the order tells the sensors, and a line that cannot be read is one of them."""
     columns = table(NUMBERS, [0, 1] * N)
-    del columns["sensor_id"]
+    del columns["sensor_id"], columns["t_s"]
     columns["gyro_y_dps"][7] = "torn"
-    stored = csv(tmp_path, columns, topic="1/2")
-    assert_is(stored, 0)
-    other = csv(tmp_path, columns, topic="2/2").whole()
+    assert_is(csv(tmp_path, columns, topic="1/2", rate_hz=100.0), 0)
+    other = csv(tmp_path, columns, topic="2/2", rate_hz=100.0).whole()
     assert other.gyro.tolist() == np.delete(GYRO[:, 1], 3, axis=0).tolist()
+
+
+@given(
+    gone=st.sets(st.integers(0, 2 * N - 1), max_size=20),
+    cuts=st.lists(st.integers(0, 2 * N), max_size=6),
+    later=st.sampled_from([0.0, 0.2, 0.5]),
+    which=st.integers(0, 1),
+)
+def test_turns_are_kept_in_whatever_pieces_rows_come(
+    gone: set[int], cuts: list[int], later: float, which: int
+) -> None:
+    """No row is of the other sensor, and none is there twice; the first rounds are whole."""
+    keep = np.array([row for row in range(2 * N) if row < 40 or row not in gone])
+    rows = np.column_stack([keep % 2, keep // 2 + later * (keep % 2)]).astype(float)
+    turns = Turns(which, 2, 1)
+    found = []
+    for piece in np.split(np.arange(len(rows)), sorted(min(cut, len(rows)) for cut in cuts)):
+        if len(piece):
+            found += turns.take(Rows(keep[piece], rows[piece], piece))
+    found += turns.finish()
+    numbers = np.concatenate([one.numbers for one in found])
+    whole = [row for row in keep if later or row ^ 1 in keep]
+    assert numbers.tolist() == [row for row in whole if row % 2 == which]
 
 
 @pytest.mark.parametrize("given_", ["0/2", "3/2", "1/17", "1/", "a/2", "-1/2"])

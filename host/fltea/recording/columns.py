@@ -73,6 +73,11 @@ class Chosen:
         return tuple(place for place in (*self.gyro, self.time, self.fine) if place is not None)
 
     @cached_property
+    def time_at(self) -> int | None:
+        """Where the times stand among the columns that are read."""
+        return None if self.time is None else len(self.gyro)
+
+    @cached_property
     def places(self) -> tuple[int, ...]:
         """All that is read as numbers."""
         return (*self.needed, *self.accel)

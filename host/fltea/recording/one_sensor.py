@@ -25,7 +25,7 @@ before; and as the row before, beyond which a column changes too seldom, as a st
 CHANCE_SIGMA, APART = 5.0, 5.0
 """How much more regular turns are than chance, in its deviations; and sensors of two kinds are apart, in theirs."""
 
-FEWEST_SHARE, FEWEST_COUNTED = 0.3, 5
+FEWEST_SHARE, FEWEST_COUNTED = 0.6, 5
 """Of the rows that each sensor has, to an equal share of them; and numbers that a counter goes through."""
 
 

@@ -32,6 +32,7 @@ from fltea.recording.one_sensor import OneSensor, as_word
 from fltea.recording.reading import Answer, Evidence, Missing, asked_with, given_options, not_stated
 from fltea.recording.sample_times import Floats
 from fltea.recording.table import Rows, gather, row_place
+from fltea.recording.turns import Turns
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
@@ -134,7 +135,9 @@ def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
     size_bytes = sheet.rows * len(chosen.places) * NUMBER_BYTES
     if size_bytes > limits.whole_bytes:
         raise limits.whole_too_large(f"{path}: declares {sheet.rows} rows", size_bytes)
-    stored = gather(path, chosen, _rows(where, sheet, chosen, how), limits, partial(row_place, path))
+    rows = _rows(where, sheet, chosen, how)
+    rows = _in_turn(rows, chosen) if chosen.turn[1] > 1 else rows
+    stored = gather(path, chosen, rows, limits, partial(row_place, path))
     if chosen.time is not None and how.rate_hz is None:
         _check_rate(where, sheet, f"the times of {listed([chosen.time_name])} say", stored.rate_hz, how)
     answers = (Answer("sensor", sheet.topic, "given", "--sensor"),) if asked and sheet.topic else ()
@@ -180,6 +183,14 @@ def _facts(where: str, sheet: Sheet) -> Facts:
         return sheet.called(place, [math.nan if value is None else value for value in values])
 
     return Facts("", file, rates, first, sheet.unit_evidence, changed=sheet.changed, cells=cells)
+
+
+def _in_turn(rows: Iterator[Rows], chosen: Chosen) -> Iterator[Rows]:
+    """The rows of the sensor that is read of several that take turns."""
+    turns = Turns(*chosen.turn, chosen.time_at)
+    for some in rows:
+        yield from turns.take(some)
+    yield from turns.finish()
 
 
 def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:

@@ -24,6 +24,7 @@ from fltea.recording.text_forms import BEGINNING, YAML, YamlDocuments, plain_lin
 from fltea.recording.text_layout import Layout, LayoutFinder
 from fltea.recording.text_numbers import RowParser, decoded, end_of_line
 from fltea.recording.text_times import A_CLOCK, Clocks
+from fltea.recording.turns import Turns
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
@@ -98,6 +99,7 @@ class TextReader:
         self._layouts: dict[str, Layout | None] = {}  # by the line of names; None: its columns are others
         self._checks = 0
         self._sensor: OneSensor | None = None
+        self._turns: Turns | None = None
         self._ordinal = self._since_header = self._page = 0
         self._begins = self._skipping = False
         self._rest = self._head = self._held = b""
@@ -146,7 +148,15 @@ class TextReader:
                 self._held = data
                 return []
         self._held = b""
-        return self._feed(data)
+        return self._in_turn(self._feed(data))
+
+    def _in_turn(self, rows: list[Rows]) -> list[Rows]:
+        """The rows of the sensor that is read, where several take turns."""
+        if self.chosen is None or self.chosen.turn[1] == 1:
+            return rows
+        if self._turns is None:
+            self._turns = Turns(*self.chosen.turn, self.chosen.time_at)
+        return [one for some in rows for one in self._turns.take(some)]
 
     def _feed(self, data: bytes) -> list[Rows]:
         if not self._head:
@@ -179,6 +189,10 @@ class TextReader:
 
     def finish(self) -> list[Rows]:
         """The sender has ended: its last line may lack its end."""
+        found = self._in_turn(self._finish())
+        return found if self._turns is None else found + self._turns.finish()
+
+    def _finish(self) -> list[Rows]:
         held, self._held = self._held, b""
         found = self._feed(held)
         last = self._yaml.finish() if self._yaml is not None else b""

@@ -1,0 +1,113 @@
+"""The rows of one of several sensors that take turns and are told apart by nothing else (pure)."""
+
+import numpy as np
+
+from fltea.recording.sample_times import SAME_TIME, Floats, Ints, Marks
+from fltea.recording.table import Rows
+
+LOOKED_AT, STEADY = 8, 0.2
+"""Rounds of turns from which the steps between sensors are learned, and how far a step may be from them."""
+
+
+class Turns:
+    """Takes rows, and gives those of one sensor. which: from 0. count: of sensors. time: the column of times.
+
+    Where rows have the same time, each time has a row of each sensor, in their order; where one is missing the
+    others are left out, since which of them is missing is not known. Where no two have the same time, the steps
+    from one sensor to the next tell which one is missing; without times the order of the rows does.
+    """
+
+    def __init__(self, which: int, count: int, time: int | None) -> None:
+        self._which, self._count, self._time = which, count, time
+        self._held: list[Rows] = []
+        self._are_groups: bool | None = None
+        self._steps: Floats | None = None
+        self._last: tuple[float, int] | None = None
+        self._ordinal = 0
+
+    def take(self, rows: Rows) -> list[Rows]:
+        """Return the rows of the sensor among these and those that were held back; a few are held again."""
+        found = self.finish() if rows.begins else []
+        self._held.append(rows)
+        if self._time is not None and sum(len(one.values) for one in self._held) < LOOKED_AT * self._count:
+            return found
+        return found + self._release(is_last=False)
+
+    def finish(self) -> list[Rows]:
+        """Return those that are held back, as no more rows of the same run come."""
+        found = self._release(is_last=True)
+        self._are_groups = self._steps = self._last = None
+        return found
+
+    def _release(self, *, is_last: bool) -> list[Rows]:
+        if not self._held:
+            return []
+        begins = self._held[0].begins
+        numbers, values, ordinal = (
+            np.concatenate(parts) for parts in zip(*(one[:3] for one in self._held), strict=True)
+        )
+        self._held = []
+        if self._time is None:
+            ours = ordinal % self._count == self._which
+            return _some(numbers[ours], values[ours], ordinal[ours] // self._count, begins)
+        time = values[:, self._time]
+        same = np.abs(np.diff(time)) <= SAME_TIME * np.abs(time[1:])
+        if self._are_groups is None:
+            self._are_groups = bool(same.any())
+        if not self._are_groups:
+            ours = self._turn_of(time) == self._which
+        else:
+            edges = np.flatnonzero(~same) + 1
+            if not is_last:  # more rows of the last time may come
+                end = int(edges[-1]) if len(edges) else 0
+                self._held = [Rows(numbers[end:], values[end:], ordinal[end:], begins and not end)]
+                numbers, values, edges = numbers[:end], values[:end], edges[:-1]
+            ours = self._of_groups(len(values), edges)
+        first, self._ordinal = self._ordinal, self._ordinal + int(ours.sum())
+        return _some(numbers[ours], values[ours], np.arange(first, self._ordinal), begins)
+
+    def _of_groups(self, rows: int, edges: Ints) -> Marks:
+        """Mark a row of each group that is whole; groups begin at 0 and at the edges."""
+        ours = np.zeros(rows, np.bool_)
+        begin = np.concatenate([[0], edges])
+        sizes = np.diff(begin, append=rows)
+        for size in np.unique(sizes[(sizes > 0) & (sizes % self._count == 0)]).tolist():
+            for k in range(self._which, size, self._count):
+                ours[begin[sizes == size] + k] = True
+        return ours
+
+    def _turn_of(self, time: Floats) -> Ints:
+        """Whose turn each row is, by the steps from one to the next."""
+        if self._steps is None:
+            steps = np.diff(time[: 1 + len(time[1:]) // self._count * self._count])
+            self._steps = np.nanmedian(steps.reshape(-1, self._count), axis=0)
+        if self._last is None:
+            turn, taken = [0], np.diff(time)
+        else:
+            turn, taken = [], np.diff(time, prepend=self._last[0])
+        now = 0 if self._last is None else self._last[1]
+        usual = self._steps[(now + np.arange(len(taken))) % self._count]
+        if (np.abs(taken - usual) <= STEADY * self._steps.min()).all():
+            turns = (np.concatenate([turn, now + 1 + np.arange(len(taken))]) % self._count).astype(np.int64)
+        else:
+            for step in taken.tolist():
+                now = self._after(now, step)
+                turn.append(now)
+            turns = np.array(turn, np.int64)
+        self._last = float(time[-1]), int(turns[-1])
+        return turns
+
+    def _after(self, turn: int, step: float) -> int:
+        """Whose turn it is after a step: rows between may be missing."""
+        assert self._steps is not None
+        around = float(self._steps.sum())
+        if not np.isfinite(step) or around <= 0:
+            return (turn + 1) % self._count
+        ahead = np.cumsum(self._steps[(turn + np.arange(self._count)) % self._count])
+        off = (step - ahead) / around
+        k = int(np.argmin(np.abs(off - np.maximum(np.rint(off), 0.0))))
+        return (turn + 1 + k) % self._count
+
+
+def _some(numbers: Ints, values: Floats, ordinal: Ints, begins: bool) -> list[Rows]:
+    return [Rows(numbers, np.ascontiguousarray(values), ordinal, begins)] if len(numbers) else []
