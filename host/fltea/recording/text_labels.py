@@ -39,11 +39,15 @@ def decode_object(line: str | bytes) -> dict[str, Any]:
     Raises:
         ValueError: it is none.
     """
-    found = _decode(line)
+    return flat(_decode(line))
+
+
+def flat(found: dict[str, Any]) -> dict[str, Any]:
+    """Return the values in an object, and in those in it, by such names."""
     if any(type(value) in (dict, list) for value in found.values()):
-        flat: dict[str, Any] = {}
-        _flatten("", found, flat, DEEPEST)
-        return flat
+        inner: dict[str, Any] = {}
+        _flatten("", found, inner, DEEPEST)
+        return inner
     return found
 
 

@@ -5,8 +5,14 @@ block is turned at once. `22:13:20.123 -> ` is what Arduino's monitor writes bef
 """
 
 import re
+from collections.abc import Sequence
 from datetime import date
 from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.recording.wanted import is_missing
 
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _MONTH = f"(?i:{'|'.join(_MONTHS)})[a-z]{{0,6}}"
@@ -28,6 +34,9 @@ _CLOCK = re.compile(
     r"(?:\s?([AaPp])\.?[Mm]\b\.?)?(?:\s?(Z|UTC|GMT|[+-]\d\d:?\d\d)(?![\d:]))?|(?<=:\d\d)([.,])(\d+))(?![\w:])"
 )
 """From the first colon on; the last two groups are of minutes and seconds, as Excel shows short times."""
+
+_SECONDS = re.compile(r"\s*(\d+)(?:[.,](\d+))?\s*")
+"""What a time became."""
 
 _MINUTES = re.compile(r"(?<![\w:.])\d{1,3}$")
 
@@ -130,6 +139,28 @@ class Clocks:
 def with_seconds(text: str) -> str:
     """Return lines with seconds in place of dates and times of day."""
     return Clocks().with_seconds(text)
+
+
+def points_of_time(texts: Sequence[str | None]) -> NDArray[np.datetime64] | None:
+    """Return what a column of dates or times of day says, which go on after midnight; None if it is none."""
+    plain = ["" if text is None or is_missing(text) else text.replace("\n", " ") for text in texts]
+    if ":" not in next(filter(None, plain), ""):
+        return None
+    known = [
+        (k, _SECONDS.fullmatch(line))
+        for k, line in enumerate(with_seconds("\n".join(plain)).split("\n"))
+        if plain[k]
+    ]
+    found = np.full(len(plain), np.datetime64("NaT", "ns"))
+    day = 86_400 * 10**9
+    last = passed = 0
+    for k, seconds in known:
+        if seconds is None or ":" not in plain[k]:
+            return None
+        ns = int(seconds[1]) * 10**9 + int((seconds[2] or "")[:9].ljust(9, "0"))
+        passed += day if ns < day and last - ns > day // 2 else 0
+        found[k], last = np.datetime64(ns + passed, "ns"), ns
+    return found
 
 
 @lru_cache(maxsize=256)

@@ -1,6 +1,6 @@
-"""One document of JSON."""
+"""One document of JSON: lists by their names, or a list of objects, each of which is a row."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,74 +11,164 @@ from fltea.recording.column_names import tells_sensors
 from fltea.recording.files import listed
 from fltea.recording.readers.arrays import NoNumbers, of_arrays
 from fltea.recording.sheet import Sheet
+from fltea.recording.text_labels import flat
+from fltea.recording.text_times import points_of_time
+from fltea.recording.units import is_unit
+from fltea.recording.wanted import is_missing
 from fltea.records.errors import UsageError
 
 PHONE_GYROSCOPES = "Gyroscope", "GyroscopeUncalibrated"
 """As the app Sensor Logger calls them; they are in rad/s."""
 
+ROWS = {"data", "samples", "rows", "records", "readings", "measurements", "values", "frames", "items"}
+BESIDE = {"meta", "metadata", "info", "header", "head", "attrs", "attributes", "config", "settings"}
+"""Parts of a document that are called so hold what is of the part around them: its rows, and facts of all."""
 
-def read(path: Path, _: str) -> Sheet | Iterator[bytes]:
-    """Read one array of objects, or lists by their names; of the app Sensor Logger those of its gyroscope."""
-    found = msgspec.json.decode(path.read_bytes())
-    if isinstance(found, dict):
-        found = _by_name(found)
-        tables = [value for value in found.values() if _is_table(value)]
-        if not tables:
-            return of_arrays(dict(_arrays("", found)))
-        found = max(tables, key=len)
-    if isinstance(found, list) and found and not any(isinstance(row, dict) for row in found):
-        table = _array(found)  # without names, so by their positions
-        columns = table.T if isinstance(table, np.ndarray) and table.ndim == 2 else [table]
-        return of_arrays({str(place): column for place, column in enumerate(columns, 1)})
-    rows = [row for row in found if isinstance(row, dict)] if isinstance(found, list) else []
-    if any("sensor" in row and "seconds_elapsed" in row for row in rows):
-        rows = _of_phone(rows)
-    return (msgspec.json.encode({key: _number(value) for key, value in row.items()}) + b"\n" for row in rows)
+NS = 10**6, 10**3, 1
+"""In a millisecond, a microsecond and a nanosecond."""
+
+FIRST_NS, LAST_NS = 10**17, 4 * 10**18
+"""Unix times from 1973 to 2096: numbers between these in one of the units are so in no other."""
 
 
-def _by_name(found: dict[str, Any]) -> dict[str, Any]:
-    """Columns as pandas' `to_json` writes them, each as a list; what is not so stays as it is."""
-    if isinstance(found.get("columns"), list) and isinstance(found.get("data"), list):  # "split"
-        return dict(zip(map(str, found["columns"]), map(list, zip(*found["data"], strict=True)), strict=True))
-    if found and all(isinstance(value, dict) and _is_column(value) for value in found.values()):
-        columns = {name: list(value.values()) for name, value in found.items()}
-        if not any(isinstance(row, dict) for value in columns.values() for row in value[:1]):
-            return columns
-    rows = list(found.values())
-    if rows and all(isinstance(row, dict) for row in rows) and _is_column(found):  # "index"
-        return {"": rows}
-    return found
+def read(path: Path, _: str) -> Sheet:
+    """Read all lists; of the app Sensor Logger those of its gyroscope."""
+    found: dict[str, Any] = {}
+    for name, value in _values("", msgspec.json.decode(path.read_bytes())):
+        is_word = isinstance(value, str) and not is_unit(value)
+        if name in found and not is_word and found[name] != value:
+            raise UsageError(f"holds two different {listed([name])}, and which counts is not known. Mend it.")
+        found.setdefault(name, value)
+    return of_arrays({name: _array(name, value) for name, value in found.items()})
 
 
-def _is_column(value: dict[str, Any]) -> bool:
-    """Whether the keys are those of rows: numbers or dates."""
-    return len(value) > 1 and all(key.removeprefix("-")[:1].isdigit() for key in value)
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, list) and bool(value) and isinstance(value[0], dict)
-
-
-def _arrays(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """The lists, texts and numbers in a document, by their names."""
     if isinstance(value, dict):
+        value = _of_pandas(value)
+    if isinstance(value, dict):
+        is_one = sum(key.lower() in ROWS for key in value) == 1
         for key, inner in value.items():
-            yield from _arrays(f"{name}.{key}" if name else key, inner)
-    elif isinstance(value, list) and value:
-        is_words = tells_sensors(name) and all(isinstance(one, str) for one in value)
-        yield name, np.array(value, object) if is_words else _array(value)
-    elif isinstance(value, str):
+            is_row = key.lower() in ROWS and is_one and isinstance(inner, dict | list)
+            is_hidden = is_row or (key.lower() in BESIDE and isinstance(inner, dict))
+            yield from _values(name if is_hidden else f"{name}.{key}" if name else key, inner)
+    elif isinstance(value, list) and any(isinstance(row, dict) for row in value):
+        columns = _columns_of([flat(row) for row in value if isinstance(row, dict)])
+        yield from ((f"{name}.{key}" if name else key, column) for key, column in columns.items())
+    elif isinstance(value, list) and not name:  # without names, so by their positions
+        is_table = len({len(row) if isinstance(row, list) else 0 for row in value}) == 1
+        columns = [*zip(*value, strict=True)] if is_table and isinstance(value[0], list) else [value]
+        yield from ((str(place), list(column)) for place, column in enumerate(columns, 1))
+    elif isinstance(value, list | str):
         yield name, value
     elif isinstance(value, int | float):
-        yield name, np.array(float(value))
+        yield name, float(value)
 
 
-def _array(values: list[Any]) -> Any:
-    """Numbers, of which null is a missing one, and text that holds one is a number too."""
+def _columns_of(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
+    if any("sensor" in row and "seconds_elapsed" in row for row in rows):
+        rows = _of_phone(rows)
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: [row.get(name) for row in rows] for name in names}
+
+
+def _of_pandas(found: dict[str, Any]) -> Any:
+    """What pandas' `to_json` writes as lists by the names of the columns, or as rows; the rest as it is."""
+    if isinstance(found.get("schema"), dict) and isinstance(found.get("data"), list):  # "table"
+        return found["data"]
+    if (split := _split(found)) is not None:
+        return split
+    is_by_row = all(isinstance(row, dict) and not any(map(_is_inner, row.values())) for row in found.values())
+    if is_by_row and (keys := _in_order(found)) is not None:  # "index"
+        index = _index(keys)
+        return [{**found[key], **{name: at[k] for name, at in index.items()}} for k, key in enumerate(keys)]
+    columns: dict[str, Any] = {}
+    known: dict[str, Any] = {}
+    for name, value in found.items():  # "columns"
+        if isinstance(value, dict) and not any(map(_is_inner, value.values())):
+            keys = list(known) if value.keys() == known.keys() else _in_order(value)
+            if keys is not None:
+                columns |= {} if known else _index(keys)
+                known = known or dict.fromkeys(keys)
+                value = [value[key] for key in keys]
+        columns[name] = value
+    return columns
+
+
+def _split(found: dict[str, Any]) -> dict[str, Any] | None:
+    """Rows in one list, and the names of their columns in another."""
+    tables = [key for key, rows in found.items() if isinstance(rows, list) and rows and _is_table(rows)]
+    width = len(found[tables[0]][0]) if len(tables) == 1 else 0
+    texts = [
+        key
+        for key, words in found.items()
+        if isinstance(words, list) and len(words) == width and all(isinstance(word, str) for word in words)
+    ]
+    named = [key for key in texts if not key.lower().startswith("unit")]
+    if not width or len(named) != 1 or len({*found[named[0]]}) < width:
+        return None
+    names, rows = found[named[0]], found[tables[0]]
+    rest = {key: value for key, value in found.items() if key not in (*tables, *texts, "index")}
+    for key in {*texts} - {*named}:
+        rest |= {f"{name}_units": unit for name, unit in zip(names, found[key], strict=True)}
+    index = found.get("index")
+    rest |= _index([str(one) for one in index]) if isinstance(index, list) and len(index) == len(rows) else {}
+    return {**rest, **dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))}
+
+
+def _is_table(rows: list[Any]) -> bool:
+    return all(isinstance(row, list) for row in rows) and len({len(row) for row in rows}) == 1
+
+
+def _is_inner(value: Any) -> bool:
+    return isinstance(value, dict | list)
+
+
+def _in_order(rows: Mapping[str, Any]) -> list[str] | None:
+    """The keys of rows, which are numbers or times, in their order; None if they are others."""
+    keys = list(rows)
+    if len(keys) < 2 or not keys[0].removeprefix("-")[:1].isdigit():
+        return None
     try:
-        return np.array(values, np.float64)
+        return sorted(keys, key=float)
+    except ValueError:
+        points = points_of_time(keys)
+        return None if points is None else [keys[k] for k in np.argsort(points, kind="stable").tolist()]
+
+
+def _index(keys: Sequence[str]) -> dict[str, Any]:
+    """A column of the keys of rows, unless these count them; a `DatetimeIndex` is written as Unix time."""
+    if not all(key.removeprefix("-").isdecimal() for key in keys):
+        return {"index": list(keys)}
+    numbers = [int(key) for key in keys]
+    if numbers == list(range(len(numbers))):
+        return {}
+    scale = next((one for one in NS if FIRST_NS <= min(numbers) * one and max(numbers) * one < LAST_NS), 0)
+    points = [number * scale for number in numbers]
+    return {"index": list(np.array(points, "M8[ns]")) if scale else numbers}
+
+
+def _array(name: str, value: Any) -> Any:
+    """Numbers, of which null is a missing one and text may hold one; or points of time, or words."""
+    if not isinstance(value, list):
+        return value if isinstance(value, str) else np.array(value)
+    if value and isinstance(value[0], np.datetime64):
+        return np.array(value)
+    try:
+        return np.array(value, np.float64)
     except (TypeError, ValueError, OverflowError):
-        bad = next((value for value in values if not isinstance(value, int | float | None)), "lists")
-        return NoNumbers(f"holds {str(bad)[:20]!r}, not one number in each row", len(values))
+        bad = next((one for one in value if not isinstance(one, int | float | None)), "lists")
+    if all(isinstance(one, str | int | float | None) for one in value):
+        if tells_sensors(name) and all(isinstance(one, str) for one in value):
+            return np.array(value, object)
+        texts = [None if one is None else str(one) for one in value]
+        if (points := points_of_time(texts)) is not None:
+            return points
+        try:
+            return np.array([np.nan if one is None or is_missing(one) else float(one) for one in texts])
+        except ValueError:
+            pass
+    return NoNumbers(f"holds {str(bad)[:20]!r}, not one number in each row", len(value))
 
 
 def _of_phone(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -89,11 +179,3 @@ def _of_phone(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         raise UsageError(f"is of the app Sensor Logger, without a gyroscope; it has {has}.")
     keys = {"seconds_elapsed": "time_s", **{axis: f"gyro_{axis}_rad_s" for axis in "xyz"}}
     return [{name: row.get(key) for key, name in keys.items()} for row in rows if row.get("sensor") == sensor]
-
-
-def _number(value: Any) -> Any:
-    """A number that stands there as text, as a number."""
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
