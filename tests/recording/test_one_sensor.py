@@ -15,8 +15,6 @@ from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Stored
 from fltea.recording.one_sensor import MOST_SENSORS, OneSensor, as_word
 from fltea.recording.reading import NotStated
-from fltea.recording.table import Rows
-from fltea.recording.turns import Turns
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
@@ -256,29 +254,6 @@ def test_a_torn_row_of_text_takes_its_turn(tmp_path: Path) -> None:
     assert other.gyro.tolist() == np.delete(GYRO[:, 1], 3, axis=0).tolist()
 
 
-@given(
-    gone=st.sets(st.integers(0, 2 * N - 1), max_size=20),
-    cuts=st.lists(st.integers(0, 2 * N), max_size=6),
-    later=st.sampled_from([0.0, 0.2, 0.5]),
-    which=st.integers(0, 1),
-)
-def test_turns_are_kept_in_whatever_pieces_rows_come(
-    gone: set[int], cuts: list[int], later: float, which: int
-) -> None:
-    """No row is of the other sensor, and none is there twice; the first rounds are whole."""
-    keep = np.array([row for row in range(2 * N) if row < 40 or row not in gone])
-    rows = np.column_stack([keep % 2, keep // 2 + later * (keep % 2)]).astype(float)
-    turns = Turns(which, 2, 1)
-    found = []
-    for piece in np.split(np.arange(len(rows)), sorted(min(cut, len(rows)) for cut in cuts)):
-        if len(piece):
-            found += turns.take(Rows(keep[piece], rows[piece], piece))
-    found += turns.finish()
-    numbers = np.concatenate([one.numbers for one in found])
-    whole = [row for row in keep if later or row ^ 1 in keep]
-    assert numbers.tolist() == [row for row in whole if row % 2 == which]
-
-
 @pytest.mark.parametrize("given_", ["0/2", "3/2", "1/17", "1/", "a/2", "-1/2"])
 def test_turns_that_cannot_be(given_: str, tmp_path: Path) -> None:
     columns = table(NUMBERS, [0] * N)
@@ -339,3 +314,34 @@ def test_live_rows_of_a_second_sensor_end_the_reading() -> None:
     list(live.feed(data[:5000], 0))
     with pytest.raises(NotStated, match="which sensor is meant"):
         list(live.feed(data[5000:], 0))
+
+
+@pytest.mark.parametrize("column", ["id", "foo", "port"])
+@pytest.mark.parametrize("ids", [NUMBERS, WORDS], ids=["numbers", "words"])
+@pytest.mark.parametrize("later_s", [0.0, 0.003, 0.005])
+def test_live_rows_by_turns_end_the_reading(column: str, ids: list[str], later_s: float) -> None:
+    """The first row alone does not show it."""
+    columns = table(ids, [0, 1] * N, column, later_s)
+    lines = [",".join(columns), *(",".join(map(str, row)) for row in zip(*columns.values(), strict=True))]
+    live = TextEvents("stdin:", How(), fatal=False)
+    live.open(0, within_line=False)
+    with pytest.raises(NotStated, match=f"column {column} tells several apart .{ids[0]}, {ids[1]}"):
+        for line in lines:
+            list(live.feed(f"{line}\n".encode(), 0))
+
+
+@each_form
+@pytest.mark.parametrize("column", ["id", "DeviceName", "foo"])
+@pytest.mark.parametrize("later_s", [0.0, 0.003, 0.005])
+def test_alike_sensors_are_told_by_their_turns(
+    form: Callable[..., Stored], column: str, later_s: float, tmp_path: Path
+) -> None:
+    """Their figures are of one kind; what the column is called does not matter."""
+    columns = table(NUMBERS, [0, 1] * N, column, later_s)
+    asked = refusal(form, tmp_path, columns)
+    assert f"which sensor is meant: column {column} tells several apart (0, 1)" in asked
+    assert "--sensor 1: " in asked
+    assert_is(form(tmp_path, columns, topic="1"), 1)
+    assert_is(form(tmp_path, columns, topic=f"{column}=0"), 0)
+    columns["t_s"] = [row / 100 for row in range(2 * N)]
+    assert form(tmp_path, columns, topic="1/1").samples == 2 * N

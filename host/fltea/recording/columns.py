@@ -164,6 +164,18 @@ def choose(
     )
 
 
+def check_sensors(where: str, chosen: Chosen, how: How, facts: Facts) -> None:
+    """Look once more for several sensors, as live text has shown more of its rows.
+
+    Raises:
+        NotStated: a column tells several apart.
+    """
+    found = Choice(where, chosen.names, chosen.names, [], wanted_of(how), how, facts, None)
+    choose_sensor(found, "", chosen.gyro)
+    if found.missing:
+        raise found.error(chosen.gyro, None)
+
+
 def _labels(
     where: str, names: Sequence[str] | None, width: int, wanted: Wanted
 ) -> tuple[list[str], Sequence[str]]:

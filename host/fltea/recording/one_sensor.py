@@ -111,7 +111,7 @@ def _is_regular(codes: Ints, counts: Counter[str]) -> bool:
     if (codes[1:] == codes[:-1]).mean() > SELDOM:
         return False
     chance = sum((count / n) ** 2 for count in counts.values())
-    for lag in range(2, min(LONGEST_TURN, n // 2) + 1):
+    for lag in range(2, min(LONGEST_TURN, n // 4) + 1):
         deviation = math.sqrt(chance * (1 - chance) / (n - lag))
         same = float((codes[lag:] == codes[:-lag]).mean())
         if same >= max(REGULAR, min(chance + CHANCE_SIGMA * deviation, 1.0)):

@@ -177,7 +177,7 @@ class LayoutFinder:
         wanted = self._wanted
         if wanted.columns is None:
             has_times = wanted.time is None or wanted.time in names
-            known = bool(axes_of(names, units)) or dialect_of(names, self._facts(names)) is not None
+            known = bool(axes_of(names, units)) or dialect_of(names, self.facts(names)) is not None
             return has_times and known
         is_row = wanted.by_position and any(is_number(field) and not field.isdecimal() for field in names)
         return wanted.is_in(names) and not is_row
@@ -187,10 +187,10 @@ class LayoutFinder:
         if self._header is not None or self._why_no_row:
             return UsageError(self._why_no_row or f"{self._where}: has a header but no rows.")
         lines = list(self._sample()) or self.head
-        return refusal(self._where, self._how, lines, self._kinds(), self._facts)
+        return refusal(self._where, self._how, lines, self._kinds(), self.facts)
 
-    def _facts(self, names: Sequence[str] | None, width: int = 0, tag: str = "") -> Facts:
-        """What is known beside the names of columns. tag: what rows begin with, of several kinds of them."""
+    def facts(self, names: Sequence[str] | None, width: int = 0, tag: str = "") -> Facts:
+        """Return what is known beside the names of columns. tag: what rows begin with, of several kinds of them."""
         count = width or len(names or ())
         return Facts(
             "\n".join(self._sample()[:MOST_BEFORE] if tag else [*self.head, self._newest]),
@@ -215,7 +215,7 @@ class LayoutFinder:
                 return
         names, units = header.names, self._units
         beside = units if units is not None and len(units) == len(names) else None
-        facts = self._facts(names)
+        facts = self.facts(names)
         self._chosen = choose(f"{self._where}:{header.line}", names, beside, len(names), self._how, facts)
         self._header = header
 
@@ -251,7 +251,7 @@ class LayoutFinder:
         tag = self._tag_of(fields)
         if tag is None:
             return None
-        facts = self._facts(None, len(fields), tag)
+        facts = self.facts(None, len(fields), tag)
         if self._wanted.columns is None:
             are_numbers = 2 * sum(map(is_number, fields)) > len(fields)
             if are_numbers and dialect_of((), facts, tag=tag, fields=len(fields)):
@@ -261,7 +261,7 @@ class LayoutFinder:
         if not self._wanted.is_at(fields):
             return None
         at, names, units = names_above(self._before, len(fields))
-        facts = self._facts(names, len(fields), tag)
+        facts = self.facts(names, len(fields), tag)
         chosen = choose(f"{self._where}:{at or number}", names, units, len(fields), self._how, facts, tag)
         return _layout(chosen, separator, fields, len(fields), number)
 
@@ -279,7 +279,7 @@ class LayoutFinder:
             return ""
         if topic is not None and not {*topic} & {*"=/"} and topic not in fields:  # one that is yet to come
             return None
-        if dialect_of((), self._facts(None, kinds[tag], tag), tag=tag, fields=kinds[tag]) is not None:
+        if dialect_of((), self.facts(None, kinds[tag], tag), tag=tag, fields=kinds[tag]) is not None:
             return tag
         return None if self._has_kinds() else "" if len(kinds) == 1 else tag
 
@@ -292,7 +292,7 @@ class LayoutFinder:
         at_hand = len(kinds), min(len(self._sample()), MOST_BEFORE)
         if at_hand not in self._known:
             self._known[at_hand] = any(
-                dialect_of((), self._facts(None, width, kind), tag=kind, fields=width)
+                dialect_of((), self.facts(None, width, kind), tag=kind, fields=width)
                 for kind, width in kinds.items()
             )
         return self._known[at_hand]
@@ -308,7 +308,7 @@ class LayoutFinder:
         names = list(found)
         if len(names) > MOST_COLUMNS or self._wanted.by_position or not self._are_names(names):
             return None
-        facts = self._facts(names)
+        facts = self.facts(names)
         chosen = choose(f"{self._where}:{number}", names, None, len(names), self._how, facts)
         if not all(found[name] is None or type(found[name]) in (int, float) for name in chosen.read):
             self._why_no_row = f"{self._where}:{number}: {listed(chosen.read)}: not all are numbers."
@@ -323,7 +323,7 @@ class LayoutFinder:
         if not self._are_names(names, units):
             return None
         others = {name for one in self._sample()[:MOST_BEFORE] for name in values_in(one)} - {*names}
-        facts = self._facts(names)._replace(beside=sorted(others))
+        facts = self.facts(names)._replace(beside=sorted(others))
         chosen = choose(f"{self._where}:{number}", names, units, len(names), self._how, facts)
         return Layout(chosen, None, values_in, 0, 0, 0, number)
 

@@ -5,6 +5,7 @@ stands for a lost one, so it takes a number.
 """
 
 import codecs
+import math
 import re
 from collections import Counter
 from typing import NamedTuple
@@ -12,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea.recording.candidates import columns_table
-from fltea.recording.columns import Chosen
+from fltea.recording.columns import Chosen, check_sensors
 from fltea.recording.files import Note
 from fltea.recording.lines import LONGEST_LINE, shown
 from fltea.recording.one_sensor import OneSensor, as_word
@@ -37,6 +38,9 @@ ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s
 
 HEAD_BYTES, MOST_HELD = 256, 4096
 """Of the beginning: what tells a document from lines, and what waits for that."""
+
+FEWEST_LINES, LOOKS = 64, 4
+"""Live lines that may tell sensors apart; they are looked at again when they are so many times as many."""
 
 MOST_CHECKS, MOST_HEADERS = 200, 64
 """Lines of a block that may be other headers, and how many of these a file may have."""
@@ -100,6 +104,7 @@ class TextReader:
         self._checks = 0
         self._sensor: OneSensor | None = None
         self._turns: Turns | None = None
+        self._next_look: float = 0.0
         self._ordinal = self._since_header = self._page = 0
         self._begins = self._skipping = False
         self._rest = self._head = self._held = b""
@@ -220,6 +225,7 @@ class TextReader:
         at: int | None = 0
         self._checks = MOST_CHECKS
         if self.layout is not None:
+            self._look_again()
             data = self._of_sensor(data, 0)
         while at is not None and at <= len(data):
             if self.layout is None:
@@ -284,7 +290,10 @@ class TextReader:
 
     def _begin(self, layout: Layout) -> RowParser:
         self._begins = True
-        self.chosen = self.chosen or layout.chosen
+        if self.chosen is None:
+            self.chosen = layout.chosen
+            looked_at = len(self._sample)
+            self._next_look = math.inf if looked_at >= SAMPLE_LINES else max(FEWEST_LINES, LOOKS * looked_at)
         self.layout, self._parser = layout, RowParser(layout)
         if layout.again:
             self._layouts[layout.again[0]] = layout
@@ -294,6 +303,14 @@ class TextReader:
             name = layout.chosen.names[place]
             self._sensor = OneSensor(self._where, name, value, given_options(self._how))
         return self._parser
+
+    def _look_again(self) -> None:
+        """Look for several sensors in the first rows, which were few when the columns were chosen."""
+        if self.chosen is None or self._how.topic is not None or self.chosen.sensor is not None:
+            return
+        if (enough := len(self._sample)) >= self._next_look:
+            self._next_look = math.inf if enough >= SAMPLE_LINES else LOOKS * enough
+            check_sensors(self._where, self.chosen, self._how, self._finder.facts(self.chosen.names))
 
     def _of_sensor(self, data: bytes, begin: int) -> bytes:
         """Bytes from one on; lines of other sensors are empty in them, which keeps the numbers of the rest."""
