@@ -107,6 +107,10 @@ BAD_NPZ = {
     "device times that stand": ({"time_s": np.zeros(4)}, "time_s does not increase in row 1"),
     "few device times": ({"time_s": np.arange(3.0)}, "time_s has the shape (3,); (4,) is needed"),
     "NaN as a number": ({"time_s": np.arange(4.0), "seq": [np.nan] * 4}, "seq is not finite in row 0"),
+    "numbers without times": (
+        {"time_s": np.arange(4) / 100, "seq": [0, 1, 102, 103], "epoch": np.zeros(4, int)},
+        "seq lacks samples that time_s has no time for in row 2",
+    ),
     "accel in a row": ({"accel_raw": np.ones(4)}, "accel_raw has the shape (4,)", "(4, 3) is needed"),
     "NaN accel": ({"accel_raw": NOT_FINITE}, "accel_raw is not finite in row 2"),
     "pickled objects": (
@@ -126,6 +130,28 @@ def test_bad_npz(name: str, tmp_path: Path) -> None:
     assert reason.startswith(":"), reason
     for word in words:
         assert word in reason
+
+
+def test_what_the_names_say_is_stated(tmp_path: Path) -> None:
+    found = open_npz(npz_file(tmp_path, accel_raw=np.ones((4, 3)), accel_lsb_per_g=16384.0))
+    assert [f"{one.question}: {one}" for one in found.reading] == [
+        "columns: gyro_raw as x, y, z (stated: its name)",
+        "unit: lsb:16.4 (stated: lsb_per_dps)",
+        "clock: 100 Hz (stated: fs_hz)",
+        "accelerometer: accel_raw (stated: accel_lsb_per_g)",
+    ]
+    plain = open_npz(npz_file(tmp_path, gyro_raw=None, lsb_per_dps=None, gyro_dps=np.ones((4, 2))))
+    assert [str(one) for one in plain.reading][:2] == [
+        "gyro_dps as x, y (stated: its name)",
+        "deg/s (stated: gyro_dps)",
+    ]
+
+
+def test_numbers_that_lack_samples_take_their_time(tmp_path: Path) -> None:
+    seq = np.array([0, 1, 102, 103])
+    assert open_npz(npz_file(tmp_path, time_s=seq / 100, seq=seq, epoch=np.zeros(4, int))).samples == 4
+    begins = npz_file(tmp_path, time_s=np.arange(4) / 100, seq=seq, epoch=np.array([0, 0, 1, 1]))
+    assert open_npz(begins).samples == 4
 
 
 def test_what_is_not_needed_is_not_read(tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """Tables with several sensors, scales and rates: labels by name, values by place, a rate in its group."""
 
-import itertools
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,65 +7,24 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-import scipy.io
 from fltea.recording.files import Stored
 from fltea.recording.groups import gyroscopes_in
-from fltea.recording.readers.arrays import rate_of
-from fltea.records.errors import UsageError
+from fltea.recording.readers.beside import rate_of
 from hypothesis import given
 from hypothesis import strategies as st
-from table_support import open_here
-
-N = 300
-TIMES_S = np.arange(N) / 100
-GYRO = np.random.default_rng(1).normal(size=(N, 3))
-NUMBERS = itertools.count()
-OTHER = np.random.default_rng(2).normal(size=(2 * N, 3))
-
-
-def hdf5(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
-    """Arrays by their paths; a name behind `@` is an attribute of what stands before it."""
-    path = folder / f"{next(NUMBERS)}.h5"  # h5py keeps the one before open
-    with h5py.File(path, "w", track_order=True) as file:
-        for name, value in arrays.items():
-            owner, mark, attribute = name.partition("@")
-            if mark:
-                (file.require_group(owner) if owner else file).attrs[attribute] = value
-            else:
-                file[name] = value
-    return open_here("hdf5", path, **how)
-
-
-def with_attributes(folder: Path, values: Any, attributes: dict[str, Any], **how: Any) -> Stored:
-    """A gyroscope at 100 Hz in a data set with attributes."""
-    path = folder / f"{next(NUMBERS)}.h5"  # h5py keeps the one before open
-    with h5py.File(path, "w") as file:
-        file["gyro"] = values
-        file["t"] = TIMES_S
-        file["gyro"].attrs.update(attributes)
-    return open_here("hdf5", path, **how)
-
-
-def matlab(folder: Path, variables: dict[str, Any], **how: Any) -> Stored:
-    scipy.io.savemat(folder / "rest.mat", variables)
-    return open_here("mat", folder / "rest.mat", **how)
-
-
-def npz(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
-    np.savez(folder / "rest.npz", **arrays)
-    return open_here("arrays", folder / "rest.npz", **how)
-
-
-def document(folder: Path, content: Any, **how: Any) -> Stored:
-    (folder / "rest.json").write_text(json.dumps(content))
-    return open_here("json", folder / "rest.json", **how)
-
-
-def refusal(read: Callable[..., Any], *arguments: Any, **how: Any) -> str:
-    with pytest.raises(UsageError) as caught:
-        read(*arguments, **how)
-    return str(caught.value)
-
+from table_support import (
+    GYRO,
+    OTHER,
+    TIMES_S,
+    N,
+    document,
+    hdf5,
+    matlab,
+    npz,
+    open_here,
+    refusal,
+    with_attributes,
+)
 
 # --- labels by name, values by place ---
 
@@ -272,6 +229,17 @@ def test_attributes_of_hdf5_are_rates_too(tmp_path: Path) -> None:
         ("fs", 2, "kHz", 2000.0),
         ("fs", 2, "bananas", None),
         ("dt", 0.01, "", None),
+        ("dt", 0.01, "s", 100.0),
+        ("dt", "10 ms", "", 100.0),
+        ("gyro@sampling_frequency", "100 Hz", "", 100.0),
+        ("gyro@sampling_frequency", b"1.6kHz", "", 1600.0),
+        ("SampleRate", "2e3 [Hz]", "", 2000.0),
+        ("fs_hz", "0.1 kHz", "", None),
+        ("fs", "fast", "", None),
+        ("fs", "100 bananas", "", None),
+        ("gyro@wf_increment", 0.01, "", 100.0),
+        ("gyro@wf_increment", 10, "ms", 100.0),
+        ("gyro@wf_increment", 10, "samples", None),
         ("fs", 0, "", None),
         ("fs", float("nan"), "", None),
         ("heart_rate", 70, "", None),
@@ -280,65 +248,3 @@ def test_attributes_of_hdf5_are_rates_too(tmp_path: Path) -> None:
 def test_names_of_rates(name: str, value: Any, unit: str, rate_hz: float | None) -> None:
     found = rate_of(name, value, unit)
     assert found is None if rate_hz is None else found == pytest.approx(rate_hz)
-
-
-# --- scales and units ---
-
-
-def test_attributes_of_netcdf_are_used(tmp_path: Path) -> None:
-    counts = np.rint(GYRO * 1000).astype(np.int16)
-    counts[5, 1] = -32768
-    packed = {"scale_factor": 0.001, "add_offset": 0.25, "_FillValue": np.int16(-32768), "units": "degree/s"}
-    whole = with_attributes(tmp_path, counts, packed).whole()
-    assert whole.gyro == pytest.approx(np.delete(counts * 0.001 + 0.25, 5, axis=0))
-    limits = {"units": "rad/s", "valid_range": [-2.0, 2.0]}
-    beyond = (np.abs(GYRO) > 2).any(axis=1)
-    found = with_attributes(tmp_path, GYRO, limits).whole()
-    assert found.gyro == pytest.approx(np.degrees(GYRO[~beyond]))
-
-
-@pytest.mark.parametrize(
-    ("attributes", "reason"),
-    [
-        ({"scale": 0.0153}, "its attribute scale 0.0153 is to change its numbers, and not said is how"),
-        ({"Offset": 0.5}, "its attribute offset 0.5 is to change its numbers"),
-        ({"scale_factor": [1.0, 2.0]}, "its scale_factor or add_offset is not one number"),
-        ({"scale_factor": "two"}, "its scale_factor or add_offset is not one number"),
-    ],
-)
-def test_a_scale_that_says_not_how_is_refused(
-    attributes: dict[str, Any], reason: str, tmp_path: Path
-) -> None:
-    assert reason in refusal(with_attributes, tmp_path, GYRO, attributes, units="dps")
-    whole = with_attributes(tmp_path, GYRO, attributes, units="dps", overrule=True).whole()
-    assert whole.gyro == pytest.approx(GYRO)
-
-
-def test_a_scale_of_one_changes_nothing(tmp_path: Path) -> None:
-    assert with_attributes(tmp_path, GYRO, {"scale": 1.0, "offset": 0.0, "units": "dps"}).samples == N
-
-
-@pytest.mark.parametrize(
-    "imu",
-    [
-        {"gyro": GYRO, "units": "rad/s"},
-        {"gyro": GYRO, "gyro_unit": "rad/s"},
-        {"gyro": GYRO, "units": {"gyro": "rad/s", "accel": "g"}},
-    ],
-    ids=["of the structure", "beside it", "by name"],
-)
-def test_texts_beside_arrays_tell_units(imu: dict[str, Any], tmp_path: Path) -> None:
-    expected = np.degrees(GYRO)
-    assert matlab(tmp_path, {"imu": {**imu, "fs": 100.0}}).whole().gyro == pytest.approx(expected)
-    lists = {**imu, "gyro": GYRO.tolist(), "fs": 100.0}
-    assert document(tmp_path, {"imu": lists}).whole().gyro == pytest.approx(expected)
-    text = refusal(matlab, tmp_path, {"imu": {**imu, "fs": 100.0}}, units="dps")
-    assert "rad/s" in text
-    assert "--overrule" in text
-
-
-def test_a_name_and_the_unit_beside_it_agree(tmp_path: Path) -> None:
-    arrays = {"imu": {"gyro_dps": GYRO, "units": "rad/s", "fs": 100.0}}
-    text = refusal(matlab, tmp_path, arrays)
-    assert "gyro_x_dps is in dps by its name, and in rad/s by the unit beside it" in text
-    assert matlab(tmp_path, arrays, units="dps", overrule=True).whole().gyro == pytest.approx(GYRO)

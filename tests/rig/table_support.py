@@ -1,14 +1,27 @@
 """Tables of other programs' files, read here: the process apart takes most of its time to start."""
 
+import itertools
+import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
+import numpy as np
+import pytest
+import scipy.io
 from fltea.recording.files import Stored
 from fltea.recording.formats import FORMATS, loaded
 from fltea.recording.sheet import open_sheet, with_sample
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import DEFAULT_LIMITS
+
+N = 300
+TIMES_S = np.arange(N) / 100
+GYRO = np.random.default_rng(1).normal(size=(N, 3))
+OTHER = np.random.default_rng(2).normal(size=(2 * N, 3))
+_NUMBERS = itertools.count()
 
 
 def open_here(kind: str, path: Path, **how: Any) -> Stored:
@@ -18,3 +31,48 @@ def open_here(kind: str, path: Path, **how: Any) -> Stored:
     except UsageError as error:
         raise UsageError(str(error) if str(error).startswith(f"{path}: ") else f"{path}: {error}") from error
     return open_sheet(path, with_sample(sheet), How(**how), DEFAULT_LIMITS)
+
+
+def hdf5(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
+    """Arrays by their paths; a name behind `@` is an attribute of what stands before it."""
+    path = folder / f"{next(_NUMBERS)}.h5"  # h5py keeps the one before open
+    with h5py.File(path, "w", track_order=True) as file:
+        for name, value in arrays.items():
+            owner, mark, attribute = name.partition("@")
+            if mark:
+                at = file[owner or "/"] if not owner or owner in file else file.require_group(owner)
+                at.attrs[attribute] = value
+            else:
+                file[name] = value
+    return open_here("hdf5", path, **how)
+
+
+def with_attributes(folder: Path, values: Any, attributes: dict[str, Any], **how: Any) -> Stored:
+    """A gyroscope at 100 Hz in a data set with attributes."""
+    path = folder / f"{next(_NUMBERS)}.h5"  # h5py keeps the one before open
+    with h5py.File(path, "w") as file:
+        file["gyro"] = values
+        file["t"] = TIMES_S
+        file["gyro"].attrs.update(attributes)
+    return open_here("hdf5", path, **how)
+
+
+def matlab(folder: Path, variables: dict[str, Any], **how: Any) -> Stored:
+    scipy.io.savemat(folder / "rest.mat", variables)
+    return open_here("mat", folder / "rest.mat", **how)
+
+
+def npz(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
+    np.savez(folder / "rest.npz", **arrays)
+    return open_here("arrays", folder / "rest.npz", **how)
+
+
+def document(folder: Path, content: Any, **how: Any) -> Stored:
+    (folder / "rest.json").write_text(json.dumps(content))
+    return open_here("json", folder / "rest.json", **how)
+
+
+def refusal(read: Callable[..., Any], *arguments: Any, **how: Any) -> str:
+    with pytest.raises(UsageError) as caught:
+        read(*arguments, **how)
+    return str(caught.value)

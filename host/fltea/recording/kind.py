@@ -11,6 +11,7 @@ from typing import Any, BinaryIO, NamedTuple
 import msgspec
 
 from fltea.recording.bag_files import is_bag_folder, is_ros_mcap
+from fltea.recording.column_names import times_in
 from fltea.recording.formats import FORMATS, KINDS, MAGIC, UNREAD, ZIP, Kind
 from fltea.recording.lines import shown
 from fltea.records.errors import UsageError
@@ -147,7 +148,9 @@ def _kind_of_zip(path: Path, file: BinaryIO) -> Kind:
     arrays = {name.removesuffix(".npy") for name in names if name.endswith(".npy")}
     if not arrays:
         return by_end
-    return "npz" if "gyro_raw" in arrays or {"gyro_dps", "fs_hz"} <= arrays else "arrays"
+    is_ours = "fs_hz" in arrays and ("gyro_dps" in arrays or {"gyro_raw", "lsb_per_dps"} <= arrays)
+    has_other_times = times_in(sorted(arrays - {"time_s", "t_host_s"}))
+    return "npz" if is_ours and not has_other_times else "arrays"
 
 
 def _is_foreign(begin: bytes) -> bool:

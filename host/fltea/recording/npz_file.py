@@ -1,7 +1,7 @@
 """Recordings in .npz files."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from fltea.recording.files import (
     listed,
 )
 from fltea.recording.npz_arrays import NpzArrays
+from fltea.recording.reading import Answer
 from fltea.recording.sample_times import LONGEST_S
 from fltea.records.errors import UsageError
 from fltea.records.records import AXES
@@ -67,12 +68,28 @@ def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
     lsb = _positive(path, "lsb_per_dps", arrays) if key == "gyro_raw" else None
     accel_lsb = _positive(path, "accel_lsb_per_g", arrays) if "accel_lsb_per_g" in arrays else None
     like = Recording(np.empty((0, shape[1])), rate_hz, np.empty(0), lsb, accel_lsb_per_g=accel_lsb)
-    stored = Stored(n, rate_hz, lsb, accel_lsb, partial(_npz_blocks, path, arrays, columns, like))
+    blocks = partial(_npz_blocks, path, arrays, columns, like)
+    stored = Stored(n, rate_hz, lsb, accel_lsb, blocks, reading=_reading(key, columns, like))
     check = _Check(path, key)
     for block in stored.blocks():
         check.add(block)
     check.end()
     return stored
+
+
+def _reading(key: str, columns: Collection[str], like: Recording) -> tuple[Answer, ...]:
+    """What the names say, each of which has one meaning."""
+    unit, by = ("deg/s", key) if like.lsb_per_dps is None else (f"lsb:{like.lsb_per_dps:g}", "lsb_per_dps")
+    found = [
+        Answer("columns", f"{key} as {', '.join('xyz'[: like.gyro.shape[1]])}", "stated", "its name"),
+        Answer("unit", unit, "stated", by),
+        Answer("clock", f"{like.rate_hz:.6g} Hz", "stated", "fs_hz"),
+    ]
+    accel = next((name for name in ("accel_raw", "accel_ms2") if name in columns), None)
+    if accel is not None:
+        by = "accel_lsb_per_g" if accel == "accel_raw" else accel
+        found.append(Answer("accelerometer", accel, "stated", by))
+    return tuple(found)
 
 
 def _npz_blocks(path: Path, arrays: NpzArrays, columns: list[str], like: Recording) -> Iterator[Recording]:
@@ -108,6 +125,7 @@ class _Check:
         self._rows = 0
         self._first: tuple[float, float] | None = None
         self._last = (-math.inf, -math.inf)
+        self._seq, self._epoch = -1.0, math.nan
         self._rate_hz = 0.0
         self._has_host = False
 
@@ -125,11 +143,18 @@ class _Check:
         if self._first is None:
             self._first = float(block.device_s[0]), float(host_s[0])
         stands = np.diff(block.device_s, prepend=self._last[0]) <= 0
+        seq = np.arange(len(host_s)) if block.seq is None else block.seq
+        epoch = np.zeros(len(host_s)) if block.epoch is None else block.epoch
+        lost = np.where(np.diff(epoch, prepend=self._epoch) == 0, np.diff(seq, prepend=self._seq) - 1, 0)
+        took = np.diff(block.device_s, prepend=self._last[0]) * block.rate_hz - 1
+        lacks = (lost > 0) & (took < lost / 2 - 1)  # less by 1, since stamps of messages come early and late
+        self._seq, self._epoch = float(seq[-1]) if block.seq is not None else -1.0, float(epoch[-1])
         beyond = np.abs(block.gyro).max(axis=1) > LARGEST_DPS * (block.lsb_per_dps or 1.0)
         for bad, what in (
             (stands, "time_s does not increase"),
             (np.abs(block.device_s) > LONGEST_S, f"time_s is beyond {LONGEST_S:g} s"),
             (np.diff(host_s, prepend=self._last[1]) < 0, "t_host_s runs backwards"),
+            (lacks, "seq lacks samples that time_s has no time for"),
             (beyond, f"{key} is more than {LARGEST_DPS:g} deg/s"),
         ):
             if bad.any():

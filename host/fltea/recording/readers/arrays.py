@@ -1,7 +1,6 @@
 """Arrays by their names, of any kind of file, as a table."""
 
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
@@ -9,29 +8,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fltea.recording.column_names import named_axis, tells_sensors
+from fltea.recording.column_names import is_time, named_axis, tells_sensors
+from fltea.recording.evidence import OVERRULE
 from fltea.recording.files import AT_ONCE, listed
 from fltea.recording.groups import gyroscopes_in
 from fltea.recording.npz_arrays import KINDS
 from fltea.recording.one_sensor import MOST_SENSORS
-from fltea.recording.sample_times import SECONDS, Floats
+from fltea.recording.readers import beside
+from fltea.recording.sample_times import Floats
 from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
 
 MOST_WIDE = 64
 """Columns of one array; what is wider than long lies on its side, as MATLAB writes it."""
 
-_RATE = re.compile(
-    r"(?:imu_|gyro_)?(?:fs|rate|odr|sfreq|data_rate|sampl(?:e|ing)_?(?:rate|freq|frequency))(?:_?(k?hz))?"
-)
-_PERIOD = re.compile(r"(?:dt|(?:sampl(?:e|ing)_?)?(?:period|interval))_(s|ms|us|ns)|wf_increment")
 MOST_REASONS = 5
 """In a message."""
 
 _NOT_ONE = "holds {}, not one number in each row"
-
-_SECONDS: Mapping[str, float] = {str(unit): seconds for unit, seconds in SECONDS.items()}
-PER_S = {"": 1.0, "hz": 1.0, "khz": 1e3, "1/s": 1.0, "s-1": 1.0, "s^-1": 1.0, "sps": 1.0}
 
 Column = Callable[[int, int], Any]
 """The values from one row to another."""
@@ -54,106 +48,118 @@ def is_of_matlab(kind: str) -> str:
     return f"{what}; there, write{kind} makes a .csv of it" if kind in ("table", "timetable") else what
 
 
-def rate_of(name: str, value: Any, unit: str = "") -> float | None:
-    """Return the samples per second that a number with this name states; None if it states none."""
-    leaf = re.sub(r"[\s\-]+", "_", name.rpartition(".")[2].rpartition("@")[2].strip().lower())
-    found, period = _RATE.fullmatch(leaf), _PERIOD.fullmatch(leaf)
-    if found is None and period is None:
-        return None
-    try:
-        number = float(np.asarray(value).reshape(()))
-    except (TypeError, ValueError):
-        return None
-    if period is not None:
-        number = 1 / (number * _SECONDS[period[1] or "s"]) if number else 0.0
-    scale = PER_S.get((found[1] if found and found[1] else unit).strip().lower())
-    return None if scale is None or not 0 < number * scale < math.inf else number * scale
-
-
 def of_arrays(
     arrays: Mapping[str, Any],
     units: Mapping[str, str] = NONE,
-    rates: Mapping[str, float] = NONE,
+    attributes: Mapping[str, Any] = NONE,
     doubts: Mapping[str, str] = NONE,
 ) -> Sheet:
-    """Make a table of arrays by their names, (n,) or (n, columns); texts among them may tell units.
+    """Make a table of arrays by their names, (n,) or (n, columns), and of what the file says beside them.
 
-    units, doubts: of arrays, where there are some. rates: those that are no arrays of their own.
+    units, doubts: of arrays, where there are some. attributes: of arrays, as `gyro@units`.
 
     Raises:
         UsageError: none of them holds numbers.
     """
-    names: list[str] = []
-    of: list[str] = []
-    lengths: list[int] = []
-    columns: list[Column] = []
-    stamps: list[str] = []
-    rates, reasons = dict(rates), []
-    doubts_of: dict[str, str] = {}
-    words: dict[str, list[str]] = {}
-    texts = {name: text for name, array in arrays.items() if (text := _text(array)) is not None}
-    units = {**_units_of(texts), **{name: unit for name, unit in units.items() if unit}}
+    facts = {**_facts(arrays), **attributes, **{f"{name}@units": unit for name, unit in units.items()}}
+    found, rates = _Columns(facts, doubts), beside.rates_of(facts)
     for name, array in arrays.items():
-        if name in texts:
+        if name not in rates:
+            found.add(name, array)
+    return found.sheet(rates, arrays)
+
+
+def _facts(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """Texts and single numbers."""
+    found = {}
+    for name, array in arrays.items():
+        if isinstance(array, str):
+            found[name] = array
             continue
-        if tells_sensors(name) and (found_words := _words(array)) is not None:
-            array, words[name] = found_words
-        reason = _reason(array)
-        rate_hz = (
-            None if reason or math.prod(array.shape) != 1 else rate_of(name, array[()], units.get(name, ""))
-        )
-        if rate_hz is not None:
-            rates[name] = rate_hz
-            continue
-        if reason:
-            reasons.append(f"{listed([name])} {reason}")
-            found = [_Labelled(label, _no_numbers, reason) for label in _axes_named(name)]
+        size = MOST_WIDE + 1 if isinstance(array, NoNumbers) else math.prod(array.shape)
+        if size == 1 or (size <= MOST_WIDE and np.dtype(array.dtype).kind in "SUO"):
+            found[name] = array[()]
+    return found
+
+
+class _Columns:
+    """The columns of arrays so far. facts: what the file says of them."""
+
+    def __init__(self, facts: Mapping[str, Any], doubts: Mapping[str, str]) -> None:
+        self._facts, self._doubts, self._said = facts, doubts, beside.units_of(facts)
+        self._names: list[str] = []
+        self._units: list[str] = []
+        self._of: list[str] = []
+        self._lengths: list[int] = []
+        self._columns: list[Column] = []
+        self._stamps: list[str] = []
+        self._reasons: list[str] = []
+        self._unread: dict[str, str] = {}
+        self._changed: dict[str, str] = {}
+        self._words: dict[str, list[str]] = {}
+
+    def add(self, name: str, array: Any) -> None:
+        """Take the columns of an array."""
+        if tells_sensors(name) and (words := _words(array)) is not None:
+            array, self._words[name] = words
+        is_fact = name in self._facts and name not in self._words and beside.texts_of(self._facts[name])
+        if isinstance(array, str) or is_fact:
+            return
+        if reason := _reason(array):
+            self._reasons.append(f"{listed([name])} {reason}")
+            found = [_Labelled(label, _no_numbers, f"{reason}.") for label in _axes_named(name)]
             rows = array.rows if isinstance(array, NoNumbers) else max((1, *array.shape))
         else:
-            found, rows = list(_of_array(name, array)), max(array.shape, default=0)
-        for label, column, why in found if rows > 1 or reason else ():
-            why = f"{why}." if why else doubts.get(name, "")
-            doubts_of |= {label: why} if why else {}
-            stamps += [label] if not reason and array.dtype.kind == "M" else []
-            names.append(label)
-            of.append(name)
-            lengths.append(rows)
-            columns.append(column)
-    if not set(lengths) - {0} or (len(doubts_of) == len(names) and reasons):
-        has = "; ".join(reasons[:MOST_REASONS]) or listed(list(arrays)) or "nothing"
-        raise UsageError(f"holds no columns of numbers, but {has}.")
+            found, rows = list(_of_array(name, array, self._facts)), max(array.shape, default=0)
+        labels = [one.label for one in found]
+        for place, (label, column, why) in enumerate(found if rows > 1 or reason else ()):
+            unit = beside.unit_of(self._said, label, name, place, len(found))
+            is_whole = not reason and array.dtype.kind in "iu"
+            scale = beside.scale_of(self._facts, name, labels, unit, is_whole=is_whole)
+            if scale and is_time(label):
+                why = why or f"{scale} may change its numbers, and not said is how. {OVERRULE}"
+            elif scale:
+                self._changed[label] = scale
+            why = why or self._doubts.get(name, "") or self._wrong_units(name, len(found))
+            self._unread |= {label: why} if why else {}
+            self._stamps += [label] if not reason and array.dtype.kind == "M" else []
+            self._names.append(label)
+            self._units.append(unit)
+            self._of.append(name)
+            self._lengths.append(rows)
+            self._columns.append(column)
 
-    def blocks(places: Sequence[int]) -> Iterator[Floats]:
-        rows = min(lengths[place] for place in places)
-        for begin in range(0, rows, AT_ONCE):
-            end = min(begin + AT_ONCE, rows)
-            yield np.stack([np.asarray(columns[p](begin, end), np.float64) for p in places], axis=1)
+    def _wrong_units(self, name: str, width: int) -> str:
+        said = self._said.get(name, [])
+        wrong = f"{len(said)} units ({listed(said)}) are stated of {width} columns. {OVERRULE}"
+        return wrong if len(said) not in (0, 1, width) else ""
 
-    beside = [_unit_of(units, name, array) for name, array in zip(names, of, strict=True)]
-    return Sheet(
-        names,
-        beside,
-        max(lengths),
-        lengths=lengths,
-        arrays=of,
-        stamps=tuple(stamps),
-        rates=rates,
-        doubts=doubts_of,
-        words=words,
-        blocks=blocks,
-    )
+    def sheet(self, rates: Mapping[str, float], arrays: Mapping[str, Any]) -> Sheet:
+        """All of them as a table."""
+        names, lengths, columns = self._names, self._lengths, self._columns
+        if not set(lengths) - {0} or (len(self._unread) == len(names) and self._reasons):
+            has = "; ".join(self._reasons[:MOST_REASONS]) or listed(list(arrays)) or "nothing"
+            raise UsageError(f"holds no columns of numbers, but {has}.")
 
+        def blocks(places: Sequence[int]) -> Iterator[Floats]:
+            rows = min(lengths[place] for place in places)
+            for begin in range(0, rows, AT_ONCE):
+                end = min(begin + AT_ONCE, rows)
+                yield np.stack([np.asarray(columns[p](begin, end), np.float64) for p in places], axis=1)
 
-def _text(array: Any) -> str | None:
-    if isinstance(array, str):
-        return array
-    is_text = (
-        not isinstance(array, NoNumbers) and np.dtype(array.dtype).kind in "US" and array.shape in ((), (1,))
-    )
-    found = np.asarray(array[()]).reshape(-1)[0] if is_text else None
-    return (
-        found.decode(errors="replace") if isinstance(found, bytes) else None if found is None else str(found)
-    )
+        return Sheet(
+            names,
+            self._units,
+            max(lengths),
+            lengths=lengths,
+            arrays=self._of,
+            stamps=tuple(self._stamps),
+            rates=dict(rates),
+            doubts=self._unread,
+            changed=self._changed,
+            words=self._words,
+            blocks=blocks,
+        )
 
 
 def _words(array: Any) -> tuple[Any, list[str]] | None:
@@ -165,28 +171,6 @@ def _words(array: Any) -> tuple[Any, list[str]] | None:
         return None
     words, places = np.unique(values, return_inverse=True)
     return (places, words.tolist()) if len(words) <= MOST_SENSORS else None
-
-
-def _units_of(texts: Mapping[str, str]) -> dict[str, str]:
-    """Units by the array or group that texts beside them name: gyro_units, units.gyro, units of a group."""
-    found = {}
-    for name, text in texts.items():
-        group, _, leaf = name.rpartition(".")
-        outer, _, inner = group.rpartition(".")
-        if (end := re.fullmatch(r"(.+)_units?", leaf, re.I)) is not None:
-            found[f"{group}.{end[1]}" if group else end[1]] = text
-        elif re.fullmatch(r"units?", leaf, re.I):
-            found[f"{group}."] = text
-        elif re.fullmatch(r"units?", inner, re.I):
-            found[f"{outer}.{leaf}" if outer else leaf] = text
-    return found
-
-
-def _unit_of(units: Mapping[str, str], name: str, array: str) -> str:
-    """The unit of a column: its own, its array's, or that of the group it is in."""
-    group = f"{array.rpartition('.')[0]}."
-    unit = next((units[known] for known in (name, array, f"{array}.", group) if known in units), "")
-    return unit.partition(" since ")[0]  # as netCDF says of times
 
 
 def _reason(array: Any) -> str:
@@ -223,13 +207,13 @@ class _Labelled(NamedTuple):
     reason: str = ""
 
 
-def _of_array(name: str, array: Any) -> Iterator[_Labelled]:
+def _of_array(name: str, array: Any, facts: Mapping[str, Any]) -> Iterator[_Labelled]:
     if array.dtype.names is not None:
         for field in array.dtype.names:
             shape, inner = array.dtype[field].shape, f"{name}.{field}" if name else field
             width = math.prod(shape)
             if array.dtype[field].base.kind not in KINDS or width > MOST_WIDE:
-                yield _Labelled(inner, _no_numbers, _NOT_ONE.format("other things"))
+                yield _Labelled(inner, _no_numbers, f"{_NOT_ONE.format('other things')}.")
                 continue
             for k in range(width):
                 yield _Labelled(_label(inner, k, width), partial(_field, array, field, k if shape else None))
@@ -239,8 +223,17 @@ def _of_array(name: str, array: Any) -> Iterator[_Labelled]:
         yield _Labelled(name, partial(_rows, array))
     elif len(array.shape) == 2:
         on_side, width = array.shape[0] < array.shape[1], min(array.shape)
+        named, wrong = beside.columns_of(facts, name, width)
         for k in range(width):
-            yield _Labelled(_label(name, k, width), partial(_on_side if on_side else _upright, array, k))
+            label = _named(name, named[k]) if named else _label(name, k, width)
+            column = partial(_on_side if on_side else _upright, array, k)
+            yield _Labelled(label, column, wrong and f"{wrong} {OVERRULE}")
+
+
+def _named(array: str, column: str) -> str:
+    """The name of a column of an array, of which the file says what it is called."""
+    axis = "xyz".find(column.strip().lower()) if len(column.strip()) == 1 else -1
+    return named_axis(array, axis) if axis >= 0 else f"{array}.{column}"
 
 
 def _label(name: str, k: int, width: int) -> str:

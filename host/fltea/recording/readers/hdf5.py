@@ -1,22 +1,23 @@
-"""Files of HDF5: tables of pandas, and data sets with attributes as netCDF has them: units, scales, rates."""
+"""Files of HDF5: tables of pandas, and data sets with attributes, as netCDF and NWB have them."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fltea.recording.evidence import OVERRULE
+from fltea.recording.one_sensor import MOST_SENSORS
 from fltea.recording.readers import pandas_hdf5
-from fltea.recording.readers.arrays import NoNumbers, is_of_matlab, of_arrays, rate_of
+from fltea.recording.readers.arrays import NoNumbers, is_of_matlab, of_arrays
+from fltea.recording.readers.beside import number_of, texts_of
 from fltea.recording.sheet import Sheet
 
-UNITS = "units", "unit", "unit_string"
-"""Attributes, in small letters."""
-
 MISSING = "_fillvalue", "missing_value"
-SCALES = "scale", "gain", "sensitivity", "offset", "multiplier", "factor", "lsb"
-"""Attributes that change the numbers in a way that their names do not tell."""
+NETCDF, NWB = ("scale_factor", "add_offset"), ("conversion", "offset")
+"""Attributes by which numbers are multiplied, and what is added then: https://cfconventions.org (8.1 Packed
+Data), and https://nwb-schema.readthedocs.io (TimeSeries), whose `resolution` changes nothing."""
 
 MATLABS = "#refs#", "#subsystem#"
 
@@ -27,58 +28,76 @@ def read(path: Path, _: str) -> Sheet:
 
     found: dict[str, Any] = {}
     tables: dict[str, Any] = {}
-    units: dict[str, str] = {}
-    rates: dict[str, float] = {}
+    facts: dict[str, Any] = {}
     doubts: dict[str, str] = {}
 
     def take(path: str, item: Any) -> None:
         name = path.replace("/", ".")
-        attributes = {key.lower(): value for key, value in item.attrs.items()}
-        mark = "@" if isinstance(item, h5py.Dataset) else "." if name else ""
-        for key, value in attributes.items():
-            if (rate_hz := rate_of(key, value)) is not None:
-                rates[f"{name}{mark}{key}"] = rate_hz
+        attributes = {
+            key.lower(): value for key, value in item.attrs.items() if np.size(value) <= MOST_SENSORS
+        }
+        if path.endswith("/starting_time") and "rate" in attributes:  # of NWB's group
+            facts[f"{name.rpartition('.')[0]}.rate"] = attributes["rate"]
         if isinstance(item, h5py.Group):
+            facts.update({f"{name}.{key}".lstrip("."): value for key, value in attributes.items()})
             if pandas_hdf5.is_table(item):
                 tables.update(
                     {f"{name}.{column}": one for column, one in pandas_hdf5.columns_of(item).items()}
                 )
         elif not path.startswith(MATLABS):
-            units[name] = next((_text(attributes[key]) for key in UNITS if key in attributes), "")
-            found[name], doubts[name] = _read_as(item, attributes)
+            for part, data in _parts_of(path, item):
+                name = part.replace("/", ".")
+                kept = attributes if data is item else {key.lower(): one for key, one in data.attrs.items()}
+                is_nwb = "neurodata_type" in item.parent.attrs
+                found[name], doubts[name] = _read_as(data, kept, NWB if is_nwb else NETCDF)
+                facts.update({f"{name}@{key}": value for key, value in kept.items()})
 
     file = h5py.File(path, "r")
     take("", file)
     file.visititems(take)
-    return of_arrays(tables or found, units, rates, doubts)
+    return of_arrays(tables or found, attributes=facts, doubts=doubts)
 
 
-def _read_as(data: Any, attributes: dict[str, Any]) -> tuple[Any, str]:
-    """A data set as its attributes say that it is to be read, and what they leave open."""
-    kind = _text(attributes.get("matlab_class", ""))
+def _parts_of(path: str, data: Any) -> Iterator[tuple[str, Any]]:
+    """A data set; a field of MATLAB's array of structures is one of references, a structure each."""
+    import h5py
+
+    of_structures = "/" in path and h5py.check_ref_dtype(data.dtype) is not None
+    if not of_structures or data.size > MOST_SENSORS or "MATLAB_class" in data.attrs:
+        yield path, data
+        return
+    group, _, field = path.rpartition("/")
+    for number, reference in enumerate(np.asarray(data[()]).reshape(-1), 1):
+        if reference and isinstance(one := data.file[reference], h5py.Dataset):
+            yield f"{group}({number})/{field}", one
+
+
+def _read_as(data: Any, attributes: dict[str, Any], scaled_by: tuple[str, str]) -> tuple[Any, str]:
+    """A data set as its attributes say that it is to be read, and what is wrong with these.
+
+    scaled_by: the names of those that scale; what is used is taken out of them.
+    """
+    kind = next(iter(texts_of(attributes.get("matlab_class"))), "")
     if kind == "char":
         return "".join(map(chr, np.asarray(data[()]).reshape(-1).tolist())), ""
     if kind == "cell" or "matlab_object_decode" in attributes:
         return NoNumbers(is_of_matlab(kind), max((1, *data.shape))), ""
     if (text := data.asstr() if data.dtype.kind == "O" and data.shape == () else None) is not None:
         return str(text[()]), ""
+    if scaled_by == NWB:
+        attributes.pop("resolution", None)
     scale, offset = (
-        _number(attributes.get(key), other) for key, other in (("scale_factor", 1), ("add_offset", 0))
-    )
-    changed = {key: _number(attributes[key], 1.0) for key in SCALES if key in attributes}
-    open_ = [f"{key} {value:g}" for key, value in changed.items() if value != float(key != "offset")]
-    doubt = (
-        f"its attribute {open_[0]} is to change its numbers, and not said is how. {OVERRULE}" if open_ else ""
+        number_of(attributes.pop(key, None), other) for key, other in zip(scaled_by, (1, 0), strict=True)
     )
     if math.isnan(scale * offset):
-        doubt = f"its scale_factor or add_offset is not one number. {OVERRULE}"
+        return data, f"its {' or '.join(scaled_by)} is not one number. {OVERRULE}"
     missing = [np.atleast_1d(attributes[key]) for key in MISSING if key in attributes]
     low, high = np.atleast_1d(attributes.get("valid_range", (math.nan, math.nan)))[:2]
     low, high = attributes.get("valid_min", low), attributes.get("valid_max", high)
-    limits = _number(low, math.nan), _number(high, math.nan)
+    limits = number_of(low), number_of(high)
     is_plain = not missing and (scale, offset) == (1.0, 0.0) and all(map(math.isnan, limits))
-    if is_plain or doubt or data.dtype.kind not in "iuf":
-        return data, doubt
+    if is_plain or data.dtype.kind not in "iuf":
+        return data, ""
     return _Scaled(data, scale, offset, np.concatenate(missing) if missing else np.empty(0), limits), ""
 
 
@@ -104,17 +123,3 @@ class _Scaled:
         low, high = self._limits
         none = np.isin(packed, self._missing) | (packed < low) | (packed > high)
         return np.where(none, math.nan, packed * self._scale + self._offset)
-
-
-def _text(value: Any) -> str:
-    value = np.asarray(value).reshape(-1)
-    first = value[0] if len(value) else ""
-    return first.decode(errors="replace") if isinstance(first, bytes) else str(first)
-
-
-def _number(value: Any, other: float) -> float:
-    """A number, `other` where there is none, NaN where it is not one."""
-    try:
-        return float(other if value is None else np.asarray(value, np.float64).reshape(()))
-    except (TypeError, ValueError):
-        return math.nan

@@ -17,6 +17,8 @@ def read(path: Path, _: str) -> Sheet:
     found: dict[str, Any] = {}
 
     def take(name: str, value: Any) -> None:
+        if name.startswith("__"):  # what scipy says of the file
+            return
         if isinstance(value, dict):
             for key, inner in value.items():
                 take(f"{name}.{key}" if name else key, inner)
@@ -30,7 +32,7 @@ def read(path: Path, _: str) -> Sheet:
                     take(f"{name}({number})", part)
             else:
                 found[name] = NoNumbers(is_of_matlab("cell"), len(parts))
-        elif not name.startswith("__"):
+        else:
             found[name] = value if isinstance(value, str) else np.asarray(value)
 
     take("", loadmat(path, simplify_cells=True))

@@ -8,10 +8,9 @@ import numpy as np
 from msgspec.structs import replace
 
 from fltea.recording.files import Note
-from fltea.recording.readers.arrays import NoNumbers, of_arrays, rate_of
+from fltea.recording.readers.arrays import NoNumbers, of_arrays
 from fltea.recording.sheet import Sheet
 
-UNITS = "unit_string", "NI_UnitDescription", "unit", "units"
 _LEAD_IN = struct.Struct("<4sIIQQ")
 _STILL_WRITTEN = (1 << 64) - 1
 
@@ -21,27 +20,22 @@ def read(path: Path, _: str) -> Sheet:
     from nptdms import TdmsFile
 
     found: dict[str, Any] = {}
-    units: dict[str, str] = {}
-    rates: dict[str, float] = {}
     file = TdmsFile.open(path)
+    facts: dict[str, Any] = dict(file.properties)
     for group in file.groups():
+        facts.update({f"{group.name}.{key}": value for key, value in group.properties.items()})
         for channel in group.channels():
             name = f"{group.name}.{channel.name}"
             is_text = channel.dtype.kind not in "biufM"
             found[name] = NoNumbers("holds no numbers", len(channel)) if is_text else _Channel(channel)
-            units[name] = next(
-                (str(channel.properties[key]) for key in UNITS if key in channel.properties), ""
-            )
-            for key, value in channel.properties.items():
-                if (rate_hz := rate_of(key, value)) is not None:
-                    rates[f"{name}@{key}"] = rate_hz
+            facts.update({f"{name}@{key}": value for key, value in channel.properties.items()})
     segments = _segments(path)
     text = (
         f"{path}: was written in {segments} parts. Its rate says when samples follow each other, and nothing "
     )
     text += "says whether there is a pause between two parts; a column of times would."
-    notes = (Note("reading", text),) if segments > 1 and rates else ()
-    return replace(of_arrays(found, units, rates), notes=notes)
+    sheet = of_arrays(found, attributes=facts)
+    return replace(sheet, notes=(Note("reading", text),) if segments > 1 and sheet.rates else ())
 
 
 class _Channel:

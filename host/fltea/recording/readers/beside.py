@@ -1,0 +1,177 @@
+"""What a file says beside its arrays, or in their attributes: units, rates, scales, names of columns (pure).
+
+A fact has a name. `imu.gyro@units` is an attribute of the array `imu.gyro`; `imu.gyro_units` and
+`imu.units.gyro` stand beside it and are of it alone, and `imu.units` is of all that is in `imu`.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fltea.recording.column_names import axis_of, is_time
+from fltea.recording.files import listed
+from fltea.recording.groups import around
+from fltea.recording.sample_times import SECONDS
+from fltea.recording.units import time_scale
+
+UNITS = "units?|unit_string|ni_unitdescription"
+COLUMNS = "columns?(?:_names?)?|labels?|channels?(?:_names?)?|axes"
+COUNTS = "(?:lsb|counts)_per_(?:dps|deg_s)"
+"""Counts in 1 deg/s, as fltea writes it: the only scale whose name says what it does."""
+
+SCALES = "scale(?:_?factor)?|scaling|gain|sensitivity|offset|multiplier|factor|lsb|slope|resolution"
+SCALES += rf"|conversion(?:_?factor)?|{COUNTS}"
+"""What changes numbers, in a way that the name does not tell: by multiplication, by division or not again."""
+
+_RATE = re.compile(
+    r"(?:imu_|gyro_)?(?:fs|rate|odr|sfreq|data_rate|sampl(?:e|ing)_?(?:rate|freq|frequency))(?:_?(k?hz))?"
+)
+_PERIOD = re.compile(r"(?:dt|(?:sampl(?:e|ing)_?)?(?:period|interval))(?:_(s|ms|us|ns))?|(wf_increment)")
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*[(\[]?([^)\]]*)[)\]]?\s*", re.I)
+
+PER_S = {"": 1.0, "1/s": 1.0, "s-1": 1.0, "s^-1": 1.0, "sps": 1.0, "samples/s": 1.0, "s/s": 1.0}
+PER_S |= {"hz": 1.0, "hertz": 1.0, "khz": 1e3, "samples per second": 1.0}
+
+
+def texts_of(value: Any) -> list[str]:
+    """Return the texts that a value holds, one or a list; none if it holds anything else."""
+    if not isinstance(value, str | bytes | np.ndarray | np.generic | list | tuple):
+        return []
+    found = np.asarray(value, object).reshape(-1).tolist()
+    found = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in found]
+    return list(map(str, found)) if all(isinstance(one, str) for one in found) else []
+
+
+def number_of(value: Any, other: float = math.nan) -> float:
+    """Return the one number that a value holds, NaN if it holds none or several; `other` if it is None."""
+    try:
+        return float(other if value is None else np.asarray(value, np.float64).reshape(()))
+    except (TypeError, ValueError):
+        return math.nan
+
+
+def rate_of(name: str, value: Any, unit: str = "") -> float | None:
+    """Return the samples per second that a number, or a text such as `100 Hz`, states; None if it does not.
+
+    name: of it. unit: that stands beside it.
+    """
+    leaf = re.sub(r"[\s\-]+", "_", name.rpartition(".")[2].rpartition("@")[2].strip().lower())
+    found, period = _RATE.fullmatch(leaf), _PERIOD.fullmatch(leaf)
+    if found is None and period is None:
+        return None
+    number = number_of(value)
+    if len(texts := texts_of(value)) == 1 and (text := _NUMBER.fullmatch(texts[0])) is not None:
+        number, unit = float(text[1]), text[2] or unit
+    in_name = (found[1] if found else period and period[1]) or ""
+    units = {one.strip().lower() for one in (unit, in_name) if one.strip()}
+    if len(units) > 1 or not number > 0:
+        return None
+    if found is not None:
+        number *= PER_S.get(next(iter(units), ""), math.nan)
+    else:
+        ticks = time_scale(next(iter(units), "s" if period and period[2] else ""))
+        number = 1 / (number * SECONDS[ticks[0]] * ticks[1]) if ticks else math.nan
+    return number if 0 < number < math.inf else None
+
+
+def rates_of(facts: Mapping[str, Any]) -> dict[str, float]:
+    """Return the rates that are stated, by the names of what states them."""
+    units = {owner: texts_of(facts[name])[:1] for name, owner in _owners(facts, UNITS)}
+    found = {}
+    for name, value in facts.items():
+        beside = texts_of(facts.get(f"{name.rpartition('@')[0]}@wf_xunit_string")) if "@" in name else []
+        unit = next(iter(beside if name.endswith("@wf_increment") else units.get(name, [])), "")
+        if (rate_hz := rate_of(name, value, unit)) is not None:
+            found[name] = rate_hz
+    return found
+
+
+def units_of(facts: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Return units by the array, or the group with a dot behind it, that they are of: one, or one a column.
+
+    Counts in 1 deg/s are a unit, too, where none is stated.
+    """
+    found = {owner: texts for name, owner in _owners(facts, UNITS) if any(texts := texts_of(facts[name]))}
+    for name, owner in _owners(facts, COUNTS):
+        if (counts := number_of(facts[name])) > 0 and owner not in found:
+            found[owner] = [f"lsb:{counts:.17g}"]
+    return found
+
+
+def unit_of(units: Mapping[str, list[str]], label: str, array: str, place: int, width: int) -> str:
+    """Return the unit of a column: its own, its array's, or that of the nearest group that states one.
+
+    label: its name. place, width: which column of so many of its array it is.
+    """
+    groups = [f"{one}." for one in (array, *around(array), "")]
+    by = next((known for known in (label, array, *groups) if known in units), None)
+    own = [""] if by is None else units[by]
+    unit = own[0] if len(own) == 1 else own[place] if len(own) == width else ""
+    unit = unit.partition(" since ")[0]  # as netCDF says of times
+    is_of_all = len(own) == 1 and (by in groups or width > 1)
+    return "" if is_of_all and is_time(label.rpartition(".")[2]) and not time_scale(unit) else unit
+
+
+def columns_of(facts: Mapping[str, Any], array: str, width: int) -> tuple[list[str], str]:
+    """Return what the columns of an array are called, and what is wrong with what the file says of them."""
+    for name, owner in _owners(facts, COLUMNS):
+        is_own = owner == array
+        if width < 2 or not (is_own or owner == f"{array.rpartition('.')[0]}."):
+            continue
+        texts = texts_of(facts[name])
+        if len(texts) == 1:
+            texts = list(texts[0]) if len(texts[0]) == width else re.split(r"[\s,;]+", texts[0].strip())
+        if any(text[:1] in "+-" for text in texts if len(text) > 1):
+            return [], f"{name} names axes with signs ({listed(texts)}), which are not applied here."
+        if len(texts) == width == len({*texts}) and all(text.strip() for text in texts):
+            return texts, ""
+        if is_own and len(texts) > 1 and not name.endswith("axes"):  # NeXus names dimensions there
+            return [], f"{name} names {len(texts)} columns ({listed(texts)}), and there are {width}."
+    return [], ""
+
+
+def scale_of(
+    facts: Mapping[str, Any], array: str, labels: Sequence[str], unit: str, *, is_whole: bool
+) -> str:
+    """Return what changes the numbers of an array, such as `gyro_scale 0.0153`; "" if nothing does.
+
+    labels: of its columns; what is called as a gyroscope's scale is of any array of a gyroscope. unit: of
+    these. is_whole: they hold whole numbers, of which a resolution may be the scale.
+    """
+    group, _, leaf = array.rpartition(".")
+    is_of_gyro = any(axis_of(label.rpartition(".")[2]) for label in labels)
+    for name, owner in _owners(facts, SCALES):
+        value = number_of(facts[name])
+        is_offset, is_counts = name.lower().endswith("offset"), re.search(rf"(?:{COUNTS})$", name, re.I)
+        if value == float(not is_offset) or (is_counts and unit.startswith("lsb:")):
+            continue
+        if name.lower().endswith("resolution") and not is_whole:
+            continue
+        of_group, _, of = owner.rpartition(".")
+        is_like = leaf.lower().startswith(of.lower()) or (is_of_gyro and axis_of(f"{of}_x"))
+        is_beside = of_group == group and (is_like if of else not is_offset)
+        is_ours = owner == array if "@" in name else is_beside and not (is_time(leaf) and not of)
+        if is_ours and not (is_offset and is_time(leaf)):
+            return f"{name} {value:g}" if math.isfinite(value) else f"{name}, which is not one number,"
+    return ""
+
+
+def _owners(facts: Mapping[str, Any], words: str) -> Iterator[tuple[str, str]]:
+    """The facts of a kind, each with the array it is of, or the group with a dot behind it."""
+    for name in facts:
+        array, mark, key = name.rpartition("@")
+        group, _, leaf = name.rpartition(".")
+        outer, _, inner = group.rpartition(".")
+        if mark:
+            owner = array if re.fullmatch(words, key, re.I) else None
+        elif re.fullmatch(words, leaf, re.I):
+            owner = f"{group}."
+        elif (end := re.fullmatch(rf"(.+?)_(?:{words})", leaf, re.I)) is not None:
+            owner = f"{group}.{end[1]}" if group else end[1]
+        else:
+            owner = f"{outer}.{leaf}".removeprefix(".") if re.fullmatch(words, inner, re.I) else None
+        if owner is not None:
+            yield name, owner
