@@ -22,7 +22,7 @@ from fltea.recording.column_names import (
 from fltea.recording.dialects import Dialect, Facts, columns_of
 from fltea.recording.files import TIME_COLUMN, Note, listed
 from fltea.recording.reading import Answer, Evidence, Missing, Question, given_options, not_stated
-from fltea.recording.sample_times import PLAUSIBLE_HZ, SECONDS
+from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, PLAUSIBLE_HZ, SECONDS
 from fltea.recording.units import (
     accel_unit,
     is_physical,
@@ -275,13 +275,33 @@ class Choice:
         if unit is None and by_dialect and dialect is not None and dialect.time_unit:
             scale = self.facts.number(dialect.time_scale) if dialect.time_scale else 1.0
             if scale is None or not scale > 0:
-                self.missing.append(Missing(f"the unit of {listed([self.names[place]])}", "--time-unit ?"))
+                self._ask_clock(place, f"the unit of {listed([self.names[place]])}")
             else:
                 unit, factor = time_unit(dialect.time_unit), dialect.time_ticks * scale
         if unit is None and self.how.rate_hz is None and (what := counts_unknown(name, beside)):
-            asked = f"what the times of {listed([name])} count (the file says {listed([what])})"
-            self.missing.append(Missing(asked, "--time-unit ?"))
+            self._ask_clock(place, f"what the times of {listed([name])} count (the file says {listed([what])})")
+        elif unit is None and self.how.rate_hz is None and (step := self._step(place)) is not None:
+            if not PLAUSIBLE_HZ[0] <= 1 / step <= PLAUSIBLE_HZ[1]:
+                self._ask_clock(place, f"what the times of {listed([name])} count")
         return place, unit, factor, None, 0.0
+
+    def _ask_clock(self, place: int, what: str) -> None:
+        self.missing.append(Missing(what, "--time-unit ?"))
+        step = self._step(place)
+        if step is not None and (units := candidates.times_table(step)):
+            lines = [f"A step of {step:.6g} would be:", *units, "  or in ticks of its own: --rate ?"]
+            self.tables.append("\n".join(lines))
+
+    def _step(self, place: int) -> float | None:
+        """The step from one of the first times to the next, if it is that of an even clock."""
+        values = self.facts.sample()
+        if values.ndim != 2 or values.shape[1] <= place or len(values) < ENOUGH:
+            return None
+        steps = np.diff(values[:, place][np.isfinite(values[:, place])])
+        steps = steps[steps != 0]
+        step = float(np.median(steps)) if len(steps) else 0.0
+        is_even = step > 0 and float((np.abs(steps / step - 1) <= EVENNESS).mean()) >= EVEN_SHARE
+        return step if is_even else None
 
     def _time_column(self, gyro: Sequence[int]) -> tuple[int | None, bool]:
         """Return the place of the times, and whether the dialect says what they count."""
