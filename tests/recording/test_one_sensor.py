@@ -325,9 +325,9 @@ def test_live_rows_by_turns_end_the_reading(column: str, ids: list[str], later_s
     lines = [",".join(columns), *(",".join(map(str, row)) for row in zip(*columns.values(), strict=True))]
     live = TextEvents("stdin:", How(), fatal=False)
     live.open(0, within_line=False)
+    data = [f"{line}\n".encode() for line in lines]
     with pytest.raises(NotStated, match=f"column {column} tells several apart .{ids[0]}, {ids[1]}"):
-        for line in lines:
-            list(live.feed(f"{line}\n".encode(), 0))
+        list(itertools.chain.from_iterable(live.feed(line, 0) for line in data))
 
 
 @each_form

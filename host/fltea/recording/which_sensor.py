@@ -11,7 +11,7 @@ from fltea.recording.evidence import Choice
 from fltea.recording.files import listed
 from fltea.recording.one_sensor import MOST_SENSORS, tells_apart
 from fltea.recording.reading import Missing
-from fltea.recording.sample_times import Marks
+from fltea.recording.sample_times import Floats, Marks
 from fltea.recording.units import is_physical
 from fltea.recording.wanted import is_number
 from fltea.records.errors import UsageError
@@ -150,17 +150,18 @@ def _ask(choice: Choice, place: int, gyro: Sequence[int]) -> None:
     lines = [f"The sensors by the column {name}, and what the first rows show of each (mean ± σ):"]
     for one in sorted(counts)[:MOST_SHOWN]:
         rows = values[cells == one]
-        figures = [
-            f"{choice.names[k]} {np.nanmean(rows[:, k]):.3g} ± {np.nanstd(rows[:, k]):.2g}"
-            for k in shown
-            if np.isfinite(rows[:, k]).any()
-        ]
+        figures = [_figures(choice.names[k], rows[:, k]) for k in shown if np.isfinite(rows[:, k]).any()]
         lines.append(f"  --sensor {one}: {counts[one]} rows; {', '.join(figures[:MOST_FIGURES])}")
     (most, _), *_ = counts.most_common(1)
     lines.append(f"  --sensor 1/1: {name} tells something else, and all rows are of one sensor")
     choice.tables.append("\n".join(lines))
     choice.shown_of = f"What else is asked for is shown of {name}={most}."
     _only(choice, cells == most)
+
+
+def _figures(name: str, values: Floats) -> str:
+    spread = np.nanstd(values) if np.nanmin(values) < np.nanmax(values) else 0.0
+    return f"{name} {np.nanmean(values):.3g} ± {spread:.2g}"
 
 
 def _turns(given: str) -> tuple[int, int] | None:
