@@ -177,7 +177,7 @@ def test_samples_of_a_fifo_are_those_of_one_axis_each(tmp_path: Path) -> None:
 
 CUSTOM = """# An IMU with a gyroscope in {unit}.
 std_msgs/Header header
-string<=20 serial
+string<=20 note
 float32[] history
 robot_msgs/Axes gyro  {comment}
 float64 LIMIT = 3.0
@@ -199,7 +199,7 @@ def custom(k: int, x: float = 1.0) -> dict[str, Any]:
     stamp = {"sec": ARRIVALS[k] // 10**9, "nanosec": ARRIVALS[k] % 10**9}
     history = np.ones(k % 4, np.float32)
     gyro = dict(zip("xyz", (x * RADS[k]).tolist(), strict=True))
-    text = {"header": {"stamp": stamp, "frame_id": "imu" * (k % 3)}, "serial": "ab"[: k % 2]}
+    text = {"header": {"stamp": stamp, "frame_id": "imu"}, "note": "abc"[: k % 4]}
     return {**text, "history": history, "gyro": gyro, "temperature": 20.0}
 
 

@@ -7,17 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 from bag_support import KINDS, START_NS, Messages, even, told, write_bag, write_objects, write_protobuf
-from fltea.recording.bag_imu import ros_layout, units_in
+from fltea.recording.bag_imu import ros_layout
+from fltea.recording.bag_names import units_in
 from fltea.recording.bag_units import AtRest, check_rates, scales
 from fltea.recording.bag_units import at_rest as quietest
 from fltea.recording.files import Stored
 from fltea.recording.opening import open_recording
 from fltea.recording.reading import NotStated
 from fltea.recording.ros_bag import open_bag
+from fltea.recording.sample_times import SECONDS
 from fltea.recording.units import rate_unit
-from fltea.records.errors import UsageError
+from fltea.records.errors import Implausible, UsageError
 from fltea.records.units import STANDARD_GRAVITY_MS2
-from fltea.settings.how import How
+from fltea.settings.how import How, TimeUnit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -88,11 +90,31 @@ def test_a_bag_in_radians_is_not_doubted(noise: float, bias: float, seed: int) -
     assert rate is not None
     rest = quietest([[np.radians(at_rest(noise, bias, seed))]], RATE_HZ, STANDARD_GRAVITY_MS2)
     assert rest is not None
-    check_rates("a.bag", layout, rate, rest, AtRest(None), lambda _: "", [])
-    in_degrees = quietest([[at_rest(max(noise, 0.17), bias, seed)]], RATE_HZ, STANDARD_GRAVITY_MS2)
+    check_rates("a.bag", layout, rate, rest, AtRest(None), lambda: "", [])
+    in_degrees = quietest([[at_rest(max(noise, 0.3), bias, seed)]], RATE_HZ, STANDARD_GRAVITY_MS2)
     assert in_degrees is not None
     with pytest.raises(NotStated):
-        check_rates("a.bag", layout, rate, in_degrees, AtRest(None), lambda _: "", [])
+        check_rates("a.bag", layout, rate, in_degrees, AtRest(None), lambda: "", [])
+
+
+@pytest.mark.parametrize(("unit", "one"), [("lsb:131", 131.0), ("mrad/s", np.radians(1000.0)), ("mdps", 1e3)])
+def test_other_units_than_the_conventions_are_asked_for(tmp_path: Path, unit: str, one: float) -> None:
+    """Whatever other unit would fit: no gyroscope at rest gives such figures in rad/s."""
+    gyro = at_rest() * one
+    gyro = np.rint(gyro) if unit.startswith("lsb:") else gyro
+    path = write_bag(tmp_path / "a.bag", {"/imu": imu(gyro)})
+    with pytest.raises(NotStated, match=r"drivers break this convention.*: --units \?\n") as asked:
+        open_bag(path)
+    assert f"--units {unit} " in str(asked.value)
+    stored = open_bag(path, How(units=unit))
+    whole = stored.whole().gyro / (stored.lsb_per_dps or 1.0)
+    assert whole == pytest.approx(gyro / one)
+
+
+def test_rates_that_no_gyroscope_has_are_refused_by_whomever_their_unit_is(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "a.bag", {"/imu": imu(np.rint(at_rest() * 131) + 100)})
+    with pytest.raises(Implausible, match=r"beyond 4000 deg/s in 1500 of 1500 rows"):
+        open_bag(path, How(units="rad/s"))
 
 
 @pytest.mark.parametrize("rests", [False, True])
@@ -275,6 +297,13 @@ def described(**texts: str) -> dict[str, Any]:
         ({"other": "deg/s"}, None),
         ({"field": "deg/s, formerly rad/s"}, None),
         ({"field": "the gyroscope"}, None),
+        ({"field": "Range ±2000 deg/s"}, None),
+        ({"field": "full scale in deg/s"}, None),
+        ({"field": "sensitivity: 131 LSB/(deg/s)"}, None),
+        ({"axis": "at most 250 deg/s"}, None),
+        ({"root": "Yaw rate limit: 300 deg/s. Angular velocity is in rad/s."}, "rad/s"),
+        ({"root": "rates in rad/s, not deg/s"}, "rad/s"),
+        ({"field": "Range ±2000 deg/s", "root": "from a driver"}, None),
     ],
 )
 def test_a_unit_in_the_words_of_a_schema(tmp_path: Path, texts: dict[str, str], unit: str | None) -> None:
@@ -310,6 +339,34 @@ def test_a_unit_anywhere_in_a_text(words: list[str], unit: str, place: int) -> N
 def test_a_unit_in_the_name_of_a_field(tmp_path: Path, name: str, unit: str) -> None:
     path = write_objects(tmp_path / "a.mcap", objects(at_rest(), name), STAMPS)
     assert answers(open_bag(path))["unit"] == (unit, "stated")
+
+
+def test_a_name_and_a_schema_that_differ(tmp_path: Path) -> None:
+    schema = {"type": "object", "properties": {"gyro_dps": {"type": "object", "description": "in rad/s"}}}
+    path = write_objects(tmp_path / "a.mcap", objects(at_rest(), "gyro_dps"), STAMPS, schema=schema)
+    with pytest.raises(UsageError, match=r"in deg/s by the name gyro_dps.x, and in rad/s by what the schema"):
+        open_bag(path)
+    with pytest.raises(UsageError, match=r"right: --units \? --overrule"):
+        open_bag(path, How(units="deg/s"))
+    assert open_bag(path, How(units="deg/s", overrule=True)).whole().gyro == pytest.approx(at_rest())
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [{"unit": "deg/s"}, {"angular_velocity_unit": "deg/s"}, {"units": {"angular_velocity": "deg/s"}}],
+)
+def test_a_unit_in_each_message(tmp_path: Path, beside: dict[str, Any]) -> None:
+    some = objects(at_rest(), **beside)
+    some[40] = objects(at_rest())[40]  # of which nothing says the unit
+    path = write_objects(tmp_path / "a.mcap", some, STAMPS)
+    stored = open_bag(path)
+    assert answers(stored)["unit"] == ("deg/s", "stated")
+    assert stored.whole().gyro == pytest.approx(np.delete(at_rest(), 40, axis=0))
+    assert told(stored)["bag_messages"].count("1 messages do not have the layout") == 1
+    with pytest.raises(UsageError, match=r"in deg/s by the unit beside .* --units rad/s says otherwise"):
+        open_bag(path, How(units="rad/s"))
+    in_rads = open_bag(path, How(units="rad/s", overrule=True)).whole().gyro
+    assert in_rads == pytest.approx(np.degrees(np.delete(at_rest(), 40, axis=0)))
 
 
 def test_axes_of_different_units_are_refused(tmp_path: Path) -> None:
@@ -409,6 +466,41 @@ def test_a_unit_of_times_that_nothing_tells(tmp_path: Path) -> None:
     ):
         open_bag(path, How(time_unit="ms"))
     assert open_bag(path, How(time_unit="ms", overrule=True)).rate_hz == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(("unit", "period"), [("us", 5.0), ("s", 5.0), ("ms", 5000.0), ("ms", 0.005)])
+def test_a_unit_of_times_against_the_arrivals(tmp_path: Path, unit: TimeUnit, period: float) -> None:
+    path = write_objects(tmp_path / "a.mcap", stamped((np.arange(N) * period).tolist()), STAMPS)
+    with pytest.raises(UsageError, match=r"by the times of arrival it is 200 Hz\. Leave --time-unit out"):
+        open_bag(path, How(time_unit=unit))
+    assert open_bag(path).rate_hz == pytest.approx(RATE_HZ)
+    overruled = open_bag(path, How(time_unit=unit, overrule=True))
+    assert overruled.rate_hz == pytest.approx(1 / (period * SECONDS[unit]))
+
+
+def test_a_stated_unit_of_times_against_the_arrivals(tmp_path: Path) -> None:
+    path = write_objects(tmp_path / "a.mcap", stamped((np.arange(N) * 5.0).tolist(), "timestamp_us"), STAMPS)
+    with pytest.raises(UsageError, match=r"is 200000 Hz, and by .* 200 Hz\. .*: --time-unit \? --overrule"):
+        open_bag(path)
+    assert open_bag(path, How(time_unit="ms", overrule=True)).rate_hz == pytest.approx(RATE_HZ)
+    in_minutes = stamped((np.arange(N) / RATE_HZ / 60).tolist(), "time [min]")
+    assert open_bag(write_objects(tmp_path / "b.mcap", in_minutes, STAMPS)).rate_hz == pytest.approx(RATE_HZ)
+
+
+def test_times_that_no_gyroscope_has_tell_no_rate(tmp_path: Path) -> None:
+    """A converter that writes all messages at once stamps them as they come: the rate is asked for."""
+    at_once = [START_NS + 40 * k for k in range(N)]
+    bare = [{"gyro_dps": row} for row in at_rest().tolist()]
+    path = write_objects(tmp_path / "a.mcap", bare, at_once)
+    with pytest.raises(NotStated, match=r"nothing says the rate: .* 4e-08 s apart.*: --rate \?"):
+        open_bag(path)
+    assert open_bag(path, How(rate_hz=50.0)).rate_hz == 50.0
+    bare = [{"gyro": row} for row in at_rest().tolist()]
+    with pytest.raises(NotStated, match=r"the unit of gyro_x.*; and the rate.*: --units \? --rate \?\n"):
+        open_bag(write_objects(tmp_path / "b.mcap", bare, at_once))
+    fast = stamped((np.arange(N) * 10.0).tolist(), "timestamp_us")
+    with pytest.raises(UsageError, match="is 100000 Hz, and no gyroscope has that"):
+        open_bag(write_objects(tmp_path / "c.mcap", fast, at_once))
 
 
 def test_dates_are_times(tmp_path: Path) -> None:

@@ -30,13 +30,13 @@ ROS2_PACKED = {
 
 
 class Messages(NamedTuple):
-    """Of an Imu topic. arrival_ns: shortly after the stamps if it is not given."""
+    """Of an Imu topic. arrival_ns: shortly after the stamps if it is not given. frame: or some by turns."""
 
     stamp_ns: Sequence[int]
     gyro_rads: ArrayLike
     accel_ms2: ArrayLike | None = None
     arrival_ns: Sequence[int] | None = None
-    frame: str = "imu_link"
+    frame: str | Sequence[str] = "imu_link"
     unknown: tuple[str, ...] = ()
     """"gyro" or "accel": not measured, as its covariance says."""
 
@@ -71,11 +71,12 @@ def serialised(m: Messages, ros1: bool, little_endian: bool = True) -> list[tupl
         name: np.array([-1.0 if name in m.unknown else 0.0] + [0.0] * 8) for name in ("gyro", "accel")
     }
     numbered = {"seq": 0} if ros1 else {}
+    frames = [m.frame] if isinstance(m.frame, str) else m.frame
     out = []
     for i, (stamp_ns, arrival_ns) in enumerate(zip(m.stamp_ns, arrivals, strict=True)):
         seconds, rest = divmod(int(stamp_ns), 10**9)
         message = known[IMU](
-            header(stamp=time(seconds, rest), frame_id=m.frame, **numbered),
+            header(stamp=time(seconds, rest), frame_id=frames[i % len(frames)], **numbered),
             quaternion(0.0, 0.0, 0.0, 1.0),
             np.zeros(9),
             vector(*gyro[i]),

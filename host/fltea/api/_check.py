@@ -33,7 +33,7 @@ PARAMETERS = {
 """What the flags of `fltea identify` are called here."""
 
 _UNITS = r"m?deg/[sh]|m?rad/s|m?dps|lsb:[\d.]*\d|lsb:N|m?m/s(?:\^2|²)|m?g\b|[mun]?s\b"
-_SENSORS = r"\d+/\d+|\w+:\d+|\w+=\w+|/[\w/]+"
+_SENSORS = r"\d+/\d+|\w+:\d+|\w+=\w+|/[\w/]+(?::[\w?]+)?"
 _VALUE = rf"\?(?:,\?)*|{_SENSORS}|\d[\d.]*(?![\w,])|\w+(?:,\w+)+|[A-Z]+\b|{_UNITS}|'[^']+'"
 _FLAG = re.compile(rf"({'|'.join(PARAMETERS)})\b(?!-)(?:[ =]({_VALUE})( (?=--))?)?")
 

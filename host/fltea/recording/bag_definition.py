@@ -139,13 +139,41 @@ def _body_of(kind: str, parts: dict[str, str]) -> str | None:
 
 
 Columns = tuple[NDArray[np.int64], NDArray[np.float64]]
-"""Rows that are such messages, and the wanted numbers of each."""
+"""Rows that are such messages, and the wanted numbers of each; of a text its number among `Words`."""
+
+
+class Words:
+    """Texts in messages, by their numbers, field by field."""
+
+    def __init__(self) -> None:
+        self._of: dict[str, dict[str, int]] = {}
+
+    def of(self, name: str) -> list[str]:
+        """Return the texts of a field; none if it holds no texts."""
+        return list(self._of.get(name, ()))
+
+    def numbers(self, name: str, data: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """Number the texts (n, length) of a field."""
+        known, size = self._of.setdefault(name, {}), data.shape[1]
+        if not size:
+            return np.full(len(data), float(known.setdefault("", len(known))))
+        words, places = np.unique(np.ascontiguousarray(data).view(f"S{size}")[:, 0], return_inverse=True)
+        found = [known.setdefault(one.decode(errors="replace"), len(known)) for one in words.tolist()]
+        return np.array(found, np.float64)[places]
 
 
 def read_columns(
-    messages: Sequence[bytes], definition: Definition, wanted: Sequence[str], is_ros1: bool
+    messages: Sequence[bytes],
+    definition: Definition,
+    wanted: Sequence[str],
+    is_ros1: bool,
+    words: Words | None = None,
 ) -> Columns:
-    """Read numbers of messages as they are in a bag, in their order; those of another layout are left out."""
+    """Read numbers of messages as they are in a bag, in their order; those of another layout are left out.
+
+    words: takes the texts among the fields that are wanted.
+    """
+    words = Words() if words is None else words
     length = np.fromiter(map(len, messages), np.int64, len(messages))
     rows, numbers = [np.empty(0, np.int64)], [np.empty((0, len(wanted)))]
     for size in np.unique(length).tolist():
@@ -159,7 +187,7 @@ def read_columns(
             if not len(written_so) or (kind is not None and size < CDR_HEAD):
                 continue
             body = data[written_so] if kind is None else data[written_so, CDR_HEAD:]
-            for row, values in _read(body, definition, wanted, order, widest):
+            for row, values in _read(body, definition, wanted, order, widest, words):
                 rows.append(alike[written_so[row]])
                 numbers.append(values)
     row = np.concatenate(rows)
@@ -168,7 +196,12 @@ def read_columns(
 
 
 def _read(
-    data: NDArray[np.uint8], definition: Definition, wanted: Sequence[str], order: str, widest: int
+    data: NDArray[np.uint8],
+    definition: Definition,
+    wanted: Sequence[str],
+    order: str,
+    widest: int,
+    words: Words,
 ) -> Iterator[Columns]:
     """Columns of messages alike in length (n, length), which begin where alignment is counted from."""
     size = data.shape[1]
@@ -189,12 +222,13 @@ def _read(
                 counts = _numbers(data[rows], at, f"{order}u4").astype(np.int64)
                 for count in np.unique(counts[counts * width <= size - at - 4]).tolist():
                     begin = _aligned(at + 4, min(width, widest)) if count else at + 4
-                    after.append((rows[counts == count], begin + count * width, places))
+                    text = {field.name: (begin, f"S{count}")} if field.name in wanted else {}
+                    after.append((rows[counts == count], begin + count * width, {**places, **text}))
             else:
                 begin = _aligned(at, min(width, widest))
                 many = 1 if field.many is None else field.many
                 its = [(name, i) for name, i in in_field.get(field.name, ()) if i < many]
-                found = {name: (begin + i * width, field.code) for name, i in its}
+                found = {name: (begin + i * width, order + field.code) for name, i in its}
                 end = begin + many * width
                 after.append((rows, end, {**places, **found} if found else places))
         layouts = [layout for layout in after if layout[1] <= size]
@@ -203,8 +237,15 @@ def _read(
         if not {*wanted} <= places.keys():
             continue
         if not definition.is_whole or 0 <= left <= (definition.padding if widest > 1 else 0):
-            columns = [_numbers(data[rows], places[name][0], order + places[name][1]) for name in wanted]
+            columns = [_column(data[rows], name, *places[name], words) for name in wanted]
             yield rows, np.column_stack(columns)
+
+
+def _column(data: NDArray[np.uint8], name: str, at: int, kind: str, words: Words) -> NDArray[np.float64]:
+    """A number of each message, or that of a text."""
+    return (
+        words.numbers(name, data[:, at : at + int(kind[1:])]) if kind[0] == "S" else _numbers(data, at, kind)
+    )
 
 
 def _aligned(at: int, to: int) -> int:

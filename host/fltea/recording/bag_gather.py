@@ -1,33 +1,30 @@
 """The messages of one topic of a bag, gathered in a temporary file, as a recording."""
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from fltea.recording.bag_imu import Layout, title
+from fltea.recording.bag_clock import Judged, Ticks, given_ticks, judged, measured_ticks, stamps_of
 from fltea.recording.bag_messages import LONGEST_MESSAGE, Batch, Topic
-from fltea.recording.bag_units import (
-    OVERRULE,
-    Scale,
-    at_rest,
-    check_rates,
-    measured_accel,
-    scales,
-)
+from fltea.recording.bag_names import Layout, title
+from fltea.recording.bag_sensors import Sensors
+from fltea.recording.bag_units import AtRest, Scale, at_rest, check_rates, measured_accel, scales
 from fltea.recording.candidates import units_table
+from fltea.recording.columns import Chosen
 from fltea.recording.files import AT_ONCE, Note, Recording, Stored, check_span, listed
-from fltea.recording.message_stamps import Stamps, Times, even, is_arrival, is_uneven, judge
+from fltea.recording.message_stamps import Stamps, Times, is_arrival
 from fltea.recording.npz_arrays import NUMBER_BYTES
-from fltea.recording.reading import Answer, Missing, given_options, not_stated
-from fltea.recording.sample_times import SECONDS, Floats, Ints
+from fltea.recording.reading import Answer, Missing, NotStated, asked_with, given_options, not_stated
+from fltea.recording.sample_times import Floats
 from fltea.recording.session import LATEST_NS
 from fltea.recording.spool import Spool
-from fltea.recording.table import is_of_sensor
+from fltea.recording.table import Plausible, is_of_sensor
 from fltea.recording.unpack import unpacked_zstd
 from fltea.records.errors import UsageError
 from fltea.records.units import STANDARD_GRAVITY_MS2
@@ -42,28 +39,25 @@ COLUMNS, NUMBERS = ("gyro", "accel", "stamp", "arrival"), 8
 SHOWN = 8 * AT_ONCE
 """Samples by which candidates for a unit are shown."""
 
-RATE_TOLERANCE = 0.01
-"""Between the rate that is given and that of the times."""
-
-CLOCK_TOLERANCE, FEWEST = 0.25, 10
-"""Of a sensor's clock against the arrivals of its first messages, and how many tell the unit of its times."""
-
 ZSTD = b"\x28\xb5\x2f\xfd"
 """What a message begins with that was packed by itself."""
 
-NS = 1_000_000_000
-
 
 class Gathered:
-    """Messages of one topic. how: what the user says of them."""
+    """Messages of one topic. how: what the user says of them. sensor: which of several in them is meant."""
 
-    def __init__(self, path: Path, topic: Topic, layout: Layout, how: How, limits: Limits) -> None:
+    def __init__(
+        self, path: Path, topic: Topic, layout: Layout, sensor: str | None, how: How, limits: Limits
+    ) -> None:
         self._path, self._how, self._limits = path, how, limits
         self._where = f"{path}: topic {visible(topic.name)}"
         self._topic, self._layout = topic, layout
         self._rate, self._accel, self._notes = scales(self._where, layout, how)
-        self._time_s = _given_clock(self._where, layout, how)
-        self._clock_by = "" if self._time_s is None else f", in {how.time_unit} as --time-unit says"
+        self._ticks: Ticks | None = given_ticks(self._where, layout, how)
+        unit, lsb = ("", None) if self._rate is None else (self._rate.said.unit, self._rate.lsb)
+        self._plausible = Plausible(Chosen(list(layout.gyro), (0, 1, 2), None, unit, 1.0, lsb, None))
+        is_told = layout.by.evidence == "given"
+        self._sensors = Sensors(self._where, layout.tell, None if is_told else sensor)
         self._is_whole = True
         self._unread: list[Answer] = []
         self._spool = Spool()
@@ -94,14 +88,13 @@ class Gathered:
         self._waiting.clear()
         messages = list(map(_unpacked, data))
         imu = self._topic.read(messages, self._layout)
-        arrival_ns = np.array(arrivals, np.int64)[imu.row]
-        if self._time_s is None:
-            self._time_s = self._layout.time_s
-            if not self._time_s and (found := _measured_clock(imu.time, arrival_ns)):
-                self._time_s, self._clock_by = found, ", whose unit the times of arrival tell"
-        stamp_ns = _stamp_ns(imu.time, self._time_s)
-        factor = 1.0 if self._rate is None else self._rate.factor
         self._unusable += len(messages) - len(np.unique(imu.row))
+        imu = imu.rows(self._sensors.keep(imu.tell)) if imu.tell else imu
+        arrival_ns = np.array(arrivals, np.int64)[imu.row]
+        if self._ticks is None:
+            self._ticks = measured_ticks(self._layout, imu.time, arrival_ns)
+        stamp_ns = stamps_of(imu.time, self._ticks.seconds)
+        factor = 1.0 if self._rate is None else self._rate.factor
         numbers = is_of_sensor(imu.gyro * factor)
         self._not_numbers += len(numbers) - int(np.count_nonzero(numbers))
         self._measured |= bool(imu.measured.any())
@@ -118,6 +111,7 @@ class Gathered:
         if size > self._limits.whole_bytes:
             raise self._limits.whole_too_large(str(self._path), size)
         if len(gyro):
+            self._plausible.add(gyro * factor)
             self._append(gyro, accel, stamp_ns[keep], arrival_ns[keep])
 
     def _repeated(self, rows: Floats) -> NDArray[np.bool_]:
@@ -133,19 +127,39 @@ class Gathered:
         self._last = bits[-1:]
         return same
 
+    def lacks(self) -> str:
+        """Return what the topic has instead of the sensor that the user means, "" if it is there."""
+        self._look()
+        return self._sensors.lacks()
+
     def stored(self, others: list[str], notes: list[Note]) -> Stored:
         """Return all of them as a recording. others: more topics of this kind. notes: on the bag.
 
         Raises:
-            UsageError: they hold no rates, or contradict what is said of them; a unit or the rate is missing.
+            NotStated: there are several sensors, and none was named; a unit or the rate is missing.
+            UsageError: they hold no rates, or contradict what is said of them.
         """
         self._look()
+        several = self._layout.several
+        which = (
+            Missing(f"which gyroscope is meant of {listed(several)}", "") if several else self._sensors.which
+        )
+        if which is None:
+            return self._stored(others, notes)
+        topic = self._how.topic
+        ask = Missing(which.what, "--sensor ?" if topic is None else f"--sensor {self._topic.name}:?")
+        options = given_options(replace(self._how, topic=None))
+        raise asked_with(self._where, ask, options, lambda: self._stored(others, notes))
+
+    def _stored(self, others: list[str], notes: list[Note]) -> Stored:
         self._clean_accel()
         n = self._spool.length("gyro")
         self._check(n, others)
         notes += [*self._notes, *self._of_messages()]
-        stamps, times_are_arrivals, clock, problems = self._judged()
-        notes += problems
+        clock = self._judged()
+        stamps = clock.stamps
+        if clock.problems:
+            notes.append(Note("bag_stamps", f"{self._where}: {'; '.join(clock.problems)}."))
         rate_hz = 1e9 / stamps.period_ns
         last = int(stamps.sequence(n - 1, n)[0])
         check_span(self._path, rate_hz, n, last / rate_hz)
@@ -156,7 +170,7 @@ class Gathered:
         start_ns = int(arrival_ns[0])
         sane = bool((arrival_ns > 0).all() and (arrival_ns <= LATEST_NS).all())
         is_arrivals = is_arrival(arrival_ns, stamps.sequence(0, n), stamps.period_ns)
-        if times_are_arrivals or not sane or not is_arrivals:
+        if clock.by_arrivals or not sane or not is_arrivals:
             self._spool.drop("arrival")
         lsb = rate.lsb if self._is_whole else None
         factors = (
@@ -164,26 +178,43 @@ class Gathered:
             1.0 if accel is None else accel.factor,
         )
         blocks = partial(_blocks, self._spool, stamps, rate_hz, start_ns, factors)
-        reading = self._answers(rate, accel, clock)
+        reading = self._answers(rate, accel, clock.answer)
         return Stored(n, rate_hz, lsb, None, blocks, tuple(notes), start_ns if sane else 0, reading=reading)
+
+    def _judged(self) -> Judged:
+        columns = (self._spool.whole(name) for name in ("stamp", "arrival"))
+        try:
+            return judged(self._where, self._layout, self._how, self._ticks, *columns)
+        except NotStated as error:
+            if self._rate is not None:
+                raise
+            missing = [self._no_unit(), *error.missing]
+            raise not_stated(self._where, missing, given_options(self._how), self._table(None)) from error
+
+    def _no_unit(self) -> Missing:
+        return Missing(f"the unit of {title(self._layout.gyro)}", "--units ?")
+
+    def _table(self, rate_hz: float | None) -> str:
+        return units_table(next(iter(self._spool.blocks(["gyro"], SHOWN)))[0], rate_hz)
 
     def _units(self, rate_hz: float) -> tuple[Scale, Scale | None]:
         """The units of both sensors, against what the numbers show at rest."""
         there = ["gyro", *(["accel"] if "accel" in self._spool else [])]
-        table = partial(units_table, next(iter(self._spool.blocks(["gyro"], SHOWN)))[0], rate_hz)
         options = given_options(self._how)
         if self._rate is None:
-            missing = Missing(f"the unit of {title(self._layout.gyro)}", "--units ?")
-            raise not_stated(self._where, [missing], options, table())
+            raise not_stated(self._where, [self._no_unit()], options, self._table(rate_hz))
         accel = self._accel
         g = STANDARD_GRAVITY_MS2 / (1.0 if accel is None else accel.factor)
         rest = at_rest(self._spool.blocks(there, AT_ONCE), rate_hz, g)
+        found = AtRest(accel)
         if rest is not None:
             found = measured_accel(self._layout, accel, rest, self._how)
+            table = partial(self._table, rate_hz)
             check_rates(self._where, self._layout, self._rate, rest, found, table, options)
-            if found.problem:
-                raise UsageError(f"{self._where}: {found.problem}")
-            accel = found.scale
+        self._plausible.check(self._where)
+        if found.problem:
+            raise UsageError(f"{self._where}: {found.problem}")
+        accel = found.scale
         if accel is None and "accel" in self._spool:
             self._spool.drop("accel")
             why = f"nothing says the unit of {title(self._layout.accel)}; --accel-units says it"
@@ -243,119 +274,13 @@ class Gathered:
         ]
         problems = [f"{count} messages {what}" for count, what in found if count]
         if self._layout.unread:
-            problems.append(
-                f"of two sensors in a message the first is read, and not {listed(self._layout.unread)}"
-            )
+            problems.append(f"others of a sensor's fields are not read: {listed(self._layout.unread)}")
         if self._bad_accel and "accel" not in self._spool:
             problems.append(
                 "the acceleration is left out, since most of its values are not numbers, or no "
                 "sensor gives them"
             )
         return [Note("bag_messages", f"{self._where}: {'; '.join(problems)}.")] if problems else []
-
-    def _judged(self) -> tuple[Stamps, bool, Answer, list[Note]]:
-        """The stamps or else the arrivals, whether it is these, the rate, and what has to be said of them."""
-        stamp_ns: Times = self._spool.whole("stamp")
-        arrival_ns: Times = self._spool.whole("arrival")
-        given_hz = self._how.rate_hz
-        known = bool((np.abs(arrival_ns) <= LATEST_NS).all() and np.ptp(arrival_ns) > 0)
-        no_stamps = not np.ptp(stamp_ns)
-        source = "times of arrival" if no_stamps else f"stamps of the messages{self._clock_by}"
-        problems = [self._without_stamps(stamp_ns)] if no_stamps else []
-        try:
-            if no_stamps and not known:
-                raise ValueError("the stamps do not advance")
-            times = arrival_ns if no_stamps else stamp_ns
-            stamps = judge(times, arrival_ns if known and not no_stamps else None)
-        except ValueError as error:
-            if given_hz is None:
-                missing = Missing(
-                    f"the rate: neither header stamps nor arrivals tell it ({error})", "--rate ?"
-                )
-                raise not_stated(self._where, [missing], given_options(self._how)) from error
-            clock = Answer("clock", f"{given_hz:g} Hz", "given", "--rate")
-            return even(1e9 / given_hz), True, clock, []
-        problems += _of_stamps(stamps, len(stamp_ns))
-        rate_hz = 1e9 / stamps.period_ns
-        clock = Answer("clock", f"{rate_hz:.6g} Hz", "measured", f"the {source}")
-        if given_hz is not None and abs(rate_hz / given_hz - 1) > RATE_TOLERANCE:
-            if not self._how.overrule:
-                raise UsageError(
-                    f"{self._where}: the {source} are those of {rate_hz:.6g} Hz, and --rate {given_hz:g} "
-                    f"says otherwise. Leave --rate out. {OVERRULE}"
-                )
-            clock = Answer("clock", f"{given_hz:g} Hz", "given", "--rate")
-            stamps = stamps._replace(period_ns=1e9 / given_hz)
-        text = "; ".join(problems)
-        return stamps, no_stamps, clock, [Note("bag_stamps", f"{self._where}: {text}.")] if problems else []
-
-    def _without_stamps(self, stamp_ns: Times) -> str:
-        value = "0" if not stamp_ns[0] else "the same"
-        what = f"the stamps of all message headers are {value}"
-        if self._layout.time and not self._time_s:
-            what = f"nothing says the unit of {self._layout.time[0]} (--time-unit ?)"
-        return f"{what}, so the times of arrival are taken; gaps and rate are only as good as these"
-
-
-def _of_stamps(stamps: Stamps, n: int) -> list[str]:
-    """What has to be said of stamps."""
-    problems = []
-    if is_uneven(stamps, n):
-        problems.append(
-            f"{stamps.uneven} of {n - 1} steps between stamps are more than a fifth off the period of "
-            f"{stamps.period_ns * 1e-6:.4g} ms (by {stamps.spread_ns * 1e-6:.3g} ms, root mean square); "
-            "the samples are taken as even"
-        )
-    if stamps.alike:
-        problems.append(f"{stamps.alike} stamps are the same as the one before, with other values")
-    if stamps.backward:
-        problems.append(f"{stamps.backward} stamps run backwards")
-    if len(stamps.epoch_row):
-        problems.append(f"the clock was set {len(stamps.epoch_row)} times; a new stretch begins at each")
-    return problems
-
-
-def _given_clock(where: str, layout: Layout, how: How) -> tuple[float, ...] | None:
-    """Seconds in one of the times, if the user says it; None: the messages have to tell.
-
-    Raises:
-        UsageError: the messages say otherwise, or have no times.
-    """
-    if how.time_unit is None:
-        return None
-    given = (SECONDS[how.time_unit],)
-    if len(layout.time) != 1:
-        why = f"are seconds and parts of them by their type: {', '.join(layout.time)}"
-        raise UsageError(
-            f"{where}: --time-unit is given, and the times {why if layout.time else 'are not there'}."
-        )
-    if layout.time_s and layout.time_s != given and not how.overrule:
-        raise UsageError(
-            f"{where}: one in {layout.time[0]} is {layout.time_s[0]:g} s by its name, type or schema, and "
-            f"--time-unit {how.time_unit} says otherwise. Leave --time-unit out. {OVERRULE}"
-        )
-    return given
-
-
-def _measured_clock(time: Floats, arrival_ns: Ints) -> tuple[float, ...]:
-    """Seconds in one of the times, by the arrivals of the same messages; empty: they do not tell it."""
-    if time.shape[1] != 1 or len(time) < FEWEST:
-        return ()
-    span, arrival_s = np.ptp(time[:, 0]), np.ptp(arrival_ns) * 1e-9
-    found = [s for s in SECONDS.values() if abs(span * s - arrival_s) < CLOCK_TOLERANCE * arrival_s]
-    return (found[0],) if len(found) == 1 else ()
-
-
-def _stamp_ns(time: Floats, time_s: Sequence[float]) -> Ints:
-    """Nanoseconds, whole ones of each part; 0 where there are no times, or none that can be."""
-    stamp_ns = np.zeros(len(time), np.int64)
-    for part, unit_s in zip(time.T, time_s, strict=False):
-        one_ns = round(unit_s * NS)
-        sane = np.abs(np.where(np.isnan(part), np.inf, part)) < LATEST_NS / one_ns
-        whole = np.where(sane, np.trunc(part), 0.0)
-        rest = np.where(sane, part, 0.0) - whole
-        stamp_ns += whole.astype(np.int64) * one_ns + np.rint(rest * one_ns).astype(np.int64)
-    return stamp_ns
 
 
 def _unpacked(message: bytes) -> bytes:

@@ -3,7 +3,8 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from fltea.recording.bag_imu import Encoding, Imu, Layout, read_ros, ros_layout
+from fltea.recording.bag_imu import Encoding, Imu, read_ros, ros_layout
+from fltea.recording.bag_names import Layout
 
 LONGEST_MESSAGE = 1 << 16
 """Bytes; an Imu message has 350."""
@@ -39,18 +40,20 @@ class Topic(NamedTuple):
         """Whether each message names its numbers, as those of other programs than ROS do."""
         return self.encoding in ("json", "protobuf")
 
-    def layout(self, messages: list[bytes]) -> Layout | None:
+    def layout(self, messages: list[bytes], sensor: str | None) -> Layout | None:
         """Return what its messages hold, by the first of them; None: no gyroscope's numbers.
+
+        sensor: which of several gyroscopes in a message is meant.
 
         Raises:
             UsageError: the axes of one sensor state different units.
         """
         assert self.encoding is not None
         if not self.is_of_objects:
-            return ros_layout(self.type, self.encoding, self.schema)
+            return ros_layout(self.type, self.encoding, self.schema, sensor)
         from fltea.recording.bag_objects import layout_of
 
-        return layout_of(messages, self.encoding, self.type, self.schema)
+        return layout_of(messages, self.encoding, self.type, self.schema, sensor)
 
     def read(self, messages: list[bytes], layout: Layout) -> Imu:
         """Read messages as they are in the file, in their order; what is none is left out."""

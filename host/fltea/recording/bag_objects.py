@@ -4,15 +4,19 @@ Their fields are found by their names, as columns of text are. No convention tel
 or what the schema says of the fields in words, or the user.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import lru_cache
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import lru_cache, partial
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from fltea.recording.bag_imu import Imu, Layout, named_layout
-from fltea.recording.column_names import named_axis
+from fltea.recording.bag_imu import FRAME, Imu
+from fltea.recording.bag_names import Layout, Texts, named_layout
+from fltea.recording.column_names import named_axis, tells_sensors
+from fltea.recording.one_sensor import as_word
+from fltea.recording.readers.beside import unit_of, units_of
 from fltea.recording.text_labels import DEEPEST, decode_object
 from fltea.recording.text_times import with_seconds
 from fltea.records.records import AXES
@@ -27,10 +31,12 @@ MOST_TRIED, MOST_TEXTS = 100, 10_000
 """Messages of which one has to hold a gyroscope's numbers, and texts of a schema that are looked at."""
 
 
-def layout_of(messages: Sequence[bytes], encoding: str, kind: str, schema: bytes) -> Layout | None:
+def layout_of(
+    messages: Sequence[bytes], encoding: str, kind: str, schema: bytes, sensor: str | None
+) -> Layout | None:
     """Return what messages hold, by the first of them that holds a gyroscope's numbers.
 
-    kind, schema: of the messages, by the channel.
+    kind, schema: of the messages, by the channel. sensor: which of several gyroscopes in a message is meant.
 
     Raises:
         UsageError: the axes of one sensor state different units.
@@ -42,11 +48,34 @@ def layout_of(messages: Sequence[bytes], encoding: str, kind: str, schema: bytes
             found = decode(message)
         except (ValueError, RecursionError):
             continue
-        layout = named_layout(list(found), kind, lambda name: _about(name, texts))
+        said = Texts(partial(_about, texts), partial(_unit_beside, units_of(found)))
+        layout = named_layout(list(found), kind, said, sensor)
         if layout is not None:
             is_date = len(layout.time) == 1 and _as_number(found[layout.time[0]])[1]
+            fixed = tuple((name, str(value)) for name, value in found.items() if units_of({name: value}))
+            layout = layout._replace(tell=tuple(filter(_tells(found), found)), fixed=fixed)
             return layout._replace(time_s=(1.0,)) if is_date else layout
     return None
+
+
+def _unit_beside(units: Mapping[str, list[str]], name: str) -> str:
+    """The unit that a message states for an axis or what it is part of."""
+    array = re.sub(r"[._ ]?[xyz]$", "", name, flags=re.I)
+    return unit_of(units, name, array, 0, 1)
+
+
+def _tells(found: dict[str, Any]) -> Callable[[str], bool]:
+    """Whether a field may tell sensors apart: a text or a whole number; what is called frame_id may count."""
+
+    def tells(name: str) -> bool:
+        is_frame = name.rpartition(".")[2] == FRAME
+        return (
+            isinstance(found[name], str)
+            if is_frame
+            else tells_sensors(name) and type(found[name]) in (str, int)
+        )
+
+    return tells
 
 
 def read_objects(messages: Sequence[bytes], layout: Layout, encoding: str, kind: str, schema: bytes) -> Imu:
@@ -56,15 +85,18 @@ def read_objects(messages: Sequence[bytes], layout: Layout, encoding: str, kind:
     """
     decode = _decoder(encoding, kind, schema)
     names = [*layout.time, *layout.gyro, *layout.accel]
-    rows, numbers = [], []
+    rows, numbers, told = [], [], []
     for row, message in enumerate(messages):
         try:
             found = decode(message)
             line = [_as_number(found.get(name) if name in layout.accel else found[name])[0] for name in names]
         except (ValueError, KeyError, TypeError, RecursionError):  # msgspec's and protobuf's are ValueErrors
             continue
+        if any(str(found.get(name)) != text for name, text in layout.fixed):
+            continue
         rows.append(row)
         numbers.append(line)
+        told.append([_as_word(found.get(name)) for name in layout.tell])
     values = np.array(numbers, np.float64).reshape(-1, len(names))
     begin = len(layout.time)
     accel = values[:, begin + 3 :] if layout.accel else np.zeros((len(rows), 3))
@@ -76,7 +108,12 @@ def read_objects(messages: Sequence[bytes], layout: Layout, encoding: str, kind:
         accel,
         np.ones(len(rows), np.bool_),
         has_accel,
+        tuple(np.array(one, np.str_) for one in zip(*told, strict=True)),
     )
+
+
+def _as_word(value: Any) -> str:
+    return as_word(value) if type(value) in (int, float) else str(value or "")
 
 
 def _as_number(value: Any) -> tuple[float, bool]:
@@ -97,7 +134,7 @@ def _decoder(encoding: str, kind: str, schema: bytes) -> Decoder:
     return decode_object if encoding == "json" else decoder_of(kind, schema)
 
 
-def _about(name: str, texts: dict[str, str]) -> Iterator[str]:
+def _about(texts: dict[str, str], name: str) -> Iterator[str]:
     """What describes a field, and what describes those that it is part of."""
     while name:
         yield texts.get(name, "")

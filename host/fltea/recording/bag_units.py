@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fltea.recording.bag_imu import Layout, Said, title
-from fltea.recording.candidates import gravity_unit
+from fltea.recording.bag_names import Layout, Said, title
+from fltea.recording.candidates import MOST_MEAN_DPS, MOST_N, gravity_unit
 from fltea.recording.files import Note
-from fltea.recording.reading import ASK, NotStated
+from fltea.recording.reading import Missing, not_stated
 from fltea.recording.sample_times import Floats
 from fltea.recording.units import parse_accel_unit, parse_units
 from fltea.records.errors import UsageError
@@ -28,12 +28,6 @@ QUIET = 0.1
 
 MOVING = 0.05
 """Spread of accelerations at rest, of gravity: no accelerometer has more, and what shakes has."""
-
-LEAST_N, MOST_N = 0.03, 5.0
-"""Of MEMS gyroscopes, in deg/√h."""
-
-MOST_MEAN_DPS = 20.0
-"""Offset of the worst MEMS gyroscopes; what has a low N has a small offset."""
 
 OVERRULE = "If the file is wrong, add --overrule."
 
@@ -60,6 +54,11 @@ def scales(where: str, layout: Layout, how: How) -> tuple[Scale | None, Scale | 
     def settled(
         names: Sequence[str], said: Said | None, given: str | None, option: str, parse: Parse
     ) -> Scale | None:
+        if said is not None and said.against and not (how.overrule and given):
+            raise UsageError(
+                f"{where}: {title(names)} are in {said.unit} by {said.why}, and in {said.against}. Say which "
+                f"is right: {option} ? --overrule"
+            )
         if given is None:
             return None if said is None else Scale(said, *parse(said.unit))
         found = Scale(Said(given, "given", option), *parse(given))
@@ -168,27 +167,24 @@ def check_rates(
     rate: Scale,
     rest: Rest,
     accel: AtRest,
-    table: Callable[[dict[str, str]], str],
+    table: Callable[[], str],
     options: Sequence[str],
 ) -> None:
-    """Compare a convention with the noise of gyroscopes at rest.
+    """Compare a convention with the noise and the mean that gyroscopes have at rest.
 
     accel: of the same stretches. table: makes lines on candidates. options: that the user gives.
 
     Raises:
-        NotStated: it cannot be, and deg/s can.
+        NotStated: none has these.
     """
     if rate.said.evidence != "convention" or rest.moves:
         return
-    noise = float(np.median(rest.noise)) * SQRT_HOUR
-    mean = float(np.abs(rest.mean).max())
-    is_odd = noise * rate.factor > MOST_N or mean * rate.factor > MOST_MEAN_DPS
-    if is_odd and LEAST_N <= noise <= MOST_N:
-        unit, high, off = rate.said.unit, noise * rate.factor, mean * rate.factor
-        command = " ".join(filter(None, [*options, "--units ?", accel.option]))
-        lines = filter(None, [table({unit: "", "deg/s": ""}), accel.problem])
-        raise NotStated(
-            f"{where}: {title(layout.gyro)} are in {unit} by {rate.said.why}, and drivers break this "
-            f"convention: at rest N would be {high:.3g} deg/√h and the mean {off:.3g} deg/s, in deg/s "
-            f"{noise:.2g} and {mean:.2g}. {ASK}{command}\n" + "\n".join(lines)
+    N = float(np.median(rest.noise)) * SQRT_HOUR * rate.factor
+    mean_dps = float(np.abs(rest.mean).max()) * rate.factor
+    if N > MOST_N or mean_dps > MOST_MEAN_DPS:
+        what = (
+            f"the unit of {title(layout.gyro)}: it would be {rate.said.unit} by {rate.said.why}, but at rest "
+            f"N would be {N:.3g} deg/√h and the mean {mean_dps:.3g} deg/s, and drivers break this convention"
         )
+        missing = Missing(what, f"--units ? {accel.option}".rstrip())
+        raise not_stated(where, [missing], options, "\n".join(filter(None, [table(), accel.problem])))

@@ -30,6 +30,9 @@ UNITS = ("rad/s", "deg/s", "mrad/s", "mdps", "deg/h")
 COUNTS = ("lsb:131", "lsb:65.5", "lsb:32.8", "lsb:16.4")
 """Counts of the commonest sensors at ±250, ±500, ±1000 and ±2000 deg/s."""
 
+MOST_N, MOST_MEAN_DPS = 5.0, 20.0
+"""What no MEMS gyroscope has at rest: noise in deg/√h, and an offset."""
+
 USUAL = "MEMS gyroscopes have N 0.1 to 3 deg/√h, and at rest a mean of up to some 10 deg/s."
 
 MOST_COLUMNS = 40
@@ -58,7 +61,12 @@ def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] |
         mean = values.mean(axis=0) * factor
         text = f"  --units {unit:<9} {what} {_numbers(noise)}; mean in deg/s {_numbers(mean)}"
         lines.append(f"{text}  ({circumstances})" if circumstances else text)
-    return "\n".join(["What each unit would mean here, axis by axis:", *lines, USUAL])
+    unit = gravity_unit(values) if values.shape[1] == 3 else None
+    length = float(np.median(np.linalg.norm(values, axis=1)))
+    gravity = [f"Their length is {length:.4g}, which is gravity in {unit}: are they accelerations?"]
+    return "\n".join(
+        ["What each unit would mean here, axis by axis:", *lines, USUAL, *(gravity if unit else [])]
+    )
 
 
 def columns_table(names: Sequence[str] | None, values: Floats) -> str:

@@ -186,7 +186,11 @@ def times_in(names: Sequence[str]) -> list[str]:
 
 def tells_sensors(name: str) -> bool:
     """Whether a column with this name tells sensors apart, where it holds more than one value."""
-    return len(name) <= LONGEST_NAME and _plain(name.rpartition(".")[2]) in _SENSORS
+    words = _plain(name) if len(name) <= LONGEST_NAME else ""
+    return (
+        _plain(name.rpartition(".")[2]) in _SENSORS
+        or re.fullmatch("(?:.*_)?header_frame_id", words) is not None
+    )
 
 
 def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:

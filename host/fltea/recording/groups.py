@@ -29,7 +29,7 @@ def gyroscopes_in(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, 
     groups: dict[str, list[tuple[int, str]]] = {}
     for place, name in enumerate(names):
         unit = units[place] if units else ""
-        for group, inner in _inner(name):
+        for group, inner in inner_names(name):
             if (axis := axis_of(inner, unit)) is not None and not (
                 "." not in inner and is_of_accelerometer(name)
             ):
@@ -45,7 +45,7 @@ def gyroscopes_in(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, 
 
 def is_of_accelerometer(name: str) -> bool:
     """Whether a column or the group that it is in is called as an axis of an accelerometer is."""
-    return any(accel_axis_of(inner) is not None for _, inner in _inner(name))
+    return any(accel_axis_of(inner) is not None for _, inner in inner_names(name))
 
 
 def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
@@ -59,7 +59,7 @@ def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
     sensors = {
         group
         for name in names
-        if is_of_accelerometer(name) or any(axis_of(inner) for _, inner in _inner(name))
+        if is_of_accelerometer(name) or any(axis_of(inner) for _, inner in inner_names(name))
         for group in around(name)
     }
     return [one for one in times & sensors if one and one not in of]
@@ -83,8 +83,8 @@ def short_names(
     return {place: short for place, (level, short) in found.items() if level == nearest[short]}
 
 
-def _inner(name: str) -> Iterator[tuple[str, str]]:
-    """The groups around a column, the nearest first, and the rest of its name."""
+def inner_names(name: str) -> Iterator[tuple[str, str]]:
+    """Yield the groups around a column, the nearest first, and the rest of its name."""
     parts = name.split(".") if len(name) < LONGEST_NAME else [name]
     for first in range(len(parts) - 1, max(-1, len(parts) - 1 - DEEPEST), -1):
         yield ".".join(parts[:first]), ".".join(parts[first:])

@@ -3,10 +3,12 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from fltea.recording.bag_files import MCAP, ROS1, SQLITE, files_of
 from fltea.recording.bag_gather import Gathered
-from fltea.recording.bag_imu import Layout
 from fltea.recording.bag_messages import Batch, Topic
+from fltea.recording.bag_names import Layout
 from fltea.recording.bag_ros1 import read_ros1
 from fltea.recording.bag_ros2 import read_mcap, read_sqlite, unpacked_file
 from fltea.recording.files import MOST_NAMES, Note, Stored, listed
@@ -50,26 +52,33 @@ def _open(path: Path, how: How, limits: Limits) -> Stored:
             notes.append(item)
             continue
         topic = item.topic
+        is_named, sensor = _named(topic, how)
         counts[topic] = counts.get(topic, 0) + item.count
         if item.data and topic not in layouts:
-            layouts[topic] = _layout(path, item)
+            layouts[topic] = _layout(path, item, sensor)
         layout = layouts.get(topic)
-        if layout is None or not item.count or not _is_named(topic, how):
+        if layout is None or not item.count or not is_named:
             continue
         known = None if chosen is None else layouts[chosen]
         if known is None or (layout.is_known and not known.is_known):
-            chosen, gathered = topic, Gathered(path, topic, layout, how, limits)
+            chosen, gathered = topic, Gathered(path, topic, layout, sensor, how, limits)
         if gathered is not None and chosen is not None and topic.name == chosen.name:
             gathered.add(item, layout)
     if chosen is None or gathered is None:
+        likely = _alike(layouts)
+        if how.topic is not None and len(likely) == 1:  # it names a sensor in the only topic
+            return _open(path, replace(how, topic=f"{next(iter(likely))}:{how.topic}"), limits)
         raise _none(path, counts, layouts, how.topic, notes)
-    several = _alike(layouts, chosen)
+    several = _alike(layouts)
     if how.topic is None and len(several) > 1:
         what = f"which of its {len(several)} Imu topics is meant"
         list_of_them = _listed({topic: count for topic, count in counts.items() if topic.name in several})
         raise not_stated(str(path), [Missing(what, "--topic ?")], table=list_of_them)
+    sensor = _named(chosen, how)[1]
+    if sensor is not None and (has := gathered.lacks()):
+        raise _none(path, counts, layouts, sensor, notes, f", nor of a sensor that is called so: {has}")
     stored = gathered.stored(sorted(several - {chosen.name}), _few(notes))
-    name = visible(chosen.name)
+    name = visible(chosen.name) + ("" if sensor is None else f", {visible(sensor)}")
     by: tuple[Evidence, str] = (
         ("stated", "no other has a gyroscope") if how.topic is None else ("given", "--topic")
     )
@@ -77,21 +86,27 @@ def _open(path: Path, how: How, limits: Limits) -> Stored:
     return stored._replace(about=_about(chosen, counts), topic=chosen.name, reading=reading)
 
 
-def _layout(path: Path, batch: Batch) -> Layout | None:
+def _layout(path: Path, batch: Batch, sensor: str | None) -> Layout | None:
     try:
-        return batch.topic.layout(batch.data)
+        return batch.topic.layout(batch.data, sensor)
     except UsageError as error:
         raise UsageError(f"{path}: topic {visible(batch.topic.name)}: {error}") from error
 
 
-def _is_named(topic: Topic, how: How) -> bool:
-    return how.topic is None or topic.name.lstrip("/") == how.topic.lstrip("/")
+def _named(topic: Topic, how: How) -> tuple[bool, str | None]:
+    """Whether a topic is meant, as TOPIC or TOPIC:SENSOR, and which sensor of several in it."""
+    name, given = topic.name.lstrip("/"), how.topic
+    if given is None or given.lstrip("/") == name:
+        return True, None
+    begin, sensor = given.lstrip("/")[: len(name) + 1], given.lstrip("/")[len(name) + 1 :]
+    return (True, sensor) if begin == f"{name}:" else (False, None)
 
 
-def _alike(layouts: dict[Topic, Layout | None], chosen: Topic) -> set[str]:
-    """Topics whose type is made for a gyroscope, as that of the chosen one is, or all if it is not."""
+def _alike(layouts: dict[Topic, Layout | None]) -> set[str]:
+    """Topics whose type is made for a gyroscope, or all with one if there are none."""
     there = {topic: layout for topic, layout in layouts.items() if layout is not None}
-    return {topic.name for topic, layout in there.items() if layout.is_known or not there[chosen].is_known}
+    some_known = any(layout.is_known for layout in there.values())
+    return {topic.name for topic, layout in there.items() if layout.is_known or not some_known}
 
 
 def _none(
@@ -100,12 +115,13 @@ def _none(
     layouts: dict[Topic, Layout | None],
     name: str | None,
     notes: list[Note],
+    has: str = "",
 ) -> UsageError:
     why = "".join(f" {note.text}" for note in notes[:1])
     if not topics:
         return UsageError(f"{path}: no messages can be read of this bag.{why}")
     if name is not None and any(layouts.values()):
-        what = f"has no Imu messages of the topic {shown(name)}"
+        what = f"has no Imu messages of the topic {shown(name)}{has}"
     else:
         known = "has no messages of the type sensor_msgs/Imu"
         what = f"{known}, nor any of another type, of JSON or of protobuf with a gyroscope's rates"

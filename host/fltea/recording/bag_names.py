@@ -1,0 +1,252 @@
+"""Which fields of messages are a gyroscope's, by their names, and what is said of these in words (pure)."""
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+from fltea.recording.bag_definition import Definition
+from fltea.recording.column_names import (
+    accel_axis_of,
+    accel_unit_of,
+    axis_of,
+    is_time,
+    named_axis,
+    rate_unit_of,
+    split_seconds,
+    time_scale_of,
+)
+from fltea.recording.groups import inner_names
+from fltea.recording.reading import Evidence
+from fltea.recording.sample_times import SECONDS
+from fltea.recording.units import accel_unit, rate_unit, time_scale, time_unit
+from fltea.records.errors import UsageError
+from fltea.records.records import AXES
+
+IS_IMU = re.compile(r"(?:ros\.)?sensor_msgs[./](?:msg[./])?Imu", re.ASCII)
+"""As ROS 1, ROS 2 and what turns their messages into JSON or protobuf call the type."""
+
+_PLACE = re.compile(r"(.+)(?:\.([xyz])|\[([012])\])")
+_LETTERS = "xyz", "XYZ", "012"
+"""Of axes, in names that are alike but for them."""
+
+MOST_CHARS = 4000
+"""Of a text in which a unit is looked for."""
+
+_CLAUSE_END = re.compile(r"[;,\n]|\.(?=\s|$)")
+_NUMBER = re.compile(r"[^\w\s]*\d[\d.]*")
+_NOT_OF_VALUES = re.compile(
+    r"\b(?:ranges?|full[ -]?scale|scale factor|fsr?|sensitivity|resolution|limit(?:s|ed)?|max(?:imum)?"
+    r"|minimum|threshold|density|lsbs?|counts?|up to|not|instead of)\b|±|\+/-"
+)
+"""What a clause speaks of whose unit need not be that of the values: `range ±2000 deg/s`."""
+
+UnitOf = Callable[[str], str | None]
+
+
+class Said(NamedTuple):
+    """A unit, by what it is known, and where that stands. against: what else is stated, and where, or ""."""
+
+    unit: str
+    evidence: Evidence
+    why: str
+    against: str = ""
+
+
+class Layout(NamedTuple):
+    """What messages of a topic hold: the names of their numbers.
+
+    time: whole seconds and what is added to them, or one number, or none. time_s: seconds in one of each;
+    empty where nothing says it. rate, accel_unit: None where nothing says it. by: why these are the axes.
+    unread: other fields that look like a sensor's. definitions: of ROS' types; the first that fits counts.
+    is_known: whether the type is one that is made for this. more: what else is read. tell: fields that may
+    tell several sensors apart. several: gyroscopes in one message, of which one has to be chosen. fixed:
+    fields that have the same text in each message that is read.
+    """
+
+    gyro: tuple[str, ...]
+    accel: tuple[str, ...]
+    time: tuple[str, ...]
+    time_s: tuple[float, ...]
+    rate: Said | None
+    accel_unit: Said | None
+    by: Said
+    unread: tuple[str, ...] = ()
+    definitions: tuple[Definition, ...] = ()
+    is_known: bool = True
+    more: tuple[str, ...] = ()
+    tell: tuple[str, ...] = ()
+    several: tuple[str, ...] = ()
+    fixed: tuple[tuple[str, str], ...] = ()
+
+
+class Texts(NamedTuple):
+    """What a file says of a field in words, the nearest first; and as a unit, by a text beside it."""
+
+    words: Callable[[str], Iterable[str]] = lambda _: ()
+    unit: Callable[[str], str] = lambda _: ""
+
+
+NO_TEXTS = Texts()
+
+
+def title(names: Sequence[str]) -> str:
+    """Three names, for a person: `angular_velocity.x, .y, .z`."""
+    begin = names[0][:-1]
+    if begin and all(name[:-1] == begin for name in names) and begin[-1] in "._":
+        return ", ".join([names[0], *(f"{begin[-1]}{name[-1]}" for name in names[1:])])
+    return ", ".join(names)
+
+
+def by_convention(kind: str) -> tuple[Said | None, Said | None]:
+    """Return the units of rates and accelerations in a type of messages, if a convention says them."""
+    if IS_IMU.fullmatch(kind) is None:
+        return None, None
+    why = f"{kind} (REP 103)"
+    return Said("rad/s", "convention", why), Said("m/s^2", "convention", why)
+
+
+def named_layout(
+    names: Sequence[str], kind: str, texts: Texts = NO_TEXTS, sensor: str | None = None
+) -> Layout | None:
+    """Return what fields with these names are; None: they have no gyroscope's three axes.
+
+    kind: the type. sensor: what the user calls the gyroscope that is meant of several in a message.
+
+    Raises:
+        UsageError: the axes of one sensor state different units.
+    """
+    gyros, accels = _triples(names, axis_of), _triples(names, accel_axis_of)
+    if not gyros:
+        return None
+    called = _called(list(gyros)) if len(gyros) > 1 else {}
+    label = called.get(sensor or "", next(iter(gyros)))
+    gyro, group = gyros[label], label.rpartition(".")[0]
+    near = [one for one in accels if not called or one.rpartition(".")[0] == group]
+    accel = accels[near[0]] if len(near) == 1 else ()
+    inside = [name for name in names if called and name.startswith(f"{group}.")]
+    time, time_s = _clock([*inside, *names], texts)
+    rate, accel_said = by_convention(kind)
+    by = Said("", "convention", kind) if rate is not None else Said("", "stated", "their names")
+    return Layout(
+        gyro,
+        accel,
+        time,
+        time_s,
+        _stated(gyro, rate_unit_of, texts, _rate_unit) or rate,
+        _stated(accel, _accel_unit_of, texts, _accel_unit) or accel_said,
+        Said("", "given", "--sensor") if sensor in called else by,
+        tuple(title(axes) for axes in (*gyros.values(), *accels.values()) if axes not in (gyro, accel)),
+        several=() if sensor in called else tuple(called)[: len(gyros)] if called else (),
+    )
+
+
+def _spoken(name: str) -> str:
+    """The name of an axis in an object or array, as a column would be called: `gyro_dps.x` is gyro_x_dps."""
+    found = _PLACE.fullmatch(name)
+    return name if found is None else named_axis(found[1], "xyz012".index(found[2] or found[3]) % len(AXES))
+
+
+def _triples(names: Sequence[str], axis_in: UnitOf) -> dict[str, tuple[str, ...]]:
+    """The axes x, y, z of each sensor, by what their names have in common."""
+    axes = {
+        name: axis
+        for name in names
+        for axis in filter(None, (axis_in(_spoken(inner)) for _, inner in inner_names(name)))
+    }
+    of = [[name for name, one in axes.items() if one == axis] for axis in "xyz"]
+    if all(len(found) == 1 for found in of):
+        return {_without(of[0][0], len(of[0][0]) - 1): tuple(found[0] for found in of)}
+    found = {}
+    for name in of[0]:
+        for at, letters in ((k, some) for k, char in enumerate(name) for some in _LETTERS if char == some[0]):
+            three = tuple(f"{name[:at]}{letter}{name[at + 1 :]}" for letter in letters)
+            if [axes.get(one) for one in three] == [*"xyz"]:
+                found[_without(name, at)] = three
+    return found
+
+
+def _without(name: str, at: int) -> str:
+    """The name of an axis without its letter."""
+    return re.sub(r"([._])[._]+", r"\1", name[:at].rstrip("[") + name[at + 1 :].lstrip("]")).strip("._")
+
+
+def _called(labels: Sequence[str]) -> dict[str, str]:
+    """Labels of several gyroscopes by what the user may call them, first by the group that each is in."""
+    groups = [label.rpartition(".")[0] for label in labels]
+    by_group = zip(groups, labels, strict=True) if len({*groups} - {""}) == len(groups) else ()
+    return {**dict(by_group), **{label: label for label in labels}}
+
+
+def _clock(names: Sequence[str], texts: Texts) -> tuple[tuple[str, ...], tuple[float, ...]]:
+    for whole, (fine, unit_s) in split_seconds(names).items():
+        return (names[whole], names[fine]), (1.0, unit_s)
+    for name in filter(is_time, names):
+        in_words = _in_words([name], texts, time_unit)
+        said = time_scale_of(name) or time_scale(texts.unit(name)) or time_scale(in_words or "")
+        return (name,), () if said is None else (SECONDS[said[0]] * said[1],)
+    return (), ()
+
+
+def _stated(names: Sequence[str], in_name: UnitOf, texts: Texts, unit_of: UnitOf) -> Said | None:
+    """The unit that the names of the axes state, a text beside them in the messages, or the schema."""
+    said: list[Said] = []
+    for why, units in (
+        ("the name {}", [in_name(_spoken(name)) for name in names]),
+        ("the unit beside {} in the messages", [unit_of(texts.unit(name)) for name in names]),
+    ):
+        known = {name: unit for name, unit in zip(names, units, strict=True) if unit is not None}
+        if len({*known.values()}) > 1:
+            each = ", ".join(f"{name} in {unit}" for name, unit in known.items())
+            raise UsageError(f"the axes of one sensor are in different units: {each}.")
+        said += [Said(unit, "stated", why.format(name)) for name, unit in [*known.items()][:1]]
+    if names and (in_words := _in_words(names, texts, unit_of)) is not None:
+        said.append(Said(in_words, "stated", f"what the schema says of {title(names)}"))
+    against = next((f"{one.unit} by {one.why}" for one in said if one.unit != said[0].unit), "")
+    return said[0]._replace(against=against) if said else None
+
+
+def _in_words(names: Sequence[str], texts: Texts, unit_of: UnitOf) -> str | None:
+    """The unit that the nearest text on these fields names, if it names one alone, and the same for all."""
+    found = set()
+    for name in names:
+        units = filter(None, (units_in(text, unit_of) for text in texts.words(name)))
+        found.add(frozenset(next(units, set())))
+    (only,) = found if len(found) == 1 else (frozenset(),)
+    return next(iter(only)) if len(only) == 1 else None
+
+
+def units_in(text: str, unit_of: UnitOf) -> set[str]:
+    """Return the units of values that a text in words names, up to three words long.
+
+    The unit of a range or a sensitivity is none of these, and neither is one behind a number.
+    """
+    found = set[str]()
+    for clause in _CLAUSE_END.split(text[:MOST_CHARS]):
+        words = re.findall(r"[^\s:()\[\]]+", clause)
+        taken = set(range(len(words))) if _NOT_OF_VALUES.search(clause.lower()) else set[int]()
+        for size in (3, 2, 1):
+            for at in range(len(words) - size + 1):
+                unit = None if at in taken else unit_of(" ".join(words[at : at + size]).rstrip("."))
+                if unit is not None:
+                    taken.update(range(at, at + size))
+                    found |= set() if at and _NUMBER.fullmatch(words[at - 1]) else {unit}
+    return found
+
+
+def _rate_unit(text: str) -> str | None:
+    return text if text.startswith("lsb:") else rate_unit(text)
+
+
+def _accel_unit(text: str) -> str | None:
+    return _accel_name(accel_unit(text))
+
+
+def _accel_unit_of(name: str) -> str | None:
+    return _accel_name(accel_unit_of(name))
+
+
+def _accel_name(ms2: float | None) -> str | None:
+    if ms2 is None:
+        return None
+    known = (name for name in ("m/s^2", "g", "mg", "mm/s^2") if accel_unit(name) == ms2)
+    return next(known, f"{ms2:g} m/s^2")

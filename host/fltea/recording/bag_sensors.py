@@ -1,0 +1,69 @@
+"""Which messages of a topic are of the sensor that is read, by the fields that tell several apart (pure)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.recording.files import listed
+from fltea.recording.one_sensor import OneSensor
+from fltea.recording.reading import Missing, NotStated
+from fltea.recording.sample_times import Marks
+
+FEWEST = 10
+"""Messages, each with another value, that say that a field counts and tells no sensors apart."""
+
+
+class Sensors:
+    """The sensors of a topic.
+
+    names: of the fields. value: of the sensor that the user means, `NAME=VALUE` or VALUE.
+    which: what has to be asked, once there are several and none is meant; until then they are of the first.
+    """
+
+    def __init__(self, where: str, names: Sequence[str], value: str | None) -> None:
+        self._where, self._names, self._value = where, names, value
+        self._of: dict[int, OneSensor] | None = None
+        self.which: Missing | None = None
+
+    def keep(self, values: Sequence[NDArray[np.str_]]) -> Marks:
+        """Mark the messages that are to be read; values: of each field (n,)."""
+        kept = np.ones(len(values[0]) if values else 0, np.bool_)
+        if self._of is None and len(kept):
+            self._of = self._look(values)
+        for place, sensor in (self._of or {}).items():
+            words = values[place][kept].tolist()
+            try:
+                ours = sensor.keep(words)
+            except NotStated as error:
+                self.which = self.which or error.missing[0]
+                assert self._of is not None
+                self._of[place] = OneSensor(self._where, self._names[place], sensor.value)
+                ours = self._of[place].keep(words)
+            kept[kept] = ours
+        return kept
+
+    def _look(self, values: Sequence[NDArray[np.str_]]) -> dict[int, OneSensor]:
+        """Take the fields that tell sensors apart, and that in which the user's value stands."""
+        column, mark, value = (self._value or "").rpartition("=")
+        words = {place: {*one.tolist()} for place, one in enumerate(values)}
+        fields = [place for place, some in words.items() if len(some) < max(FEWEST, len(values[place]))]
+        if mark and column in self._names:
+            meant: int | None = self._names.index(column)
+        else:
+            value = self._value or ""
+            order = sorted(fields, key=lambda place: (value not in words[place], len(words[place]) == 1))
+            meant = next(iter(order), None)
+        named = {meant: value} if self._value is not None and meant is not None else {}
+        fields.sort(key=lambda place: place not in named)
+        return {place: OneSensor(self._where, self._names[place], named.get(place)) for place in fields}
+
+    def lacks(self) -> str:
+        """Return what the topic has instead of the sensor that the user means, "" if it is there."""
+        has = [
+            f"{self._names[place]} has {listed(sorted(one.others))}"
+            for place, one in (self._of or {}).items()
+            if one.why_none() is not None
+        ]
+        is_there = self._value is None or (self._of and not has)
+        return "" if is_there else "; ".join(has) or "nothing in its messages tells sensors apart"
