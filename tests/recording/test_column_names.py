@@ -4,10 +4,13 @@ import pytest
 from fltea.recording.column_names import (
     accel_axis_of,
     accel_unit_of,
+    axes_in_units,
     axis_of,
+    counts_unknown,
     is_time,
     named_axis,
     rate_unit_of,
+    time_scale_of,
     time_unit_of,
     times_in,
     unit_in,
@@ -36,6 +39,10 @@ GYROSCOPES = {
     "z-axis (deg/s)": "deg/s",
     "Z (deg/s)": "deg/s",
     "AsZ(°/s)": "deg/s",
+    "gz{deg/s}": "deg/s",
+    "gz <dps>": "deg/s",
+    "gz in deg/s": "deg/s",
+    "gyroADC[2] (deg/s)": "deg/s",
     "z_dps": "deg/s",
     "RAW_IMU.zgyro": None,
     "SCALED_IMU2.zgyro": None,
@@ -150,6 +157,44 @@ TIMES = {
 def test_names_of_times(name: str) -> None:
     assert is_time(name)
     assert time_unit_of(name) == TIMES[name]
+
+
+LONG_TIMES = {"Time [min]": 60, "elapsed_minutes": 60, "t (h)": 3600, "Time (days)": 86_400, "Zeit in s": 1}
+
+
+@pytest.mark.parametrize("name", LONG_TIMES)
+def test_names_of_times_in_minutes_and_more(name: str) -> None:
+    assert is_time(name)
+    assert time_scale_of(name) == ("s", LONG_TIMES[name])
+
+
+def test_a_unit_of_times_that_nobody_knows_is_told_apart_from_a_clock() -> None:
+    clocks = ["Time (UTC)", "time [hh:mm:ss]", "Timestamp (+0200)", "ChipTime()", "Time [s]", "time", "ms"]
+    assert [counts_unknown(name, "") for name in clocks] == [""] * len(clocks)
+    assert [counts_unknown("Time", unit) for unit in ("s", "", "ticks", "10us")] == ["", "", "ticks", "10us"]
+    assert counts_unknown("Time [weeks]", "") == "weeks"
+
+
+RATES = {
+    "Drehrate {} [°/s]": "XYZ",
+    "Angular velocity around {} (rad/s)": "xyz",
+    "{} rate [deg/hr]": "XYZ",
+    "{} (rad/s)": "pqr",
+    "{} rate (deg/s)": ("Roll", "Pitch", "Yaw"),
+}
+
+
+@pytest.mark.parametrize("form", RATES)
+def test_three_columns_called_alike_in_a_unit_of_rates_are_axes(form: str) -> None:
+    names = ["t", *(form.format(letter) for letter in RATES[form])]
+    assert axes_in_units(names, []) == {"x": 1, "y": 2, "z": 3}
+    assert axes_in_units(names[:3], []) == {}
+    assert axes_in_units([*names, names[1]], []) == {}
+    assert axes_in_units([*names, *(f"other {name}" for name in names[1:])], []) == {}
+    assert axes_in_units([f"setpoint {name}" for name in names], []) == {}
+    bare = [name.partition("[")[0].partition("(")[0] for name in names]
+    assert (axes_in_units(bare, []), axes_in_units(bare, ["s", *["deg"] * 3])) == ({}, {})
+    assert axes_in_units(bare, ["s", *["deg/s"] * 3]) == {"x": 1, "y": 2, "z": 3}
 
 
 def test_temperatures_and_scales_are_no_times() -> None:

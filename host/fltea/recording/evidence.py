@@ -263,7 +263,7 @@ class Choice:
         name, beside = self.names[place], self.units[place]
         stated = time_scale(beside) or time_scale_of(name)
         if given is not None and stated is not None and (given, 1.0) != stated and not self.how.overrule:
-            in_file = beside if time_scale(beside) else unit_in(name) or stated[0]
+            in_file = stated[0] if stated[1] == 1.0 else beside or unit_in(name)
             raise UsageError(
                 f"{self.where}: the column {listed([name])} is in {in_file} by its name or line of "
                 f"units, and --time-unit {given} says otherwise. Leave --time-unit out. {OVERRULE}"
@@ -279,7 +279,9 @@ class Choice:
             else:
                 unit, factor = time_unit(dialect.time_unit), dialect.time_ticks * scale
         if unit is None and self.how.rate_hz is None and (what := counts_unknown(name, beside)):
-            self._ask_clock(place, f"what the times of {listed([name])} count (the file says {listed([what])})")
+            self._ask_clock(
+                place, f"what the times of {listed([name])} count (the file says {listed([what])})"
+            )
         elif unit is None and self.how.rate_hz is None and (step := self._step(place)) is not None:
             if not PLAUSIBLE_HZ[0] <= 1 / step <= PLAUSIBLE_HZ[1]:
                 self._ask_clock(place, f"what the times of {listed([name])} count")
@@ -470,4 +472,3 @@ def axes_of(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, int]:
 
 def _as_axes(names: Sequence[str], places: Sequence[int], axes: Sequence[str]) -> str:
     return f"{listed([names[place] for place in places])} as {', '.join(axes)}"
-
