@@ -128,6 +128,10 @@ def test_a_field_that_counts_tells_no_sensors(tmp_path: Path, column: str) -> No
     assert open_bag(path).whole().gyro == pytest.approx(BOTH)
     counted = write_objects(tmp_path / "b.mcap", objects(frame_id=range(7)), STAMPS)
     assert open_bag(counted).samples == N
+    states = write_objects(tmp_path / "c.mcap", objects(sensor=["warm", "cold"]), STAMPS)
+    with pytest.raises(NotStated, match=r"1/1 says that all messages are of one"):
+        open_bag(states)
+    assert open_bag(states, How(topic="1/1")).whole().gyro == pytest.approx(BOTH)
 
 
 def test_of_two_fields_the_one_that_differs_tells_sensors(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from fltea.identification.gaps import Gaps, cut, no_gaps
 from fltea.identification.repeated import repeats
 from fltea.identification.resolution import LONG, step, thin
 from fltea.identification.traps import Trap
+from fltea.recording.candidates import MOST_MEAN_DPS, MOST_N, USUAL
 from fltea.recording.reading import Answer
 from fltea.records.arrays import Array
 from fltea.records.records import ACCEL_AXES, AXES
@@ -40,8 +41,8 @@ HELD_SHARE = 0.05
 """Of samples: from there on N is that of another rate."""
 GRAVITY = 0.1
 """By so much an accelerometer at rest may be off."""
-MEMS_N, MEMS_MOST_N, MEMS_MOST_MEAN = (0.03, 4.0), 12.0, 10.0
-"""N of MEMS gyroscopes in deg/√h, what none has, and a mean in deg/s that hardly any has."""
+QUIET, SHAKES = 8, 0.05
+"""Parts of a record, of which the quietest is rest; and of gravity, what no accelerometer scatters there."""
 ROOT_HOUR = 60.0
 LEAST_MS2 = 0.5
 """Some loggers take gravity off, or write zeros."""
@@ -77,6 +78,8 @@ class Axis(NamedTuple):
     """Standard deviation of what is fast."""
     turns: Turns | None
     broken: str
+    rest: tuple[float, float]
+    """Mean and noise of the quietest part."""
 
 
 def judge(
@@ -102,8 +105,9 @@ def judge(
             yield Trap("broken reads", "bad", axis.broken, BROKEN_REMEDY, (name,))
     if not any(one.question == "accelerometer" and one.evidence == "given" for one in reading):
         yield from _gravity([seen[name].mean for name in ACCEL_AXES if name in seen])
-    if any(one.question == "unit" and one.evidence == "convention" and "rad" in one.value for one in reading):
-        yield from _like_mems({name: seen[name] for name in AXES if name in seen}, h)
+    unit = next((one for one in reading if one.question == "unit" and one.evidence == "convention"), None)
+    if unit is not None:
+        yield from _like_mems(seen, h, unit)
 
 
 def judge_one(y: Array, unit: str, lsb: float | None, h: float) -> Iterator[Trap]:
@@ -157,10 +161,13 @@ def _look(y: Array, lsb: float | None, unit: str, gaps: Gaps) -> Axis:
     begin, end, _ = max(cut(len(y), gaps, 0), key=lambda one: one[1] - one[0])
     run = np.ascontiguousarray(y[begin : min(end, begin + LONG)], dtype=np.float64)
     if len(run) < 2 * TURNS or not np.ptp(run) > 0:
-        return Axis(len(y), float(y.mean()), 0.0, None, "")
+        return Axis(len(y), float(y.mean()), 0.0, None, "", (float(y.mean()), 0.0))
     against = run[1:-1] - (run[:-2] + run[2:]) / 2  # neither offset nor drift is left in it
     noise = float(against.std()) / math.sqrt(1.5)
-    return Axis(len(y), float(y.mean()), noise, _turns(against, noise, unit), _broken(run, lsb, unit))
+    parts = against[: len(against) // QUIET * QUIET].reshape(QUIET, -1).std(axis=1)
+    begin = int(parts.argmin()) * (len(against) // QUIET)
+    rest = float(run[begin : begin + len(against) // QUIET].mean()), float(parts.min()) / math.sqrt(1.5)
+    return Axis(len(y), float(y.mean()), noise, _turns(against, noise, unit), _broken(run, lsb, unit), rest)
 
 
 def _turns(against: Array, noise: float, unit: str) -> Turns | None:
@@ -268,22 +275,23 @@ def _is_gravity(length: float) -> bool:
     return abs(length / STANDARD_GRAVITY_MS2 - 1) < GRAVITY
 
 
-def _like_mems(seen: Mapping[str, Axis], h: float) -> Iterator[Trap]:
-    """Yield what noise and mean say against a unit that only a convention told."""
-    if not seen:
+def _like_mems(seen: Mapping[str, Axis], h: float, unit: Answer) -> Iterator[Trap]:
+    """Yield what noise and mean at rest say against a unit that only a convention told."""
+    gyro, accel = ([seen[name] for name in names if name in seen] for names in (AXES, ACCEL_AXES))
+    shakes = math.hypot(*(axis.rest[1] for axis in accel)) > SHAKES * math.hypot(
+        *(axis.rest[0] for axis in accel)
+    )
+    if not gyro or shakes:
         return
-    N = float(np.median([axis.noise for axis in seen.values()])) * math.sqrt(h) * ROOT_HOUR
-    mean = max((axis.mean for axis in seen.values()), key=abs)
-    factor = math.degrees(1.0)
-    low, high = MEMS_N
-    large = N > MEMS_MOST_N or (high < N and abs(mean) > MEMS_MOST_MEAN)
-    if large and low < N / factor < high:
+    N = float(np.median([axis.rest[1] for axis in gyro])) * math.sqrt(h) * ROOT_HOUR
+    mean = max((axis.rest[0] for axis in gyro), key=abs)
+    if N > MOST_N or abs(mean) > MOST_MEAN_DPS:
         yield Trap(
             "unit",
             "bad",
-            f"N is {N:.3g} deg/√h and the mean {mean:.3g} deg/s if the rates are in rad/s, as the format's "
-            f"convention has it; the file does not say so. If they are in deg/s, N is {N / factor:.3g} and "
-            f"the mean {mean / factor:.3g}. MEMS gyroscopes have 0.1 to 3 deg/√h.",
-            "Say which it is: --units deg/s or --units rad/s.",
-            tuple(seen),
+            f"N is {N:.3g} deg/√h and the mean {mean:.3g} deg/s if the rates are in {unit.value}, as the "
+            f"convention of {unit.why} has it; the file does not say so. {USUAL}",
+            "Say the unit: --units deg/s, or whichever it is. If it is right, and the sensor does not rest: "
+            f"--units {unit.value}.",
+            tuple(name for name in AXES if name in seen),
         )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fltea.recording.bag_clock import Judged, Ticks, given_ticks, judged, measured_ticks, stamps_of
 from fltea.recording.bag_messages import LONGEST_MESSAGE, Batch, Topic
 from fltea.recording.bag_names import Layout, title
-from fltea.recording.bag_sensors import Sensors
+from fltea.recording.bag_sensors import ALL_ARE_ONE, Sensors
 from fltea.recording.bag_units import AtRest, Scale, at_rest, check_rates, measured_accel, scales
 from fltea.recording.candidates import units_table
 from fltea.recording.columns import Chosen
@@ -147,7 +147,8 @@ class Gathered:
         if which is None:
             return self._stored(others, notes)
         topic = self._how.topic
-        ask = Missing(which.what, "--sensor ?" if topic is None else f"--sensor {self._topic.name}:?")
+        what = f"{which.what}{'' if several else f'; {ALL_ARE_ONE} says that all messages are of one'}"
+        ask = Missing(what, "--sensor ?" if topic is None else f"--sensor {self._topic.name}:?")
         options = given_options(replace(self._how, topic=None))
         raise asked_with(self._where, ask, options, lambda: self._stored(others, notes))
 

@@ -10,6 +10,9 @@ from fltea.recording.one_sensor import OneSensor
 from fltea.recording.reading import Missing, NotStated
 from fltea.recording.sample_times import Marks
 
+ALL_ARE_ONE = "1/1"
+"""What the user says where the fields tell something else."""
+
 FEWEST = 10
 """Messages, each with another value, that say that a field counts and tells no sensors apart."""
 
@@ -23,7 +26,7 @@ class Sensors:
 
     def __init__(self, where: str, names: Sequence[str], value: str | None) -> None:
         self._where, self._names, self._value = where, names, value
-        self._of: dict[int, OneSensor] | None = None
+        self._of: dict[int, OneSensor] | None = {} if value == ALL_ARE_ONE else None
         self.which: Missing | None = None
 
     def keep(self, values: Sequence[NDArray[np.str_]]) -> Marks:
@@ -65,5 +68,5 @@ class Sensors:
             for place, one in (self._of or {}).items()
             if one.why_none() is not None
         ]
-        is_there = self._value is None or (self._of and not has)
+        is_there = self._value in (None, ALL_ARE_ONE) or (self._of and not has)
         return "" if is_there else "; ".join(has) or "nothing in its messages tells sensors apart"
