@@ -2,7 +2,6 @@
 
 import gc
 from collections.abc import Callable, Iterator
-from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +13,7 @@ import scipy.io
 from corpus_edits import Case, Figures, falsified, figures, text_of
 from corpus_files import ACCEL_MS2, GYRO_DPS, HERE, RATE_HZ, TIMES_S
 from corpus_reading import OPTIONS, UNREAD_DIALECTS, how_of, pairs
-from fltea.recording.csv_file import open_csv
+from fltea.recording.apart import open_text
 from fltea.recording.formats import FORMATS, loaded
 from fltea.recording.kind import open_one_file
 from fltea.recording.opening import open_recording
@@ -197,7 +196,7 @@ def read_here(path: Path, how: How) -> Figures:
     found = loaded(form.reader)(path, how.topic or "")
     if isinstance(found, Sheet):
         return figures(open_sheet(path, with_sample(found), how, DEFAULT_LIMITS))
-    return figures(open_csv(path, how, file=BytesIO(b"".join(found))))
+    return figures(open_text(path, found, found.pieces, how, DEFAULT_LIMITS))
 
 
 @pytest.mark.parametrize("name", WRITERS)

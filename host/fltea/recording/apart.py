@@ -19,15 +19,16 @@ from typing import IO, BinaryIO, cast
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from fltea.recording.csv_file import open_csv
-from fltea.recording.files import Stored
+from fltea.recording.files import Stored, listed
 from fltea.recording.formats import FORMATS, Kind
 from fltea.recording.kind import is_of_this_process
 from fltea.recording.quota import Quota
-from fltea.recording.reading import ASK, NotStated
+from fltea.recording.reading import ASK, Answer, Missing, NotStated, asked_with, given_options
 from fltea.recording.sample_times import Floats
-from fltea.recording.sheet import Sheet, SheetHead, open_sheet
+from fltea.recording.sheet import Sheet, SheetHead, TextHead, open_sheet
 from fltea.records.errors import UsageError
 from fltea.settings.extras import how_to_install
 from fltea.settings.how import How
@@ -75,10 +76,29 @@ def open_apart(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO 
             frames = _frames(path, process, quota)
             head = msgspec.json.decode(next(frames), type=SheetHead | None)
             if head is None:
-                return open_csv(path, how, limits, cast(BinaryIO, _Text(frames)))
+                return open_text(path, msgspec.json.decode(next(frames), type=TextHead), frames, how, limits)
             blocks = partial(_columns, process.stdin, frames)
             sheet = Sheet(**{name: getattr(head, name) for name in head.__struct_fields__}, blocks=blocks)
             return open_sheet(path, sheet, how, limits)
+
+
+def open_text(path: Path, head: TextHead, lines: Iterator[bytes], how: How, limits: Limits) -> Stored:
+    """Read lines of text, of one of several parts of a file.
+
+    Raises:
+        NotStated: which part is meant is not known.
+        UsageError: what `open_csv` refuses.
+    """
+    inner = replace(how, topic=None) if head.topic else how
+    read = partial(open_csv, path, inner, limits, cast(BinaryIO, _Text(lines)))
+    if head.parts:
+        which = Missing(f"which sheet is meant of {listed(head.parts)}", "--sensor ?")
+        raise asked_with(str(path), which, given_options(how), read)
+    found = read()
+    reading = (
+        (Answer("sensor", head.topic, "given", "--sensor"), *found.reading) if head.topic else found.reading
+    )
+    return found._replace(topic=head.topic, reading=reading)
 
 
 @contextlib.contextmanager

@@ -1,13 +1,12 @@
 """Formats of other programs, each by the library that is kept for it: run as a program by `apart`.
 
 stdout: pieces, each behind its length in four bytes. The first is a `SheetHead` as JSON, or null. After null
-come lines of text; after a head, and a line of JSON on stdin, the places of the columns that are wanted, rows
-of their numbers. The length 0 ends them; FAILED stands before a reason.
+come a `TextHead` and lines of text; after a head, and a line of JSON on stdin, the places of the columns that
+are wanted, rows of their numbers. The length 0 ends them; FAILED stands before a reason.
 """
 
 import resource
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -15,7 +14,7 @@ import numpy as np
 
 from fltea.recording.apart import FAILED, LENGTH
 from fltea.recording.formats import FORMATS, loaded
-from fltea.recording.sheet import Sheet, SheetHead, with_sample
+from fltea.recording.sheet import Sheet, SheetHead, Text, TextHead, with_sample
 from fltea.records.errors import UsageError
 
 STDOUT = sys.stdout.buffer
@@ -32,7 +31,7 @@ def main(seconds: str, memory: str, kind: str, path: str, topic: str) -> None:
         resource.setrlimit(what, (most, most))
     sys.stdout = sys.stderr  # libraries print, and what the other side reads is not for them
     try:
-        found: Sheet | Iterator[bytes] = loaded(FORMATS[kind].reader)(Path(path), topic)
+        found: Sheet | Text = loaded(FORMATS[kind].reader)(Path(path), topic)
         if isinstance(found, Sheet):
             head = msgspec.convert(with_sample(found), SheetHead, from_attributes=True)
             _send(msgspec.json.encode(head))
@@ -41,7 +40,8 @@ def main(seconds: str, memory: str, kind: str, path: str, topic: str) -> None:
                 _send(np.ascontiguousarray(values).tobytes())
         else:
             _send(b"null")
-            for data in found:
+            _send(msgspec.json.encode(msgspec.convert(found, TextHead, from_attributes=True)))
+            for data in found.pieces:
                 _send(data)
         _send(b"")
     except BrokenPipeError:

@@ -55,9 +55,9 @@ class SheetHead(msgspec.Struct, frozen=True):
     array each column is of; none: each is one of its own. stamps: columns that hold points of time, given as
     seconds since the first one. rates: samples per second, by the name of what states them: `imu.fs` holds
     for all of `imu`, `imu.gyro@fs` for one array. doubts: of columns whose numbers may be others than they
-    seem, why. changed: columns whose numbers may still have to be changed, and by what. topic: the sensor that
-    is read of several, "" if there is one. sample: the first rows of the first columns, null where there are no
-    numbers. words: of columns that tell sensors apart by words, what the numbers from 0 in them mean.
+    seem, why. changed: columns whose numbers may still have to be changed, and by what. topic: the sensor
+    that is read of several, "" if there is one. sample: the first rows of the first columns, null where there
+    are no numbers. words: of columns that tell sensors apart by words, what the numbers from 0 in them mean.
     """
 
     names: list[str]
@@ -108,6 +108,19 @@ class Sheet(SheetHead, frozen=True, kw_only=True):
             sample=[[row[p] if p < len(row) else None for p in keep] for row in self.sample],
             blocks=lambda places: blocks([keep[place] for place in places]),
         )
+
+
+class TextHead(msgspec.Struct, frozen=True):
+    """Of a file that is read as text. topic: the part that the user names. parts: those to ask for."""
+
+    topic: str = ""
+    parts: list[str] = []
+
+
+class Text(TextHead, frozen=True, kw_only=True):
+    """Lines of text, of the first of several parts. pieces: gives them, whole lines at a time."""
+
+    pieces: Iterator[bytes]
 
 
 def with_sample(sheet: Sheet) -> Sheet:

@@ -1,27 +1,92 @@
 """Workbooks of Excel (.xlsx)."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
+from fltea.recording.column_names import axis_of
+from fltea.recording.dialects import Facts, dialect_of
 from fltea.recording.files import AT_ONCE
+from fltea.recording.groups import gyroscopes_in, is_of_accelerometer
+from fltea.recording.sheet import Text
+from fltea.recording.text_fields import units_in
+from fltea.recording.wanted import is_number
+
+HEAD_ROWS, FEW_ROWS = 200, 10
+"""Rows that are looked at first; a sheet with few of them says something about a recording, and is none."""
 
 
-def read(path: Path, _: str) -> Iterator[bytes]:
-    """The first sheet with more than ten rows as lines of text, whose fields are separated by tabs."""
+def read(path: Path, topic: str) -> Text:
+    """The sheet of a gyroscope as lines of text, whose fields are separated by tabs.
+
+    topic: what it is called; "": the one whose names are a gyroscope's, or the only one with a table.
+    """
     from openpyxl import load_workbook
 
     # By its name it would be refused without the right ending, whatever it is.
     book = load_workbook(path.open("rb"), read_only=True, data_only=True, keep_links=False)
-    sheet = next((one for one in book.worksheets if (one.max_row or 11) > 10), book.worksheets[0])
-    sheet.reset_dimensions()  # some programs write wrong ones, and rows beyond them would be missing
-    lines: list[str] = []
-    for row in sheet.iter_rows(values_only=True):
-        lines.append("\t".join("" if cell is None else _cell(cell) for cell in row).rstrip("\t"))
-        if len(lines) == AT_ONCE:
-            yield "".join(line + "\n" for line in lines).encode()
-            lines.clear()
-    yield "".join(line + "\n" for line in lines).encode()
+    parts = [_Part(sheet) for sheet in book.worksheets]
+    if (chosen := next((part for part in parts if part.title == topic), None)) is not None:
+        return Text(topic=topic, pieces=chosen.lines())
+    tables = [part for part in parts if len(part.head) > FEW_ROWS]
+    named = [part for part in tables if part.has_names]
+    others = [part for part in tables if not is_of_accelerometer(f"{part.title}.x")]
+    found = named or others or tables or parts
+    asked = [part.title for part in found] if len(found) > 1 and tables else []
+    return Text(parts=asked, pieces=found[0].lines())
+
+
+class _Part:
+    """A sheet. head: its first rows. has_names: there are a gyroscope's among them."""
+
+    def __init__(self, sheet: Any) -> None:
+        self.title: str = sheet.title
+        sheet.reset_dimensions()  # some programs write wrong ones, and rows beyond them would be missing
+        self._rows = map(_fields, sheet.iter_rows(values_only=True))
+        self.head = list(islice(self._rows, HEAD_ROWS))
+        group = self.title.replace(".", "_")
+        units = [units_in("\t".join(row)) or () for row in (*self.head[1:], ())]
+        found = (k for k, row in enumerate(self.head) if _names_gyroscope(group, row, units[k]))
+        begin = next(found, None)
+        self.has_names = begin is not None
+        if begin is None:
+            begin = max(range(len(self.head)), key=lambda k: len(self.head[k]), default=0)
+        else:
+            row, stated = self.head[begin], units[begin]
+            beside = stated if len(stated) == len(row) else [""] * len(row)
+            self.head[begin] = [_axis(group, name, unit) for name, unit in zip(row, beside, strict=True)]
+        self._begin, self._width = begin, len(self.head[begin]) if self.head else 0
+
+    def lines(self) -> Iterator[bytes]:
+        """All rows as text; those of the table are as long as its first one."""
+        lines: list[str] = []
+        for k, row in enumerate(chain(self.head, self._rows)):
+            missing = self._width - len(row) if row and k >= self._begin else 0
+            lines.append("\t".join(row) + "\t" * missing)
+            if len(lines) == AT_ONCE:
+                yield "".join(line + "\n" for line in lines).encode()
+                lines.clear()
+        yield "".join(line + "\n" for line in lines).encode()
+
+
+def _axis(group: str, name: str, unit: str) -> str:
+    """The name of a column with what tells that it is an axis: the unit below it, or the sheet's name."""
+    forms = name, f"{name} [{unit}]", f"{group} {name}"
+    return next((form for form in forms if axis_of(form)), name) if name else name
+
+
+def _names_gyroscope(group: str, row: Sequence[str], units: Sequence[str]) -> bool:
+    if 2 * sum(map(is_number, row)) >= len(row):
+        return False
+    beside = units if len(units) == len(row) else ()
+    return bool(gyroscopes_in([f"{group}.{name}" for name in row], beside) or dialect_of(row, Facts()))
+
+
+def _fields(row: Sequence[Any]) -> list[str]:
+    """The cells of a row as text, without empty ones at its end."""
+    filled = next((k for k in range(len(row), 0, -1) if row[k - 1] is not None), 0)
+    return ["" if cell is None else _cell(cell) for cell in row[:filled]]
 
 
 def _cell(value: Any) -> str:

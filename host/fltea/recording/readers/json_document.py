@@ -57,8 +57,8 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield from ((f"{name}.{key}" if name else key, column) for key, column in columns.items())
     elif isinstance(value, list) and not name:  # without names, so by their positions
         is_table = len({len(row) if isinstance(row, list) else 0 for row in value}) == 1
-        columns = [*zip(*value, strict=True)] if is_table and isinstance(value[0], list) else [value]
-        yield from ((str(place), list(column)) for place, column in enumerate(columns, 1))
+        lists = [*map(list, zip(*value, strict=True))] if is_table and isinstance(value[0], list) else [value]
+        yield from ((str(place), column) for place, column in enumerate(lists, 1))
     elif isinstance(value, list | str):
         yield name, value
     elif isinstance(value, int | float):
@@ -143,7 +143,7 @@ def _index(keys: Sequence[str]) -> dict[str, Any]:
     numbers = [int(key) for key in keys]
     if numbers == list(range(len(numbers))):
         return {}
-    scale = next((one for one in NS if FIRST_NS <= min(numbers) * one and max(numbers) * one < LAST_NS), 0)
+    scale = next((one for one in NS if min(numbers) * one >= FIRST_NS and max(numbers) * one < LAST_NS), 0)
     points = [number * scale for number in numbers]
     return {"index": list(np.array(points, "M8[ns]")) if scale else numbers}
 
