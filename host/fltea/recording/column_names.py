@@ -222,7 +222,8 @@ def axes_in_units(names: Sequence[str], units: Sequence[str]) -> dict[str, int]:
     for place, name in enumerate(names):
         parts = _parts(name)
         stated = _stated(parts, units[place] if place < len(units) else "")
-        if rate_unit(stated) is None or stated in AMBIGUOUS or _NOT_MEASURED.fullmatch(parts.words):
+        is_other = _NOT_MEASURED.fullmatch(parts.words) or _ACCEL_AXIS.fullmatch(parts.words)
+        if rate_unit(stated) is None or stated in AMBIGUOUS or is_other:
             continue
         words = parts.words.split("_")
         for letters in _BODY_AXES:
