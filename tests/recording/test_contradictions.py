@@ -66,6 +66,23 @@ def test_a_bias_as_long_as_gravity_is_one_beside_an_accelerometer_with_gravity(t
     assert stored(tmp_path, gone).samples == N
 
 
+@pytest.mark.parametrize(("scale", "shown"), [(1.0, "m/s^2"), (1000 / 9.81, "mg")])
+def test_columns_that_have_the_length_of_gravity_are_no_rates(
+    scale: float, shown: str, tmp_path: Path
+) -> None:
+    text = table("a,b,c", scale * ACCEL)
+    how = {"columns": ["a", "b", "c"], "rate_hz": 100.0}
+    assert f"which is gravity in {shown}: are they accelerations?" in refusal(tmp_path, text, **how)
+    assert f"which is gravity in {shown}: they seem an accelerometer's" in refusal(
+        tmp_path, text, units="dps", **how
+    )
+    assert stored(tmp_path, text, units="dps", overrule=True, **how).samples == N
+    in_g = table("a,b,c", ACCEL / 9.81)  # which is a usual offset in deg/s
+    assert stored(tmp_path, in_g, units="dps", **how).samples == N
+    assert "gravity in g" in refusal(tmp_path, in_g, units="rad/s", **how)
+    assert stored(tmp_path, text.replace("a,b,c", "gx [dps],gy [dps],gz [dps]"), rate_hz=100.0).samples == N
+
+
 def test_a_unit_of_accelerations_that_gravity_contradicts_is_refused(tmp_path: Path) -> None:
     text = table(f"{NAMES},ax,ay,az", TIMES_S, GYRO, ACCEL)
     assert "is that of gravity in m/s^2, and --accel-units g says otherwise" in refusal(
@@ -84,7 +101,9 @@ def test_a_rate_against_dates_is_refused(rate_hz: float, tmp_path: Path) -> None
         tmp_path, text, rate_hz=rate_hz
     )
     assert stored(tmp_path, text, rate_hz=rate_hz, overrule=True).rate_hz == rate_hz
-    assert "is no gyroscope's" in refusal(tmp_path, text, time_unit="ms")
+    assert "nothing says the rate: a step of 0.01 ms is no gyroscope's" in refusal(
+        tmp_path, text, time_unit="ms"
+    )
 
 
 def test_a_rate_that_is_far_below_that_of_a_coarse_clock_is_refused(tmp_path: Path) -> None:

@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fltea.recording.clocks import clock_of
 from fltea.recording.columns import Chosen, choose
 from fltea.recording.dialects import Facts
 from fltea.recording.reading import ASK, Answer, Missing, NotStated, given_options, not_stated
-from fltea.recording.sample_times import Elapsed, TimeColumn, clock_of, timing
+from fltea.recording.sample_times import Elapsed, TimeColumn
+from fltea.recording.timing import timing
 from fltea.recording.units import PER_UNIT, parse_units
 from fltea.records.errors import UsageError
 from fltea.settings.how import How, TimeUnit
@@ -264,7 +266,7 @@ def test_a_rate_that_the_times_contradict_is_an_error(
     assume(true_hz != rate_hz)
     elapsed = Elapsed("s")
     times, _ = elapsed.add(np.arange(200) / true_hz, np.arange(200.0)[:, np.newaxis])
-    clock = clock_of(lambda: [times])
+    clock = clock_of(lambda: [times], elapsed)
 
     def found(hz: float | None) -> float:
         return timing("rest", TimeColumn("t", "s", hz, is_given, overrule), clock, elapsed).rate_hz

@@ -126,7 +126,9 @@ def test_a_file_has_the_rate_and_the_samples_of_its_sensor(
 def test_a_clock_with_many_rows_between_is_none(tmp_path: Path) -> None:
     """Two steps in ten are then no period of it."""
     times, _ = with_rows(np.arange(3000) / 100, {*range(2, 2998, 10)}, 3, 0.01)
-    assert "the steps are too uneven for a sensor's clock" in refusal(tmp_path, text(times, np.sin(times)))
+    assert "the steps of 'time_s' are too uneven for a sensor's clock" in refusal(
+        tmp_path, text(times, np.sin(times))
+    )
 
 
 def test_fewer_than_a_few_are_jitter(tmp_path: Path) -> None:

@@ -27,11 +27,11 @@ def test_an_accelerometer_whose_unit_is_known_is_read_too(name: str, tmp_path: P
     form, unit, ms2 = ACCELS[name]
     header = ["time_s", *[form.format(axis) for axis in "zxy"], "gyro_x_dps"]
     units = "" if unit is None else ",".join(["s", unit, unit, unit, "dps"]) + "\n"
-    text = ",".join(header) + "\n" + units + "".join(f"{k},3,1,2,{k}\n" for k in range(4))
+    text = ",".join(header) + "\n" + units + "".join(f"{k / 10},3,1,2,{k}\n" for k in range(4))
     found = stored(tmp_path, text).whole()
     assert found.gyro.ravel().tolist() == [0, 1, 2, 3]
     assert found.accel_ms2 == pytest.approx(np.array([[1, 2, 3]] * 4) * ms2)
-    assert stored(tmp_path, text, columns=["gyro_x_dps"], rate_hz=1.0).whole().accel_ms2 is not None
+    assert stored(tmp_path, text, columns=["gyro_x_dps"], rate_hz=10.0).whole().accel_ms2 is not None
 
 
 @pytest.mark.parametrize(

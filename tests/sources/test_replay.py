@@ -149,7 +149,9 @@ def test_every_row_is_used_whatever_the_times(
 ) -> None:
     times_s = np.cumsum([0, *steps_s]).tolist()
     place, _ = walked(
-        ReplaySource(csv_file(tmp_path_factory.getbasetemp(), times_s), how=How(rate_hz=rate_hz, overrule=True))
+        ReplaySource(
+            csv_file(tmp_path_factory.getbasetemp(), times_s), how=How(rate_hz=rate_hz, overrule=True)
+        )
     )
     assert (place.delivered, place.before_hello) == (len(times_s), 0)
 
@@ -271,7 +273,7 @@ def test_real_pace_waits_for_each_sample(tmp_path: Path, now_ns: list[int]) -> N
 
 def test_close_ends_a_long_wait(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Python sleeps on after a signal, so a wait is made of short ones."""
-    source = ReplaySource(csv_file(tmp_path, [0.0, 600.0, 1200.0]), realtime=True)
+    source = ReplaySource(csv_file(tmp_path, [0.0, 600.0, 1200.0]), how=How(overrule=True), realtime=True)
     slept_s: list[float] = []
 
     def sleep(seconds: float) -> None:

@@ -285,7 +285,9 @@ def test_a_port_that_is_back_begins_a_new_run() -> None:
 
 def test_hours_that_come_at_once_are_taken_one_by_one() -> None:
     """Ten seconds from line to line: a read holds more than the 71 minutes in which times wrap."""
-    text = opened(How(columns=["gx"], rate_hz=None, time_column="t", time_unit="s", units="dps"))
+    text = opened(
+        How(columns=["gx"], rate_hz=None, time_column="t", time_unit="s", units="dps", overrule=True)
+    )
     lines = "".join(f"{10 * k},{k % 7}\n" for k in range(3000))
     events = list(text.feed(b"t,gx\n" + lines.encode(), 7)) + list(text.finish(8))
     assert (place_events(events)[0].delivered, place_events(events)[0].lost) == (3000, 0)

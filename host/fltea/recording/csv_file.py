@@ -46,7 +46,8 @@ def open_csv(
             error = reader.with_columns(error)
         bad = reader.first
         if reader.chosen is not None and bad is not None and bad.why not in str(error):
-            error.args = (f"{error} Lines were left out, the first is {bad.line}: {bad.why}",)
+            lines = f"{reader.left_out} of {reader.lines} lines hold no sample"
+            error.args = (f"{error}\n{lines}; the first is {bad.line}: {bad.why}",)
         raise error from None
     return found._replace(notes=(*_notes(path, reader), *found.notes))
 

@@ -1,5 +1,6 @@
 """Numbers samples by their times, by the rules of `sample_times`: a long step lacks samples (pure)."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -13,14 +14,18 @@ from fltea.recording.sample_times import (
     differences,
 )
 
-LEAK = 0.98
-"""How much of what is left over goes on to the next step: the rate is known to 0.1 %."""
+LEAK, LEAK_OF_ROUNDED = 0.98, 0.998
+"""How much of what is left over goes on to the next step: the rate is known to 0.1 %, or better."""
 
 FEW, STRETCH, FADED = 8, 256, 2048
 """More steps than the first are numbered together; LEAK to the second is a number, to the third 0."""
 
 NO_DOUBT = 0.499
 """Of a period: what is left over does not change a number."""
+
+DOUBT_OF_ROUNDED = 0.6
+"""Of a period: more than this has to be left over before a sample counts as missing, else half. Of times
+rounded to 0.99 of a period the steps that are longer leave some 0.5 over, wherever the first of them was."""
 
 
 class Numbered(NamedTuple):
@@ -36,10 +41,15 @@ class Numbered(NamedTuple):
 
 
 class Numbering:
-    """Numbers samples by elapsed times, from 0. period: from one to the next. rate_hz: of the same."""
+    """Numbers samples by elapsed times, from 0. period: from one to the next. rate_hz: of the same.
 
-    def __init__(self, period: float, rate_hz: float) -> None:
+    is_rounded: the times are, to a good part of the period.
+    """
+
+    def __init__(self, period: float, rate_hz: float, *, is_rounded: bool = False) -> None:
         self._period = period
+        self._leak = LEAK_OF_ROUNDED if is_rounded else LEAK
+        self._doubt = DOUBT_OF_ROUNDED if is_rounded else 0.5
         self._longest = period * max(LONGEST_GAP_S * rate_hz, LONGEST_GAP_PERIODS)
         self._last: float | None = None
         self._sequence = -1
@@ -68,9 +78,11 @@ class Numbering:
     def _whole(self, periods: Floats) -> Ints:
         """Steps as numbers of periods, at least 1; what is left over goes on to the next one."""
         off = periods - 1
-        if len(off) > FEW and abs(self._ahead) + np.abs(off).max() / (1 - LEAK) < NO_DOUBT:
+        if len(off) > FEW and abs(self._ahead) + np.abs(off).max() / (1 - self._leak) < NO_DOUBT:
             last = off[-FADED:]
-            self._ahead = self._ahead * LEAK ** len(off) + float(last @ LEAK ** np.arange(len(last))[::-1])
+            self._ahead = self._ahead * self._leak ** len(off) + float(
+                last @ self._leak ** np.arange(len(last))[::-1]
+            )
             return np.ones(len(off), dtype=np.int64)
         found = np.maximum(1, np.rint(periods)).astype(np.int64)
         for begin in range(0, len(periods), STRETCH):
@@ -80,14 +92,14 @@ class Numbering:
 
     def _of_stretch(self, periods: Floats, rounded: Ints) -> Ints:
         if len(periods) > FEW:  # where rounding each by itself leaves less than half over, it is right
-            weights = LEAK ** np.arange(1, len(periods) + 1)
+            weights = self._leak ** np.arange(1, len(periods) + 1)
             ahead = weights * (self._ahead + np.cumsum((periods - rounded) / weights))
             if (np.abs(ahead) < NO_DOUBT).all():
                 self._ahead = float(ahead[-1])
                 return rounded
         found = []
         for step in periods.tolist():
-            ahead_now = self._ahead * LEAK + step
-            found.append(max(1, round(ahead_now)))
-            self._ahead = min(0.5, max(-0.5, ahead_now - found[-1]))
+            ahead_now = self._ahead * self._leak + step
+            found.append(max(1, math.ceil(ahead_now - self._doubt)))
+            self._ahead = max(-0.5, ahead_now - found[-1])
         return np.array(found, dtype=np.int64)

@@ -5,18 +5,21 @@ Two kinds of clock are told apart. Columns of text, tables and the time stamps o
 These are the rules for the first kind, the same for live text, text files, tables and Linux IIO:
 
 - **Unit.** It is the one that the user gives, or that the column's name or line of units states. Without
-  either it is seconds, if the rate is then one at which gyroscopes are recorded (5 Hz to 10 kHz).
-- **Rate.** It is the mean of the steps that are near the median. Near is within a fifth of it, or of times
-  that are rounded within one grain (2 and 3 ms in turns are 400 Hz). A file is taken as a whole; live, the
-  first 2 s decide.
+  either it is seconds, if the rate is then one at which gyroscopes are recorded (5 Hz to 10 kHz). A stated
+  one that gives less than 2 Hz or more than 50 kHz is not believed, and the rate is asked for (`timing`).
+- **Rate.** It is the mean of the steps that are within a fifth of the median. A file is taken as a whole;
+  live, the first 2 s decide. Of times that are rounded to a good part of the period (2 and 3 ms in turns are
+  400 Hz) long stretches tell it, and those that are shortest lack no sample (`clocks`).
 - **Even.** Nine steps in ten have to be near the median, or be two, three or four times as long. Otherwise
-  these are times of arrival and not a clock's, and they are refused: only a given rate can help.
+  these are times of arrival and not a clock's, as are those of rows in bursts, a few at once and then a long
+  time none: they are refused, and the rate is asked for.
 - **Missing samples.** A step of n periods counts n - 1 samples as missing. What is left over is carried on to
   the next step, so that rounded times make no gaps.
 - **A long step**, of more than a minute and of more than ten periods, begins a new run: whether the sensor
   went on meanwhile cannot be known, and nothing is counted as missing.
 - **A step backwards** begins a new run. A counter of 32 bits (`millis()`, `micros()`) that wraps is no step
   backwards, and neither is a clock that goes on from 0 s at midnight.
+- **Times of day without colons**: from 95959.99 to 100000.00 (hhmmss) is 0.01 s, and no gap of an hour.
 - **A repeated time** is the same sample again: it is left out and counted. Where the values differ it counts
   as an uneven step, for the clock is then coarser than the samples.
 - **A given rate** wins. The times still number the samples, by their own period. Times that are uneven do
@@ -27,14 +30,11 @@ sample is missing only where the stamps are late and stay late, and a new run be
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.recording.reading import Answer, Missing, not_stated
-from fltea.records.errors import UsageError
 from fltea.settings.how import TimeUnit
 
 Floats = NDArray[np.float64]
@@ -49,29 +49,16 @@ EVENNESS, EVEN_SHARE = 0.2, 0.9
 PLAUSIBLE_HZ = 5.0, 10_000.0
 """Rates at which a gyroscope is recorded. A column without a unit that gives another is not in seconds."""
 
-SHORTEST_STEP_S, LONGEST_S = 2e-5, 4e9
-"""No gyroscope gives more than some 32,000 samples a second. The second is
-126 years; so many nanoseconds fit into 64 bits."""
+LONGEST_S = 4e9
+"""126 years; so many nanoseconds fit into 64 bits."""
 
 COUNTER_WRAP, DAY_S = float(1 << 32), 86_400.0
 """Of millis() and micros(), which are what boards send as times in ms and in us; and of times of day."""
 
 LONGEST_GAP_S, LONGEST_GAP_PERIODS = 60.0, 10.0
 
-GRAINS = (1.0, 0.1, 1e-2, 1e-3, 1e-4)
-"""Of rounded times, in their own unit."""
-
-SHORT_GAPS = 2, 3, 4
-"""Steps of so many periods are a clock's, too, however many there are. Bursts leave longer ones."""
-
-MOST_IN_TURNS = 4
-"""Rows with the same time that may be of as many sensors."""
-
-MANY_STEPS = 32
-"""Over which rounded times are compared."""
-
-NEARLY = 1e-3
-"""Of a grain: times are on it."""
+MINUTE_TURNS_S, NEAR_TURN_S = 39.0, 1.0
+"""Times of day as hhmmss jump by more than the first at each minute, within the second of its 60th second."""
 
 SAME_TIME = 4 * float(np.finfo(np.float64).eps)
 """Of a time: what two that are the same may differ by."""
@@ -79,23 +66,23 @@ SAME_TIME = 4 * float(np.finfo(np.float64).eps)
 SAME_RATE = 0.1
 """A given rate and one by the times that differ by less are the same."""
 
-LIKE_MEAN = 1.5
-"""A given rate and the mean of uneven times are not the same if they differ by more than this factor."""
-
 
 class Elapsed:
     """Times of rows as the time since the first row, in the same unit; it never runs back.
 
     repeated: rows with the time of the row before them. odd: steps that are no clock's, backwards or with a
     repeated time and other values; backwards: of them the first kind. rows: how many there were. first: the
-    number of the first row that repeats a time or runs backwards, None without one.
+    number of the first row that repeats a time or runs backwards, None without one. of_day: minutes that
+    began in times of day as hhmmss. longest: a longer step begins a new run, infinite without a known unit.
     """
 
     def __init__(self, unit: TimeUnit | None) -> None:
-        self.repeated = self.odd = self.backwards = self.rows = 0
+        self.repeated = self.odd = self.backwards = self.rows = self.of_day = 0
         self.first: int | None = None
         self._wrap = {"ms": COUNTER_WRAP, "us": COUNTER_WRAP, "ns": math.inf}.get(unit or "s", DAY_S)
-        self._longest = LONGEST_GAP_S / SECONDS[unit or "s"]
+        self._unit_s = SECONDS[unit or "s"]
+        self._longest = LONGEST_GAP_S / self._unit_s
+        self.longest = math.inf if unit is None else self._longest
         self._second = 1 / SECONDS[unit] if unit in ("ms", "us", "ns") else 0.0
         self._offset = 0.0
         self._last: tuple[float, float, Floats] | None = None
@@ -122,14 +109,17 @@ class Elapsed:
             self._offset = -last_time
         steps = differences(time, last_time)
         begins = steps < 0
+        jump = self._minutes(time, steps)
         offset: float | Floats = self._offset
-        if begins.any():
-            jump = np.where(begins, -steps, 0.0)
+        if jump is not None or begins.any():
+            jump = np.zeros(len(time)) if jump is None else jump
+            begins &= jump == 0
             wrap, longest = self._wrap_of(time)
             after = steps + wrap
             wraps = begins & (after <= longest) & (time >= 0) & (time < after)
-            jump[wraps] = wrap
             begins &= ~wraps
+            jump[wraps] = wrap
+            jump[begins] = -steps[begins]
             offset = self._offset + np.cumsum(jump)
             self._offset = float(offset[-1])
             self.backwards += int(begins.sum())
@@ -149,11 +139,32 @@ class Elapsed:
         self._last = float(time[-1]), float(elapsed[-1]), values[-1]
         return elapsed, begins
 
+    def _minutes(self, time: Floats, steps: Floats) -> Floats | None:
+        """What is to be added where times of day as hhmmss go on to a minute; None if they do so nowhere."""
+        turns = np.flatnonzero(np.abs(steps) * self._unit_s > MINUTE_TURNS_S)
+        if not len(turns):
+            return None
+        after_s, before_s = time[turns] * self._unit_s, (time[turns] - steps[turns]) * self._unit_s
+        real_s = (_of_day(after_s) - _of_day(before_s)) % DAY_S  # NaN where one is no time of day
+        ends = (before_s % 100 >= 60 - NEAR_TURN_S) & (after_s % 100 < NEAR_TURN_S)
+        is_turn = ends & (real_s > 0) & (real_s < 2 * NEAR_TURN_S)
+        self.of_day += int(is_turn.sum())
+        jump = np.zeros(len(time))
+        jump[turns[is_turn]] = real_s[is_turn] / self._unit_s - steps[turns[is_turn]]
+        return jump if is_turn.any() else None
+
     def _wrap_of(self, time: Floats) -> tuple[float, float]:
-        """Where the times begin again at 0, and the longest step there: parts of a second do so each second."""
+        """Where the times begin again at 0, and the longest step there: parts of seconds do each second."""
         if self._second and max(self._between[1], float(time.max())) < self._second:
             return self._second, self._second / 2
         return self._wrap, self._longest
+
+
+def _of_day(times: Floats) -> Floats:
+    """The seconds of a day at times as hhmmss, NaN where one is none."""
+    hours, minutes, seconds = times // 10_000, times // 100 % 100, times % 100
+    is_one = (times >= 0) & (hours < 24) & (minutes < 60) & (seconds < 60)
+    return np.where(is_one, 3600 * hours + 60 * minutes + seconds, math.nan)
 
 
 def differences(values: Floats, before: float) -> Floats:
@@ -162,99 +173,6 @@ def differences(values: Floats, before: float) -> Floats:
     found[0] = values[0] - before
     np.subtract(values[1:], values[:-1], out=found[1:])
     return found
-
-
-class Clock(NamedTuple):
-    """What steps say, in the column's unit. typical: the mean without gaps. even: they are a clock's."""
-
-    typical: float
-    median: float
-    least: float
-    largest: float
-    even: bool
-
-
-def clock_of(blocks: Callable[[], Iterable[Floats]], odd: int = 0) -> Clock | None:
-    """Look at elapsed times, a block at a time; None if there is no step.
-
-    blocks: gives them again each time it is called. odd: steps besides that are no clock's.
-    """
-    medians, least, largest = [], math.inf, 0.0
-    for steps in _steps(blocks()):
-        medians.append(float(np.median(steps)))
-        least, largest = min(least, float(steps.min())), max(largest, float(steps.max()))
-    if not medians:
-        return None
-    median = float(np.median(medians))
-    single, share, typical = _even_share(blocks(), median, EVENNESS * median, odd)
-    if single < EVEN_SHARE:
-        grain = _grain(blocks)
-        is_coarse = EVENNESS * median < grain < median * (1 + NEARLY)
-        if is_coarse and (share < EVEN_SHARE or _is_rounded(blocks(), grain)):
-            _, share, typical = _even_share(blocks(), median, grain * (1 + NEARLY), odd)
-    return Clock(typical, median, least, largest, share >= EVEN_SHARE and typical > 0)
-
-
-def _steps(blocks: Iterable[Floats]) -> Iterator[Floats]:
-    last: list[float] = []
-    for times in blocks:
-        steps = np.diff(times, prepend=last)
-        last = [float(times[-1])]
-        steps = steps[steps > 0]
-        if len(steps):
-            yield steps
-
-
-def _even_share(
-    blocks: Iterable[Floats], median: float, tolerance: float, odd: int
-) -> tuple[float, float, float]:
-    """The shares of steps near the median, and with those near a multiple, as short gaps are.
-
-    The third is the mean of the steps near the median.
-    """
-    count, near, gaps, total = odd, 0, 0, 0.0
-    for steps in _steps(blocks):
-        single = steps[np.abs(steps - median) <= tolerance]
-        count, near, total = count + len(steps), near + len(single), total + float(single.sum())
-        for times in SHORT_GAPS if tolerance < median / 2 else ():
-            gaps += int((np.abs(steps - times * median) <= tolerance).sum())
-    return near / count, (near + gaps) / count, total / near if near else 0.0
-
-
-def _is_rounded(blocks: Iterable[Floats], grain: float) -> bool:
-    """Whether steps of 1 and 2 ms are those of 800 Hz in whole ms, and not those of 1000 Hz with losses.
-
-    Then stretches of as many steps are alike, to the grain; of lost samples some have more than others.
-    """
-    count = near = 0
-    for times in blocks:
-        steps = min(MANY_STEPS, max(2, len(times) // 4))
-        long = np.diff(times[::steps])
-        count += len(long)
-        near += int((np.abs(long - np.median(long)) <= grain * (1 + NEARLY)).sum()) if len(long) else 0
-    return near >= EVEN_SHARE * max(count, 1)
-
-
-def _grain(blocks: Callable[[], Iterable[Floats]]) -> float:
-    """The coarsest grain on which all times are; infinite if there is none."""
-    for grain in GRAINS:
-        if all(bool((np.abs(t / grain - np.rint(t / grain)) < NEARLY).all()) for t in blocks()):
-            return grain
-    return math.inf
-
-
-class Timing(NamedTuple):
-    """How rows are numbered and timed.
-
-    period: in the column's unit; None: the order of the rows numbers them. unit_s: seconds in one of that
-    unit. warning: what the user has to know, "" if that is nothing. answers: on the clock.
-    """
-
-    rate_hz: float
-    period: float | None
-    unit_s: float = 1.0
-    warning: str = ""
-    answers: tuple[Answer, ...] = ()
 
 
 class TimeColumn(NamedTuple):
@@ -272,173 +190,26 @@ class TimeColumn(NamedTuple):
     ticks: float = 1.0
 
 
-def timing(
-    where: str,
-    column: TimeColumn,
-    clock: Clock | None,
-    elapsed: Elapsed,
-    place: Callable[[int], str] = str,
-) -> Timing:
-    """The rate of rows, and how they are numbered.
-
-    where: for messages. elapsed: what the clock was found of. place: a row, for messages.
-
-    Raises:
-        UsageError: no rate is given, and the times tell none, or another one than is given or stated.
-    """
-    name, unit = column.name, column.unit
-    where_column = f"{where}: column '{name}'"
-    if column.is_given and column.rate_hz is not None:
-        return _with_rate(where_column, column, clock, elapsed, column.rate_hz)
-    if clock is None:
-        raise not_stated(where, [Missing(f"the rate; one time in '{name}' tells none", "--rate ?")])
-    unit_s = SECONDS[unit or "s"]
-    if unit is None and clock.even and not _is_plausible(1 / clock.typical):
-        raise _unit_needed(where_column, clock.typical)
-    if clock.even and clock.typical * unit_s < SHORTEST_STEP_S:
-        raise UsageError(
-            f"{where_column}: a step of {clock.typical:.3g} {unit or 's'} is no gyroscope's. Is "
-            "the unit right (--time-unit)?"
-        )
-    if not clock.even:
-        raise _uneven(where, where_column, unit, clock, elapsed, place)
-    rate_hz = 1.0 / (clock.typical * unit_s)
-    if column.rate_hz is not None and abs(rate_hz / column.rate_hz - 1) > SAME_RATE and not column.overrule:
-        raise UsageError(
-            f"{where_column}: by its times the rate is {rate_hz:.6g} Hz, and the file states "
-            f"{column.rate_hz:g} Hz. Say which is right: --rate ? --overrule."
-        )
-    return Timing(rate_hz, clock.typical, unit_s, answers=(_clock_answer(column, rate_hz),))
-
-
-def _clock_answer(column: TimeColumn, rate_hz: float) -> Answer:
-    ticks = f"{column.ticks:g} " if column.ticks != 1.0 else ""
-    unit = f" in {ticks}{column.unit}" if column.unit else ", which can only be seconds"
-    return Answer("clock", f"{rate_hz:.6g} Hz", "measured", f"the times of {column.name}{unit}")
-
-
-def _uneven(
-    where: str,
-    where_column: str,
-    unit: TimeUnit | None,
-    clock: Clock,
-    elapsed: Elapsed,
-    place: Callable[[int], str],
-) -> UsageError:
-    """What is wrong with times that are no sensor's clock, and what to do."""
-    shown = unit or "s"
-    is_coarse = _is_coarse(elapsed)
-    rate_hz = _mean_hz(clock, elapsed, SECONDS[shown])
-    first = "" if elapsed.first is None else place(elapsed.first).removeprefix(where).strip(": ")
-    at = f", the first in {f'line {first}' if first.isdigit() else first}" if first else ""
-    mean = (
-        f"The mean of these times is {rate_hz:.4g} Hz" if unit is not None or _is_plausible(rate_hz) else ""
-    )
-    remedy = f"{mean or 'They tell no rate'}; if every row is a sample of one sensor: --rate "
-    remedy += f"{rate_hz:.4g} (the times then tell no gaps)." if mean else "?"
-    turns = elapsed.rows / max(elapsed.rows - elapsed.repeated, 1)
-    if elapsed.backwards > (1 - EVEN_SHARE) * elapsed.rows:
-        rate_hz = (elapsed.rows - 1) / max(elapsed.between * SECONDS[shown], SHORTEST_STEP_S)
-        return UsageError(
-            f"{where_column}: {elapsed.backwards} of {elapsed.rows} times are earlier than the one before{at}. If "
-            f"the rows stand in the order in which they were measured, give their rate: --rate {rate_hz:.4g}. "
-            "Otherwise sort them by their times."
-        )
-    if is_coarse and MOST_IN_TURNS >= round(turns) >= 2 and abs(turns - round(turns)) < 0.01:
-        n = round(turns)
-        return not_stated(
-            where,
-            [Missing(f"whether {n} sensors take turns, or the clock is coarser than the samples", "?")],
-            (),
-            f"Each time in '{where_column.rpartition(' ')[2].strip(chr(39))}' stands {n} times{at}:\n"
-            f"  --sensor 1/{n}: the first of {n} sensors in turns, --sensor 2/{n} the second …\n"
-            f"  --rate {rate_hz:.4g}: one sensor, whose clock is coarser than its samples",
-        )
-    if is_coarse:
-        return UsageError(
-            f"{where_column}: {elapsed.repeated} of {elapsed.rows} times are the same as the one before{at}: the "
-            f"clock is coarser than the samples, with steps of {clock.median:.3g} {shown}. {remedy}"
-        )
-    return UsageError(
-        f"{where_column}: the steps are too uneven for a sensor's clock (median {clock.median:.3g} {shown}, from "
-        f"{clock.least:.3g} to {clock.largest:.3g} {shown}{at}), as times of arrival are. {remedy}"
-    )
-
-
-def _is_coarse(elapsed: Elapsed) -> bool:
-    return elapsed.repeated > (1 - EVEN_SHARE) * elapsed.rows
-
-
-def _mean_hz(clock: Clock, elapsed: Elapsed, unit_s: float) -> float:
-    """Return the rate by the first time and the last."""
-    steps, span = (elapsed.rows, clock.median) if _is_coarse(elapsed) else (elapsed.rows - 1, 0.0)
-    return steps / (elapsed.span + span) / unit_s if elapsed.span > 0 else math.nan
-
-
-def _is_plausible(rate_hz: float) -> bool:
-    return PLAUSIBLE_HZ[0] <= rate_hz <= PLAUSIBLE_HZ[1]
-
-
-def _unit_needed(where_column: str, step: float) -> UsageError:
-    rates = {unit: 1 / (step * unit_s) for unit, unit_s in SECONDS.items()}
-    likely = [f"  --time-unit {unit}: {rate:.6g} Hz" for unit, rate in rates.items() if _is_plausible(rate)]
-    table = [f"A step of {step:.6g} would be:", *likely, "  or in ticks of its own: --rate ?"]
-    return not_stated(where_column, [Missing("what its times count", "--time-unit ?")], (), "\n".join(table))
-
-
-def _with_rate(
-    where_column: str, column: TimeColumn, clock: Clock | None, elapsed: Elapsed, rate_hz: float
-) -> Timing:
-    unit = column.unit
-    if clock is None:
-        return Timing(rate_hz, None)
-    if not clock.even:
-        mean_hz = math.nan if unit is None else _mean_hz(clock, elapsed, SECONDS[unit])
-        is_slower = mean_hz > LIKE_MEAN * rate_hz  # than there are rows; it is faster where samples are lost
-        is_faster = _is_coarse(elapsed) and LIKE_MEAN * mean_hz < rate_hz
-        if (is_slower or is_faster) and not column.overrule:
-            raise _other_rate(where_column, mean_hz, rate_hz)
-        return Timing(
-            rate_hz,
-            None,
-            warning=f"{where_column} has steps too uneven for a clock, so it cannot tell which samples are "
-            f"missing: with --rate {rate_hz:g} all rows count as evenly spaced.",
-        )
-    found = [1 / (clock.typical * SECONDS[u]) for u in ([unit] if unit else SECONDS)]
-    nearest = min(found, key=lambda rate: abs(math.log(rate / rate_hz)))
-    if abs(nearest / rate_hz - 1) <= SAME_RATE:
-        return Timing(rate_hz, clock.typical)
-    in_seconds_hz = 1 / clock.typical
-    if (unit is not None or _is_plausible(in_seconds_hz)) and not column.overrule:
-        raise _other_rate(where_column, nearest if unit is not None else in_seconds_hz, rate_hz)
-    warning = (
-        f"{where_column}: its unit is not known; with --rate {rate_hz:g} a step of {clock.typical:.6g} is one "
-        "sample, and the column tells only which are missing."
-    )
-    return Timing(rate_hz, clock.typical, warning=warning)
-
-
-def _other_rate(where_column: str, found_hz: float, rate_hz: float) -> UsageError:
-    return UsageError(
-        f"{where_column}: by its times the rate is {found_hz:.6g} Hz, and --rate {rate_hz:g} says otherwise. "
-        "Leave --rate out. If the times are wrong, add --overrule."
-    )
-
-
 def between(times: Floats, period: float) -> Marks:
     """Mark rows that stand between two samples of an even clock: their neighbours are one period apart.
 
-    times: (n,) elapsed, in the unit of `period`. Of two neighbours that could both be so, the one that is
-    farther from where the next sample is due stands between.
+    times: (n,) elapsed, in the unit of `period`; the same time again is passed over. Of two neighbours that
+    could both be so, the one that is farther from where the next sample is due stands between.
     """
-    found = np.zeros(len(times), np.bool_)
+    marks = np.zeros(len(times), np.bool_)
+    places = np.flatnonzero(np.diff(times, prepend=-math.inf) > 0)
+    if len(places) < 3:
+        return marks
+    times = times[places]
     steps = np.diff(times) / period
-    if len(steps) < 2 or (steps > 1 - EVENNESS).all():
-        return found
+    if (steps > 1 - EVENNESS).all():
+        return marks
+    found = np.zeros(len(times), np.bool_)
     two = steps[:-1] + steps[1:]
     found[1:-1] = (np.abs(two - 1) <= EVENNESS) & (np.minimum(steps[:-1], steps[1:]) < 1 - EVENNESS)
     for k in np.flatnonzero(found[:-1] & found[1:]).tolist():
         if found[k] and found[k + 1]:
             due = times[k - 1] + period
             found[k if abs(times[k] - due) < abs(times[k + 1] - due) else k + 1] = False
-    return found
+    marks[places] = found
+    return marks

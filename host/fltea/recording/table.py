@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fltea.recording.clocks import clock_of
 from fltea.recording.columns import Chosen
 from fltea.recording.files import (
     AT_ONCE,
@@ -20,8 +21,9 @@ from fltea.recording.files import (
 )
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.sample_numbers import Numbering
-from fltea.recording.sample_times import Elapsed, Floats, Ints, Marks, Timing, between, clock_of, timing
+from fltea.recording.sample_times import Elapsed, Floats, Ints, Marks, between
 from fltea.recording.spool import Spool
+from fltea.recording.timing import Timing, check_given, timing
 from fltea.records.errors import Implausible, NoNumbers, UsageError
 from fltea.settings.limits import Limits
 
@@ -70,9 +72,6 @@ class Samples(NamedTuple):
 def samples_of(rows: Rows, chosen: Chosen) -> Samples:
     """The samples among rows: those that have all numbers that are needed, and none that cannot be."""
     values, numbers, ordinal = rows.values, rows.numbers, rows.ordinal
-    if chosen.turn[1] > 1:
-        ours = ordinal % chosen.turn[1] == chosen.turn[0]
-        values, numbers, ordinal = values[ours], numbers[ours], ordinal[ours] // chosen.turn[1]
     axes, needed = len(chosen.gyro), len(chosen.needed)
     largest = LARGEST_DPS * (chosen.lsb or 1.0)
     left_out: dict[str, tuple[int, int]] = {}
@@ -323,10 +322,12 @@ class _Table:
         chosen, spool = self._chosen, self._spool
         if chosen.time is None:
             assert chosen.rate_hz is not None  # `choose` refuses a table without both
+            check_given(str(self._path), chosen.rate_hz, overrule=chosen.overrule)
             self._begins = [np.array(self._headers, np.int64)]
             return Timing(chosen.rate_hz, None)
         clock = clock_of(
-            lambda: (times for (times,) in spool.blocks(["time"], STEPS_AT_ONCE)), self._elapsed.odd
+            lambda: (times for (times,) in spool.blocks(["time"], STEPS_AT_ONCE)),
+            self._elapsed,
         )
         found = timing(str(self._path), chosen.times, clock, self._elapsed, self._place)
         if found.period is None:
@@ -345,11 +346,11 @@ def _blocks(
 ) -> Iterator[Recording]:
     """Blocks of samples.
 
-    given: the rate is the user's, so the numbers tell the times. has_between: rows between samples are left out.
+    given: the rate is the user's, so the numbers tell the times. has_between: rows between two are left out.
     """
     rate_hz, by_times = timing.rate_hz, timing.period is not None and "time" in spool
     columns = ["gyro", "time" if by_times else "row", *(["accel"] if "accel" in spool else [])]
-    numbering = Numbering(timing.period or 1.0, rate_hz)
+    numbering = Numbering(timing.period or 1.0, rate_hz, is_rounded=timing.is_rounded)
     row = epoch = 0
     origin: int | None = None
     for gyro, place, *accel in spool.blocks(columns, AT_ONCE):

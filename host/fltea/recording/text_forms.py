@@ -26,7 +26,14 @@ _WORDS = {b"None": b"null", b"nan": b"null", b"True": b"true", b"False": b"false
 _NUMPY = re.compile(rb"\bnp\.\w+\(([^()]*)\)")
 """A number of numpy as it is printed since version 2."""
 
+MINUS = "\u2212".encode()
+"""The sign of typography, which programs for people write."""
+
 _SENTENCE = re.compile(rb"^[ \t]*\$([^*\n]*)\*([0-9A-Fa-f]{2}|[0-9A-Fa-f]{4})[ \t\r]*$", re.M)
+
+
+_COLOUR = re.compile(rb"\x1b\[[0-9;]*m")
+"""As terminals are told a colour, in logs of boards."""
 
 
 def plain_lines(data: bytes) -> bytes:
@@ -34,6 +41,10 @@ def plain_lines(data: bytes) -> bytes:
 
     The numbers of a sentence whose checksum is wrong are taken out, so that it counts as a lost sample.
     """
+    if MINUS[:1] in data:
+        data = data.replace(MINUS, b"-")
+    if b"\x1b" in data:
+        data = _COLOUR.sub(b"", data)
     if b"b" in data and (b"b'" in data or b'b"' in data):  # one byte is looked for ten times as fast
         data = _BYTES.sub(_unescaped, data)
     if b"p" in data and b"np." in data:

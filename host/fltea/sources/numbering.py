@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fltea.recording.clocks import clock_of
 from fltea.recording.sample_numbers import Numbering
 from fltea.recording.sample_times import (
     LONGEST_GAP_S,
@@ -18,11 +19,8 @@ from fltea.recording.sample_times import (
     Ints,
     Marks,
     TimeColumn,
-    Timing,
-    clock_of,
-    timing,
 )
-from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
+from fltea.recording.timing import Timing, timing
 from fltea.records.errors import UsageError
 
 RATE_S, FEWEST, MOST = 2.0, 8, 20_000
@@ -152,13 +150,9 @@ class ByTime:
         if not waiting:
             return
         elapsed = np.concatenate([one.elapsed for one in waiting])
-        clock = clock_of(lambda: [elapsed], self._elapsed.odd)
+        clock = clock_of(lambda: [elapsed], self._elapsed)
         try:
             found = timing(self._where, self._column, clock, self._elapsed)
-            if not LOWEST_RATE_HZ <= found.rate_hz <= HIGHEST_RATE_HZ:
-                raise UsageError(
-                    f"{self._where}: a rate of {found.rate_hz:.6g} Hz is impossible for a gyroscope."
-                )
         except UsageError as error:
             self.unrated += sum(len(one.elapsed) for one in waiting)
             self.why_no_rate = str(error)
@@ -170,7 +164,7 @@ class ByTime:
             for one in waiting:
                 yield from self._by_order.add(one.rows, one.host_ns)
             return
-        self._numbering = Numbering(found.period, found.rate_hz)
+        self._numbering = Numbering(found.period, found.rate_hz, is_rounded=found.is_rounded)
         for one in waiting:
             yield from self._numbered(one)
 

@@ -1,0 +1,237 @@
+"""The rate of rows with a column of times: given, stated, measured, or asked for (pure)."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from fltea.recording.clocks import Clock
+from fltea.recording.reading import Answer, Missing, NotStated, not_stated
+from fltea.recording.sample_times import (
+    EVEN_SHARE,
+    PLAUSIBLE_HZ,
+    SAME_RATE,
+    SECONDS,
+    Elapsed,
+    TimeColumn,
+)
+from fltea.records.errors import UsageError
+from fltea.settings.how import TimeUnit
+
+POSSIBLE_HZ = 2.0, 50_000.0
+"""Beyond these no times are believed, whatever unit is stated: 1000 Hz in ms called s would be 1 Hz."""
+
+LEAST_HZ = 0.01
+"""Of a rate that the user gives: fewer samples a second are a mistake."""
+
+MOST_IN_TURNS = 4
+"""Rows with the same time that may be of as many sensors."""
+
+LIKE_MEAN = 1.5
+"""A given rate and the mean of uneven times are not the same if they differ by more than this factor."""
+
+
+class Timing(NamedTuple):
+    """How rows are numbered and timed.
+
+    period: in the column's unit; None: the order of the rows numbers them. unit_s: seconds in one of that
+    unit. warning: what the user has to know, "" if that is nothing. answers: on the clock. is_rounded: as of
+    `Clock`.
+    """
+
+    rate_hz: float
+    period: float | None
+    unit_s: float = 1.0
+    warning: str = ""
+    answers: tuple[Answer, ...] = ()
+    is_rounded: bool = False
+
+
+def timing(
+    where: str,
+    column: TimeColumn,
+    clock: Clock | None,
+    elapsed: Elapsed,
+    place: Callable[[int], str] = str,
+) -> Timing:
+    """The rate of rows, and how they are numbered.
+
+    where: for messages. elapsed: what the clock was found of. place: a row, for messages.
+
+    Raises:
+        UsageError: no rate is given, and the times tell none, or another one than is given or stated.
+    """
+    where_column = f"{where}: column '{column.name}'"
+    if column.is_given and column.rate_hz is not None:
+        check_given(where, column.rate_hz, overrule=column.overrule)
+        return _with_rate(where_column, column, clock, elapsed, column.rate_hz)
+    if clock is None:
+        raise not_stated(where, [Missing(f"the rate; one time in '{column.name}' tells none", "--rate ?")])
+    if not clock.even:
+        raise _uneven(where, column, clock, elapsed, place)
+    unit_s = SECONDS[column.unit or "s"]
+    rate_hz = 1.0 / (clock.typical * unit_s)
+    if column.unit is None and not _is_within(PLAUSIBLE_HZ, rate_hz):
+        raise _unit_needed(where_column, clock.typical)
+    if not _is_within(POSSIBLE_HZ, rate_hz) and not column.overrule:
+        raise _impossible(where_column, column.unit or "s", clock.typical)
+    if column.rate_hz is not None and abs(rate_hz / column.rate_hz - 1) > SAME_RATE and not column.overrule:
+        raise UsageError(
+            f"{where_column}: by its times the rate is {rate_hz:.6g} Hz, and the file states "
+            f"{column.rate_hz:g} Hz. Say which is right: --rate ? --overrule."
+        )
+    answer = _clock_answer(column, elapsed, rate_hz)
+    return Timing(rate_hz, clock.typical, unit_s, answers=(answer,), is_rounded=clock.is_rounded)
+
+
+def check_given(where: str, rate_hz: float, *, overrule: bool) -> None:
+    """Refuse a rate of the user's that no recording has.
+
+    Raises:
+        UsageError: it is below `LEAST_HZ`.
+    """
+    if rate_hz < LEAST_HZ and not overrule:
+        raise UsageError(
+            f"{where}: --rate {rate_hz:g} would be a sample in {1 / rate_hz:.3g} s. Is it a period? It has "
+            "to be in Hz, samples a second. If it is right, add --overrule."
+        )
+
+
+def _clock_answer(column: TimeColumn, elapsed: Elapsed, rate_hz: float) -> Answer:
+    ticks = f"{column.ticks:g} " if column.ticks != 1.0 else ""
+    unit = f" in {ticks}{column.unit}" if column.unit else ", which can only be seconds"
+    form = ", with hours and minutes before the seconds (hhmmss)" if elapsed.of_day else ""
+    return Answer("clock", f"{rate_hz:.6g} Hz", "measured", f"the times of {column.name}{unit}{form}")
+
+
+def _uneven(
+    where: str, column: TimeColumn, clock: Clock, elapsed: Elapsed, place: Callable[[int], str]
+) -> NotStated:
+    """What is wrong with times that are no sensor's clock; the rate is asked for."""
+    name, shown, unit_s = column.name, column.unit or "s", SECONDS[column.unit or "s"]
+    first = "" if elapsed.first is None else place(elapsed.first).removeprefix(where).strip(": ")
+    at = f", the first in {f'line {first}' if first.isdigit() else first}" if first else ""
+    turns = elapsed.rows / max(elapsed.rows - elapsed.repeated, 1)
+    rate_hz = _mean_hz(clock, elapsed, unit_s)
+    remark = "With the rate of the sensor all rows count as evenly spaced, and the times tell no gaps."
+    if elapsed.backwards > (1 - EVEN_SHARE) * elapsed.rows:
+        rate_hz = (elapsed.rows - 1) / max(elapsed.between * unit_s, 1 / POSSIBLE_HZ[1])
+        why = f"{elapsed.backwards} of {elapsed.rows} times of '{name}' are earlier than the one before{at}"
+        remark = (
+            "If the rows do not stand in the order in which they were measured, sort them by their times."
+        )
+    elif clock.bursts is not None:
+        rows, every = clock.bursts
+        rate_hz = rows / (every * unit_s)
+        why = (
+            f"the rows come in bursts, {rows} every {every:.3g} {shown}, and the times in '{name}', "
+            f"{clock.typical:.3g} {shown} apart, are those of fetching them"
+        )
+    elif _is_coarse(elapsed) and MOST_IN_TURNS >= round(turns) >= 2 and abs(turns - round(turns)) < 0.01:
+        n = round(turns)
+        return not_stated(
+            where,
+            [Missing(f"whether {n} sensors take turns, or the clock is coarser than the samples", "?")],
+            (),
+            f"Each time in '{name}' stands {n} times{at}:\n"
+            f"  --sensor 1/{n}: the first of {n} sensors in turns, --sensor 2/{n} the second …\n"
+            f"  --rate ?: one sensor, whose clock is coarser than its samples; {_mean(column, rate_hz)}",
+        )
+    elif _is_coarse(elapsed) or clock.is_coarse:
+        why = (
+            f"{elapsed.repeated} of {elapsed.rows} times of '{name}' are the same as the one before{at}: the "
+            f"clock is coarser than the samples, with steps of {clock.median:.3g} {shown}"
+        )
+    else:
+        why = (
+            f"the steps of '{name}' are too uneven for a sensor's clock (median {clock.median:.3g} {shown}, "
+            f"from {clock.least:.3g} to {clock.largest:.3g} {shown}{at}), as times of arrival are, or where "
+            "rows are missing"
+        )
+    text = f"{_mean(column, rate_hz)}. {remark}"
+    return not_stated(where, [Missing(f"the rate, as {why}", "--rate ?")], (), text[0].upper() + text[1:])
+
+
+def _mean(column: TimeColumn, rate_hz: float) -> str:
+    """What uneven times come to, which is a remark and no evidence."""
+    if column.unit is None and not _is_within(PLAUSIBLE_HZ, rate_hz):
+        return "the times tell no rate"
+    return f"in the mean these times give {rate_hz:.4g} Hz, which is wrong if rows are missing"
+
+
+def _is_coarse(elapsed: Elapsed) -> bool:
+    return elapsed.repeated > (1 - EVEN_SHARE) * elapsed.rows
+
+
+def _mean_hz(clock: Clock, elapsed: Elapsed, unit_s: float) -> float:
+    """Return the rate by the first time and the last."""
+    steps, span = (elapsed.rows, clock.median) if _is_coarse(elapsed) else (elapsed.rows - 1, 0.0)
+    return steps / (elapsed.span + span) / unit_s if elapsed.span > 0 else math.nan
+
+
+def _is_within(limits: tuple[float, float], rate_hz: float) -> bool:
+    return limits[0] * (1 - 1e-6) <= rate_hz <= limits[1] * (1 + 1e-6)
+
+
+def _unit_needed(where_column: str, step: float) -> NotStated:
+    table = [f"A step of {step:.6g} would be:", *_units(step), "  or in ticks of its own: --rate ?"]
+    return not_stated(where_column, [Missing("what its times count", "--time-unit ?")], (), "\n".join(table))
+
+
+def _impossible(where_column: str, unit: TimeUnit, step: float) -> NotStated:
+    limits = f"{POSSIBLE_HZ[0]:g} Hz to {POSSIBLE_HZ[1] / 1000:g} kHz"
+    why = f"the rate: a step of {step:.6g} {unit} is no gyroscope's ({limits})"
+    meant = f"  --overrule: {1 / (step * SECONDS[unit]):.6g} Hz, in {unit}"
+    table = ["Such a step would be:", *_units(step, " --overrule"), meant]
+    return not_stated(where_column, [Missing(why, "--rate ?")], (), "\n".join(table))
+
+
+def _units(step: float, also: str = "") -> list[str]:
+    rates = {unit: 1 / (step * unit_s) for unit, unit_s in SECONDS.items()}
+    likely = {unit: rate_hz for unit, rate_hz in rates.items() if _is_within(PLAUSIBLE_HZ, rate_hz)}
+    return [f"  --time-unit {unit}{also}: {rate_hz:.6g} Hz" for unit, rate_hz in likely.items()]
+
+
+def _with_rate(
+    where_column: str, column: TimeColumn, clock: Clock | None, elapsed: Elapsed, rate_hz: float
+) -> Timing:
+    unit = column.unit
+    if clock is None:
+        return Timing(rate_hz, None)
+    if unit is not None and clock.even and not _is_within(POSSIBLE_HZ, 1 / (clock.typical * SECONDS[unit])):
+        unit = None  # what is stated cannot be
+    own_s = 1 / (rate_hz * clock.typical) if clock.typical > 0 else 1.0
+    by_times = Timing(rate_hz, clock.typical, own_s, is_rounded=clock.is_rounded)
+    nearest = math.nan
+    if clock.even or clock.bursts is not None:
+        found = [1 / (clock.typical * SECONDS[u]) for u in ([unit] if unit else SECONDS)]
+        nearest = min(found, key=lambda rate: abs(math.log(rate / rate_hz)))
+        if abs(nearest / rate_hz - 1) <= SAME_RATE:
+            return by_times
+    if not clock.even:
+        mean_hz = math.nan if unit is None else _mean_hz(clock, elapsed, SECONDS[unit])
+        is_slower = mean_hz > LIKE_MEAN * rate_hz  # than there are rows; it is faster where samples are lost
+        is_faster = _is_coarse(elapsed) and LIKE_MEAN * mean_hz < rate_hz
+        if (is_slower or is_faster) and not column.overrule:
+            raise _other_rate(where_column, mean_hz, rate_hz)
+        return Timing(
+            rate_hz,
+            None,
+            warning=f"{where_column} has steps too uneven for a clock, so it cannot tell which samples are "
+            f"missing: with --rate {rate_hz:g} all rows count as evenly spaced.",
+        )
+    is_in_s = column.unit is None and _is_within(PLAUSIBLE_HZ, 1 / clock.typical)
+    is_free = column.unit is None and not is_in_s and _is_within(POSSIBLE_HZ, rate_hz)
+    if not is_free and not column.overrule:
+        raise _other_rate(where_column, 1 / clock.typical if is_in_s else nearest, rate_hz)
+    warning = (
+        f"{where_column}: its unit is not known; with --rate {rate_hz:g} a step of {clock.typical:.6g} is "
+        "one sample, and the column tells only which are missing."
+    )
+    return by_times._replace(warning=warning)
+
+
+def _other_rate(where_column: str, found_hz: float, rate_hz: float) -> UsageError:
+    return UsageError(
+        f"{where_column}: by its times the rate is {found_hz:.6g} Hz, and --rate {rate_hz:g} says otherwise. "
+        "Leave --rate out. If the times are wrong, add --overrule."
+    )
