@@ -11,6 +11,7 @@ from fltea.recording.lines import LONGEST_LINE
 from fltea.recording.table import Rows
 from fltea.recording.text_numbers import RowParser
 from fltea.recording.text_rows import TextReader
+from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -226,3 +227,22 @@ def test_every_bit_and_every_gap_comes_back(
     kept = {k: row for k, row in enumerate(rows, 1) if not np.isnan(row).any()}
     assert found.seq.tolist() == [0, *kept]
     assert found.gyro.tolist()[1:] == list(kept.values())
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        {"unit": "deg/s"},
+        {"gyro_unit": "deg/s"},
+        {"units": {"gyro": "deg/s", "time": "s"}},
+        {"unit": "dps", "ax": 1},
+    ],
+)
+def test_a_unit_in_objects_of_json_is_stated(tmp_path: Path, beside: dict[str, object]) -> None:
+    rows = ({"t": k / 50, "gyro_x": 0.1 * (k % 7), "gyro_y": 0.2 * (k % 5), **beside} for k in range(99))
+    lines = "".join(json.dumps(row) + "\n" for row in rows)
+    found = stored(tmp_path, lines)
+    assert found.whole().gyro[:, 1].tolist() == pytest.approx([0.2 * (k % 5) for k in range(99)])
+    assert [one.evidence for one in found.reading if one.question == "unit"] == ["stated"]
+    with pytest.raises(UsageError, match=r"--units rad/s says otherwise"):
+        stored(tmp_path, lines, units="rad/s")

@@ -4,8 +4,7 @@ Their fields are found by their names, as columns of text are. No convention tel
 or what the schema says of the fields in words, or the user.
 """
 
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache, partial
 from typing import Any
 
@@ -16,8 +15,8 @@ from fltea.recording.bag_imu import FRAME, Imu
 from fltea.recording.bag_names import Layout, Texts, named_layout
 from fltea.recording.column_names import named_axis, tells_sensors
 from fltea.recording.one_sensor import as_word
-from fltea.recording.readers.beside import unit_of, units_of
-from fltea.recording.text_labels import DEEPEST, decode_object
+from fltea.recording.readers.beside import units_of
+from fltea.recording.text_labels import DEEPEST, decode_object, units_beside
 from fltea.recording.text_times import with_seconds
 from fltea.records.records import AXES
 from fltea.settings.extras import load
@@ -48,7 +47,7 @@ def layout_of(
             found = decode(message)
         except (ValueError, RecursionError):
             continue
-        said = Texts(partial(_about, texts), partial(_unit_beside, units_of(found)))
+        said = Texts(partial(_about, texts), dict(zip(found, units_beside(found), strict=True)).__getitem__)
         layout = named_layout(list(found), kind, said, sensor)
         if layout is not None:
             is_date = len(layout.time) == 1 and _as_number(found[layout.time[0]])[1]
@@ -56,12 +55,6 @@ def layout_of(
             layout = layout._replace(tell=tuple(filter(_tells(found), found)), fixed=fixed)
             return layout._replace(time_s=(1.0,)) if is_date else layout
     return None
-
-
-def _unit_beside(units: Mapping[str, list[str]], name: str) -> str:
-    """The unit that a message states for an axis or what it is part of."""
-    array = re.sub(r"[._ ]?[xyz]$", "", name, flags=re.I)
-    return unit_of(units, name, array, 0, 1)
 
 
 def _tells(found: dict[str, Any]) -> Callable[[str], bool]:

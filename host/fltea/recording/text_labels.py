@@ -5,12 +5,14 @@
 """
 
 import re
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import msgspec
 
-from fltea.recording.column_names import named_axis
-from fltea.recording.units import is_unit
+from fltea.recording.column_names import accel_axis_of, axis_of, is_time, named_axis
+from fltea.recording.readers.beside import unit_of, units_of
+from fltea.recording.units import accel_unit, is_unit, rate_unit, time_scale
 from fltea.records.records import AXES
 
 LONGEST_LABEL = 80
@@ -26,6 +28,7 @@ _PAIR = re.compile(
 _UNIT_BEHIND = re.compile(r"\s*\(?([^\s,;|\])(]+(?: per [a-z]+)?)\)?")
 _GROUP_BEFORE = re.compile(r"([^\W\d][\w .]*?)\s*(?:[\[(]([^\[\]()]*)[\])])?\s*:\s*$")
 _AXES = ("x", "y", "z")
+_AXIS = re.compile(r"[._ ]?[xyz]$", re.I)
 
 
 _decode = msgspec.json.Decoder(dict[str, Any]).decode
@@ -59,6 +62,21 @@ def _flatten(name: str, value: Any, flat: dict[str, Any], depth: int) -> None:
         flat.update((named_axis(name, axis), inner) for axis, inner in enumerate(value))
     else:
         flat[name] = value
+
+
+def units_beside(found: Mapping[str, Any]) -> list[str]:
+    """Return the unit that texts in an object state for each name in it, "" where they state none."""
+    units = units_of(found)
+    return [
+        _fitting(name, unit_of(units, name, _AXIS.sub("", name), 0, 1)) if units else "" for name in found
+    ]
+
+
+def _fitting(name: str, unit: str) -> str:
+    """A unit of what a name measures; one that stands for all of an object is not of each."""
+    kinds = (axis_of, rate_unit), (accel_axis_of, accel_unit), (is_time, time_scale)
+    is_counts = unit.startswith("lsb:") and axis_of(name) is not None
+    return unit if is_counts or any(is_of(name) and kind(unit) for is_of, kind in kinds) else ""
 
 
 class Labelled(NamedTuple):
