@@ -1,6 +1,9 @@
 """Whether times are a sensor's clock: rounded ones, bursts, impossible units, times of day as numbers."""
 
+import math
 from collections.abc import Sequence
+from functools import reduce
+from operator import xor
 from pathlib import Path
 from typing import Any
 
@@ -206,3 +209,22 @@ def test_rows_that_stand_twice_are_told_once(tmp_path: Path) -> None:
     (note,) = found.notes
     assert f"{N} rows have the time of the row before them, and are left out" in note.text
     assert found.samples == len(found.whole().gyro) == N
+
+
+@pytest.mark.parametrize("rows", [1, 10])
+def test_the_table_of_units_shows_n_only_where_the_rate_is_known(rows: int, tmp_path: Path) -> None:
+    burst, place = np.divmod(np.arange(N), rows)
+    text = table(fixed(burst * rows / 100 + place * 2e-4)).replace("gyro_x_dps", "gx")
+    asked = refusal(tmp_path, text)
+    assert ("N in deg/√h" in asked) == (rows == 1)
+    assert ("σ in deg/s" in asked) == (rows == 10)
+
+
+def test_a_sentence_with_a_wrong_checksum_names_no_columns(tmp_path: Path) -> None:
+    sentences = [f"$PIMU,{10 * k},{math.sin(k):.4f},1.0000,2.0000" for k in range(N)]
+    sums = [reduce(xor, line[1:].encode()) ^ (k % 3 == 0) for k, line in enumerate(sentences)]
+    text = "".join(f"{line}*{check:02X}\n" for line, check in zip(sentences, sums, strict=True))
+    how = {"columns": ["3", "4", "5"], "units": "dps", "time_column": "2", "time_unit": "ms"}
+    found = stored(tmp_path, text, **how)
+    assert found.samples == N - len(range(0, N, 3))
+    assert "columns: 3, 4, 5 as x, y, z" in "; ".join(f"{one.question}: {one}" for one in found.reading)

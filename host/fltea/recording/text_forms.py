@@ -29,6 +29,9 @@ _NUMPY = re.compile(rb"\bnp\.\w+\(([^()]*)\)")
 MINUS = "\u2212".encode()
 """The sign of typography, which programs for people write."""
 
+WRONG_SUM = "wrong checksum"
+"""What stands in place of the numbers of a sentence whose checksum is wrong."""
+
 _SENTENCE = re.compile(rb"^[ \t]*\$([^*\n]*)\*([0-9A-Fa-f]{2}|[0-9A-Fa-f]{4})[ \t\r]*$", re.M)
 
 
@@ -68,7 +71,7 @@ def _checked(found: re.Match[bytes]) -> bytes:
     """A sentence without its checksum: the XOR of its bytes, or one of 16 bits, which is not checked."""
     stated = found[2]
     if len(stated) == 2 and reduce(xor, found[1], 0) != int(stated, 16):
-        return b"$" + re.sub(rb",[^,]*", b",wrong checksum", found[1])
+        return b"$" + re.sub(rb",[^,]*", b"," + WRONG_SUM.encode(), found[1])
     return b"$" + found[1]
 
 

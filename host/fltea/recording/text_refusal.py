@@ -16,6 +16,7 @@ from fltea.recording.text_fields import (
     split,
     units_in,
 )
+from fltea.recording.text_forms import WRONG_SUM
 from fltea.recording.text_labels import decode_object, values_in
 from fltea.recording.wanted import is_number, wanted_of
 from fltea.records.errors import UsageError
@@ -91,7 +92,7 @@ def names_above(lines: Iterable[tuple[int, str]], width: int) -> NamesAbove:
     units = None
     for number, line in reversed([*lines]):
         found = bare_fields(line)
-        if len(found) != width or all_numbers(line) or is_number(found[0]):
+        if len(found) != width or all_numbers(line) or is_number(found[0]) or WRONG_SUM in found:
             continue
         if units is None and units_in(line) is not None:
             units = found

@@ -4,7 +4,9 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from fltea.recording.clocks import Clock
+import numpy as np
+
+from fltea.recording.clocks import Clock, clock_of
 from fltea.recording.reading import Answer, Missing, NotStated, not_stated
 from fltea.recording.sample_times import (
     EVEN_SHARE,
@@ -12,8 +14,10 @@ from fltea.recording.sample_times import (
     SAME_RATE,
     SECONDS,
     Elapsed,
+    Floats,
     TimeColumn,
 )
+from fltea.recording.session import HIGHEST_RATE_HZ
 from fltea.records.errors import UsageError
 from fltea.settings.how import TimeUnit
 
@@ -87,13 +91,29 @@ def check_given(where: str, rate_hz: float, *, overrule: bool) -> None:
     """Refuse a rate of the user's that no recording has.
 
     Raises:
-        UsageError: it is below `LEAST_HZ`.
+        UsageError: it is below `LEAST_HZ`, or above what a recording may have.
     """
+    if rate_hz > HIGHEST_RATE_HZ:
+        raise UsageError(f"{where}: --rate {rate_hz:g}: no gyroscope gives so many samples a second.")
     if rate_hz < LEAST_HZ and not overrule:
         raise UsageError(
             f"{where}: --rate {rate_hz:g} would be a sample in {1 / rate_hz:.3g} s. Is it a period? It has "
             "to be in Hz, samples a second. If it is right, add --overrule."
         )
+
+
+def rate_of(times: Floats, unit: TimeUnit | None) -> float | None:
+    """The rate by the times of some rows, if they are a clock's and their unit is known or can only be s."""
+    times = times[np.isfinite(times)]
+    if not len(times):
+        return None
+    elapsed = Elapsed(unit)
+    since, _ = elapsed.add(times, times[:, np.newaxis])
+    clock = clock_of(lambda: [since], elapsed)
+    if clock is None or not clock.even:
+        return None
+    rate_hz = 1 / (clock.typical * SECONDS[unit or "s"])
+    return rate_hz if _is_within(POSSIBLE_HZ if unit else PLAUSIBLE_HZ, rate_hz) else None
 
 
 def _clock_answer(column: TimeColumn, elapsed: Elapsed, rate_hz: float) -> Answer:

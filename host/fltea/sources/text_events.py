@@ -9,9 +9,9 @@ import numpy as np
 
 from fltea.recording.columns import Chosen
 from fltea.recording.sample_times import Floats
-from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from fltea.recording.table import ENOUGH_ROWS, Plausible, Rows, Samples, is_of_sensor, samples_of
 from fltea.recording.text_rows import REASONS, TextReader
+from fltea.recording.timing import check_given
 from fltea.recording.units import parse_units
 from fltea.records.errors import Implausible, UsageError
 from fltea.records.events import (
@@ -50,9 +50,9 @@ class TextEvents:
     def __init__(self, url: str, how: How, *, fatal: bool) -> None:
         self.url, self._how, self._fatal = url, how, fatal
         parse_units(how.units or "deg/s")
-        if how.rate_hz is not None and not LOWEST_RATE_HZ <= how.rate_hz <= HIGHEST_RATE_HZ:
-            raise UsageError(f"--rate {how.rate_hz:g}: no gyroscope gives so many samples a second.")
         self._where = url.removesuffix(":")
+        if how.rate_hz is not None:
+            check_given(self._where, how.rate_hz, overrule=how.overrule)
         self.reader = TextReader(self._where, how)
         self._numbers: ByOrder | ByTime | None = None
         self._watch: ArrivalWatch | None = None
