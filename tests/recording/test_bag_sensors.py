@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bag_support import KINDS, START_NS, Messages, write_bag, write_objects, write_types
+from bag_support import KINDS, START_NS, Messages, write_bag, write_objects, write_publishers, write_types
 from fltea.recording.bag_sensors import Sensors
 from fltea.recording.reading import NotStated
 from fltea.recording.ros_bag import open_bag
@@ -178,6 +178,20 @@ def test_devices_of_px4_by_their_fifos(tmp_path: Path) -> None:
     stored = open_bag(path, How(topic="9"))
     assert stored.whole().gyro == pytest.approx(np.degrees(counts[1].reshape(-1, 3) * 0.001), rel=1e-6)
     assert stored.rate_hz == pytest.approx(400)
+
+
+@pytest.mark.parametrize("kind", ["bag", "mcap"])
+def test_two_programs_that_write_one_topic(tmp_path: Path, kind: str) -> None:
+    """Both have the same frame; only who wrote a message tells them apart."""
+    left, right = (Messages(STAMPS[k::2], np.radians(BOTH[k::2])) for k in range(2))
+    path = write_publishers(tmp_path / f"a.{kind}", {"/left": left, "/right": right})
+    with pytest.raises(NotStated, match=r"publisher tells several apart \(/left, /right\)"):
+        open_bag(path)
+    assert open_bag(path, How(topic="/right")).whole().gyro == pytest.approx(RIGHT)
+    half = N // 2
+    before, after = (Messages(STAMPS[one], np.radians(BOTH[one])) for one in (slice(half), slice(half, N)))
+    again = write_publishers(tmp_path / f"b.{kind}", {"/imu_17": before, "/imu_23": after})
+    assert open_bag(again).whole().gyro == pytest.approx(BOTH)
 
 
 # --- two gyroscopes in one message ---

@@ -136,6 +136,32 @@ def write_bag(
     return path
 
 
+def write_publishers(path: Path, publishers: dict[str, Messages]) -> Path:
+    """Write the topic /imu of a bag of ROS 1, or of an MCAP file, by several programs."""
+    known, ros1 = (
+        {name: serialised(one, ros1=True) for name, one in publishers.items()},
+        path.suffix == ".bag",
+    )
+    with contextlib.ExitStack() as stack:
+        if ros1:
+            writer: Any = stack.enter_context(Ros1Writer(path))
+            by = {n: writer.add_connection("/imu", IMU, typestore=types(True), callerid=n) for n in known}
+        else:
+            writer = McapWriter(stack.enter_context(path.open("wb")))
+            writer.start("ros1")
+            schema = writer.register_schema("sensor_msgs/Imu", "ros1msg", b"")
+            by = {n: writer.register_channel("/imu", "ros1", schema, {"callerid": n}) for n in known}
+        rows = sorted((arrival, name, data) for name, one in known.items() for arrival, data in one)
+        for arrival, name, data in rows:
+            if ros1:
+                writer.write(by[name], arrival, data)
+            else:
+                writer.add_message(by[name], arrival, data, arrival)
+        if not ros1:
+            writer.finish()
+    return path
+
+
 def write_mcap(path: Path, messages: Messages, *, profile: str = "ros2", **how: Any) -> Path:
     """Write the topic /imu as the library `mcap` does; how: of its writer."""
     ros1 = profile == "ros1"

@@ -3,6 +3,7 @@
 import contextlib
 from collections.abc import Iterator
 from functools import partial
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from fltea.recording.bag_clock import Judged, Ticks, given_ticks, judged, measured_ticks, stamps_of
 from fltea.recording.bag_messages import LONGEST_MESSAGE, Batch, Topic
 from fltea.recording.bag_names import Layout, title
-from fltea.recording.bag_sensors import ALL_ARE_ONE, Sensors
+from fltea.recording.bag_sensors import ALL_ARE_ONE, PUBLISHER, Sensors, are_at_once
 from fltea.recording.bag_units import AtRest, Scale, at_rest, check_rates, measured_accel, scales
 from fltea.recording.candidates import units_table
 from fltea.recording.columns import Chosen
@@ -21,7 +22,7 @@ from fltea.recording.files import AT_ONCE, Note, Recording, Stored, check_span, 
 from fltea.recording.message_stamps import Stamps, Times, is_arrival
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.reading import Answer, Missing, NotStated, asked_with, given_options, not_stated
-from fltea.recording.sample_times import Floats
+from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.session import LATEST_NS
 from fltea.recording.spool import Spool
 from fltea.recording.table import Plausible, is_of_sensor
@@ -57,11 +58,12 @@ class Gathered:
         unit, lsb = ("", None) if self._rate is None else (self._rate.said.unit, self._rate.lsb)
         self._plausible = Plausible(Chosen(list(layout.gyro), (0, 1, 2), None, unit, 1.0, lsb, None))
         is_told = layout.by.evidence == "given"
-        self._sensors = Sensors(self._where, layout.tell, None if is_told else sensor)
+        self._sensors = Sensors(self._where, [*layout.tell, PUBLISHER], None if is_told else sensor)
         self._is_whole = True
         self._unread: list[Answer] = []
         self._spool = Spool()
-        self._waiting: list[tuple[int, bytes]] = []
+        self._waiting: list[tuple[int, bytes, str]] = []
+        self._are_several: bool | None = None
         self._last: NDArray[np.int64] | None = None
         self._unusable = self._not_numbers = self._twice = 0
         self._moves = self._accel_moves = False
@@ -76,7 +78,7 @@ class Gathered:
         if batch.topic != self._topic:
             self._look()
             self._topic, self._layout = batch.topic, layout
-        self._waiting.extend(zip(batch.arrival_ns, batch.data, strict=True))
+        self._waiting.extend(zip(batch.arrival_ns, batch.data, repeat(batch.publisher)))
         if len(self._waiting) >= AT_ONCE:
             self._look()
 
@@ -84,13 +86,15 @@ class Gathered:
     def _look(self) -> None:
         if not self._waiting:
             return
-        arrivals, data = zip(*self._waiting, strict=True)
+        arrivals, data, by = zip(*self._waiting, strict=True)
         self._waiting.clear()
         messages = list(map(_unpacked, data))
         imu = self._topic.read(messages, self._layout)
         self._unusable += len(messages) - len(np.unique(imu.row))
-        imu = imu.rows(self._sensors.keep(imu.tell)) if imu.tell else imu
-        arrival_ns = np.array(arrivals, np.int64)[imu.row]
+        arrival_ns = np.array(arrivals, np.int64)
+        publishers = self._publishers(np.array(by, np.str_), arrival_ns)[imu.row]
+        imu = imu.rows(self._sensors.keep([*imu.tell, publishers]))
+        arrival_ns = arrival_ns[imu.row]
         if self._ticks is None:
             self._ticks = measured_ticks(self._layout, imu.time, arrival_ns)
         stamp_ns = stamps_of(imu.time, self._ticks.seconds)
@@ -113,6 +117,12 @@ class Gathered:
         if len(gyro):
             self._plausible.add(gyro * factor)
             self._append(gyro, accel, stamp_ns[keep], arrival_ns[keep])
+
+    def _publishers(self, by: NDArray[np.str_], arrival_ns: Ints) -> NDArray[np.str_]:
+        """Who wrote messages, where the first ones are of several at once; else "" of each."""
+        if self._are_several is None:
+            self._are_several = are_at_once(by, arrival_ns)
+        return by if self._are_several else np.full(len(by), "")
 
     def _repeated(self, rows: Floats) -> NDArray[np.bool_]:
         """Which are the same as the one before, their stamp included; one that has none is not."""

@@ -76,10 +76,12 @@ def encoding_of(name: str) -> Encoding | None:
 class Batch:
     """Successive messages of one topic; only of Imu topics are they at hand.
 
-    count: how many there are. arrival_ns, data: of each, when it was recorded, and the message.
+    count: how many there are. arrival_ns, data: of each, when it was recorded, and the message. publisher:
+    who wrote them, of a topic that may have several, "" if that is not known.
     """
 
     topic: Topic
     count: int = 0
     arrival_ns: list[int] = field(default_factory=list)
     data: list[bytes] = field(default_factory=list)
+    publisher: str = ""

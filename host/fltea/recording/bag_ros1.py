@@ -155,6 +155,7 @@ class _Messages:
 
     def __init__(self) -> None:
         self._topics: dict[bytes, Topic] = {}
+        self._publishers: dict[bytes, str] = {}
         self._batches: dict[bytes, Batch] = {}
 
     def add_all(self, data: bytes) -> str | None:
@@ -182,7 +183,7 @@ class _Messages:
                 topic = self._topics.get(connection)
                 if topic is None:
                     raise ValueError("messages of a topic that is not described")
-                batch = self._batches[connection] = Batch(topic)
+                batch = self._batches[connection] = Batch(topic, publisher=self._publishers[connection])
             batch.count += 1
             if batch.topic.is_imu:
                 seconds, nanoseconds = TIME.unpack(fields[b"time"])
@@ -193,7 +194,11 @@ class _Messages:
             name, kind_of = (one.decode(errors="replace") for one in (fields[b"topic"], header[b"type"]))
             schema = header.get(b"message_definition", b"")
             self._topics[connection] = Topic(name, kind_of, "ros1", schema)
-            self._batches[connection] = Batch(self._topics[connection])
+            publisher = header.get(b"callerid", b"").decode(errors="replace")
+            self._publishers[connection] = publisher or f"connection {int.from_bytes(connection, 'little')}"
+            self._batches[connection] = Batch(
+                self._topics[connection], publisher=self._publishers[connection]
+            )
 
     def taken(self) -> Iterator[Batch]:
         """What was read since the last time."""

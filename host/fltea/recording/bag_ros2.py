@@ -198,6 +198,7 @@ def read_mcap(path: Path, limits: Limits) -> Iterator[Batch | Note]:
     module = load("fltea.recording.scan", "mcap", "ros", "MCAP files need")
     schemas: dict[int, tuple[str, bytes]] = {}
     topics: dict[int, Topic] = {}
+    publishers: dict[int, str] = {}
     scan = module.Scan(path, limits)
     for item in scan:
         match item:
@@ -207,12 +208,14 @@ def read_mcap(path: Path, limits: Limits) -> Iterator[Batch | Note]:
                 encoding = encoding_of(item.message_encoding)
                 name, schema = schemas.get(item.schema_id, ("", b""))
                 topics[item.id] = Topic(item.topic, name, encoding, schema)
+                publishers[item.id] = item.metadata.get("callerid") or f"channel {item.id}"
                 yield Batch(topics[item.id])
             case module.Messages():
                 channels = item.table[:, module.CHANNEL]
                 for number in np.unique(channels).tolist():
                     if number in topics:
-                        yield _batch_of(topics[number], item.data, item.table[channels == number], module)
+                        rows = item.table[channels == number]
+                        yield _batch_of(topics[number], publishers[number], item.data, rows, module)
             case module.Damage():
                 text = f"{path}: the record at byte {item.offset} is damaged ({item.text}) and left out."
                 yield Note("recording_gap", text)
@@ -223,12 +226,12 @@ def read_mcap(path: Path, limits: Limits) -> Iterator[Batch | Note]:
         yield Note("cut_recording", text)
 
 
-def _batch_of(topic: Topic, data: bytes, table: Ints, module: ModuleType) -> Batch:
+def _batch_of(topic: Topic, publisher: str, data: bytes, table: Ints, module: ModuleType) -> Batch:
     if not topic.is_imu:
         return Batch(topic, len(table))
     spans = zip(table[:, module.BEGIN].tolist(), table[:, module.END].tolist(), strict=True)
     arrival_ns = table[:, module.LOG_TIME].tolist()
-    return Batch(topic, len(table), arrival_ns, [data[begin:end] for begin, end in spans])
+    return Batch(topic, len(table), arrival_ns, [data[begin:end] for begin, end in spans], publisher)
 
 
 @contextlib.contextmanager

@@ -1,6 +1,7 @@
 """Which messages of a topic are of the sensor that is read, by the fields that tell several apart (pure)."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +9,24 @@ from numpy.typing import NDArray
 from fltea.recording.files import listed
 from fltea.recording.one_sensor import OneSensor
 from fltea.recording.reading import Missing, NotStated
-from fltea.recording.sample_times import Marks
+from fltea.recording.sample_times import Ints, Marks
 
 ALL_ARE_ONE = "1/1"
 """What the user says where the fields tell something else."""
 
 FEWEST = 10
 """Messages, each with another value, that say that a field counts and tells no sensors apart."""
+
+PUBLISHER = "publisher"
+"""In place of a field: who wrote the messages."""
+
+
+def are_at_once(publishers: NDArray[np.str_], arrival_ns: Ints) -> bool:
+    """Whether several write messages at the same time; one after the other is one that began again."""
+    names, places = np.unique(publishers, return_inverse=True)
+    arrivals = [arrival_ns[places == k] for k in range(len(names))]
+    spans = sorted((int(one.min()), int(one.max())) for one in arrivals)
+    return any(begin < end for (_, end), (begin, _) in pairwise(spans))
 
 
 class Sensors:

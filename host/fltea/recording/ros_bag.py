@@ -80,7 +80,9 @@ def _open(path: Path, how: How, limits: Limits) -> Stored:
     stored = gathered.stored(sorted(several - {chosen.name}), _few(notes))
     name = visible(chosen.name) + ("" if sensor is None else f", {visible(sensor)}")
     by: tuple[Evidence, str] = (
-        ("stated", "no other has a gyroscope") if how.topic is None else ("given", "--topic")
+        ("stated", "no other has a gyroscope")
+        if how.topic is None
+        else ("given", "--topic" if sensor is None else "--sensor")
     )
     reading = (Answer("sensor", f"topic {name}", *by), *stored.reading)
     return stored._replace(about=_about(chosen, counts), topic=chosen.name, reading=reading)
