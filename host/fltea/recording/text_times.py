@@ -141,10 +141,13 @@ def with_seconds(text: str) -> str:
     return Clocks().with_seconds(text)
 
 
-def points_of_time(texts: Sequence[str | None]) -> NDArray[np.datetime64] | None:
-    """Return what a column of dates or times of day says, which go on after midnight; None if it is none."""
+def points_of_time(texts: Sequence[str | None], *, is_known: bool = False) -> NDArray[np.datetime64] | None:
+    """Return what a column of dates or times of day says, which go on after midnight; None if it is none.
+
+    is_known: it is known to be one, and what is no time in it is missing.
+    """
     plain = ["" if text is None or is_missing(text) else text.replace("\n", " ") for text in texts]
-    if ":" not in next(filter(None, plain), ""):
+    if not is_known and ":" not in next(filter(None, plain), ""):
         return None
     known = [
         (k, _SECONDS.fullmatch(line))
@@ -156,6 +159,8 @@ def points_of_time(texts: Sequence[str | None]) -> NDArray[np.datetime64] | None
     last = passed = 0
     for k, seconds in known:
         if seconds is None or ":" not in plain[k]:
+            if is_known:
+                continue
             return None
         ns = int(seconds[1]) * 10**9 + int((seconds[2] or "")[:9].ljust(9, "0"))
         passed += day if ns < day and last - ns > day // 2 else 0

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from fltea.recording.column_names import axis_of, is_time
+from fltea.recording.column_names import accel_axis_of, axis_of, is_time
 from fltea.recording.files import listed
-from fltea.recording.groups import around
+from fltea.recording.groups import around, group_of, gyroscopes_in, is_of_accelerometer
 from fltea.recording.sample_times import SECONDS
 from fltea.recording.units import time_scale
 
@@ -107,12 +107,24 @@ def unit_of(units: Mapping[str, list[str]], label: str, array: str, place: int, 
     label: its name. place, width: which column of so many of its array it is.
     """
     groups = [f"{one}." for one in (array, *around(array), "")]
-    by = next((known for known in (label, array, *groups) if known in units), None)
+    by = next((known for known in (label, array, *_of_sensor(units, label), *groups) if known in units), None)
     own = [""] if by is None else units[by]
     unit = own[0] if len(own) == 1 else own[place] if len(own) == width else ""
     unit = unit.partition(" since ")[0]  # as netCDF says of times
     is_of_all = len(own) == 1 and (by in groups or width > 1)
     return "" if is_of_all and is_time(label.rpartition(".")[2]) and not time_scale(unit) else unit
+
+
+def _of_sensor(units: Mapping[str, list[str]], label: str) -> Iterator[str]:
+    """The units that are stated of its sensor in the groups around a column: `gyro_units` are of `gx`."""
+    axis = axis_of if gyroscopes_in([label]) else accel_axis_of if is_of_accelerometer(label) else None
+    is_clock = axis is None and is_time(label.rpartition(".")[2])
+    for level in (*around(label), "") if axis or is_clock else ():
+        for known in units:
+            word = known.removesuffix(".").rpartition(".")[2]
+            is_its = is_time(word) if axis is None else axis(f"{word}_x") is not None
+            if is_its and group_of(known.removesuffix(".")) == level:
+                yield known
 
 
 def columns_of(facts: Mapping[str, Any], array: str, width: int) -> tuple[list[str], str]:
@@ -131,6 +143,11 @@ def columns_of(facts: Mapping[str, Any], array: str, width: int) -> tuple[list[s
         if is_own and len(texts) > 1 and not name.endswith("axes"):  # NeXus names dimensions there
             return [], f"{name} names {len(texts)} columns ({listed(texts)}), and there are {width}."
     return [], ""
+
+
+def is_of_columns(name: str) -> bool:
+    """Whether a name is that of units, or of names of columns, of which there may be several."""
+    return any(_owners({name: None}, f"{UNITS}|{COLUMNS}"))
 
 
 def scale_of(
