@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from text_files import stored
 
 NAMES = ["gx", "gy"]
-TIMED = How(columns=NAMES, time_column="t", units="dps")
+TIMED = How(columns=NAMES, time_column="t", time_unit="s", units="dps")
 RATE = How(columns=NAMES, rate_hz=9.0, units="dps")
 
 Row = tuple[int, list[float]]

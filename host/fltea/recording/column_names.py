@@ -193,6 +193,11 @@ def tells_sensors(name: str) -> bool:
     )
 
 
+def states_units(name: str) -> bool:
+    """Whether a column with this name states a unit in each row."""
+    return len(name) <= LONGEST_NAME and re.fullmatch("(?:.*_)?units?", _plain(name)) is not None
+
+
 def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
     """Return the places of whole seconds whose fraction has a column: its place, and its unit in seconds."""
     parts: dict[int, tuple[int, float]] = {}

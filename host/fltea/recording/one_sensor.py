@@ -138,8 +138,9 @@ def _are_of_two_kinds(codes: Ints, values: Floats) -> bool:
     if (codes[1:] == codes[:-1]).mean() > REGULAR or len(values) != len(codes):
         return False
     groups = [values[codes == code] for code in range(codes.max() + 1)]
-    if min(map(len, groups)) < 3:
+    groups = [group[:, np.isfinite(values).all(axis=0)] for group in groups]
+    if min(map(len, groups)) < 3 or not groups[0].shape[1]:
         return False
-    means, spreads = (np.array([of(group, axis=0) for group in groups]) for of in (np.nanmean, np.nanstd))
+    means, spreads = (np.array([of(group, axis=0) for group in groups]) for of in (np.mean, np.std))
     apart = np.abs(means[:, None] - means[None]) - APART * (spreads[:, None] + spreads[None])
     return bool((apart > 0).any(axis=2)[~np.eye(len(groups), dtype=bool)].all())

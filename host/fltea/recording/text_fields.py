@@ -108,20 +108,26 @@ class Kinds:
 
 
 def rows_alike(lines: Sequence[str]) -> tuple[str, list[str]]:
-    """The commonest kind of lines that hold numbers: objects, rows of so many fields, or labels; and these."""
-    found: dict[tuple[str, int], list[str]] = {}
+    """The commonest kind of lines that hold numbers, and these: objects, rows of so many fields, or labels."""
+    found: dict[tuple[str, Any], list[str]] = {}
     for line in lines:
         if is_blank(line) or is_comment(line):
             continue
         if line.lstrip().startswith("{"):
             with contextlib.suppress(ValueError, RecursionError):
-                found.setdefault(("object", len(decode_object(line))), []).append(line)
-        elif 2 * sum(map(is_number, fields := split(line, separator_of(line)))) > len(fields) - 1:
-            found.setdefault(("row", len(fields)), []).append(line)
-        elif values := values_in(line):
-            found.setdefault(("label", len(values)), []).append(line)
-    kind = max(found, key=lambda one: len(found[one]), default=("", 0))
-    return kind[0], found.get(kind, []) if kind[1] <= MOST_COLUMNS else []
+                found.setdefault(("object", tuple(decode_object(line))[:MOST_COLUMNS]), []).append(line)
+            continue
+        fields = split(line, separator_of(line))
+        numbers = sum(map(is_number, fields))
+        has_label = bool(fields) and not is_number(fields[0]) and any(mark in fields[0] for mark in ":=")
+        values = values_in(line) if has_label or 2 * numbers <= len(fields) - 1 else {}
+        if len(values) > numbers or (values and 2 * numbers <= len(fields) - 1):
+            found.setdefault(("label", tuple(values)), []).append(line)
+        elif 2 * numbers > len(fields) - 1:
+            found.setdefault(("row", min(len(fields), MOST_COLUMNS + 1)), []).append(line)
+    kind, of = max(found, key=lambda one: len(found[one]), default=("", 0))
+    is_too_wide = kind == "row" and of > MOST_COLUMNS
+    return kind, [] if is_too_wide else found.get((kind, of), [])
 
 
 def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str) -> Floats:

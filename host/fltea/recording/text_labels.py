@@ -18,15 +18,16 @@ from fltea.records.records import AXES
 LONGEST_LABEL = 80
 """With group and unit. What is longer is no label, and would be tried from each of its letters on."""
 
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_COMMA = r"[-+]?\d+,\d+(?=[\s;|]|$)"
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+COMMA = r"[-+]?\d+,\d+(?=[\s;|]|$)"
 _PAIR = re.compile(
-    rf"(?P<label>[^\W\d][^:=,;|\t\[\]{{}}\"]{{0,{LONGEST_LABEL}}}?)\s*(?:[:=]\s*\[?|\[)\s*"
-    rf"(?P<first>{_COMMA}|(?>{_NUMBER})(?![\d,.]*:))"
-    rf"(?:\s*[,\s]\s*(?P<second>{_NUMBER})\s*[,\s]\s*(?P<third>{_NUMBER})(?![\w:=.]|\s*[,\s]\s*[-+\d]))?\s*\]?"
+    rf"(?P<label>[^\W\d](?:[^:=,;|\t\[\]{{}}()\"]|\([^():=]*\)){{0,{LONGEST_LABEL}}}?)\s*(?:[:=]\s*\[?|\[)\s*"
+    rf"(?P<first>{COMMA}|(?>{NUMBER})(?![\d,.]*:))"
+    rf"(?:\s*[,\s]\s*(?P<second>{NUMBER})\s*[,\s]\s*(?P<third>{NUMBER})(?![\w:=.]|\s*[,\s]\s*[-+\d]))?\s*\]?"
 )
-_UNIT_BEHIND = re.compile(r"\s*\(?([^\s,;|\])(]+(?: per [a-z]+)?)\)?")
-_GROUP_BEFORE = re.compile(r"([^\W\d][\w .]*?)\s*(?:[\[(]([^\[\]()]*)[\])])?\s*:\s*$")
+_UNIT_BEHIND = re.compile(r"[\s)}]*\(?([^\s,;|\])(]+(?: per [a-z]+)?)\)?")
+_GROUP_BEFORE = re.compile(r"([^\W\d][\w .]*?)\s*(?:[\[(]([^\[\]()]*)[\])])?\s*[:=]\s*(?:\w*\s*[({\[])?\s*$")
+"""Of `Gyro (dps): X: 1.2`, `Gyro: (x=1.2`, and `gyro=Vector3(x=1.2`."""
 _AXES = ("x", "y", "z")
 _AXIS = re.compile(r"[._ ]?[xyz]$", re.I)
 
@@ -74,9 +75,9 @@ def units_beside(found: Mapping[str, Any]) -> list[str]:
 
 def _fitting(name: str, unit: str) -> str:
     """A unit of what a name measures; one that stands for all of an object is not of each."""
-    kinds = (axis_of, rate_unit), (accel_axis_of, accel_unit), (is_time, time_scale)
-    is_counts = unit.startswith("lsb:") and axis_of(name) is not None
-    return unit if is_counts or any(is_of(name) and kind(unit) for is_of, kind in kinds) else ""
+    is_rate = axis_of(name, unit) and (rate_unit(unit) or unit.startswith("lsb:"))
+    is_other = (accel_axis_of(name, unit) and accel_unit(unit)) or (is_time(name) and time_scale(unit))
+    return unit if is_rate or is_other else ""
 
 
 class Labelled(NamedTuple):

@@ -15,6 +15,7 @@ from fltea.recording.dialects import Facts, dialect_of, names_kinds
 from fltea.recording.evidence import axes_of
 from fltea.recording.files import Note, listed
 from fltea.recording.lines import shown
+from fltea.recording.named_lines import NamedLines
 from fltea.recording.text_fields import (
     COMMENTS,
     MOST_COLUMNS,
@@ -29,7 +30,7 @@ from fltea.recording.text_fields import (
     units_in,
     words_with_units,
 )
-from fltea.recording.text_labels import decode_object, labelled, values_in
+from fltea.recording.text_labels import decode_object, values_in
 from fltea.recording.text_refusal import names_above, refusal
 from fltea.recording.wanted import is_missing, is_number, wanted_of
 from fltea.records.errors import UsageError
@@ -110,6 +111,7 @@ class LayoutFinder:
         self._units: list[str] | None = None
         self._chosen: Chosen | None = None
         self._why_no_row = ""
+        self._named = NamedLines(where, how, sample, self.facts, self._are_names)
         self._kinds_at_hand: Kinds = Kinds() if before is None else before._kinds_at_hand
         self._known: dict[tuple[int, int] | str, bool] = {} if before is None else before._known
 
@@ -124,7 +126,7 @@ class LayoutFinder:
             return None
         comment = is_comment(line)
         if not comment and line.lstrip().startswith("{"):
-            found = self._of_object(number, line)
+            found = _by_names(self._named.of_object(number, line), decode_object, number)
         else:
             numbers = not comment and all_numbers(line)
             header = None if numbers or self._has_kinds() else self.header_of(line)
@@ -138,7 +140,9 @@ class LayoutFinder:
                     return None
                 if not comment:
                     self._choose_named(line)
-            found = None if comment else self._of_row(number, line) or self._of_labels(number, line)
+            found = None if comment else self._of_row(number, line)
+            if found is None and not comment and self._header is None:
+                found = _by_names(self._named.of_labels(number, line), values_in, number)
         if found is None:
             self._before.append((number, line))
             if len(self.head) < MOST_BEFORE:
@@ -184,8 +188,9 @@ class LayoutFinder:
 
     def refusal(self) -> UsageError:
         """Why no line so far is a row."""
-        if self._header is not None or self._why_no_row:
-            return UsageError(self._why_no_row or f"{self._where}: has a header but no rows.")
+        why = self._why_no_row or self._named.why_not
+        if self._header is not None or why:
+            return UsageError(why or f"{self._where}: has a header but no rows.")
         lines = list(self._sample()) or self.head
         return refusal(self._where, self._how, lines, self._kinds(), self.facts)
 
@@ -300,32 +305,9 @@ class LayoutFinder:
     def _kinds(self) -> dict[str, int]:
         return self._kinds_at_hand.of(self._sample())
 
-    def _of_object(self, number: int, line: str) -> Layout | None:
-        try:
-            found = decode_object(line)
-        except (ValueError, RecursionError):  # msgspec's errors are ValueErrors
-            return None
-        names = list(found)
-        if len(names) > MOST_COLUMNS or self._wanted.by_position or not self._are_names(names):
-            return None
-        facts = self.facts(names)
-        chosen = choose(f"{self._where}:{number}", names, None, len(names), self._how, facts)
-        if not all(found[name] is None or type(found[name]) in (int, float) for name in chosen.read):
-            self._why_no_row = f"{self._where}:{number}: {listed(chosen.read)}: not all are numbers."
-            return None
-        return Layout(chosen, None, decode_object, 0, 0, 0, number)
 
-    def _of_labels(self, number: int, line: str) -> Layout | None:
-        found = labelled(line) if self._header is None else None
-        if found is None or self._wanted.by_position:
-            return None
-        names, units = list(found.values), list(found.units.values())
-        if not self._are_names(names, units):
-            return None
-        others = {name for one in self._sample()[:MOST_BEFORE] for name in values_in(one)} - {*names}
-        facts = self.facts(names)._replace(beside=sorted(others))
-        chosen = choose(f"{self._where}:{number}", names, units, len(names), self._how, facts)
-        return Layout(chosen, None, values_in, 0, 0, 0, number)
+def _by_names(chosen: Chosen | None, parse: Callable[[str], Mapping[str, Any]], number: int) -> Layout | None:
+    return None if chosen is None else Layout(chosen, None, parse, 0, 0, 0, number)
 
 
 def _fit(header: _Names, row: str) -> bool:

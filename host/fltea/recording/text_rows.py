@@ -15,6 +15,7 @@ import numpy as np
 from fltea.recording.candidates import columns_table
 from fltea.recording.columns import Chosen, check_sensors
 from fltea.recording.files import Note
+from fltea.recording.label_lines import A_LABEL, LabelLines
 from fltea.recording.lines import LONGEST_LINE, shown
 from fltea.recording.one_sensor import OneSensor, as_word
 from fltea.recording.reading import given_options
@@ -96,7 +97,7 @@ class TextReader:
         self.notes: list[Note] = []
         self._where, self._how = where, how
         self._sample: list[str] = []
-        self._clocks = Clocks()
+        self._clocks, self._labels = Clocks(), LabelLines()
         self._finder = LayoutFinder(where, how, lambda: self._sample)
         self.chosen: Chosen | None = None
         self._parser: RowParser | None = None
@@ -204,10 +205,11 @@ class TextReader:
         rest, self._rest = (self._rest + last).removesuffix(b"\n"), b""
         if self._yaml is not None and self._yaml.is_cut:
             self.cut = Note("cut_recording", f"{self._where}: the last message is cut off, and left out.")
-        if not rest:
-            return found
         before, first, newest = self.counts.copy(), self.first, self.newest
-        found += self._take(rest)
+        if rest:
+            found += self._take(rest)
+        if lines := self._labels.finish():
+            found += self._rows_in("\n".join(lines).encode())
         if not found and self.chosen is not None and self.counts != before:
             self.counts, self.first, self.newest = before, first, newest
             text = f"{self._where}:{self.lines}: the last line is cut off, and left out."
@@ -219,8 +221,18 @@ class TextReader:
         data = plain_lines(data)
         if b":" in data and A_CLOCK.search(data):
             data = self._clocks.with_seconds(decoded(data)).encode()
+        if self._labels.holds or (self.chosen is None and A_LABEL.search(data)):
+            lines = self._labels.take(decoded(data).split("\n"), is_known=self.chosen is not None)
+            data = "\n".join(lines).encode()
+            if not lines:
+                return []
+        return self._rows_in(data)
+
+    def _rows_in(self, data: bytes) -> list[Rows]:
         if len(self._sample) < SAMPLE_LINES:
-            self._sample += decoded(data[:SAMPLE_BYTES]).split("\n")[:SAMPLE_LINES]
+            lines = decoded(data[:SAMPLE_BYTES]).split("\n")
+            is_cut = len(data) > SAMPLE_BYTES and len(lines) > 1
+            self._sample += lines[: min(len(lines) - is_cut, SAMPLE_LINES)]
         pieces: list[Rows] = []
         at: int | None = 0
         self._checks = MOST_CHECKS

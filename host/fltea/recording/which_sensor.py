@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fltea.recording.column_names import accel_axis_of, axis_of, is_time, tells_sensors, unit_in
+from fltea.recording.column_names import accel_axis_of, axis_of, is_time, states_units, tells_sensors, unit_in
 from fltea.recording.dialects import columns_of
 from fltea.recording.evidence import Choice
 from fltea.recording.files import listed
@@ -48,7 +48,8 @@ def choose_sensor(choice: Choice, tag: str, gyro: Sequence[int]) -> tuple[int, s
     named = [place for place in _named(choice) if not _counts(choice, place)]
     if given is not None:
         return _of_value(choice, given, named, gyro)
-    several = (place for place in (*named, *_measured(choice, gyro)) if len({*_cells(choice, place)}) > 1)
+    told = (*named, *_measured(choice, gyro))
+    several = (place for place in told if len({*_cells(choice, place)} - {""}) > 1)
     if (place := next(several, None)) is not None:
         _ask(choice, place, gyro)
         return place, None
@@ -88,12 +89,17 @@ def _place_of(choice: Choice, column: str) -> int | None:
 
 
 def _named(choice: Choice) -> list[int]:
-    """Columns that tell sensors apart by their names, or as the dialect says."""
+    """Columns that tell sensors apart by their names, or as the dialect says; rows in other units, too."""
     pattern = choice.dialect.sensor if choice.dialect is not None else ""
     if pattern and (found := columns_of([[pattern]], choice.names)):
         return [found[0]]
     wanted = {*choice.wanted.names}
-    return [k for k, name in enumerate(choice.names) if tells_sensors(name) and name not in wanted]
+    return [
+        place
+        for tells in (tells_sensors, states_units)
+        for place, name in enumerate(choice.names)
+        if tells(name) and name not in wanted
+    ]
 
 
 def _counts(choice: Choice, place: int) -> bool:
@@ -135,14 +141,18 @@ def _only(choice: Choice, marks: Marks) -> None:
     """Judge what follows by the first rows of the sensor that is read."""
     values = choice.facts.sample()
     if len(marks) == len(values) and marks.any():
-        values = values[marks]
-        choice.facts = choice.facts._replace(sample=lambda: values)
+        values, all_cells = values[marks], choice.facts.cells
+        choice.facts = choice.facts._replace(
+            sample=lambda: values,
+            cells=lambda place: [cell for cell, of in zip(all_cells(place), marks, strict=False) if of],
+        )
+        choice.state_units()
 
 
 def _ask(choice: Choice, place: int, gyro: Sequence[int]) -> None:
     """Ask for the sensor, and show what the first rows of each hold."""
     cells, values, name = np.array(_cells(choice, place)), choice.facts.sample(), choice.names[place]
-    counts = Counter(cells.tolist())
+    counts = Counter(cells[cells != ""].tolist())
     found = listed(sorted(counts))
     what = f"which sensor is meant: column {name} tells several apart ({found})"
     choice.missing.append(Missing(what, "--sensor ?"))

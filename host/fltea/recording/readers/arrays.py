@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fltea.recording.column_names import is_time, named_axis, tells_sensors
+from fltea.recording.column_names import is_time, named_axis, states_units, tells_sensors
 from fltea.recording.evidence import OVERRULE
 from fltea.recording.files import AT_ONCE, listed
 from fltea.recording.groups import gyroscopes_in
@@ -77,7 +77,8 @@ def _facts(arrays: Mapping[str, Any]) -> dict[str, Any]:
             found[name] = array
             continue
         size = MOST_WIDE + 1 if isinstance(array, NoNumbers) else math.prod(array.shape)
-        if size == 1 or (size <= MOST_WIDE and np.dtype(array.dtype).kind in "SUO"):
+        is_list = size <= MOST_WIDE and np.dtype(array.dtype).kind in "SUO" and beside.is_of_columns(name)
+        if size == 1 or is_list:
             found[name] = array[()]
     return found
 
@@ -100,7 +101,8 @@ class _Columns:
 
     def add(self, name: str, array: Any) -> None:
         """Take the columns of an array."""
-        if tells_sensors(name) and (words := _words(array)) is not None:
+        is_of_words = tells_sensors(name) or (states_units(name) and name not in self._facts)
+        if is_of_words and (words := _words(array)) is not None:
             array, self._words[name] = words
         is_fact = name in self._facts and name not in self._words and beside.texts_of(self._facts[name])
         if isinstance(array, str) or is_fact:
@@ -194,7 +196,7 @@ def _reason(array: Any) -> str:
 
 def _axes_named(name: str) -> list[str]:
     """The axes of a gyroscope that an array has by its name, or what tells sensors apart."""
-    if tells_sensors(name):
+    if tells_sensors(name) or states_units(name):
         return [name]
     return [label for label in (name, *(named_axis(name, k) for k in range(3))) if gyroscopes_in([label])][:3]
 

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from fltea.recording.column_names import tells_sensors
+from fltea.recording.column_names import states_units, tells_sensors
 from fltea.recording.files import listed
 from fltea.recording.readers.arrays import NoNumbers, of_arrays
 from fltea.recording.sheet import Sheet
@@ -159,7 +159,7 @@ def _array(name: str, value: Any) -> Any:
     except (TypeError, ValueError, OverflowError):
         bad = next((one for one in value if not isinstance(one, int | float | None)), "lists")
     if all(isinstance(one, str | int | float | None) for one in value):
-        if tells_sensors(name) and all(isinstance(one, str) for one in value):
+        if (tells_sensors(name) or states_units(name)) and all(isinstance(one, str) for one in value):
             return np.array(value, object)
         texts = [None if one is None else str(one) for one in value]
         if (points := points_of_time(texts)) is not None:

@@ -1,0 +1,124 @@
+"""Lines that hold one number each, such as `>gx:1.2`, gathered to one line a sample (pure)."""
+
+import re
+from typing import NamedTuple
+
+from fltea.recording.text_labels import COMMA, LONGEST_LABEL, NUMBER
+
+MOST_LINES = 64
+"""Of a sample; beyond them lines do not belong together."""
+
+_ONE = re.compile(
+    rf"\s*(?P<mark>>?)\s*(?P<label>[^\W\d][^:=,;|\t\[\]{{}}\"§]{{0,{LONGEST_LABEL}}}?)\s*[:=]\s*"
+    rf"(?:(?P<time>{NUMBER}):)?(?P<value>{COMMA}|(?>{NUMBER}))(?:§|\s+)?(?P<unit>[^\s\d,;|:=§][^,;|:=§]*?)?"
+    r"(?:\|\w*)?\s*"
+)
+A_LABEL = re.compile(rb"^[ \t>]*[^\W\d][^:=\n]{0,80}[:=]", re.M)
+"""Whether such a line may be among others."""
+
+_NUMBERS = re.compile(rf"{NUMBER}\D+{NUMBER}")
+_AXIS = re.compile(r"(?:.*[^\W_]|.*_|)([xyzXYZ])")
+
+
+class _One(NamedTuple):
+    """A line. label: "" if it does not hold one number with its label. text: this, as labels are written."""
+
+    line: str
+    label: str = ""
+    text: str = ""
+
+
+class LabelLines:
+    """Takes lines, and gives as many: the last of a sample holds all its numbers, those before it are empty.
+
+    A sample ends where a label comes again, or one that stands before the last one in the first samples. With
+    Teleplot's mark `>` a number may have its time in front, which is in ms: `>gx:1000:1.2`.
+    """
+
+    def __init__(self) -> None:
+        self._order: dict[str, int] = {}
+        self._is_on = False
+        self._held: list[_One] = []
+
+    @property
+    def holds(self) -> bool:
+        """Whether lines are gathered, or may be."""
+        return self._is_on or bool(self._held)
+
+    def take(self, lines: list[str], *, is_known: bool) -> list[str]:
+        """Return the lines that are complete. is_known: how lines are to be read was found out already."""
+        if is_known and not self._is_on:
+            return [*self.finish(), *lines]
+        found: list[str] = []
+        for line in lines:
+            one = _one(line)
+            if not self._held and not one.label:
+                found.append(line)
+                continue
+            found += self._on(one) if self._is_on else self._begin(one)
+        return found
+
+    def finish(self) -> list[str]:
+        """Return what is held back, as no more lines come."""
+        held, self._held = self._held, []
+        return _joined(held) if self._is_on else [one.line for one in held]
+
+    def _on(self, one: _One) -> list[str]:
+        found = []
+        if one.label:
+            place = self._order.setdefault(one.label, len(self._order))
+            last = max((self._order[held.label] for held in self._held if held.label), default=-1)
+            found = self.finish() if place <= last else []
+        self._held.append(one)
+        if (
+            len({held.label for held in self._held} - {""}) == len(self._order)
+            or len(self._held) > MOST_LINES
+        ):
+            found += self.finish()
+        return found
+
+    def _begin(self, one: _One) -> list[str]:
+        """Hold lines until a label comes again."""
+        labels = [held.label for held in self._held if held.label]
+        is_row = not one.label and _NUMBERS.search(one.line) is not None
+        if is_row or len(self._held) > MOST_LINES or labels == [one.label]:
+            found = self.finish()
+            self._held = [one] if one.label else []
+            return found if one.label else [*found, one.line]
+        if one.label not in labels or not one.label:
+            self._held.append(one)
+            return []
+        self._is_on = True
+        first = _begins_at(labels)
+        self._order = {label: k for k, label in enumerate([*labels[first:], *labels[:first]])}
+        held, self._held = self._held, []
+        found = []
+        for before in [*held, one]:
+            found += [""] if first and before.label in labels[:first] else self._on(before)
+            first = 0 if before.label == labels[first - 1] else first
+        return found
+
+
+def _begins_at(labels: list[str]) -> int:
+    """Where a sample begins among labels that go round: behind a z, if else an axis came before an x."""
+    axes = [found[1].lower() if (found := _AXIS.fullmatch(label)) else "" for label in labels]
+    for first in (0, *(k + 1 for k, axis in enumerate(axes) if axis == "z")):
+        order = "".join([*axes[first:], *axes[:first]])
+        if order == "xyz" * (len(order) // 3):
+            return first
+    return 0
+
+
+def _one(line: str) -> _One:
+    found = _ONE.fullmatch(line.removeprefix("\ufeff"))
+    if found is None or (found["time"] and not found["mark"]):
+        return _One(line)
+    time = f"timestamp_ms: {found['time']}, " if found["time"] else ""
+    return _One(line, found["label"], f"{time}{found['label']}: {found['value']} {found['unit'] or ''}")
+
+
+def _joined(held: list[_One]) -> list[str]:
+    """The lines of a sample with its numbers in the last of them."""
+    texts = [one.text for one in held if one.label]
+    last = max((k for k, one in enumerate(held) if one.label), default=-1)
+    return [", ".join(texts) if k == last else "" if one.label else one.line for k, one in enumerate(held)]

@@ -1,0 +1,85 @@
+"""Columns of lines that name each number: objects of JSON, and numbers with labels (pure)."""
+
+from collections.abc import Callable, Sequence
+
+from fltea.recording.columns import Chosen, choose
+from fltea.recording.dialects import Facts
+from fltea.recording.evidence import axes_of
+from fltea.recording.files import listed
+from fltea.recording.text_fields import MOST_COLUMNS, rows_alike
+from fltea.recording.text_labels import decode_object, labelled, units_beside, values_in
+from fltea.recording.wanted import wanted_of
+from fltea.settings.how import How
+
+MOST_LOOKED_AT = 200
+"""Lines whose labels are known before the columns are chosen."""
+
+
+class NamedLines:
+    """Finds out what such lines hold. where: for messages. sample: gives the lines at hand, facts what is known.
+
+    are_names: whether names, with the units beside them, are those that are meant. why_not: why the columns of
+    a line cannot be read, "" as long as there was none.
+    """
+
+    def __init__(
+        self,
+        where: str,
+        how: How,
+        sample: Callable[[], Sequence[str]],
+        facts: Callable[[Sequence[str]], Facts],
+        are_names: Callable[[Sequence[str], Sequence[str]], bool],
+    ) -> None:
+        self.why_not = ""
+        self._where, self._how, self._sample, self._facts = where, how, sample, facts
+        self._are_names, self._wanted = are_names, wanted_of(how)
+        self._alike: tuple[int, list[str]] = -1, []
+
+    def of_object(self, number: int, line: str) -> Chosen | None:
+        """Return the columns of a line that is an object, if they are those that are meant."""
+        try:
+            found = decode_object(line)
+        except (ValueError, RecursionError):  # msgspec's errors are ValueErrors
+            return None
+        names = list(found)
+        if len(names) > MOST_COLUMNS or not self._are_meant(names, ()):
+            return None
+        at = f"{self._where}:{number}"
+        chosen = choose(at, names, units_beside(found), len(names), self._how, self._facts(names))
+        if all(found[name] is None or type(found[name]) in (int, float) for name in chosen.read):
+            return chosen
+        self.why_not = f"{at}: {listed(chosen.read)}: not all are numbers."
+        return None
+
+    def of_labels(self, number: int, line: str) -> Chosen | None:
+        """Return the columns of a line of labels, if they are those that are meant."""
+        found = labelled(line)
+        if found is None:
+            return None
+        names, units = list(found.values), list(found.units.values())
+        if not self._are_meant(names, units):
+            return None
+        at = f"{self._where}:{number}"
+        lines = self._sample()[:MOST_LOOKED_AT]
+        others = sorted({name for one in lines for name in values_in(one)} - {*names})
+        axes = axes_of(names, units)
+        if self._wanted.columns is None and axes and (elsewhere := axes_of(others).keys() - axes.keys()):
+            axis = ", ".join(sorted(elsewhere))
+            self.why_not = (
+                f"{at}: the axis {axis} stands on another line, so which numbers are of one sample "
+            )
+            self.why_not += "is not known. Write the axes of a sample in one line: gx:1.2,gy:0.3,gz:0.1"
+            return None
+        facts = self._facts(names)._replace(beside=others)
+        return choose(at, names, units, len(names), self._how, facts)
+
+    def _are_meant(self, names: Sequence[str], units: Sequence[str]) -> bool:
+        """Whether a line has the columns that are meant, where positions are those of the commonest lines."""
+        if not self._wanted.by_position or self._wanted.is_in(names):
+            return self._are_names(names, units)
+        lines = self._sample()
+        if self._alike[0] != len(lines):
+            kind, alike = rows_alike(lines)
+            first = {"object": decode_object, "label": values_in}.get(kind, lambda _: {})
+            self._alike = len(lines), list(first(alike[0])) if alike else []
+        return names == self._alike[1] and all(int(place) <= len(names) for place in self._wanted.names)
