@@ -163,6 +163,53 @@ def test_dates_and_times_of_day_are_times(form: str, tmp_path: Path) -> None:
 # --- beside the table ---
 
 
+BESIDE = {
+    "a unit of the gyroscope": {"metadata": {"gyro_units": "rad/s", "sample_rate": 100}},
+    "units by the sensor": {"header": {"units": {"gyro": "rad/s", "accel": "m/s^2"}, "fs": "100 Hz"}},
+    "a part about the gyroscope": {
+        "config": {"gyro": {"unit": "rad/s", "rate_hz": 100}, "acc": {"unit": "g"}}
+    },
+    "one unit of all": {"units": "rad/s", "fs_khz": 0.1},
+}
+
+
+@pytest.mark.parametrize("said", BESIDE)
+def test_what_stands_beside_a_table_is_stated(said: str, tmp_path: Path) -> None:
+    content = {**BESIDE[said], "samples": rows(RADS, "gx gy gz", timed=False)}
+    assert is_right(document(tmp_path, content))
+    assert "--units dps says otherwise" in refusal(tmp_path, content, units="dps")
+    assert "says 100 Hz, and --rate says 200 Hz" in refusal(tmp_path, content, rate_hz=200.0)
+    timed = {**BESIDE[said], "samples": rows(RADS, "gx gy gz")}
+    assert is_right(document(tmp_path, timed))
+    slow = {**timed, "samples": [{**row, "t": 2 * row["t"]} for row in timed["samples"]]}
+    assert "50 Hz, and the file states 100 Hz" in refusal(tmp_path, slow)
+
+
+def test_units_and_names_of_columns_in_lists(tmp_path: Path) -> None:
+    content = {
+        "columns": ["t", "gx", "gy", "gz"],
+        "units": ["ms", "rad/s", "rad/s", "rad/s"],
+        "data": np.c_[TIMES_S * 1e3, RADS].tolist(),
+    }
+    assert is_right(document(tmp_path, content))
+    content["units"] = ["ms", "rad/s", "deg/s", "rad/s"]
+    assert "in different units" in refusal(tmp_path, content)
+
+
+def test_units_of_times_and_of_one_sensor_alone(tmp_path: Path) -> None:
+    named = rows(RADS, "gx gy gz", timed=False)
+    content = {
+        "meta": {"time_unit": "ms", "gyro_unit": "rad/s", "accel_unit": "m/s^2"},
+        "samples": [
+            {"time": 1e3 * t, **row, **dict(zip(("ax", "ay", "az"), one, strict=True))}
+            for t, row, one in zip(TIMES_S.tolist(), named, ACCEL.tolist(), strict=True)
+        ],
+    }
+    found = document(tmp_path, content)
+    assert is_right(found)
+    assert found.whole().accel_ms2 == pytest.approx(ACCEL)
+
+
 def test_two_facts_of_one_name_are_refused(tmp_path: Path) -> None:
     content = {"metadata": {"fs": 100}, "fs": 200, "samples": rows(DPS, "gx_dps gy_dps gz_dps", timed=False)}
     assert "holds two different fs, and which counts is not known" in refusal(tmp_path, content)

@@ -48,6 +48,11 @@ def is_of_accelerometer(name: str) -> bool:
     return any(accel_axis_of(inner) is not None for _, inner in inner_names(name))
 
 
+def tells_gyroscope(group: str) -> bool:
+    """Whether a group is called as a gyroscope is, whatever is in it."""
+    return axis_of(f"{group.rpartition('.')[2]}_x") is not None
+
+
 def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
     """Return the groups of other sensors that have times of their own, if the groups `of` ours have some.
 

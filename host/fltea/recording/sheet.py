@@ -25,6 +25,7 @@ from fltea.recording.groups import (
     gyroscopes_in,
     is_of_accelerometer,
     short_names,
+    tells_gyroscope,
     with_clocks,
 )
 from fltea.recording.npz_arrays import NUMBER_BYTES
@@ -334,7 +335,10 @@ def _rates_of(where: str, sheet: Sheet, found: _Gyroscope, how: How) -> Mapping[
     arrays = {(sheet.arrays or sheet.names)[place] for place in found.places}
     rates = {name: rate_hz for name, rate_hz in sheet.rates.items() if name.rpartition("@")[0] in arrays}
     for level in (*around(sheet.names[found.places[0]]), ""):
-        near = {name: rate_hz for name, rate_hz in sheet.rates.items() if group_of(name) == level}
+        of = {level} | {
+            one for one in map(group_of, sheet.rates) if group_of(one) == level and tells_gyroscope(one)
+        }
+        near = {name: rate_hz for name, rate_hz in sheet.rates.items() if group_of(name) in of}
         rates = rates or {name: rate_hz for name, rate_hz in near.items() if "@" not in name}
     if len({*rates.values()}) > 1 and how.rate_hz is None:
         each = ", ".join(f"{name} {rate_hz:g}" for name, rate_hz in rates.items())
