@@ -72,7 +72,7 @@ def test_columns_that_have_the_length_of_gravity_are_no_rates(
 ) -> None:
     text = table("a,b,c", scale * ACCEL)
     how = {"columns": ["a", "b", "c"], "rate_hz": 100.0}
-    assert f"which is gravity in {shown}: are they accelerations?" in refusal(tmp_path, text, **how)
+    assert f", as gravity in {shown}: are they accelerations?" in refusal(tmp_path, text, **how)
     assert f"which is gravity in {shown}: they seem an accelerometer's" in refusal(
         tmp_path, text, units="dps", **how
     )

@@ -240,7 +240,11 @@ def test_numbers_of_a_head(head: str, number: float | None) -> None:
 
 
 def test_two_columns_of_one_axis_are_a_doubt() -> None:
+    """Unless the beginning of the sensor's names tells them apart."""
     assert columns_of([["a", "b", "c"], ["p|q", "r", "s"]], ["s", "r", "q"]) == (2, 1, 0)
     assert columns_of([["a", "b", "c"]], ["a", "b"]) == ()
-    with pytest.raises(UsageError, match="p, q are all called as one axis is"):
-        columns_of([["p|q", "r", "s"]], ["p", "q", "r", "s"])
+    assert columns_of([["p|q", "r", "s"]], ["p", "q", "r", "s"]) == ()
+    names = ["S_1_t", "S_1_x", "S_1_y", "S_1_z", "S_12_t", "S_12_x", "S_12_y", "S_12_z"]
+    assert columns_of([[".*_x", ".*_y", ".*_z"]], names) == ()
+    assert columns_of([[".*_x", ".*_y", ".*_z"]], names, "S_12_") == (5, 6, 7)
+    assert columns_of([[".*_t"]], names, "S_1_") == (0,)

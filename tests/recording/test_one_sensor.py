@@ -345,3 +345,37 @@ def test_alike_sensors_are_told_by_their_turns(
     assert_is(form(tmp_path, columns, topic=f"{column}=0"), 0)
     columns["t_s"] = [row / 100 for row in range(2 * N)]
     assert form(tmp_path, columns, topic="1/1").samples == 2 * N
+
+
+def side_by_side(folder: Path, **how: Any) -> Stored:
+    """Two Shimmers as ConsensysPRO writes them, the second of three times the figures."""
+    names = [f"Shimmer_{of}_{name}_CAL" for of in ("B5A1", "B5A12") for name in ("Timestamp_Unix", *SHIMMER)]
+    units = ["ms", *["deg/s"] * 3] * 2
+    rows = [
+        [1.7e12 + 10 * k, *GYRO[k, 0].tolist(), 1.7e12 + 10 * k + 3, *(3 * GYRO[k, 0]).tolist()]
+        for k in range(N)
+    ]
+    lines = [",".join(names) + ",", ",".join(units) + ",", *(",".join(map(repr, row)) + "," for row in rows)]
+    path = folder / "rest.csv"
+    path.write_text("\n".join(["sep=,", *lines]) + "\n")
+    return open_csv(path, How(**how))
+
+
+SHIMMER = [f"Gyro_{axis}" for axis in "XYZ"]
+
+
+@pytest.mark.parametrize("by_position", [False, True])
+@pytest.mark.parametrize(("sensor", "first"), [("B5A1", 2), ("B5A12", 6)])
+def test_sensors_side_by_side_are_asked_for_and_named(
+    by_position: bool, sensor: str, first: int, tmp_path: Path
+) -> None:
+    """With their own times."""
+    asked = refusal(side_by_side, tmp_path)
+    assert asked.startswith(f"{tmp_path}/rest.csv:2: nothing says which columns are the gyroscope's axes")
+    assert "6  Shimmer_B5A12_Gyro_X_CAL: mean" in asked
+    names = [f"Shimmer_{sensor}_{name}_CAL" for name in SHIMMER]
+    columns = [str(first + k) for k in range(3)] if by_position else names
+    stored = side_by_side(tmp_path, columns=columns)
+    (clock,) = [answer for answer in stored.reading if answer.question == "clock"]
+    assert f"the times of Shimmer_{sensor}_Timestamp_Unix_CAL" in clock.why
+    assert np.allclose(stored.whole().gyro, GYRO[:, 0] * (3 if first > 2 else 1))

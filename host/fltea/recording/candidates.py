@@ -61,12 +61,12 @@ def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] |
         mean = values.mean(axis=0) * factor
         text = f"  --units {unit:<9} {what} {_numbers(noise)}; mean in deg/s {_numbers(mean)}"
         lines.append(f"{text}  ({circumstances})" if circumstances else text)
-    unit = gravity_unit(values) if values.shape[1] == 3 else None
-    length = float(np.median(np.linalg.norm(values, axis=1)))
-    gravity = [f"Their length is {length:.4g}, which is gravity in {unit}: are they accelerations?"]
-    return "\n".join(
-        ["What each unit would mean here, axis by axis:", *lines, USUAL, *(gravity if unit else [])]
-    )
+    lines = ["What each unit would mean here, axis by axis:", *lines, USUAL]
+    if values.shape[1] == 3 and (unit := gravity_unit(values)) is not None:
+        lines.append(
+            f"Their length is {length_of(values):.4g}, as gravity in {unit}: are they accelerations?"
+        )
+    return "\n".join(lines)
 
 
 def columns_table(names: Sequence[str] | None, values: Floats) -> str:
@@ -100,15 +100,21 @@ def times_table(steps: float) -> list[str]:
 
 def gravity_unit(values: Floats) -> str | None:
     """Return the unit of an accelerometer's axes (n, 3) at rest, by the length of gravity; None if unclear."""
-    values = values[np.isfinite(values).all(axis=1)]
+    values = values[(np.abs(values) < NOBODY_MEASURES).all(axis=1)]
     length = np.linalg.norm(values, axis=1)
-    mean = float(np.median(length)) if len(length) else math.nan
+    mean = length_of(values)
     if not (0 < mean < NOBODY_MEASURES) or float(np.median(np.abs(length - mean))) > STEADY * mean:
         return None
     found = [unit for unit, g in GRAVITY.items() if abs(mean / g - 1) < GRAVITY_TOLERANCE]
     if bool((values == np.rint(values)).all()):
         found += [f"lsb:{g}" for g in GRAVITY_COUNTS if abs(mean / g - 1) < GRAVITY_TOLERANCE]
     return found[0] if len(found) == 1 else None
+
+
+def length_of(values: Floats) -> float:
+    """Return the median length of vectors (n, 3), NaN if none has numbers that somebody measures."""
+    lengths = np.linalg.norm(values[(np.abs(values) < NOBODY_MEASURES).all(axis=1)], axis=1)
+    return float(np.median(lengths)) if len(lengths) else math.nan
 
 
 def is_rising(column: Floats) -> bool:
@@ -132,7 +138,7 @@ def _remarks(values: Floats) -> dict[int, str]:
         three = numbers[first : first + 3]
         unit = gravity_unit(values[:, three])
         if unit is not None and not any(place in found for place in three):
-            length = float(np.nanmedian(np.linalg.norm(values[:, three], axis=1)))
+            length = length_of(values[:, three])
             for place in three:
                 found[place] = f": columns {three[0] + 1} to {three[2] + 1} have the length {length:.4g}"
                 counts = unit.startswith("lsb:")

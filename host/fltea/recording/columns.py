@@ -14,7 +14,9 @@ from fltea.recording.files import Note
 from fltea.recording.reading import Answer
 from fltea.recording.sample_times import TimeColumn
 from fltea.recording.wanted import Wanted, wanted_of
+from fltea.recording.which_accelerometer import choose_accelerometer
 from fltea.recording.which_sensor import choose_sensor
+from fltea.recording.which_unit import choose_unit
 from fltea.records.errors import UsageError
 from fltea.settings.how import How, TimeUnit
 
@@ -128,7 +130,7 @@ def choose(
     found = Choice(where, labels, names, list(units or ()), wanted, how, facts, dialect)
     gyro, axes = found.gyro()
     sensor = choose_sensor(found, tag, gyro)
-    unit, factor, lsb = found.unit(gyro)
+    unit, factor, lsb = choose_unit(found, gyro)
     time, unit_of_time, time_factor, fine, fine_s = found.clock(gyro)
     rate_hz = found.rate(time)
     if found.missing:
@@ -136,8 +138,8 @@ def choose(
             gyro, rate_hz or (None if time is None else found.measured_hz(time, unit_of_time, time_factor))
         )
     check_clock(found, time, unit_of_time, time_factor)
-    accel, accel_ms2 = found.accelerometer({*gyro, time})
-    check_gravity(found, gyro, accel, accel_ms2)
+    accel, accel_ms2 = choose_accelerometer(found, {*gyro, time})
+    check_gravity(found, gyro, factor / (lsb or 1.0), accel, accel_ms2)
     if dialect is not None and dialect.note:
         found.notes.append(Note("reading", f"{where}: {dialect.name}: {dialect.note}"))
     return Chosen(

@@ -7,16 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from fltea.recording import candidates
-from fltea.recording.column_names import accel_unit_of, is_time, time_scale_of
+from fltea.recording.column_names import accel_unit_of, is_time, rate_unit_of, time_scale_of
 from fltea.recording.dialects import GRAVITY_TOLERANCE
 from fltea.recording.evidence import OVERRULE, Choice
 from fltea.recording.files import Note, listed
 from fltea.recording.reading import Missing, given_options, not_stated
 from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, SAME_RATE, SECONDS, Floats
-from fltea.recording.units import accel_unit, time_scale, time_unit
+from fltea.recording.units import accel_unit, rate_unit, time_scale, time_unit
 from fltea.records.errors import UsageError
 from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.settings.how import TimeUnit
+
+MOST_OFFSET_DPS = 5.0
+"""A longer mean is no usual offset of a gyroscope at rest; one of 1 deg/s, as long as gravity in g, is."""
 
 FEWEST_STEPS = 8
 """Of two clocks, that tell whether they run alike."""
@@ -32,19 +35,28 @@ def check_clock(choice: Choice, time: int | None, unit: TimeUnit | None, factor:
         NotStated: two clocks run at different rates, and none was chosen.
     """
     how, dialect = choice.how, choice.dialect
-    if dialect is not None and dialect.rate and how.rate_hz is not None and not how.overrule:
-        said = re.search(dialect.rate, choice.facts.head, re.M)
-        if said is not None and abs(how.rate_hz / float(said[1]) - 1) > SAME_RATE:
+    for why, stated_hz in choice.stated_rates().items() if how.rate_hz and not how.overrule else ():
+        if len(choice.stated_rates()) == 1 and abs(how.rate_hz / stated_hz - 1) > SAME_RATE:
             raise UsageError(
-                f'{choice.where}: "{said[0].strip()}" stands in the head, and --rate {how.rate_hz:g} says '
-                f"otherwise. Leave --rate out. {OVERRULE}"
+                f'{choice.where}: "{why.removeprefix("the head: ")}" stands in the head, and --rate '
+                f"{how.rate_hz:g} says otherwise. Leave --rate out. {OVERRULE}"
             )
     if time is None:
         return
     name = choice.names[time]
     if dialect is not None and how.time_unit is not None and name in _of_dialect(choice):
+        scale, counted = choice.scale(dialect.time_scale), time_scale(dialect.time_unit)
+        is_in_head = bool(dialect.time_scale) and scale is not None and counted is not None
+        if scale is not None and counted is not None and is_in_head and how.time_unit != counted[0]:
+            ratio = SECONDS[counted[0]] * counted[1] * scale / SECONDS[how.time_unit]
+            if abs(ratio - 1) > SAME_RATE and not how.overrule:
+                raise UsageError(
+                    f"{choice.where}: {dialect.time_scale} {scale:g} stands in the head, by which 1 in "
+                    f"{listed([name])} is {scale:g} {dialect.time_unit}, and --time-unit {how.time_unit} says "
+                    f"otherwise. Leave --time-unit out. {OVERRULE}"
+                )
         ticks = dialect.time_scale or ("" if dialect.time_ticks == 1.0 else f"{dialect.time_ticks:g}")
-        if ticks or time_unit(dialect.time_unit) != how.time_unit:
+        if not is_in_head and (ticks or time_unit(dialect.time_unit) != how.time_unit):
             counts = f"by {dialect.name} it counts {ticks} {dialect.time_unit}".replace("  ", " ")
             text = f"{listed([name])} is read in {how.time_unit}, as --time-unit says; {counts}."
             choice.notes.append(Note("reading", f"{choice.where}: {text}"))
@@ -95,23 +107,29 @@ def _runs_as(times: Floats, others: Floats) -> float | None:
     return middle if even and math.isfinite(middle) else None
 
 
-def check_gravity(choice: Choice, gyro: Sequence[int], accel: Sequence[int], accel_ms2: float) -> None:
+def check_gravity(
+    choice: Choice, gyro: Sequence[int], dps: float, accel: Sequence[int], accel_ms2: float
+) -> None:
     """Compare the length of gravity with the user's unit, and look for it in the gyroscope's columns.
 
-    accel: places of the accelerometer's axes, which has `accel_ms2` m/s² in one.
+    dps: deg/s in one of the gyroscope's numbers. accel: places of the accelerometer's axes, which has
+    `accel_ms2` m/s² in one.
 
     Raises:
         UsageError: gravity has the length of another unit than the user's, or is in the gyroscope's columns.
     """
     how, dialect, values = choice.how, choice.dialect, choice.facts.sample()
-    if len(accel) != 3 or how.overrule or values.ndim != 2 or values.shape[1] != len(choice.names):
+    if how.overrule or values.ndim != 2 or values.shape[1] != len(choice.names):
+        return
+    if len(accel) != 3:
+        _check_alone(choice, gyro, dps)
         return
     by_dialect = "" if dialect is None else dialect.accel_unit
     is_other = by_dialect and (accel_unit(by_dialect) != accel_ms2 or (dialect and dialect.accel_scale))
     if dialect is not None and how.accel_units is not None and is_other:
         text = f"the accelerometer is read in {how.accel_units}, as --accel-units says; by {dialect.name} it "
         choice.notes.append(Note("reading", f"{choice.where}: {text}is in {by_dialect}."))
-    length_ms2 = _length(values[:, list(accel)]) * accel_ms2
+    length_ms2 = candidates.length_of(values[:, list(accel)]) * accel_ms2
     if abs(length_ms2 / STANDARD_GRAVITY_MS2 - 1) < candidates.GRAVITY_TOLERANCE:
         return
     measured = candidates.gravity_unit(values[:, list(accel)])
@@ -129,11 +147,21 @@ def check_gravity(choice: Choice, gyro: Sequence[int], accel: Sequence[int], acc
         )
 
 
-def _length(values: Floats) -> float:
-    lengths = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
-    return float(np.median(lengths)) if len(lengths) else math.nan
+def _check_alone(choice: Choice, gyro: Sequence[int], dps: float) -> None:
+    """Refuse columns that only the user says to be rates, and that have the length of gravity."""
+    names, values = [choice.names[place] for place in gyro], choice.facts.sample()[:, list(gyro)]
+    is_stated = any(rate_unit_of(choice.names[p]) or rate_unit(choice.units[p]) for p in gyro)
+    measured = candidates.gravity_unit(values) if len(gyro) == 3 and not is_stated else None
+    length = candidates.length_of(values)
+    is_exact = measured in candidates.GRAVITY and _is_gravity(values, accel_unit(measured) or math.nan)
+    if choice.how.units is not None and is_exact and length * dps > MOST_OFFSET_DPS:
+        raise UsageError(
+            f"{choice.where}: {listed(names)} have the length {length:.4g}, which is gravity in {measured}: "
+            "they seem an accelerometer's. Name the gyroscope's columns with --columns; if these are, add "
+            "--overrule."
+        )
 
 
 def _is_gravity(values: Floats, unit_ms2: float) -> bool:
-    is_as_long = abs(_length(values) * unit_ms2 / STANDARD_GRAVITY_MS2 - 1) < GRAVITY_TOLERANCE
+    is_as_long = abs(candidates.length_of(values) * unit_ms2 / STANDARD_GRAVITY_MS2 - 1) < GRAVITY_TOLERANCE
     return is_as_long and candidates.gravity_unit(values) is not None

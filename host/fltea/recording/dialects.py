@@ -6,20 +6,23 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
+from os.path import commonprefix
 from types import MappingProxyType
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
-from fltea.recording.files import listed
 from fltea.recording.reading import Evidence
 from fltea.recording.sample_times import Floats
 from fltea.recording.units import accel_unit
-from fltea.records.errors import UsageError
 from fltea.records.units import STANDARD_GRAVITY_MS2
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+
+
+_SHARED = re.compile(r"(?:.*[\s._/:-])?")
+"""Of a beginning, what ends with a whole word."""
 
 
 class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -165,19 +168,25 @@ def _has_gravity(one: Dialect, facts: Facts) -> bool:
     return bool(abs(float(np.median(length)) / wanted - 1) < GRAVITY_TOLERANCE)
 
 
-def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str]) -> tuple[int, ...]:
-    """Return the places of the first triple of patterns whose columns are all there; none if there is none.
+def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str = "") -> tuple[int, ...]:
+    """Return the places of the first triple of patterns that has one column an axis; none if there is none.
 
-    Raises:
-        UsageError: two columns have the name that one axis is known by.
+    near: what the names of the sensor begin with, which tells its columns from those of another one.
     """
     for triple in triples:
         places = [[k for k, name in enumerate(names) if re.fullmatch(one, name)] for one in triple]
-        if several := next((found for found in places if len(found) > 1), None):
-            raise UsageError(
-                f"{listed([names[k] for k in several])} are all called as one axis is. Name the columns of one "
-                "sensor with --columns."
-            )
-        if all(places):
+        places = [nearest(found, names, near) for found in places]
+        if all(len(found) == 1 for found in places):
             return tuple(found[0] for found in places)
     return ()
+
+
+def nearest(places: Sequence[int], names: Sequence[str], near: str) -> Sequence[int]:
+    """Return of several columns those that share the most of their names' beginning with a sensor's."""
+    alike = {place: _shared(names[place], near) for place in places}
+    return [place for place in places if alike[place] == max(alike.values())]
+
+
+def _shared(name: str, near: str) -> int:
+    found = _SHARED.match(commonprefix([name, near]))
+    return 0 if found is None else found.end()

@@ -2,33 +2,30 @@
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from os.path import commonprefix
 
 import numpy as np
 
 from fltea.recording import candidates
 from fltea.recording.column_names import (
-    accel_axis_of,
-    accel_unit_of,
     axes_in_units,
     axis_of,
     counts_unknown,
-    rate_unit_of,
     split_seconds,
+    states_units,
     time_scale_of,
     times_in,
     unit_in,
 )
-from fltea.recording.dialects import Dialect, Facts, columns_of
+from fltea.recording.dialects import Dialect, Facts, columns_of, nearest
 from fltea.recording.files import TIME_COLUMN, Note, listed
 from fltea.recording.reading import Answer, Evidence, Missing, Question, given_options, not_stated
-from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, PLAUSIBLE_HZ, SECONDS
+from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, PLAUSIBLE_HZ
+from fltea.recording.text_labels import units_beside
+from fltea.recording.timing import rate_of
+from fltea.recording.text_head import stated_in
 from fltea.recording.units import (
-    accel_unit,
-    is_physical,
-    parse_accel_unit,
-    parse_units,
-    rate_unit,
     time_scale,
     time_unit,
 )
@@ -75,11 +72,22 @@ class Choice:
         self.tables: list[str] = []
         self.shown_of = ""
         self.turn = (0, 1)
-        self._by_dialect: Evidence = "convention" if dialect is not None and dialect.convention else "dialect"
+        self.state_units()
+        self.by_dialect: Evidence = "convention" if dialect is not None and dialect.convention else "dialect"
 
     def answer(self, question: Question, value: str, evidence: Evidence, why: str) -> None:
         """Add an answer."""
         self.answers.append(Answer(question, value, evidence, why))
+
+    def state_units(self) -> None:
+        """Take the units that columns of words state in each of the rows that are read."""
+        columns = {
+            name: {*self.facts.cells(k)} - {""} for k, name in enumerate(self.names) if states_units(name)
+        }
+        texts = {name: next(iter(found)) for name, found in columns.items() if len(found) == 1}
+        said = units_beside({**dict.fromkeys(self.names), **texts}) if texts else []
+        units = dict(zip(dict.fromkeys([*self.names, *texts]), said, strict=False))
+        self.units = [unit or units.get(name, "") for name, unit in zip(self.names, self.units, strict=True)]
 
     def gyro(self) -> tuple[tuple[int, ...], tuple[str, ...]]:
         """Find the axes: their places, and what they are called."""
@@ -93,7 +101,7 @@ class Choice:
             self.answer("columns", _as_axes(names, gyro, axes), "given", "--columns")
             return gyro, axes
         if self.dialect is not None and (gyro := columns_of(self.dialect.gyro, names)):
-            self.answer("columns", _as_axes(names, gyro, "xyz"), self._by_dialect, self._said())
+            self.answer("columns", _as_axes(names, gyro, "xyz"), self.by_dialect, self.dialect.name)
             return gyro, ("x", "y", "z")
         found = axes_of(names, self.units)
         if found:
@@ -111,117 +119,24 @@ class Choice:
                     "not known. Give them different names, or say their positions: --columns 1,2,3."
                 )
 
-    def unit(self, gyro: tuple[int, ...]) -> tuple[str, float, float | None]:
-        """Find the unit of the axes: its name, the factor to deg/s or counts, and LSB per deg/s."""
-        stated = [rate_unit_of(self.names[p]) or _rate_or_counts(self.units[p]) for p in gyro]
-        changed = "" if self.how.overrule else self._changed(gyro)
-        known = {one for one in stated if one is not None}
-        self._check_names_against_units(gyro, rate_unit_of, rate_unit, "--units")
-        if self.how.units is not None:
-            parsed = parse_units(self.how.units)
-            self._check_given_unit(gyro, stated, parsed)
-            if changed and parsed[1] is None:
-                raise UsageError(
-                    f"{self.where}: {changed}, and --units {self.how.units} says not whether that is done. If "
-                    f"they are in {self.how.units} as they stand, add --overrule."
-                )
-            self.answer("unit", self.how.units, "given", "--units")
-            return self.how.units, *self._whole(parsed, gyro)
-        if changed:
-            what = f"what the numbers are as they stand: {changed}, and not said is how"
-            self.missing.append(Missing(what, "--units ? --overrule"))
-            return "", 1.0, None
-        if not gyro:
-            if not any(map(rate_unit_of, self.names)) and not any(map(rate_unit, self.units)):
-                self.missing.append(Missing("their unit", "--units ?"))
-            return "", 1.0, None
-        if len(known) > 1:
-            raise UsageError(
-                f"{self.where}: the columns of one sensor are in different units, "
-                + ", ".join(f"{self.names[p]} in {u}" for p, u in zip(gyro, stated, strict=True))
-                + f". Name those that are of one unit with --columns. {OVERRULE}"
-            )
-        self._refuse_other_units(gyro)
-        dialect = self.dialect if self._is_of_dialect(gyro) else None
-        if known and (None not in stated or (dialect is not None and not dialect.ask_unit)):
-            unit = known.pop()
-            self._check_stated_unit(gyro, unit)
-            self.answer("unit", unit, *self.facts.units_from)
-            return unit, *self._whole(parse_units(unit), gyro)
-        if dialect is not None and dialect.gyro_unit and not known:
-            scale = self.facts.number(dialect.gyro_scale) if dialect.gyro_scale else 1.0
-            if scale is not None and math.isfinite(scale) and scale > 0:
-                said = f" times {dialect.gyro_scale} {scale:g} of the head" if dialect.gyro_scale else ""
-                self.answer("unit", f"{dialect.gyro_unit}{said}", self._by_dialect, self._said())
-                factor, lsb = parse_units(dialect.gyro_unit)
-                return dialect.gyro_unit, *self._whole((factor * scale, lsb), gyro)
-        what = listed([self.names[p] for p, unit in zip(gyro, stated, strict=True) if unit is None])
-        some = f" ({listed([self.names[gyro[0]]])} says {next(iter(known))})" if known else ""
-        self.missing.append(Missing(f"the unit of {what}{some}", "--units ?"))
-        return "", 1.0, None
+    def scale(self, name: str) -> float | None:
+        """Return the number that the head gives for a scale of the dialect, 1 for none; None if it is no scale."""
+        scale = self.facts.number(name) if name else 1.0
+        return scale if scale is not None and math.isfinite(scale) and scale > 0 else None
 
-    def _changed(self, places: Sequence[int]) -> str:
-        """Say which columns may still have to be changed by what the file says, and by what."""
-        found = {name: what for p in places if (what := self.facts.changed.get(name := self.names[p]))}
-        return f"{listed([*found])} may have to be changed by {listed([*{*found.values()}])}" if found else ""
-
-    def _whole(self, parsed: tuple[float, float | None], gyro: Sequence[int]) -> tuple[float, float | None]:
-        """Return a unit as factor and LSB; `lsb:N` of fractions is a scale, and says nothing of a resolution."""
-        factor, lsb = parsed
-        values = self.facts.sample()
-        if lsb is None or not gyro or values.ndim != 2 or values.shape[1] <= max(gyro):
-            return factor, lsb
-        columns = values[:, list(gyro)]
-        is_whole = bool((columns == np.rint(columns))[np.isfinite(columns)].all())
-        return (factor, lsb) if is_whole else (factor / lsb, None)
-
-    def _is_of_dialect(self, gyro: Sequence[int]) -> bool:
+    def is_of_dialect(self, gyro: Sequence[int]) -> bool:
         """Whether the dialect speaks of these columns."""
         if self.dialect is None:
             return False
         if not self.dialect.gyro:
             return True
-        triples = [columns_of([triple], self.names) for triple in self.dialect.gyro]
-        return any({*gyro} <= {*triple} for triple in triples)
+        names = [self.names[place] for place in gyro]
+        return any(
+            all(any(re.fullmatch(pattern, name) for pattern in triple) for name in names)
+            for triple in self.dialect.gyro
+        )
 
-    def _check_given_unit(
-        self, gyro: Sequence[int], stated: Sequence[str | None], given: tuple[float, float | None]
-    ) -> None:
-        """Compare what the user says with the names and the row of units, and with the dialect."""
-        if self.how.overrule:
-            return
-        self._refuse_other_units(gyro)
-        for place, unit in zip(gyro, stated, strict=True):
-            if unit is not None and parse_units(unit) != given and self.facts.units_from[0] != "stated":
-                text = (
-                    f"read in {self.how.units}, as --units says; by {self.facts.units_from[1]} they are in "
-                )
-                self.notes.append(Note("reading", f"{self.where}: {text}{unit}."))
-                break
-            if unit is not None and parse_units(unit) != given:
-                raise UsageError(
-                    f"{self.where}: {listed([self.names[place]])} is in {unit} by its name or the row of units, "
-                    f"and --units {self.how.units} says otherwise. Leave --units out. {OVERRULE}"
-                )
-        dialect = self.dialect
-        if self._is_of_dialect(gyro) and dialect is not None and dialect.gyro_unit:
-            if parse_units(dialect.gyro_unit) != given or dialect.gyro_scale:
-                text = f"read in {self.how.units}, as --units says; by {self._said()} they would be in "
-                self.notes.append(Note("reading", f"{self.where}: {text}{dialect.gyro_unit}."))
-
-    def _check_stated_unit(self, gyro: Sequence[int], unit: str) -> None:
-        """Compare what the file states with what the dialect says."""
-        dialect, (evidence, why) = self.dialect, self.facts.units_from
-        if not self._is_of_dialect(gyro) or dialect is None or not dialect.gyro_unit or self.how.overrule:
-            return
-        is_other = dialect.gyro_scale or parse_units(dialect.gyro_unit) != parse_units(unit)
-        if is_other and evidence == "stated":
-            raise UsageError(
-                f"{self.where}: {listed([self.names[gyro[0]]])} is in {unit} by {why}, and {self._said()} writes "
-                f"{dialect.gyro_unit}. Say which is right: --units ? --overrule"
-            )
-
-    def _check_names_against_units(
+    def check_names_against_units(
         self,
         places: Sequence[int],
         in_name: Callable[[str], object],
@@ -237,16 +152,6 @@ class Choice:
                     f"{unit} by the unit beside it. Say which is right: {flag} ? --overrule"
                 )
 
-    def _refuse_other_units(self, gyro: Sequence[int]) -> None:
-        """Refuse columns whose unit is none of an angular rate."""
-        for place in gyro if not self.how.overrule else ():
-            unit = unit_in(self.names[place]) or self.units[place]
-            if is_physical(unit) and rate_unit(unit) is None:
-                raise UsageError(
-                    f"{self.where}: {listed([self.names[place]])} is in {unit} by its name or the row of units, "
-                    f"which is no angular rate. Name the gyroscope's columns with --columns. {OVERRULE}"
-                )
-
     def clock(self, gyro: Sequence[int]) -> tuple[int | None, TimeUnit | None, float, int | None, float]:
         """Find the times: place, unit, factor to that unit, and place and unit in s of what is added to them."""
         place, by_dialect = self._time_column(gyro)
@@ -259,7 +164,7 @@ class Choice:
             for two in map(_TWO_FIELDS.fullmatch, self.dialect.time):
                 if two is not None and two[1] == self.names[place]:
                     return place, "s", 1.0, self.names.index(two[2]), 1e-9
-        self._check_names_against_units([place], time_scale_of, time_scale, "--time-unit")
+        self.check_names_against_units([place], time_scale_of, time_scale, "--time-unit")
         name, beside = self.names[place], self.units[place]
         stated = time_scale(beside) or time_scale_of(name)
         if given is not None and stated is not None and (given, 1.0) != stated and not self.how.overrule:
@@ -273,8 +178,7 @@ class Choice:
             unit, factor = stated
         dialect = self.dialect
         if unit is None and by_dialect and dialect is not None and dialect.time_unit:
-            scale = self.facts.number(dialect.time_scale) if dialect.time_scale else 1.0
-            if scale is None or not scale > 0:
+            if (scale := self.scale(dialect.time_scale)) is None:
                 self._ask_clock(place, f"the unit of {listed([self.names[place]])}")
             else:
                 unit, factor = time_unit(dialect.time_unit), dialect.time_ticks * scale
@@ -308,11 +212,11 @@ class Choice:
     def _time_column(self, gyro: Sequence[int]) -> tuple[int | None, bool]:
         """Return the place of the times, and whether the dialect says what they count."""
         names = self.names
-        dialect = self.dialect
+        dialect, near = self.dialect, commonprefix([names[place] for place in gyro])
         of_dialect = [
             place
             for pattern in (dialect.time if dialect is not None else ())
-            for place in columns_of([[_TWO_FIELDS.sub(r"\1", pattern)]], names)
+            for place in columns_of([[_TWO_FIELDS.sub(r"\1", pattern)]], names, near)
             if not self._is_empty(place)
         ]
         if self.wanted.time is not None:
@@ -333,6 +237,7 @@ class Choice:
         ]
         named = times_in([names[k] for k in left])
         found = [k for k in left if names[k] == TIME_COLUMN] or [k for k in left if names[k] in named]
+        found = [*nearest(found, names, near)]
         for sort in PREFERRED_TIMES if len(found) > 1 else ():
             found = [k for k in found if sort(names[k].lower())] or found
         if len(found) > 1 and self.how.rate_hz is None:
@@ -346,7 +251,7 @@ class Choice:
     def _is_empty(self, place: int) -> bool:
         """Whether none of the first rows has a number in a column."""
         values = self.facts.sample()
-        least = 1 if self.dialect is not None and self.dialect.rate else ENOUGH
+        least = 1 if self.stated_rates() else ENOUGH
         fits = values.ndim == 2 and values.shape[1] == len(self.names) and len(values) >= least
         return fits and not bool(np.isfinite(values[:, place]).any())
 
@@ -355,79 +260,29 @@ class Choice:
         if self.how.rate_hz is not None:
             self.answer("clock", f"{self.how.rate_hz:g} Hz", "given", "--rate")
             return self.how.rate_hz
-        dialect = self.dialect
-        rate_hz: float | None
-        if dialect is not None and dialect.rate and (said := re.search(dialect.rate, self.facts.head, re.M)):
-            why, rate_hz = f"the head: {said[0].strip()}", float(said[1])
-        else:
-            why, rate_hz = next(iter(self.facts.rates.items()), ("", None))
+        rates = self.stated_rates()
+        why, rate_hz = next(iter(rates.items()), ("", None)) if len(rates) < 2 else ("", None)
         if rate_hz is not None and time is None:
             self.answer("clock", f"{rate_hz:g} Hz", "stated", why)
-        if rate_hz is None and time is None:
-            self.missing.append(Missing("the rate, as there is no column of times", "--rate ?"))
+        elif time is None:
+            several = f"which rate is right: {', '.join(rates)}"
+            what = several if rates else "the rate, as there is no column of times"
+            self.missing.append(Missing(what, "--rate ?"))
         return rate_hz
 
-    def accelerometer(self, taken: set[int | None]) -> tuple[tuple[int, ...], float]:
-        """Find an accelerometer's axes x, y, z, and m/s² in their unit; where that is unclear it is not read."""
-        names, dialect = self.names, self.dialect
-        by_dialect = columns_of(dialect.accel, names) if dialect is not None else ()
-        accel, several = by_dialect, False
-        if not accel:
-            letters = [accel_axis_of(name, unit) for name, unit in zip(names, self.units, strict=True)]
-            found = {axis: [k for k, one in enumerate(letters) if one == axis] for axis in "xyz"}
-            several = any(len(places) > 1 for places in found.values())
-            accel = tuple(places[0] for places in found.values() if len(places) == 1)
-        if len(accel) != 3 or {*accel} & taken:
-            if several:
-                self._unread("several columns are called alike")
-            return (), 1.0
-        self._check_names_against_units(accel, accel_unit_of, accel_unit, "--accel-units")
-        shown = listed([names[place] for place in accel])
-        units = [accel_unit_of(names[place]) or accel_unit(self.units[place]) for place in accel]
-        stated = {*units} - {None}
-        if self.how.accel_units is not None:
-            given = parse_accel_unit(self.how.accel_units)[0]
-            if stated and stated != {given} and not self.how.overrule:
-                raise UsageError(
-                    f"{self.where}: {shown} have another unit by their names or the row of units than "
-                    f"--accel-units {self.how.accel_units} says. Leave it out. {OVERRULE}"
-                )
-            self.answer("accelerometer", f"{shown} in {self.how.accel_units}", "given", "--accel-units")
-            return accel, given
-        if len(stated) == 1 and None not in units:
-            self.answer("accelerometer", shown, "stated", "the unit is in the names or the row of units")
-            return accel, float(stated.pop() or 1.0)
-        if by_dialect and dialect is not None and dialect.accel_unit and not stated:
-            scale = self.facts.number(dialect.accel_scale) if dialect.accel_scale else 1.0
-            if scale is not None and scale > 0:
-                self.answer(
-                    "accelerometer", f"{shown} in {dialect.accel_unit}", self._by_dialect, self._said()
-                )
-                return accel, scale * (accel_unit(dialect.accel_unit) or 1.0)
-        values = self.facts.sample()
-        fits = values.ndim == 2 and values.shape[1] == len(names) and len(values) > 0
-        measured = candidates.gravity_unit(values[:, list(accel)]) if fits and not stated else None
-        if measured is None or measured.startswith("lsb:"):  # the range may be one of its own
-            self._unread(f"nothing says the unit of {shown}")
-            return (), 1.0
-        self.answer("accelerometer", f"{shown} in {measured}", "measured", "their length is that of gravity")
-        return accel, float(accel_unit(measured) or 1.0)
-
-    def _unread(self, why: str) -> None:
-        self.answer("accelerometer", "not read", "missing", f"{why}; --accel-units says it")
-
-    def _said(self) -> str:
-        assert self.dialect is not None
-        return f"{self.dialect.name}"
+    def stated_rates(self) -> Mapping[str, float]:
+        """Return the rates in Hz that the file states, by what states each; those of several lines differ."""
+        dialect, head = self.dialect, self.facts.head
+        if dialect is not None and dialect.rate and (said := re.search(dialect.rate, head, re.M)):
+            return {f"the head: {said[0].strip()}": float(said[1])}
+        return self.facts.rates or {f"the head: {line}": hz for line, hz in stated_in(head).rates.items()}
 
     def measured_hz(self, time: int, unit: TimeUnit | None, factor: float) -> float | None:
-        """Return the rate by the first times, if their unit is known."""
+        """Return the rate by the first times, if they are a clock's and their unit is known."""
         values = self.facts.sample()
         if values.ndim != 2 or values.shape[1] <= time or len(values) < 3:
             return None
-        step_s = float(np.nanmedian(np.diff(values[:, time]))) * factor * SECONDS[unit or "s"]
-        rate_hz = 1 / step_s if step_s > 0 else math.inf
-        return rate_hz if unit is not None or PLAUSIBLE_HZ[0] <= rate_hz <= PLAUSIBLE_HZ[1] else None
+        return rate_of(values[:, time] * factor, unit)
 
     def error(self, gyro: Sequence[int], rate_hz: float | None) -> UsageError:
         """Return what asks for all that is missing."""
@@ -438,14 +293,10 @@ class Choice:
         if fits and not gyro:
             tables.append(candidates.columns_table(self.names if has_names else None, values))
         elif fits and any(one.option.startswith("--units ?") for one in self.missing):
-            when = self.dialect.ask_unit if self._is_of_dialect(gyro) and self.dialect is not None else {}
+            when = self.dialect.ask_unit if self.is_of_dialect(gyro) and self.dialect is not None else {}
             tables.append(candidates.units_table(values[:, list(gyro)], rate_hz, when or None))
         tables = [*self.tables, self.shown_of if any(tables) else "", *tables]
         return not_stated(self.where, self.missing, given_options(self.how), "\n".join(filter(None, tables)))
-
-
-def _rate_or_counts(unit: str) -> str | None:
-    return rate_unit(unit) or (unit if unit.startswith("lsb:") else None)
 
 
 def axes_of(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, int]:

@@ -1,0 +1,211 @@
+"""The unit of the axes of a gyroscope: by the user, the file, or the logger, which may not contradict (pure)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fltea.recording.column_names import rate_unit_of, unit_in
+from fltea.recording.evidence import OVERRULE, Choice
+from fltea.recording.files import Note, listed
+from fltea.recording.reading import Missing
+from fltea.recording.text_head import stated_in
+from fltea.recording.units import is_physical, parse_units, rate_unit
+from fltea.records.errors import UsageError
+
+ALIKE = 0.02
+"""Of two scales that mean the same: that of a head is rounded."""
+
+Unit = tuple[str, float, float | None]
+"""Its name, the factor to deg/s or counts, and LSB per deg/s."""
+
+_ASKED: Unit = ("", 1.0, None)
+
+
+def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
+    """Find the unit of the axes.
+
+    Raises:
+        UsageError: two that tell it contradict each other, or it is none of angular rates.
+    """
+    _use_head(choice, gyro)
+    stated = [rate_unit_of(choice.names[p]) or _rate_or_counts(choice.units[p]) for p in gyro]
+    changed = "" if choice.how.overrule else _changed(choice, gyro)
+    choice.check_names_against_units(gyro, rate_unit_of, rate_unit, "--units")
+    if choice.how.units is not None:
+        return _given(choice, gyro, stated, changed)
+    if changed:
+        what = f"what the numbers are as they stand: {changed}, and not said is how"
+        choice.missing.append(Missing(what, "--units ? --overrule"))
+        return _ASKED
+    known = {one for one in stated if one is not None}
+    if len(known) > 1:
+        raise UsageError(
+            f"{choice.where}: the columns of one sensor are in different units, "
+            + ", ".join(f"{choice.names[p]} in {u}" for p, u in zip(gyro, stated, strict=True))
+            + f". Name those that are of one unit with --columns. {OVERRULE}"
+        )
+    _refuse_other_units(choice, gyro)
+    dialect = choice.dialect if choice.is_of_dialect(gyro) else None
+    if known and (None not in stated or (dialect is not None and not dialect.ask_unit)):
+        unit = known.pop()
+        _check_against_dialect(choice, gyro, unit)
+        choice.answer("unit", unit, *choice.facts.units_from)
+        return unit, *_whole(choice, parse_units(unit), gyro)
+    if not known and gyro and (found := _of_dialect(choice, gyro)) is not None:
+        return found
+    _ask(choice, gyro, stated)
+    return _ASKED
+
+
+def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> None:
+    """Ask for the unit; but for that of columns that are asked for as well only if none of them states one."""
+    if any(one.option.startswith("--units ?") for one in choice.missing):
+        return
+    if gyro:
+        what = listed([choice.names[p] for p, unit in zip(gyro, stated, strict=True) if unit is None])
+        known = next(filter(None, stated), None)
+        some = f" ({listed([choice.names[gyro[0]]])} says {known})" if known else ""
+        choice.missing.append(Missing(f"the unit of {what}{some}", "--units ?"))
+    elif not any(map(rate_unit_of, choice.names)) and not any(map(rate_unit, choice.units)):
+        choice.missing.append(Missing("their unit", "--units ?"))
+
+
+def _use_head(choice: Choice, gyro: Sequence[int]) -> None:
+    """Put beside the axes the unit that the head states, and compare it with that of their names."""
+    units = dict(stated_in(choice.facts.head).units)
+    if not _is_whole(choice, gyro):  # of fractions counts are the sensor's, and not what stands here
+        units = {line: unit for line, unit in units.items() if not unit.startswith("lsb:")}
+    beside = [choice.units[p] or (rate_unit_of(choice.names[p]) or "") for p in gyro]
+    others = {line: unit for line, unit in units.items() if rate_unit(unit)}
+    for place, name in zip(gyro, beside, strict=True):
+        line, unit = next(iter(others.items()), ("", None))
+        if rate_unit(name) and unit and unit != rate_unit(name) and not choice.how.overrule:
+            raise UsageError(
+                f"{choice.where}: {listed([choice.names[place]])} is in {name} by its name or the row of units, "
+                f'and "{line}" stands in the head. Say which is right: --units ? --overrule'
+            )
+    if len(units) > 1 and not any(beside):
+        given = None if choice.how.units is None else parse_units(choice.how.units)
+        units = {line: unit for line, unit in units.items() if parse_units(unit) == given}
+        if given is None:
+            each = " or ".join(f'"{line}"' for line in stated_in(choice.facts.head).units)
+            choice.missing.append(Missing(f"which unit of the head is right, {each}", "--units ?"))
+    if len(units) == 1 and not any(beside):
+        ((line, unit),) = units.items()
+        for place in gyro:
+            choice.units[place] = unit
+        choice.facts = choice.facts._replace(units_from=("stated", f"the head: {line}"))
+
+
+def _given(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None], changed: str) -> Unit:
+    """Take the user's unit, compared with what the file states and the logger writes."""
+    units = str(choice.how.units)
+    parsed = parse_units(units)
+    if not choice.how.overrule:
+        _refuse_other_units(choice, gyro)
+        _check_given(choice, gyro, stated, parsed)
+    if changed and parsed[1] is None:
+        raise UsageError(
+            f"{choice.where}: {changed}, and --units {units} says not whether that is done. If "
+            f"they are in {units} as they stand, add --overrule."
+        )
+    choice.answer("unit", units, "given", "--units")
+    dialect = choice.dialect if choice.is_of_dialect(gyro) and not choice.how.overrule else None
+    if dialect is not None and dialect.gyro_unit and not any(stated):
+        scale, by_dialect = choice.scale(dialect.gyro_scale), parse_units(dialect.gyro_unit)
+        if dialect.gyro_scale and scale is not None:
+            read, said = parsed[0] / (parsed[1] or 1.0), by_dialect[0] * scale
+            if parsed == by_dialect or abs(read / said - 1) < ALIKE:
+                return units, *_whole(choice, (said, None) if parsed == by_dialect else parsed, gyro)
+            raise UsageError(
+                f"{choice.where}: {dialect.gyro_scale} {scale:g} stands in the head: times that, the numbers are "
+                f"{dialect.gyro_unit} ({dialect.name}), and --units {units} says otherwise. Leave --units out. "
+                f"{OVERRULE}"
+            )
+        if by_dialect != parsed:
+            text = (
+                f"read in {units}, as --units says; by {dialect.name} they would be in {dialect.gyro_unit}."
+            )
+            choice.notes.append(Note("reading", f"{choice.where}: {text}"))
+    return units, *_whole(choice, parsed, gyro)
+
+
+def _check_given(
+    choice: Choice, gyro: Sequence[int], stated: Sequence[str | None], given: tuple[float, float | None]
+) -> None:
+    evidence, why = choice.facts.units_from
+    for place, unit in zip(gyro, stated, strict=True):
+        if unit is None or parse_units(unit) == given:
+            continue
+        if evidence != "stated":
+            text = f"read in {choice.how.units}, as --units says; by {why} they are in {unit}."
+            choice.notes.append(Note("reading", f"{choice.where}: {text}"))
+            return
+        by = why if why.startswith("the head") else "its name or the row of units"
+        raise UsageError(
+            f"{choice.where}: {listed([choice.names[place]])} is in {unit} by {by}, "
+            f"and --units {choice.how.units} says otherwise. Leave --units out. {OVERRULE}"
+        )
+
+
+def _of_dialect(choice: Choice, gyro: Sequence[int]) -> Unit | None:
+    """Return the unit that the logger writes, times the scale in the head where it writes one."""
+    dialect = choice.dialect if choice.is_of_dialect(gyro) else None
+    scale = None if dialect is None else choice.scale(dialect.gyro_scale)
+    if dialect is None or not dialect.gyro_unit or scale is None:
+        return None
+    said = f" times {dialect.gyro_scale} {scale:g} of the head" if dialect.gyro_scale else ""
+    choice.answer("unit", f"{dialect.gyro_unit}{said}", choice.by_dialect, dialect.name)
+    factor, lsb = parse_units(dialect.gyro_unit)
+    return dialect.gyro_unit, *_whole(choice, (factor * scale, lsb), gyro)
+
+
+def _check_against_dialect(choice: Choice, gyro: Sequence[int], unit: str) -> None:
+    """Compare what the file states with what the logger writes."""
+    dialect, (evidence, why) = choice.dialect, choice.facts.units_from
+    if not choice.is_of_dialect(gyro) or dialect is None or not dialect.gyro_unit or choice.how.overrule:
+        return
+    is_other = dialect.gyro_scale or parse_units(dialect.gyro_unit) != parse_units(unit)
+    if is_other and evidence == "stated":
+        raise UsageError(
+            f"{choice.where}: {listed([choice.names[gyro[0]]])} is in {unit} by {why}, and {dialect.name} "
+            f"writes {dialect.gyro_unit}. Say which is right: --units ? --overrule"
+        )
+
+
+def _refuse_other_units(choice: Choice, gyro: Sequence[int]) -> None:
+    """Refuse columns whose unit is none of an angular rate."""
+    for place in gyro if not choice.how.overrule else ():
+        unit = unit_in(choice.names[place]) or choice.units[place]
+        if is_physical(unit) and rate_unit(unit) is None:
+            raise UsageError(
+                f"{choice.where}: {listed([choice.names[place]])} is in {unit} by its name or the row of units, "
+                f"which is no angular rate. Name the gyroscope's columns with --columns. {OVERRULE}"
+            )
+
+
+def _changed(choice: Choice, places: Sequence[int]) -> str:
+    """Say which columns may still have to be changed by what the file says, and by what."""
+    found = {name: what for p in places if (what := choice.facts.changed.get(name := choice.names[p]))}
+    return f"{listed([*found])} may have to be changed by {listed([*{*found.values()}])}" if found else ""
+
+
+def _whole(
+    choice: Choice, parsed: tuple[float, float | None], gyro: Sequence[int]
+) -> tuple[float, float | None]:
+    """Return a unit as factor and LSB; `lsb:N` of fractions is a scale, and says nothing of a resolution."""
+    factor, lsb = parsed
+    return (factor, lsb) if lsb is None or _is_whole(choice, gyro) else (factor / lsb, None)
+
+
+def _is_whole(choice: Choice, gyro: Sequence[int]) -> bool:
+    """Whether the first rows have whole numbers only, as far as is known."""
+    values = choice.facts.sample()
+    if not gyro or values.ndim != 2 or values.shape[1] <= max(gyro):
+        return True
+    columns = values[:, list(gyro)]
+    return bool((columns == np.rint(columns))[np.isfinite(columns)].all())
+
+
+def _rate_or_counts(unit: str) -> str | None:
+    return rate_unit(unit) or (unit if unit.startswith("lsb:") else None)
