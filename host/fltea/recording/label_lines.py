@@ -13,9 +13,6 @@ _ONE = re.compile(
     rf"(?:(?P<time>{NUMBER}):)?(?P<value>{COMMA}|(?>{NUMBER}))(?:§|\s+)?(?P<unit>[^\s\d,;|:=§][^,;|:=§]*?)?"
     r"(?:\|\w*)?\s*"
 )
-A_LABEL = re.compile(rb"^[ \t>]*[^\W\d][^:=\n]{0,80}[:=]", re.M)
-"""Whether such a line may be among others."""
-
 _NUMBERS = re.compile(rf"{NUMBER}\D+{NUMBER}")
 _AXIS = re.compile(r"(?:.*[^\W_]|.*_|)([xyzXYZ])")
 
@@ -34,6 +31,9 @@ class LabelLines:
     A sample ends where a label comes again, or one that stands before the last one in the first samples. With
     Teleplot's mark `>` a number may have its time in front, which is in ms: `>gx:1000:1.2`.
     """
+
+    begins = re.compile(rb"^[ \t>]*[^\W\d][^:=\n]{0,80}[:=]", re.M)
+    """Whether there may be such a line among others."""
 
     def __init__(self) -> None:
         self._order: dict[str, int] = {}

@@ -21,7 +21,7 @@ LONGEST_LABEL = 80
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 COMMA = r"[-+]?\d+,\d+(?=[\s;|]|$)"
 _PAIR = re.compile(
-    rf"(?P<label>[^\W\d](?:[^:=,;|\t\[\]{{}}()\"]|\([^():=]*\)){{0,{LONGEST_LABEL}}}?)\s*(?:[:=]\s*\[?|\[)\s*"
+    rf"(?P<label>[^\W\d][^:=,;|\t\[\]{{}}\"]{{0,{LONGEST_LABEL}}}?)\s*(?:[:=]\s*\[?|\[)\s*"
     rf"(?P<first>{COMMA}|(?>{NUMBER})(?![\d,.]*:))"
     rf"(?:\s*[,\s]\s*(?P<second>{NUMBER})\s*[,\s]\s*(?P<third>{NUMBER})(?![\w:=.]|\s*[,\s]\s*[-+\d]))?\s*\]?"
 )
@@ -68,9 +68,12 @@ def _flatten(name: str, value: Any, flat: dict[str, Any], depth: int) -> None:
 def units_beside(found: Mapping[str, Any]) -> list[str]:
     """Return the unit that texts in an object state for each name in it, "" where they state none."""
     units = units_of(found)
-    return [
-        _fitting(name, unit_of(units, name, _AXIS.sub("", name), 0, 1)) if units else "" for name in found
-    ]
+    return [_fitting(name, unit_of(units, name, without_axis(name), 0, 1)) if units else "" for name in found]
+
+
+def without_axis(name: str) -> str:
+    """Return the name of what an axis is part of: `gyro` of `gyro.x` and of gyro_x."""
+    return _AXIS.sub("", name)
 
 
 def _fitting(name: str, unit: str) -> str:
@@ -94,8 +97,12 @@ def labelled(line: str) -> Labelled | None:
     members: list[str] = []
     group, end = "", 0
     for found in _PAIR.finditer(line):
-        before = _GROUP_BEFORE.search(line[max(end, found.start() - LONGEST_LABEL) : found.start()])
-        words = found["label"].split()
+        text, start = found["label"], found.start()
+        if text.count("(") > text.count(")"):  # what is in front of the bracket is a group's
+            start += text.rfind("(") + 1
+            text = text.rpartition("(")[2]
+        before = _GROUP_BEFORE.search(line[max(end, start - LONGEST_LABEL) : start])
+        words = text.split() or [""]
         while members and len(words) > 1 and is_unit(words[0]):  # the unit of the number before
             units.update(dict.fromkeys(members, words.pop(0)))
         unit = ""

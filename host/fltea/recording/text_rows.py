@@ -15,7 +15,8 @@ import numpy as np
 from fltea.recording.candidates import columns_table
 from fltea.recording.columns import Chosen, check_sensors
 from fltea.recording.files import Note
-from fltea.recording.label_lines import A_LABEL, LabelLines
+from fltea.recording.flash_lines import FlashLines
+from fltea.recording.label_lines import LabelLines
 from fltea.recording.lines import LONGEST_LINE, shown
 from fltea.recording.one_sensor import OneSensor, as_word
 from fltea.recording.reading import given_options
@@ -97,7 +98,7 @@ class TextReader:
         self.notes: list[Note] = []
         self._where, self._how = where, how
         self._sample: list[str] = []
-        self._clocks, self._labels = Clocks(), LabelLines()
+        self._clocks, self._stages = Clocks(), (FlashLines(how.columns), LabelLines())
         self._finder = LayoutFinder(where, how, lambda: self._sample)
         self.chosen: Chosen | None = None
         self._parser: RowParser | None = None
@@ -208,8 +209,9 @@ class TextReader:
         before, first, newest = self.counts.copy(), self.first, self.newest
         if rest:
             found += self._take(rest)
-        if lines := self._labels.finish():
-            found += self._rows_in("\n".join(lines).encode())
+        for stage in self._stages:
+            if lines := stage.finish():
+                found += self._rows_in("\n".join(lines).encode())
         if not found and self.chosen is not None and self.counts != before:
             self.counts, self.first, self.newest = before, first, newest
             text = f"{self._where}:{self.lines}: the last line is cut off, and left out."
@@ -221,11 +223,12 @@ class TextReader:
         data = plain_lines(data)
         if b":" in data and A_CLOCK.search(data):
             data = self._clocks.with_seconds(decoded(data)).encode()
-        if self._labels.holds or (self.chosen is None and A_LABEL.search(data)):
-            lines = self._labels.take(decoded(data).split("\n"), is_known=self.chosen is not None)
-            data = "\n".join(lines).encode()
-            if not lines:
-                return []
+        for stage in self._stages:
+            if stage.holds or (self.chosen is None and stage.begins.search(data)):
+                lines = stage.take(decoded(data).split("\n"), is_known=self.chosen is not None)
+                data = "\n".join(lines).encode()
+                if not lines:
+                    return []
         return self._rows_in(data)
 
     def _rows_in(self, data: bytes) -> list[Rows]:

@@ -84,6 +84,9 @@ def _place_of(choice: Choice, column: str) -> int | None:
     for known in (choice.labels, choice.names):
         if column in known:
             return known.index(column)
+    inner = [place for place, name in enumerate(choice.names) if name.endswith(f".{column}")]
+    if len(inner) == 1:
+        return inner[0]
     is_position = column.isdecimal() and 1 <= int(column) <= len(choice.names)
     return int(column) - 1 if is_position else None
 
