@@ -98,7 +98,14 @@ def test_a_topic_first_and_then_a_sensor(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("column", "values"),
-    [("sensor_id", [0, 1]), ("id", [7, 3]), ("imu", ["left", "right"]), ("frame_id", ["a", "b"])],
+    [
+        ("source", ["l", "r"]),
+        ("which", [5, 4]),
+        ("sensor_id", [0, 1]),
+        ("id", [7, 3]),
+        ("imu", ["left", "right"]),
+        ("frame_id", ["a", "b"]),
+    ],
 )
 def test_sensors_in_json(tmp_path: Path, column: str, values: list[Any]) -> None:
     path = write_objects(tmp_path / "a.mcap", objects(**{column: values}), STAMPS)
@@ -120,6 +127,13 @@ def test_all_that_is_missing_is_asked_for_at_once(tmp_path: Path) -> None:
     assert "--units deg/s     σ in deg/s" in str(asked.value)
     stored = open_bag(path, How(topic="1", units="deg/s", rate_hz=100.0))
     assert stored.whole().gyro == pytest.approx(RIGHT)
+
+
+def test_fields_that_do_not_take_turns_tell_no_sensors(tmp_path: Path) -> None:
+    noise = np.random.default_rng(5).integers(0, 2, N).tolist()
+    states = ["cold"] * (N // 2) + ["warm"] * (N // 2)
+    path = write_objects(tmp_path / "a.mcap", objects(parity=noise, state=states, note=["-"]), STAMPS)
+    assert open_bag(path).whole().gyro == pytest.approx(BOTH)
 
 
 @pytest.mark.parametrize("column", ["i", "sensor_id", "id"])

@@ -295,7 +295,9 @@ def described(**texts: str) -> dict[str, Any]:
         ({"root": "One sample: rates in mrad/s, accelerations in m/s^2."}, "mrad/s"),
         ({"root": "from the robot, rad/s", "field": "deg/s"}, "deg/s"),
         ({"other": "deg/s"}, None),
-        ({"field": "deg/s, formerly rad/s"}, None),
+        ({"field": "deg/s, formerly rad/s"}, "deg/s"),
+        ({"field": "deg/s or rad/s"}, None),
+        ({"field": "convert to deg/s before use"}, None),
         ({"field": "the gyroscope"}, None),
         ({"field": "Range ±2000 deg/s"}, None),
         ({"field": "full scale in deg/s"}, None),
@@ -367,6 +369,19 @@ def test_a_unit_in_each_message(tmp_path: Path, beside: dict[str, Any]) -> None:
         open_bag(path, How(units="rad/s"))
     in_rads = open_bag(path, How(units="rad/s", overrule=True)).whole().gyro
     assert in_rads == pytest.approx(np.degrees(np.delete(at_rest(), 40, axis=0)))
+
+
+def test_a_scale_in_each_message(tmp_path: Path) -> None:
+    counts = np.rint(at_rest() * 131)
+    some = objects(counts, scale=1 / 131, unit="deg/s")
+    path = write_objects(tmp_path / "a.mcap", some, STAMPS)
+    with pytest.raises(NotStated, match=r"stand: scale 0\.00763359 may .*: --units \? --overrule$"):
+        open_bag(path)
+    with pytest.raises(UsageError, match=r"changed by scale 0\.00763359, and --units deg/s says not whether"):
+        open_bag(path, How(units="deg/s"))
+    stored = open_bag(path, How(units="lsb:131", overrule=True))
+    assert stored.whole().gyro == pytest.approx(counts)
+    assert open_bag(path, How(units="deg/s", overrule=True)).whole().gyro == pytest.approx(counts)
 
 
 def test_axes_of_different_units_are_refused(tmp_path: Path) -> None:

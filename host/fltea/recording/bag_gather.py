@@ -58,7 +58,9 @@ class Gathered:
         unit, lsb = ("", None) if self._rate is None else (self._rate.said.unit, self._rate.lsb)
         self._plausible = Plausible(Chosen(list(layout.gyro), (0, 1, 2), None, unit, 1.0, lsb, None))
         is_told = layout.by.evidence == "given"
-        self._sensors = Sensors(self._where, [*layout.tell, PUBLISHER], None if is_told else sensor)
+        self._sensors = Sensors(
+            self._where, [PUBLISHER, *layout.tell], None if is_told else sensor, layout.others
+        )
         self._is_whole = True
         self._unread: list[Answer] = []
         self._spool = Spool()
@@ -93,7 +95,7 @@ class Gathered:
         self._unusable += len(messages) - len(np.unique(imu.row))
         arrival_ns = np.array(arrivals, np.int64)
         publishers = self._publishers(np.array(by, np.str_), arrival_ns)[imu.row]
-        imu = imu.rows(self._sensors.keep([*imu.tell, publishers]))
+        imu = imu.rows(self._sensors.keep([publishers, *imu.tell], imu.gyro))
         arrival_ns = arrival_ns[imu.row]
         if self._ticks is None:
             self._ticks = measured_ticks(self._layout, imu.time, arrival_ns)

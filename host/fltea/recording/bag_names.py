@@ -36,7 +36,8 @@ _CLAUSE_END = re.compile(r"[;,\n]|\.(?=\s|$)")
 _NUMBER = re.compile(r"[^\w\s]*\d[\d.]*")
 _NOT_OF_VALUES = re.compile(
     r"\b(?:ranges?|full[ -]?scale|scale factor|fsr?|sensitivity|resolution|limit(?:s|ed)?|max(?:imum)?"
-    r"|minimum|threshold|density|lsbs?|counts?|up to|not|instead of)\b|±|\+/-"
+    r"|minimum|threshold|saturat\w*|offset|density|lsbs?|counts?|up to|within|not|instead of|formerly"
+    r"|previously|used to|multipl\w+|divided?|convert|converted from|conversion)\b|±|\+/-"
 )
 """What a clause speaks of whose unit need not be that of the values: `range ±2000 deg/s`."""
 
@@ -59,8 +60,9 @@ class Layout(NamedTuple):
     empty where nothing says it. rate, accel_unit: None where nothing says it. by: why these are the axes.
     unread: other fields that look like a sensor's. definitions: of ROS' types; the first that fits counts.
     is_known: whether the type is one that is made for this. more: what else is read. tell: fields that may
-    tell several sensors apart. several: gyroscopes in one message, of which one has to be chosen. fixed:
-    fields that have the same text in each message that is read.
+    tell several sensors apart by their names; others: those of which nobody knows what they tell. several:
+    gyroscopes in one message, of which one has to be chosen. fixed: fields that have the same text in each
+    message that is read. changed: what may still have to be done to the rates, "" if nothing is said.
     """
 
     gyro: tuple[str, ...]
@@ -75,8 +77,10 @@ class Layout(NamedTuple):
     is_known: bool = True
     more: tuple[str, ...] = ()
     tell: tuple[str, ...] = ()
+    others: tuple[str, ...] = ()
     several: tuple[str, ...] = ()
     fixed: tuple[tuple[str, str], ...] = ()
+    changed: str = ""
 
 
 class Texts(NamedTuple):

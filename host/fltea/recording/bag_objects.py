@@ -4,7 +4,7 @@ Their fields are found by their names, as columns of text are. No convention tel
 or what the schema says of the fields in words, or the user.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from functools import lru_cache, partial
 from typing import Any
 
@@ -13,10 +13,10 @@ import numpy as np
 
 from fltea.recording.bag_imu import FRAME, Imu
 from fltea.recording.bag_names import Layout, Texts, named_layout
-from fltea.recording.column_names import named_axis, tells_sensors
+from fltea.recording.column_names import is_time, named_axis, tells_sensors
 from fltea.recording.one_sensor import as_word
-from fltea.recording.readers.beside import units_of
-from fltea.recording.text_labels import DEEPEST, decode_object, units_beside
+from fltea.recording.readers.beside import scale_of, units_of
+from fltea.recording.text_labels import DEEPEST, decode_object, units_beside, without_axis
 from fltea.recording.text_times import with_seconds
 from fltea.records.records import AXES
 from fltea.settings.extras import load
@@ -25,6 +25,9 @@ Decoder = Callable[[bytes], dict[str, Any]]
 
 WORDS = "description", "title", "unit", "units", "x-unit", "$comment"
 """What says of a field in JSON Schema what it is."""
+
+MOST_OTHERS = 16
+"""Fields of an object that are looked at for what tells sensors apart."""
 
 MOST_TRIED, MOST_TEXTS = 100, 10_000
 """Messages of which one has to hold a gyroscope's numbers, and texts of a schema that are looked at."""
@@ -52,23 +55,31 @@ def layout_of(
         if layout is not None:
             is_date = len(layout.time) == 1 and _as_number(found[layout.time[0]])[1]
             fixed = tuple((name, str(value)) for name, value in found.items() if units_of({name: value}))
-            layout = layout._replace(tell=tuple(filter(_tells(found), found)), fixed=fixed)
+            rate, labels = layout.rate.unit if layout.rate else "", layout.gyro
+            is_whole = all(_is_whole(found[name]) for name in labels)
+            changed = scale_of(found, without_axis(labels[0]), labels, rate, is_whole=is_whole)
+            tell, others = _telling(
+                found, {*layout.time, *labels, *layout.accel, *(name for name, _ in fixed)}
+            )
+            layout = layout._replace(tell=tell, others=others, fixed=fixed, changed=changed)
             return layout._replace(time_s=(1.0,)) if is_date else layout
     return None
 
 
-def _tells(found: dict[str, Any]) -> Callable[[str], bool]:
-    """Whether a field may tell sensors apart: a text or a whole number; what is called frame_id may count."""
+def _is_whole(value: Any) -> bool:
+    return type(value) is int or (isinstance(value, float) and value.is_integer())
 
-    def tells(name: str) -> bool:
-        is_frame = name.rpartition(".")[2] == FRAME
-        return (
-            isinstance(found[name], str)
-            if is_frame
-            else tells_sensors(name) and type(found[name]) in (str, int)
-        )
 
-    return tells
+def _telling(found: dict[str, Any], known: Container[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Fields that tell sensors apart by their names, and others that may: texts and whole numbers.
+
+    What is called frame_id may count pictures, where it is a number.
+    """
+    free = [name for name, value in found.items() if name not in known and type(value) in (str, int)]
+    tell = [name for name in free if tells_sensors(name) or name.rpartition(".")[2] == FRAME]
+    tell = [name for name in tell if name.rpartition(".")[2] != FRAME or isinstance(found[name], str)]
+    others = [name for name in free if name not in tell and not is_time(name)]
+    return tuple(tell), tuple(others[:MOST_OTHERS])
 
 
 def read_objects(messages: Sequence[bytes], layout: Layout, encoding: str, kind: str, schema: bytes) -> Imu:
@@ -89,7 +100,7 @@ def read_objects(messages: Sequence[bytes], layout: Layout, encoding: str, kind:
             continue
         rows.append(row)
         numbers.append(line)
-        told.append([_as_word(found.get(name)) for name in layout.tell])
+        told.append([_as_word(found.get(name)) for name in (*layout.tell, *layout.others)])
     values = np.array(numbers, np.float64).reshape(-1, len(names))
     begin = len(layout.time)
     accel = values[:, begin + 3 :] if layout.accel else np.zeros((len(rows), 3))

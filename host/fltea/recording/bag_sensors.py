@@ -7,15 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.recording.files import listed
-from fltea.recording.one_sensor import OneSensor
+from fltea.recording.one_sensor import OneSensor, tells_apart
 from fltea.recording.reading import Missing, NotStated
-from fltea.recording.sample_times import Ints, Marks
+from fltea.recording.sample_times import Floats, Ints, Marks
 
 ALL_ARE_ONE = "1/1"
 """What the user says where the fields tell something else."""
 
 FEWEST = 10
 """Messages, each with another value, that say that a field counts and tells no sensors apart."""
+
+MOST_LOOKED_AT = 500
+"""Messages that show whether sensors take turns."""
 
 PUBLISHER = "publisher"
 """In place of a field: who wrote the messages."""
@@ -32,20 +35,27 @@ def are_at_once(publishers: NDArray[np.str_], arrival_ns: Ints) -> bool:
 class Sensors:
     """The sensors of a topic.
 
-    names: of the fields. value: of the sensor that the user means, `NAME=VALUE` or VALUE.
+    names: of the fields. others: of fields behind them, which tell sensors apart if they take turns. value:
+    of the sensor that the user means, `NAME=VALUE` or VALUE.
     which: what has to be asked, once there are several and none is meant; until then they are of the first.
     """
 
-    def __init__(self, where: str, names: Sequence[str], value: str | None) -> None:
-        self._where, self._names, self._value = where, names, value
+    def __init__(
+        self, where: str, names: Sequence[str], value: str | None, others: Sequence[str] = ()
+    ) -> None:
+        self._where, self._names, self._value = where, [*names, *others], value
+        self._named = len(names)
         self._of: dict[int, OneSensor] | None = {} if value == ALL_ARE_ONE else None
         self.which: Missing | None = None
 
-    def keep(self, values: Sequence[NDArray[np.str_]]) -> Marks:
-        """Mark the messages that are to be read; values: of each field (n,)."""
+    def keep(self, values: Sequence[NDArray[np.str_]], figures: Floats | None = None) -> Marks:
+        """Mark the messages that are to be read.
+
+        values: of each field (n,). figures: numbers (n, columns) of the same messages.
+        """
         kept = np.ones(len(values[0]) if values else 0, np.bool_)
         if self._of is None and len(kept):
-            self._of = self._look(values)
+            self._of = self._look(values, np.zeros((len(kept), 1)) if figures is None else figures)
         for place, sensor in (self._of or {}).items():
             words = values[place][kept].tolist()
             try:
@@ -58,11 +68,18 @@ class Sensors:
             kept[kept] = ours
         return kept
 
-    def _look(self, values: Sequence[NDArray[np.str_]]) -> dict[int, OneSensor]:
+    def _look(self, values: Sequence[NDArray[np.str_]], figures: Floats) -> dict[int, OneSensor]:
         """Take the fields that tell sensors apart, and that in which the user's value stands."""
         column, mark, value = (self._value or "").rpartition("=")
         words = {place: {*one.tolist()} for place, one in enumerate(values)}
-        fields = [place for place, some in words.items() if len(some) < max(FEWEST, len(values[place]))]
+        fields = [k for k in range(self._named) if len(words[k]) < max(FEWEST, len(values[k]))]
+        first = slice(MOST_LOOKED_AT)
+        fields += [
+            place
+            for place in range(self._named, len(values))
+            if tells_apart(values[place][first].tolist(), None, figures[first])
+            or (mark and self._names[place] == column)
+        ]
         if mark and column in self._names:
             meant: int | None = self._names.index(column)
         else:

@@ -13,7 +13,7 @@ import numpy as np
 from fltea.recording.bag_names import Layout, Said, title
 from fltea.recording.candidates import MOST_MEAN_DPS, MOST_N, gravity_unit
 from fltea.recording.files import Note
-from fltea.recording.reading import Missing, not_stated
+from fltea.recording.reading import Missing, given_options, not_stated
 from fltea.recording.sample_times import Floats
 from fltea.recording.units import parse_accel_unit, parse_units
 from fltea.records.errors import UsageError
@@ -74,6 +74,15 @@ def scales(where: str, layout: Layout, how: How) -> tuple[Scale | None, Scale | 
             notes.append(Note("reading", f"{where}: {text}."))
         return found
 
+    changed = "" if how.overrule else layout.changed
+    if changed and how.units is None:
+        what = f"what {title(layout.gyro)} are as they stand: {changed} may have to be applied"
+        raise not_stated(where, [Missing(what, "--units ? --overrule")], given_options(how))
+    if changed and how.units is not None and parse_units(how.units)[1] is None:
+        raise UsageError(
+            f"{where}: {title(layout.gyro)} may have to be changed by {changed}, and --units {how.units} "
+            f"says not whether that is done. If they are in {how.units} as they stand, add --overrule."
+        )
     rate = settled(layout.gyro, layout.rate, how.units, "--units", parse_units)
     if how.accel_units is not None and not layout.accel:
         raise UsageError(f"{where}: --accel-units is given, and its messages have no accelerometer.")
