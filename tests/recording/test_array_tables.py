@@ -78,7 +78,10 @@ def test_npy_with_fields_is_read_by_their_names(tmp_path: Path) -> None:
     )
 
 
+ALONE = 0.02 * GYRO + [0.1, -0.2, 9.81]
+
 BAD_NPY = {
+    "accelerations": (ALONE, {"rate_hz": 1.0}, "1, 2, 3 have the length 9.8"),
     "six columns": (
         np.c_[GYRO, ACCEL],
         {"rate_hz": 1.0},

@@ -198,6 +198,13 @@ def test_an_archive_with_other_times_or_no_scale_is_read_as_any(tmp_path: Path) 
     assert found.whole().gyro.tolist() == counts.tolist()
 
 
+def test_attributes_without_a_value_and_axes_of_words_say_nothing(tmp_path: Path) -> None:
+    arrays = {"gyro_dps": GYRO, "t": TIMES_S, "@title": h5py.Empty("S1"), "gyro_dps@units": h5py.Empty("S1")}
+    assert hdf5(tmp_path, arrays).samples == N
+    words = {"gyro_x_dps": np.array(["a"] * 60), "gyro_y_dps": GYRO[:60, 1], "fs": 100.0}
+    assert "gyro_x_dps: holds text" in refusal(npz, tmp_path, words)
+
+
 def test_a_series_of_nwb_is_scaled_as_its_schema_says(tmp_path: Path) -> None:
     data = {"conversion": 0.01, "offset": 0.5, "resolution": 0.001, "unit": "rad/s"}
     series = {"acquisition/gyro/data": np.rint(GYRO * 100), **beside("acquisition/gyro/data", data, "@")}

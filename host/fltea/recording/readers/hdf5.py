@@ -33,9 +33,7 @@ def read(path: Path, _: str) -> Sheet:
 
     def take(path: str, item: Any) -> None:
         name = path.replace("/", ".")
-        attributes = {
-            key.lower(): value for key, value in item.attrs.items() if np.size(value) <= MOST_SENSORS
-        }
+        attributes = _attributes_of(item)
         if path.endswith("/starting_time") and "rate" in attributes:  # of NWB's group
             facts[f"{name.rpartition('.')[0]}.rate"] = attributes["rate"]
         if isinstance(item, h5py.Group):
@@ -47,7 +45,7 @@ def read(path: Path, _: str) -> Sheet:
         elif not path.startswith(MATLABS):
             for part, data in _parts_of(path, item):
                 name = part.replace("/", ".")
-                kept = attributes if data is item else {key.lower(): one for key, one in data.attrs.items()}
+                kept = attributes if data is item else _attributes_of(data)
                 is_nwb = "neurodata_type" in item.parent.attrs
                 found[name], doubts[name] = _read_as(data, kept, NWB if is_nwb else NETCDF)
                 facts.update({f"{name}@{key}": value for key, value in kept.items()})
@@ -56,6 +54,12 @@ def read(path: Path, _: str) -> Sheet:
     take("", file)
     file.visititems(take)
     return of_arrays(tables or found, attributes=facts, doubts=doubts)
+
+
+def _attributes_of(item: Any) -> dict[str, Any]:
+    """Attributes by their names in small letters; long ones say nothing of columns."""
+    sizes = {key: np.size(one) for key, one in item.attrs.items()}  # None of an empty one
+    return {key.lower(): item.attrs[key] for key, size in sizes.items() if 0 < (size or 0) <= MOST_SENSORS}
 
 
 def _parts_of(path: str, data: Any) -> Iterator[tuple[str, Any]]:
