@@ -117,6 +117,23 @@ def test_a_summary_before_the_data_is_none(tmp_path: Path) -> None:
     assert is_right(workbook(tmp_path, {"Summary": summary, "Data": sheet(DPS, *STATED)}))
 
 
+def test_a_sheet_of_names_and_values_states_facts(tmp_path: Path) -> None:
+    names, *rows = sheet(DPS, *STATED)
+    bare = [names[1:], *(row[1:] for row in rows)]
+    for info in ([["Name", "Value"], ["fs", 100]], [["Sample rate", "100 Hz"]]):
+        sheets = {"IMU": bare, "Info": info}
+        assert is_right(workbook(tmp_path, sheets))
+        assert "stands in the head, and --rate 200 says otherwise" in refusal(tmp_path, sheets, rate_hz=200.0)
+
+
+def test_lines_above_the_names_state_facts(tmp_path: Path) -> None:
+    names, *rows = sheet(DPS, *STATED)
+    above: Rows = [["Measurement of 2024-05-01"], ["Sample rate", "100 Hz"], []]
+    bare = [*above, names[1:], *(row[1:] for row in rows)]
+    assert is_right(workbook(tmp_path, {"IMU": bare}))
+    assert "--rate 200 says otherwise" in refusal(tmp_path, {"IMU": bare}, rate_hz=200.0)
+
+
 def test_empty_cells_at_the_end_of_a_row_are_cells(tmp_path: Path) -> None:
     names, *rows = sheet(DPS, *STATED)
     noted = [[*names, "note"], [*rows[0], "start"], *rows[1:]]

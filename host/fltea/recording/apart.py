@@ -90,7 +90,7 @@ def open_text(path: Path, head: TextHead, lines: Iterator[bytes], how: How, limi
         UsageError: what `open_csv` refuses.
     """
     inner = replace(how, topic=None) if head.topic else how
-    read = partial(open_csv, path, inner, limits, cast(BinaryIO, _Text(lines)))
+    read = partial(open_csv, path, inner, limits, cast(BinaryIO, _Text(lines)), head.head)
     if head.parts:
         which = Missing(f"which sheet is meant of {listed(head.parts)}", "--sensor ?")
         raise asked_with(str(path), which, given_options(how), read)

@@ -1,6 +1,6 @@
 """Recordings as text: CSV and its relatives, whatever separates their columns, and objects of JSON."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import BinaryIO
@@ -19,18 +19,23 @@ HEAD_BYTES = 1 << 18
 
 
 def open_csv(
-    path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS, file: BinaryIO | None = None
+    path: Path,
+    how: How = AS_IT_SAYS,
+    limits: Limits = DEFAULT_LIMITS,
+    file: BinaryIO | None = None,
+    head: Sequence[str] = (),
 ) -> Stored:
     """Read the columns of a gyroscope out of a text file, once, as `TextReader` does of live text.
 
-    file: what is behind the path, if it has been opened already.
+    file: what is behind the path, if it has been opened already. head: lines that stand elsewhere in the file
+    and say something of these.
 
     Raises:
         UsageError: the columns are not clear, or no line holds a sample; names file, line and reason.
     """
     if how.units is not None:
         parse_units(how.units)
-    reader = TextReader(str(path), how)
+    reader = TextReader(str(path), how, head)
     try:
         with file or path.open("rb") as stream:
             rows: Iterator[Rows] = _rows(path, reader, stream)

@@ -112,10 +112,14 @@ class Sheet(SheetHead, frozen=True, kw_only=True):
 
 
 class TextHead(msgspec.Struct, frozen=True):
-    """Of a file that is read as text. topic: the part that the user names. parts: those to ask for."""
+    """Of a file that is read as text.
+
+    topic: the part that the user names. parts: those to ask for. head: what other parts say of it.
+    """
 
     topic: str = ""
     parts: list[str] = []
+    head: list[str] = []
 
 
 class Text(TextHead, frozen=True, kw_only=True):

@@ -8,6 +8,7 @@ import codecs
 import math
 import re
 from collections import Counter
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -79,16 +80,17 @@ class Bad(NamedTuple):
 class TextReader:
     """Turns bytes into rows. where: for messages. how: what the user says of the columns.
 
-    counts: lines without a sample by their reason, but for the last three of `REASONS`. first, newest: the
-    first and the newest of them. cut: what the user has to know of the last line, if it has no end and is no
-    row, and so is left out. lines: how many there were so far. notes: the same of the columns. chosen: the
-    columns that are read, which stay what they are; None as long as no line has said it.
+    head: lines that stand elsewhere and say something of the rows. counts: lines without a sample by their
+    reason, but for the last three of `REASONS`. first, newest: the first and the newest of them. cut: what
+    the user has to know of the last line, if it has no end and is no row, and so is left out. lines: how many
+    there were so far. notes: the same of the columns. chosen: the columns that are read, which stay what they
+    are; None as long as no line has said it.
 
     Raises:
         UsageError: `how` is wrong.
     """
 
-    def __init__(self, where: str, how: How) -> None:
+    def __init__(self, where: str, how: How, head: Sequence[str] = ()) -> None:
         self.layout: Layout | None = None
         self.counts: Counter[str] = Counter()
         self.first: Bad | None = None
@@ -100,6 +102,7 @@ class TextReader:
         self._sample: list[str] = []
         self._clocks, self._stages = Clocks(), (FlashLines(how.columns), LabelLines())
         self._finder = LayoutFinder(where, how, lambda: self._sample)
+        self._finder.head += head
         self.chosen: Chosen | None = None
         self._parser: RowParser | None = None
         self._layouts: dict[str, Layout | None] = {}  # by the line of names; None: its columns are others

@@ -27,14 +27,15 @@ def read(path: Path, topic: str) -> Text:
     # By its name it would be refused without the right ending, whatever it is.
     book = load_workbook(path.open("rb"), read_only=True, data_only=True, keep_links=False)
     parts = [_Part(sheet) for sheet in book.worksheets]
+    said = [line for part in parts for line in part.says()]
     if (chosen := next((part for part in parts if part.title == topic), None)) is not None:
-        return Text(topic=topic, pieces=chosen.lines())
+        return Text(topic=topic, head=said, pieces=chosen.lines())
     tables = [part for part in parts if len(part.head) > FEW_ROWS]
     named = [part for part in tables if part.has_names]
     others = [part for part in tables if not is_of_accelerometer(f"{part.title}.x")]
     found = named or others or tables or parts
     asked = [part.title for part in found] if len(found) > 1 and tables else []
-    return Text(parts=asked, pieces=found[0].lines())
+    return Text(parts=asked, head=said, pieces=found[0].lines())
 
 
 class _Part:
@@ -57,6 +58,11 @@ class _Part:
             beside = stated if len(stated) == len(row) else [""] * len(row)
             self.head[begin] = [_axis(group, name, unit) for name, unit in zip(row, beside, strict=True)]
         self._begin, self._width = begin, len(self.head[begin]) if self.head else 0
+
+    def says(self) -> list[str]:
+        """What a sheet says that has names and values only, such as `fs: 100`."""
+        is_said = len(self.head) < HEAD_ROWS and all(len(row) <= 2 for row in self.head)
+        return [": ".join(row) for row in self.head if len(row) == 2] if is_said else []
 
     def lines(self) -> Iterator[bytes]:
         """All rows as text; those of the table are as long as its first one."""
