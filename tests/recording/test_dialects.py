@@ -15,6 +15,7 @@ from fltea.recording.csv_file import open_csv
 from fltea.recording.dialects import MOST_NAMES, Dialect, Facts, columns_of, dialect_of
 from fltea.recording.formats import FORMATS, loaded
 from fltea.recording.sheet import open_sheet, with_sample
+from fltea.recording.text_head import stated_in
 from fltea.recording.units import accel_unit, parse_units, rate_unit, time_unit
 from fltea.records.errors import UsageError
 from fltea.settings.limits import DEFAULT_LIMITS
@@ -125,7 +126,7 @@ def test_the_file_of_a_row_is_in_it_and_has_its_columns(one: Dialect, name: str)
     assert columns_of(one.gyro, found.columns)
     times = [re.sub(r"(\d+)\+\d+", r"\1", pattern) for pattern in one.time]
     times = [pattern for pattern in times if columns_of([[pattern]], found.columns)]
-    rate = re.search(one.rate, found.facts.head, re.M) if one.rate else None
+    rate = re.search(one.rate, found.facts.head, re.M) if one.rate else stated_in(found.facts.head).rates
     assert times or rate or "--rate" in pairs(OPTIONS[name]) or "sec" in " ".join(found.names)
     for scale in filter(None, (one.gyro_scale, one.time_scale, one.accel_scale)):
         assert found.facts.number(scale)

@@ -111,9 +111,9 @@ def _given(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None], ch
         )
     choice.answer("unit", units, "given", "--units")
     dialect = choice.dialect if choice.is_of_dialect(gyro) and not choice.how.overrule else None
-    if dialect is not None and dialect.gyro_unit and not any(stated):
+    if dialect is not None and dialect.gyro_unit:
         scale, by_dialect = choice.scale(dialect.gyro_scale), parse_units(dialect.gyro_unit)
-        if dialect.gyro_scale and scale is not None:
+        if dialect.gyro_scale and scale is not None and not any(stated):
             read, said = parsed[0] / (parsed[1] or 1.0), by_dialect[0] * scale
             if parsed == by_dialect or abs(read / said - 1) < ALIKE:
                 return units, *_whole(choice, (said, None) if parsed == by_dialect else parsed, gyro)

@@ -1,0 +1,114 @@
+"""What plain words in the head of a text state: the rate of its rows, and the unit of its gyroscope (pure).
+
+`# Sample rate: 100 Hz`, `Sampling Frequency;0.1 kHz`, `dt = 10 ms`; `Units: deg/s`, `gyro in rad/s`,
+`scale: 131 LSB/(deg/s)`. What names another sensor, or holds a word that is not known here, states nothing.
+"""
+
+import re
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import NamedTuple
+
+from fltea.recording.files import LONGEST_NAME
+from fltea.recording.units import PER_UNIT, rate_unit, time_scale
+
+MOST_HZ, LEAST_HZ = 1e5, 0.1
+LONGEST_LINE = 300
+"""Characters; what is longer is no line of a head."""
+
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_FACT = re.compile(rf"([^\d:=;,|\t]{{1,60}}?)[ :=;,|\t]*(?<![\w.-])({_NUMBER})[ ]*([^\s\d,;|()\[\]]*)")
+"""Words, a number, and its unit."""
+
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-zµ]+")
+_SAID_OF_ALL = set(
+    "the of is in at per s second data sensor device imu samples sample sampling sampled".split()
+)
+_GYRO = set("gyro gyros gyroscope gyroscopes gyr angular velocity velocities rotation".split())
+_RATE = set("rate frequency freq odr fs samplerate samplingrate samplefrequency samplingfrequency".split())
+_SAMPLING = {*"odr fs sample sampling samplerate samplingrate samplefrequency samplingfrequency".split()}
+_OF_RATES = set("update output acquisition recording logging measurement hz khz sps nominal".split())
+_PERIOD = set("period interval dt ts".split())
+_HZ = {"hz": 1.0, "khz": 1e3, "sps": 1.0, "samples/s": 1.0, "1/s": 1.0}
+_FULL_SCALES = {125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0}
+"""In deg/s, which `fs` may mean as well."""
+
+_OF_UNITS = set("unit units rates values measured are".split())
+_UNITS = re.compile(r"(?:(.*?)(?:[:=;,\t(\[]|\bin\b))?(.*)")
+_SCALE = re.compile(
+    rf"({_NUMBER})[ ]*(?:(?:LSBs?|counts?|digits?)[ ]*(?:/|per)[ ]*(?P<of>.+)"
+    r"|(?P<unit>[^\d\s]+?)[ ]*(?:/|per)[ ]*(?:LSB|count|digit))\W*$",
+    re.I,
+)
+
+
+class Head(NamedTuple):
+    """What a head states. rates: in Hz, and units, as `--units` takes them; each by the line that states it."""
+
+    rates: dict[str, float]
+    units: dict[str, str]
+
+
+@lru_cache(maxsize=16)
+def stated_in(head: str) -> Head:
+    """Return what some lines state; several rates or units differ from each other.
+
+    Those that name the gyroscope count before those that name no sensor.
+    """
+    rates: dict[bool, dict[str, float]] = {True: {}, False: {}}
+    units: dict[bool, dict[str, str]] = {True: {}, False: {}}
+    for line in head.splitlines():
+        if len(line) > LONGEST_LINE:
+            continue
+        text = re.sub(r"""^[\s#%/]+|[{}"']""", " ", line).strip()
+        shown = text[:LONGEST_NAME]
+        for is_of_gyro, rate_hz in _rates(text):
+            if rate_hz not in rates[is_of_gyro].values():
+                rates[is_of_gyro][shown] = rate_hz
+        for is_of_gyro, unit in _units(text):
+            if unit not in units[is_of_gyro].values():
+                units[is_of_gyro][shown] = unit
+    return Head(rates[True] or rates[False], units[True] or units[False])
+
+
+def _rates(text: str) -> Iterator[tuple[bool, float]]:
+    """Rates in Hz, and whether they are named as the gyroscope's."""
+    for found in _FACT.finditer(text):
+        words = {word.lower() for word in _WORD.findall(found[1])}
+        number, unit = float(found[2]), found[3].lower().rstrip(".")
+        unit = unit or next((word for word in words if word in _HZ or time_scale(word)), "")
+        others = words - _SAID_OF_ALL - _GYRO - {unit}
+        rate_hz = 0.0
+        if words & _RATE and others <= _RATE | _OF_RATES:
+            if unit in _HZ:
+                rate_hz = number * _HZ[unit]
+            elif not unit and words & _SAMPLING and not ("fs" in words and number in _FULL_SCALES):
+                rate_hz = number
+        elif words & _PERIOD and others <= _PERIOD | {"time", "update", "output"} and number > 0:
+            scale = time_scale(unit)
+            seconds = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+            rate_hz = 0.0 if scale is None else 1 / (number * seconds[scale[0]] * scale[1])
+        if LEAST_HZ <= rate_hz <= MOST_HZ:
+            yield bool(words & _GYRO), rate_hz
+
+
+def _units(text: str) -> Iterator[tuple[bool, str]]:
+    """Units of angular rates, or counts of one, and whether they are named as the gyroscope's."""
+    if (found := _SCALE.search(text)) is not None:
+        unit = rate_unit((found["of"] or found["unit"]).strip(" ()"))
+        words = {word.lower() for word in _WORD.findall(text[: found.start()])}
+        number = float(found[1])
+        if unit is not None and number > 0 and words & (_GYRO | {"scale", "sensitivity", "resolution"}):
+            lsb = number / PER_UNIT[unit] if found["of"] else 1 / (number * PER_UNIT[unit])
+            yield bool(words & _GYRO), f"lsb:{lsb:.9g}"
+        return
+    found = _UNITS.fullmatch(text)
+    if found is None:
+        return
+    words = {word.lower() for word in _WORD.findall(found[1] or "")}
+    is_of_gyro = bool(words & _GYRO)
+    if words and (words - _GYRO - _SAID_OF_ALL - _OF_UNITS or not (is_of_gyro or words & {"unit", "units"})):
+        return
+    units = {rate_unit(part.strip(" ()[]")) for part in re.split(r"[,;|\t]|\band\b", found[2])} - {None}
+    if len(units) == 1:
+        yield is_of_gyro, str(units.pop())
