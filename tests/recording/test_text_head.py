@@ -72,3 +72,131 @@ def test_a_unit_of_times_that_is_not_known_is_asked_for(tmp_path: Path, unit: st
 def test_a_stated_unit_of_times_that_the_user_denies_is_an_error(tmp_path: Path) -> None:
     text = table("Time [min],Gyro X (deg/s),Gyro Y (deg/s),Gyro Z (deg/s)", times_s=60.0)
     assert "is in min by its name" in refusal(tmp_path, text, time_unit="s")
+
+
+STATED = {
+    "# Sample rate: 100 Hz": 1.0,
+    "% fs = 100": 1.0,
+    "Sampling Frequency,100 Hz": 1.0,
+    "Sample Rate (Hz),100": 1.0,
+    "# gyro range: 250 dps, ODR 100Hz": 1.0,
+    "Update Rate: 0.1 kHz": 1.0,
+    "OutputRate:,100Hz": 1.0,
+    "# Sampling period: 10 ms": 1.0,
+    "# dt = 0.01 s": 1.0,
+    "# Accel rate: 1000 Hz\n# Gyro rate: 100 Hz": 1.0,
+    "Sample rate: 100 Hz, GPS rate: 5 Hz": 1.0,
+    '{"sample_rate_hz": 100, "unit": "none"}': 1.0,
+}
+"""Heads that state 100 Hz."""
+
+
+@pytest.mark.parametrize("head", STATED)
+def test_a_rate_in_plain_words_is_stated(tmp_path: Path, head: str) -> None:
+    text = f"{head}\n" + table("gx_dps,gy_dps,gz_dps", times_s=None)
+    assert is_right(stored(tmp_path, text))
+    assert is_right(stored(tmp_path, text, rate_hz=100.0))
+    told = refusal(tmp_path, text, rate_hz=200.0)
+    assert "stands in the head, and --rate 200 says otherwise" in told
+    assert stored(tmp_path, text, rate_hz=200.0, overrule=True).rate_hz == 200.0
+    timed = f"{head}\n" + table("time_s,gx_dps,gy_dps,gz_dps", times_s=2.0)
+    assert "the file states 100 Hz. Say which is right" in refusal(tmp_path, timed)
+
+
+NOT_STATED = (
+    "# Accelerometer rate: 1000 Hz\n# Magnetometer rate: 50 Hz",
+    "# baud rate: 115200",
+    "# cutoff frequency: 50 Hz",
+    "# fs = 250",
+    "# Recording interval: 60 s",
+    "# frame rate: 30 Hz",
+    "# LSM6DSO, 104 Hz",
+    "# Rate: 50 Hz\n# Sample rate: 100 Hz",
+)
+
+
+@pytest.mark.parametrize("head", NOT_STATED)
+def test_a_rate_of_something_else_or_of_two_is_asked_for(tmp_path: Path, head: str) -> None:
+    text = f"{head}\n" + table("gx_dps,gy_dps,gz_dps", times_s=None)
+    assert "--rate ?" in refusal(tmp_path, text)
+    assert is_right(stored(tmp_path, text, rate_hz=100.0))
+
+
+UNITS = {
+    "# Units: deg/s": 1.0,
+    "% gyro in deg/s": 1.0,
+    "Gyro Unit,rad/s": np.pi / 180,
+    "# Units: s, g, rad/s": np.pi / 180,
+    "# Gyroscope (deg/min)": 60.0,
+    "# Accelerometer units: g, gyroscope units: mrad/s": np.pi / 0.18,
+    '{"rate_hz": 100, "units": "deg/h"}': 3600.0,
+    "# scale: 131 LSB/(deg/s)": 131.0,
+    "# gyro sensitivity 17.50 mdps/LSB": 1 / 0.0175,
+}
+"""Heads that state a unit, and how many of it are 1 deg/s."""
+
+
+@pytest.mark.parametrize("head", UNITS)
+@pytest.mark.parametrize("names", ["gx,gy,gz\n", ""])
+def test_a_unit_in_plain_words_is_stated(tmp_path: Path, head: str, names: str) -> None:
+    per_dps = UNITS[head]
+    rows = np.rint(GYRO_DPS * per_dps) if "/LSB" in head or "LSB/" in head else GYRO_DPS * per_dps
+    text = f"{head}\n{names}" + "".join(",".join(f"{v:.9g}" for v in row) + "\n" for row in rows)
+    how: dict[str, object] = {"rate_hz": 100.0} | ({} if names else {"columns": ["1", "2", "3"]})
+    found = stored(tmp_path, text, **how)
+    gyro_dps = found.whole().gyro / (found.lsb_per_dps or 1.0)
+    assert np.allclose(gyro_dps, rows / per_dps, atol=2e-5)
+    (answer,) = [one for one in found.reading if one.question == "unit"]
+    assert answer.evidence == "stated"
+    assert answer.why.startswith("the head: ")
+    assert "by the head" in refusal(tmp_path, text, units="mdps", **how)
+    assert stored(tmp_path, text, units="mdps", overrule=True, **how)
+
+
+UNITS_OF_OTHERS = (
+    "# Max rate [deg/s]",
+    "# gyro bias: 0.5 dps",
+    "# gyro noise density: deg/s",
+    "# accelerometer scale: 16384 LSB/g",
+    "# gyro range: 250 dps",
+    "# Units: rad/s\n# gyro in deg/s and rad/s",
+    "# gyro unit: rad/s\n# gyro unit: deg/s",
+    "# scale: 131 LSB/dps",  # the numbers are fractions
+)
+
+
+@pytest.mark.parametrize("head", UNITS_OF_OTHERS)
+def test_a_unit_of_something_else_or_of_two_is_asked_for(tmp_path: Path, head: str) -> None:
+    text = f"{head}\n" + table("gx,gy,gz", times_s=None)
+    assert "--units ?" in refusal(tmp_path, text, rate_hz=100.0)
+    assert is_right(stored(tmp_path, text, rate_hz=100.0, units="deg/s"))
+
+
+def test_a_unit_in_the_head_and_one_in_the_names_contradict(tmp_path: Path) -> None:
+    text = "# Units: rad/s\n" + table("time_s,gx_dps,gy_dps,gz_dps")
+    assert 'gx_dps is in deg/s by its name or the row of units, and "Units: rad/s" stands' in refusal(
+        tmp_path, text
+    )
+    assert is_right(stored(tmp_path, text, units="dps", overrule=True))
+
+
+GYROFLOW = (
+    "GYROFLOW IMU LOG\nversion,1.3\norientation,XYZ\ntscale,0.001\ngscale,0.000266\nascale,0.0004883\n"
+    "t,gx,gy,gz,ax,ay,az\n"
+)
+
+
+def test_scales_in_a_head_hold_whatever_unit_is_given(tmp_path: Path) -> None:
+    counts = np.rint(np.radians(GYRO_DPS) / 0.000266)
+    rows = [f"{10 * k},{x:.0f},{y:.0f},{z:.0f},10,-20,2048\n" for k, (x, y, z) in enumerate(counts)]
+    text = GYROFLOW + "".join(rows)
+    found = stored(tmp_path, text).whole()
+    assert np.allclose(found.gyro, np.degrees(counts * 0.000266))
+    for how in ({"units": "rad/s"}, {"accel_units": "g"}, {"time_unit": "ms"}):
+        again = stored(tmp_path, text, **how).whole()
+        assert np.allclose(again.gyro, found.gyro)
+        assert np.allclose(again.accel_ms2, found.accel_ms2)
+        assert again.rate_hz == pytest.approx(100.0)
+    assert ":7: gscale 0.000266 stands in the head: times that" in refusal(tmp_path, text, units="dps")
+    assert "tscale 0.001 stands in the head" in refusal(tmp_path, text, time_unit="us")
+    assert stored(tmp_path, text, units="dps", overrule=True).whole().gyro == pytest.approx(counts)

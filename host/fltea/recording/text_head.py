@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from fltea.recording.files import LONGEST_NAME
-from fltea.recording.units import PER_UNIT, rate_unit, time_scale
+from fltea.recording.units import PER_UNIT, is_unit, rate_unit, time_scale
 
 MOST_HZ, LEAST_HZ = 1e5, 0.1
 LONGEST_LINE = 300
@@ -34,7 +34,7 @@ _FULL_SCALES = {125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0}
 """In deg/s, which `fs` may mean as well."""
 
 _OF_UNITS = set("unit units rates values measured are".split())
-_UNITS = re.compile(r"(?:(.*?)(?:[:=;,\t(\[]|\bin\b))?(.*)")
+_LABEL = re.compile(r"(?:(.*?)([:=(\[]|\bin\b))?(.*)")
 _SCALE = re.compile(
     rf"({_NUMBER})[ ]*(?:(?:LSBs?|counts?|digits?)[ ]*(?:/|per)[ ]*(?P<of>.+)"
     r"|(?P<unit>[^\d\s]+?)[ ]*(?:/|per)[ ]*(?:LSB|count|digit))\W*$",
@@ -67,7 +67,7 @@ def stated_in(head: str) -> Head:
                 rates[is_of_gyro][shown] = rate_hz
         for is_of_gyro, unit in _units(text):
             if unit not in units[is_of_gyro].values():
-                units[is_of_gyro][shown] = unit
+                units[is_of_gyro][f"{shown} ({unit})" if shown in units[is_of_gyro] else shown] = unit
     return Head(rates[True] or rates[False], units[True] or units[False])
 
 
@@ -102,13 +102,15 @@ def _units(text: str) -> Iterator[tuple[bool, str]]:
             lsb = number / PER_UNIT[unit] if found["of"] else 1 / (number * PER_UNIT[unit])
             yield bool(words & _GYRO), f"lsb:{lsb:.9g}"
         return
-    found = _UNITS.fullmatch(text)
-    if found is None:
-        return
-    words = {word.lower() for word in _WORD.findall(found[1] or "")}
-    is_of_gyro = bool(words & _GYRO)
-    if words and (words - _GYRO - _SAID_OF_ALL - _OF_UNITS or not (is_of_gyro or words & {"unit", "units"})):
-        return
-    units = {rate_unit(part.strip(" ()[]")) for part in re.split(r"[,;|\t]|\band\b", found[2])} - {None}
-    if len(units) == 1:
-        yield is_of_gyro, str(units.pop())
+    label = ""
+    for piece in re.split(r"[,;|\t]|\band\b", text):
+        words_before, mark, value = _LABEL.match(piece).groups()  # type: ignore[union-attr]  # of any text
+        if mark:
+            label = words_before
+        unit = rate_unit(value.strip(" ()[]"))
+        if not mark and not is_unit(value.strip(" ()[]")):
+            label = value
+        words = {word.lower() for word in _WORD.findall(label)}
+        is_known = words <= _GYRO | _SAID_OF_ALL | _OF_UNITS and words & (_GYRO | {"unit", "units"})
+        if unit is not None and (is_known or not words):
+            yield bool(words & _GYRO), unit

@@ -17,6 +17,7 @@ from fltea.recording.text_fields import (
     units_in,
 )
 from fltea.recording.text_forms import WRONG_SUM
+from fltea.recording.text_head import stated_in
 from fltea.recording.text_labels import decode_object, values_in
 from fltea.recording.wanted import is_number, wanted_of
 from fltea.records.errors import UsageError
@@ -93,6 +94,8 @@ def names_above(lines: Iterable[tuple[int, str]], width: int) -> NamesAbove:
     for number, line in reversed([*lines]):
         found = bare_fields(line)
         if len(found) != width or all_numbers(line) or is_number(found[0]) or WRONG_SUM in found:
+            continue
+        if separator_of(line) is None and any(stated_in(line)):  # words, and no names
             continue
         if units is None and units_in(line) is not None:
             units = found
