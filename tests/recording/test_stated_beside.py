@@ -198,6 +198,15 @@ def test_an_archive_with_other_times_or_no_scale_is_read_as_any(tmp_path: Path) 
     assert found.whole().gyro.tolist() == counts.tolist()
 
 
+def test_times_in_the_group_of_columns_that_are_asked_for_are_not(tmp_path: Path) -> None:
+    arrays = {"CAN/time": TIMES_S, "CAN/TurnRate": GYRO[:, 2], "CAN/TurnRate@units": "deg/s"}
+    text = refusal(hdf5, tmp_path, arrays)
+    assert text.partition("\n")[0].endswith("?: --columns ?,?,?")
+    for name in ("CAN.TurnRate", "1"):
+        found = hdf5(tmp_path, arrays, columns=[name])
+        assert (found.rate_hz, found.samples) == (pytest.approx(100.0), N)
+
+
 def test_attributes_without_a_value_and_axes_of_words_say_nothing(tmp_path: Path) -> None:
     arrays = {"gyro_dps": GYRO, "t": TIMES_S, "@title": h5py.Empty("S1"), "gyro_dps@units": h5py.Empty("S1")}
     assert hdf5(tmp_path, arrays).samples == N

@@ -12,6 +12,7 @@ from fltea.recording.column_names import (
     axes_in_units,
     axis_of,
     counts_unknown,
+    is_time,
     split_seconds,
     states_units,
     time_scale_of,
@@ -264,11 +265,16 @@ class Choice:
         why, rate_hz = next(iter(rates.items()), ("", None)) if len(rates) < 2 else ("", None)
         if rate_hz is not None and time is None:
             self.answer("clock", f"{rate_hz:g} Hz", "stated", why)
-        elif time is None:
+        elif time is None and not self._has_times_beside_columns():
             several = f"which rate is right: {', '.join(rates)}"
             what = several if rates else "the rate, as there is no column of times"
             self.missing.append(Missing(what, "--rate ?"))
         return rate_hz
+
+    def _has_times_beside_columns(self) -> bool:
+        """Whether the columns are asked for, and a group of columns has times: then they tell the clock."""
+        is_asked = any(one.option.startswith("--columns") for one in self.missing)
+        return is_asked and any(is_time(name.rpartition(".")[2]) for name in self.names)
 
     def stated_rates(self) -> Mapping[str, float]:
         """Return the rates in Hz that the file states, by what states each; those of several lines differ."""
