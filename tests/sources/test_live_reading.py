@@ -221,7 +221,7 @@ REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
     "a clock in ticks": (
         lines("t,gx_dps\n", lambda k: f"{k * 10_000},{GYRO[k, 0]}"),
         {},
-        "nothing says what its times count",
+        "count. Say it",
     ),
     "columns that no gyroscope gives": (
         lines("", lambda k: f"{k},{16384 + k % 7}"),

@@ -120,6 +120,12 @@ class Facts(NamedTuple):
 
 
 @cache
+def _of_kind(by_names: bool) -> list[Dialect]:
+    """The dialects that are known by names of columns, or those that are not."""
+    return [one for one in dialects() if bool(one.names) == by_names]
+
+
+@cache
 def _a_first_name() -> re.Pattern[str]:
     """What the first pattern of any dialect matches: most lines of most files hold no such name."""
     return re.compile("|".join(f"(?:{one.names[0]})" for one in dialects() if one.names))
@@ -130,11 +136,14 @@ def dialect_of(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int
 
     names: of the columns, or none. tag, fields: of rows without names, their first field and how many there are.
     """
-    if len(names) > MOST_NAMES:
+    if names and not may_be_of_a_dialect((*names, *facts.beside)):
         return None
-    if names and not any(map(_a_first_name().fullmatch, (*names, *facts.beside))):
-        return None
-    return next((one for one in dialects() if _is_in(one, names, facts, tag, fields)), None)
+    return next((one for one in _of_kind(bool(names)) if _is_in(one, names, facts, tag, fields)), None)
+
+
+def may_be_of_a_dialect(names: Sequence[str]) -> bool:
+    """Whether one of some names stands in a dialect."""
+    return len(names) <= MOST_NAMES and any(map(_a_first_name().fullmatch, names))
 
 
 def names_kinds(line: str) -> bool:
@@ -143,7 +152,7 @@ def names_kinds(line: str) -> bool:
 
 
 def _is_in(one: Dialect, names: Sequence[str], facts: Facts, tag: str, fields: int) -> bool:
-    if bool(one.names) != bool(names) or (one.tag and not re.fullmatch(one.tag, tag)):
+    if one.tag and not re.fullmatch(one.tag, tag):
         return False
     if not one.names and not one.tag and (one.fields == 0 or one.fields != fields):
         return False
@@ -181,7 +190,7 @@ def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str
     return ()
 
 
-def nearest(places: Sequence[int], names: Sequence[str], near: str) -> Sequence[int]:
+def nearest(places: Sequence[int], names: Sequence[str], near: str) -> list[int]:
     """Return of several columns those that share the most of their names' beginning with a sensor's."""
     alike = {place: _shared(names[place], near) for place in places}
     return [place for place in places if alike[place] == max(alike.values())]

@@ -238,7 +238,7 @@ class Choice:
         ]
         named = times_in([names[k] for k in left])
         found = [k for k in left if names[k] == TIME_COLUMN] or [k for k in left if names[k] in named]
-        found = [*nearest(found, names, near)]
+        found = nearest(found, names, near)
         for sort in PREFERRED_TIMES if len(found) > 1 else ():
             found = [k for k in found if sort(names[k].lower())] or found
         if len(found) > 1 and self.how.rate_hz is None:

@@ -80,6 +80,9 @@ class NamedLines:
         lines = self._sample()
         if self._alike[0] != len(lines):
             kind, alike = rows_alike(lines)
-            first = {"object": decode_object, "label": values_in}.get(kind, lambda _: {})
-            self._alike = len(lines), list(first(alike[0])) if alike else []
+            if kind == "row" or not alike:
+                self._alike = len(lines), []
+            else:
+                first = decode_object(alike[0]) if kind == "object" else values_in(alike[0])
+                self._alike = len(lines), list(first)
         return names == self._alike[1] and all(int(place) <= len(names) for place in self._wanted.names)
