@@ -15,6 +15,7 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 BLOCK_BYTES = 1 << 18
 HEAD_BYTES = 1 << 18
+HEAD_LINES = 10_000
 """In which the columns have to be named, or the first row has to stand."""
 
 
@@ -36,6 +37,7 @@ def open_csv(
     if how.units is not None:
         parse_units(how.units)
     reader = TextReader(str(path), how, head)
+    reader.most_before = HEAD_LINES
     try:
         with file or path.open("rb") as stream:
             rows: Iterator[Rows] = _rows(path, reader, stream)
@@ -63,7 +65,7 @@ def _rows(path: Path, reader: TextReader, stream: BinaryIO) -> Iterator[Rows]:
     while data := stream.read1(BLOCK_BYTES) if hasattr(stream, "read1") else stream.read(BLOCK_BYTES):
         size += len(data)
         yield from reader.feed(data)
-        if reader.chosen is None and size > HEAD_BYTES:
+        if reader.chosen is None and size >= HEAD_BYTES:
             raise reader.refusal()
     yield from reader.finish()
 

@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from fltea.recording.columns import Chosen, choose
-from fltea.recording.dialects import Facts, dialect_of, names_kinds
+from fltea.recording.dialects import Facts, dialect_of, may_be_of_a_dialect, names_kinds
 from fltea.recording.evidence import axes_of
 from fltea.recording.files import Note, listed
 from fltea.recording.lines import shown
@@ -113,7 +113,7 @@ class LayoutFinder:
         self._why_no_row = ""
         self._named = NamedLines(where, how, sample, self.facts, self._are_names)
         self._kinds_at_hand: Kinds = Kinds() if before is None else before._kinds_at_hand
-        self._known: dict[tuple[int, int] | str, bool] = {} if before is None else before._known
+        self._known: dict[tuple[str, int, int] | str, bool] = {} if before is None else before._known
 
     def take(self, number: int, line: str) -> Layout | None:
         """Look at the next line; the layout if it is a row.
@@ -181,8 +181,11 @@ class LayoutFinder:
         wanted = self._wanted
         if wanted.columns is None:
             has_times = wanted.time is None or wanted.time in names
-            known = bool(axes_of(names, units)) or dialect_of(names, self.facts(names)) is not None
-            return has_times and known
+            if not has_times:
+                return False
+            return bool(axes_of(names, units)) or (
+                may_be_of_a_dialect(names) and dialect_of(names, self.facts(names)) is not None
+            )
         is_row = wanted.by_position and any(is_number(field) and not field.isdecimal() for field in names)
         return wanted.is_in(names) and not is_row
 
@@ -256,10 +259,11 @@ class LayoutFinder:
         tag = self._tag_of(fields)
         if tag is None:
             return None
-        facts = self.facts(None, len(fields), tag)
         if self._wanted.columns is None:
-            are_numbers = 2 * sum(map(is_number, fields)) > len(fields)
-            if are_numbers and dialect_of((), facts, tag=tag, fields=len(fields)):
+            if 2 * sum(map(is_number, fields)) <= len(fields):
+                return None
+            facts = self.facts(None, len(fields), tag)
+            if dialect_of((), facts, tag=tag, fields=len(fields)):
                 chosen = choose(f"{self._where}:{number}", None, None, len(fields), self._how, facts, tag)
                 return _layout(chosen, separator, fields, len(fields), number)
             return None
@@ -284,7 +288,7 @@ class LayoutFinder:
             return ""
         if topic is not None and not {*topic} & {*"=/"} and topic not in fields:  # one that is yet to come
             return None
-        if dialect_of((), self.facts(None, kinds[tag], tag), tag=tag, fields=kinds[tag]) is not None:
+        if self._is_known(tag, kinds[tag]):
             return tag
         return None if self._has_kinds() else "" if len(kinds) == 1 else tag
 
@@ -294,12 +298,14 @@ class LayoutFinder:
         if "head" in self._known or names_kinds(self._newest):
             self._known["head"] = True
             return True
-        at_hand = len(kinds), min(len(self._sample()), MOST_BEFORE)
+        return any(self._is_known(kind, width) for kind, width in kinds.items())
+
+    def _is_known(self, kind: str, width: int) -> bool:
+        """Whether a dialect has rows that begin with a word and have so many fields, by the lines at hand."""
+        at_hand = kind, width, min(len(self._sample()), MOST_BEFORE)
         if at_hand not in self._known:
-            self._known[at_hand] = any(
-                dialect_of((), self.facts(None, width, kind), tag=kind, fields=width)
-                for kind, width in kinds.items()
-            )
+            facts = self.facts(None, width, kind)
+            self._known[at_hand] = dialect_of((), facts, tag=kind, fields=width) is not None
         return self._known[at_hand]
 
     def _kinds(self) -> dict[str, int]:

@@ -22,6 +22,12 @@ from fltea.recording.wanted import DECIMAL_COMMA, is_missing, is_number
 SAMPLE_BEGINS = '0123456789+-.,;"{'
 """With what a line begins that was meant as a sample (or with `nan`), if its fields are too few."""
 
+LEAST_AT_ONCE, MOST_AT_ONCE = 1 << 9, 1 << 18
+"""Bytes in which plain rows are looked for."""
+
+MOST_LEFT_OUT = 1000
+"""Lines that hold no sample which are known again."""
+
 WhyNot = tuple[str, str]
 """Why a line holds no sample: the key of its count, and a text with what the line holds."""
 
@@ -30,13 +36,15 @@ class Plain(NamedTuple):
     """Lines up to the first that is no plain row.
 
     next: where that begins; beyond the end if there is none. passed: how many lines are before it. rows: (n,)
-    of them those that are rows, from 0; the others are blank or comments. values: (n, places).
+    of them those that are rows, from 0; the others are blank or comments. values: (n, places). goes_on: only
+    a part of the lines was looked at so far, and all were plain.
     """
 
     next: int
     passed: int
     rows: Ints
     values: Floats
+    goes_on: bool = False
 
 
 class RowParser:
@@ -48,6 +56,8 @@ class RowParser:
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
         self._decimal = ""
+        self._window = LEAST_AT_ONCE
+        self._left_out: dict[bytes, WhyNot] = {}
 
     def plain(self, data: bytes, begin: int = 0) -> Plain:
         """The lines from a byte on, as far as they are plain; the last one has no end."""
@@ -55,9 +65,22 @@ class RowParser:
         if layout.parse is not None:
             return self._plain_named(data, begin)
         form = layout.separator or "\0", layout.least, layout.most, layout.chosen.places
-        after, passed, decimal, rows, values = plain_rows(data, begin, *form, self._decimal or "\0")
+        stop = end_of_line(data, begin + self._window) if begin + self._window < len(data) else len(data)
+        part = data[begin:stop]  # room is made for all lines of it, so it is short where many are not plain
+        after, passed, decimal, rows, values = plain_rows(part, 0, *form, self._decimal or "\0")
         self._decimal = decimal.strip("\0")
-        return Plain(after, passed, rows, values)
+        goes_on = after > len(part)
+        self._window = min(MOST_AT_ONCE, 2 * max(self._window if goes_on else after, LEAST_AT_ONCE))
+        return Plain(begin + after, passed, rows, values, goes_on and stop < len(data))
+
+    def left_out(self, line: bytes) -> WhyNot | None:
+        """Why a line holds no sample, if the same has been left out before."""
+        return self._left_out.get(line)
+
+    def leave_out(self, line: bytes, why: WhyNot) -> None:
+        """Know a line again that holds no sample, and names no columns."""
+        if len(self._left_out) < MOST_LEFT_OUT:
+            self._left_out[line] = why
 
     def _plain_named(self, data: bytes, begin: int) -> Plain:
         rows: list[int] = []

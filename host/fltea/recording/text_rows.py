@@ -26,7 +26,7 @@ from fltea.recording.table import Rows
 from fltea.recording.text_fields import sample_of
 from fltea.recording.text_forms import BEGINNING, YAML, YamlDocuments, plain_lines
 from fltea.recording.text_layout import Layout, LayoutFinder
-from fltea.recording.text_numbers import RowParser, decoded, end_of_line
+from fltea.recording.text_numbers import RowParser, WhyNot, decoded, end_of_line
 from fltea.recording.text_times import A_CLOCK, Clocks
 from fltea.recording.turns import Turns
 from fltea.records.errors import UsageError
@@ -97,6 +97,7 @@ class TextReader:
         self.newest: Bad | None = None
         self.cut: Note | None = None
         self.lines = 0
+        self.most_before = math.inf
         self.notes: list[Note] = []
         self._where, self._how = where, how
         self._sample: list[str] = []
@@ -259,6 +260,8 @@ class TextReader:
     def _find(self, data: bytes, begin: int) -> int | None:
         """Look for the first row; where it begins, None if there is none."""
         while begin <= len(data):
+            if self.chosen is None and self.lines >= self.most_before:
+                raise self.refusal()
             end = end_of_line(data, begin)
             line = data[begin:end]
             if self.lines == 0:
@@ -362,19 +365,30 @@ class TextReader:
 
     def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
         """Read rows; where another header begins, None at the end of the data."""
-        is_plain = True  # behind a line that is no row, each is looked at by itself up to the next row
+        is_plain, is_first = (
+            True,
+            True,
+        )  # behind two lines that are none, each is looked at up to the next row
         while begin <= len(data):
             if is_plain:
                 found = parser.plain(data, begin)
                 self._add(parser.layout, found.rows, found.values, pieces)
                 self.lines += found.passed
-                begin = found.next
+                begin, is_first = found.next, is_first or len(found.rows) > 0
+                if found.goes_on:
+                    continue
                 if begin > len(data):
                     return None
             end = end_of_line(data, begin)
+            if (known := parser.left_out(data[begin:end])) is not None:
+                is_plain, is_first = is_first, False
+                self._leave_out(known)
+                begin = end + 1
+                continue
             text = decoded(data[begin:end])
             values = parser.one(text)
-            is_plain = isinstance(values, list)
+            is_row = isinstance(values, list)
+            is_plain, is_first = is_row or is_first, is_row
             if isinstance(values, list):
                 self._add(parser.layout, np.zeros(1, np.int64), np.array([values]), pieces)
             elif (line := text.strip()) in self._layouts or line in parser.layout.again:
@@ -383,11 +397,20 @@ class TextReader:
                 if self._is_header(parser, text):
                     self.layout, self._finder = None, self._new_finder()
                     return begin
-                self._ordinal += values[0] not in ("text", "columns")
-                self._count(Bad(self.lines + 1, *values))
+                if self._checks:
+                    parser.leave_out(data[begin:end], values)
+                self._leave_out(values)
+                begin = end + 1
+                continue
             self.lines += 1
             begin = end + 1
         return None
+
+    def _leave_out(self, why: WhyNot) -> None:
+        """Count a line that holds no sample; what was meant as one stands for a lost one."""
+        self._ordinal += why[0] not in ("text", "columns")
+        self.lines += 1
+        self._count(Bad(self.lines, *why))
 
     def _names_again(self, parser: RowParser, line: str, data: bytes, begin: int, end: int) -> RowParser:
         """A line of names, or of units, that was there before."""

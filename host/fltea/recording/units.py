@@ -32,7 +32,7 @@ PER_UNIT = {
 """Degrees per second in one of each unit of rates, by its name here."""
 
 UNITS_HELP = "deg/s, °/s, dps, mdps, rad/s, mrad/s, deg/h, rpm, or lsb:N for counts, N LSB per deg/s"
-ACCEL_UNITS_HELP = "m/s^2, mm/s^2, g, mg, or lsb:N for counts, N LSB per g"
+ACCEL_UNITS_HELP = "m/s^2, cm/s^2, mm/s^2, g, mg, or lsb:N for counts, N LSB per g"
 
 _ANGLE_WORDS = _spelled(
     {
@@ -194,7 +194,12 @@ def is_angle(text: str) -> bool:
 
 def is_unit(text: str) -> bool:
     """Whether a text is a unit, of anything that stands in a table of an IMU, or says that there is none."""
-    bare = _bare(text[: LONGEST_UNIT + 1])
+    return _is_unit(text[: LONGEST_UNIT + 1])
+
+
+@lru_cache(maxsize=4096)
+def _is_unit(text: str) -> bool:
+    bare = _bare(text)
     is_other = bare.replace(" ", "_") in _NO_RATES or text.strip() in ("[]", "()")
     return is_other or any(kind(text) for kind in (rate_unit, accel_unit, time_scale, is_angle))
 
