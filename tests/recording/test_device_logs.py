@@ -220,6 +220,22 @@ def test_tdms_has_units_and_the_step_of_its_samples(tmp_path: Path) -> None:
     assert rates_of(opened("tdms", path, units="dps")) == pytest.approx(RADS)
 
 
+def test_tdms_has_units_of_its_step_and_rates_of_groups_and_files(tmp_path: Path) -> None:
+    path = tmp_path / "a.tdms"
+    of_channel = {"wf_increment": 5.0, "wf_xunit_string": "ms", "unit_string": "rad/s"}
+    assert tdms(path, [AXES], of_channel).rate_hz == pytest.approx(200.0)
+    with pytest.raises(UsageError, match="nothing says the rate"):
+        tdms(path, [AXES], {**of_channel, "wf_xunit_string": "m"})
+    for of_file, of_group in (({"SampleRate": 200.0}, {}), ({}, {"sampling rate": "0.2 kHz"})):
+        with nptdms.TdmsWriter(path) as out:
+            channels = [nptdms.ChannelObject("IMU", name, values) for name, values in AXES.items()]
+            group = nptdms.GroupObject("IMU", {**of_group, "units": "rad/s"})
+            out.write_segment([nptdms.RootObject(of_file), group, *channels])
+        found = opened("tdms", path)
+        assert found.rate_hz == pytest.approx(200.0)
+        assert rates_of(found) == pytest.approx(np.degrees(RADS), rel=1e-6)
+
+
 def test_tdms_in_parts_does_not_tell_whether_it_paused(tmp_path: Path) -> None:
     halves = [{name: values[part] for name, values in AXES.items()} for part in (slice(99), slice(99, None))]
     found = tdms(tmp_path / "a.tdms", halves, {"wf_increment": 0.005, "unit_string": "rad/s"})

@@ -121,6 +121,12 @@ def test_columns_of_an_array_have_the_names_and_units_that_are_stated(
     assert "rad/s" in refusal(read, tmp_path, {"imu": TABLE, **beside("imu", COLUMNS, mark)}, units="dps")
 
 
+def test_cells_of_matlab_may_name_columns_and_units(tmp_path: Path) -> None:
+    cells = {name: np.array(texts, object) for name, texts in COLUMNS.items()}
+    found = matlab(tmp_path, {"rest": {"imu": TABLE, **beside("imu", cells, "_")}})
+    assert found.whole().gyro == pytest.approx(np.degrees(GYRO))
+
+
 @pytest.mark.parametrize("stated", [{"columns": ["z", "y", "x"]}, {"axes": "zyx"}, {"labels": "Z, Y, X"}])
 @pytest.mark.parametrize("read", [hdf5, npz])
 def test_the_order_of_axes_that_is_stated_is_followed(
@@ -164,6 +170,13 @@ def test_a_scale_beside_an_array_is_asked_for(read: Callable[..., Stored], name:
     assert found.whole().gyro.tolist() == counts.tolist()
     assert found.lsb_per_dps == 131.0
     assert read(tmp_path, {**arrays, name: 1.0}).whole().gyro == pytest.approx(counts)
+    each = [[1.0, 1.0, 1.0], [0.5, 0.5, 0.5], [1.0, 1.0, 0.5]]
+    for scales, shown in zip(each, ("", f"{name} 0.5", f"{name}, which is not one number"), strict=True):
+        three = {**arrays, name: scales if read is document else np.array(scales)}
+        if shown:
+            assert f"may have to be changed by {shown}" in refusal(read, tmp_path, three)
+        else:
+            assert read(tmp_path, three).samples == N
 
 
 def test_an_offset_of_times_and_a_scale_of_others_change_no_rates(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from fltea.recording.one_sensor import MOST_SENSORS
 from fltea.recording.readers import beside
 from fltea.recording.sample_times import Floats
 from fltea.recording.sheet import Sheet
+from fltea.recording.text_times import points_of_time
 from fltea.records.errors import UsageError
 
 MOST_WIDE = 64
@@ -70,15 +71,14 @@ def of_arrays(
 
 
 def _facts(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """Texts and single numbers."""
+    """What may say something of others: texts, single numbers, and what has one for each column."""
     found = {}
     for name, array in arrays.items():
         if isinstance(array, str):
             found[name] = array
             continue
         size = MOST_WIDE + 1 if isinstance(array, NoNumbers) else math.prod(array.shape)
-        is_list = size <= MOST_WIDE and np.dtype(array.dtype).kind in "SUO" and beside.is_of_columns(name)
-        if size == 1 or is_list:
+        if size == 1 or (size <= MOST_WIDE and beside.is_of_columns(name)):
             found[name] = array[()]
     return found
 
@@ -107,6 +107,9 @@ class _Columns:
         is_fact = name in self._facts and name not in self._words and beside.texts_of(self._facts[name])
         if isinstance(array, str) or is_fact:
             return
+        if name not in self._words and not isinstance(array, NoNumbers) and array.dtype.kind in "SUO":
+            points = points_of_time(beside.texts_of(array[()])) if len(array.shape) == 1 else None
+            array = array if points is None else points
         if reason := _reason(array):
             self._reasons.append(f"{listed([name])} {reason}")
             found = [_Labelled(label, _no_numbers, f"{reason}.") for label in _axes_named(name)]

@@ -146,8 +146,8 @@ def columns_of(facts: Mapping[str, Any], array: str, width: int) -> tuple[list[s
 
 
 def is_of_columns(name: str) -> bool:
-    """Whether a name is that of units, or of names of columns, of which there may be several."""
-    return any(_owners({name: None}, f"{UNITS}|{COLUMNS}"))
+    """Whether a name is that of units, scales or names of columns, of which there may be several."""
+    return any(_owners({name: None}, f"{UNITS}|{COLUMNS}|{SCALES}"))
 
 
 def scale_of(
@@ -161,7 +161,8 @@ def scale_of(
     group, _, leaf = array.rpartition(".")
     is_of_gyro = any(axis_of(label.rpartition(".")[2]) for label in labels)
     for name, owner in _owners(facts, SCALES):
-        value = number_of(facts[name])
+        each = {number_of(one) for one in np.reshape(facts[name], -1)}
+        value = each.pop() if len(each) == 1 else math.nan
         is_offset, is_counts = name.lower().endswith("offset"), re.search(rf"(?:{COUNTS})$", name, re.I)
         if value == float(not is_offset) or (is_counts and unit.startswith("lsb:")):
             continue

@@ -30,6 +30,8 @@ def read(path: Path, _: str) -> Sheet:
             if parts and all(isinstance(part, dict) for part in parts):
                 for number, part in enumerate(parts, 1):
                     take(f"{name}({number})", part)
+            elif parts and all(isinstance(part, str) for part in parts):
+                found[name] = np.array(parts)
             else:
                 found[name] = NoNumbers(is_of_matlab("cell"), len(parts))
         else:
