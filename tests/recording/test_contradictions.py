@@ -66,7 +66,18 @@ def test_a_bias_as_long_as_gravity_is_one_beside_an_accelerometer_with_gravity(t
     assert stored(tmp_path, gone).samples == N
 
 
-@pytest.mark.parametrize(("scale", "shown"), [(1.0, "m/s^2"), (1000 / 9.81, "mg")])
+def test_an_accelerometer_in_mg_or_cm_s2_is_not_read_before_the_user_says_which(tmp_path: Path) -> None:
+    text = table(f"{NAMES},ax,ay,az", TIMES_S, GYRO, 100 * ACCEL)
+    found = stored(tmp_path, text)
+    assert found.whole().accel_ms2 is None
+    (answer,) = [one for one in found.reading if one.question == "accelerometer"]
+    assert "the length of gravity in mg or cm/s^2; --accel-units says it" in str(answer)
+    accel_ms2 = stored(tmp_path, text, accel_units="cm/s^2").whole().accel_ms2
+    assert np.allclose(accel_ms2, ACCEL, atol=1e-3)
+    assert "gravity in mg or cm/s^2, and --accel-units g" in refusal(tmp_path, text, accel_units="g")
+
+
+@pytest.mark.parametrize(("scale", "shown"), [(1.0, "m/s^2"), (1000 / 9.81, "mg or cm/s^2")])
 def test_columns_that_have_the_length_of_gravity_are_no_rates(
     scale: float, shown: str, tmp_path: Path
 ) -> None:

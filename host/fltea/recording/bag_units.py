@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea.recording.bag_names import Layout, Said, title
-from fltea.recording.candidates import MOST_MEAN_DPS, MOST_N, gravity_unit
+from fltea.recording.candidates import MOST_MEAN_DPS, MOST_N, gravity_units
 from fltea.recording.files import Note
 from fltea.recording.reading import Missing, given_options, not_stated
 from fltea.recording.sample_times import Floats
@@ -151,17 +151,20 @@ class AtRest(NamedTuple):
 
 def measured_accel(layout: Layout, accel: Scale | None, rest: Rest, how: How) -> AtRest:
     """Compare the accelerometer's unit with the length of gravity, or take it from there."""
-    unit = gravity_unit(rest.gravity) if len(rest.gravity) else None
-    if unit is None or not layout.accel:
+    units = gravity_units(rest.gravity) if len(rest.gravity) else []
+    if not units or not layout.accel:
         return AtRest(accel)
-    measured = Scale(Said(unit, "measured", "gravity has this length"), *parse_accel_unit(unit))
+    measured = [
+        Scale(Said(unit, "measured", "gravity has this length"), *parse_accel_unit(unit)) for unit in units
+    ]
     if accel is None:
-        return AtRest(measured)
-    if how.overrule or math.isclose(accel.factor, measured.factor, rel_tol=0.2):
+        return AtRest(measured[0] if len(measured) == 1 else None)
+    if how.overrule or any(math.isclose(accel.factor, one.factor, rel_tol=0.2) for one in measured):
         return AtRest(accel)
     length = float(np.median(np.linalg.norm(rest.gravity, axis=1)))
     said = accel.said
-    option = f"--accel-units {unit}{' --overrule' if said.evidence == 'stated' else ''}"
+    unit, which = " or ".join(units), units[0] if len(units) == 1 else "?"
+    option = f"--accel-units {which}{' --overrule' if said.evidence == 'stated' else ''}"
     problem = (
         f"{title(layout.accel)} have the length {length:.4g} at rest, which is gravity in {unit}; in "
         f"{said.unit}, as {said.why} has it, that is {length * accel.factor:.3g} m/s². If they hold gravity, "

@@ -14,14 +14,20 @@ from fltea.recording.sample_times import PLAUSIBLE_HZ, SECONDS, Floats
 from fltea.recording.units import parse_units
 from fltea.records.units import SQRT_HOUR, STANDARD_GRAVITY_MS2
 
-GRAVITY = {"m/s^2": STANDARD_GRAVITY_MS2, "g": 1.0, "mg": 1000.0, "mm/s^2": 1000 * STANDARD_GRAVITY_MS2}
+GRAVITY = {
+    "m/s^2": STANDARD_GRAVITY_MS2,
+    "g": 1.0,
+    "mg": 1000.0,
+    "cm/s^2": 100 * STANDARD_GRAVITY_MS2,
+    "mm/s^2": 1000 * STANDARD_GRAVITY_MS2,
+}
 """The length of gravity in each unit."""
 
 GRAVITY_COUNTS = (2048, 4096, 8192, 16384)
 """The length of gravity in counts of 16 bits, at ±16, ±8, ±4 and ±2 g."""
 
 GRAVITY_TOLERANCE = 0.15
-"""Offsets and scales of cheap accelerometers are off by some 5 %; no two of these units are nearer than 2 %."""
+"""Offsets and scales of cheap accelerometers are off by some 5 %, so mg and cm/s², 2 % apart, are not told apart."""
 
 STEADY = 0.1
 """Spread of the length of gravity, to its mean: beyond it the sensor moves, or these are no accelerations."""
@@ -62,10 +68,9 @@ def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] |
         text = f"  --units {unit:<9} {what} {_numbers(noise)}; mean in deg/s {_numbers(mean)}"
         lines.append(f"{text}  ({circumstances})" if circumstances else text)
     lines = ["What each unit would mean here, axis by axis:", *lines, USUAL]
-    if values.shape[1] == 3 and (unit := gravity_unit(values)) is not None:
-        lines.append(
-            f"Their length is {length_of(values):.4g}, as gravity in {unit}: are they accelerations?"
-        )
+    if values.shape[1] == 3 and (gravity := gravity_units(values)):
+        said = f"Their length is {length_of(values):.4g}, as gravity in {' or '.join(gravity)}"
+        lines.append(f"{said}: are they accelerations?")
     return "\n".join(lines)
 
 
@@ -98,17 +103,20 @@ def times_table(steps: float) -> list[str]:
     ]
 
 
-def gravity_unit(values: Floats) -> str | None:
-    """Return the unit of an accelerometer's axes (n, 3) at rest, by the length of gravity; None if unclear."""
+def gravity_units(values: Floats) -> list[str]:
+    """Return what the unit of an accelerometer's axes (n, 3) at rest may be, by the length of gravity.
+
+    None if it may be counts as well as a unit.
+    """
     values = values[(np.abs(values) < NOBODY_MEASURES).all(axis=1)]
     length = np.linalg.norm(values, axis=1)
     mean = length_of(values)
     if not (0 < mean < NOBODY_MEASURES) or float(np.median(np.abs(length - mean))) > STEADY * mean:
-        return None
+        return []
     found = [unit for unit, g in GRAVITY.items() if abs(mean / g - 1) < GRAVITY_TOLERANCE]
     if bool((values == np.rint(values)).all()):
         found += [f"lsb:{g}" for g in GRAVITY_COUNTS if abs(mean / g - 1) < GRAVITY_TOLERANCE]
-    return found[0] if len(found) == 1 else None
+    return [] if len(found) > 1 and found[-1].startswith("lsb:") else found
 
 
 def length_of(values: Floats) -> float:
@@ -136,13 +144,15 @@ def _remarks(values: Floats) -> dict[int, str]:
             numbers.append(place)
     for first in sorted(range(len(numbers) - 2), key=lambda place: (place % 3, place)):  # threes side by side
         three = numbers[first : first + 3]
-        unit = gravity_unit(values[:, three])
-        if unit is not None and not any(place in found for place in three):
+        units = gravity_units(values[:, three])
+        if units and not any(place in found for place in three):
             length = length_of(values[:, three])
             for place in three:
                 found[place] = f": columns {three[0] + 1} to {three[2] + 1} have the length {length:.4g}"
-                counts = unit.startswith("lsb:")
-                found[place] += f", which is gravity in {'counts, as it seems' if counts else unit}"
+                counts = units[0].startswith("lsb:")
+                found[place] += (
+                    f", which is gravity in {'counts, as it seems' if counts else ' or '.join(units)}"
+                )
     return found
 
 

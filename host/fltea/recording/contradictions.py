@@ -132,11 +132,11 @@ def check_gravity(
     length_ms2 = candidates.length_of(values[:, list(accel)]) * accel_ms2
     if abs(length_ms2 / STANDARD_GRAVITY_MS2 - 1) < candidates.GRAVITY_TOLERANCE:
         return
-    measured = candidates.gravity_unit(values[:, list(accel)])
+    measured = candidates.gravity_units(values[:, list(accel)])
     stated = {accel_unit_of(choice.names[place]) or accel_unit(choice.units[place]) for place in accel}
-    if how.accel_units is not None and measured is not None and stated == {None}:
+    if how.accel_units is not None and measured and stated == {None}:
         raise UsageError(
-            f"{choice.where}: the length of the acceleration is that of gravity in {measured}, and "
+            f"{choice.where}: the length of the acceleration is that of gravity in {' or '.join(measured)}, and "
             f"--accel-units {how.accel_units} says otherwise. {OVERRULE}"
         )
     if how.columns is None and len(gyro) == 3 and _is_gravity(values[:, list(gyro)], accel_ms2):
@@ -151,12 +151,12 @@ def _check_alone(choice: Choice, gyro: Sequence[int], dps: float) -> None:
     """Refuse columns that only the user says to be rates, and that have the length of gravity."""
     names, values = [choice.names[place] for place in gyro], choice.facts.sample()[:, list(gyro)]
     is_stated = any(rate_unit_of(choice.names[p]) or rate_unit(choice.units[p]) for p in gyro)
-    measured = candidates.gravity_unit(values) if len(gyro) == 3 and not is_stated else None
+    measured = candidates.gravity_units(values) if len(gyro) == 3 and not is_stated else []
+    units = [unit for unit in measured if _is_gravity(values, accel_unit(unit) or math.nan)]
     length = candidates.length_of(values)
-    is_exact = measured in candidates.GRAVITY and _is_gravity(values, accel_unit(measured) or math.nan)
-    if choice.how.units is not None and is_exact and length * dps > MOST_OFFSET_DPS:
+    if choice.how.units is not None and units and length * dps > MOST_OFFSET_DPS:
         raise UsageError(
-            f"{choice.where}: {listed(names)} have the length {length:.4g}, which is gravity in {measured}: "
+            f"{choice.where}: {listed(names)} have the length {length:.4g}, which is gravity in {' or '.join(units)}: "
             "they seem an accelerometer's. Name the gyroscope's columns with --columns; if these are, add "
             "--overrule."
         )
@@ -164,4 +164,4 @@ def _check_alone(choice: Choice, gyro: Sequence[int], dps: float) -> None:
 
 def _is_gravity(values: Floats, unit_ms2: float) -> bool:
     is_as_long = abs(candidates.length_of(values) * unit_ms2 / STANDARD_GRAVITY_MS2 - 1) < GRAVITY_TOLERANCE
-    return is_as_long and candidates.gravity_unit(values) is not None
+    return is_as_long and bool(candidates.gravity_units(values))

@@ -49,19 +49,22 @@ def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Acceleromete
         return accel, scale * by_dialect
     values = choice.facts.sample()
     fits = values.ndim == 2 and values.shape[1] == len(names) and len(values) > 0
-    measured = candidates.gravity_unit(values[:, list(accel)]) if fits and not stated else None
-    if measured is None or measured.startswith("lsb:"):  # the range may be one of its own
-        _unread(choice, f"nothing says the unit of {shown}")
-        return (), 1.0
-    choice.answer("accelerometer", f"{shown} in {measured}", "measured", "their length is that of gravity")
-    return accel, float(accel_unit(measured) or 1.0)
+    units = candidates.gravity_units(values[:, list(accel)]) if fits and not stated else []
+    if len(units) == 1 and not units[0].startswith("lsb:"):  # the range may be one of its own
+        choice.answer(
+            "accelerometer", f"{shown} in {units[0]}", "measured", "their length is that of gravity"
+        )
+        return accel, float(accel_unit(units[0]) or 1.0)
+    why = f", which have the length of gravity in {' or '.join(units)}" if len(units) > 1 else ""
+    _unread(choice, f"nothing says the unit of {shown}{why}")
+    return (), 1.0
 
 
-def _axes(choice: Choice, taken: set[int | None]) -> tuple[Sequence[int], bool]:
+def _axes(choice: Choice, taken: set[int | None]) -> tuple[tuple[int, ...], bool]:
     """Return the places of the axes, and whether the logger's names say them."""
     names, dialect = choice.names, choice.dialect
     near = commonprefix([names[place] for place in taken if place is not None])
-    accel = columns_of(dialect.accel, names, near) if dialect is not None else ()
+    accel: tuple[int, ...] = columns_of(dialect.accel, names, near) if dialect is not None else ()
     is_of_dialect, several = bool(accel), False
     if not accel:
         letters = [accel_axis_of(name, unit) for name, unit in zip(names, choice.units, strict=True)]
