@@ -52,3 +52,19 @@ def test_a_sensor_is_asked_for_together_with_columns_and_unit(tmp_path: Path) ->
     assert "--sensor accel: 400 rows; x 0.01 ± 0" in text
     stored = open_csv(path, How(columns=["x", "y", "z"], topic="gyro", units="deg/s"))
     assert stored.whole().gyro.tolist() == np.round(GYRO, 4).tolist()
+
+
+@pytest.mark.parametrize("head", ["timestamp_ns,type,x,y,z\n", ""])
+def test_kinds_of_events_at_their_own_rates_are_asked_for_at_once(head: str, tmp_path: Path) -> None:
+    """As Android numbers its sensors; the accelerometer has half the rate."""
+    rows = "".join(
+        f"{1_000_000_000 + k * 10_000_000},4,{a:.4f},{b:.4f},{c:.4f}\n"
+        + (f"{1_001_000_000 + k * 10_000_000},1,0.01,0.02,9.81\n" if k % 2 else "")
+        for k, (a, b, c) in enumerate(GYRO / 100)
+    )
+    path = tmp_path / "rest.csv"
+    text = asked(path, head + rows)
+    assert "--columns ?,?,? --sensor ? --units ?" in text
+    how = How(columns=["3", "4", "5"], topic="2=4", units="rad/s", time_column="1", time_unit="ns")
+    stored = open_csv(path, how)
+    assert (stored.samples, round(stored.rate_hz)) == (N, 100)

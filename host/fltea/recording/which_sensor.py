@@ -9,7 +9,7 @@ from fltea.recording.column_names import accel_axis_of, axis_of, is_time, states
 from fltea.recording.dialects import columns_of
 from fltea.recording.evidence import Choice
 from fltea.recording.files import listed
-from fltea.recording.one_sensor import MOST_SENSORS, tells_apart
+from fltea.recording.one_sensor import MOST_IN_TURN, MOST_SENSORS, tells_apart
 from fltea.recording.reading import Missing
 from fltea.recording.sample_times import Floats, Marks
 from fltea.recording.units import is_physical
@@ -119,17 +119,19 @@ def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
     values, names = choice.facts.sample(), choice.names
     if values.ndim != 2 or values.shape[1] != len(names):
         return
-    wanted = {*choice.wanted.names}
-    free = []
-    clock = None
+    wanted, clock = {*choice.wanted.names}, None
+    free: list[int] = []
+    axes = [*gyro]
     for place, (name, unit) in enumerate(zip(names, choice.units, strict=True)):
         if choice.labels[place] == choice.wanted.time or (clock is None and is_time(name)):
             clock = values[:, place]
-        is_axis = place in gyro or axis_of(name, unit) or accel_axis_of(name, unit)
-        is_free = not (is_axis or is_time(name) or is_physical(unit_in(name) or unit))
-        if is_free and choice.labels[place] not in wanted:
-            free.append(place)
-    figures = values[:, [place for place in range(len(names)) if place not in free or place in gyro]]
+        if axis_of(name, unit) or accel_axis_of(name, unit):
+            axes.append(place)
+        elif not (place in gyro or is_time(name) or is_physical(unit_in(name) or unit)):
+            free += [] if choice.labels[place] in wanted else [place]
+    if not axes:  # whatever is no label
+        axes = [k for k in free if len(np.unique(values[:, k])) > MOST_IN_TURN]
+    figures = values[:, axes]
     yield from (
         place for place in free if (cells := _cells(choice, place)) and tells_apart(cells, clock, figures)
     )
