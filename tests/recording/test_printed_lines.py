@@ -222,7 +222,19 @@ linear_acceleration:
 linear_acceleration_covariance: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 ---
 """.replace(":\n", ": \n")
-ECHOED = {"ros2 topic echo": ROS_2, "rostopic echo": ROS_1}
+FIELDS_IN_BRACES = """header: {{stamp: {{sec: {s}, nanosec: {ns}}}, frame_id: imu_link}}
+orientation: {{x: 0.0, y: 0.0, z: 0.0, w: 1.0}}
+orientation_covariance: [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+angular_velocity: {{x: {x}, y: {y}, z: {z}}}
+linear_acceleration: {{x: 0.1, y: -0.2, z: 9.8}}
+---
+"""
+ECHOED = {
+    "ros2 topic echo": ROS_2,
+    "rostopic echo": ROS_1,
+    "fields in braces": FIELDS_IN_BRACES,
+    "ros2 topic echo --flow-style": f"{{{{{', '.join(FIELDS_IN_BRACES.splitlines()[:-1])}}}}}\n---\n",
+}
 
 
 def echoed(form: str, count: int = N) -> bytes:

@@ -200,3 +200,28 @@ def test_scales_in_a_head_hold_whatever_unit_is_given(tmp_path: Path) -> None:
     assert ":7: gscale 0.000266 stands in the head: times that" in refusal(tmp_path, text, units="dps")
     assert "tscale 0.001 stands in the head" in refusal(tmp_path, text, time_unit="us")
     assert stored(tmp_path, text, units="dps", overrule=True).whole().gyro == pytest.approx(counts)
+
+
+def test_seconds_in_two_columns_are_one_clock_beside_another(tmp_path: Path) -> None:
+    """As bagpy writes a topic of ROS: the time of recording beside that of the message."""
+    head = (
+        "Time,header.stamp.secs,header.stamp.nsecs,angular_velocity.x,angular_velocity.y,angular_velocity.z"
+    )
+    rows = [
+        f"{1.6e9 + k / RATE_HZ + 0.001:.6f},{1_600_000_000 + k // 100},{k % 100 * 10_000_000},{x},{y},{z}\n"
+        for k, (x, y, z) in enumerate(np.radians(GYRO_DPS))
+    ]
+    assert is_right(stored(tmp_path, f"{head}\n" + "".join(rows)))
+    slow = [row.replace(row.partition(",")[0], f"{1.6e9 + k / 80:.6f}") for k, row in enumerate(rows)]
+    assert "differ by a factor of 1.25" in refusal(tmp_path, f"{head}\n" + "".join(slow))
+
+
+def test_dates_of_a_logger_are_not_in_its_unit_of_numbers(tmp_path: Path) -> None:
+    names = ["Timestamp_FormattedUnix_CAL", *(f"Gyro_{axis}_CAL" for axis in "XYZ")]
+    units = "yyyy/mm/dd hh:mm:ss.000,deg/s,deg/s,deg/s"
+    rows = [
+        f"2023/05/03 12:{k // 6000:02d}:{k / 100 % 60:06.3f},{x},{y},{z}"
+        for k, (x, y, z) in enumerate(GYRO_DPS)
+    ]
+    text = "\n".join([",".join(f"Shimmer_B5A1_{name}" for name in names), units, *rows]) + "\n"
+    assert is_right(stored(tmp_path, text))

@@ -137,7 +137,7 @@ def choose(
         raise found.error(
             gyro, rate_hz or (None if time is None else found.measured_hz(time, unit_of_time, time_factor))
         )
-    check_clock(found, time, unit_of_time, time_factor)
+    check_clock(found, time, unit_of_time, time_factor, (fine, fine_s))
     accel, accel_ms2 = choose_accelerometer(found, {*gyro, time})
     check_gravity(found, gyro, factor / (lsb or 1.0), accel, accel_ms2)
     if dialect is not None and dialect.note:

@@ -25,10 +25,16 @@ FEWEST_STEPS = 8
 """Of two clocks, that tell whether they run alike."""
 
 
-def check_clock(choice: Choice, time: int | None, unit: TimeUnit | None, factor: float) -> None:
+def check_clock(
+    choice: Choice,
+    time: int | None,
+    unit: TimeUnit | None,
+    factor: float,
+    fine: tuple[int | None, float] = (None, 0.0),
+) -> None:
     """Compare the clock that is read with the dialect, the rate in the head, and other columns of times.
 
-    time: its place. unit, factor: what it counts.
+    time: its place. unit, factor: what it counts. fine: place and unit in s of what is added to whole seconds.
 
     Raises:
         UsageError: the user's rate is not that in the head.
@@ -61,18 +67,19 @@ def check_clock(choice: Choice, time: int | None, unit: TimeUnit | None, factor:
             text = f"{listed([name])} is read in {how.time_unit}, as --time-unit says; {counts}."
             choice.notes.append(Note("reading", f"{choice.where}: {text}"))
     if how.time_column is None and not how.overrule:
-        _compare_clocks(choice, time, None if unit is None else SECONDS[unit] * factor)
+        _compare_clocks(choice, time, None if unit is None else SECONDS[unit] * factor, *fine)
 
 
-def _compare_clocks(choice: Choice, time: int, unit_s: float | None) -> None:
+def _compare_clocks(choice: Choice, time: int, unit_s: float | None, fine: int | None, fine_s: float) -> None:
     values, names = choice.facts.sample(), choice.names
     if values.ndim != 2 or values.shape[1] != len(names):
         return
+    times = values[:, time] if fine is None else values[:, time] + values[:, fine] * fine_s
     none = choice.dialect.no_time if choice.dialect is not None else ()
     for place, name in enumerate(names):
-        if place == time or not is_time(name) or any(re.fullmatch(pattern, name) for pattern in none):
+        if place in (time, fine) or not is_time(name) or any(re.fullmatch(pattern, name) for pattern in none):
             continue
-        found = _runs_as(values[:, place], values[:, time])
+        found = _runs_as(values[:, place], times)
         if found is None:
             continue
         other = time_scale(choice.units[place]) or time_scale_of(name)

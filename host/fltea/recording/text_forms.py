@@ -75,14 +75,27 @@ def _checked(found: re.Match[bytes]) -> bytes:
     return b"$" + found[1]
 
 
-YAML = re.compile(rb"\s*(?:---\s*\n)?(?:#[^\n]*\n)*[A-Za-z_]\w*:[ \t\r]*\n[ ]+[A-Za-z_]\w*:")
+_KEY = rb"[A-Za-z_]\w*:"
+_BEFORE = rb"\s*(?:---\s*\n)?(?:#[^\n]*\n)*"
+YAML = re.compile(
+    rb"%(before)s(?:%(key)s[ \t\r]*\n[ ]+%(key)s|\{[ ]*%(key)s"
+    rb"|(?P<first>%(key)s)[ ]*\{[ ]*%(key)s[^\n]*\n(?!(?P=first))%(key)s)"
+    % {b"before": _BEFORE, b"key": _KEY}
+)
 """How the first message begins."""
 
-BEGINNING = re.compile(rb"\s*(?:---\s*\n)?(?:#[^\n]*\n)*(?:[A-Za-z_]\w*:[ \t\r]*\n)?[^\n]{0,256}")
+BEGINNING = re.compile(_BEFORE + rb"(?:" + _KEY + rb"(?:[ \t\r]*|[ ]*\{[^\n]{0,256})\n)?[^\n]{0,256}")
 """What may still become that, as the line after it has not ended."""
 
 LONGEST_DOCUMENT, LONGEST_LINE = 1 << 20, 1 << 14
 """Of a longer line, such as a picture's, only the beginning is kept."""
+
+
+_IN_BRACES = re.compile(rb"([A-Za-z_]\w*)\s*:\s*(?:(\{)|\[[^\[\]]*\]|([^,{}\[\]]*))|(\})")
+"""A key with a mapping, a list or a value, or the end of a mapping: `{stamp: {sec: 1, nanosec: 2}}`."""
+
+DEEPEST = 8
+"""Mappings in mappings, all in one line."""
 
 
 class YamlDocuments:
@@ -114,9 +127,10 @@ class YamlDocuments:
     def _take(self, line: bytes) -> bytes:
         bare = line.strip()
         if bare in (b"---", b"..."):
-            values, self._values, self._path = self._values, {}, []
-            self._fewest = self._fewest or len(values)
-            return msgspec.json.encode(values) + b"\n" if values else b""
+            return self._end()
+        if bare[:1] == b"{":
+            self._in_braces("", bare)
+            return self._end() if bare[-1:] == b"}" and bare.count(b"{") == bare.count(b"}") else b""
         key, colon, value = bare.partition(b":")
         if not colon or bare[:1] in b"-#" or len(self._values) > LONGEST_DOCUMENT // 64:
             return b""
@@ -128,9 +142,29 @@ class YamlDocuments:
         value = value.strip()
         if not value:
             self._path.append((indent, f"{name}."))
-            return b""
+        elif value[:1] == b"{":
+            self._in_braces(f"{name}.", value)
+        else:
+            self._set(name, value)
+        return b""
+
+    def _end(self) -> bytes:
+        values, self._values, self._path = self._values, {}, []
+        self._fewest = self._fewest or len(values)
+        return msgspec.json.encode(values) + b"\n" if values else b""
+
+    def _in_braces(self, prefix: str, text: bytes) -> None:
+        path = [prefix]
+        for key, opens, value, closes in _IN_BRACES.findall(text):
+            if closes:
+                del path[max(1, len(path) - 1) :]
+            elif opens:
+                path.append(f"{path[-1]}{key.decode()}." if len(path) < DEEPEST else path[-1])
+            elif value.strip():
+                self._set(path[-1] + key.decode(), value.strip())
+
+    def _set(self, name: str, value: bytes) -> None:
         try:
             self._values[name] = float(value)
         except ValueError:
             self._values[name] = value.decode(errors="replace")
-        return b""
