@@ -160,6 +160,13 @@ def test_dates_and_times_of_day_are_times(form: str, tmp_path: Path) -> None:
     assert document(tmp_path, content).whole().device_s[-1] == pytest.approx(TIMES_S[-1])
 
 
+def test_what_python_writes_for_missing_numbers_is_missing(tmp_path: Path) -> None:
+    values = DPS.copy()
+    values[7, 1], values[9, 0] = np.nan, np.inf
+    found = document(tmp_path, rows(values, "gx_dps gy_dps gz_dps"))
+    assert found.whole().gyro == pytest.approx(np.delete(DPS, [7, 9], axis=0))
+
+
 # --- beside the table ---
 
 

@@ -100,6 +100,7 @@ def test_what_only_matlab_reads_is_called_so(tmp_path: Path) -> None:
     cells[:] = [GYRO[:, 0], "a", 1.0]
     text = refusal(matlab, tmp_path, {"gyro_dps": cells}, rate_hz=100.0)
     assert "gyro_dps is a cell array; write it as numbers: cell2mat" in text
+    assert "__globals__" not in text
     path = tmp_path / "rest.h5"
     with h5py.File(path, "w") as file:
         file["imu"] = np.zeros((6, 1), np.uint32)
@@ -248,3 +249,11 @@ def test_attributes_of_hdf5_are_rates_too(tmp_path: Path) -> None:
 def test_names_of_rates(name: str, value: Any, unit: str, rate_hz: float | None) -> None:
     found = rate_of(name, value, unit)
     assert found is None if rate_hz is None else found == pytest.approx(rate_hz)
+
+
+def test_texts_that_are_dates_are_times(tmp_path: Path) -> None:
+    texts = [f"2024-05-01T00:00:{t:09.6f}" for t in TIMES_S]
+    for read, kind in ((npz, "U"), (hdf5, "S")):
+        found = read(tmp_path, {"gyro_dps": GYRO, "when": np.array(texts, kind)})
+        assert found.rate_hz == pytest.approx(100.0)
+        assert found.whole().device_s == pytest.approx(TIMES_S)

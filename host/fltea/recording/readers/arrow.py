@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from fltea.recording.column_names import is_time, named_axis, tells_sensors
+from fltea.recording.column_names import is_time, named_axis, states_units, tells_sensors
 from fltea.recording.files import AT_ONCE
 from fltea.recording.one_sensor import MOST_SENSORS
 from fltea.recording.readers import beside
@@ -176,7 +176,7 @@ def _columns(schema: Any, batches: Batches) -> Iterator[_Column]:
             yield from found if inner is not kind else [_Column(name, name, kind)]
         else:
             is_date = points_of_time(first.cast(pa.string())[:SAMPLE_ROWS].to_pylist()) is not None
-            words = _words(batches([name]), name) if tells_sensors(name) else []
+            words = _words(batches([name]), name) if tells_sensors(name) or states_units(name) else []
             yield _Column(name, name, kind, is_date=is_date, words=words)
 
 

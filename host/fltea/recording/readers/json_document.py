@@ -1,5 +1,6 @@
 """One document of JSON: lists by their names, or a list of objects, each of which is a row."""
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -34,12 +35,21 @@ FIRST_NS, LAST_NS = 10**17, 4 * 10**18
 def read(path: Path, _: str) -> Sheet:
     """Read all lists; of the app Sensor Logger those of its gyroscope."""
     found: dict[str, Any] = {}
-    for name, value in _values("", msgspec.json.decode(path.read_bytes())):
+    for name, value in _values("", _decoded(path.read_bytes())):
         is_word = isinstance(value, str) and not is_unit(value)
         if name in found and not is_word and found[name] != value:
             raise UsageError(f"holds two different {listed([name])}, and which counts is not known. Mend it.")
         found.setdefault(name, value)
     return of_arrays({name: _array(name, value) for name, value in found.items()})
+
+
+def _decoded(data: bytes) -> Any:
+    try:
+        return msgspec.json.decode(data)
+    except msgspec.DecodeError:
+        if b"NaN" not in data and b"Infinity" not in data:
+            raise
+        return json.loads(data)  # which knows what Python writes for numbers that JSON has not
 
 
 def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
