@@ -1,13 +1,14 @@
 """Times and accelerometers of text recordings, as other programs write them."""
 
-from datetime import UTC, datetime, timedelta
+import math
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
 from fltea.recording.sample_times import Elapsed
 from fltea.recording.text_times import Clocks, with_seconds
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from text_files import refusal, stored
 
@@ -287,3 +288,35 @@ def test_a_step_back_is_a_new_run_unless_a_counter_or_the_day_ended(
 ) -> None:
     _, found = Elapsed(unit).add(np.array(times), np.zeros((2, 1)))  # type: ignore[arg-type]
     assert found.tolist() == [False, begins]
+
+
+def days_of(*dates: str) -> list[float]:
+    """Days from one midday to the next, as they are read; NaN where a date is none."""
+    read = with_seconds("\n".join(f"{one} 12:00:00" for one in dates)).split("\n")
+    return np.diff([float(one) / 86_400 if one.isdigit() else math.nan for one in read]).tolist()
+
+
+@pytest.mark.parametrize("sign", ["/", "-"])
+@pytest.mark.parametrize("year", ["2023", "23"])
+def test_day_and_month_have_one_order_in_a_text(sign: str, year: str) -> None:
+    def told(*dates: str) -> list[float]:
+        return days_of(*(f"{one}/{year}".replace("/", sign) for one in dates))
+
+    assert told("31/01", "01/02", "02/02") == [1, 1]  # the first says it
+    assert told("03/05", "04/05", "05/05", "06/05") == [1, 1, 1]  # the steps say it
+    assert told("11/05", "12/05", "13/05", "14/05") == [1, 1, 1]
+    assert told("12/05", "13/05") == [1]  # or a later one
+    assert told("02/03", "02/04") == [1]
+    assert told("05/31", "06/01") == [1]
+    assert told("01/31", "02/01") == [1]
+    found = told("31/01", "01/02", "02/28")  # no other order from then on
+    assert found[0] == 1
+    assert math.isnan(found[1])
+
+
+@given(st.dates(date(2000, 1, 1), date(2099, 12, 1)), st.booleans(), st.lists(st.integers(0, 20), max_size=9))
+def test_dates_in_either_order_go_on_as_they_are(first: date, is_day_first: bool, steps: list[int]) -> None:
+    days = [first + timedelta(days=int(k)) for k in np.cumsum([0, 1, *steps])]
+    form = "%d/%m/%Y" if is_day_first else "%m/%d/%Y"
+    assume(first.day != first.month or days[1].month == first.month)
+    assert days_of(*(day.strftime(form) for day in days)) == [1, *steps]

@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from datetime import date
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +70,7 @@ class Clocks:
         self._last = "", "0"
         self._lengths: set[int] = set()
         self._is_no_fraction = False
+        self._order = _DayMonth()
 
     def with_seconds(self, text: str) -> str:
         """Return lines with seconds in place of dates and times of day."""
@@ -122,18 +124,20 @@ class Clocks:
             if minutes is None:
                 return None
             return minutes.start(), f"{60 * int(minutes[0]) + int(m)}.{fraction}"
-        if (hours := _hours(before)) is None or (sign == ":" and not self._colon_is_ms):
+        if (hour := _hour(before)) is None or (sign == ":" and not self._colon_is_ms):
             return None
-        begin, seconds, hour = hours
-        seconds += 60 * int(m) + int(s)
+        days = self._order.days(*hour.days) if hour.is_either else hour.days[0]
+        if days is None:
+            return None
+        seconds = 86_400 * days + 3600 * hour.hour + 60 * int(m) + int(s)
         if half:
-            seconds += 43_200 * ((half in "pP") - (hour == 12))
+            seconds += 43_200 * ((half in "pP") - (hour.hour == 12))
         if zone and zone[0] in "+-":
             seconds -= (1 if zone[0] == "+" else -1) * (3600 * int(zone[1:3]) + 60 * int(zone[-2:]))
         if digits and (sign == ":" or self._in_ms):
             digits = digits.zfill(3)
         digits = digits or behind_comma
-        return begin, f"{seconds}{mark}{digits}" if digits else str(seconds)
+        return hour.begin, f"{seconds}{mark}{digits}" if digits else str(seconds)
 
 
 def with_seconds(text: str) -> str:
@@ -168,9 +172,48 @@ def points_of_time(texts: Sequence[str | None], *, is_known: bool = False) -> ND
     return found
 
 
+class _DayMonth:
+    """Which comes first in dates such as 03/05/2023, one order for a text.
+
+    A number above 12 tells it, or the next date: two that follow each other are near. Before that the month
+    is first; where this turns out wrong, later dates go on from there, since no more than steps is read of
+    them.
+    """
+
+    def __init__(self) -> None:
+        self._is_day_first: bool | None = None
+        self._shift = 0
+        self._newest: tuple[int, int] | None = None
+
+    def days(self, month_first: int | None, day_first: int | None) -> int | None:
+        """Return the days since 1970 of a date that is one of these; None if it is none in this order."""
+        newest = self._newest
+        if self._is_day_first is None and (month_first is None or day_first is None):
+            self._is_day_first = month_first is None
+        elif self._is_day_first is None and month_first is not None and day_first is not None:
+            if newest is not None:
+                steps = abs(month_first - newest[0]), abs(day_first - newest[1])
+                self._is_day_first = None if steps[0] == steps[1] else steps[1] < steps[0]
+            self._newest = month_first, day_first
+        if self._is_day_first and newest is not None:
+            self._shift, self._newest = newest[0] - newest[1], None
+        if self._is_day_first:
+            return None if day_first is None else day_first + self._shift
+        return month_first
+
+
+class _Hour(NamedTuple):
+    """A date and an hour. begin: where they are. days: since 1970; is_either: month or day may come first."""
+
+    begin: int
+    hour: int
+    days: tuple[int | None, int | None]
+    is_either: bool
+
+
 @lru_cache(maxsize=256)
-def _hours(before: str) -> tuple[int, int, int] | None:
-    """Where the date and hour at the end of a text begin, their seconds, and the hour; None without one."""
+def _hour(before: str) -> _Hour | None:
+    """Return the date and hour at the end of a text; None without one."""
     found = _HOUR.search(before)
     if found is None:
         return None
@@ -178,15 +221,16 @@ def _hours(before: str) -> tuple[int, int, int] | None:
     name = part["name"] or part["american"]
     if part["y"]:
         day = _day(part["y"], part["mo"], part["d"])
-    elif part["a"]:  # the day is first before a point, or if the number is above 12
-        day_first = part["sign"] == "." or int(part["a"]) > 12
-        day = _day(part["c"], *((part["b"], part["a"]) if day_first else (part["a"], part["b"])))
+    elif part["a"]:
+        day = _day(part["c"], part["b"], part["a"])
+        if part["sign"] != ".":  # before which the day is first
+            return _Hour(found.start(), hour, (_day(part["c"], part["a"], part["b"]), day), is_either=True)
     elif name:
         month = str(_MONTHS.index(name[:3].lower()) + 1)
         day = _day(part["year"] or part["year_"], month, part["day"] or part["day_"])
     else:
         day = 0
-    return None if day is None else (found.start(), 86_400 * day + 3600 * hour, hour)
+    return _Hour(found.start(), hour, (day, day), is_either=False)
 
 
 def _day(year: str, month: str, day: str) -> int | None:
