@@ -227,6 +227,17 @@ def test_rows_by_turns(form: Callable[..., Stored], count: int, tmp_path: Path) 
         assert str(answer) == f"row {sensor + 1} of every {count} (given: --sensor)"
 
 
+@pytest.mark.parametrize(("count", "later_s"), [(2, 0.003), (3, 0.002)])
+def test_steps_that_come_again_are_sensors_in_turns(count: int, later_s: float, tmp_path: Path) -> None:
+    """Neither an even clock of a higher rate, nor bursts."""
+    columns = table(NUMBERS, [*range(count)] * N, later_s=later_s)
+    del columns["sensor_id"]
+    asked = refusal(csv, tmp_path, columns)
+    assert f"nothing says whether {count} sensors take turns, or one has uneven times" in asked
+    assert f"--sensor 1/{count}: the first of {count} sensors in turns" in asked
+    assert_is(csv(tmp_path, columns, topic=f"2/{count}"), 1)
+
+
 @each_form
 @pytest.mark.parametrize("later_s", [0.0, 0.005, 0.003])
 def test_rows_by_turns_stay_in_turn_behind_a_lost_row(
@@ -379,3 +390,10 @@ def test_sensors_side_by_side_are_asked_for_and_named(
     (clock,) = [answer for answer in stored.reading if answer.question == "clock"]
     assert f"the times of Shimmer_{sensor}_Timestamp_Unix_CAL" in clock.why
     assert np.allclose(stored.whole().gyro, GYRO[:, 0] * (3 if first > 2 else 1))
+
+
+def test_rows_that_come_in_bursts_may_be_of_sensors_in_turns(tmp_path: Path) -> None:
+    columns = table(NUMBERS, [0, 1] * N, later_s=1e-6)
+    del columns["sensor_id"]
+    assert "If they are of 2 sensors that take turns: --sensor 1/2" in refusal(csv, tmp_path, columns)
+    assert_is(csv(tmp_path, columns, topic="2/2"), 1)

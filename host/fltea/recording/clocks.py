@@ -12,6 +12,9 @@ from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, Elapsed, Floats, 
 Blocks = Callable[[], Iterable[Floats]]
 """Gives elapsed times, a block at a time, each time it is called."""
 
+MOST_IN_TURNS = 4
+"""Sensors whose turns are known by the times alone."""
+
 SHORT_GAPS = 2, 3, 4
 """Steps of so many periods are a clock's, too, however many there are. Bursts leave longer ones."""
 
@@ -42,7 +45,8 @@ class Clock(NamedTuple):
     """What steps say, in the column's unit.
 
     typical: the mean without gaps. even: they are a clock's. bursts: why they are none. is_coarse: times are
-    rounded, and some are the same that were not. is_rounded: they are, to a good part of the period.
+    rounded, and some are the same that were not. is_rounded: they are, to a good part of the period. in_turn:
+    after so many steps they are the same again, as where so many sensors take turns; 0: they are not.
     """
 
     typical: float
@@ -53,6 +57,7 @@ class Clock(NamedTuple):
     bursts: Bursts | None = None
     is_coarse: bool = False
     is_rounded: bool = False
+    in_turn: int = 0
 
 
 def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
@@ -71,12 +76,26 @@ def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
     if period == math.inf and grain < median / 2:  # then no step that lacks a sample is near the median
         period = None
     if period is not None or (grain and share < EVEN_SHARE):
-        _, share, mean = _even_share(blocks(), median, grain * (1 + NEARLY), elapsed.odd)
+        step = median if period in (None, math.inf) else period
+        _, share, mean = _even_share(blocks(), step or median, grain * (1 + NEARLY), elapsed.odd)
         typical = period or mean
     bursts = _bursts(blocks(), typical, elapsed.longest)
     is_coarse = grain > 0 and elapsed.odd - elapsed.backwards >= max(FEWEST_ODD, ODD_SHARE * count)
-    even = share >= EVEN_SHARE and 0 < typical < math.inf and bursts is None and not is_coarse
-    return Clock(typical, median, least, largest, even, bursts, is_coarse, period is not None)
+    is_other = single >= EVEN_SHARE or bursts is not None or elapsed.odd > 0
+    turns = 0 if is_other else _in_turn(next(iter(_steps(blocks()))), grain)
+    even = share >= EVEN_SHARE and 0 < typical < math.inf and not (bursts or is_coarse or turns)
+    return Clock(typical, median, least, largest, even, bursts, is_coarse, period is not None, turns)
+
+
+def _in_turn(steps: Floats, grain: float) -> int:
+    """After how many steps they are the same again; 0 if they are not, or only rounded to a grain."""
+    for count in range(2, min(MOST_IN_TURNS, len(steps) // 4) + 1):
+        middle = np.array([np.median(steps[k::count]) for k in range(count)])
+        usual = np.resize(middle, len(steps))
+        is_even = np.ptp(middle) <= max(EVENNESS * middle.min(), grain * (1 + NEARLY))
+        if not is_even and (np.abs(steps - usual) <= EVENNESS * middle.min()).mean() >= EVEN_SHARE:
+            return count
+    return 0
 
 
 def _steps(blocks: Iterable[Floats]) -> Iterator[Floats]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fltea.recording.clocks import Clock, clock_of
+from fltea.recording.clocks import MOST_IN_TURNS, Clock, clock_of
 from fltea.recording.reading import Answer, Missing, NotStated, not_stated
 from fltea.recording.sample_times import (
     EVEN_SHARE,
@@ -26,9 +26,6 @@ POSSIBLE_HZ = 2.0, 50_000.0
 
 LEAST_HZ = 0.01
 """Of a rate that the user gives: fewer samples a second are a mistake."""
-
-MOST_IN_TURNS = 4
-"""Rows with the same time that may be of as many sensors."""
 
 LIKE_MEAN = 1.5
 """A given rate and the mean of uneven times are not the same if they differ by more than this factor."""
@@ -139,6 +136,17 @@ def _uneven(
         remark = (
             "If the rows do not stand in the order in which they were measured, sort them by their times."
         )
+    elif clock.in_turn:
+        n = clock.in_turn
+        return not_stated(
+            where,
+            [Missing(f"whether {n} sensors take turns, or one has uneven times", "?")],
+            (),
+            f"The steps of '{name}', {clock.least:.3g} to {clock.largest:.3g} {shown}, come again after {n} "
+            "rows:\n"
+            f"  --sensor 1/{n}: the first of {n} sensors in turns, --sensor 2/{n} the second …\n"
+            f"  --rate ?: one sensor; {_mean(column, rate_hz)}",
+        )
     elif clock.bursts is not None:
         rows, every = clock.bursts
         rate_hz = rows / (every * unit_s)
@@ -146,6 +154,10 @@ def _uneven(
             f"the rows come in bursts, {rows} every {every:.3g} {shown}, and the times in '{name}', "
             f"{clock.typical:.3g} {shown} apart, are those of fetching them"
         )
+        if rows <= MOST_IN_TURNS:
+            remark = (
+                f"If they are of {rows} sensors that take turns: --sensor 1/{rows} for the first. {remark}"
+            )
     elif _is_coarse(elapsed) and MOST_IN_TURNS >= round(turns) >= 2 and abs(turns - round(turns)) < 0.01:
         n = round(turns)
         return not_stated(
