@@ -80,6 +80,23 @@ def test_an_accelerometer_is_no_gyroscope(tmp_path: Path) -> None:
     assert "which columns are the gyroscope's axes" in refusal(tmp_path, parts)
 
 
+@pytest.mark.parametrize("name", ["name", "id", ""])
+def test_a_list_of_sensors(tmp_path: Path, name: str) -> None:
+    parts = [
+        {
+            **({name: f"imu{k}"} if name else {}),
+            "rate": 100,
+            "samples": rows(one, "gx_dps gy_dps gz_dps", timed=False),
+        }
+        for k, one in enumerate((DPS, OTHER_DPS))
+    ]
+    first, second = ("imu0", "imu1") if name else ("1", "2")
+    asked = refusal(tmp_path, {"sensors": parts})
+    assert f"of sensors.{first} (300 rows), sensors.{second} (300 rows)" in asked
+    assert is_right(document(tmp_path, {"sensors": parts}, topic=f"sensors.{second}"), OTHER_DPS)
+    assert is_right(document(tmp_path, parts, topic=second), OTHER_DPS)
+
+
 def test_two_gyroscopes_by_their_names(tmp_path: Path) -> None:
     parts = {"gyro1": rows(DPS), "gyro2": rows(OTHER_DPS)}
     assert "of gyro1 (300 rows), gyro2 (300 rows)" in refusal(tmp_path, parts)

@@ -95,7 +95,7 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
         ),
         "json": Format(
             "JSON",
-            "JSON: an array of objects, or columns as pandas writes them",
+            "JSON: objects or lists, in parts by their names, and what pandas writes",
             (".json",),
             _each("sensor_logger.json"),
             reader="fltea.recording.readers.json_document:read",

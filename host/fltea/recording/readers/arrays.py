@@ -169,7 +169,7 @@ class _Columns:
 
 def _words(array: Any) -> tuple[Any, list[str]] | None:
     """Texts as numbers from 0, and what these mean; None if an array holds no texts, or too many."""
-    if isinstance(array, NoNumbers) or np.dtype(array.dtype).kind not in "SUO" or len(array.shape) != 1:
+    if isinstance(array, NoNumbers | str) or np.dtype(array.dtype).kind not in "SUO" or len(array.shape) != 1:
         return None
     values = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in array[()]]
     if not all(isinstance(one, str) for one in values):

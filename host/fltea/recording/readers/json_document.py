@@ -10,7 +10,7 @@ import numpy as np
 
 from fltea.recording.column_names import states_units, tells_sensors
 from fltea.recording.files import listed
-from fltea.recording.readers.arrays import NoNumbers, of_arrays
+from fltea.recording.readers.arrays import MOST_WIDE, NoNumbers, of_arrays
 from fltea.recording.sheet import Sheet
 from fltea.recording.text_labels import flat
 from fltea.recording.text_times import points_of_time
@@ -22,6 +22,7 @@ PHONE_GYROSCOPES = "Gyroscope", "GyroscopeUncalibrated"
 """As the app Sensor Logger calls them; they are in rad/s."""
 
 ROWS = {"data", "samples", "rows", "records", "readings", "measurements", "values", "frames", "items"}
+NAMES = "name", "id", "sensor", "label"
 BESIDE = {"meta", "metadata", "info", "header", "head", "attrs", "attributes", "config", "settings"}
 """Parts of a document that are called so hold what is of the part around them: its rows, and facts of all."""
 
@@ -54,6 +55,10 @@ def _decoded(data: bytes) -> Any:
 
 def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     """The lists, texts and numbers in a document, by their names."""
+    if isinstance(value, list) and any(
+        isinstance(row, dict) and any(map(_is_part, row.values())) for row in value
+    ):
+        value = {_called(row, place): row for place, row in enumerate(value, 1)}
     if isinstance(value, dict):
         value = _of_pandas(value)
     if isinstance(value, dict):
@@ -73,6 +78,17 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield name, value
     elif isinstance(value, int | float):
         yield name, float(value)
+
+
+def _is_part(value: Any) -> bool:
+    """Whether a value is a list of many, or of objects: whoever has such ones is no row, but a sensor."""
+    return isinstance(value, list) and (len(value) > MOST_WIDE or any(isinstance(one, dict) for one in value))
+
+
+def _called(row: Any, place: int) -> str:
+    """The name of a sensor in a list of them, or else its position."""
+    names = [row[key] for key in NAMES if isinstance(row.get(key), str)] if isinstance(row, dict) else []
+    return names[0] if names else str(place)
 
 
 def _columns_of(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
