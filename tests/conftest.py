@@ -25,8 +25,8 @@ def pytest_configure() -> None:
     if getattr(_native, "SOURCE_HASH", "") != wanted and not os.environ.get("FLTEA_STALE_NATIVE"):
         (Path(sys.prefix) / ".dev").unlink(missing_ok=True)
         raise pytest.UsageError(
-            "the native module was built from other sources: run `make setup`. While the C++ is being changed, "
-            "FLTEA_STALE_NATIVE=1 runs tests of what does not depend on it."
+            "the native module was built from other sources: run `make setup`. While the C++ is being "
+            "changed, FLTEA_STALE_NATIVE=1 runs tests of what does not depend on it."
         )
 
 

@@ -168,7 +168,10 @@ TEXTS = {
     "escape.csv": (b"time_s,gyro_x_dps\n0,\x1b[31m\n", r"'\x1b[31m' is not a number"),
     "quote.csv": (b'time_s,gyro_x_dps\n0,"' + b"1\n" * 1_000_000, "quote.csv:2: cannot be read as CSV ("),
     "long.csv": (b"time_s,gyro_x_dps\n0," + b"x" * 100_000 + b"\n", "x…' is not a number"),
-    "wide.csv": (b",".join(b"c%d" % n for n in range(20_000)) + b"\n1\n", "nothing says which columns are the gyroscope's axes"),
+    "wide.csv": (
+        b",".join(b"c%d" % n for n in range(20_000)) + b"\n1\n",
+        "nothing says which columns are the gyroscope's axes",
+    ),
     "utf16.csv": ("gyro_x_dps\n1\n".encode("utf-16"), "utf16.csv:1: has no column 'time_s'"),
 }
 

@@ -12,7 +12,10 @@ GYRO_DPS = np.round(np.random.default_rng(3).normal([0.5, -0.3, 0.2], 0.2, (N, 3
 
 
 def table(head: str, separator: str = ",", times_s: float | None = 1.0, factor: float = 1.0) -> str:
-    """Rows behind a head. times_s: of one in the column of times; None: there is none. factor: of the rates."""
+    """Rows behind a head.
+
+    Times_s: of one in the column of times; None: there is none. factor: of the rates.
+    """
     rows = []
     for k, rates in enumerate(GYRO_DPS * factor):
         time = [] if times_s is None else [f"{k / RATE_HZ / times_s:.12g}"]
@@ -225,3 +228,30 @@ def test_dates_of_a_logger_are_not_in_its_unit_of_numbers(tmp_path: Path) -> Non
     ]
     text = "\n".join([",".join(f"Shimmer_B5A1_{name}" for name in names), units, *rows]) + "\n"
     assert is_right(stored(tmp_path, text))
+
+
+@pytest.mark.parametrize("form", ["{:,.0f}", "{:,.1f}"])
+@pytest.mark.parametrize("is_german", [True, False])
+def test_numbers_with_signs_between_thousands_are_refused(tmp_path: Path, form: str, is_german: bool) -> None:
+    """53.456 would be read for 53,456, a thousand times less."""
+    signs = str.maketrans(",.", ".,") if is_german else {}
+    separator = ";" if is_german else ","
+
+    def number(value: float) -> str:
+        text = form.format(value).translate(signs)
+        return text if is_german else f'"{text}"'
+
+    rows = [separator.join(map(number, [1e6 + 10 * k, *(1e5 * rates)])) for k, rates in enumerate(GYRO_DPS)]
+    head = separator.join(("time_ms", "gx_mdps", "gy_mdps", "gz_mdps"))
+    for how in ({}, {"rate_hz": 100.0}, {"columns": ["2", "3", "4"], "units": "mdps", "rate_hz": 100.0}):
+        text = ("" if "columns" in how else f"{head}\n") + "\n".join(rows) + "\n"
+        told = refusal(tmp_path, text, **how)
+        assert "has signs between its thousands" in told
+        assert "Write them without: 1000010" in told
+
+
+def test_addresses_and_decimal_signs_are_no_thousands(tmp_path: Path) -> None:
+    rows = [f"192.168.001.100;{10 * k};{x};{y};{z}\n" for k, (x, y, z) in enumerate(GYRO_DPS)]
+    assert is_right(stored(tmp_path, "host;time_ms;gx_dps;gy_dps;gz_dps\n" + "".join(rows)))
+    whole = [f"{10 * k},100,200,{300 + k % 7}\n" for k in range(N)]
+    assert stored(tmp_path, "time_ms,gx_dps,gy_dps,gz_dps\n" + "".join(whole)).samples == N

@@ -147,7 +147,7 @@ def test_counts_of_both_sensors() -> None:
     assert parse_accel_unit("lsb:16384") == (pytest.approx(9.80665 / 16384), 16384)
     assert parse_accel_unit("mg") == (pytest.approx(9.80665e-3), None)
     with pytest.raises(
-        UsageError, match=r"--accel-units dps: not a unit .* m/s\^2, mm/s\^2, g, mg, or lsb:N"
+        UsageError, match=r"--accel-units dps: not a unit .* m/s\^2, cm/s\^2, mm/s\^2, g, mg, or lsb:N"
     ):
         parse_accel_unit("dps")
 

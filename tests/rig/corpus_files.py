@@ -97,8 +97,8 @@ def packed() -> dict[str, bytes]:
 def ulog(forms: dict[str, str], topics: Iterable[tuple[str, int]], rows: Iterable[tuple[Any, ...]]) -> bytes:
     """A log of PX4: docs.px4.io, "ULog File Format": head, flag bits, formats, subscriptions, data.
 
-    forms: fields by the name of a message. topics: message and number of a sensor. rows: the place of a topic,
-    the letters of its fields for `struct`, and their values.
+    forms: fields by the name of a message. topics: message and number of a sensor. rows: the place of a
+    topic, the letters of its fields for `struct`, and their values.
     """
 
     def message(kind: str, body: bytes) -> bytes:
@@ -224,7 +224,11 @@ def printed() -> bytes:
     hello = {"class": "hello", "source": "rest", "host_ns": 0, "rate_hz": RATE_HZ, "sampling_mode": "timer"}
     samples = (
         {
-            **{"class": "sample", "seq": k, "device_us": 10_000 * k, "host_ns": 10_000_000 * k, "epoch": 1},
+            "class": "sample",
+            "seq": k,
+            "device_us": 10_000 * k,
+            "host_ns": 10_000_000 * k,
+            "epoch": 1,
             "gyro_dps": GYRO_DPS[k].tolist(),
         }
         for k in range(N)

@@ -27,7 +27,9 @@ GRAVITY_COUNTS = (2048, 4096, 8192, 16384)
 """The length of gravity in counts of 16 bits, at ±16, ±8, ±4 and ±2 g."""
 
 GRAVITY_TOLERANCE = 0.15
-"""Offsets and scales of cheap accelerometers are off by some 5 %, so mg and cm/s², 2 % apart, are not told apart."""
+"""Offsets and scales of cheap accelerometers are off by some 5 %, so mg and cm/s², 2 % apart, are not told
+apart.
+"""
 
 STEADY = 0.1
 """Spread of the length of gravity, to its mean: beyond it the sensor moves, or these are no accelerations."""
@@ -49,8 +51,8 @@ NOBODY_MEASURES = 1e100
 def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] | None = None) -> str:
     """Return a line for each unit that rates may be in: N and mean of the axes in it.
 
-    values: (n, axes) as they stand in the file. rate_hz: None if it is not known; then the table shows σ. when:
-    the units that come into question, and the circumstances; None: the usual ones.
+    values: (n, axes) as they stand in the file. rate_hz: None if it is not known; then the table shows σ.
+    when: the units that come into question, and the circumstances; None: the usual ones.
     """
     values = values[np.isfinite(values).all(axis=1)] if values.size else values
     if len(values) < 3:

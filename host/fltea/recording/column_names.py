@@ -272,3 +272,10 @@ def named_axis(name: str, axis: int) -> str:
 def _plain(name: str) -> str:
     """In small letters, with _ for all that separates words, and between the words of `gyroX`."""
     return _SEPARATOR.sub("_", _HUMP.sub("_", name.strip()).lower()).strip("_")
+
+
+def common_beginning(names: Sequence[str]) -> str:
+    """Return what all names begin with."""
+    first, last = min(names, default=""), max(names, default="")
+    same = (k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b)
+    return first[: next(same, min(len(first), len(last)))]

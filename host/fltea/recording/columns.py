@@ -1,4 +1,7 @@
-"""Which columns are meant, in which units, by which clock, of which sensor: a reading, with its evidence (pure)."""
+"""Which columns are meant, in which units, by which clock, of which sensor.
+
+A reading, with its evidence (pure).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,13 +30,13 @@ NOTHING = Facts()
 class Chosen:
     """What to read: places from 0 of the axes and of the times (None without), and what they are counted in.
 
-    axes: of the places in `gyro`, x, y or z. units: as `--units` takes them. factor, lsb: as of `parse_units`.
-    time_unit: None if nothing says it. time_factor: of that unit, for 1 in the column. accel: places of the
-    accelerometer's axes x, y, z, or none; accel_ms2: m/s² in one of their unit. fine: place of what is added to
-    whole seconds, fine_s: seconds in one of its unit. rate_hz: the rate that is given or stated; is_given: by
-    the user. sensor: place of the column that tells several sensors apart, and the value of the one that is
-    read, None: the only one. turn: of several sensors in turns which one, and of how many. answers: the reading
-    so far. notes: what the user has to know.
+    axes: of the places in `gyro`, x, y or z. units: as `--units` takes them. factor, lsb: as of
+    `parse_units`. time_unit: None if nothing says it. time_factor: of that unit, for 1 in the column. accel:
+    places of the accelerometer's axes x, y, z, or none; accel_ms2: m/s² in one of their unit. fine: place of
+    what is added to whole seconds, fine_s: seconds in one of its unit. rate_hz: the rate that is given or
+    stated; is_given: by the user. sensor: place of the column that tells several sensors apart, and the value
+    of the one that is read, None: the only one. turn: of several sensors in turns which one, and of how many.
+    answers: the reading so far. notes: what the user has to know.
     """
 
     names: list[str]
@@ -115,12 +118,11 @@ def choose(
     """Find what is meant.
 
     where: for messages, the file and, where there is one, the line of the names. names: of all columns; None:
-    they have none, and there are `width`. units: of each, where a line of them follows the names. tag: the first
-    field of a row, of files with rows of several kinds.
+    they have none, and there are `width`. units: of each, where a line of them follows the names. tag: the
+    first field of a row, of files with rows of several kinds.
 
-    Raises:
-        NotStated: a fact has no evidence; the text asks for it, with what each candidate would mean.
-        UsageError: a column is not there, or twice, or two pieces of evidence contradict each other.
+    Raises: NotStated: a fact has no evidence; the text asks for it, with what each candidate would mean.
+    UsageError: a column is not there, or twice, or two pieces of evidence contradict each other.
     """
     wanted = wanted_of(how)
     dialect = dialect_of(names or (), facts, tag=tag, fields=width)
@@ -181,7 +183,10 @@ def check_sensors(where: str, chosen: Chosen, how: How, facts: Facts) -> None:
 def _labels(
     where: str, names: Sequence[str] | None, width: int, wanted: Wanted
 ) -> tuple[list[str], Sequence[str]]:
-    """Return what the user may call the columns, and their names; without names these are positions from 1."""
+    """Return what the user may call the columns, and their names.
+
+    Without names these are positions from 1.
+    """
     positions = [str(place + 1) for place in range(width)]
     if wanted.columns is None and wanted.time is None:
         return list(names or positions), names or positions

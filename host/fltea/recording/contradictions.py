@@ -34,11 +34,11 @@ def check_clock(
 ) -> None:
     """Compare the clock that is read with the dialect, the rate in the head, and other columns of times.
 
-    time: its place. unit, factor: what it counts. fine: place and unit in s of what is added to whole seconds.
+    time: its place. unit, factor: what it counts. fine: place and unit in s of what is added to whole
+    seconds.
 
-    Raises:
-        UsageError: the user's rate is not that in the head.
-        NotStated: two clocks run at different rates, and none was chosen.
+    Raises: UsageError: the user's rate is not that in the head. NotStated: two clocks run at different rates,
+    and none was chosen.
     """
     how, dialect = choice.how, choice.dialect
     for why, stated_hz in choice.stated_rates().items() if how.rate_hz and not how.overrule else ():
@@ -58,8 +58,8 @@ def check_clock(
             if abs(ratio - 1) > SAME_RATE and not how.overrule:
                 raise UsageError(
                     f"{choice.where}: {dialect.time_scale} {scale:g} stands in the head, by which 1 in "
-                    f"{listed([name])} is {scale:g} {dialect.time_unit}, and --time-unit {how.time_unit} says "
-                    f"otherwise. Leave --time-unit out. {OVERRULE}"
+                    f"{listed([name])} is {scale:g} {dialect.time_unit}, and --time-unit {how.time_unit} "
+                    f"says otherwise. Leave --time-unit out. {OVERRULE}"
                 )
         ticks = dialect.time_scale or ("" if dialect.time_ticks == 1.0 else f"{dialect.time_ticks:g}")
         if not is_in_head and (ticks or time_unit(dialect.time_unit) != how.time_unit):
@@ -143,8 +143,8 @@ def check_gravity(
     stated = {accel_unit_of(choice.names[place]) or accel_unit(choice.units[place]) for place in accel}
     if how.accel_units is not None and measured and stated == {None}:
         raise UsageError(
-            f"{choice.where}: the length of the acceleration is that of gravity in {' or '.join(measured)}, and "
-            f"--accel-units {how.accel_units} says otherwise. {OVERRULE}"
+            f"{choice.where}: the length of the acceleration is that of gravity in {' or '.join(measured)}, "
+            f"and --accel-units {how.accel_units} says otherwise. {OVERRULE}"
         )
     if how.columns is None and len(gyro) == 3 and _is_gravity(values[:, list(gyro)], accel_ms2):
         raise UsageError(
@@ -163,9 +163,9 @@ def _check_alone(choice: Choice, gyro: Sequence[int], dps: float) -> None:
     length = candidates.length_of(values)
     if choice.how.units is not None and units and length * dps > MOST_OFFSET_DPS:
         raise UsageError(
-            f"{choice.where}: {listed(names)} have the length {length:.4g}, which is gravity in {' or '.join(units)}: "
-            "they seem an accelerometer's. Name the gyroscope's columns with --columns; if these are, add "
-            "--overrule."
+            f"{choice.where}: {listed(names)} have the length {length:.4g}, which is gravity in "
+            f"{' or '.join(units)}: they seem an accelerometer's. Name the gyroscope's columns with "
+            "--columns; if these are, add --overrule."
         )
 
 

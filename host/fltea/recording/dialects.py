@@ -6,13 +6,13 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
-from os.path import commonprefix
 from types import MappingProxyType
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
+from fltea.recording.column_names import common_beginning
 from fltea.recording.reading import Evidence
 from fltea.recording.sample_times import Floats
 from fltea.recording.units import accel_unit
@@ -26,10 +26,13 @@ _SHARED = re.compile(r"(?:.*[\s._/:-])?")
 
 
 class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What the files of one logger look like and mean. Everything under "recognised" that is given has to hold.
+    """What the files of one logger look like and mean.
+
+    Everything under "recognised" that is given has to hold.
 
     name: of the logger, for people. docs: where its form is documented. guide: what the table of `files.md`
-    says of it. corpus: files of `tests/recording/corpus` that are in it; the first options of each that read it.
+    says of it. corpus: files of `tests/recording/corpus` that are in it; the first options of each that read
+    it.
 
     Recognised by. names: regular expressions, each of which matches the whole name of a column. head: regular
     expressions, each of which is found in the lines before the first row (`^` and `$` are those of a line).
@@ -38,14 +41,16 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     found in the name of the file, whatever its case.
 
     Said by it. Columns are regular expressions of whole names, or positions from 1 where there are no names.
-    gyro: the axes x, y, z; several such triples, the best first. gyro_unit: their unit, as `--units` takes it;
-    "" where the names or a row of units say it. gyro_scale: the name of a number in the head (`NAME,NUMBER`),
-    by which the numbers are multiplied. ask_unit: where the file cannot tell the unit: what it may be, and
-    when. accel, accel_unit, accel_scale: the same of the accelerometer. time: the columns of times, the best
-    first; `A+B` are seconds and the nanoseconds that are added to them. time_unit: s, ms, us or ns; time_ticks: so many of that unit are 1; time_scale: the name of a number
-    in the head. convention: others write these names too, in other units: what it says is a convention. rate: a regular expression for the head, whose first group is the rate in Hz. sensor: the
-    column that tells several sensors apart. no_time: columns that are no times, whatever they are called.
-    unread: why there is no gyroscope in it. note: what the user has to know.
+    gyro: the axes x, y, z; several such triples, the best first. gyro_unit: their unit, as `--units` takes
+    it; "" where the names or a row of units say it. gyro_scale: the name of a number in the head
+    (`NAME,NUMBER`), by which the numbers are multiplied. ask_unit: where the file cannot tell the unit: what
+    it may be, and when. accel, accel_unit, accel_scale: the same of the accelerometer. time: the columns of
+    times, the best first; `A+B` are seconds and the nanoseconds that are added to them. time_unit: s, ms, us
+    or ns; time_ticks: so many of that unit are 1; time_scale: the name of a number in the head. convention:
+    others write these names too, in other units: what it says is a convention. rate: a regular expression for
+    the head, whose first group is the rate in Hz. sensor: the column that tells several sensors apart.
+    no_time: columns that are no times, whatever they are called. unread: why there is no gyroscope in it.
+    note: what the user has to know.
     """
 
     name: str
@@ -88,7 +93,10 @@ def dialects() -> tuple[Dialect, ...]:
 
 
 MOST_NAMES = 1000
-"""Columns of a table that a logger writes; a file may hold more names, and each is compared with each dialect."""
+"""Columns of a table that a logger writes.
+
+A file may hold more names, and each is compared with each dialect.
+"""
 
 GRAVITY_TOLERANCE = 0.05
 """Of the accelerometer's length in a dialect that is known by the number of its fields only."""
@@ -97,11 +105,11 @@ GRAVITY_TOLERANCE = 0.05
 class Facts(NamedTuple):
     """What a file says beside the names of its columns.
 
-    head: the lines before them. file: its name. rates: sample rates in Hz by what states them, such as `imu.fs`.
-    sample: gives the first rows of all columns, (n, width), NaN where there is no number. units_from: what says
-    the units that stand beside the names. beside: names that stand on other lines, as boards write them. cells:
-    gives what stands in a column, by its place, of the same first rows as it is typed. changed: columns whose
-    numbers may still have to be changed, and by what.
+    head: the lines before them. file: its name. rates: sample rates in Hz by what states them, such as
+    `imu.fs`. sample: gives the first rows of all columns, (n, width), NaN where there is no number.
+    units_from: what says the units that stand beside the names. beside: names that stand on other lines, as
+    boards write them. cells: gives what stands in a column, by its place, of the same first rows as it is
+    typed. changed: columns whose numbers may still have to be changed, and by what.
     """
 
     head: str = ""
@@ -134,7 +142,8 @@ def _a_first_name() -> re.Pattern[str]:
 def dialect_of(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int = 0) -> Dialect | None:
     """Return the dialect that a file is in, if it is in one.
 
-    names: of the columns, or none. tag, fields: of rows without names, their first field and how many there are.
+    names: of the columns, or none. tag, fields: of rows without names, their first field and how many there
+    are.
     """
     if names and not may_be_of_a_dialect((*names, *facts.beside)):
         return None
@@ -197,5 +206,5 @@ def nearest(places: Sequence[int], names: Sequence[str], near: str) -> list[int]
 
 
 def _shared(name: str, near: str) -> int:
-    found = _SHARED.match(commonprefix([name, near]))
+    found = _SHARED.match(common_beginning([name, near]))
     return 0 if found is None else found.end()

@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from os.path import commonprefix
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from fltea.recording import candidates
 from fltea.recording.column_names import (
     axes_in_units,
     axis_of,
+    common_beginning,
     counts_unknown,
     is_time,
     split_seconds,
@@ -23,9 +23,9 @@ from fltea.recording.dialects import Dialect, Facts, columns_of, nearest
 from fltea.recording.files import TIME_COLUMN, Note, listed
 from fltea.recording.reading import Answer, Evidence, Missing, Question, given_options, not_stated
 from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, PLAUSIBLE_HZ
+from fltea.recording.text_head import stated_in
 from fltea.recording.text_labels import units_beside
 from fltea.recording.timing import rate_of
-from fltea.recording.text_head import stated_in
 from fltea.recording.units import (
     time_scale,
     time_unit,
@@ -116,12 +116,15 @@ class Choice:
         for name in (self.labels[place] for place in places):
             if self.labels.count(name) > 1:
                 raise UsageError(
-                    f"{self.where}: {self.labels.count(name)} columns are called {name}, and which is meant is "
-                    "not known. Give them different names, or say their positions: --columns 1,2,3."
+                    f"{self.where}: {self.labels.count(name)} columns are called {name}, and which is meant "
+                    "is not known. Give them different names, or say their positions: --columns 1,2,3."
                 )
 
     def scale(self, name: str) -> float | None:
-        """Return the number that the head gives for a scale of the dialect, 1 for none; None if it is no scale."""
+        """Return the number that the head gives for a scale of the dialect, 1 for none.
+
+        None if it is no scale.
+        """
         scale = self.facts.number(name) if name else 1.0
         return scale if scale is not None and math.isfinite(scale) and scale > 0 else None
 
@@ -144,6 +147,7 @@ class Choice:
         in_unit: Callable[[str], object],
         flag: str,
     ) -> None:
+        """Refuse columns whose names and row of units state two units; flag: the option that says which."""
         for place in places if not self.how.overrule else ():
             name, unit = self.names[place], self.units[place]
             by_name, beside = in_name(name), in_unit(unit)
@@ -154,7 +158,10 @@ class Choice:
                 )
 
     def clock(self, gyro: Sequence[int]) -> tuple[int | None, TimeUnit | None, float, int | None, float]:
-        """Find the times: place, unit, factor to that unit, and place and unit in s of what is added to them."""
+        """Find the times.
+
+        Place, unit, factor to that unit, and place and unit in s of what is added to them.
+        """
         place, by_dialect = self._time_column(gyro)
         given, factor = self.how.time_unit, 1.0
         if place is None:
@@ -187,8 +194,9 @@ class Choice:
             self._ask_clock(
                 place, f"what the times of {listed([name])} count (the file says {listed([what])})"
             )
-        elif unit is None and self.how.rate_hz is None and (step := self._step(place)) is not None:
-            if not PLAUSIBLE_HZ[0] <= 1 / step <= PLAUSIBLE_HZ[1]:
+        elif unit is None and self.how.rate_hz is None:
+            step = self._step(place)
+            if step is not None and not PLAUSIBLE_HZ[0] <= 1 / step <= PLAUSIBLE_HZ[1]:
                 self._ask_clock(place, f"what the times of {listed([name])} count")
         return place, unit, factor, None, 0.0
 
@@ -213,7 +221,7 @@ class Choice:
     def _time_column(self, gyro: Sequence[int]) -> tuple[int | None, bool]:
         """Return the place of the times, and whether the dialect says what they count."""
         names = self.names
-        dialect, near = self.dialect, commonprefix([names[place] for place in gyro])
+        dialect, near = self.dialect, common_beginning([names[place] for place in gyro])
         of_dialect = [
             place
             for pattern in (dialect.time if dialect is not None else ())
@@ -306,9 +314,12 @@ class Choice:
 
 
 def axes_of(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, int]:
-    """Return places of the axes x, y, z: by our names, else those that others use; none if two are of one axis.
+    """Return places of the axes x, y, z.
 
-    Where no name is a gyroscope's, those in a unit of rates that are called alike but for the axis. units: of the columns, where a row of them stands beside.
+    By our names, else those that others use; none if two are of one axis.
+
+    Where no name is a gyroscope's, those in a unit of rates that are called alike but for the axis. units: of
+    the columns, where a row of them stands beside.
     """
     places: dict[str, list[int]] = {}
     for place, name in enumerate(names):

@@ -1,7 +1,7 @@
 """Logs of ArduPilot as text, in which each kind of rows has its names in a row FMT (pure).
 
-`FMT, 131, 43, IMU, QBff, TimeUS,I,GyrX,GyrY` says what `IMU, 1745135, 0, 0.01, 0.02` holds. The rows of one kind
-become a table with a header, `IMU.TimeUS,IMU.I`, as pymavlink writes it; all other lines become empty.
+`FMT, 131, 43, IMU, QBff, TimeUS,I,GyrX,GyrY` says what `IMU, 1745135, 0, 0.01, 0.02` holds. The rows of one
+kind become a table with a header, `IMU.TimeUS,IMU.I`, as pymavlink writes it; all other lines become empty.
 """
 
 import re
@@ -14,7 +14,10 @@ _KIND = re.compile(r"(\w+),\s*(.*)")
 
 
 class FlashLines:
-    """Takes lines, and gives as many. columns: that the user names, whose kind is read; else the first with axes."""
+    """Takes lines, and gives as many.
+
+    Columns: that the user names, whose kind is read; else the first with axes.
+    """
 
     begins = re.compile(rb"^FMT,[ \t]*\d+,[ \t]*\d+,", re.M)
     """Whether there is such a row among lines."""
@@ -31,13 +34,13 @@ class FlashLines:
         return bool(self._formats)
 
     def take(self, lines: list[str], *, is_known: bool) -> list[str]:
-        """Return the lines but for the last one before the first row, in place of which the header will stand."""
+        """Return the lines before the first row; the header stands in place of the last of them."""
         found: list[str] = []
         for line in lines:
             format_ = _FORMAT.fullmatch(line.strip().removeprefix("\ufeff"))
             if format_ is not None:
                 self._formats[format_[1]] = [name.strip() for name in format_[2].split(",")]
-            if not self._formats or is_known and not self._kind:
+            if not self._formats or (is_known and not self._kind):
                 found.append(line)
                 continue
             row = None if format_ is not None else _KIND.fullmatch(line.strip())

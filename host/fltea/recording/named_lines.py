@@ -16,10 +16,12 @@ MOST_LOOKED_AT = 200
 
 
 class NamedLines:
-    """Finds out what such lines hold. where: for messages. sample: gives the lines at hand, facts what is known.
+    """Finds out what such lines hold.
 
-    are_names: whether names, with the units beside them, are those that are meant. why_not: why the columns of
-    a line cannot be read, "" as long as there was none.
+    Where: for messages. sample: gives the lines at hand, facts what is known.
+
+    are_names: whether names, with the units beside them, are those that are meant. why_not: why the columns
+    of a line cannot be read, "" as long as there was none.
     """
 
     def __init__(

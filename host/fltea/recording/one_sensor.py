@@ -23,7 +23,10 @@ LONGEST_TURN, REGULAR, SELDOM = 32, 0.9, 0.7
 before; and as the row before, beyond which a column changes too seldom, as a status does."""
 
 CHANCE_SIGMA, APART = 5.0, 5.0
-"""How much more regular turns are than chance, in its deviations; and sensors of two kinds are apart, in theirs."""
+"""How much more regular turns are than chance, in its deviations.
+
+And sensors of two kinds are apart, in theirs.
+"""
 
 FEWEST_SHARE, FEWEST_COUNTED = 0.6, 5
 """Of the rows that each sensor has, to an equal share of them; and numbers that a counter goes through."""
@@ -32,8 +35,8 @@ FEWEST_SHARE, FEWEST_COUNTED = 0.6, 5
 class OneSensor:
     """Tells which rows are of the sensor that is read.
 
-    where: for messages. column: the name of the column. value: the sensor's; None: that of the first row, and any
-    other value is asked for, since samples of two sensors are never mixed. known: options of the user.
+    where: for messages. column: the name of the column. value: the sensor's; None: that of the first row, and
+    any other value is asked for, since samples of two sensors are never mixed. known: options of the user.
     """
 
     def __init__(self, where: str, column: str, value: str | None, known: Sequence[str] = ()) -> None:
@@ -76,12 +79,12 @@ def as_word(value: float) -> str:
 
 
 def tells_apart(cells: Sequence[str], times: Floats | None, values: Floats) -> bool:
-    """Whether a column, which is neither a time nor an axis, tells sensors apart by how its values take turns.
+    """Whether the values of a column, which is neither a time nor an axis, take turns as sensors do.
 
-    A status changes seldom; a digit that is noise changes by chance. Sensors take turns: each value comes again
-    after as many rows; or none comes twice at one time; or the times begin again wherever it changes; or the
-    figures are of two kinds. cells: of the first rows. times: of the same, if they are known. values: of the
-    same rows, (n, columns), the figures that may be of two kinds.
+    A status changes seldom; a digit that is noise changes by chance. Sensors take turns: each value comes
+    again after as many rows; or none comes twice at one time; or the times begin again wherever it changes;
+    or the figures are of two kinds. cells: of the first rows. times: of the same, if they are known. values:
+    of the same rows, (n, columns), the figures that may be of two kinds.
     """
     n, counts = len(cells), Counter(cells)
     if n < FEWEST_ROWS or not 2 <= len(counts) <= MOST_IN_TURN:

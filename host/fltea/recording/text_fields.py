@@ -15,6 +15,7 @@ from fltea.recording.sample_times import Floats
 from fltea.recording.text_labels import decode_object, values_in
 from fltea.recording.units import is_unit
 from fltea.recording.wanted import DECIMAL_COMMA, is_missing, is_number
+from fltea.records.errors import UsageError
 
 COMMENTS = ("#", "%", "//")
 
@@ -89,6 +90,39 @@ def units_in(line: str) -> list[str] | None:
     return fields
 
 
+_THOUSANDS = re.compile(
+    r"[-+]?\d{1,3}(?:(?:\.\d{3}){2,}(?:,\d+)?|(?:\.\d{3})+,\d+|(?:,\d{3}){2,}(?:\.\d+)?|(?:,\d{3})+\.\d+)"
+)
+_MAY_HAVE_THOUSANDS = re.compile(r"\d[.,]\d{3}[.,]\d")
+
+
+class Thousands:
+    """Finds numbers whose thousands are separated, as `1.000.010`: of lines that grow more."""
+
+    def __init__(self) -> None:
+        self._seen = 0
+        self._first: dict[int, str] = {}
+
+    def check(self, where: str, lines: Sequence[str]) -> None:
+        """Look at the lines that are new.
+
+        Raises:
+            UsageError: some column has several such numbers; beside them nobody knows what 53.456 is.
+        """
+        for line in lines[self._seen :]:
+            if not _MAY_HAVE_THOUSANDS.search(line) or is_comment(line):
+                continue
+            for place, field in enumerate(split(line, separator_of(line))):
+                if not _THOUSANDS.fullmatch(field) or self._first.setdefault(place, field) == field:
+                    continue
+                sign = next(mark for mark in field if mark in ".,")
+                raise UsageError(
+                    f"{where}: {field} has signs between its thousands, so what numbers mean that have one sign "
+                    f"is not known. Write them without: {field.replace(sign, '')}."
+                )
+        self._seen = len(lines)
+
+
 class Kinds:
     """The words that lines of numbers begin with, and how many fields they have: of lines that grow more."""
 
@@ -108,7 +142,10 @@ class Kinds:
 
 
 def rows_alike(lines: Sequence[str]) -> tuple[str, list[str]]:
-    """The commonest kind of lines that hold numbers, and these: objects, rows of so many fields, or labels."""
+    """The commonest kind of lines that hold numbers, and these.
+
+    Objects, rows of so many fields, or labels.
+    """
     found: dict[tuple[str, Any], list[str]] = {}
     for line in lines:
         if is_blank(line) or is_comment(line):
@@ -133,7 +170,8 @@ def rows_alike(lines: Sequence[str]) -> tuple[str, list[str]]:
 def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str) -> Floats:
     """The numbers in lines of one kind, (n, width), NaN where there is none. tag: what the rows begin with.
 
-    A header may stand among rows thousands of times; the lines are the same each time, and are taken apart once.
+    A header may stand among rows thousands of times; the lines are the same each time, and are taken apart
+    once.
     """
     return _numbers(tuple(lines), tuple(names or ()), width, tag)
 

@@ -21,19 +21,57 @@ _FACT = re.compile(rf"([^\d:=;,|\t]{{1,60}}?)[ :=;,|\t]*(?<![\w.-])({_NUMBER})[ 
 """Words, a number, and its unit."""
 
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-zµ]+")
-_SAID_OF_ALL = set(
-    "the of is in at per s second data sensor device imu samples sample sampling sampled".split()
-)
-_GYRO = set("gyro gyros gyroscope gyroscopes gyr angular velocity velocities rotation".split())
-_RATE = set("rate frequency freq odr fs samplerate samplingrate samplefrequency samplingfrequency".split())
-_SAMPLING = {*"odr fs sample sampling samplerate samplingrate samplefrequency samplingfrequency".split()}
-_OF_RATES = set("update output acquisition recording logging measurement hz khz sps nominal".split())
-_PERIOD = set("period interval dt ts".split())
+_SAID_OF_ALL = {
+    "the",
+    "of",
+    "is",
+    "in",
+    "at",
+    "per",
+    "s",
+    "second",
+    "data",
+    "sensor",
+    "device",
+    "imu",
+    "samples",
+    "sample",
+    "sampling",
+    "sampled",
+}
+_GYRO = {"gyro", "gyros", "gyroscope", "gyroscopes", "gyr", "angular", "velocity", "velocities", "rotation"}
+_RATE = {
+    "rate",
+    "frequency",
+    "freq",
+    "odr",
+    "fs",
+    "samplerate",
+    "samplingrate",
+    "samplefrequency",
+    "samplingfrequency",
+}
+_SAMPLING = {
+    *["odr", "fs", "sample", "sampling", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"]
+}
+_OF_RATES = {
+    "update",
+    "output",
+    "acquisition",
+    "recording",
+    "logging",
+    "measurement",
+    "hz",
+    "khz",
+    "sps",
+    "nominal",
+}
+_PERIOD = {"period", "interval", "dt", "ts"}
 _HZ = {"hz": 1.0, "khz": 1e3, "sps": 1.0, "samples/s": 1.0, "1/s": 1.0}
 _FULL_SCALES = {125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0}
 """In deg/s, which `fs` may mean as well."""
 
-_OF_UNITS = set("unit units rates values measured are".split())
+_OF_UNITS = {"unit", "units", "rates", "values", "measured", "are"}
 _LABEL = re.compile(r"(?:(.*?)([:=(\[]|\bin\b))?(.*)")
 _SCALE = re.compile(
     rf"({_NUMBER})[ ]*(?:(?:LSBs?|counts?|digits?)[ ]*(?:/|per)[ ]*(?P<of>.+)"
@@ -43,7 +81,10 @@ _SCALE = re.compile(
 
 
 class Head(NamedTuple):
-    """What a head states. rates: in Hz, and units, as `--units` takes them; each by the line that states it."""
+    """What a head states.
+
+    Rates: in Hz, and units, as `--units` takes them; each by the line that states it.
+    """
 
     rates: dict[str, float]
     units: dict[str, str]

@@ -20,6 +20,7 @@ from fltea.recording.text_fields import (
     COMMENTS,
     MOST_COLUMNS,
     Kinds,
+    Thousands,
     all_numbers,
     cells_of,
     is_blank,
@@ -53,7 +54,8 @@ class Layout(NamedTuple):
     separator: what is between two fields; None is white space. parse: of rows that name each number, objects
     of JSON or lines with labels, what gives them by their names; else None. usual: fields of the first row.
     least: a row has at least so many. most: fields beyond them hold no numbers. begin: the line of the first
-    row, from 1. notes: what the user has to know. again: the lines of names and of units, which may come again.
+    row, from 1. notes: what the user has to know. again: the lines of names and of units, which may come
+    again.
     """
 
     chosen: Chosen
@@ -88,11 +90,11 @@ class _Header(NamedTuple):
 class LayoutFinder:
     """Takes line after line until one is a row. where: for messages. how: what the user says.
 
-    sample: gives the lines that are at hand, for what their numbers show. before: what found the header before,
-    of text whose header comes again. is_other: the newest line was neither empty, a comment, nor of the header.
+    sample: gives the lines that are at hand, for what their numbers show. before: what found the header
+    before, of text whose header comes again. is_other: the newest line was neither empty, a comment, nor of
+    the header.
 
-    Raises:
-        UsageError: `how` names too many columns, or one twice.
+    Raises: UsageError: `how` names too many columns, or one twice.
     """
 
     def __init__(
@@ -113,6 +115,7 @@ class LayoutFinder:
         self._why_no_row = ""
         self._named = NamedLines(where, how, sample, self.facts, self._are_names)
         self._kinds_at_hand: Kinds = Kinds() if before is None else before._kinds_at_hand
+        self._thousands = Thousands() if before is None else before._thousands
         self._known: dict[tuple[str, int, int] | str, bool] = {} if before is None else before._known
 
     def take(self, number: int, line: str) -> Layout | None:
@@ -195,10 +198,14 @@ class LayoutFinder:
         if self._header is not None or why:
             return UsageError(why or f"{self._where}: has a header but no rows.")
         lines = list(self._sample()) or self.head
+        self._thousands.check(self._where, lines)
         return refusal(self._where, self._how, lines, self._kinds(), self.facts)
 
     def facts(self, names: Sequence[str] | None, width: int = 0, tag: str = "") -> Facts:
-        """Return what is known beside the names of columns. tag: what rows begin with, of several kinds of them."""
+        """Return what is known beside the names of columns.
+
+        Tag: what rows begin with, of several kinds of them.
+        """
         count = width or len(names or ())
         return Facts(
             "\n".join(self._sample()[:MOST_BEFORE] if tag else [*self.head, self._newest]),
@@ -209,6 +216,7 @@ class LayoutFinder:
 
     def _choose_named(self, line: str) -> None:
         """Choose the columns by the header and the first line behind it, which tells how many there are."""
+        self._thousands.check(self._where, self._sample())
         header, self._header = self._header, None  # of one that is refused nothing stays
         assert header is not None
         fields = split(line, separator_of(line))
@@ -269,13 +277,14 @@ class LayoutFinder:
             return None
         if not self._wanted.is_at(fields):
             return None
+        self._thousands.check(self._where, self._sample())
         at, names, units = names_above(self._before, len(fields))
         facts = self.facts(names, len(fields), tag)
         chosen = choose(f"{self._where}:{at or number}", names, units, len(fields), self._how, facts, tag)
         return _layout(chosen, separator, fields, len(fields), number)
 
     def _tag_of(self, fields: Sequence[str]) -> str | None:
-        """The first field, if it tells kinds of rows apart; "" if it tells none; None: a row of another kind."""
+        """The first field if it tells kinds of rows apart, "" if none does; None of a row of another kind."""
         tag = fields[0] if fields else ""
         if len(fields) < 2 or is_number(tag) or is_missing(tag):
             return ""

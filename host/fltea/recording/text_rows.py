@@ -14,21 +14,19 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea.recording.candidates import columns_table
-from fltea.recording.columns import Chosen, check_sensors
+from fltea.recording.columns import Chosen
 from fltea.recording.files import Note
 from fltea.recording.flash_lines import FlashLines
 from fltea.recording.label_lines import LabelLines
 from fltea.recording.lines import LONGEST_LINE, shown
-from fltea.recording.one_sensor import OneSensor, as_word
-from fltea.recording.reading import given_options
 from fltea.recording.sample_times import Floats, Ints
+from fltea.recording.sensor_lines import SensorLines
 from fltea.recording.table import Rows
 from fltea.recording.text_fields import sample_of
 from fltea.recording.text_forms import BEGINNING, YAML, YamlDocuments, plain_lines
 from fltea.recording.text_layout import Layout, LayoutFinder
 from fltea.recording.text_numbers import RowParser, WhyNot, decoded, end_of_line
 from fltea.recording.text_times import A_CLOCK, Clocks
-from fltea.recording.turns import Turns
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
@@ -41,9 +39,6 @@ ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s
 
 HEAD_BYTES, MOST_HELD = 256, 4096
 """Of the beginning: what tells a document from lines, and what waits for that."""
-
-FEWEST_LINES, LOOKS = 64, 4
-"""Live lines that may tell sensors apart; they are looked at again when they are so many times as many."""
 
 MOST_CHECKS, MOST_HEADERS = 200, 64
 """Lines of a block that may be other headers, and how many of these a file may have."""
@@ -108,9 +103,7 @@ class TextReader:
         self._parser: RowParser | None = None
         self._layouts: dict[str, Layout | None] = {}  # by the line of names; None: its columns are others
         self._checks = 0
-        self._sensor: OneSensor | None = None
-        self._turns: Turns | None = None
-        self._next_look: float = 0.0
+        self._sensors = SensorLines(where, how)
         self._ordinal = self._since_header = self._page = 0
         self._begins = self._skipping = False
         self._rest = self._head = self._held = b""
@@ -141,7 +134,7 @@ class TextReader:
                 f"{self._where}: is one document of JSON; of a stream only an object a line is read. "
                 "Write it to a file, and read that: cat > recording.json, then -s replay:recording.json"
             )
-        if self._sensor is not None and (error := self._sensor.why_none()) is not None:
+        if (error := self._sensors.why_none()) is not None:
             return error
         if self.first is None or (self.chosen is None and self.first.reason != "too_long"):
             return self._finder.refusal()
@@ -159,15 +152,7 @@ class TextReader:
                 self._held = data
                 return []
         self._held = b""
-        return self._in_turn(self._feed(data))
-
-    def _in_turn(self, rows: list[Rows]) -> list[Rows]:
-        """The rows of the sensor that is read, where several take turns."""
-        if self.chosen is None or self.chosen.turn[1] == 1:
-            return rows
-        if self._turns is None:
-            self._turns = Turns(*self.chosen.turn, self.chosen.time_at)
-        return [one for some in rows for one in self._turns.take(some)]
+        return self._sensors.in_turn(self._feed(data))
 
     def _feed(self, data: bytes) -> list[Rows]:
         if not self._head:
@@ -200,8 +185,7 @@ class TextReader:
 
     def finish(self) -> list[Rows]:
         """The sender has ended: its last line may lack its end."""
-        found = self._in_turn(self._finish())
-        return found if self._turns is None else found + self._turns.finish()
+        return self._sensors.in_turn(self._finish()) + self._sensors.finish()
 
     def _finish(self) -> list[Rows]:
         held, self._held = self._held, b""
@@ -244,15 +228,15 @@ class TextReader:
         at: int | None = 0
         self._checks = MOST_CHECKS
         if self.layout is not None:
-            self._look_again()
-            data = self._of_sensor(data, 0)
+            self._sensors.look_again(len(self._sample), self._finder.facts)
+            data = self._sensors.only(self.layout, data)
         while at is not None and at <= len(data):
             if self.layout is None:
                 at = self._find(data, at)
                 if at is None:
                     break
-                if self._sensor is not None:
-                    data, at = self._of_sensor(data, at), 0
+                if self._sensors.is_known and self.layout is not None:
+                    data, at = self._sensors.only(self.layout, data[at:]), 0
             assert self._parser is not None
             at = self._read(self._parser, data, at, pieces)
         return _joined(pieces)
@@ -311,57 +295,13 @@ class TextReader:
 
     def _begin(self, layout: Layout) -> RowParser:
         self._begins = True
-        if self.chosen is None:
-            self.chosen = layout.chosen
-            looked_at = len(self._sample)
-            self._next_look = math.inf if looked_at >= SAMPLE_LINES else max(FEWEST_LINES, LOOKS * looked_at)
+        self.chosen = self.chosen or layout.chosen
+        self._sensors.begin(layout.chosen, len(self._sample))
         self.layout, self._parser = layout, RowParser(layout)
         if layout.again:
             self._layouts[layout.again[0]] = layout
         self.notes += layout.notes
-        if self._sensor is None and layout.chosen.sensor is not None:
-            place, value = layout.chosen.sensor
-            name = layout.chosen.names[place]
-            self._sensor = OneSensor(self._where, name, value, given_options(self._how))
         return self._parser
-
-    def _look_again(self) -> None:
-        """Look for several sensors in the first rows, which were few when the columns were chosen."""
-        if self.chosen is None or self._how.topic is not None or self.chosen.sensor is not None:
-            return
-        if (enough := len(self._sample)) >= self._next_look:
-            self._next_look = math.inf if enough >= SAMPLE_LINES else LOOKS * enough
-            check_sensors(self._where, self.chosen, self._how, self._finder.facts(self.chosen.names))
-
-    def _of_sensor(self, data: bytes, begin: int) -> bytes:
-        """Bytes from one on; lines of other sensors are empty in them, which keeps the numbers of the rest."""
-        assert self.layout is not None
-        if self._sensor is None or self.layout.chosen.sensor is None:
-            return data
-        lines = data[begin:].split(b"\n")
-        values = [self._sensor_in(line) for line in lines]
-        has = [k for k, value in enumerate(values) if value is not None]
-        keep = self._sensor.keep([str(values[k]) for k in has])
-        for k in np.asarray(has)[~keep].tolist():
-            lines[k] = b""
-        return b"\n".join(lines)
-
-    def _sensor_in(self, line: bytes) -> str | None:
-        """What a line holds in the column that tells sensors apart; None if it has no such column."""
-        assert self.layout is not None
-        assert self.layout.chosen.sensor is not None
-        place, parse = self.layout.chosen.sensor[0], self.layout.parse
-        if parse is not None:
-            try:
-                value = parse(decoded(line)).get(self.layout.chosen.names[place])
-            except (ValueError, RecursionError):
-                return None
-            return as_word(value) if isinstance(value, float) else None if value is None else str(value)
-        separator = None if self.layout.separator is None else self.layout.separator.encode()
-        fields = line.split(separator, place + 1)
-        if len(fields) <= place or line[:1] in b"#%":
-            return None
-        return decoded(fields[place]).strip().strip('"')
 
     def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
         """Read rows; where another header begins, None at the end of the data."""
@@ -424,7 +364,10 @@ class TextReader:
         return parser
 
     def _page_begins(self, data: bytes, begin: int, end: int) -> None:
-        """The header stands there again: the sender began again, unless it does so after every so many rows."""
+        """The header stands there again.
+
+        The sender began again, unless it does so after every so many rows.
+        """
         again = data.find(data[begin:end], end)
         rows = data.count(b"\n", end + 1, again) if again > 0 else -1
         self._begins |= self._since_header not in (self._page, rows)
@@ -440,7 +383,10 @@ class TextReader:
         pieces.append(Rows(self.lines + 1 + rows, layout.chosen.scale(values), ordinal, begins))
 
     def _is_header(self, parser: RowParser, text: str) -> bool:
-        """Whether a line names columns anew. Of many other lines only some are looked at, since that takes long."""
+        """Whether a line names columns anew.
+
+        Of many other lines only some are looked at, since that takes long.
+        """
         might_be = parser.layout.parse is None and text.lstrip()[:1] not in NO_NAME
         if not might_be or not self._checks or len(self._layouts) >= MOST_HEADERS:
             return False

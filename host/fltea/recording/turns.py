@@ -12,9 +12,9 @@ LOOKED_AT, STEADY = 8, 0.2
 class Turns:
     """Takes rows, and gives those of one sensor. which: from 0. count: of sensors. time: the column of times.
 
-    Where rows have the same time, each time has a row of each sensor, in their order; where one is missing the
-    others are left out, since which of them is missing is not known. Where no two have the same time, the steps
-    from one sensor to the next tell which one is missing; without times the order of the rows does.
+    Where rows have the same time, each time has a row of each sensor, in their order; where one is missing
+    the others are left out, since which of them is missing is not known. Where no two have the same time, the
+    steps from one sensor to the next tell which one is missing; without times the order of the rows does.
     """
 
     def __init__(self, which: int, count: int, time: int | None) -> None:

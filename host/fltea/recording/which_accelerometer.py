@@ -1,10 +1,10 @@
-"""An accelerometer's axes beside those of the gyroscope, and their unit; where that is unclear none is read (pure)."""
+"""An accelerometer's axes beside those of the gyroscope, and their unit.
 
-from collections.abc import Sequence
-from os.path import commonprefix
+Where that is unclear none is read (pure).
+"""
 
 from fltea.recording import candidates
-from fltea.recording.column_names import accel_axis_of, accel_unit_of
+from fltea.recording.column_names import accel_axis_of, accel_unit_of, common_beginning
 from fltea.recording.dialects import columns_of
 from fltea.recording.evidence import OVERRULE, Choice
 from fltea.recording.files import listed
@@ -63,7 +63,7 @@ def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Acceleromete
 def _axes(choice: Choice, taken: set[int | None]) -> tuple[tuple[int, ...], bool]:
     """Return the places of the axes, and whether the logger's names say them."""
     names, dialect = choice.names, choice.dialect
-    near = commonprefix([names[place] for place in taken if place is not None])
+    near = common_beginning([names[place] for place in taken if place is not None])
     accel: tuple[int, ...] = columns_of(dialect.accel, names, near) if dialect is not None else ()
     is_of_dialect, several = bool(accel), False
     if not accel:

@@ -1,4 +1,7 @@
-"""The unit of the axes of a gyroscope: by the user, the file, or the logger, which may not contradict (pure)."""
+"""The unit of the axes of a gyroscope.
+
+By the user, the file, or the logger, which may not contradict (pure).
+"""
 
 from collections.abc import Sequence
 
@@ -58,7 +61,10 @@ def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
 
 
 def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> None:
-    """Ask for the unit; but for that of columns that are asked for as well only if none of them states one."""
+    """Ask for the unit.
+
+    But for that of columns that are asked for as well only if none of them states one.
+    """
     if any(one.option.startswith("--units ?") for one in choice.missing):
         return
     if gyro:
@@ -81,8 +87,8 @@ def _use_head(choice: Choice, gyro: Sequence[int]) -> None:
         line, unit = next(iter(others.items()), ("", None))
         if rate_unit(name) and unit and unit != rate_unit(name) and not choice.how.overrule:
             raise UsageError(
-                f"{choice.where}: {listed([choice.names[place]])} is in {name} by its name or the row of units, "
-                f'and "{line}" stands in the head. Say which is right: --units ? --overrule'
+                f"{choice.where}: {listed([choice.names[place]])} is in {name} by its name or the row of "
+                f'units, and "{line}" stands in the head. Say which is right: --units ? --overrule'
             )
     if len(units) > 1 and not any(beside):
         given = None if choice.how.units is None else parse_units(choice.how.units)
@@ -118,9 +124,9 @@ def _given(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None], ch
             if parsed == by_dialect or abs(read / said - 1) < ALIKE:
                 return units, *_whole(choice, (said, None) if parsed == by_dialect else parsed, gyro)
             raise UsageError(
-                f"{choice.where}: {dialect.gyro_scale} {scale:g} stands in the head: times that, the numbers are "
-                f"{dialect.gyro_unit} ({dialect.name}), and --units {units} says otherwise. Leave --units out. "
-                f"{OVERRULE}"
+                f"{choice.where}: {dialect.gyro_scale} {scale:g} stands in the head: times that, the numbers "
+                f"are {dialect.gyro_unit} ({dialect.name}), and --units {units} says otherwise. Leave "
+                f"--units out. {OVERRULE}"
             )
         if by_dialect != parsed:
             text = (
@@ -179,8 +185,8 @@ def _refuse_other_units(choice: Choice, gyro: Sequence[int]) -> None:
         unit = unit_in(choice.names[place]) or choice.units[place]
         if is_physical(unit) and rate_unit(unit) is None:
             raise UsageError(
-                f"{choice.where}: {listed([choice.names[place]])} is in {unit} by its name or the row of units, "
-                f"which is no angular rate. Name the gyroscope's columns with --columns. {OVERRULE}"
+                f"{choice.where}: {listed([choice.names[place]])} is in {unit} by its name or the row of "
+                f"units, which is no angular rate. Name the gyroscope's columns with --columns. {OVERRULE}"
             )
 
 
