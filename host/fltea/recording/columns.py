@@ -121,8 +121,9 @@ def choose(
     they have none, and there are `width`. units: of each, where a line of them follows the names. tag: the
     first field of a row, of files with rows of several kinds.
 
-    Raises: NotStated: a fact has no evidence; the text asks for it, with what each candidate would mean.
-    UsageError: a column is not there, or twice, or two pieces of evidence contradict each other.
+    Raises:
+        NotStated: a fact has no evidence; the text asks for it, with what each candidate would mean.
+        UsageError: a column is not there, or twice, or two pieces of evidence contradict each other.
     """
     wanted = wanted_of(how)
     dialect = dialect_of(names or (), facts, tag=tag, fields=width)

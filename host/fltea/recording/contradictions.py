@@ -37,15 +37,17 @@ def check_clock(
     time: its place. unit, factor: what it counts. fine: place and unit in s of what is added to whole
     seconds.
 
-    Raises: UsageError: the user's rate is not that in the head. NotStated: two clocks run at different rates,
-    and none was chosen.
+    Raises:
+        UsageError: the user's rate is not that in the head.
+        NotStated: two clocks run at different rates, and none was chosen.
     """
     how, dialect = choice.how, choice.dialect
-    for why, stated_hz in choice.stated_rates().items() if how.rate_hz and not how.overrule else ():
-        if len(choice.stated_rates()) == 1 and abs(how.rate_hz / stated_hz - 1) > SAME_RATE:
+    given_hz = how.rate_hz or 0.0
+    for why, stated_hz in choice.stated_rates().items() if given_hz and not how.overrule else ():
+        if len(choice.stated_rates()) == 1 and abs(given_hz / stated_hz - 1) > SAME_RATE:
             raise UsageError(
                 f'{choice.where}: "{why.removeprefix("the head: ")}" stands in the head, and --rate '
-                f"{how.rate_hz:g} says otherwise. Leave --rate out. {OVERRULE}"
+                f"{given_hz:g} says otherwise. Leave --rate out. {OVERRULE}"
             )
     if time is None:
         return

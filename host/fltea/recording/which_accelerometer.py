@@ -49,13 +49,13 @@ def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Acceleromete
         return accel, scale * by_dialect
     values = choice.facts.sample()
     fits = values.ndim == 2 and values.shape[1] == len(names) and len(values) > 0
-    units = candidates.gravity_units(values[:, list(accel)]) if fits and not stated else []
-    if len(units) == 1 and not units[0].startswith("lsb:"):  # the range may be one of its own
+    measured = candidates.gravity_units(values[:, list(accel)]) if fits and not stated else []
+    if len(measured) == 1 and not measured[0].startswith("lsb:"):  # the range may be one of its own
         choice.answer(
-            "accelerometer", f"{shown} in {units[0]}", "measured", "their length is that of gravity"
+            "accelerometer", f"{shown} in {measured[0]}", "measured", "their length is that of gravity"
         )
-        return accel, float(accel_unit(units[0]) or 1.0)
-    why = f", which have the length of gravity in {' or '.join(units)}" if len(units) > 1 else ""
+        return accel, float(accel_unit(measured[0]) or 1.0)
+    why = f", which have the length of gravity in {' or '.join(measured)}" if len(measured) > 1 else ""
     _unread(choice, f"nothing says the unit of {shown}{why}")
     return (), 1.0
 
