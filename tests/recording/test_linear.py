@@ -15,6 +15,7 @@ import pytest
 from fltea.recording import (
     dialects,
     named_lines,
+    sensor_lines,
     text_fields,
     text_forms,
     text_layout,
@@ -167,7 +168,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     watch(LayoutFinder, "header_of")
     watch(YamlDocuments, "_take")
     watch(OneSensor, "keep", lambda marks, *_: len(marks))
-    watch(TextReader, "_sensor_in")
+    watch(sensor_lines, "_value")
     watch(TextReader, "_add", lambda *given: len(given[3]))
     watch(text_numbers, "plain_rows", lambda _, data, *__: len(data))
     watch(text_rows, "plain_lines", lines)

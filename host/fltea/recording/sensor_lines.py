@@ -1,0 +1,110 @@
+"""Lines of text of one of several sensors: by a column, or by turns (pure)."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from fltea.recording.columns import Chosen, check_sensors
+from fltea.recording.dialects import Facts
+from fltea.recording.one_sensor import OneSensor, as_word
+from fltea.recording.reading import given_options
+from fltea.recording.table import Rows
+from fltea.recording.text_layout import Layout
+from fltea.recording.text_numbers import decoded
+from fltea.recording.turns import Turns
+from fltea.records.errors import UsageError
+from fltea.settings.how import How
+
+FEWEST_LINES, LOOKS, MOST_LINES = 64, 4, 2000
+"""Live lines that may tell sensors apart; they are looked at again when they are so many times as many, and
+that is all that are looked at."""
+
+
+class SensorLines:
+    """Leaves out the lines and rows of other sensors. where: for messages. how: what the user says."""
+
+    def __init__(self, where: str, how: How) -> None:
+        self._where, self._how = where, how
+        self._sensor: OneSensor | None = None
+        self._turns: Turns | None = None
+        self._chosen: Chosen | None = None
+        self._next_look: float = 0.0
+
+    @property
+    def is_known(self) -> bool:
+        """Whether a column tells sensors apart."""
+        return self._sensor is not None
+
+    def begin(self, chosen: Chosen, looked_at: int) -> None:
+        """Take note of the columns that were chosen by so many lines."""
+        if self._chosen is None:
+            self._chosen = chosen
+            more = max(FEWEST_LINES, LOOKS * looked_at)
+            self._next_look = math.inf if looked_at >= MOST_LINES else more
+            if chosen.turn[1] > 1:
+                self._turns = Turns(*chosen.turn, chosen.time_at)
+        if self._sensor is None and chosen.sensor is not None:
+            place, value = chosen.sensor
+            self._sensor = OneSensor(self._where, chosen.names[place], value, given_options(self._how))
+
+    def look_again(self, lines: int, facts: Callable[[list[str]], Facts]) -> None:
+        """Look for several sensors in the first lines, which were few when the columns were chosen.
+
+        Raises:
+            NotStated: there are several, and none was chosen.
+        """
+        chosen = self._chosen
+        if (
+            chosen is None
+            or lines < self._next_look
+            or self._how.topic is not None
+            or chosen.sensor is not None
+        ):
+            return
+        self._next_look = math.inf if lines >= MOST_LINES else LOOKS * lines
+        check_sensors(self._where, chosen, self._how, facts(chosen.names))
+
+    def why_none(self) -> UsageError | None:
+        """Return that no line was of the sensor that the user names, if it is so."""
+        return None if self._sensor is None else self._sensor.why_none()
+
+    def only(self, layout: Layout, data: bytes) -> bytes:
+        """Return lines with those of other sensors empty, which keeps the numbers of the rest.
+
+        Raises:
+            NotStated: there are several sensors, and none was chosen.
+        """
+        if self._sensor is None or layout.chosen.sensor is None:
+            return data
+        lines = data.split(b"\n")
+        values = [_value(layout, layout.chosen.sensor[0], line) for line in lines]
+        has = [k for k, value in enumerate(values) if value is not None]
+        keep = self._sensor.keep([str(values[k]) for k in has])
+        for k in np.asarray(has)[~keep].tolist():
+            lines[k] = b""
+        return b"\n".join(lines)
+
+    def in_turn(self, rows: list[Rows]) -> list[Rows]:
+        """Return the rows of the sensor, where several take turns."""
+        turns = self._turns
+        return rows if turns is None else [one for some in rows for one in turns.take(some)]
+
+    def finish(self) -> list[Rows]:
+        """Return the rows that were held back, as no more come."""
+        return [] if self._turns is None else self._turns.finish()
+
+
+def _value(layout: Layout, place: int, line: bytes) -> str | None:
+    """What a line holds in the column that tells sensors apart; None if it has no such column."""
+    if layout.parse is not None:
+        try:
+            value = layout.parse(decoded(line)).get(layout.chosen.names[place])
+        except (ValueError, RecursionError):
+            return None
+        return as_word(value) if isinstance(value, float) else None if value is None else str(value)
+    separator = None if layout.separator is None else layout.separator.encode()
+    fields = line.split(separator, place + 1)
+    if len(fields) <= place or line[:1] in b"#%":
+        return None
+    return decoded(fields[place]).strip().strip('"')
