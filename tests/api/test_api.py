@@ -330,7 +330,9 @@ def test_errors_name_what_a_call_takes(tmp_path: Path) -> None:
         return str(error.value)
 
     rows = "0.1,0.2,0.3\n0.2,0.1,0.2\n" * 30
-    assert "columns=[?, ?, ?], units=?, rate_hz=?" in told(rows)
+    different = "".join(f"{y:.4f},{y * y:.4f},{y**3:.4f}\n" for y in NOISE[:60])
+    call = f"fltea.open({str(tmp_path / 'a.csv')!r}, columns=[?, ?, ?], units=?, rate_hz=?)"
+    assert call in told(different)
     assert len(fltea.open(tmp_path / "a.csv", columns=[1, 2, 3], rate_hz=100, units="dps")) == 3
     assert told(rows, units="foo").startswith("units foo: ")
     for text in (rows, "gx,gy,gz\n" + rows, "a,b,c\n" + rows):
@@ -357,6 +359,13 @@ def test_flags_become_parameters() -> None:
         "units='deg/h', or accel_units='mm/s^2', or mg"
     )
     assert in_python("--columns 'gyro x,gyro y' --units says") == "columns=['gyro x', 'gyro y'], units says"
+    assert in_python("  --units lsb:65.5  N in") == "  units='lsb:65.5'  N in"
+    assert in_python("--sensor AA:BB, or --units dps: N") == "topic='AA:BB', or units='dps': N"
+    assert in_python("/data/--rate.csv:1: Give --rate.") == "/data/--rate.csv:1: Give rate_hz."
+    assert in_python(
+        "x: fltea identify './a b.csv' --sensor 'id=a b' --columns 1,b --rate ? --overrule\n."
+    ) == ("x: fltea.open('./a b.csv', topic='id=a b', columns=[1, 'b'], rate_hz=?, overrule=True)\n.")
+    assert in_python("see fltea identify, with --rate ?") == "see fltea identify, with rate_hz=?"
     assert {flag for one in declared(How()) for flag in one.setting.flags} <= set(PARAMETERS)
     takes = {*inspect.signature(fltea.open).parameters, *inspect.signature(fltea.identify).parameters}
     assert set(PARAMETERS.values()) <= takes

@@ -3,6 +3,7 @@
 import contextlib
 import math
 import re
+import shlex
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -12,7 +13,14 @@ from numpy.typing import ArrayLike
 from fltea.identification.load import ACCEL_UNIT, GYRO_UNIT
 from fltea.recording.candidates import units_table
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
-from fltea.recording.units import ACCEL_UNITS_HELP, UNITS_HELP, accel_unit, parse_units
+from fltea.recording.units import (
+    ACCEL_UNITS_HELP,
+    TIME_UNITS,
+    UNITS_HELP,
+    accel_unit,
+    parse_units,
+    rate_unit,
+)
 from fltea.records.arrays import Array
 from fltea.records.errors import FlteaError, UsageError
 
@@ -32,10 +40,14 @@ PARAMETERS = {
 }
 """What the flags of `fltea identify` are called here."""
 
-_UNITS = r"m?deg/[sh]|m?rad/s|m?dps|lsb:[\d.]*\d|lsb:N|m?m/s(?:\^2|²)|m?g\b|[mun]?s\b"
-_SENSORS = r"\d+/\d+|\w+:\d+|\w+=\w+|/[\w/]+(?::[\w?]+)?"
-_VALUE = rf"\?(?:,\?)*|{_SENSORS}|\d[\d.]*(?![\w,])|\w+(?:,\w+)+|[A-Z]+\b|{_UNITS}|'[^']+'"
-_FLAG = re.compile(rf"({'|'.join(PARAMETERS)})\b(?!-)(?:[ =]({_VALUE})( (?=--))?)?")
+_FLAG = re.compile(
+    rf"(?<![\w/.-])({'|'.join(PARAMETERS)})(?![-\w]|\.\w)"
+    r"(?:[ =](?:('[^']*')|(?=[^\s'])(\S*?)(?=[.,:;)]*(?:\s|$)))( (?=--))?)?"
+)
+"""A flag with what follows it, a value or the next word of a sentence, but for signs behind that."""
+
+_SIGNS_OF_VALUES = re.compile(r"[\d/=:?,_]")
+_COMMAND = re.compile(r"fltea identify ([^\n]+)")
 
 
 @contextlib.contextmanager
@@ -49,24 +61,48 @@ def python_words() -> Iterator[None]:
 
 
 def in_python(text: str) -> str:
-    """Return a text with parameters for flags, those that follow each other separated by commas."""
-    return _FLAG.sub(
-        lambda found: PARAMETERS[found[1]] + _argument(found[1], found[2]) + (", " if found[3] else ""), text
-    )
+    """Return a text with calls for commands, and parameters for flags."""
+    pieces, done = [], 0
+    for found in _COMMAND.finditer(text):
+        if (call := _call(found[1])) is not None:
+            pieces += [_FLAG.sub(_parameter, text[done : found.start()]), call]
+            done = found.end()
+    return "".join([*pieces, _FLAG.sub(_parameter, text[done:])])
 
 
-def _argument(flag: str, value: str | None) -> str:
+def _call(command: str) -> str | None:
+    """Return a file with flags as a call; None if it is a sentence that goes on."""
+    try:
+        path, *words = shlex.split(command)
+    except ValueError:
+        return None
+    arguments = [repr(path)]
+    while words:
+        flag = words.pop(0)
+        if flag not in PARAMETERS or (flag != "--overrule" and not words):
+            return None
+        arguments.append(PARAMETERS[flag] + _argument(flag, "" if flag == "--overrule" else words.pop(0)))
+    return f"fltea.open({', '.join(arguments)})" if len(arguments) > 1 else None
+
+
+def _parameter(found: re.Match[str]) -> str:
+    flag, quoted, word, goes_on = found.groups()
+    name = PARAMETERS[flag]
+    if flag == "--overrule":
+        return f"{name}=True{found[0][len(flag) :]}"
+    value = quoted.strip("'") if quoted else word or ""
+    is_value = quoted or _SIGNS_OF_VALUES.search(value) or value.isupper() or value in TIME_UNITS
+    if not is_value and rate_unit(value) is None and accel_unit(value) is None:
+        return name + found[0][len(flag) :]
+    return name + _argument(flag, value) + (", " if goes_on else "")
+
+
+def _argument(flag: str, value: str) -> str:
     if flag == "--overrule":
         return "=True"
-    if value is None:
-        return ""
-    value = value.strip("'")
     if flag == "--columns":
-        return (
-            "=["
-            + ", ".join(one if one.isdigit() or one == "?" else repr(one) for one in value.split(","))
-            + "]"
-        )
+        names = value.split(",")
+        return f"=[{', '.join(one if one.isdigit() or one == '?' else repr(one) for one in names)}]"
     return f"={value}" if flag in ("--rate", "--from-hz") or value == "?" else f"={value!r}"
 
 

@@ -60,7 +60,8 @@ def _with_command(text: str, path: Path, how: How) -> str:
     before, asks, rest = text.partition(ASK)
     options, end, table = rest.partition("\n")
     asked = dropwhile(lambda option: "?" not in option, re.split(r" (?=--)", options))
-    command = ["fltea identify", shlex.quote(str(path)), *given_options(how), *asked]
+    name = f"./{path}" if str(path).startswith("-") else str(path)  # which is no option
+    command = ["fltea identify", shlex.quote(name), *given_options(how), *asked]
     return f"{before}{asks}{' '.join(command)}{end}{table}" if asks else text
 
 
