@@ -65,3 +65,13 @@ def test_a_file_with_parts_of_seconds_alone_is_one_run(name: str, tmp_path: Path
     assert whole.seq is not None
     assert whole.seq.tolist() == k.tolist()
     assert whole.epoch is None or not np.any(whole.epoch)
+
+
+@pytest.mark.parametrize("lost", [100, 300, 1000])
+@pytest.mark.parametrize("form", ["%.2f", "%.3f"])
+def test_samples_that_are_lost_evenly_are_lost(tmp_path: Path, lost: int, form: str) -> None:
+    """Times in hundredths could be those of 99 Hz, too; nobody samples so, and rows are lost so."""
+    rows = [f"{form % (k / 100)},{k % 3},{k % 5}\n" for k in range(4000) if k % lost != lost - 1]
+    found = stored(tmp_path, "time_s,gx_dps,gy_dps\n" + "".join(rows))
+    assert found.rate_hz == pytest.approx(100.0, rel=1e-6)
+    assert found.samples == len(rows)

@@ -21,6 +21,10 @@ SHORT_GAPS = 2, 3, 4
 NEARLY = 1e-3
 """Of a grain: times are on it."""
 
+COARSEST_S = 1e-3 * (1 + NEARLY)
+"""Of a counter of milliseconds. In coarser times, where nearly all steps are one grain, a longer one lacks a
+sample: 99 Hz in hundredths of a second look like 100 Hz that lose each hundredth sample."""
+
 FEWEST_ODD, ODD_SHARE = 20, 0.005
 """Repeated times with other values by which a clock is as coarse as its samples: so many, and of all rows."""
 
@@ -72,6 +76,8 @@ def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
     median = float(np.median(medians))
     single, share, typical = _even_share(blocks(), median, EVENNESS * median, elapsed.odd)
     grain = _grain(blocks, median) if single < 1 else 0.0
+    if single >= EVEN_SHARE and grain * elapsed.unit_s > COARSEST_S:
+        grain = 0.0
     period = _by_stretches(blocks, median, grain) if grain else None
     if period == math.inf and grain < median / 2:  # then no step that lacks a sample is near the median
         period = None

@@ -73,15 +73,16 @@ class Elapsed:
     repeated: rows with the time of the row before them. odd: steps that are no clock's, backwards or with a
     repeated time and other values; backwards: of them the first kind. rows: how many there were. first: the
     number of the first row that repeats a time or runs backwards, None without one. of_day: minutes that
-    began in times of day as hhmmss. longest: a longer step begins a new run, infinite without a known unit.
+    began in times of day as hhmmss. longest: a longer step begins a new run, infinite without a known
+    unit. unit_s: seconds in one of the unit.
     """
 
     def __init__(self, unit: TimeUnit | None) -> None:
         self.repeated = self.odd = self.backwards = self.rows = self.of_day = 0
         self.first: int | None = None
         self._wrap = {"ms": COUNTER_WRAP, "us": COUNTER_WRAP, "ns": math.inf}.get(unit or "s", DAY_S)
-        self._unit_s = SECONDS[unit or "s"]
-        self._longest = LONGEST_GAP_S / self._unit_s
+        self.unit_s = SECONDS[unit or "s"]
+        self._longest = LONGEST_GAP_S / self.unit_s
         self.longest = math.inf if unit is None else self._longest
         self._second = 1 / SECONDS[unit] if unit in ("ms", "us", "ns") else 0.0
         self._offset = 0.0
@@ -141,16 +142,16 @@ class Elapsed:
 
     def _minutes(self, time: Floats, steps: Floats) -> Floats | None:
         """What is to be added where times of day as hhmmss go on to a minute; None if they do so nowhere."""
-        turns = np.flatnonzero(np.abs(steps) * self._unit_s > MINUTE_TURNS_S)
+        turns = np.flatnonzero(np.abs(steps) * self.unit_s > MINUTE_TURNS_S)
         if not len(turns):
             return None
-        after_s, before_s = time[turns] * self._unit_s, (time[turns] - steps[turns]) * self._unit_s
+        after_s, before_s = time[turns] * self.unit_s, (time[turns] - steps[turns]) * self.unit_s
         real_s = (_of_day(after_s) - _of_day(before_s)) % DAY_S  # NaN where one is no time of day
         ends = (before_s % 100 >= 60 - NEAR_TURN_S) & (after_s % 100 < NEAR_TURN_S)
         is_turn = ends & (real_s > 0) & (real_s < 2 * NEAR_TURN_S)
         self.of_day += int(is_turn.sum())
         jump = np.zeros(len(time))
-        jump[turns[is_turn]] = real_s[is_turn] / self._unit_s - steps[turns[is_turn]]
+        jump[turns[is_turn]] = real_s[is_turn] / self.unit_s - steps[turns[is_turn]]
         return jump if is_turn.any() else None
 
     def _wrap_of(self, time: Floats) -> tuple[float, float]:
