@@ -14,7 +14,9 @@ from fltea.recording.csv_file import open_csv
 from fltea.recording.reading import ASK
 from fltea.recording.sample_numbers import Numbering
 from fltea.recording.sample_times import Elapsed, Floats
+from fltea.records.events import Trouble
 from fltea.settings.how import How
+from fltea.sources.text_events import TextEvents
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -228,3 +230,11 @@ def test_a_sentence_with_a_wrong_checksum_names_no_columns(tmp_path: Path) -> No
     found = stored(tmp_path, text, **how)
     assert found.samples == N - len(range(0, N, 3))
     assert "columns: 3, 4, 5 as x, y, z" in "; ".join(f"{one.question}: {one}" for one in found.reading)
+
+
+def test_live_rows_in_bursts_tell_no_rate() -> None:
+    live = TextEvents("stdin:", How(units="dps"), fatal=False)
+    live.open(0, within_line=False)
+    burst, place = np.divmod(np.arange(N), 10)
+    events = live.feed(table(fixed(burst * 0.1 + place * 2e-4)).encode(), 0)
+    assert "no_rate" in [event.kind for event in events if isinstance(event, Trouble)]
