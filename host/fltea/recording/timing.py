@@ -159,15 +159,7 @@ def _uneven(
                 f"If they are of {rows} sensors that take turns: --sensor 1/{rows} for the first. {remark}"
             )
     elif _is_coarse(elapsed) and MOST_IN_TURNS >= round(turns) >= 2 and abs(turns - round(turns)) < 0.01:
-        n = round(turns)
-        return not_stated(
-            where,
-            [Missing(f"whether {n} sensors take turns, or the clock is coarser than the samples", "?")],
-            (),
-            f"Each time in '{name}' stands {n} times{at}:\n"
-            f"  --sensor 1/{n}: the first of {n} sensors in turns, --sensor 2/{n} the second …\n"
-            f"  --rate ?: one sensor, whose clock is coarser than its samples; {_mean(column, rate_hz)}",
-        )
+        return _turns(where, name, round(turns), at, _mean(column, rate_hz))
     elif _is_coarse(elapsed) or clock.is_coarse:
         why = (
             f"{elapsed.repeated} of {elapsed.rows} times of '{name}' are the same as the one before{at}: the "
@@ -181,6 +173,17 @@ def _uneven(
         )
     text = f"{_mean(column, rate_hz)}. {remark}"
     return not_stated(where, [Missing(f"the rate, as {why}", "--rate ?")], (), text[0].upper() + text[1:])
+
+
+def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
+    """Ask whether times that each stand so many times are of as many sensors."""
+    what = f"whether {count} sensors take turns, or the clock is coarser than the samples"
+    table = [
+        f"Each time in '{name}' stands {count} times{at}:",
+        f"  --sensor 1/{count}: the first of {count} sensors in turns, --sensor 2/{count} the second …",
+        f"  --rate ?: one sensor, whose clock is coarser than its samples; {mean}",
+    ]
+    return not_stated(where, [Missing(what, "?")], (), "\n".join(table))
 
 
 def _mean(column: TimeColumn, rate_hz: float) -> str:
