@@ -88,6 +88,7 @@ class _Columns:
 
     def __init__(self, facts: Mapping[str, Any], doubts: Mapping[str, str]) -> None:
         self._facts, self._doubts, self._said = facts, doubts, beside.units_of(facts)
+        self._called, self._scales = beside.Near(facts, beside.COLUMNS), beside.Near(facts, beside.SCALES)
         self._names: list[str] = []
         self._units: list[str] = []
         self._of: list[str] = []
@@ -115,12 +116,12 @@ class _Columns:
             found = [_Labelled(label, _no_numbers, f"{reason}.") for label in _axes_named(name)]
             rows = array.rows if isinstance(array, NoNumbers) else max((1, *array.shape))
         else:
-            found, rows = list(_of_array(name, array, self._facts)), max(array.shape, default=0)
-        labels = [one.label for one in found]
+            found, rows = list(_of_array(name, array, self._called.of(name))), max(array.shape, default=0)
+        labels, scales = [one.label for one in found], self._scales.of(name)
         for place, (label, column, why) in enumerate(found if rows > 1 or reason else ()):
             unit = beside.unit_of(self._said, label, name, place, len(found))
             is_whole = not reason and array.dtype.kind in "iu"
-            scale = beside.scale_of(self._facts, name, labels, unit, is_whole=is_whole)
+            scale = beside.scale_of(scales, name, labels, unit, is_whole=is_whole)
             if scale and is_time(label):
                 why = why or f"{scale} may change its numbers, and not said is how. {OVERRULE}"
             elif scale:

@@ -6,6 +6,7 @@ A fact has a name. `imu.gyro@units` is an attribute of the array `imu.gyro`; `im
 
 import math
 import re
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -125,6 +126,19 @@ def _of_sensor(units: Mapping[str, list[str]], label: str) -> Iterator[str]:
             is_its = is_time(word) if axis is None else axis(f"{word}_x") is not None
             if is_its and group_of(known.removesuffix(".")) == level:
                 yield known
+
+
+class Near:
+    """Facts of a kind by what they are near: of many, those of one array are found at once."""
+
+    def __init__(self, facts: Mapping[str, Any], words: str) -> None:
+        self._found = defaultdict[str, dict[str, Any]](dict)
+        for name, owner in _owners(facts, words):
+            self._found[owner if "@" in name else f"{group_of(owner)}."][name] = facts[name]
+
+    def of(self, array: str) -> Mapping[str, Any]:
+        """Return those of an array, and those in the group around it."""
+        return self._found.get(array, {}) | self._found.get(f"{group_of(array)}.", {})
 
 
 def columns_of(facts: Mapping[str, Any], array: str, width: int) -> tuple[list[str], str]:
