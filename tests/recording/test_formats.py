@@ -13,7 +13,9 @@ from fltea.recording.dialects import dialects
 from fltea.recording.formats import ALL, FORMATS, KINDS, MAGIC, UNREAD, Unread, loaded
 from fltea.recording.kind import open_one_file
 from fltea.records.errors import UsageError
+from fltea.records.records import Hello
 from fltea.settings.how import How
+from fltea.sources.replay import ReplaySource
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "host/docs/guide/files.md").read_text()
@@ -92,6 +94,22 @@ def test_what_is_known_and_not_read_is_called_by_its_name(one: Unread, tmp_path:
             open_one_file(path)
         assert str(caught.value) == one.told(path)
     assert not one.guide or f"| {one.guide} | `{one.command.format(path='FILE')}`" in PAGE
+
+
+@pytest.mark.parametrize("suffix", sorted({*KINDS, ".csv.gz", ".odd"} - {".mcap", ".ndjson", ".jsonl"}))
+def test_rows_of_numbers_are_text_whatever_the_name_says(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"rest{suffix}"
+    path.write_text("time_s,gx_dps,gy_dps,gz_dps\n" + "".join(f"{k / 100},1,2,{k % 3}\n" for k in range(50)))
+    assert open_one_file(path).kind == "csv"
+    found = ReplaySource(path).events()
+    assert next(one for one in found if isinstance(one, Hello)).rate_hz == pytest.approx(100.0)
+
+
+def test_what_begins_as_a_document_in_a_file_is_not_called_a_stream(tmp_path: Path) -> None:
+    path = tmp_path / "rest.txt"
+    path.write_text("[[[{(1,2,3\n" * 50)
+    with pytest.raises(UsageError, match=r"begins as one document of JSON, which is read if its name ends"):
+        ReplaySource(path)
 
 
 def test_the_table_is_cheap_to_load() -> None:

@@ -43,7 +43,7 @@ def open_csv(
             rows: Iterator[Rows] = _rows(path, reader, stream)
             first = next(rows, None)
             if first is None or reader.chosen is None:
-                raise reader.refusal()
+                raise reader.refusal(is_file=True)
             rows = chain([first], rows)
             found = gather(path, reader.chosen, rows, limits, lambda line: f"{path}:{line}")
     except OSError as error:
@@ -66,7 +66,7 @@ def _rows(path: Path, reader: TextReader, stream: BinaryIO) -> Iterator[Rows]:
         size += len(data)
         yield from reader.feed(data)
         if reader.chosen is None and size >= HEAD_BYTES:
-            raise reader.refusal()
+            raise reader.refusal(is_file=True)
     yield from reader.finish()
 
 

@@ -14,6 +14,7 @@ from fltea.recording.bag_files import is_bag_folder, is_ros_mcap
 from fltea.recording.column_names import times_in
 from fltea.recording.formats import FORMATS, KINDS, MAGIC, UNREAD, ZIP, Kind
 from fltea.recording.lines import shown
+from fltea.recording.text_fields import rows_alike
 from fltea.records.errors import UsageError
 from fltea.records.small_file import open_stream
 
@@ -21,6 +22,9 @@ BOM = b"\xef\xbb\xbf"
 UTF_16 = b"\xff\xfe", b"\xfe\xff"
 
 BEGIN_BYTES = 512
+FEWEST_ROWS = 2
+"""Rows of numbers that make a file one of text, whatever its name says."""
+
 TEXTS = "csv", "ndjson", "json"
 OURS, ARRAY = re.compile(rb'\{\s*"class"'), re.compile(rb"\[\s*\{")
 """How our NDJSON begins, and an array of objects."""
@@ -110,9 +114,19 @@ def kind_of_file(path: Path, file: Any) -> Kind:
             raise UsageError(one.told(path))
     if not begin:
         raise UsageError(f"{path}: is empty.")
+    if by_end not in (None, "ndjson") and not begin.startswith((b"{", b"[")) and _has_rows(begin):
+        return "csv"
     if by_end is not None and by_end not in TEXTS and FORMATS[by_end].is_certain:
         return by_end
     return _kind_of_text(path, begin, by_end if by_end in TEXTS else None)
+
+
+def _has_rows(begin: bytes) -> bool:
+    """Whether the first bytes are text with rows of numbers, whatever the name says."""
+    if any(byte < ord("\t") or ord("\r") < byte < ord(" ") for byte in begin[:BEGIN_BYTES]):
+        return False
+    kind, rows = rows_alike(begin[:BEGIN_BYTES].decode("latin-1").splitlines()[:-1])
+    return kind == "row" and len(rows) >= FEWEST_ROWS
 
 
 def _kind_of_text(path: Path, begin: bytes, by_end: Kind | None) -> Kind:

@@ -127,8 +127,13 @@ class TextReader:
         values = sample_of(self._sample, chosen.names, len(chosen.names), "")
         return type(error)("\n".join(filter(None, [str(error), columns_table(chosen.names, values)])))
 
-    def refusal(self) -> UsageError:
+    def refusal(self, *, is_file: bool = False) -> UsageError:
         """Why there was no row so far."""
+        if ONE_DOCUMENT.match(self._head) and is_file:
+            return UsageError(
+                f"{self._where}: begins as one document of JSON, which is read if its name ends in .json; of "
+                "other text only lines are read."
+            )
         if ONE_DOCUMENT.match(self._head):
             return UsageError(
                 f"{self._where}: is one document of JSON; of a stream only an object a line is read. "
