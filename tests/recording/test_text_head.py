@@ -255,3 +255,17 @@ def test_addresses_and_decimal_signs_are_no_thousands(tmp_path: Path) -> None:
     assert is_right(stored(tmp_path, "host;time_ms;gx_dps;gy_dps;gz_dps\n" + "".join(rows)))
     whole = [f"{10 * k},100,200,{300 + k % 7}\n" for k in range(N)]
     assert stored(tmp_path, "time_ms,gx_dps,gy_dps,gz_dps\n" + "".join(whole)).samples == N
+
+
+@pytest.mark.parametrize("sign", ["", ":"])
+def test_an_accelerometer_on_other_lines_is_said_not_to_be_read(tmp_path: Path, sign: str) -> None:
+    """As Adafruit's examples print it."""
+    text = "".join(
+        f"Acceleration{sign} X: 0.20, Y: -0.30, Z: 9.80 m/s^2\nGyro X: {x}, Y: {y}, Z: {z} rad/s\n\n"
+        for x, y, z in np.radians(GYRO_DPS)
+    )
+    found = stored(tmp_path, text, rate_hz=100.0)
+    assert is_right(found)
+    (answer,) = [one for one in found.reading if one.question == "accelerometer"]
+    assert answer.value == "not read"
+    assert answer.why.startswith("Acceleration X, Acceleration Y, Acceleration Z stand on other lines")

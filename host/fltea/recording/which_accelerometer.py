@@ -73,8 +73,12 @@ def _axes(choice: Choice, taken: set[int | None]) -> tuple[tuple[int, ...], bool
         accel = tuple(places[0] for places in found.values() if len(places) == 1)
     if len(accel) == 3 and not {*accel} & taken:
         return accel, is_of_dialect
+    elsewhere = [name for name in choice.facts.beside if accel_axis_of(name)]
     if several:
         _unread(choice, "several columns are called alike")
+    elif elsewhere:
+        why = f"{listed(elsewhere)} stand on other lines, and which of them are of one sample is not known"
+        choice.answer("accelerometer", "not read", "missing", why)
     return (), False
 
 
