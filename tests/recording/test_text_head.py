@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fltea.recording.files import Stored
+from fltea.recording.text_rows import TextReader
+from fltea.settings.how import How
 from text_files import refusal, stored
 
 N, RATE_HZ = 400, 100.0
@@ -269,3 +271,36 @@ def test_an_accelerometer_on_other_lines_is_said_not_to_be_read(tmp_path: Path, 
     (answer,) = [one for one in found.reading if one.question == "accelerometer"]
     assert answer.value == "not read"
     assert answer.why.startswith("Acceleration X, Acceleration Y, Acceleration Z stand on other lines")
+
+
+@pytest.mark.parametrize(("unit", "per_dps"), [("deg/s", 1.0), ("rad/s", np.pi / 180)])
+def test_what_betaflights_decoder_converts_is_in_the_unit_of_its_names(
+    tmp_path: Path, unit: str, per_dps: float
+) -> None:
+    names = [f"{name}[{k}] ({unit})" for name in ("gyroADC", "gyroUnfilt") for k in range(3)]
+    rows = [
+        f"{k}, {10_000 * k}, 0, 0, 0, {x:.9g}, {y:.9g}, {z:.9g}\n"
+        for k, (x, y, z) in enumerate(GYRO_DPS * per_dps)
+    ]
+    text = ", ".join(["loopIteration, time (us)", *names]) + "\n" + "".join(rows)
+    assert is_right(stored(tmp_path, text))
+    assert f"is in {unit} by its name" in refusal(tmp_path, text, units="mdps")
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "# Sample rate: 100 Hz\n# Units: deg/s\ngx,gy,gz",
+        "gx,gy,gz\n# Sample rate: 100 Hz\n# Units: deg/s",
+        "Sampling Frequency,100 Hz\nGyro unit,deg/s\ngx,gy,gz",
+        "# fs = 100\nBody rate X [deg/s],Body rate Y [deg/s],Body rate Z [deg/s]",
+    ],
+)
+def test_live_text_is_understood_as_a_file_is(tmp_path: Path, head: str) -> None:
+    data = table(head, times_s=None).encode()
+    assert is_right(stored(tmp_path, data))
+    reader = TextReader("stdin", How())
+    values = [rows.values for k in range(0, len(data), 7) for rows in reader.feed(data[k : k + 7])]
+    assert reader.chosen is not None
+    assert reader.chosen.rate_hz == 100.0
+    assert np.allclose(np.concatenate(values)[:, :3], GYRO_DPS)
