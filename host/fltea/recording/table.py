@@ -58,7 +58,7 @@ class Rows(NamedTuple):
 class Samples(NamedTuple):
     """Rows that are samples. time: (n,) as it stands in the column, or None. accel: (n, 3) m/s², or None.
 
-    left_out: why rows are none, as `text_rows.REASONS` names it, with the first such row and how many.
+    left_out: why rows are none, as `text_numbers.REASONS` names it, with the first such row and how many.
     """
 
     numbers: Ints

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fltea._native import plain_rows
-from fltea.recording.lines import shown
+from fltea.recording.lines import LONGEST_LINE, shown
 from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.text_fields import is_blank, is_comment
 from fltea.recording.text_labels import values_in
@@ -27,6 +27,23 @@ LEAST_AT_ONCE, MOST_AT_ONCE = 1 << 9, 1 << 18
 
 MOST_LEFT_OUT = 1000
 """Lines that hold no sample which are known again."""
+
+REASONS = {
+    "text": "is no line of numbers",
+    "fields": "has another number of fields than the others",
+    "number": "has a field that is not a number",
+    "columns": "is an object without the columns",
+    "too_long": f"has no end within {LONGEST_LINE} bytes",
+    "before_header": "came before the columns were known",
+    "header": "names columns that do not fit those before",
+    "not_finite": "has an empty field, NaN or infinity: a missing sample",
+    "too_large": "is beyond what a gyroscope measures; are the units right?",
+    "time": "has a time that cannot be",
+}
+"""Why a line holds no sample: the key of its count in `link.bad_frames`, and words for the user.
+
+The last three are found where rows become samples (`fltea.recording.table`).
+"""
 
 WhyNot = tuple[str, str]
 """Why a line holds no sample: the key of its count, and a text with what the line holds."""

@@ -46,23 +46,6 @@ MOST_CHECKS, MOST_HEADERS = 200, 64
 NO_NAME = "0123456789+-."
 """With what a line of names does not begin."""
 
-REASONS = {
-    "text": "is no line of numbers",
-    "fields": "has another number of fields than the others",
-    "number": "has a field that is not a number",
-    "columns": "is an object without the columns",
-    "too_long": f"has no end within {LONGEST_LINE} bytes",
-    "before_header": "came before the columns were known",
-    "header": "names columns that do not fit those before",
-    "not_finite": "has an empty field, NaN or infinity: a missing sample",
-    "too_large": "is beyond what a gyroscope measures; are the units right?",
-    "time": "has a time that cannot be",
-}
-"""Why a line holds no sample: the key of its count in `link.bad_frames`, and words for the user.
-
-The last three are found where rows become samples (`fltea.recording.table`).
-"""
-
 
 class Bad(NamedTuple):
     """A line without a sample. line: its number, from 1. why: in full, with what the line holds."""
@@ -76,10 +59,10 @@ class TextReader:
     """Turns bytes into rows. where: for messages. how: what the user says of the columns.
 
     head: lines that stand elsewhere and say something of the rows. counts: lines without a sample by their
-    reason, but for the last three of `REASONS`. first, newest: the first and the newest of them. cut: what
-    the user has to know of the last line, if it has no end and is no row, and so is left out. lines: how many
-    there were so far. notes: the same of the columns. chosen: the columns that are read, which stay what they
-    are; None as long as no line has said it.
+    reason, but for the last three of `text_numbers.REASONS`. first, newest: the first and the newest of them.
+    cut: what the user has to know of the last line, if it has no end and is no row, and so is left out. lines:
+    how many there were so far. notes: the same of the columns. chosen: the columns that are read, which stay
+    what they are; None as long as no line has said it.
 
     Raises:
         UsageError: `how` is wrong.
@@ -310,10 +293,7 @@ class TextReader:
 
     def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
         """Read rows; where another header begins, None at the end of the data."""
-        is_plain, is_first = (
-            True,
-            True,
-        )  # behind two lines that are none, each is looked at up to the next row
+        is_plain = is_first = True  # behind two lines that are none, each is looked at up to the next row
         while begin <= len(data):
             if is_plain:
                 found = parser.plain(data, begin)

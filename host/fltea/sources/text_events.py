@@ -10,7 +10,8 @@ import numpy as np
 from fltea.recording.columns import Chosen
 from fltea.recording.sample_times import Floats
 from fltea.recording.table import ENOUGH_ROWS, Plausible, Rows, Samples, is_of_sensor, samples_of
-from fltea.recording.text_rows import REASONS, TextReader
+from fltea.recording.text_numbers import REASONS
+from fltea.recording.text_rows import TextReader
 from fltea.recording.timing import check_given
 from fltea.recording.units import parse_units
 from fltea.records.errors import Implausible, UsageError
