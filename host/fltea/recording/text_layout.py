@@ -94,7 +94,8 @@ class LayoutFinder:
     before, of text whose header comes again. is_other: the newest line was neither empty, a comment, nor of
     the header.
 
-    Raises: UsageError: `how` names too many columns, or one twice.
+    Raises:
+        UsageError: `how` names too many columns, or one twice.
     """
 
     def __init__(
@@ -115,7 +116,7 @@ class LayoutFinder:
         self._why_no_row = ""
         self._named = NamedLines(where, how, sample, self.facts, self._are_names)
         self._kinds_at_hand: Kinds = Kinds() if before is None else before._kinds_at_hand
-        self._thousands = Thousands() if before is None else before._thousands
+        self._thousands: Thousands = Thousands() if before is None else before._thousands
         self._known: dict[tuple[str, int, int] | str, bool] = {} if before is None else before._known
 
     def take(self, number: int, line: str) -> Layout | None:
@@ -138,7 +139,7 @@ class LayoutFinder:
                 return None
             if self._header is not None and self._chosen is None:
                 units = None if numbers or self._units is not None else units_in(line)
-                if units is not None:
+                if units is not None and (not comment or len(units) == len(self._header.names)):
                     self._units = units
                     return None
                 if not comment:
