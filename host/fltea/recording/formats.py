@@ -57,7 +57,8 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
         "csv": Format(
             "text",
             "text: CSV of any kind (commas, `;`, tabs, blanks; decimal commas; UTF-8 or UTF-16), lines of "
-            "JSON or with labels, YAML of `ros2 topic echo`, and what [loggers](#loggers) write",
+            "JSON or with labels (also one label a line, as Teleplot's `>gx:1.2`), logs of ArduPilot as text "
+            "(`.log`), YAML of `ros2 topic echo`, and what [loggers](#loggers) write",
             (".csv", ".txt", ".log", ".tsv", ".dat", ".gcsv", ".yaml", ".yml"),
             {
                 **_each("plain.csv excel_dates.csv excel_unicode.txt iso_dates.csv us_dates.csv"),
