@@ -1,5 +1,6 @@
 """Logs of ArduPilot as text: names by the rows FMT, one kind of rows, one instance."""
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -94,5 +95,5 @@ def test_lines_stay_as_many_in_whatever_pieces_they_come(text: list[str], cuts: 
 
     edges = [0, *sorted(min(cut, len(text)) for cut in cuts), len(text)]
     whole = run([text])
-    assert run([text[a:b] for a, b in zip(edges, edges[1:], strict=False)]) == whole
+    assert run([text[a:b] for a, b in itertools.pairwise(edges)]) == whole
     assert len(whole) == len(text)

@@ -1,5 +1,6 @@
 """Numbers by their names: one label a line, units in each row, positions of what has names."""
 
+import itertools
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -124,7 +125,7 @@ def test_lines_are_as_many_as_there_were(lines: list[str], cuts: list[int]) -> N
 
     edges = [0, *sorted(min(cut, len(lines)) for cut in cuts), len(lines)]
     whole = run([lines])
-    assert run([lines[a:b] for a, b in zip(edges, edges[1:], strict=False)]) == whole
+    assert run([lines[a:b] for a, b in itertools.pairwise(edges)]) == whole
     assert len(whole) == len(lines)
 
 
@@ -198,7 +199,7 @@ def test_rows_in_several_units_are_refused(form: Callable[..., Stored], tmp_path
     mixed = rows_with_units(["rad/s", "deg/s"])
     late = [*rows_with_units(["deg/s"])[:-1], rows_with_units(["rad/s"])[-1]]
     for rows in (mixed, late):
-        with pytest.raises(NotStated, match="column unit tells several apart .deg/s, rad/s"):
+        with pytest.raises(NotStated, match=r"column unit tells several apart .deg/s, rad/s"):
             form(tmp_path, rows)
     found = form(tmp_path, mixed, topic="unit=rad/s").whole()
     assert np.allclose(found.gyro, np.degrees(GYRO[::2]))
