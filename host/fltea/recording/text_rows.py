@@ -60,8 +60,8 @@ class TextReader:
 
     head: lines that stand elsewhere and say something of the rows. counts: lines without a sample by their
     reason, but for the last three of `text_numbers.REASONS`. first, newest: the first and the newest of them.
-    cut: what the user has to know of the last line, if it has no end and is no row, and is left out. lines: how
-    many there were so far. notes: the same of the columns. chosen: the columns that are read, which stay
+    cut: what the user has to know of the last line, if it has no end and is no row, and is left out. lines:
+    how many there were so far. notes: the same of the columns. chosen: the columns that are read, which stay
     what they are; None as long as no line has said it.
 
     Raises:
