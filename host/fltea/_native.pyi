@@ -506,9 +506,10 @@ def sentence_spectrum(
     total: NDArray[np.float64],
 ) -> None: ...
 
-# Lines of text from `begin` up to the first that is no plain row of numbers: where it begins (beyond the end if
-# there is none), how many lines are passed, the mark of decimals ("\0" as long as none was seen), which of the
-# lines are rows, and (rows, places) numbers. separator "\0": white space. least, most: as of text_layout.Layout.
+# Lines of text from `begin` up to the first that is no plain row of numbers: where it begins (beyond the
+# end if there is none), how many lines are passed, the mark of decimals ("\0" as long as none was seen),
+# which of the lines are rows, and (rows, places) numbers. separator "\0": white space. least, most: as of
+# text_layout.Layout.
 def plain_rows(
     text: bytes,
     begin: int,

@@ -149,7 +149,7 @@ def test_the_real_files_are_read(name: str, real: Files, folder: Path) -> None:
 
 @given(how=changes)
 @settings(max_examples=50)
-@pytest.mark.parametrize("name", slow_but(["rest.npy", "rest.parquet"], KINDS))
+@pytest.mark.parametrize("name", slow_but(["rest.npy"], KINDS))
 def test_files_that_were_changed_anywhere(name: str, real: Files, folder: Path, how: list[Change]) -> None:
     check(folder, name, changed(real[name], how))
 

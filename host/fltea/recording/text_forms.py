@@ -121,7 +121,8 @@ class YamlDocuments:
         """Return the last document, which may have no end."""
         rest, self._rest = self._rest, b""
         found = self._take(rest)
-        self.is_cut = bool(self._values) and (len(self._values) < self._fewest or b":" in rest)
+        has_begun = bool(self._values) or b"{" in rest
+        self.is_cut = has_begun and (len(self._values) < self._fewest or b":" in rest)
         return found if self.is_cut else found + self._take(b"---")
 
     def _take(self, line: bytes) -> bytes:
