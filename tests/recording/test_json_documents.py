@@ -187,7 +187,7 @@ def test_what_python_writes_for_missing_numbers_is_missing(tmp_path: Path) -> No
 # --- beside the table ---
 
 
-BESIDE = {
+BESIDE: dict[str, dict[str, Any]] = {
     "a unit of the gyroscope": {"metadata": {"gyro_units": "rad/s", "sample_rate": 100}},
     "units by the sensor": {"header": {"units": {"gyro": "rad/s", "accel": "m/s^2"}, "fs": "100 Hz"}},
     "a part about the gyroscope": {

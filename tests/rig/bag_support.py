@@ -257,8 +257,8 @@ def write_types(
             connection = writer.add_connection(name, kind, typestore=store)
             for arrival, data in zip(arrival_ns, rows[name], strict=True):
                 writer.write(connection, int(arrival), data)
-    for file in path.glob("*.db3"):  # rosbags leaves out comments
-        with contextlib.closing(sqlite3.connect(file)) as database, database:
+    for store_file in path.glob("*.db3"):  # rosbags leaves out comments
+        with contextlib.closing(sqlite3.connect(store_file)) as database, database:
             for kind, definition, _ in topics.values():
                 database.execute(
                     "UPDATE message_definitions SET encoded_message_definition = ? WHERE topic_type = ?",
