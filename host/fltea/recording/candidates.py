@@ -139,7 +139,7 @@ def _remarks(values: Floats) -> dict[int, str]:
     numbers = []
     for place in range(values.shape[1]):
         if is_rising(values[:, place]):
-            step = float(np.nanmean(np.diff(values[:, place])))
+            step = float(np.diff(values[np.isfinite(values[:, place]), place]).mean())
             rates = ", ".join(line.removeprefix("  --time-unit ") for line in times_table(step))
             found[place] = ": rises, as times and counters do" + (f" ({rates})" if rates else "")
         elif np.isfinite(values[:, place]).any():
