@@ -165,14 +165,15 @@ TEXTS = {
     "endless.csv": (b"time_s,gyro_x_dps\n" + b"1" * 100_000_000, "endless.csv:2: the line has no end"),
     "zeros.csv": (bytes(100_000_000), "zeros.csv: is neither text nor"),
     "nul.csv": (b"time_s,gyro_x_dps\n0,\x001\n", r"nul.csv:2: column 'gyro_x_dps': '\x001' is not a number"),
-    "escape.csv": (b"time_s,gyro_x_dps\n0,\x1b[31m\n", r"'\x1b[31m' is not a number"),
+    "escape.csv": (b"time_s,gyro_x_dps\n0,\x1b]0;x\x07\n", r"x\x07' is not a number"),
+    "colour.csv": (b"time_s,gyro_x_dps\n0,\x1b[31m\n", "column gyro_x_dps is empty"),
     "quote.csv": (b'time_s,gyro_x_dps\n0,"' + b"1\n" * 1_000_000, "quote.csv:2: cannot be read as CSV ("),
     "long.csv": (b"time_s,gyro_x_dps\n0," + b"x" * 100_000 + b"\n", "x…' is not a number"),
     "wide.csv": (
         b",".join(b"c%d" % n for n in range(20_000)) + b"\n1\n",
         "nothing says which columns are the gyroscope's axes",
     ),
-    "utf16.csv": ("gyro_x_dps\n1\n".encode("utf-16"), "utf16.csv:1: has no column 'time_s'"),
+    "utf16.csv": ("gyro_x_dps\n1\n".encode("utf-16"), "utf16.csv:1: nothing says the rate"),
 }
 
 

@@ -65,7 +65,7 @@ def _rows(path: Path, reader: TextReader, stream: BinaryIO) -> Iterator[Rows]:
     while data := stream.read1(BLOCK_BYTES) if hasattr(stream, "read1") else stream.read(BLOCK_BYTES):
         size += len(data)
         yield from reader.feed(data)
-        if reader.chosen is None and size >= HEAD_BYTES:
+        if reader.chosen is None and size - reader.pending_bytes >= HEAD_BYTES:
             raise reader.refusal(is_file=True)
     yield from reader.finish()
 

@@ -98,6 +98,11 @@ class TextReader:
         """How many lines hold no sample, without those before the columns were known."""
         return self.counts.total() - self.counts["before_header"]
 
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes of a line that has not ended yet."""
+        return len(self._rest)
+
     def resume(self, *, within_line: bool) -> None:
         """The sender was lost and is back; within_line: what comes first may be the end of a line."""
         self._rest, self._held, self._skipping = b"", b"", within_line
