@@ -66,8 +66,12 @@ def test_make_builds_anew_after_a_change_of_any() -> None:
     assert {*SOURCES, ROOT / "host/native/source_hash.py"} <= named
 
 
-def test_a_module_of_other_sources_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    conftest = sys.modules["conftest"]
+def test_a_module_of_other_sources_is_refused(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    # by its path: several folders have a module of the name conftest
+    conftest = request.config.pluginmanager.get_plugin(str(ROOT / "tests/conftest.py"))
+    assert conftest is not None
     conftest.pytest_configure()
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
     monkeypatch.delenv("FLTEA_STALE_NATIVE", raising=False)

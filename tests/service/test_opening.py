@@ -104,7 +104,7 @@ def test_recordings(name: str, prefix: str, absolute: bool, tmp_path: Path, monk
 
 
 def test_start_up_window_is_asked_for_only_where_it_is_used(tmp_path: Path) -> None:
-    (tmp_path / "rest.csv").write_text("time_s,gyro_x_dps\n0,1\n1,2\n")
+    (tmp_path / "rest.csv").write_text("time_s,gyro_x_dps\n0,1\n0.01,2\n")
     assert "2 rows" in refusal(f"replay:{tmp_path}/rest.csv")
     opened(f"replay:{tmp_path}/rest.csv", **{"estimator.bias": "none", "estimator.R": 0.02})
 

@@ -102,6 +102,10 @@ ERROR_KINDS = {
         "A column of times runs back, repeats, is uneven, or contradicts `--rate`.",
         "Check `--rate`; name the column of the device's own clock (`--time-column`).",
     ),
+    "reading": ErrorKind(
+        "A reading of a file is doubtful or was changed by an option; the text says what and why.",
+        "Compare it with the logger's settings; `fltea info FILE` shows what each reading stands on.",
+    ),
     "bag_stamps": ErrorKind(
         "Header stamps of a bag are missing, uneven or run backwards; the text counts them.",
         "Nothing to do; stamps by the sensor's own clock are better.",
