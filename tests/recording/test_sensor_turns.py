@@ -7,7 +7,7 @@ import pytest
 from fltea.recording.one_sensor import tells_apart
 from fltea.recording.table import Rows
 from fltea.recording.turns import Turns
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 N = 200
@@ -90,6 +90,7 @@ def test_two_kinds_of_sensors_are_known_by_their_figures() -> None:
     later=st.sampled_from([0.0, 0.2, 0.5]),
     which=st.integers(0, 1),
 )
+@example(gone={41}, cuts=[], later=0.2, which=0)  # most rounds are out of step in the one piece
 def test_turns_are_kept_in_whatever_pieces_rows_come(
     gone: set[int], cuts: list[int], later: float, which: int
 ) -> None:

@@ -79,7 +79,9 @@ class Turns:
     def _turn_of(self, time: Floats) -> Ints:
         """Whose turn each row is, by the steps from one to the next."""
         if self._steps is None:
-            steps = np.diff(time[: 1 + len(time[1:]) // self._count * self._count])
+            # later rounds may be out of step, where a row is missing
+            rounds = min(len(time[1:]) // self._count, LOOKED_AT)
+            steps = np.diff(time[: 1 + rounds * self._count])
             self._steps = np.nanmedian(steps.reshape(-1, self._count), axis=0)
         if self._last is None:
             turn, taken = [0], np.diff(time)
