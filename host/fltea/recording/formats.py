@@ -1,7 +1,10 @@
 """Every kind of file that is read, or is known and not read: one table, from which all else is derived.
 
 What files are taken for, who reads them, help, errors and the table of `host/docs/guide/files.md` come from
-here. A new format is a row, its reader, and a file in `tests/recording/corpus`.
+here. A new format is a row, its reader (`readers/tdms.py` is a short example), a writer of its example in
+`tests/rig/corpus_files.py`, that file and its line in `tests/recording/corpus`; one that needs a library,
+also an extra in `pyproject.toml`, in the extra `files`, its version in `constraints.txt`, and `make hashes`.
+`make gen` then writes the table.
 """
 
 import importlib
