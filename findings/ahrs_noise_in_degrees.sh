@@ -7,7 +7,7 @@
 #   each axis has noise of its own chance size, of several deg/s, in data that one takes for ideal.
 # matters: simulated records of known noise are what estimators are tried on: one that is right seems to be wrong by
 #   57.3, and one that takes the unit wrongly, too, seems to be right.
-# fltea: names the unit of every parameter in `fltea simulate` and its API, and asks for the unit of every array.
+# fltea: names the unit of every parameter of a simulation, and asks for the unit of every array.
 set -euo pipefail
 
 folder=$(mktemp -d)

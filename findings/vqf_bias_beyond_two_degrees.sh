@@ -8,7 +8,7 @@
 # matters: data sheets of MEMS gyroscopes allow ±5 to ±20 °/s at zero rate, so whether the filter works at all depends
 #   on the single sensor. One that is warm may pass the limit in use.
 # fltea: gives the bias of a record at rest whatever its size, with its σ, and tells what is left of it after an hour;
-#   who subtracts that first, as `fltea run --corrected` does, stays within the filter's limit.
+#   who subtracts that first, as the option `--corrected` does, stays within the filter's limit.
 set -euo pipefail
 
 folder=$(mktemp -d)
