@@ -7,7 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bag_support import KINDS, START_NS, Messages, write_bag, write_objects, write_publishers, write_types
+from bag_support import (
+    KINDS,
+    PX4_FIFO,
+    PX4_GYRO,
+    START_NS,
+    Messages,
+    write_bag,
+    write_objects,
+    write_publishers,
+    write_types,
+)
 from fltea.recording.bag_sensors import Sensors
 from fltea.recording.reading import NotStated
 from fltea.recording.ros_bag import open_bag
@@ -21,28 +31,6 @@ STAMPS = (START_NS + np.arange(N) * 5_000_000).tolist()
 LEFT, RIGHT = np.random.default_rng(3).normal(0.2, 0.1, (2, N // 2, 3))
 """Rates of two sensors in deg/s, which take turns."""
 BOTH = np.stack([LEFT, RIGHT], axis=1).reshape(N, 3)
-
-GYRO = """uint64 timestamp
-uint64 timestamp_sample
-uint32 device_id
-float32 x
-float32 y
-float32 z
-float32 temperature
-uint32 error_count
-uint8[3] clip_counter
-uint8 samples
-"""
-FIFO = """uint64 timestamp
-uint64 timestamp_sample
-uint32 device_id
-float32 dt
-float32 scale
-uint8 samples
-int16[32] x
-int16[32] y
-int16[32] z
-"""
 
 
 def frames(path: Path, names: Sequence[str], topics: Sequence[str] = ("/imu",)) -> Path:
@@ -167,7 +155,9 @@ def test_devices_of_px4(tmp_path: Path, kind: str) -> None:
         | dict(zip("xyz", map(float, rads[k]), strict=True))
         for k, t in enumerate(STAMPS)
     ]
-    path = write_types(tmp_path / f"a.{kind}", {"/gyro": ("px4_msgs/msg/SensorGyro", GYRO, messages)}, STAMPS)
+    path = write_types(
+        tmp_path / f"a.{kind}", {"/gyro": ("px4_msgs/msg/SensorGyro", PX4_GYRO.format(""), messages)}, STAMPS
+    )
     with pytest.raises(NotStated, match=r"device_id tells several apart \(2490378, 2490379\)"):
         open_bag(path)
     assert open_bag(path, How(topic="2490379")).whole().gyro == pytest.approx(RIGHT, rel=1e-6)
@@ -185,7 +175,7 @@ def test_devices_of_px4_by_their_fifos(tmp_path: Path) -> None:
             fields | {"dt": 2500.0, "scale": 0.001, "samples": many} | dict(zip("xyz", axes, strict=True))
         )
     path = write_types(
-        tmp_path / "a.mcap", {"/fifo": ("px4_msgs/msg/SensorGyroFifo", FIFO, messages)}, STAMPS
+        tmp_path / "a.mcap", {"/fifo": ("px4_msgs/msg/SensorGyroFifo", PX4_FIFO, messages)}, STAMPS
     )
     with pytest.raises(NotStated, match=r"device_id tells several apart \(8, 9\)"):
         open_bag(path)

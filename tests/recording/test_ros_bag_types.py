@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bag_support import START_NS, even, told, write_bag, write_types
+from bag_support import PX4_FIFO, PX4_GYRO, START_NS, even, told, write_bag, write_types
 from fltea.recording.bag_definition import parse_definition, read_columns
 from fltea.recording.reading import NotStated
 from fltea.recording.ros_bag import open_bag
@@ -39,31 +39,10 @@ uint8 gyro_clipping
 uint8 accelerometer_calibration_count
 uint8 gyro_calibration_count
 """
-GYRO = """uint64 timestamp
-uint64 timestamp_sample
-uint32 device_id
-{}float32 x
-float32 y
-float32 z
-float32 temperature
-uint32 error_count
-uint8[3] clip_counter
-uint8 samples
-"""
 RATES = """uint64 timestamp
 uint64 timestamp_sample
 float32[3] xyz
 {}"""
-FIFO = """uint64 timestamp
-uint64 timestamp_sample
-uint32 device_id
-float32 dt
-float32 scale
-uint8 samples
-int16[32] x
-int16[32] y
-int16[32] z
-"""
 
 
 def combined(k: int) -> dict[str, Any]:
@@ -96,7 +75,7 @@ def rates(k: int) -> dict[str, Any]:
 
 PX4: dict[str, tuple[str, str, Callable[[int], dict[str, Any]]]] = {
     "combined": ("SensorCombined", COMBINED, combined),
-    "gyro": ("SensorGyro", GYRO.format(""), sample),
+    "gyro": ("SensorGyro", PX4_GYRO.format(""), sample),
     "rates": ("VehicleAngularVelocity", RATES.format(""), rates),
     "rates_1_14": (
         "VehicleAngularVelocity",
@@ -139,7 +118,7 @@ def test_types_of_px4(tmp_path: Path, kind: str, name: str) -> None:
 
 def test_a_layout_of_px4_that_is_not_known_is_refused(tmp_path: Path) -> None:
     """A later release has a field more; where the definition stands in the bag it is read."""
-    kind, definition, make = "SensorGyro", GYRO.format("bool is_external\n"), sample
+    kind, definition, make = "SensorGyro", PX4_GYRO.format("bool is_external\n"), sample
     messages = [{"is_external": False, **make(k)} for k in range(N)]
     path = write_types(
         tmp_path / "a.db3", {"/gyro": (f"px4_msgs/msg/{kind}", definition, messages)}, ARRIVALS
@@ -161,7 +140,7 @@ def test_samples_of_a_fifo_are_those_of_one_axis_each(tmp_path: Path) -> None:
         head = {"timestamp": time + 9, "timestamp_sample": time, "device_id": 7, "dt": dt_us, "scale": scale}
         messages.append({**head, "samples": many, **arrays})
     messages[50]["samples"] = 200  # damaged
-    topics = {"/fifo": ("px4_msgs/msg/SensorGyroFifo", FIFO, messages)}
+    topics = {"/fifo": ("px4_msgs/msg/SensorGyroFifo", PX4_FIFO, messages)}
     for kind in ("mcap", "db3"):
         stored = open_bag(write_types(tmp_path / f"a.{kind}", topics, ARRIVALS))
         whole = stored.whole()

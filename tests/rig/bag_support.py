@@ -28,6 +28,30 @@ ROS2_PACKED = {
     "storage": CompressionMode.STORAGE,
 }
 
+PX4_FIFO = """uint64 timestamp
+uint64 timestamp_sample
+uint32 device_id
+float32 dt
+float32 scale
+uint8 samples
+int16[32] x
+int16[32] y
+int16[32] z
+"""
+"""The definition of px4_msgs/SensorGyroFifo; that of SensorGyro takes more fields in its middle."""
+
+PX4_GYRO = """uint64 timestamp
+uint64 timestamp_sample
+uint32 device_id
+{}float32 x
+float32 y
+float32 z
+float32 temperature
+uint32 error_count
+uint8[3] clip_counter
+uint8 samples
+"""
+
 
 class Messages(NamedTuple):
     """Of an Imu topic. arrival_ns: shortly after the stamps if it is not given. frame: or some by turns."""
