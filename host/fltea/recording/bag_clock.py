@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea.recording.bag_names import Layout
-from fltea.recording.bag_units import OVERRULE
 from fltea.recording.message_stamps import Stamps, Times, even, is_uneven, judge
-from fltea.recording.reading import Answer, Missing, given_options, not_stated
+from fltea.recording.reading import OVERRULE, Answer, Missing, given_options, not_stated
 from fltea.recording.sample_times import SECONDS, Floats, Ints
 from fltea.recording.session import LATEST_NS
 from fltea.recording.timing import POSSIBLE_HZ, check_given

@@ -13,7 +13,7 @@ import numpy as np
 from fltea.recording.bag_names import Layout, Said, title
 from fltea.recording.candidates import MOST_MEAN_DPS, MOST_N, gravity_units
 from fltea.recording.files import Note
-from fltea.recording.reading import Missing, given_options, not_stated
+from fltea.recording.reading import OVERRULE, Missing, given_options, not_stated
 from fltea.recording.sample_times import Floats
 from fltea.recording.units import parse_accel_unit, parse_units
 from fltea.records.errors import UsageError
@@ -28,8 +28,6 @@ QUIET = 0.1
 
 MOVING = 0.05
 """Spread of accelerations at rest, of gravity: no accelerometer has more, and what shakes has."""
-
-OVERRULE = "If the file is wrong, add --overrule."
 
 
 class Scale(NamedTuple):

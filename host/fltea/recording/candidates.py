@@ -43,6 +43,9 @@ MOST_N, MOST_MEAN_DPS = 5.0, 20.0
 
 USUAL = "MEMS gyroscopes have N 0.1 to 3 deg/√h, and at rest a mean of up to some 10 deg/s."
 
+LIKELY_HZ = PLAUSIBLE_HZ[0] / 5, PLAUSIBLE_HZ[1] * 2
+"""Rates that are shown, which is no claim: wider than what is believed."""
+
 MOST_COLUMNS = 40
 NOBODY_MEASURES = 1e100
 """A number as large is none; the squares of smaller ones are still numbers."""
@@ -95,14 +98,22 @@ def columns_table(names: Sequence[str] | None, values: Floats) -> str:
     return "\n".join(lines)
 
 
-def times_table(steps: float) -> list[str]:
-    """Return for each unit in which `steps` between times are a gyroscope's the option and its rate."""
-    rates = {unit: 1 / (steps * unit_s) for unit, unit_s in SECONDS.items()} if steps > 0 else {}
+def times_table(step: float, limits_hz: tuple[float, float] = LIKELY_HZ, also: str = "") -> list[str]:
+    """Return for each unit in which a step between times is a gyroscope's the option and its rate.
+
+    also: what has to be said beside the unit.
+    """
+    rates = {unit: 1 / (step * unit_s) for unit, unit_s in SECONDS.items()} if step > 0 else {}
     return [
-        f"  --time-unit {unit}: {rate:.6g} Hz"
+        f"  --time-unit {unit}{also}: {rate:.6g} Hz"
         for unit, rate in rates.items()
-        if PLAUSIBLE_HZ[0] / 5 <= rate <= PLAUSIBLE_HZ[1] * 2
+        if limits_hz[0] <= rate <= limits_hz[1]
     ]
+
+
+def ticks_table(step: float, units: Sequence[str]) -> str:
+    """Return what a step between times would be by a `times_table`, or else."""
+    return "\n".join([f"A step of {step:.6g} would be:", *units, "  or in ticks of its own: --rate ?"])
 
 
 def gravity_units(values: Floats) -> list[str]:

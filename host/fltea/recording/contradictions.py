@@ -9,9 +9,9 @@ import numpy as np
 from fltea.recording import candidates
 from fltea.recording.column_names import accel_unit_of, is_time, rate_unit_of, time_scale_of
 from fltea.recording.dialects import GRAVITY_TOLERANCE
-from fltea.recording.evidence import OVERRULE, Choice
+from fltea.recording.evidence import Choice
 from fltea.recording.files import Note, listed
-from fltea.recording.reading import Missing, given_options, not_stated
+from fltea.recording.reading import OVERRULE, Missing, given_options, not_stated
 from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, SAME_RATE, SECONDS, Floats
 from fltea.recording.units import accel_unit, rate_unit, time_scale, time_unit
 from fltea.records.errors import UsageError
@@ -73,8 +73,8 @@ def check_clock(
 
 
 def _compare_clocks(choice: Choice, time: int, unit_s: float | None, fine: int | None, fine_s: float) -> None:
-    values, names = choice.facts.sample(), choice.names
-    if values.ndim != 2 or values.shape[1] != len(names):
+    values, names = choice.first_rows(), choice.names
+    if values is None:
         return
     times = values[:, time] if fine is None else values[:, time] + values[:, fine] * fine_s
     none = choice.dialect.no_time if choice.dialect is not None else ()
@@ -127,11 +127,11 @@ def check_gravity(
     Raises:
         UsageError: gravity has the length of another unit than the user's, or is in the gyroscope's columns.
     """
-    how, dialect, values = choice.how, choice.dialect, choice.facts.sample()
-    if how.overrule or values.ndim != 2 or values.shape[1] != len(choice.names):
+    how, dialect, values = choice.how, choice.dialect, choice.first_rows()
+    if how.overrule or values is None:
         return
     if len(accel) != 3:
-        _check_alone(choice, gyro, dps)
+        _check_alone(choice, gyro, values[:, list(gyro)], dps)
         return
     by_dialect = "" if dialect is None else dialect.accel_unit
     is_other = by_dialect and (accel_unit(by_dialect) != accel_ms2 or (dialect and dialect.accel_scale))
@@ -156,9 +156,9 @@ def check_gravity(
         )
 
 
-def _check_alone(choice: Choice, gyro: Sequence[int], dps: float) -> None:
+def _check_alone(choice: Choice, gyro: Sequence[int], values: Floats, dps: float) -> None:
     """Refuse columns that only the user says to be rates, and that have the length of gravity."""
-    names, values = [choice.names[place] for place in gyro], choice.facts.sample()[:, list(gyro)]
+    names = [choice.names[place] for place in gyro]
     is_stated = any(rate_unit_of(choice.names[p]) or rate_unit(choice.units[p]) for p in gyro)
     measured = candidates.gravity_units(values) if len(gyro) == 3 and not is_stated else []
     units = [unit for unit in measured if _is_gravity(values, accel_unit(unit) or math.nan)]

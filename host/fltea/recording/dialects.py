@@ -16,10 +16,8 @@ from fltea.recording.column_names import common_beginning
 from fltea.recording.reading import Evidence
 from fltea.recording.sample_times import Floats
 from fltea.recording.units import accel_unit
+from fltea.recording.wanted import NUMBER
 from fltea.records.units import STANDARD_GRAVITY_MS2
-
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-
 
 _SHARED = re.compile(r"(?:.*[\s._/:-])?")
 """Of a beginning, what ends with a whole word."""
@@ -123,7 +121,7 @@ class Facts(NamedTuple):
 
     def number(self, name: str) -> float | None:
         """Return the number that the head gives for a name, as `tscale,0.001`."""
-        found = re.search(rf"^\W*{re.escape(name)}\s*[,:=;\t ]\s*({_NUMBER})", self.head, re.M)
+        found = re.search(rf"^\W*{re.escape(name)}\s*[,:=;\t ]\s*({NUMBER})", self.head, re.M)
         return None if found is None else float(found[1])
 
 

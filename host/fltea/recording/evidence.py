@@ -21,8 +21,8 @@ from fltea.recording.column_names import (
 )
 from fltea.recording.dialects import Dialect, Facts, columns_of, nearest
 from fltea.recording.files import TIME_COLUMN, Note, listed
-from fltea.recording.reading import Answer, Evidence, Missing, Question, given_options, not_stated
-from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, PLAUSIBLE_HZ
+from fltea.recording.reading import OVERRULE, Answer, Evidence, Missing, Question, given_options, not_stated
+from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, PLAUSIBLE_HZ, Floats
 from fltea.recording.text_head import stated_in
 from fltea.recording.text_labels import units_beside
 from fltea.recording.timing import rate_of
@@ -33,8 +33,6 @@ from fltea.recording.units import (
 from fltea.recording.wanted import Wanted
 from fltea.records.errors import UsageError
 from fltea.settings.how import How, TimeUnit
-
-OVERRULE = "If the file is wrong, add --overrule."
 
 PREFERRED_TIMES = (
     lambda name: name == "seconds_elapsed",  # phones' own count of seconds, beside their clock
@@ -89,6 +87,11 @@ class Choice:
         said = units_beside({**dict.fromkeys(self.names), **texts}) if texts else []
         units = dict(zip(dict.fromkeys([*self.names, *texts]), said, strict=False))
         self.units = [unit or units.get(name, "") for name, unit in zip(self.names, self.units, strict=True)]
+
+    def first_rows(self) -> Floats | None:
+        """Return the first rows (n, width) of all columns; None if not all columns are at hand."""
+        values = self.facts.sample()
+        return values if values.ndim == 2 and values.shape[1] == len(self.names) else None
 
     def gyro(self) -> tuple[tuple[int, ...], tuple[str, ...]]:
         """Find the axes: their places, and what they are called."""
@@ -204,8 +207,7 @@ class Choice:
         self.missing.append(Missing(what, "--time-unit ?"))
         step = self._step(place)
         if step is not None and (units := candidates.times_table(step)):
-            lines = [f"A step of {step:.6g} would be:", *units, "  or in ticks of its own: --rate ?"]
-            self.tables.append("\n".join(lines))
+            self.tables.append(candidates.ticks_table(step, units))
 
     def _step(self, place: int) -> float | None:
         """The step from one of the first times to the next, if it is that of an even clock."""
@@ -259,10 +261,11 @@ class Choice:
 
     def _is_empty(self, place: int) -> bool:
         """Whether none of the first rows has a number in a column."""
-        values = self.facts.sample()
+        values = self.first_rows()
         least = 1 if self.stated_rates() else ENOUGH
-        fits = values.ndim == 2 and values.shape[1] == len(self.names) and len(values) >= least
-        return fits and not bool(np.isfinite(values[:, place]).any())
+        if values is None or len(values) < least:
+            return False
+        return not bool(np.isfinite(values[:, place]).any())
 
     def rate(self, time: int | None) -> float | None:
         """Find the rate that is given or stated."""
@@ -300,13 +303,12 @@ class Choice:
 
     def error(self, gyro: Sequence[int], rate_hz: float | None) -> UsageError:
         """Return what asks for all that is missing."""
-        values = self.facts.sample()
-        fits = values.ndim == 2 and values.shape[1] == len(self.names)
+        values = self.first_rows()
         tables = []
         has_names = self.names != [str(place + 1) for place in range(len(self.names))]
-        if fits and not gyro:
+        if values is not None and not gyro:
             tables.append(candidates.columns_table(self.names if has_names else None, values))
-        elif fits and any(one.option.startswith("--units ?") for one in self.missing):
+        elif values is not None and any(one.option.startswith("--units ?") for one in self.missing):
             when = self.dialect.ask_unit if self.is_of_dialect(gyro) and self.dialect is not None else {}
             tables.append(candidates.units_table(values[:, list(gyro)], rate_hz, when or None))
         tables = [*self.tables, self.shown_of if any(tables) else "", *tables]

@@ -13,13 +13,10 @@ import msgspec
 from fltea.recording.bag_files import is_bag_folder, is_ros_mcap
 from fltea.recording.column_names import times_in
 from fltea.recording.formats import FORMATS, KINDS, MAGIC, UNREAD, ZIP, Kind
-from fltea.recording.lines import shown
+from fltea.recording.lines import BOM, UTF_16, shown
 from fltea.recording.text_fields import rows_alike
 from fltea.records.errors import UsageError
 from fltea.records.small_file import open_stream
-
-BOM = b"\xef\xbb\xbf"
-UTF_16 = b"\xff\xfe", b"\xfe\xff"
 
 BEGIN_BYTES = 512
 FEWEST_ROWS = 2

@@ -3,7 +3,8 @@
 import re
 from typing import NamedTuple
 
-from fltea.recording.text_labels import COMMA, LONGEST_LABEL, NUMBER
+from fltea.recording.text_labels import COMMA, LONGEST_LABEL
+from fltea.recording.wanted import NUMBER
 
 MOST_LINES = 64
 """Of a sample; beyond them lines do not belong together."""

@@ -11,6 +11,9 @@ LONGEST_LINE = 1_000_000
 
 LONGEST_SHOWN = 60
 
+BOM, UTF_16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
+"""How text may begin: the mark of UTF-8, and those of UTF-16."""
+
 
 def lines(path: Path, file: IO[AnyStr]) -> Iterator[AnyStr]:
     """The lines of a file, with their ends.

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -58,9 +58,8 @@ class OneSensor:
         if not marks.all() and len(self.others) <= MOST_SENSORS:
             self.others.update(value for value, kept in zip(values, marks, strict=True) if not kept)
             if not self._is_given:
-                found = listed(sorted({*self.others, str(self.value)}))
-                what = f"which sensor is meant: column {self._column} tells several apart ({found})"
-                raise not_stated(self._where, [Missing(what, "--sensor ?")], self._known)
+                which = which_of(self._column, {*self.others, str(self.value)})
+                raise not_stated(self._where, [which], self._known)
         return marks
 
     def why_none(self) -> UsageError | None:
@@ -71,6 +70,12 @@ class OneSensor:
         return UsageError(
             f"{self._where}: no row has {self.value} in the column {self._column}; it has {has}."
         )
+
+
+def which_of(column: str, values: Collection[str]) -> Missing:
+    """Return the question which sensor is meant of those that a column tells apart."""
+    what = f"which sensor is meant: column {column} tells several apart ({listed(sorted(values))})"
+    return Missing(what, "--sensor ?")
 
 
 def as_word(value: float) -> str:

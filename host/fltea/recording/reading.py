@@ -43,6 +43,9 @@ class Missing(msgspec.Struct, frozen=True):
     option: str
 
 
+OVERRULE = "If the file is wrong, add --overrule."
+"""Ends the text of what contradicts the file."""
+
 ASK = "Say it, with the right value for each ?: "
 """Before the options in the text of `NotStated`; whoever knows the file puts the command between."""
 

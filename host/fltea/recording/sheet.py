@@ -194,7 +194,9 @@ def _facts(where: str, sheet: Sheet) -> Facts:
     topic = sheet.topic if ":" in sheet.topic else f"{sheet.topic}:0"
     file = f"{Path(where).name} {topic.replace(':', '_')}"  # as tools name the file of a topic
     rates = {name.replace(".", "/"): rate_hz for name, rate_hz in sheet.rates.items()}
-    first = lambda: np.array(sheet.sample, np.float64)  # noqa: E731
+
+    def first() -> Floats:
+        return np.array(sheet.sample, np.float64)
 
     def cells(place: int) -> list[str]:
         values = [row[place] if place < len(row) else None for row in sheet.sample]

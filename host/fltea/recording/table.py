@@ -1,6 +1,6 @@
 """Tables of numbers, of any kind of file, as a recording: scaled, timed, with gaps where numbers lack."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -53,6 +53,16 @@ class Rows(NamedTuple):
     values: Floats
     ordinal: Ints
     begins: bool = False
+
+
+def joined(pieces: Sequence[Rows]) -> Rows:
+    """Return rows that follow each other, at least one piece of them, in one piece."""
+    if len(pieces) == 1:
+        return pieces[0]
+    numbers, values, ordinal = (
+        np.concatenate(parts) for parts in zip(*(one[:3] for one in pieces), strict=True)
+    )
+    return Rows(numbers, values, ordinal, pieces[0].begins)
 
 
 class Samples(NamedTuple):

@@ -10,14 +10,15 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from fltea.recording.files import LONGEST_NAME
+from fltea.recording.sample_times import SECONDS
 from fltea.recording.units import PER_UNIT, is_unit, rate_unit, time_scale
+from fltea.recording.wanted import UNSIGNED
 
 MOST_HZ, LEAST_HZ = 1e5, 0.1
 LONGEST_LINE = 300
 """Characters; what is longer is no line of a head."""
 
-_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_FACT = re.compile(rf"([^\d:=;,|\t]{{1,60}}?)[ :=;,|\t]*(?<![\w.-])({_NUMBER})[ ]*([^\s\d,;|()\[\]]*)")
+_FACT = re.compile(rf"([^\d:=;,|\t]{{1,60}}?)[ :=;,|\t]*(?<![\w.-])({UNSIGNED})[ ]*([^\s\d,;|()\[\]]*)")
 """Words, a number, and its unit."""
 
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-zµ]+")
@@ -74,7 +75,7 @@ _FULL_SCALES = {125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0}
 _OF_UNITS = {"unit", "units", "rates", "values", "measured", "are"}
 _LABEL = re.compile(r"(?:(.*?)([:=(\[]|\bin\b))?(.*)")
 _SCALE = re.compile(
-    rf"({_NUMBER})[ ]*(?:(?:LSBs?|counts?|digits?)[ ]*(?:/|per)[ ]*(?P<of>.+)"
+    rf"({UNSIGNED})[ ]*(?:(?:LSBs?|counts?|digits?)[ ]*(?:/|per)[ ]*(?P<of>.+)"
     r"|(?P<unit>[^\d\s]+?)[ ]*(?:/|per)[ ]*(?:LSB|count|digit))\W*$",
     re.I,
 )
@@ -127,8 +128,7 @@ def _rates(text: str) -> Iterator[tuple[bool, float]]:
                 rate_hz = number
         elif words & _PERIOD and others <= _PERIOD | {"time", "update", "output"} and number > 0:
             scale = time_scale(unit)
-            seconds = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-            rate_hz = 0.0 if scale is None else 1 / (number * seconds[scale[0]] * scale[1])
+            rate_hz = 0.0 if scale is None else 1 / (number * SECONDS[scale[0]] * scale[1])
         if LEAST_HZ <= rate_hz <= MOST_HZ:
             yield bool(words & _GYRO), rate_hz
 
@@ -145,7 +145,9 @@ def _units(text: str) -> Iterator[tuple[bool, str]]:
         return
     label = ""
     for piece in re.split(r"[,;|\t]|\band\b", text):
-        words_before, mark, value = _LABEL.match(piece).groups()  # type: ignore[union-attr]  # of any text
+        found = _LABEL.match(piece)
+        assert found is not None  # it matches any text
+        words_before, mark, value = found.groups()
         if mark:
             label = words_before
         unit = rate_unit(value.strip(" ()[]"))

@@ -13,12 +13,12 @@ import msgspec
 from fltea.recording.column_names import accel_axis_of, axis_of, is_time, named_axis
 from fltea.recording.readers.beside import unit_of, units_of
 from fltea.recording.units import accel_unit, is_unit, rate_unit, time_scale
+from fltea.recording.wanted import NUMBER
 from fltea.records.records import AXES
 
 LONGEST_LABEL = 80
 """With group and unit. What is longer is no label, and would be tried from each of its letters on."""
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 COMMA = r"[-+]?\d+,\d+(?=[\s;|]|$)"
 _PAIR = re.compile(
     rf"(?P<label>[^\W\d][^:=,;|\t\[\]{{}}\"]{{0,{LONGEST_LABEL}}}?)\s*(?:[:=]\s*\[?|\[)\s*"

@@ -4,7 +4,6 @@ A line that holds no sample is counted by its reason and left out; what looks li
 stands for a lost one, so it takes a number.
 """
 
-import codecs
 import math
 import re
 from collections import Counter
@@ -18,27 +17,24 @@ from fltea.recording.columns import Chosen
 from fltea.recording.files import Note
 from fltea.recording.flash_lines import FlashLines
 from fltea.recording.label_lines import LabelLines
-from fltea.recording.lines import LONGEST_LINE, shown
+from fltea.recording.lines import BOM, LONGEST_LINE, shown
 from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.sensor_lines import SensorLines
-from fltea.recording.table import Rows
+from fltea.recording.table import Rows, joined
+from fltea.recording.text_decoding import TextDecoder
 from fltea.recording.text_fields import sample_of
-from fltea.recording.text_forms import BEGINNING, YAML, YamlDocuments, plain_lines
+from fltea.recording.text_forms import plain_lines
 from fltea.recording.text_layout import Layout, LayoutFinder
 from fltea.recording.text_numbers import RowParser, WhyNot, decoded, end_of_line
 from fltea.recording.text_times import A_CLOCK, Clocks
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
-BOM, UTF_16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
 SAMPLE_LINES, SAMPLE_BYTES = 2000, 1 << 18
 """Of what comes first, which tells what the columns may be."""
 
 ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s*["\[{]|\{\s*"0"))')
 """How an array of objects begins, an object over several lines, and one of columns, as pandas writes it."""
-
-HEAD_BYTES, MOST_HELD = 256, 4096
-"""Of the beginning: what tells a document from lines, and what waits for that."""
 
 MOST_CHECKS, MOST_HEADERS = 200, 64
 """Lines of a block that may be other headers, and how many of these a file may have."""
@@ -89,9 +85,7 @@ class TextReader:
         self._sensors = SensorLines(where, how)
         self._ordinal = self._since_header = self._page = 0
         self._begins = self._skipping = False
-        self._rest = self._head = self._held = b""
-        self._utf_16: codecs.IncrementalDecoder | None = None
-        self._yaml: YamlDocuments | None = None
+        self._rest, self._decoder = b"", TextDecoder()
 
     @property
     def left_out(self) -> int:
@@ -105,7 +99,8 @@ class TextReader:
 
     def resume(self, *, within_line: bool) -> None:
         """The sender was lost and is back; within_line: what comes first may be the end of a line."""
-        self._rest, self._held, self._skipping = b"", b"", within_line
+        self._decoder.drop()
+        self._rest, self._skipping = b"", within_line
 
     def with_columns(self, error: UsageError) -> UsageError:
         """An error with a table of what the first rows show."""
@@ -117,12 +112,13 @@ class TextReader:
 
     def refusal(self, *, is_file: bool = False) -> UsageError:
         """Why there was no row so far."""
-        if ONE_DOCUMENT.match(self._head) and is_file:
+        is_document = ONE_DOCUMENT.match(self._decoder.begin) is not None
+        if is_document and is_file:
             return UsageError(
                 f"{self._where}: begins as one document of JSON, which is read if its name ends in .json; of "
                 "other text only lines are read."
             )
-        if ONE_DOCUMENT.match(self._head):
+        if is_document:
             return UsageError(
                 f"{self._where}: is one document of JSON; of a stream only an object a line is read. "
                 "Write it to a file, and read that: cat > recording.json, then -s replay:recording.json"
@@ -139,25 +135,10 @@ class TextReader:
         Raises:
             UsageError: the first line that names the columns does not say clearly which are meant.
         """
-        if not self._head and not self._skipping:
-            data = self._held + data
-            if len(data) <= MOST_HELD and BEGINNING.fullmatch(data.removeprefix(BOM)):
-                self._held = data
-                return []
-        self._held = b""
+        data = self._decoder.feed(data, hold=not self._skipping)
         return self._sensors.in_turn(self._feed(data))
 
     def _feed(self, data: bytes) -> list[Rows]:
-        if not self._head:
-            self._head = data[:HEAD_BYTES]
-            if YAML.match(data.removeprefix(BOM)):
-                self._yaml = YamlDocuments()
-            if data.startswith(UTF_16):  # as PowerShell and Excel's "Unicode text" write it
-                self._utf_16 = codecs.getincrementaldecoder("utf-16")("replace")
-        if self._utf_16 is not None:
-            data = self._utf_16.decode(data).encode()
-        if self._yaml is not None:
-            data = self._yaml.feed(data)
         if self._skipping:
             _, end, data = data.partition(b"\n")
             if not end:
@@ -181,11 +162,9 @@ class TextReader:
         return self._sensors.in_turn(self._finish()) + self._sensors.finish()
 
     def _finish(self) -> list[Rows]:
-        held, self._held = self._held, b""
-        found = self._feed(held)
-        last = self._yaml.finish() if self._yaml is not None else b""
-        rest, self._rest = (self._rest + last).removesuffix(b"\n"), b""
-        if self._yaml is not None and self._yaml.is_cut:
+        found = self._feed(self._decoder.release())
+        rest, self._rest = (self._rest + self._decoder.finish()).removesuffix(b"\n"), b""
+        if self._decoder.is_cut:
             self.cut = Note("cut_recording", f"{self._where}: the last message is cut off, and left out.")
         before, first, newest = self.counts.copy(), self.first, self.newest
         if rest:
@@ -232,7 +211,7 @@ class TextReader:
                     data, at = self._sensors.only(self.layout, data[at:]), 0
             assert self._parser is not None
             at = self._read(self._parser, data, at, pieces)
-        return _joined(pieces)
+        return _by_run(pieces)
 
     def _find(self, data: bytes, begin: int) -> int | None:
         """Look for the first row; where it begins, None if there is none."""
@@ -390,20 +369,11 @@ class TextReader:
             self.first = bad
 
 
-def _joined(pieces: list[Rows]) -> list[Rows]:
+def _by_run(pieces: list[Rows]) -> list[Rows]:
     """Rows that follow each other in one piece, up to where the sender began again."""
     found: list[list[Rows]] = []
     for piece in pieces:
         if piece.begins or not found:
             found.append([])
         found[-1].append(piece)
-    return [_in_one(group) for group in found]
-
-
-def _in_one(group: list[Rows]) -> Rows:
-    if len(group) == 1:
-        return group[0]
-    numbers, values, ordinal = (
-        np.concatenate(parts) for parts in zip(*(one[:3] for one in group), strict=True)
-    )
-    return Rows(numbers, values, ordinal, group[0].begins)
+    return [joined(group) for group in found]

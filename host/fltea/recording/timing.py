@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fltea.recording.candidates import ticks_table, times_table
 from fltea.recording.clocks import MOST_IN_TURNS, Clock, clock_of
 from fltea.recording.reading import Answer, Missing, NotStated, not_stated
 from fltea.recording.sample_times import (
@@ -204,26 +205,26 @@ def _mean_hz(clock: Clock, elapsed: Elapsed, unit_s: float) -> float:
 
 
 def _is_within(limits: tuple[float, float], rate_hz: float) -> bool:
-    return limits[0] * (1 - 1e-6) <= rate_hz <= limits[1] * (1 + 1e-6)
+    least, most = _widened(limits)
+    return least <= rate_hz <= most
+
+
+def _widened(limits: tuple[float, float]) -> tuple[float, float]:
+    """Limits with what a rate that is computed may be off."""
+    return limits[0] * (1 - 1e-6), limits[1] * (1 + 1e-6)
 
 
 def _unit_needed(where_column: str, step: float) -> NotStated:
-    table = [f"A step of {step:.6g} would be:", *_units(step), "  or in ticks of its own: --rate ?"]
-    return not_stated(where_column, [Missing("what its times count", "--time-unit ?")], (), "\n".join(table))
+    table = ticks_table(step, times_table(step, _widened(PLAUSIBLE_HZ)))
+    return not_stated(where_column, [Missing("what its times count", "--time-unit ?")], (), table)
 
 
 def _impossible(where_column: str, unit: TimeUnit, step: float) -> NotStated:
     limits = f"{POSSIBLE_HZ[0]:g} Hz to {POSSIBLE_HZ[1] / 1000:g} kHz"
     why = f"the rate: a step of {step:.6g} {unit} is no gyroscope's ({limits})"
     meant = f"  --overrule: {1 / (step * SECONDS[unit]):.6g} Hz, in {unit}"
-    table = ["Such a step would be:", *_units(step, " --overrule"), meant]
+    table = ["Such a step would be:", *times_table(step, _widened(PLAUSIBLE_HZ), " --overrule"), meant]
     return not_stated(where_column, [Missing(why, "--rate ?")], (), "\n".join(table))
-
-
-def _units(step: float, also: str = "") -> list[str]:
-    rates = {unit: 1 / (step * unit_s) for unit, unit_s in SECONDS.items()}
-    likely = {unit: rate_hz for unit, rate_hz in rates.items() if _is_within(PLAUSIBLE_HZ, rate_hz)}
-    return [f"  --time-unit {unit}{also}: {rate_hz:.6g} Hz" for unit, rate_hz in likely.items()]
 
 
 def _with_rate(

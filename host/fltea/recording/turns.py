@@ -3,7 +3,7 @@
 import numpy as np
 
 from fltea.recording.sample_times import SAME_TIME, Floats, Ints, Marks
-from fltea.recording.table import Rows
+from fltea.recording.table import Rows, joined
 
 LOOKED_AT, STEADY = 8, 0.2
 """Rounds of turns from which the steps between sensors are learned, and how far a step may be from them."""
@@ -42,10 +42,7 @@ class Turns:
     def _release(self, *, is_last: bool) -> list[Rows]:
         if not self._held:
             return []
-        begins = self._held[0].begins
-        numbers, values, ordinal = (
-            np.concatenate(parts) for parts in zip(*(one[:3] for one in self._held), strict=True)
-        )
+        numbers, values, ordinal, begins = joined(self._held)
         self._held = []
         if self._time is None:
             ours = ordinal % self._count == self._which

@@ -9,6 +9,10 @@ from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 from fltea.settings.how import How
 
+UNSIGNED = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = rf"[-+]?{UNSIGNED}"
+"""A number with a decimal point, in a regular expression."""
+
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?", re.ASCII)
 MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
 """What programs write where they have no number; in small letters."""

@@ -6,8 +6,9 @@ Where that is unclear none is read (pure).
 from fltea.recording import candidates
 from fltea.recording.column_names import accel_axis_of, accel_unit_of, common_beginning
 from fltea.recording.dialects import columns_of
-from fltea.recording.evidence import OVERRULE, Choice
+from fltea.recording.evidence import Choice
 from fltea.recording.files import listed
+from fltea.recording.reading import OVERRULE
 from fltea.recording.units import accel_unit, parse_accel_unit
 from fltea.records.errors import UsageError
 
@@ -47,9 +48,10 @@ def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Acceleromete
     if dialect is not None and by_dialect is not None and scale is not None:
         choice.answer("accelerometer", f"{shown} in {dialect.accel_unit}", choice.by_dialect, dialect.name)
         return accel, scale * by_dialect
-    values = choice.facts.sample()
-    fits = values.ndim == 2 and values.shape[1] == len(names) and len(values) > 0
-    measured = candidates.gravity_units(values[:, list(accel)]) if fits and not stated else []
+    values = choice.first_rows()
+    measured: list[str] = []
+    if values is not None and len(values) and not stated:
+        measured = candidates.gravity_units(values[:, list(accel)])
     if len(measured) == 1 and not measured[0].startswith("lsb:"):  # the range may be one of its own
         choice.answer(
             "accelerometer", f"{shown} in {measured[0]}", "measured", "their length is that of gravity"

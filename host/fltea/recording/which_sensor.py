@@ -8,9 +8,7 @@ import numpy as np
 from fltea.recording.column_names import accel_axis_of, axis_of, is_time, states_units, tells_sensors, unit_in
 from fltea.recording.dialects import columns_of
 from fltea.recording.evidence import Choice
-from fltea.recording.files import listed
-from fltea.recording.one_sensor import MOST_IN_TURN, MOST_SENSORS, tells_apart
-from fltea.recording.reading import Missing
+from fltea.recording.one_sensor import MOST_IN_TURN, MOST_SENSORS, tells_apart, which_of
 from fltea.recording.sample_times import Floats, Marks
 from fltea.recording.units import is_physical
 from fltea.recording.wanted import is_number
@@ -116,8 +114,8 @@ def _counts(choice: Choice, place: int) -> bool:
 
 def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
     """Columns by which sensors take turns; what is measured, or is called a time, is none of them."""
-    values, names = choice.facts.sample(), choice.names
-    if values.ndim != 2 or values.shape[1] != len(names):
+    values, names = choice.first_rows(), choice.names
+    if values is None:
         return
     wanted, clock = {*choice.wanted.names}, None
     free: list[int] = []
@@ -158,9 +156,7 @@ def _ask(choice: Choice, place: int, gyro: Sequence[int]) -> None:
     """Ask for the sensor, and show what the first rows of each hold."""
     cells, values, name = np.array(_cells(choice, place)), choice.facts.sample(), choice.names[place]
     counts = Counter(cells[cells != ""].tolist())
-    found = listed(sorted(counts))
-    what = f"which sensor is meant: column {name} tells several apart ({found})"
-    choice.missing.append(Missing(what, "--sensor ?"))
+    choice.missing.append(which_of(name, counts))
     shown = list(gyro) or [k for k in range(len(choice.names)) if k != place and not is_time(choice.names[k])]
     lines = [f"The sensors by the column {name}, and what the first rows show of each (mean ± σ):"]
     for one in sorted(counts)[:MOST_SHOWN]:

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from fltea.recording.column_names import rate_unit_of, unit_in
-from fltea.recording.evidence import OVERRULE, Choice
+from fltea.recording.evidence import Choice
 from fltea.recording.files import Note, listed
-from fltea.recording.reading import Missing
+from fltea.recording.reading import OVERRULE, Missing
 from fltea.recording.text_head import stated_in
 from fltea.recording.units import is_physical, parse_units, rate_unit
 from fltea.records.errors import UsageError

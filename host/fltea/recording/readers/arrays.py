@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fltea.recording.column_names import is_time, named_axis, states_units, tells_sensors
-from fltea.recording.evidence import OVERRULE
 from fltea.recording.files import AT_ONCE, listed
 from fltea.recording.groups import gyroscopes_in
 from fltea.recording.npz_arrays import KINDS
 from fltea.recording.one_sensor import MOST_SENSORS
 from fltea.recording.readers import beside
+from fltea.recording.reading import OVERRULE
 from fltea.recording.sample_times import Floats
 from fltea.recording.sheet import Sheet
 from fltea.recording.text_times import points_of_time

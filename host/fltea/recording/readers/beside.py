@@ -17,6 +17,7 @@ from fltea.recording.files import listed
 from fltea.recording.groups import around, group_of, gyroscopes_in, is_of_accelerometer
 from fltea.recording.sample_times import SECONDS
 from fltea.recording.units import time_scale
+from fltea.recording.wanted import NUMBER
 
 UNITS = "units?|unit_string|ni_unitdescription"
 COLUMNS = "columns?(?:_names?)?|labels?|channels?(?:_names?)?|axes"
@@ -31,7 +32,7 @@ _RATE = re.compile(
     r"(?:imu_|gyro_)?(?:fs|rate|odr|sfreq|data_rate|sampl(?:e|ing)_?(?:rate|freq|frequency))(?:_?(k?hz))?"
 )
 _PERIOD = re.compile(r"(?:dt|(?:sampl(?:e|ing)_?)?(?:period|interval))(?:_(s|ms|us|ns))?|(wf_increment)")
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*[(\[]?([^)\]]*)[)\]]?\s*", re.I)
+_NUMBER = re.compile(rf"\s*({NUMBER})\s*[(\[]?([^)\]]*)[)\]]?\s*")
 
 PER_S = {"": 1.0, "1/s": 1.0, "s-1": 1.0, "s^-1": 1.0, "sps": 1.0, "samples/s": 1.0, "s/s": 1.0}
 PER_S |= {"hz": 1.0, "hertz": 1.0, "khz": 1e3, "samples per second": 1.0}

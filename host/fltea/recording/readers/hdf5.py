@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from fltea.recording.evidence import OVERRULE
 from fltea.recording.one_sensor import MOST_SENSORS
 from fltea.recording.readers import pandas_hdf5
 from fltea.recording.readers.arrays import NoNumbers, is_of_matlab, of_arrays
 from fltea.recording.readers.beside import number_of, texts_of
+from fltea.recording.reading import OVERRULE
 from fltea.recording.sheet import Sheet
 
 MISSING = "_fillvalue", "missing_value"
