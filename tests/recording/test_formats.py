@@ -1,5 +1,6 @@
 """The tables of formats and dialects are whole: each row has a file, its extra, a place in the documents."""
 
+import fnmatch
 import re
 import subprocess
 import sys
@@ -31,6 +32,8 @@ def test_each_format_has_a_file_of_it(kind: str) -> None:
     for name in FORMATS[kind].corpus:
         opened = open_one_file(HERE / name)
         assert opened.kind == ("bag" if kind == "mcap" else kind), name
+        if FORMATS[kind].magic:
+            assert (HERE / name).read_bytes().startswith(tuple(MAGIC)), f"{name} begins otherwise"
 
 
 @formats
@@ -49,6 +52,7 @@ def test_each_format_has_a_reader_and_each_library_an_extra(kind: str) -> None:
         assert callable(loaded(form.reader or form.opener))
         assert not (form.reader and form.opener)
     extras = PROJECT["optional-dependencies"]
+    assert bool(form.library) == bool(form.reader and form.extra), "who lacks the package is not told of it"
     if form.library:
         packages = " ".join(extras[form.extra]).lower()
         assert re.search(rf"\b{form.library}\b", packages)
@@ -77,6 +81,15 @@ def test_each_dialect_has_a_file_and_is_in_the_documents() -> None:
 def test_each_file_is_of_a_format_or_a_dialect() -> None:
     named = {name for table in (FORMATS.values(), dialects()) for one in table for name in one.corpus}
     assert CORPUS - named - {one.corpus for one in UNREAD} == set()
+
+
+@formats
+def test_each_file_of_a_format_is_in_the_readme_of_the_corpus(kind: str) -> None:
+    told = re.findall(r"`([^`]+)`", (HERE / "README.md").read_text().partition("The others:")[2])
+    patterns = [f"*{one}" if one.startswith(".") else one for one in told]
+    of_dialects = {name for one in dialects() for name in one.corpus}
+    for name in set(FORMATS[kind].corpus) - of_dialects:
+        assert any(fnmatch.fnmatch(name, pattern) for pattern in patterns), name
 
 
 @pytest.mark.parametrize("one", UNREAD, ids=lambda one: one.what[:20])
