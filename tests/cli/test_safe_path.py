@@ -1,5 +1,6 @@
 """Nothing that lies in the current folder is run, however fltea starts a process."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fltea.identification.workers import Processes
 from host_support import PATIENCE_S
 
 COMMAND = [str(Path(sys.executable).with_name("fltea"))]
@@ -90,6 +92,18 @@ def test_nor_by_what_starts_in_place_of_a_forkserver_that_died(folder: Path) -> 
         [sys.executable, script], cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert (marks(folder), done.stdout) == ([], "True\n"), done.stderr
+
+
+def test_the_programs_that_others_start_are_left_alone() -> None:
+    before = dict(os.environ)
+    workers = Processes(1)
+    try:
+        assert workers.submit(os.getpid).result() != os.getpid()
+        workers.renew()
+        assert workers.submit(os.getppid).result() != os.getpid()
+    finally:
+        workers.close()
+    assert dict(os.environ) == before
 
 
 def test_fltea_is_found_where_it_lies_in_the_current_folder() -> None:

@@ -1,11 +1,12 @@
 """Where the work of `fltea identify` is done: in this process, in others on this machine, or by Dask."""
 
+import contextlib
 import mmap
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from multiprocessing import forkserver
 from multiprocessing.reduction import ForkingPickler
@@ -14,6 +15,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 T = TypeVar("T")
+
+SAFE_PATH = "PYTHONSAFEPATH"
 
 
 class Workers:
@@ -65,21 +68,35 @@ def _reduce(array: "np.memmap[Any, Any]") -> Any:
 ForkingPickler.register(np.memmap, _reduce)
 
 
+@contextlib.contextmanager
+def _safe_path() -> Iterator[None]:
+    """Let processes that start now look for no modules in the current folder.
+
+    What forks them is started by `python -c`, which would run a random.py of that folder for Python's own.
+    Who calls us starts other programs, too, so the setting does not stay.
+    """
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        os.environ.pop(SAFE_PATH)
+        os.environ.update({} if before is None else {SAFE_PATH: before})
+
+
 class Processes(Workers):
     """Processes on this machine, copies of one that has loaded all they need and has no threads of ours."""
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
-        # What forks them is started by `python -c`, which would run a random.py of the current folder for
-        # Python's own. It stays set for what is started in its place when that has died.
-        os.environ["PYTHONSAFEPATH"] = "1"
         self._context = multiprocessing.get_context("forkserver")
         # It loads while a recording is read here.
         self._context.set_forkserver_preload(["fltea.identification.run"])
         # A terminal sends Ctrl-C to all of us: without this, while it loads, it would end with a traceback.
         ours = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
-            forkserver.ensure_running()
+            with _safe_path():
+                forkserver.ensure_running()
         finally:
             signal.signal(signal.SIGINT, ours)
         self._pool = self._start()
@@ -94,7 +111,8 @@ class Processes(Workers):
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
         """Begin a task when a process is free."""
-        return self._pool.submit(task, *arguments)
+        with _safe_path():  # what forks processes is started again here if it has died
+            return self._pool.submit(task, *arguments)
 
     def renew(self) -> None:
         """Start new processes in place of the old ones."""
