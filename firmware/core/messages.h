@@ -351,10 +351,11 @@ struct Estimate {
     uint32_t state_bound;
     // the memory was asked for an order out of its range
     uint32_t memory_order;
-    // of a sample, by the filter of the noise that FIT tells of: offset and tracker_state; it and all that
-    // follow are 0 without tracked [deg/s]
+    // what to subtract from the samples of the second to come, by the filter of the noise that FIT tells of:
+    // the offset, and what is left of tracker_state in the mean over that second; it and all that follow are
+    // 0 without tracked [deg/s]
     float tracker_bias;
-    // its standard deviation [deg/s]
+    // standard deviation of that mean, without the white noise; it grows while the sensor moves [deg/s]
     float tracker_bias_std;
     // the coloured part of the noise, without the offset: 0 of white noise [deg/s]
     float tracker_state;

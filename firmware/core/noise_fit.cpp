@@ -4,8 +4,8 @@
 
 #include "engine/count_spectrum.hpp"
 #include "engine/fit_bins.hpp"
+#include "engine/sensor_motion.hpp"
 #include "engine/sliced_fit.hpp"
-#include "engine/tracked_state.hpp"
 #include "mpu9250.h"
 
 namespace fltea {
@@ -17,6 +17,13 @@ constexpr float kRateHz = 1e6f / static_cast<float>(settings::kSamplePeriodUs);
 constexpr float kTurn = 6.2831853f;
 // Of fewer samples nothing can be said.
 constexpr uint32_t kFirstFit = 1000;
+// The bias is that of the second to come.
+constexpr int kAhead = 1000000 / settings::kSamplePeriodUs;
+constexpr float kChunksPerS = kRateHz / static_cast<float>(+whittle::AxisMotion::kChunk);
+// No bias steps by 2 deg/s (data sheets: temperature); what lies still for ten seconds nearer is one, and for
+// ten minutes what lies farther away.
+constexpr whittle::SensorMotion::Limits kMotion = {2 * kLsb, static_cast<uint16_t>(10 * kChunksPerS),
+                                                   static_cast<uint16_t>(600 * kChunksPerS)};
 static_assert(settings::kFitEvery > 0, "samples from one round of fits to the next");
 
 typedef engine::CountOctaves<> Octaves;
@@ -35,6 +42,7 @@ struct NoiseFit::Axis {
 
 struct NoiseFit::Parts {
     alignas(8) unsigned char axes[kAxes][sizeof(Axis)];  // those that are started
+    whittle::SensorMotion motion;
     Octaves::Passage passage;
     Bins bins;
     whittle::SlicedFit<Bins> fit;
@@ -50,6 +58,7 @@ NoiseFit::Axis& NoiseFit::axis(size_t i) { return *reinterpret_cast<Axis*>(parts
 
 void NoiseFit::begin() {
     parts().passage = Octaves::Passage();
+    parts().motion = whittle::SensorMotion();
     stage_ = Stage::idle;
     age_ = 0;
     next_age_ = kFirstFit;
@@ -64,6 +73,7 @@ void NoiseFit::start(size_t i) {
 
 void NoiseFit::skip(uint16_t lost) {
     age_ += lost;
+    parts().motion.skip(lost);
     for (size_t i = 0; i < kAxes; ++i) {
         if (!is_started(i)) continue;
         axis(i).octaves.skip(lost);
@@ -73,13 +83,25 @@ void NoiseFit::skip(uint16_t lost) {
 
 void NoiseFit::add(size_t i, int16_t count) {
     if (i == 0) ++age_;
-    if (!is_started(i)) return;
-    Octaves::Passage& passage = parts().passage;
-    axis(i).octaves.add(count, passage);
-    axis(i).tracked.next(count);
-    passing_ = passage.n > 0 || passage.cut;
-    if (passing_) ++passages_;
-    passing_axis_ = i;
+    if (is_started(i)) {
+        Octaves::Passage& passage = parts().passage;
+        axis(i).octaves.add(count, passage);
+        axis(i).tracked.next(count, parts().motion.moving());
+        passing_ = passage.n > 0 || passage.cut;
+        if (passing_) ++passages_;
+        passing_axis_ = i;
+    }
+    if (i == kAxes - 1) judge_motion();
+}
+
+// After a sample of all axes.
+void NoiseFit::judge_motion() {
+    whittle::TrackedState* tracked[kAxes];
+    int n = 0;
+    for (size_t i = 0; i < kAxes; ++i) {
+        if (is_started(i)) tracked[n++] = &axis(i).tracked;
+    }
+    parts().motion.next(tracked, n, kMotion);
 }
 
 void NoiseFit::pass() { passing_ = !axis(passing_axis_).octaves.pass(parts().passage); }
@@ -118,7 +140,7 @@ NoiseFit::Told NoiseFit::work(Fit& fit, Spectrum& spectrum) {
             return Told::nothing;
         case Stage::fitting:
             if (!parts().fit.work(bins)) return Told::nothing;
-            parts().design.begin(axis(axis_).memory.figures());
+            parts().design.begin(axis(axis_).memory.figures(), kAhead);
             stage_ = Stage::designing;
             return Told::nothing;
         case Stage::designing:
@@ -138,7 +160,7 @@ NoiseFit::Told NoiseFit::work(Fit& fit, Spectrum& spectrum) {
 
 void NoiseFit::track(size_t i, Estimate& message) {
     if (!is_started(i) || !axis(i).tracked.known()) return;
-    const whittle::TrackedState::Figures found = axis(i).tracked.figures();
+    const whittle::TrackedState::Figures found = axis(i).tracked.figures(parts().motion.unlearned());
     message.flags |= estimate_flags::tracked;
     message.tracker_bias = found.bias / kLsb;
     message.tracker_bias_std = found.bias_std / kLsb;

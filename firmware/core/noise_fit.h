@@ -56,10 +56,11 @@ class NoiseFit {
     bool is_started(size_t i) const { return (started_ >> i & 1) != 0; }
     void begin_axis(size_t first);
     void begin_bins();
+    void judge_motion();
     void tell(Fit& fit);
     bool tell(Spectrum& spectrum);
 
-    static constexpr size_t kBytes = 41512;
+    static constexpr size_t kBytes = 42120;
     alignas(8) unsigned char storage_[kBytes];
     Stage stage_ = Stage::idle;
     size_t axis_ = 0;        // that is being fitted

@@ -1,7 +1,7 @@
 // The device's fits: what it says against the same spectrum and fit without slices, what it does with lost
 // samples, and that no sample waits for it.
+#include "engine/sensor_motion.hpp"
 #include "engine/sliced_fit.hpp"
-#include "engine/tracked_state.hpp"
 #include "noise_fit_rig.h"
 
 namespace {
@@ -306,7 +306,7 @@ TEST_CASE("noise fit: an axis is tracked by its newest fit, lost samples predict
         for (; set < f.fits.size(); ++set) {
             const size_t i = static_cast<size_t>(f.fits[set].axis);
             whittle::FilterDesign design;
-            design.begin(f.at_once(i));
+            design.begin(f.at_once(i), 100);
             while (!design.work()) {
             }
             alone[i].set(design.filter());
@@ -319,7 +319,7 @@ TEST_CASE("noise fit: an axis is tracked by its newest fit, lost samples predict
                 REQUIRE(message.tracker_bias == 0);
                 continue;
             }
-            const whittle::TrackedState::Figures expected = alone[i].figures();
+            const whittle::TrackedState::Figures expected = alone[i].figures(whittle::Unlearned());
             REQUIRE(message.tracker_bias == expected.bias / kCountsPerDps);
             REQUIRE(message.tracker_bias_std == expected.bias_std / kCountsPerDps);
             REQUIRE(message.tracker_state == expected.state / kCountsPerDps);

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 from blocks import as_block, of, records_of
 from fltea.records.events import Chunk, Event, Opened, RawSample
-from fltea.records.records import AnyRecord, DeviceAxisEstimate, DeviceEstimates, Estimate, FlteaEstimate
+from fltea.records.records import AnyRecord, DeviceEstimates, Estimate, FlteaEstimate
 from fltea.settings.config import load_config
 from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
@@ -148,7 +148,7 @@ def estimates_of(who: str, records: Iterable[AnyRecord]) -> list[Any]:
 
 def of_filters(e: Estimate | DeviceEstimates) -> list[FlteaEstimate]:
     """The board's own estimates of a sample, whichever record they are in."""
-    return [a if isinstance(a, DeviceAxisEstimate) else a.fltea for a in e.axes.values()]
+    return [a.fltea for a in e.axes.values()]
 
 
 def reasons(compared: Iterable[DeviceEstimates], *axes: str) -> set[str | None]:

@@ -26,15 +26,20 @@ struct SteadyFilter {
     float R, S;               // of the white noise, and of the innovations
     float of_state;           // variance of the state, given all samples and the offset
     float answer;             // of the innovations to a constant of 1, once all has settled
+    float weight[kPlaces];    // of the mean of a part over the samples ahead, in units of the part now
+    float of_bias;            // variance of the mean of the state over them, given the same
+    float offset_in_bias;     // how much of an error of the offset is in the bias, in answers
 };
 
 class FilterDesign {
   public:
     enum { kPlaces = SteadyFilter::kPlaces };
 
-    // Of a fit that has found something.
-    void begin(const FitFigures& figures) {
+    // Of a fit that has found something. The bias is the mean over `ahead` samples to come; 0: it is that of
+    // now.
+    void begin(const FitFigures& figures, int ahead) {
         filter_ = SteadyFilter();
+        ahead_ = ahead;
         for (int i = 0; i < kPlaces; ++i) filter_.fall[i] = fall_of(i);
         filter_.R = figures.R;
         step_ = kZeros;
@@ -55,8 +60,10 @@ class FilterDesign {
             sweep();
         } else if (step_ < kGains) {
             if (!find_zero(step_ - kZeros)) return false;
-        } else if (step_ < kDone) {
+        } else if (step_ < kWeights) {
             find_gain(step_ - kGains);
+        } else if (step_ < kDone) {
+            look_ahead(step_ - kWeights);
         } else {
             conclude();
             return true;
@@ -73,7 +80,8 @@ class FilterDesign {
         kSweeps = 12,
         kZeros = kRows + kSweeps,
         kGains = kZeros + kPlaces,
-        kDone = kGains + kPlaces,
+        kWeights = kGains + kPlaces,
+        kDone = kWeights + kPlaces,
         kBisections = 8,  // a slice
         kSame = 8         // units of the last place
     };
@@ -219,6 +227,21 @@ class FilterDesign {
         return short_of_one + a * zero_short_of_one_[j];
     }
 
+    // The mean of a part over the samples ahead: what is known of it by the part now, and what noise adds.
+    void look_ahead(int i) {
+        filter_.weight[i] = ahead_ == 0 ? 1.0f : 0.0f;
+        if (!there(i) || ahead_ == 0) return;
+        const float fall = filter_.fall[i], a = 1.0f - fall;
+        float answer = 0, squares = 0;
+        for (int k = 0; k < ahead_; ++k) {
+            answer = a * answer + 1.0f;
+            squares += answer * answer;
+        }
+        const float share = 1.0f / static_cast<float>(ahead_);
+        filter_.weight[i] = a * answer * share;
+        filter_.of_bias += filter_.variance[i] * fall * (2.0f - fall) * squares * share * share;
+    }
+
     void conclude() {
         // S over the white noise of the measurements is Π a/b; less 1, so that little is not lost.
         float more = 0, slow = 0, now = 0;
@@ -241,6 +264,26 @@ class FilterDesign {
         }
         filter_.of_state = filter_.R * predicted / filter_.S;
         filter_.answer = 1.0f / (1.0f + slow);
+        conclude_bias();
+    }
+
+    // The covariance of parts i and j, given all samples, is variance_i [i = j] - S K_i K_j / (1 - a_i a_j).
+    void conclude_bias() {
+        filter_.offset_in_bias = 1.0f / filter_.answer;
+        for (int i = 0; i < kPlaces; ++i) {
+            if (!there(i)) continue;
+            const float u = filter_.weight[i], a = 1.0f - filter_.fall[i], K = filter_.gain[i];
+            float known = 0;
+            for (int j = 0; j < kPlaces; ++j) {
+                if (!there(j)) continue;
+                // Of slow parts 1 - a_i a_j is small.
+                const float fall = filter_.fall[i] + a * filter_.fall[j];
+                known += filter_.weight[j] * filter_.gain[j] / fall;
+            }
+            filter_.of_bias += u * (u * filter_.variance[i] - filter_.S * K * known);
+            filter_.offset_in_bias -= u * K / filter_.fall[i];
+        }
+        filter_.of_bias = math::fmax(filter_.of_bias, 0);
     }
 
     static std::uint32_t bits_of(float x) {
@@ -255,7 +298,7 @@ class FilterDesign {
     }
 
     SteadyFilter filter_;
-    int step_ = 0;
+    int step_ = 0, ahead_ = 0;
     Natural<float> shape_;
     float s2_, lam_, gram_[kPlaces][kPlaces], right_[kPlaces];
     std::uint32_t low_ = 0, high_ = 0;  // the bits of a zero's distance lie between them

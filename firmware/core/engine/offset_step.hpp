@@ -1,0 +1,55 @@
+// Whether the offset of white noise has stepped: a cumulative sum of the means of chunks on either side (Page
+// 1954), at one scale. It is made for steps of a deviation of such a mean, of 32 samples 0.18 of one
+// sample's; larger ones are found sooner.
+#ifndef FLTEA_OFFSET_STEP_HPP
+#define FLTEA_OFFSET_STEP_HPP
+
+#include <cstdint>
+
+#include "instruction_set.hpp"
+
+namespace fltea {
+namespace whittle {
+inline namespace FLTEA_INSTRUCTION_SET {
+
+class OffsetStep {
+  public:
+    OffsetStep() { clear(); }
+
+    void clear() {
+        sums_[0] = sums_[1] = 0;
+        chunks_[0] = chunks_[1] = 0;
+    }
+
+    // The mean of a chunk, and its deviation: so many chunks ago there was a step of that size, or 0.
+    std::uint16_t add(float mean, float deviation, float& size) {
+        for (int side = 0; side < 2; ++side) {
+            sums_[side] += (side == 0 ? mean : -mean) - kSlack * deviation;
+            if (!(sums_[side] > 0) || chunks_[side] == 0xFFFF) {
+                sums_[side] = 0;
+                chunks_[side] = 0;
+                continue;
+            }
+            ++chunks_[side];
+            if (sums_[side] < kLimit * deviation) continue;
+            size = sums_[side] / static_cast<float>(chunks_[side]) + kSlack * deviation;
+            if (side == 1) size = -size;
+            return chunks_[side];
+        }
+        return 0;
+    }
+
+  private:
+    // In deviations. A limit of 15 is passed by noise once in 1.3e7 chunks of 32 (Siegmund 1985, eq. 2.57):
+    // by one of three axes at 100 Hz, on either side, every 13 days.
+    static constexpr float kSlack = 0.5f, kLimit = 15;
+
+    float sums_[2];
+    std::uint16_t chunks_[2];  // since the sum was 0
+};
+
+}  // namespace FLTEA_INSTRUCTION_SET
+}  // namespace whittle
+}  // namespace fltea
+
+#endif
