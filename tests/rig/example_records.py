@@ -3,8 +3,8 @@
 from typing import Any
 
 from fltea.records.fit import Interval
-from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, AxisEstimate, FlteaEstimate, Stats
-from fltea.records.stats import AxisStats, DeviceStatus, LinkStats, SampleStats, TrackerStats
+from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, AxisEstimate, FlteaEstimate, Motion, Stats, Step
+from fltea.records.stats import AxisStats, BiasCheck, DeviceStatus, LinkStats, SampleStats, TrackerStats
 
 
 def axis_estimate(*of_filters: Any, unit: str = GYRO_UNIT, **known: Any) -> AxisEstimate:
@@ -31,8 +31,23 @@ GOOD = axis_estimate(
 UNKNOWN = dict.fromkeys(("verdict", "bias", "bias_std", "state", "state_std", "innovation"))
 INVALID = axis_estimate(*[None] * 6, False, alpha=Interval(), f=Interval(), **UNKNOWN)
 TRACKER = TrackerStats(
-    "white", 1.02, 0.03, True, 17, 0, heading_std={1: 0.014, 60: 0.26}, bias=0.234, bias_std=0.012
+    "white",
+    1.02,
+    0.03,
+    True,
+    17,
+    0,
+    heading_std={1: 0.014, 60: 0.26},
+    bias=0.234,
+    bias_std=0.012,
+    steps=3,
+    moving=True,
+    checked={1: BiasCheck(310, 1.04), 10: BiasCheck(31, 0.93)},
+    bias_for_s=2.5,
 )
+STEP = Step(700, 3, 7_000_000, 7_000_000_000, "gyro_x", GYRO_UNIT, 0.1037, 0.0112, 31, device="due")
+MOVES = Motion(800, 3, 8_000_000, 8_000_000_000, True, "accel", None, None, device="due")
+RESTS = Motion(1000, 3, 10_000_000, 10_000_000_000, False, "accel", 200, 12.34, device="due")
 STATS = Stats(
     epoch=3,
     host_ns=9_500_000_000,
@@ -40,7 +55,7 @@ STATS = Stats(
     clock_ppm=-62.5,
     startup_remaining=123,
     link=LinkStats(51, 41, {"crc": 2, "cobs": 3}, 4, 6, 7, 1),
-    samples=SampleStats(delivered=1234, lost=56, gaps=70, duplicates=8, before_hello=9),
+    sample_counts=SampleStats(delivered=1234, lost=56, gaps=70, duplicates=8, before_hello=9),
     axes={
         "gyro_x": AxisStats(0.1, 0.02, 5, {"order_box": 13, "held": 1}, 0.25, 1.5, tracker=TRACKER),
         "accel_z": AxisStats(0.1, 0.02, 2, {}, unit=ACCEL_UNIT),

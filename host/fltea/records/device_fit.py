@@ -51,12 +51,12 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """2 log L of the fractional model above a relaxation."""
     alpha: Interval = Interval()
     """Order α; value is null for `none` and `white`, an end where the data do not define it."""
-    f: float | None = None
-    """Parameter f [s^-α]."""
-    s2: float | None = None
-    """Variance of the state's innovations [(deg/s)²]."""
-    R: float | None = None
-    """Variance of the white noise: of an axis that is `white`, its power [(deg/s)²]."""
+    f: Interval = Interval()
+    """Parameter f, without ends, as the device sends none [s^-α]."""
+    s2: Interval = Interval()
+    """Variance of the state's innovations, without ends [(deg/s)²]."""
+    R: Interval = Interval()
+    """Variance of the white noise, without ends: of an axis that is `white`, its power [(deg/s)²]."""
     alpha_difference: float | None = None
     """α minus that of the newest `fit`; null where one of them has none."""
     half_widths: float | None = None

@@ -204,9 +204,11 @@ class Estimate(Placed, frozen=True, tag="estimate"):
     """Each axis."""
 
 
-class DeviceAxisEstimate(FlteaEstimate, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The device's own estimate of one axis after one sample; null where not valid."""
+class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The device's own estimate of one axis after one sample."""
 
+    fltea: FlteaEstimate
+    """What the paper's filters on the device make of the sample."""
     unit: str = GYRO_UNIT
     """`deg/s`."""
     age: int
@@ -290,6 +292,41 @@ class Gap(Record, frozen=True, tag="gap"):
     """Host time of the sample after them [ns]."""
 
 
+class Step(Placed, frozen=True, tag="step"):
+    """The bias of an axis has stepped.
+
+    It stands at the first sample after the step, and comes as soon as the samples since then have shown it.
+    """
+
+    axis: str
+    """Name of the axis."""
+    unit: str
+    """`deg/s`, or `m/s^2` for axes of the accelerometer."""
+    size: float
+    """Bias after the step less the bias before it [`unit`]."""
+    size_std: float
+    """Standard deviation of that size [`unit`]."""
+    found_after: int
+    """Samples from the step to the one with which it was found."""
+
+
+class Motion(Placed, frozen=True, tag="motion"):
+    """The sensor has begun to move, or is at rest again.
+
+    It stands at the first sample in motion, or at the first at rest. While the sensor moves, the bias of
+    every axis is predicted; at rest it is learnt.
+    """
+
+    begins: bool
+    """Whether a motion begins here; false where it has ended."""
+    by: str
+    """What showed it: a sensor or an axis, such as `accel` or `gyro_z`, or `caller`, who said so."""
+    samples: int | None
+    """How long the sensor moved, in samples; null where the motion begins."""
+    largest: float | None
+    """Largest rate less its bias of any axis while it moved; null where the motion begins [deg/s]."""
+
+
 class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What an epoch is estimated with, and by whom."""
 
@@ -305,10 +342,12 @@ class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Length L of the memory in samples; 0: unlimited."""
     startup_samples: int
     """Length of the start-up window; 0 if none is needed."""
-    bias: str | float | tuple[float, ...]
-    """As in the settings [deg/s, of the accelerometer m/s²]."""
-    R: str | float | tuple[float, ...]
-    """As in the settings [the square of that]."""
+    bias: tuple[float, ...]
+    """What is subtracted from each axis, or one number for all; empty: the mean of the start-up window
+    [deg/s, of the accelerometer m/s²]."""
+    R: tuple[float, ...]
+    """Measurement variance of each axis, or one for all; empty: the variance of the start-up window [the
+    square of that]."""
     tuning: str = "startup"
     """`startup`: Q and R stay as at the start; `live`: they are those of the live fit as soon as it knows
     them."""
@@ -331,7 +370,7 @@ class Epoch(Record, frozen=True, tag="epoch"):
     """Host time of its first sample [ns]."""
     boot_id: int | None
     """Boot that it belongs to."""
-    estimator: EstimatorInfo | None
+    estimator: EstimatorInfo | None = None
     """What the gyroscope is estimated with."""
     accel_estimator: EstimatorInfo | None = None
     """The same for the accelerometer, which is always estimated here."""
@@ -359,11 +398,11 @@ class Stats(Record, frozen=True, tag="stats"):
     """Samples until the start-up window is full."""
     link: LinkStats
     """What arrived, and what was lost on the way, since the start of the program."""
-    samples: SampleStats
+    sample_counts: SampleStats
     """What became of the samples, since the start of the program."""
     axes: dict[str, AxisStats]
     """Each axis."""
-    board: DeviceStatus | None
+    board: DeviceStatus | None = None
     """The device's own counters since its boot; null before its first STATUS."""
     outputs: dict[str, OutputStats] = {}
     """Each output: `stdout`, `record`, `mqtt`, `dashboard`, `metrics`; none for sources without a pace of
@@ -387,5 +426,17 @@ class Error(Record, frozen=True, tag="error"):
 
 
 AnyRecord = (
-    Hello | Sample | Corrected | Estimate | DeviceEstimates | DeviceFits | Fit | Gap | Epoch | Stats | Error
+    Hello
+    | Sample
+    | Corrected
+    | Estimate
+    | DeviceEstimates
+    | DeviceFits
+    | Fit
+    | Gap
+    | Step
+    | Motion
+    | Epoch
+    | Stats
+    | Error
 )

@@ -74,6 +74,15 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Samples that could not be used because their HELLO had not been heard."""
 
 
+class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Bias(T) against the mean of the next T seconds, over the pieces of T seconds at rest so far."""
+
+    pieces: int
+    """Pieces that were compared."""
+    rms: float
+    """Root mean square of the difference over its σ: 1 where Bias(T) and its σ hold."""
+
+
 class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How the tracker of an axis's bias gets on."""
 
@@ -99,6 +108,14 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The bias after the newest sample [`unit`]."""
     bias_std: float | None = None
     """Standard deviation of that bias [`unit`]."""
+    steps: int = 0
+    """Steps of its bias."""
+    moving: bool = False
+    """Whether the sensor moves as of the newest sample."""
+    checked: dict[int, BiasCheck] = {}
+    """Bias(T) against the mean of the next T seconds, by T: 1, 10, 60 s."""
+    bias_for_s: float = 1.0
+    """The bias is the mean that is expected over so many seconds [s]."""
 
 
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -107,7 +124,7 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     bias: float | None
     """Bias in use (for an accelerometer gravity is in it); null until the start-up window is full
     [`unit`]."""
-    R: float | None
+    R_in_use: float | None
     """Measurement variance in use [`unit` squared]."""
     restarts: int
     """Times that the axis began again in this epoch."""
@@ -119,7 +136,7 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Mean normalised innovation squared: 1 where the filter's model is right."""
     unit: str = "deg/s"
     """`deg/s`, or `m/s^2` for axes of the accelerometer."""
-    Q: float | None = None
+    Q_in_use: float | None = None
     """Variance of a step of the noise's source in use, h^2α included; null where a device estimates [`unit`
     squared]."""
     tuned: bool = False

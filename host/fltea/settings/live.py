@@ -1,4 +1,4 @@
-"""Settings of the live maximum-likelihood fit, the table `live` of the TOML file."""
+"""Settings of the live maximum-likelihood fit and of the live bias, the table `live` of the TOML file."""
 
 from typing import Annotated
 
@@ -12,7 +12,7 @@ interval is too narrow by chance (host/docs/evaluation/live.md)."""
 
 
 class LiveConfig(Table, frozen=True):
-    """The spectrum and the maximum-likelihood fit of every axis, live."""
+    """The spectrum, the maximum-likelihood fit and the bias of every axis, live."""
 
     on: Annotated[bool, Setting("Fit the noise live.")] = True
     period_s: Annotated[
@@ -41,6 +41,32 @@ class LiveConfig(Table, frozen=True):
         float,
         Setting("Half the width of α's interval that `until_s` asks for.", least=0.001, most=1),
     ] = 0.05
+    bias_s: Annotated[
+        float,
+        Setting(
+            "Seconds for which the published bias is meant: the mean expected over them.",
+            unit="s",
+            least=0.01,
+            most=3600,
+        ),
+    ] = 1.0
+    largest_step_dps: Annotated[
+        float,
+        Setting(
+            "The largest step within a second that a gyroscope's bias can make; a larger change is motion.",
+            unit="deg/s",
+            above=0,
+        ),
+    ] = 2.0
+    largest_step_ms2: Annotated[
+        float,
+        Setting(
+            "The largest step within a second that an accelerometer's bias can make; a larger change is a "
+            "tilt.",
+            unit="m/s²",
+            above=0,
+        ),
+    ] = 0.1
 
     @property
     def memory_s(self) -> float | None:

@@ -13,6 +13,8 @@ Recorded = Literal[
     "hello",
     "epoch",
     "gap",
+    "step",
+    "motion",
     "sample",
     "corrected",
     "estimate",
