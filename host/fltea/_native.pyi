@@ -325,21 +325,6 @@ class Remembered:
         self, pairs: int, a: _V, b: _V, Q: _V, c: _V, state: _V, bias: _V, P0: _V, R: float
     ) -> float: ...
 
-    # For each variance of a step of the last coordinate.
-    def likelihoods(
-        self,
-        steps: list[float],
-        pairs: int,
-        a: _V,
-        b: _V,
-        Q: _V,
-        c: _V,
-        state: _V,
-        bias: _V,
-        P0: _V,
-        R: float,
-    ) -> list[float]: ...
-
     # NaN while it had seen too little, and once a system was set.
     def of_walks(self) -> float: ...
 
@@ -372,30 +357,45 @@ class Steady:
     def time_by(self, line: tuple[float, ...]) -> None: ...
 
 class Tracker:
-    # ValueError for no lanes.
-    def __init__(self, offsets: list[float | None]) -> None: ...
+    # ValueError for no lanes, and for rules that are none.
+    def __init__(
+        self,
+        offsets: list[float | None],
+        ahead: int,
+        checked: list[int],
+        largest_step: float,
+        largest_gravity_step: float,
+        still: int,
+        patience: int,
+        settles: bool,
+    ) -> None: ...
 
-    # y (rows, lanes); out (5, rows, lanes): state, state_std, bias, bias_std, innovation; moving uint8.
-    def run(self, y: NDArray[np.float64], out: NDArray[np.float64], moving: NDArray[np.uint8]) -> None: ...
+    # y (rows, lanes); out (5, rows, lanes): state, state_std, bias, bias_std, innovation; moving uint8; accel
+    # (rows, 1 to 3). Returns kind, row, axis, ago, size, size_std and samples of what has happened.
+    def run(
+        self,
+        y: NDArray[np.float64],
+        out: NDArray[np.float64],
+        moving: NDArray[np.uint8],
+        accel: NDArray[np.float64] | None,
+        rest: int,
+    ) -> list[tuple[int, int, int, int, float, float, int]]: ...
+    def moving(self) -> bool: ...
     def skip(self, count: float) -> None: ...
+    # One system or two, with how likely each is.
     def set(
         self,
         lane: int,
         absolute: bool,
-        pairs: int,
-        a: _V,
-        b: _V,
-        Q: _V,
-        c: _V,
-        state: _V,
-        bias: _V,
-        P0: _V,
-        R: float,
+        weights: list[float],
+        systems: list[tuple[int, _V, _V, _V, _V, _V, _V, _V, float]],
     ) -> None: ...
     def remembered(self, lane: int) -> Remembered: ...
     # The origin of its numbers, and x after the newest sample; no coordinates before a system is set.
     def x(self, lane: int) -> tuple[float, list[float]]: ...
-    def stats(self) -> list[tuple[int, int, float, float, float, int]]: ...
+    def stats(
+        self,
+    ) -> list[tuple[int, int, int, float, float, float, int, list[tuple[int, float]]]]: ...
     def save(self) -> bytes: ...
     def load(self, bytes: bytes) -> None: ...
 

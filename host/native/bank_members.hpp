@@ -2,9 +2,13 @@
 #pragma once
 
 #include <complex>
+#include <cstdint>
+#include <map>
 #include <memory>
+#include <mutex>
 
 #include "kalman.hpp"
+#include "mean_ahead.hpp"
 
 namespace fltea {
 namespace track {
@@ -14,9 +18,17 @@ class BankMembers {
     enum { kMost = 4, kRoom = 320 };  // coordinates, members
     typedef Kalman<kMost> Filter;
 
-    static const BankMembers& all() {
-        static const BankMembers one;
-        return one;
+    // Those whose bias is meant for so many samples to come, to 3 %: sensors of one rate share them.
+    static const BankMembers& of(std::int64_t ahead) {
+        static std::mutex alone;
+        static std::map<std::int64_t, std::unique_ptr<const BankMembers>> known;
+        std::int64_t unit = 1;
+        while (ahead / unit >= 64) unit *= 2;
+        const std::int64_t rounded = (ahead + unit / 2) / unit * unit;
+        const std::lock_guard<std::mutex> guard(alone);
+        std::unique_ptr<const BankMembers>& one = known[rounded];
+        if (one == nullptr) one.reset(new BankMembers(rounded));
+        return *one;
     }
 
     int count() const { return count_; }
@@ -33,7 +45,7 @@ class BankMembers {
         double times[3], powers[3];
     };
 
-    BankMembers() {
+    explicit BankMembers(std::int64_t ahead) : ahead_(ahead) {
         const double walks[] = {0,    1e-8, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5,
                                 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1,  0.3};
         for (double q : walks) add(Noise{0, q, 0, {}, {}});
@@ -92,6 +104,9 @@ class BankMembers {
         s.Q[offset * s.n + offset] = noise.q;
         s.P0[offset * s.n + offset] = 1e4 * power;
         for (int i = offset; i < s.n; ++i) s.c[i] = s.bias[i] = 1;
+        const MeanAhead<kMost> mean = mean_ahead(s, s.bias, ahead_);
+        std::memcpy(s.bias, mean.row, sizeof s.bias);
+        s.bias_more = mean.variance;
         maps_[count_++].set(s);
     }
 
@@ -118,6 +133,7 @@ class BankMembers {
 
     static constexpr double kBehindFilter = 1e-3;
 
+    std::int64_t ahead_;
     int count_ = 0;
     System<kMost> systems_[kRoom];
     RiccatiMap<kMost> maps_[kRoom];

@@ -102,6 +102,16 @@ class Kalman {
         held_ = 0;
         find_gain();
     }
+    double bias() const { return dot(system_->bias, x, system_->n); }
+    // Of the bias now, of something else that `row` makes of x: by the covariance at hand, which may be that
+    // of up to kHeld samples later.
+    double variance_of(const double* row) const {
+        const System<N>& s = *system_;
+        const double own = form(row, P, row, s.n), of_bias = form(s.bias, P, s.bias, s.n);
+        const double found = own + now_.bias - of_bias;
+        return found > 0 ? found : own > 0 ? own : 0;
+    }
+
     // After they have been moved.
     void point_to(const System<N>* system, const RiccatiMap<N>* map) {
         system_ = system;
@@ -148,11 +158,20 @@ class Kalman {
         if (exact_ == 0) hold();
     }
 
+    // Coordinate i may have changed by this variance before the next sample.
+    void widen(int i, double variance) {
+        find_covariance();
+        if (exact_ == 0) let_go();
+        P[i * system_->n + i] += variance;
+        find_gain();
+        exact_ = kExact;
+    }
+
     double log_S(HeldLog& held) const { return gains_ != nullptr ? gain().log_S : held.of(S); }
 
     Known known(double e) const {
         const System<N>& s = *system_;
-        return Known{dot(s.state, x, s.n), now_.state, dot(s.bias, x, s.n), now_.bias, e, S};
+        return Known{dot(s.state, x, s.n), now_.state, dot(s.bias, x, s.n), now_.bias + s.bias_more, e, S};
     }
 
     template <typename Io>

@@ -16,13 +16,15 @@ constexpr double kNothing = 1e-200;
 
 // Room for N of them; if that is at most 4, zeros stand behind the last. Matrices are (n, n), row after row,
 // in the first n * n places. `pairs` pole pairs come first; a coordinate is in a sample by c[i], in the state
-// by state[i], in what is subtracted by bias[i].
+// by state[i], in what is subtracted by bias[i]; bias_more is the
+// variance of what is not in any coordinate yet, where that is a mean of samples to come.
 template <int N>
 struct System {
     int n, pairs;
     double a[N], b[N], c[N], state[N], bias[N];
     double Q[N * N], P0[N * N];
     double R;
+    double bias_more = 0;
 
     template <typename Io>
     void visit(Io& io) {
@@ -40,6 +42,15 @@ struct System {
             io.real(P0[i], -1e200, 1e200);
         }
         io.real(R, 1e-300, 1e200);
+        io.real(bias_more, 0, 1e200);
+    }
+
+    // The coordinate of an offset that may step; -1 where there is none.
+    int offset() const {
+        for (int i = n - 1; i >= 2 * pairs; --i) {
+            if (a[i] == 1 && c[i] != 0) return i;
+        }
+        return -1;
     }
 
     // How many of few coordinates are taken is fixed: zeros stand behind the last.

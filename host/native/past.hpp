@@ -53,6 +53,12 @@ class Newest {
         return 2 * known >= group ? float(sum / known) : __builtin_nanf("");
     }
     void clear() { first_ = count_ = 0; }
+    // Of the newest so many nothing is known.
+    void forget(int newest) {
+        for (int i = count_ - newest < 0 ? 0 : count_ - newest; i < count_; ++i) {
+            values_[(first_ + i) % size] = __builtin_nanf("");
+        }
+    }
 
     template <typename Io>
     void visit(Io& io) {
@@ -79,6 +85,8 @@ class Past {
         single_.clear();
         for (Newest<kMeans>& one : means_) one.clear();
     }
+    // Of the newest so many samples nothing is known; as far as there are single ones.
+    void forget(int newest) { single_.forget(newest); }
     const Newest<kSingle>& single() const { return single_; }
     // Means of kGroup^(level + 1) samples.
     const Newest<kMeans>& means(int level) const { return means_[level]; }

@@ -2,8 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
+#include <vector>
 
 #include "kalman.hpp"
+#include "mean_ahead.hpp"
 #include "past.hpp"
 #include "rest_gate.hpp"
 
@@ -12,57 +15,136 @@ namespace track {
 
 namespace refilter {
 
-// Of coordinates whose relaxation takes more than this part of the time of a mean, the mean says nothing.
-constexpr double kSlow = 0.2;
+// Coordinates whose relaxation takes less than 1 / kSlow of the time of a mean are white noise in it.
+constexpr double kSlow = 6;
+// Of an element of a covariance: less is nothing.
+constexpr double kRounding = 1e-9;
 
-// The slow part of a system, one mean of m samples a step. `of`: its coordinates in the whole.
+// The slow part of a system, one mean of m samples a step. `of`: its coordinates in the whole, of which there
+// are n. What a mean has beside that of the coordinates at its end is one more coordinate, the last one of
+// the system, which a step forgets.
 struct Coarse {
     System<kMost> system;
-    int of[kMost];
+    int n, of[kMost];
 };
 
 inline bool is_slow(const System<kMost>& s, int i, double m) {
     return i >= 2 * s.pairs && s.c[i] != 0 && s.a[i] > 0 && (1 - s.a[i]) * m < kSlow;
 }
 
-inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
-    System<kMost>& q = to.system;
-    q.n = q.pairs = 0;
-    // Spectral density at 0 of all that is not slow, and what a mean differs from the end of its samples.
-    double density = s.R, within = 0;
-    for (int i = 0; i < s.n; ++i) {
-        if (!is_slow(s, i, m)) continue;
-        const int k = q.n++;
-        to.of[k] = i;
-        q.a[k] = std::pow(s.a[i], m);
-        q.b[k] = 0;
-        q.c[k] = s.c[i];
-        q.state[k] = s.state[i];
-        q.bias[k] = s.bias[i];
-        within += s.c[i] * s.c[i] * s.Q[i * s.n + i] * m / 3;
+// Sums of m samples, m a power of 2, by doubling: what a sum has of each coordinate before the first sample,
+// and the covariances of what comes on top of coordinates and sum.
+struct Sums {
+    explicit Sums(const System<kMost>& s) : step(s) {
+        const int n = s.n;
+        const double* const c = s.c;
+        for (int i = 0; i < n; ++i) {
+            row[i] = c[i];
+            both[i] = dot(s.Q + i * n, c, n);
+        }
+        variance = dot(both, c, n);
+        back(row);
     }
-    for (int k = 0; k < q.n; ++k) {
-        for (int l = 0; l < q.n; ++l) {
-            const int i = to.of[k], j = to.of[l];
-            const double both = s.a[i] * s.a[j], left = 1 - both;
-            const double steps = left > 1e-12 ? (1 - std::pow(both, m)) / left : m;
-            q.Q[k * q.n + l] = s.Q[i * s.n + j] * steps;
-            q.P0[k * q.n + l] = s.P0[i * s.n + j];
+    void twice() {
+        const int n = step.n;
+        double driven[kMost], before[kMost], Q[kMost * kMost];
+        for (int i = 0; i < n; ++i) driven[i] = dot(step.Q + i * n, row, n);
+        variance = 2 * variance + dot(driven, row, n) + 2 * dot(both, row, n);
+        for (int i = 0; i < n; ++i) driven[i] += both[i];
+        forth(driven);
+        std::memcpy(before, row, sizeof before);
+        back(row);
+        for (int i = 0; i < n; ++i) {
+            both[i] += driven[i];
+            row[i] += before[i];
+        }
+        std::memcpy(Q, step.Q, sizeof Q);
+        step.step_covariance(Q);
+        std::memcpy(step.Q, Q, sizeof Q);
+        for (int i = 0; i < n; ++i) {
+            const double a = step.a[i], b = step.b[i];
+            step.a[i] = a * a - b * b;
+            step.b[i] = 2 * a * b;
+        }
+        samples *= 2;
+    }
+
+    // Of that many samples: A and Q.
+    System<kMost> step;
+    double samples = 1, row[kMost], both[kMost], variance;
+
+  private:
+    // x <- A x.
+    void forth(double* x) const {
+        for (int i = 0; i < step.n; ++i) {
+            if (i < 2 * step.pairs) {
+                const double one = step.a[i] * x[i] + step.b[i] * x[i + 1];
+                x[i + 1] = step.a[i] * x[i + 1] - step.b[i] * x[i];
+                x[i++] = one;
+            } else {
+                x[i] *= step.a[i];
+            }
         }
     }
-    // Of the fast ones with A x = x' one by one: c (1 - A)^-1 Q (1 - A)^-T c'.
-    double M[kMost * kMost], row[kMost];
+    // x <- A' x.
+    void back(double* x) const {
+        for (int i = 0; i < step.n; ++i) {
+            if (i < 2 * step.pairs) {
+                const double one = step.a[i] * x[i] - step.b[i] * x[i + 1];
+                x[i + 1] = step.a[i] * x[i + 1] + step.b[i] * x[i];
+                x[i++] = one;
+            } else {
+                x[i] *= step.a[i];
+            }
+        }
+    }
+};
+
+// m: a power of 2.
+inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
+    System<kMost>& q = to.system;
+    Sums sums(s);
+    while (sums.samples < m) sums.twice();
+    double fast[kMost];  // what a mean has of the other coordinates before it
+    int n = 0;
     for (int i = 0; i < s.n; ++i) {
-        const bool fast = !is_slow(s, i, m);
-        row[i] = fast ? s.c[i] : 0;
-        for (int j = 0; j < s.n; ++j) M[i * s.n + j] = i == j ? (fast ? 1 - s.a[i] : 1) : 0;
+        fast[i] = is_slow(s, i, m) ? 0 : sums.row[i] / m;
+        if (is_slow(s, i, m)) to.of[n++] = i;
     }
-    for (int i = 0; i < 2 * s.pairs; i += 2) {  // transposed
-        M[(i + 1) * s.n + i] = -s.b[i];
-        M[i * s.n + i + 1] = s.b[i];
+    to.n = n;
+    // Without room for it, what is forgotten is white noise.
+    const bool room = n < kMost;
+    q.n = n + (room ? 1 : 0);
+    q.pairs = 0;
+    for (int k = 0; k < n; ++k) {
+        const int i = to.of[k];
+        q.a[k] = sums.step.a[i];
+        q.b[k] = 0;
+        q.c[k] = sums.row[i] / (m * q.a[k]);
+        q.state[k] = s.state[i];
+        q.bias[k] = s.bias[i];
     }
-    if (solve(M, row, s.n, 1)) density += form(row, s.Q, row, s.n);
-    q.R = density / m + within;
+    double within = sums.variance / (m * m);
+    for (int k = 0; k < n; ++k) {
+        double driven = 0;
+        for (int l = 0; l < n; ++l) {
+            const double both = sums.step.Q[to.of[k] * s.n + to.of[l]];
+            q.Q[k * q.n + l] = both;
+            driven += both * q.c[l];
+        }
+        const double own = sums.both[to.of[k]] / m;
+        within += q.c[k] * (driven - 2 * own);
+        if (room) q.Q[k * q.n + n] = q.Q[n * q.n + k] = own - driven;
+    }
+    within = within > 0 ? within : 0;
+    q.R = s.R / m + form(fast, s.P0, fast, s.n);
+    if (room) {
+        q.a[n] = q.b[n] = q.state[n] = q.bias[n] = 0;
+        q.c[n] = 1;
+        q.Q[n * q.n + n] = within;
+    } else {
+        q.R += within;
+    }
 }
 
 // How large innovations at rest are, by the median of chunks, which motion that was not seen does not move.
@@ -118,64 +200,190 @@ class Likelihood {
     HeldLog log_S_;
 };
 
+// Where the bias has stepped, by the number of the first sample after it, and the variance of what it may
+// have stepped by; the newest ones.
+class Steps {
+  public:
+    enum { kMostSteps = 16 };
+    struct Step {
+        std::int64_t at;
+        double variance;
+    };
+
+    void add(std::int64_t at, double variance) {
+        if (count_ == kMostSteps) {
+            for (int i = 1; i < count_; ++i) steps_[i - 1] = steps_[i];
+            --count_;
+        }
+        steps_[count_++] = Step{at, variance};
+    }
+    void clear() { count_ = 0; }
+    // Those at or behind a sample never were.
+    void forget(std::int64_t from) {
+        int kept = 0;
+        for (int i = 0; i < count_; ++i) {
+            if (steps_[i].at < from) steps_[kept++] = steps_[i];
+        }
+        count_ = kept;
+    }
+    // The variance of all steps of samples from `begin` on and before `end`; 0 without one.
+    double within(std::int64_t begin, std::int64_t end) const {
+        double sum = 0;
+        for (int i = 0; i < count_; ++i) {
+            if (begin <= steps_[i].at && steps_[i].at < end) sum += steps_[i].variance;
+        }
+        return sum;
+    }
+
+    template <typename Io>
+    void visit(Io& io) {
+        io.number(count_, 0, kMostSteps);
+        for (int i = 0; i < count_ && io.sound(); ++i) {
+            io.number(steps_[i].at, 0, 1e15);
+            io.real(steps_[i].variance, 0, 1e300);
+        }
+    }
+
+  private:
+    Step steps_[kMostSteps];
+    int count_ = 0;
+};
+
+inline bool is_finite(const double* x, int n) {
+    for (int i = 0; i < n; ++i) {
+        if (!std::isfinite(x[i])) return false;
+    }
+    return true;
+}
+
+// Whether a symmetric matrix has no negative eigenvalue, but for rounding: by elimination.
+inline bool is_covariance(const double* P, int n) {
+    double left[kMost * kMost];
+    std::memcpy(left, P, sizeof(double) * std::size_t(n * n));
+    for (int k = 0; k < n; ++k) {
+        const double pivot = left[k * n + k], rounding = kRounding * P[k * n + k];
+        if (!(pivot >= -rounding) || !std::isfinite(pivot)) return false;
+        if (pivot <= rounding) continue;
+        for (int i = k + 1; i < n; ++i) {
+            const double share = left[i * n + k] / pivot;
+            for (int j = k + 1; j < n; ++j) left[i * n + j] -= share * left[k * n + j];
+        }
+    }
+    return true;
+}
+
 // Means of m samples go through the filter of the slow part; x and P of all of it are before and after.
+// first: number of the first sample in them. A mean with a step inside of it says nothing.
 template <int size>
-void through(const System<kMost>& s, const Newest<size>& means, double m, double* x, double* P,
-             Likelihood& fits) {
+void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, std::int64_t first,
+             const Steps& steps, double* x, double* P, Likelihood& fits) {
     if (means.count() == 0) return;
     Coarse part;
-    coarsen(s, m, part);
-    const int n = part.system.n;
+    coarsen(s, double(m), part);
+    const int n = part.n, all = part.system.n, offset = part.system.offset();
     double own[kMost * kMost];
+    std::memcpy(own, part.system.Q, sizeof own);
     for (int k = 0; k < n; ++k) {
-        for (int l = 0; l < n; ++l) own[k * n + l] = P[part.of[k] * s.n + part.of[l]];
+        for (int l = 0; l < n; ++l) own[k * all + l] = P[part.of[k] * s.n + part.of[l]];
     }
     Kalman<kMost> filter;
     RiccatiMap<kMost> map;
     if (!map.set(part.system)) return;
     for (int k = 0; k < n; ++k) filter.x[k] = x[part.of[k]];
     filter.start(&part.system, &map, own);
-    for (int i = 0; i < means.count(); ++i) {
+    for (int i = 0; i < means.count(); ++i, first += m) {
+        const double before = steps.within(first, first + 1), inside = steps.within(first + 1, first + m);
+        if (before > 0 && offset >= 0) filter.widen(offset, before);
         const double y = means[i], e = filter.innovation(std::isnan(y) ? 0 : y);
-        if (!std::isnan(y)) fits.add(e, filter.S);
-        filter.go_on(e, !std::isnan(y));
+        const bool known = !std::isnan(y) && !(inside > 0);
+        if (known) fits.add(e, filter.S);
+        filter.go_on(e, known);
+        if (inside > 0 && offset >= 0) filter.widen(offset, inside);
     }
+    double x_then[kMost], P_then[kMost * kMost];
+    std::memcpy(x_then, x, sizeof x_then);
+    std::memcpy(P_then, P, sizeof(double) * std::size_t(s.n * s.n));
     for (int k = 0; k < n; ++k) {
-        x[part.of[k]] = filter.x[k];
-        for (int l = 0; l < n; ++l) P[part.of[k] * s.n + part.of[l]] = filter.P[k * n + l];
+        x_then[part.of[k]] = filter.x[k];
+        for (int l = 0; l < n; ++l) P_then[part.of[k] * s.n + part.of[l]] = filter.P[k * all + l];
     }
+    // Where a slow pole pair counts as fast, numbers may be lost: then these means say nothing.
+    if (!is_finite(x_then, s.n) || !is_covariance(P_then, s.n)) return;
+    std::memcpy(x, x_then, sizeof x_then);
+    std::memcpy(P, P_then, sizeof(double) * std::size_t(s.n * s.n));
 }
 
 }  // namespace refilter
 
 // The samples that a filter begins again with: those of the past, and the last ones, which are not in it yet
-// in case there was motion; NaN where nothing is known.
+// in case there was motion; NaN where nothing is known. And where the bias has stepped.
 struct Remembered {
     enum { kRecent = 2 * RestGate::kChunk };
 
-    // Leaves the filter after the newest sample, and returns log L but for a constant. `innovations`: of the
-    // newest samples, if anybody wants them.
+    // Leaves the filter after the newest sample, and returns log L but for a constant. `tell` is called with
+    // each of the newest innovations in its deviations; NaN without a sample.
+    template <typename Tell>
     double filter_again(const System<kMost>& s, const RiccatiMap<kMost>& map, Kalman<kMost>& filter,
-                        refilter::Innovations* innovations = nullptr) const {
+                        Tell tell) const {
         double x[kMost] = {0}, P[kMost * kMost];
         std::memcpy(P, s.P0, sizeof(double) * std::size_t(s.n * s.n));
         refilter::Likelihood fits;
-        double m = std::pow(double(Past::kGroup), double(Past::kLevels));
+        const int single = past.single().count(), offset = s.offset();
+        std::int64_t first = total - kept - single;
+        std::int64_t begins[Past::kLevels], m = Past::kGroup;
+        for (int level = 0; level < Past::kLevels; ++level, m *= Past::kGroup) {
+            first -= m * past.means(level).count();
+            begins[level] = first;
+        }
         for (int level = Past::kLevels - 1; level >= 0; --level) {
-            refilter::through(s, past.means(level), m, x, P, fits);
             m /= Past::kGroup;
+            refilter::through(s, past.means(level), m, begins[level], steps, x, P, fits);
         }
         std::memcpy(filter.x, x, sizeof x);
         filter.start(&s, &map, P);
-        const int single = past.single().count();
-        for (int i = 0; i < single + kept; ++i) {
+        first = total - kept - single;
+        for (int i = 0; i < single + kept; ++i, ++first) {
+            const double step = offset < 0 ? 0 : steps.within(first, first + 1);
+            if (step > 0) filter.widen(offset, step);
             const double y = i < single ? past.single()[i] : double(recent[i - single]);
             const double e = filter.innovation(std::isnan(y) ? 0 : y);
             if (!std::isnan(y)) fits.add(e, filter.S);
-            if (innovations != nullptr) innovations->add(std::isnan(y) ? y : e / std::sqrt(filter.S));
+            tell(std::isnan(y) ? y : e / std::sqrt(filter.S));
             filter.go_on(e, !std::isnan(y));
         }
         return fits.value();
+    }
+
+    // Nothing is known of the newest `count` samples, as far as they are single ones.
+    void forget(int count) {
+        for (int i = kept - count < 0 ? 0 : kept - count; i < kept; ++i) recent[i] = __builtin_nanf("");
+        if (count > kept) past.forget(count - kept);
+        steps.forget(total - count);
+    }
+
+    void clear() {
+        past.clear();
+        steps.clear();
+        kept = 0;
+    }
+
+    // The newest `count` samples, NaN where nothing is known; fewer if there are no more single ones.
+    std::vector<double> newest(int count) const {
+        const int single = past.single().count(), there = single + kept;
+        std::vector<double> found;
+        for (int i = count < there ? there - count : 0; i < there; ++i) {
+            found.push_back(i < single ? past.single()[i] : double(recent[i - single]));
+        }
+        return found;
+    }
+
+    template <typename Io>
+    void visit(Io& io) {
+        io.number(kept, 0, kRecent - 1);
+        io.number(total, 0, 1e15);
+        past.visit(io);
+        steps.visit(io);
+        for (int i = 0; i < kept && io.sound(); ++i) visit_known(io, recent[i]);
     }
 
     // 2 log L, but for a constant; NaN if no filter can work with the system.
@@ -183,12 +391,14 @@ struct Remembered {
         RiccatiMap<kMost> map;
         if (!map.set(s)) return __builtin_nan("");
         Kalman<kMost> filter;
-        return 2 * filter_again(s, map, filter);
+        return 2 * filter_again(s, map, filter, [](double) {});
     }
 
     Past past;
+    refilter::Steps steps;
     float recent[kRecent];
     int kept = 0;
+    std::int64_t total = 0;  // samples until now, lost ones included
 };
 
 }  // namespace track

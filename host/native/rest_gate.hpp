@@ -1,13 +1,13 @@
-// Whether a sensor is at rest, by the innovations of its filter. The rules are those of the gate of the live
-// fit (firmware/core/engine/gate.hpp), on shorter chunks and with what the filter knows of the noise.
+// Whether an axis is at rest, by the innovations of its filter: what a chunk of 32 samples says. The rules
+// are those of the gate of the live fit (firmware/core/engine/gate.hpp), on shorter chunks and with what the
+// filter knows of the noise.
 //
-// A chunk of 32 is a knock if the power of its innovations, the largest not counted, is sixteen times that of
-// the noise, if one of them alone is a hundred deviations away, or if their mean is eight of its deviations
-// away. Rest is back after two chunks that are none. After 32 chunks in a row that lie still elsewhere, there
-// is where the offset is now.
+// A chunk is a knock if the power of its innovations, the largest not counted, is sixteen times that of the
+// noise, if one of them alone is a hundred deviations away, or if their mean is eight of its deviations away.
+// It is none if its samples lie as still as ever, no farther from the bias than a bias can step.
 //
-// The filter leaves lines and more that is no motion to its innovations. Where those at rest are larger than
-// they should be, or their means are, that is what others are beside.
+// The filter leaves lines and more that is no motion to its innovations, and samples of coloured noise are
+// not still about their mean. What is usual at rest is what others are beside.
 #pragma once
 
 #include <cmath>
@@ -20,18 +20,20 @@ struct Usual {
     double power = 1, mean = 1;
 };
 
+// What a chunk of one axis says.
+struct ChunkVerdict {
+    bool knock;
+    bool same_place;  // as still as ever, where the chunk before was, too
+    double place;     // mean of its samples; NaN without any
+};
+
 class RestGate {
   public:
-    enum { kChunk = 32, kQuiet = 2, kStill = 32 };
-    enum Verdict { kGoesOn, kBegins, kEnds, kElsewhere };
+    enum { kChunk = 32 };
     static constexpr double kKnock = 16, kSpike = 100, kMean = 8;
-
-    explicit RestGate(const Usual& usual = Usual()) : usual_(usual) {}
 
     const Usual& usual() const { return usual_; }
     void expect(const Usual& usual) { usual_ = usual; }
-    bool moving() const { return moving_; }
-    int fill() const { return fill_; }
 
     // An innovation in its deviations; y: the sample, deviation: of the noise of one. True if it is one of
     // motion by itself.
@@ -43,76 +45,92 @@ class RestGate {
         if (power > largest_) largest_ = power;
         if (known_ == 0) first_ = y;
         const double apart = bounded((y - first_) / deviation);
+        if (known_ == 0 || apart < low_) low_ = apart;
+        if (known_ == 0 || apart > high_) high_ = apart;
         own_ += apart;
         own_powers_ += apart * apart;
         ++known_;
         return power > kSpike * kSpike * usual_.power;
     }
 
-    // After each sample, which may be missing.
-    Verdict next(double deviation) {
-        if (++fill_ < kChunk) return kGoesOn;
+    // Forgets the chunk's samples until now: the bias is another one from here on.
+    void forget_chunk() {
+        known_ = 0;
+        sum_ = powers_ = largest_ = own_ = own_powers_ = 0;
+    }
+
+    // The end of a chunk by which nothing is judged.
+    void drop_chunk() {
+        forget_chunk();
+        has_place_ = false;
+    }
+
+    // At the end of a chunk. bias: what the samples have been about; largest_step: how far that can step.
+    ChunkVerdict end_chunk(double deviation, double bias, double largest_step, bool moving) {
         const int n = known_;
-        const double most = kKnock * usual_.power * (n - 1), apart = kMean * std::sqrt(usual_.mean);
-        const bool knock = n > 1 && (powers_ - largest_ > most || largest_ > kSpike * kSpike * usual_.power ||
-                                     std::fabs(sum_) > apart * std::sqrt(double(n)));
-        const double mean = n > 0 ? own_ / n : 0;
-        const bool still = n > 1 && own_powers_ - mean * own_ < most;
-        const double place = first_ + mean * deviation;
-        const bool same =
-            still && has_place_ && std::fabs(place - place_) < apart * deviation * std::sqrt(2.0 / kChunk);
-        place_ = place;
-        has_place_ = still;
-        stood_ = moving_ && same ? stood_ + 1 : 0;
-        quiet_ = knock ? 0 : quiet_ + 1;
-        clear_chunk();
-        if (!moving_) {
-            moving_ = knock;
-            return knock ? kBegins : kGoesOn;
+        ChunkVerdict found = {false, false, __builtin_nan("")};
+        if (n > 1) {
+            const double mean = own_ / n, own_power = std::fmax(own_powers_ - mean * own_, 0) / (n - 1);
+            const double most = kKnock * usual_.power, apart = kMean * std::sqrt(usual_.mean);
+            const double most_apart = std::fmax(high_ - mean, mean - low_),
+                         spike = kSpike * kSpike * usual_.power;
+            const bool still =
+                most_apart * most_apart < spike && own_power < kKnock * std::fmax(usual_own_, usual_.power);
+            found.place = first_ + mean * deviation;
+            const double step = has_place_ ? (found.place - place_) / deviation : 0;
+            found.same_place = still && has_place_ && std::fabs(step) < kMean * std::sqrt(usual_step_);
+            found.knock = powers_ - largest_ > most * (n - 1) || largest_ > spike ||
+                          std::fabs(sum_) > apart * std::sqrt(double(n));
+            // Where it moves it has to lie still again, and not be on its way.
+            const bool lies = moving ? found.same_place : still;
+            if (lies && !(std::fabs(found.place - bias) > largest_step)) found.knock = false;
+            if (!moving && !found.knock) {
+                usual_own_ = learned(usual_own_, own_power, 1);
+                if (has_place_) usual_step_ = learned(usual_step_, step * step, 2.0 / kChunk);
+            }
+            place_ = found.place;
+            has_place_ = still;
+        } else {
+            has_place_ = false;
         }
-        if (quiet_ >= kQuiet) {
-            moving_ = false;
-            return kEnds;
-        }
-        if (stood_ < kStill) return kGoesOn;
-        moving_ = false;
-        stood_ = 0;
-        return kElsewhere;
+        forget_chunk();
+        return found;
     }
 
     template <typename Io>
     void visit(Io& io) {
-        io.number(fill_, 0, kChunk - 1);
-        io.number(known_, 0, fill_);
-        io.number(quiet_, 0, 1e15);
-        io.number(stood_, 0, kStill);
-        io.number(moving_, 0, 1);
+        io.number(known_, 0, kChunk);
         io.number(has_place_, 0, 1);
         io.real(sum_, -1e300, 1e300);
         io.real(powers_, 0, 1e300);
         io.real(largest_, 0, 1e300);
-        io.real(own_, -1e300, 1e300);
+        for (double* one : {&own_, &low_, &high_}) io.real(*one, -1e300, 1e300);
         io.real(own_powers_, 0, 1e300);
         io.real(first_, -1e150, 1e150);
         io.real(place_, -1e300, 1e300);
         io.real(usual_.power, 1, 1e300);
         io.real(usual_.mean, 1, 1e300);
+        io.real(usual_own_, 1, 1e300);
+        io.real(usual_step_, 2.0 / kChunk, 1e300);
     }
 
   private:
+    static constexpr double kLearned = 1 / 16.0, kOutlier = 4;
+
     // Whose square is a number.
     static double bounded(double x) { return x > 1e100 ? 1e100 : x < -1e100 ? -1e100 : x; }
 
-    void clear_chunk() {
-        fill_ = known_ = 0;
-        sum_ = powers_ = largest_ = own_ = own_powers_ = 0;
+    static double learned(double before, double now, double least) {
+        const double used = std::fmin(now, kOutlier * before);
+        return std::fmax(before + kLearned * (used - before), least);
     }
 
     Usual usual_;
-    int fill_ = 0, known_ = 0, stood_ = 0;
-    long long quiet_ = 0;
-    bool moving_ = false, has_place_ = false;
-    double sum_ = 0, powers_ = 0, largest_ = 0, own_ = 0, own_powers_ = 0, first_ = 0, place_ = 0;
+    int known_ = 0;
+    bool has_place_ = false;
+    double sum_ = 0, powers_ = 0, largest_ = 0, first_ = 0, place_ = 0;
+    double own_ = 0, own_powers_ = 0, low_ = 0, high_ = 0;  // relative to the first, in deviations
+    double usual_own_ = 1, usual_step_ = 2.0 / kChunk;
 };
 
 }  // namespace track

@@ -8,6 +8,7 @@
 
 #include "axis_bank.hpp"
 #include "engine_binding.hpp"
+#include "sensor_tracker.hpp"
 
 // All take rows of y (rows, axes). Half, so that a number stays within what the engine takes when a bias is
 // taken off.
@@ -15,9 +16,11 @@ constexpr double kLargestSample = kLargestInput / 2;
 enum { kTrackedColumns = 5 };
 
 struct SensorTracker {
+    using Event = fltea::track::TrackerEvent;
     virtual ~SensorTracker() = default;
-    // out: (kTrackedColumns, rows, axes); moving: (rows, axes).
-    virtual void run(const double* y, std::size_t rows, double* out, std::uint8_t* moving) = 0;
+    // accel: (rows, accel_axes), or none. out: (kTrackedColumns, rows, axes); moving: (rows, axes).
+    virtual void run(const double* y, const double* accel, std::size_t accel_axes, std::size_t rows,
+                     double* out, std::uint8_t* moving, std::vector<Event>& events) = 0;
 };
 
 struct SensorSums {

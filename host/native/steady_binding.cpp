@@ -187,7 +187,11 @@ class Steady {
             taken[k].block.valid = table.room<std::uint8_t>(size);
             taken[k].block.white = table.room<std::uint8_t>(size);
         }
-        for (size_t k = 0; k < sensors_.size(); ++k) walk(sensors_[k], n, taken[k]);
+        for (size_t k = 0; k < sensors_.size(); ++k) {
+            // The accelerometer's own axes show motion by themselves.
+            const double* const of_accel = sensors_[k].is_accel ? nullptr : accel_ms2;
+            walk(sensors_[k], of_accel, has_accel ? accel.width() : 0, n, taken[k]);
+        }
         const nb::tuple of_rows = nb::make_tuple(n);
         nb::list found;
         for (size_t k = 0; k < sensors_.size(); ++k) found.append(columns(table, sensors_[k], n, taken[k]));
@@ -209,6 +213,7 @@ class Steady {
         std::uint8_t* moving = nullptr;
         fltea::BankBlock block = {};
         std::vector<fltea::Lost> lost;
+        std::vector<SensorTracker::Event> events;
     };
 
     // The columns `places` of n rows; false for numbers beyond all measure.
@@ -224,15 +229,30 @@ class Steady {
         return true;
     }
 
-    static void walk(const Sensor& one, size_t n, Taken& to) {
+    static void walk(const Sensor& one, const double* accel, size_t accel_axes, size_t n, Taken& to) {
         const size_t axes = one.places.size(), size = n * axes;
-        one.tracker->run(to.y.data(), n, to.tracked, to.moving);
-        if (one.sums) one.sums->add(to.y.data(), to.moving, n, one.longest);
+        one.tracker->run(to.y.data(), accel, accel_axes, n, to.tracked, to.moving, to.events);
+        if (one.sums) add_at_rest(one, n, to);
         if (!one.bank) return;
         one.bank->run(to.y.data(), n, to.block, to.lost);
         for (size_t i = 0; i < size; ++i) {
             if (one.waits[i % axes]) to.block.white[i] = 0;
         }
+    }
+
+    // Sums break where a bias has stepped, as at motion.
+    static void add_at_rest(const Sensor& one, size_t n, const Taken& from) {
+        const size_t axes = one.places.size();
+        if (from.events.empty()) {
+            one.sums->add(from.y.data(), from.moving, n, one.longest);
+            return;
+        }
+        std::vector<std::uint8_t> left_out(from.moving, from.moving + n * axes);
+        for (const SensorTracker::Event& event : from.events) {
+            if (event.kind == SensorTracker::Event::kStep)
+                left_out[event.row * axes + static_cast<size_t>(event.axis)] = 1;
+        }
+        one.sums->add(from.y.data(), left_out.data(), n, one.longest);
     }
 
     static nb::tuple columns(const NumpyTable& table, const Sensor& one, size_t n, const Taken& from) {
@@ -251,7 +271,11 @@ class Steady {
             bank.append(table.array(from.block.white, shape));
             estimates = nb::tuple(bank);
         }
-        return nb::make_tuple(nb::tuple(tracked), estimates, as_list(from.lost));
+        nb::list events;
+        for (const SensorTracker::Event& event : from.events)
+            events.append(nb::make_tuple(static_cast<int>(event.kind), event.row, event.axis, event.ago,
+                                         event.size, event.size_std, event.samples));
+        return nb::make_tuple(nb::tuple(tracked), estimates, as_list(from.lost), events);
     }
 
     fltea::FollowRule rule_ = {};

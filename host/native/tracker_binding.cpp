@@ -14,18 +14,17 @@
 #include "engine_binding.hpp"
 #include "number_io.hpp"
 #include "sensor_binding.hpp"
-#include "tracker.hpp"
+#include "sensor_tracker.hpp"
 
 namespace nb = nanobind;
 
 namespace {
 
-using Lane = fltea::track::Tracker;
+using Lane = fltea::track::AxisTracker;
+using Event = fltea::track::TrackerEvent;
 using System = fltea::track::System<fltea::track::kMost>;
 using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Matrix = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-
-constexpr double kLargestStep = 1e200;
 
 void copy(const Vector& from, double* to, size_t n) {
     if (from.shape(0) != n) throw nb::value_error("the system's columns differ in length");
@@ -78,22 +77,6 @@ class Remembered {
         return memory_.likelihood(system);
     }
 
-    // The same for each variance of a step of the last coordinate.
-    std::vector<double> likelihoods(std::vector<double> steps, int pairs, Vector a, Vector b, Matrix Q,
-                                    Vector c, Vector state, Vector bias, Matrix P0, double R) const {
-        System system = system_of(pairs, a, b, Q, c, state, bias, P0, R);
-        if (system.n == 0) throw nb::value_error("the system has no coordinate that could walk");
-        for (const double step : steps) {
-            if (!(step >= 0 && step <= kLargestStep)) throw nb::value_error("no offset walks like that");
-        }
-        nb::gil_scoped_release release;
-        for (double& one : steps) {
-            system.Q[system.n * system.n - 1] = one;
-            one = memory_.likelihood(system);
-        }
-        return steps;
-    }
-
     double of_walks() const { return of_walks_; }
 
   private:
@@ -101,52 +84,85 @@ class Remembered {
     double of_walks_;
 };
 
+// Kind, row, axis, samples since then, size and its deviation, samples of motion: as of TrackerEvent.
+using EventTuple = std::tuple<int, size_t, int, std::int64_t, double, double, std::int64_t>;
+
 class Tracker : public SensorTracker {
   public:
-    explicit Tracker(const std::vector<std::optional<double>>& offsets) : offsets_(offsets) {
+    Tracker(const std::vector<std::optional<double>>& offsets, std::int64_t ahead,
+            const std::vector<std::int64_t>& checked, double largest_step, double largest_gravity_step,
+            std::int64_t still, std::int64_t patience, bool settles)
+        : offsets_(offsets), largest_gravity_step_(largest_gravity_step) {
         if (offsets.empty()) throw nb::value_error("there must be at least one lane");
-        make(lanes_);
+        if (ahead < 0 || ahead > kLongest || checked.size() > fltea::track::BiasCheck::kTimes)
+            throw nb::value_error("no bias is meant for so many samples");
+        if (!(largest_step > 0 && largest_gravity_step > 0 && still > 0 && patience > 0))
+            throw nb::value_error("limits of a step and of motion have to be above 0");
+        rules_.ahead = ahead;
+        for (size_t i = 0; i < checked.size(); ++i) {
+            if (checked[i] < 0 || checked[i] > kLongest)
+                throw nb::value_error("no bias is checked over so many samples");
+            rules_.checked[i] = checked[i];
+        }
+        rules_.largest_step = largest_step;
+        rules_.still = still;
+        rules_.patience = patience;
+        rules_.settles = settles;
+        make(sensor_);
     }
 
-    // out: (columns, rows, lanes); moving: (rows, lanes).
-    void run(Rows y, Results out, Places moving) {
-        const size_t rows = y.shape(0), lanes = lanes_.size();
+    // out: (columns, rows, lanes); moving: (rows, lanes); accel: (rows, 1 to 3). rest: as of Rest.
+    std::vector<EventTuple> run(Rows y, Results out, Places moving, std::optional<Rows> accel, int rest) {
+        const size_t rows = y.shape(0), lanes = offsets_.size();
         if (y.shape(1) != lanes || out.shape(0) != static_cast<size_t>(kTrackedColumns) ||
             out.shape(1) != rows || out.shape(2) != lanes || moving.shape(0) != rows ||
             moving.shape(1) != lanes)
             throw nb::value_error("y must have shape (rows, lanes)");
+        if (accel && (accel->shape(0) != rows || accel->shape(1) < 1 || accel->shape(1) > 3))
+            throw nb::value_error("accel must have shape (rows, 1 to 3)");
+        if (rest < fltea::track::kUnknown || rest > fltea::track::kMoving)
+            throw nb::value_error("rest is 0, 1 or 2");
         check_numbers("y", y.data(), rows, lanes, nullptr, kLargestSample);
-        const LockGivenAway given(rows);
-        run(y.data(), rows, out.data(), moving.data());
+        if (accel) check_numbers("accel", accel->data(), rows, accel->shape(1), nullptr, kLargestSample);
+        std::vector<Event> events;
+        {
+            const LockGivenAway given(rows);
+            walk(y.data(), accel ? accel->data() : nullptr, accel ? accel->shape(1) : 0, rows,
+                 static_cast<fltea::track::Rest>(rest), out.data(), moving.data(), events);
+        }
+        std::vector<EventTuple> found;
+        for (const Event& one : events)
+            found.emplace_back(one.kind, one.row, one.axis, one.ago, one.size, one.size_std, one.samples);
+        return found;
     }
 
-    void run(const double* y, size_t rows, double* out, uint8_t* moving) override {
-        const size_t lanes = lanes_.size(), all = rows * lanes;
-        const std::lock_guard<std::mutex> alone(mutex_);
-        for (size_t lane = 0; lane < lanes; ++lane) {
-            for (size_t i = lane; i < all; i += lanes) {
-                const fltea::track::Tracked one = lanes_[lane].next(y[i]);
-                out[i] = one.state;
-                out[all + i] = one.state_std;
-                out[2 * all + i] = one.bias;
-                out[3 * all + i] = one.bias_std;
-                out[4 * all + i] = one.innovation;
-                moving[i] = one.moving ? 1 : 0;
-            }
-        }
+    void run(const double* y, const double* accel, size_t accel_axes, size_t rows, double* out,
+             uint8_t* moving, std::vector<Event>& events) override {
+        walk(y, accel, accel_axes, rows, fltea::track::kUnknown, out, moving, events);
     }
 
     void skip(double count) {
         if (!(count >= 0 && count <= 1e15)) throw nb::value_error("no such number of samples can be lost");
         const std::lock_guard<std::mutex> alone(mutex_);
-        for (Lane& lane : lanes_) lane.skip(static_cast<uint64_t>(count));
+        sensor_->skip(static_cast<uint64_t>(count));
     }
 
-    void set(size_t lane, bool absolute, int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state,
-             Vector bias, Matrix P0, double R) {
-        const System system = system_of(pairs, a, b, Q, c, state, bias, P0, R);
+    using Numbers = std::tuple<int, Vector, Vector, Matrix, Vector, Vector, Vector, Matrix, double>;
+
+    void set(size_t lane, bool absolute, const std::vector<double>& weights,
+             const std::vector<Numbers>& systems) {
+        if (systems.empty() || systems.size() > fltea::track::NoiseModel::kRivals ||
+            systems.size() != weights.size())
+            throw nb::value_error("a noise is one system or two, each with a weight");
+        std::vector<System> of;
+        for (const Numbers& one : systems) of.push_back(std::apply(system_of, one));
+        for (size_t i = 0; i < of.size(); ++i) {
+            if (of[i].n != of.front().n || !(weights[i] >= 0 && weights[i] <= 1))
+                throw nb::value_error("systems of one noise differ in size, or a weight is none");
+        }
         const std::lock_guard<std::mutex> alone(mutex_);
-        if (!at(lane).set(system, absolute)) throw nb::value_error("no filter can work with such a system");
+        if (!at(lane).set(of, weights, absolute))
+            throw nb::value_error("no filter can work with such a system");
     }
 
     Remembered remembered(size_t lane) {
@@ -162,53 +178,92 @@ class Tracker : public SensorTracker {
         return {one.origin(), std::move(found)};
     }
 
-    // Of each lane: samples in motion, how often it began again, lag1, nis, Ljung and Box's statistic and of
-    // how many innovations it is.
-    std::vector<std::tuple<uint64_t, uint64_t, double, double, double, int>> stats() const {
+    // Of each lane: samples in motion, how often it began again, steps, lag1, nis, Ljung and Box's statistic
+    // and of how many innovations it is; pieces and rms of each time over which the bias is checked.
+    using Check = std::tuple<uint64_t, double>;
+    using Stats = std::tuple<uint64_t, uint64_t, uint64_t, double, double, double, int, std::vector<Check>>;
+    std::vector<Stats> stats() const {
         const std::lock_guard<std::mutex> alone(mutex_);
-        std::vector<std::tuple<uint64_t, uint64_t, double, double, double, int>> all;
-        for (const Lane& lane : lanes_) {
+        std::vector<Stats> all;
+        for (const Lane& lane : sensor_->axes()) {
             const fltea::Whiteness& white = lane.whiteness();
             const fltea::Whiteness::LjungBox test = white.ljung_box();
-            all.emplace_back(lane.counts().moved, lane.counts().begun, white.lag1(), white.nis(), test.value,
-                             test.n);
+            const fltea::track::TrackerCounts& counts = lane.counts();
+            std::vector<Check> checks;
+            for (int i = 0; i < fltea::track::BiasCheck::kTimes; ++i) {
+                const fltea::track::BiasCheck::Found one = lane.check().found(i);
+                checks.emplace_back(one.pieces, one.rms);
+            }
+            all.emplace_back(counts.moved, counts.begun, counts.steps, white.lag1(), white.nis(), test.value,
+                             test.n, std::move(checks));
         }
         return all;
+    }
+
+    bool moving() const {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        return sensor_->moving();
     }
 
     nb::bytes save() const {
         const std::lock_guard<std::mutex> alone(mutex_);
         std::vector<double> numbers;
         fltea::NumberSaver saver(numbers);
-        for (const Lane& lane : lanes_) const_cast<Lane&>(lane).visit(saver);
+        sensor_->visit(saver);
         return nb::bytes(numbers.data(), numbers.size() * sizeof(double));
     }
 
     void load(nb::bytes bytes) {
         std::vector<double> numbers(bytes.size() / sizeof(double));
         if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * sizeof(double));
-        std::vector<Lane> lanes;
-        make(lanes);
+        std::unique_ptr<Sensor> sensor;
+        make(sensor);
         fltea::NumberLoader loader(numbers.data(), numbers.data() + numbers.size());
-        for (Lane& lane : lanes) lane.visit(loader);
+        sensor->visit(loader);
         if (!loader.sound() || !loader.at_end() || bytes.size() % sizeof(double) != 0)
             throw nb::value_error("what the tracker has seen cannot be read");
         const std::lock_guard<std::mutex> alone(mutex_);
-        lanes_ = std::move(lanes);
+        sensor_ = std::move(sensor);
     }
 
   private:
-    void make(std::vector<Lane>& lanes) const {
-        lanes.clear();
-        for (const std::optional<double>& one : offsets_) lanes.emplace_back(one ? &*one : nullptr);
+    using Sensor = fltea::track::SensorTracker;
+    static constexpr std::int64_t kLongest = std::int64_t(1) << 40;
+
+    void walk(const double* y, const double* accel, size_t accel_axes, size_t rows, fltea::track::Rest rest,
+              double* out, uint8_t* moving, std::vector<Event>& events) {
+        const size_t lanes = offsets_.size(), all = rows * lanes;
+        const std::lock_guard<std::mutex> alone(mutex_);
+        std::vector<fltea::track::Tracked> now(lanes);
+        for (size_t row = 0; row < rows; ++row) {
+            sensor_->next(y + row * lanes, accel == nullptr ? nullptr : accel + row * accel_axes,
+                          static_cast<int>(accel_axes), rest, row, now.data(), events);
+            for (size_t lane = 0; lane < lanes; ++lane) {
+                const fltea::track::Tracked& one = now[lane];
+                const size_t i = row * lanes + lane;
+                out[i] = one.state;
+                out[all + i] = one.state_std;
+                out[2 * all + i] = one.bias;
+                out[3 * all + i] = one.bias_std;
+                out[4 * all + i] = one.innovation;
+                moving[i] = one.moving ? 1 : 0;
+            }
+        }
+    }
+
+    void make(std::unique_ptr<Sensor>& sensor) const {
+        sensor.reset(new Sensor(rules_, largest_gravity_step_));
+        for (const std::optional<double>& one : offsets_) sensor->add_axis(one ? &*one : nullptr);
     }
     Lane& at(size_t lane) {
-        if (lane >= lanes_.size()) throw nb::index_error("no such lane");
-        return lanes_[lane];
+        if (lane >= offsets_.size()) throw nb::index_error("no such lane");
+        return sensor_->axes()[lane];
     }
 
     std::vector<std::optional<double>> offsets_;
-    std::vector<Lane> lanes_;
+    double largest_gravity_step_;
+    fltea::track::TrackerRules rules_;
+    std::unique_ptr<Sensor> sensor_;
     mutable std::mutex mutex_;
 };
 
@@ -218,12 +273,15 @@ void bind_tracker(nb::module_& m) {
     m.attr("TRACKER_COORDINATES") = static_cast<int>(fltea::track::kMost);
     nb::class_<Remembered>(m, "Remembered")
         .def("likelihood", &Remembered::likelihood)
-        .def("likelihoods", &Remembered::likelihoods)
         .def("of_walks", &Remembered::of_walks);
     nb::class_<Tracker, SensorTracker>(m, "Tracker")
-        .def(nb::init<const std::vector<std::optional<double>>&>(), nb::arg("offsets"))
-        .def("run", nb::overload_cast<Rows, Results, Places>(&Tracker::run), nb::arg("y"), nb::arg("out"),
-             nb::arg("moving"))
+        .def(nb::init<const std::vector<std::optional<double>>&, std::int64_t,
+                      const std::vector<std::int64_t>&, double, double, std::int64_t, std::int64_t, bool>(),
+             nb::arg("offsets"), nb::arg("ahead"), nb::arg("checked"), nb::arg("largest_step"),
+             nb::arg("largest_gravity_step"), nb::arg("still"), nb::arg("patience"), nb::arg("settles"))
+        .def("run", nb::overload_cast<Rows, Results, Places, std::optional<Rows>, int>(&Tracker::run),
+             nb::arg("y"), nb::arg("out"), nb::arg("moving"), nb::arg("accel").none(), nb::arg("rest"))
+        .def("moving", &Tracker::moving)
         .def("skip", &Tracker::skip, nb::arg("count"))
         .def("set", &Tracker::set)
         .def("remembered", &Tracker::remembered, nb::arg("lane"))

@@ -14,16 +14,18 @@ class WalkBank {
   public:
     enum { kFewest = 16 };
 
-    WalkBank() {
-        const BankMembers& all = BankMembers::all();
-        for (int i = 0; i < all.count(); ++i) {
+    // ahead: samples to come for which the bias is meant; 0: it is that of the newest sample.
+    explicit WalkBank(std::int64_t ahead) : all_(&BankMembers::of(ahead)) {
+        for (int i = 0; i < all_->count(); ++i) {
             members_.emplace_back(i);
-            members_.back().filter.start(&all.system(i), &all.map(i), &all.gains(i));
+            members_.back().filter.start(&all_->system(i), &all_->map(i), &all_->gains(i));
         }
     }
 
     // Whether there were enough samples for the scale.
     bool knows() const { return count_ >= kFewest; }
+
+    int count() const { return count_; }
 
     void predict(double y) {
         for (Member& one : members_) one.e = one.filter.innovation(y);
@@ -74,7 +76,7 @@ class WalkBank {
 
     template <typename Io>
     void visit(Io& io) {
-        const BankMembers& all = BankMembers::all();
+        const BankMembers& all = *all_;
         std::size_t size = members_.size();
         io.number(size, 1, all.count());
         io.number(count_, 0, 1e9);
@@ -130,6 +132,7 @@ class WalkBank {
         for (Member& one : members_) one.weight = std::exp(members_[best_].unlikely - one.unlikely);
     }
 
+    const BankMembers* all_;
     int count_ = 0;
     std::size_t best_ = 0;
     std::vector<Member> members_;

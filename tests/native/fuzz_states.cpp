@@ -16,7 +16,7 @@
 #include "noise.h"
 #include "number_io.hpp"
 #include "octaves.hpp"
-#include "tracker.hpp"
+#include "one_axis.hpp"
 
 using namespace fltea;
 
@@ -129,7 +129,7 @@ void octaves(double memory, const std::uint8_t* data, std::size_t n) {
 
 // A tracker's state after all of y, the second time by a system of two coordinates.
 Numbers tracked(const Numbers& y, bool with_system) {
-    track::Tracker fed(nullptr);
+    track::OneAxis fed;
     for (const double one : y) fed.next(one);
     if (with_system) {
         track::System<track::kMost> s = track::System<track::kMost>();
@@ -139,27 +139,27 @@ Numbers tracked(const Numbers& y, bool with_system) {
         s.a[1] = 1;
         for (int i = 0; i < 2; ++i) s.c[i] = s.bias[i] = s.P0[3 * i] = 1;
         s.state[0] = s.Q[0] = 0.1;
-        require(fed.set(s, false), "the system is right");
+        require(fed.set(s), "the system is right");
         for (const double one : y) fed.next(one);
     }
     return saved(fed);
 }
 
 void tracker(bool with_system, const std::uint8_t* data, std::size_t n) {
-    typedef track::Tracker Lane;
+    typedef track::OneAxis Lane;
     static const Numbers y = noise(3000);
     static Numbers known[2];
     if (known[with_system].empty()) known[with_system] = tracked(y, with_system);
     Numbers numbers = known[with_system];
     change(reinterpret_cast<unsigned char*>(numbers.data()), numbers.size() * sizeof(double), data, n);
-    Lane lane(nullptr), again(nullptr);
+    Lane lane, again;
     if (!load(lane, numbers)) return;
     for (const std::uint64_t lost : kLost) {
         for (std::size_t i = 0; i < 300; ++i) lane.next(y[i]);
         lane.skip(lost);
     }
-    (void)lane.whiteness().ljung_box();
-    (void)lane.likelihood();
+    (void)lane.axis().whiteness().ljung_box();
+    (void)lane.axis().likelihood();
     (void)load(again, saved(lane));
 }
 

@@ -6,8 +6,8 @@
 #include <new>
 
 #include "fit_bins.hpp"
+#include "sensor_motion.hpp"
 #include "sliced_fit.hpp"
-#include "tracked_state.hpp"
 
 namespace {
 
@@ -20,11 +20,13 @@ struct Axis {
     fltea::whittle::SlicedFit<Bins> fit;
     fltea::whittle::FitMemory memory;
     fltea::whittle::TrackedState tracked;
+    fltea::whittle::SensorMotion motion;
+    int ahead = 0;
 };
 
 void design(Axis* axis, const fltea::whittle::FitFigures& figures) {
     fltea::whittle::FilterDesign design;
-    design.begin(figures);
+    design.begin(figures, axis->ahead);
     while (!design.work()) {
     }
     axis->tracked.set(design.filter());
@@ -33,7 +35,12 @@ void design(Axis* axis, const fltea::whittle::FitFigures& figures) {
 }  // namespace
 
 extern "C" {
-Axis* spectrum_make() { return new Axis; }
+// ahead: samples to come, over which the bias is the mean; 0: it is that of now.
+Axis* spectrum_make(int ahead) {
+    Axis* axis = new Axis;
+    axis->ahead = ahead;
+    return axis;
+}
 void spectrum_free(Axis* axis) { delete axis; }
 void spectrum_add(Axis* axis, std::size_t n, const std::int16_t* counts) {
     for (std::size_t k = 0; k < n; ++k) axis->octaves.add(counts[k]);
@@ -74,14 +81,26 @@ void spectrum_design(Axis* axis, const double* given) {
     figures.R = static_cast<float>(given[4]);
     design(axis, figures);
 }
-// Bias, its deviation, state and its deviation after each count: four numbers each, 0 without a filter.
-void spectrum_track(Axis* axis, std::size_t n, const std::int16_t* counts, double* out) {
+// Bias, its deviation, state and its deviation after each sample of `axes`, a sensor's: four numbers of each,
+// 0 without a filter, and whether it moves. counts: of each axis in turn.
+void spectrum_track(Axis* const* axes, int n_axes, std::size_t n, const std::int16_t* counts, double* out) {
+    const fltea::whittle::SensorMotion::Limits limits = {32.8f, 31, 1875};
+    fltea::whittle::SensorMotion& motion = axes[0]->motion;
+    fltea::whittle::TrackedState* tracked[8];
+    for (int i = 0; i < n_axes; ++i) tracked[i] = &axes[i]->tracked;
     for (std::size_t k = 0; k < n; ++k) {
-        axis->tracked.next(counts[k]);
-        fltea::whittle::TrackedState::Figures f = fltea::whittle::TrackedState::Figures();
-        if (axis->tracked.known()) f = axis->tracked.figures();
-        for (float one : {f.bias, f.bias_std, f.state, f.state_std}) *out++ = static_cast<double>(one);
+        for (int i = 0; i < n_axes; ++i) tracked[i]->next(*counts++, motion.moving());
+        motion.next(tracked, n_axes, limits);
+        for (int i = 0; i < n_axes; ++i) {
+            fltea::whittle::TrackedState::Figures f = fltea::whittle::TrackedState::Figures();
+            if (tracked[i]->known()) f = tracked[i]->figures(motion.unlearned());
+            for (float one : {f.bias, f.bias_std, f.state, f.state_std}) *out++ = static_cast<double>(one);
+            *out++ = motion.moving() ? 1 : 0;
+        }
     }
 }
-void spectrum_lose(Axis* axis, std::size_t lost) { axis->tracked.skip(static_cast<std::uint32_t>(lost)); }
+void spectrum_lose(Axis* axis, std::size_t lost) {
+    axis->motion.skip(static_cast<std::uint32_t>(lost));
+    axis->tracked.skip(static_cast<std::uint32_t>(lost));
+}
 }

@@ -1,0 +1,514 @@
+// What the bias of one axis is now, and how sure that is: the filter of the noise that was found, from a bank
+// of walks until it is found, while the sensor is at rest. Whether it is, is judged of all axes together
+// (sensor_tracker.hpp). Nothing depends on how samples are put together.
+#pragma once
+
+#include <limits>
+#include <memory>
+
+#include "bias_check.hpp"
+#include "past.hpp"
+#include "refilter.hpp"
+#include "rest_gate.hpp"
+#include "step_test.hpp"
+#include "walk_bank.hpp"
+#include "whiteness.hpp"
+
+namespace fltea {
+namespace track {
+
+// After a sample, in its unit; NaN where nothing is known yet. innovation: NaN without a sample.
+struct Tracked {
+    double state, state_std, bias, bias_std, innovation;
+    bool moving;
+};
+
+struct TrackerCounts {
+    std::uint64_t moved;  // samples in motion
+    std::uint64_t begun;  // how often it had to begin again, at an offset that has changed
+    std::uint64_t steps;  // of the bias
+};
+
+struct TrackerRules {
+    // Samples to come for which the bias is meant: it is their mean. 0: that of the newest sample.
+    std::int64_t ahead = 0;
+    // Samples over which the bias is checked; 0: it is not.
+    std::int64_t checked[BiasCheck::kTimes] = {0, 0, 0};
+    // Farther a bias does not step; what does is motion.
+    double largest_step = std::numeric_limits<double>::infinity();
+    // Samples that lie still elsewhere until there is where the offset is now, and until that is so although
+    // the sensor may turn.
+    std::int64_t still = 1024, patience = 60000;
+    // Still elsewhere is where the offset is now.
+    bool settles = true;
+};
+
+// A step of the bias, of which the newest `ago` samples are behind it.
+struct BiasStep {
+    std::int64_t ago;
+    double size, size_std;
+};
+
+class AxisTracker {
+  public:
+    // Lost samples of which more make it begin again.
+    enum { kLongestGap = 100000 };
+    // Values of no sensor.
+    static constexpr double kLargest = 1e100;
+
+    // `offset`: what the sensor adds, if that is given.
+    AxisTracker(const TrackerRules& rules, const double* offset) : rules_(rules), fixed_(offset != nullptr) {
+        if (fixed_) origin_ = *offset;
+        for (int i = 0; i < BiasCheck::kTimes; ++i) check_.expect(i, rules.checked[i]);
+        begin_again();
+    }
+
+    // Whether there was a sample.
+    bool has_begun() const { return has_origin_; }
+    // Of the likeliest system after the newest sample, relative to the origin; no system, no coordinates.
+    const double* x() const { return model_->x(); }
+    int size() const { return model_ == nullptr ? 0 : model_->size(); }
+    double origin() const { return origin_; }
+    const TrackerCounts& counts() const { return counts_; }
+    const Whiteness& whiteness() const { return white_; }
+    const BiasCheck& check() const { return check_; }
+    const Remembered& memory() const { return memory_; }
+    bool fixed() const { return fixed_; }
+
+    // From the next sample on this is the noise, and always has been: one of these systems, of which each is
+    // as likely as its weight. False, and nothing has changed, if no filter can work with it. `absolute`: its
+    // state has no mean of its own, so it holds the offset.
+    bool set(const std::vector<System<kMost>>& systems, const std::vector<double>& weights, bool absolute) {
+        std::unique_ptr<NoiseModel> next(new NoiseModel);
+        next->absolute = absolute;
+        for (std::size_t i = 0; i < systems.size(); ++i) {
+            if (!next->add(systems[i], weights[i], rules_.ahead)) return false;
+        }
+        next->start();
+        refilter::Innovations innovations;
+        StepTest test = steps_;
+        test.clear();
+        test.relearn();
+        const bool sound = next->filter_again(memory_, [&](double z) {
+            innovations.add(z);
+            if (!std::isnan(z)) test.take(z);
+        });
+        if (!sound) return false;
+        gate_.expect(innovations.usual(gate_.usual()));
+        if (model_ == nullptr || model_->size() != next->size()) white_.skip();
+        steps_ = test;
+        model_ = std::move(next);
+        banks_.reset();
+        before_.reset();
+        check_.set(*model_);
+        keep_twice();
+        return true;
+    }
+
+    // 2 log L of the samples by the bank, but for a constant, for as long as there is one.
+    double likelihood() const {
+        return banks_ != nullptr && banks_->bank.knows() ? banks_->bank.likelihood() : __builtin_nan("");
+    }
+
+    // Predicts a sample; true if it is one of motion by itself. Then `take`.
+    bool predict(double y) {
+        if (!has_origin_) {
+            if (!fixed_) origin_ = y;
+            has_origin_ = true;
+        }
+        apart_ = y - origin_;
+        note_change(apart_);
+        const double z = begin_sample(apart_);
+        return gate_.add(z, apart_, deviation_);
+    }
+
+    Tracked take(bool moving) {
+        go_on(!moving);
+        seen_ = StepSeen{StepSeen::kNothing, 0, 0};
+        if (moving) {
+            ++counts_.moved;
+            white_.skip();
+            check_.skip();
+        } else {
+            if (model_ != nullptr) {
+                white_.add(e_, std::sqrt(model_->variance()));
+                check_.add(*model_, apart_);
+            }
+            if (!fixed_ && deviation_ < kLargest) seen_ = steps_.add(for_steps_);
+        }
+        remember(moving ? __builtin_nanf("") : remembered(apart_));
+        return tracked(moving);
+    }
+
+    // A sample is missing, behind one that there was.
+    void miss() {
+        white_.skip();
+        check_.skip();
+        begin_sample(0);
+        go_on(false);
+        remember(__builtin_nanf(""));
+    }
+
+    // After a sample: whether the bias has changed with it, or before.
+    StepSeen::Kind seen() const { return seen_.kind; }
+    // How far the bias would be from where it last was for long, if that is a step.
+    bool is_too_far() const {
+        return !(std::fabs(bias() + step_size() - settled_bias()) <= rules_.largest_step);
+    }
+
+    // What was seen is so: the bias is that of the samples since then. False: it is not told after all.
+    bool step(BiasStep& found) {
+        const StepSeen seen = seen_;
+        const double was = bias(), was_variance = bias_variance(), size = step_size();
+        if (seen.kind == StepSeen::kDrift || goes_on(seen, size)) {
+            drift(seen, size);
+            return false;
+        }
+        last_step_ = LastStep{memory_.total, size};
+        if (model_ == nullptr) return begin_bank_at(seen.ago, size, was, was_variance, found);
+        if (model_->offset() < 0) {
+            steps_.clear();
+            return false;
+        }
+        note_before();
+        model_->forget_newest();
+        memory_.steps.add(memory_.total - seen.ago, kWide * size * size);
+        again();
+        ++counts_.steps;
+        found = BiasStep{seen.ago, bias() - was, std::sqrt(bias_variance() + was_variance)};
+        return true;
+    }
+
+    // At the end of a chunk, before `roll`.
+    ChunkVerdict end_chunk(bool moving) {
+        return gate_.end_chunk(deviation_, settled_bias(), rules_.largest_step, moving);
+    }
+
+    void drop_chunk() { gate_.drop_chunk(); }
+
+    // Motion was seen: what this chunk and the one before have done is undone, and the steps that led to it.
+    // Returns the number of samples that are.
+    std::int64_t go_back() {
+        steps_.clear();
+        check_.skip();
+        if (before_ != nullptr) {
+            const std::int64_t count = memory_.total - before_->at;
+            counts_.steps -= before_->steps;
+            model_->restore(before_->state);
+            memory_.forget(int(count < int(Past::kSingle) ? count : int(Past::kSingle)));
+            before_.reset();
+            predict_over(count);
+            return count;
+        }
+        memory_.forget(memory_.kept);
+        if (model_ != nullptr) {
+            model_->go_back();
+        } else {
+            banks_->bank = banks_->before[0];
+        }
+        const int count = memory_.kept;
+        predict_over(count);
+        return count;
+    }
+
+    // Motion begins with the next sample, as somebody says.
+    void pause() {
+        steps_.clear();
+        check_.skip();
+        before_.reset();
+    }
+
+    // The end of a chunk.
+    void roll() {
+        if (before_ != nullptr && memory_.total - before_->newest > kSettled) before_.reset();
+        if (memory_.kept == Remembered::kRecent) {
+            memory_.past.add(memory_.recent);
+            std::memcpy(memory_.recent, memory_.recent + RestGate::kChunk, sizeof(float) * RestGate::kChunk);
+            memory_.kept = RestGate::kChunk;
+        }
+        keep();
+    }
+
+    // With what is known of the noise, if anything is, and nothing of the offset.
+    void begin_again() {
+        memory_.clear();
+        const Usual usual = gate_.usual();
+        gate_ = RestGate();
+        gate_.expect(usual);
+        steps_.clear();
+        check_.skip();
+        before_.reset();
+        last_step_ = LastStep{0, 0};
+        has_last_ = false;
+        if (!fixed_) has_origin_ = false;
+        if (model_ != nullptr) {
+            model_->start();
+        } else {
+            banks_.reset(new Banks(rules_.ahead));
+        }
+        keep_twice();
+    }
+    void count_beginning() { ++counts_.begun; }
+
+    // Of the sample that was taken last, beside the bias of before.
+    double off() const { return std::fabs(apart_ - settled_bias()); }
+    // Bias now, as it is published.
+    double absolute_bias() const { return bias() + origin_; }
+
+    template <typename Io>
+    void visit(Io& io) {
+        bool has_model = model_ != nullptr, has_before = before_ != nullptr;
+        io.number(has_model, 0, 1);
+        io.number(has_before, 0, 1);
+        io.number(has_origin_, 0, 1);
+        io.real(origin_, -kLargest, kLargest);
+        io.number(has_last_, 0, 1);
+        io.real(last_, -2 * kLargest, 2 * kLargest);
+        io.real(rounding_, 0, 2 * kLargest);
+        io.real(deviation_, 0, 2 * kLargest);
+        io.number(counts_.moved, 0, 1e15);
+        io.number(counts_.begun, 0, 1e15);
+        io.number(counts_.steps, 0, 1e15);
+        io.number(last_step_.at, 0, 1e15);
+        io.real(last_step_.size, -2 * kLargest, 2 * kLargest);
+        white_.visit(io);
+        gate_.visit(io);
+        steps_.visit(io);
+        check_.visit(io);
+        memory_.visit(io);
+        if (!io.sound()) return;
+        if (has_model) {
+            if (model_ == nullptr) model_.reset(new NoiseModel);
+            banks_.reset();
+            model_->visit(io);
+            if (!has_before) before_.reset();
+            if (has_before && io.sound()) visit_before(io);
+        } else {
+            io.require(!has_before);
+            model_.reset();
+            before_.reset();
+            if (banks_ == nullptr) banks_.reset(new Banks(rules_.ahead));
+            banks_->bank.visit(io);
+            for (WalkBank& one : banks_->before) one.visit(io);
+        }
+    }
+
+  private:
+    static constexpr double kRoundings = 3.4641016151377544;  // √12
+    // The prior variance of a step, over what it seems to be, squared; and the samples without another one
+    // after which a step has not been the beginning of motion.
+    static constexpr double kWide = 10;
+    enum { kSettled = 512, kFewestOfBank = 1024, kSlow = 1024, kSoon = 4 };
+
+    struct Banks {
+        explicit Banks(std::int64_t ahead) : bank(ahead), before{bank, bank} {}
+        WalkBank bank, before[2];
+    };
+
+    struct LastStep {
+        std::int64_t at;  // samples until it was told
+        double size;
+    };
+
+    // The filter before the first of the newest steps, which may be the beginning of motion.
+    struct Before {
+        NoiseModel::State state;
+        double bias;
+        std::int64_t at, newest;  // samples until then, and until the newest step
+        std::uint64_t steps;
+    };
+
+    // Its deviation from what is expected, over the deviation that is expected.
+    double begin_sample(double y) {
+        if (model_ == nullptr) {
+            banks_->bank.predict(y);
+            e_ = banks_->bank.innovation();
+            deviation_ = banks_->bank.knows() ? std::sqrt(banks_->bank.variance()) : kLargest;
+        } else {
+            e_ = model_->innovation(y);
+            deviation_ = std::sqrt(model_->variance());
+        }
+        const double z = model_ == nullptr ? e_ / deviation_ : model_->for_steps(e_);
+        for_steps_ = deviation_ < rounding_ ? z * deviation_ / rounding_ : z;
+        if (deviation_ < rounding_) deviation_ = rounding_;
+        return e_ / deviation_;
+    }
+
+    // While hardly any sample changes there is still the noise of rounding to the least change.
+    void note_change(double y) {
+        const double change = std::fabs(y - last_);
+        if (change > 0 && has_last_ && (rounding_ == 0 || change < rounding_ * kRoundings)) {
+            rounding_ = change / kRoundings;
+        }
+        last_ = y;
+        has_last_ = true;
+    }
+
+    void go_on(bool take) {
+        if (model_ == nullptr) {
+            banks_->bank.go_on(take);
+        } else {
+            model_->go_on(take);
+        }
+    }
+
+    void remember(float y) {
+        memory_.recent[memory_.kept++] = y;
+        ++memory_.total;
+    }
+
+    void predict_over(std::int64_t count) {
+        for (std::int64_t i = 0; i < count; ++i) {
+            begin_sample(0);
+            go_on(false);
+        }
+        keep_twice();
+    }
+
+    Known known() const { return model_ == nullptr ? banks_->bank.known() : model_->known(e_); }
+
+    Tracked tracked(bool moving) const {
+        if (model_ == nullptr && !banks_->bank.knows()) {
+            const double none = __builtin_nan("");
+            return Tracked{none, none, none, none, none, moving};
+        }
+        Known now = known();
+        if (!moving && !fixed_) suspect(now);
+        const bool absolute = model_ == nullptr || model_->absolute;
+        return Tracked{now.state + (absolute && !fixed_ ? origin_ : 0),
+                       std::sqrt(now.state_variance),
+                       now.bias + origin_,
+                       std::sqrt(now.bias_variance),
+                       e_,
+                       moving};
+    }
+
+    // With a step that may have been, the bias is the mean of both cases.
+    void suspect(Known& now) const {
+        const StepSuspected& one = steps_.suspected();
+        if (!(one.likely > 0)) return;
+        const double size = one.size * deviation_;
+        now.bias += one.likely * size;
+        now.bias_variance +=
+            one.likely * (1 - one.likely) * size * size + one.likely * one.variance * deviation_ * deviation_;
+    }
+
+    // Relative to the origin.
+    double bias() const {
+        if (model_ != nullptr) return model_->bias();
+        return banks_->bank.knows() ? banks_->bank.known().bias : 0;
+    }
+    // What the step that was seen seems to be: the test counts large innovations as smaller ones.
+    double step_size() const {
+        double sum = 0;
+        int known = 0;
+        for (const double y : memory_.newest(seen_.ago)) {
+            if (std::isnan(y)) continue;
+            sum += y;
+            ++known;
+        }
+        return known > 0 ? sum / known - bias() : seen_.size * deviation_;
+    }
+    double bias_variance() const { return known().bias_variance; }
+    // Where it was before steps that may be the beginning of motion.
+    double settled_bias() const { return before_ != nullptr ? before_->bias : bias(); }
+
+    void note_before() {
+        if (before_ == nullptr) {
+            before_.reset(new Before{model_->state(), bias(), memory_.total, memory_.total, 0});
+        }
+        before_->newest = memory_.total;
+        ++before_->steps;
+    }
+
+    // All that is remembered goes through the filter once more.
+    void again() {
+        steps_.clear();
+        gate_.forget_chunk();
+        check_.skip();
+        model_->filter_again(memory_, [](double) {});
+        keep_twice();
+    }
+
+    // Small steps one way, one after the other, are no steps.
+    bool goes_on(const StepSeen& seen, double size) const {
+        const std::int64_t since = memory_.total - last_step_.at;
+        return seen.ago >= kSlow && size * last_step_.size > 0 && since < kSoon * std::int64_t(seen.ago);
+    }
+
+    // A bias that has gone on growing: it drifts by more than its model says, which is a walk of the offset
+    // until the next model is there.
+    void drift(const StepSeen& seen, double change) {
+        steps_.clear();
+        if (model_ == nullptr) return;
+        const double size = seen.kind == StepSeen::kDrift ? seen.size * deviation_ : change;
+        if (!model_->raise_walk(size * size / double(seen.ago), rules_.ahead)) return;
+        before_.reset();
+        check_.set(*model_);
+        again();
+    }
+
+    // Without a model the noise is found again, of the samples since then.
+    bool begin_bank_at(int ago, double size, double was, double was_variance, BiasStep& found) {
+        steps_.clear();
+        if (banks_->bank.count() < kFewestOfBank || ago < WalkBank::kFewest) return false;
+        const std::vector<double> since = memory_.newest(ago);
+        banks_.reset(new Banks(rules_.ahead));
+        for (const double y : since) {
+            banks_->bank.predict(std::isnan(y) ? 0 : y);
+            banks_->bank.go_on(!std::isnan(y));
+        }
+        memory_.steps.add(memory_.total - ago, kWide * size * size);
+        if (!banks_->bank.knows()) return false;
+        gate_.forget_chunk();
+        keep_twice();
+        ++counts_.steps;
+        found = BiasStep{ago, bias() - was, std::sqrt(bias_variance() + was_variance)};
+        return true;
+    }
+
+    // The filter as it is now is the one of a chunk ago before long.
+    void keep() {
+        if (model_ != nullptr) {
+            model_->keep();
+        } else {
+            std::swap(banks_->before[0], banks_->before[1]);
+            banks_->before[1] = banks_->bank;
+        }
+    }
+    void keep_twice() {
+        keep();
+        keep();
+    }
+
+    template <typename Io>
+    void visit_before(Io& io) {
+        if (before_ == nullptr) before_.reset(new Before{model_->state(), 0, 0, 0, 0});
+        Before& one = *before_;
+        io.real(one.bias, -1e200, 1e200);
+        io.number(one.at, 0, double(memory_.total));
+        io.number(one.newest, double(one.at), double(memory_.total));
+        io.number(one.steps, 0, double(counts_.steps));
+        model_->visit_state(io, one.state);
+    }
+
+    TrackerRules rules_;
+    bool fixed_, has_origin_ = false, has_last_ = false;
+    double origin_ = 0, last_ = 0, rounding_ = 0;
+    // Of the newest sample: relative to the origin, its innovation, and that one's deviation.
+    double apart_ = 0, e_ = 0, deviation_ = kLargest, for_steps_ = 0;
+    StepSeen seen_ = StepSeen{StepSeen::kNothing, 0, 0};
+    LastStep last_step_ = LastStep{0, 0};
+    TrackerCounts counts_ = TrackerCounts();
+    RestGate gate_;
+    StepTest steps_;
+    BiasCheck check_;
+    Remembered memory_;
+    Whiteness white_;
+    std::unique_ptr<NoiseModel> model_;
+    std::unique_ptr<Before> before_;
+    std::unique_ptr<Banks> banks_;  // until it is found
+};
+
+}  // namespace track
+}  // namespace fltea

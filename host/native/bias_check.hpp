@@ -1,0 +1,116 @@
+// Whether the bias holds: the mean of the next T seconds is off by the error of the bias, by what the bias
+// moves on until then, and by white noise. No truth is needed for that.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "mean_ahead.hpp"
+#include "noise_model.hpp"
+
+namespace fltea {
+namespace track {
+
+class BiasCheck {
+  public:
+    enum { kTimes = 3 };
+    struct Found {
+        std::uint64_t pieces;
+        double rms;  // of the differences, over their deviation; NaN before there is one
+    };
+
+    // length: samples of a piece; 0: nothing is checked.
+    void expect(int which, std::int64_t length) { pieces_[which].length = length; }
+
+    // From the next sample on the noise is another one.
+    void set(const NoiseModel& model) {
+        density_ = 0;
+        for (std::size_t i = 0; i < model.count(); ++i) {
+            const System<kMost>& s = model.system(i);
+            bool noise[kMost] = {};
+            for (int k = 0; k < s.n; ++k) noise[k] = model.bias_now(i)[k] == 0;
+            density_ = std::fmax(density_, s.R + density_at_zero(s, noise));
+            for (Piece& one : pieces_) one.ahead[i] = mean_ahead(s, model.bias_now(i), one.length);
+        }
+        skip();
+    }
+
+    // There is no sample.
+    void skip() {
+        for (Piece& one : pieces_) one.ends = 0;
+        count_ = 0;
+        due_ = 1;
+        sum_ = 0;
+    }
+
+    // A sample at rest, by which the filters have gone on.
+    void add(const NoiseModel& model, double y) {
+        sum_ += y;
+        if (++count_ >= due_) end_pieces(model);
+    }
+
+    Found found(int which) const {
+        const Piece& one = pieces_[which];
+        return Found{one.pieces,
+                     one.pieces > 0 ? std::sqrt(one.squares / double(one.pieces)) : __builtin_nan("")};
+    }
+
+    template <typename Io>
+    void visit(Io& io) {
+        io.real(density_, 0, 1e300);
+        io.real(sum_, -1e200, 1e200);
+        io.number(count_, 0, 1e15);
+        io.number(due_, 0, 1e15);
+        for (Piece& one : pieces_) {
+            io.number(one.length, 0, 1e15);
+            io.number(one.ends, 0, 1e15);
+            io.number(one.pieces, 0, 1e15);
+            for (MeanAhead<kMost>& of_system : one.ahead) {
+                for (double& x : of_system.row) io.real(x, -1e150, 1e150);
+                io.real(of_system.variance, 0, 1e300);
+            }
+            for (double* x : {&one.bias, &one.sum_before}) io.real(*x, -1e200, 1e200);
+            io.real(one.squares, 0, 1e300);
+            io.real(one.variance, 1e-300, 1e300);
+        }
+    }
+
+  private:
+    struct Piece {
+        std::int64_t length = 0, ends = 0;  // with which sample it ends; 0: there is none
+        double bias = 0, variance = 1, sum_before = 0, squares = 0;
+        std::uint64_t pieces = 0;
+        MeanAhead<kMost> ahead[NoiseModel::kRivals] = {};  // of each system
+    };
+
+    void end_pieces(const NoiseModel& model) {
+        due_ = INT64_MAX;
+        for (Piece& one : pieces_) {
+            if (one.length == 0) continue;
+            if (one.ends > 0 && count_ < one.ends) {
+                due_ = one.ends < due_ ? one.ends : due_;
+                continue;
+            }
+            if (one.ends > 0) {
+                const double off = (sum_ - one.sum_before) / double(one.length) - one.bias;
+                one.squares += off * off / one.variance;
+                ++one.pieces;
+            }
+            one.ends = count_ + one.length;
+            one.sum_before = sum_;
+            model.mean_of(one.ahead, one.bias, one.variance);
+            one.variance = std::fmax(one.variance + density_ / double(one.length), 1e-300);
+            due_ = one.ends < due_ ? one.ends : due_;
+        }
+        if (due_ == INT64_MAX) due_ = count_ + kNever;
+    }
+
+    enum : std::int64_t { kNever = 1000000000 };
+
+    double density_ = 0, sum_ = 0;
+    std::int64_t count_ = 0, due_ = 1;
+    Piece pieces_[kTimes];
+};
+
+}  // namespace track
+}  // namespace fltea

@@ -1,0 +1,141 @@
+// What the mean of part of a system over the next samples is: a row of its coordinates now, and the variance
+// that its process noise adds (design: the bias is a forecast).
+#pragma once
+
+#include <complex>
+
+#include "linear_system.hpp"
+
+namespace fltea {
+namespace track {
+
+// row: the mean is row x, where x is that of the newest sample. variance: of what comes on top by then.
+template <int N>
+struct MeanAhead {
+    double row[N];
+    double variance;
+};
+
+// Sums over k = 1 … m, by doubling: all terms of slow modes have one sign, so nothing cancels.
+// power: a^m. geometric: g(m) = 1 + a + … + a^(m-1). sums: of g(1) … g(m).
+struct ModeSums {
+    std::complex<double> power, geometric, sums;
+};
+
+// Of m samples: the mean of weights x over the samples that come next. With m = 0, weights x itself.
+//
+// x_k+j = A^j x_k + …: in the eigenvectors of A, where a pole pair is a conjugate pair of modes, the mean of
+// A^j is a g(m) / m, and a step of the noise j samples ahead has the weight g(m - j + 1) / m.
+template <int N>
+MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) {
+    typedef std::complex<double> Complex;
+    MeanAhead<N> found;
+    found.variance = 0;
+    for (int i = 0; i < N; ++i) found.row[i] = i < s.n ? weights[i] : 0;
+    if (m <= 0) return found;
+    const int n = s.n;
+    Complex a[N], weight[N];
+    for (int i = 0; i < n; ++i) {
+        a[i] = s.a[i];
+        weight[i] = weights[i];
+    }
+    // Of x_i, x_i+1: ξ = x_i + i x_i+1 goes on by a - i b, and its conjugate is the other mode.
+    for (int i = 0; i < 2 * s.pairs; i += 2) {
+        a[i] = Complex(s.a[i], -s.b[i]);
+        a[i + 1] = std::conj(a[i]);
+        weight[i] = Complex(weights[i], -weights[i + 1]) / 2.0;
+        weight[i + 1] = std::conj(weight[i]);
+    }
+    // Sums of g(k) conj g'(k) for each pair of modes.
+    Complex both[N * N], noise[N * N];
+    ModeSums of[N];
+    for (int i = 0; i < n; ++i) {
+        of[i] = ModeSums{a[i], 1.0, 1.0};
+        for (int j = 0; j < n; ++j) {
+            both[i * n + j] = 1.0;
+            noise[i * n + j] = s.Q[i * n + j];
+        }
+    }
+    for (int i = 0; i < 2 * s.pairs; i += 2) {  // rows, then columns, of the noise in modes
+        for (int j = 0; j < n; ++j) {
+            const Complex one = noise[i * n + j], other = noise[(i + 1) * n + j];
+            noise[i * n + j] = one + Complex(0, 1) * other;
+            noise[(i + 1) * n + j] = one - Complex(0, 1) * other;
+        }
+    }
+    for (int i = 0; i < 2 * s.pairs; i += 2) {
+        for (int j = 0; j < n; ++j) {
+            const Complex one = noise[j * n + i], other = noise[j * n + i + 1];
+            noise[j * n + i] = one - Complex(0, 1) * other;
+            noise[j * n + i + 1] = one + Complex(0, 1) * other;
+        }
+    }
+    int bit = 0;
+    while ((m >> (bit + 1)) > 0) ++bit;
+    double count = 1;
+    while (bit-- > 0) {
+        for (int i = 0; i < n; ++i) {
+            for (int j = 0; j < n; ++j) {
+                const Complex gi = of[i].geometric, gj = std::conj(of[j].geometric), pi = of[i].power,
+                              pj = std::conj(of[j].power);
+                Complex& sum = both[i * n + j];
+                sum +=
+                    count * gi * gj + gi * pj * std::conj(of[j].sums) + pi * gj * of[i].sums + pi * pj * sum;
+            }
+        }
+        for (int i = 0; i < n; ++i) {
+            ModeSums& one = of[i];
+            one.sums += count * one.geometric + one.power * one.sums;
+            one.geometric += one.power * one.geometric;
+            one.power *= one.power;
+        }
+        count *= 2;
+        if (((m >> bit) & 1) == 0) continue;
+        for (int i = 0; i < n; ++i) {
+            of[i].geometric = of[i].geometric + of[i].power;
+            of[i].power *= a[i];
+            of[i].sums += of[i].geometric;
+        }
+        for (int i = 0; i < n; ++i) {
+            for (int j = 0; j < n; ++j) {
+                both[i * n + j] += of[i].geometric * std::conj(of[j].geometric);
+            }
+        }
+        count += 1;
+    }
+    for (int i = 0; i < n; ++i) {
+        for (int j = 0; j < n; ++j) {
+            found.variance += (weight[i] * std::conj(weight[j]) * noise[i * n + j] * both[i * n + j]).real();
+        }
+    }
+    found.variance = found.variance > 0 ? found.variance / (double(m) * double(m)) : 0;
+    for (int i = 0; i < n; ++i) {
+        const Complex mean = weight[i] * a[i] * of[i].geometric / double(m);
+        if (i >= 2 * s.pairs) {
+            found.row[i] = mean.real();
+        } else if (i % 2 == 0) {  // and its conjugate: 2 Re(mean ξ)
+            found.row[i] = 2 * mean.real();
+            found.row[i + 1] = -2 * mean.imag();
+        }
+    }
+    return found;
+}
+
+// The spectral density at frequency 0 of the coordinates with `in` not 0, by c: of fast ones, how they count
+// in a mean of many samples.
+template <int N>
+double density_at_zero(const System<N>& s, const bool* in) {
+    double M[N * N], row[N];
+    for (int i = 0; i < s.n; ++i) {
+        row[i] = in[i] ? s.c[i] : 0;
+        for (int j = 0; j < s.n; ++j) M[i * s.n + j] = i == j ? (in[i] ? 1 - s.a[i] : 1) : 0;
+    }
+    for (int i = 0; i < 2 * s.pairs; i += 2) {  // transposed
+        M[(i + 1) * s.n + i] = -s.b[i];
+        M[i * s.n + i + 1] = s.b[i];
+    }
+    return solve(M, row, s.n, 1) ? form(row, s.Q, row, s.n) : 0;
+}
+
+}  // namespace track
+}  // namespace fltea

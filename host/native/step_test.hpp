@@ -1,0 +1,288 @@
+// Whether the bias of an axis has stepped: a generalised likelihood ratio of the innovations of its filter,
+// over windows from 16 to 16,384 samples (Basseville & Nikiforov, Detection of Abrupt Changes, 1993, section
+// 2.4). Innovations of a right filter are white, so the mean of a window after a step by δ deviations is told
+// from 0 by n δ² / 2 in log L. At a false alarm a week no test needs fewer samples than some 30 / δ² (Lorden,
+// Ann. Math. Statist. 42, 1971).
+//
+// Filters are never quite right. So sums are judged beside what is usual for windows of their length.
+#pragma once
+
+#include <cmath>
+
+namespace fltea {
+namespace track {
+
+struct StepSeen {
+    enum Kind { kNothing, kStep, kDrift };
+    Kind kind;
+    int ago;      // samples from the change on, the newest included
+    double size;  // deviations by which the mean has changed; of a drift, until now
+};
+
+// A step that may have been: how likely that is, how large in deviations, and its variance.
+struct StepSuspected {
+    double likely, size, variance;
+};
+
+class StepTest {
+  public:
+    // log L from which on a step is told: less than one false one a week. And at which it is as likely as
+    // not, where one in some hours is expected.
+    static constexpr double kSure = 18, kEven = 13;
+
+    // The likeliest step that is not told yet.
+    const StepSuspected& suspected() const { return suspected_; }
+
+    // An innovation in its deviations. What is seen is seen with this sample; then `clear`.
+    StepSeen add(double z) {
+        const double used = z > kClip ? kClip : z < -kClip ? -kClip : z;
+        total_ += used;
+        if (++samples_ % kBlock != 0) return nothing();
+        for (int l = 0, size = kBlock; l < kLevels; ++l, size *= kUp) {
+            if (samples_ % size != 0) break;
+            Level& level = levels_[l];
+            level.push(total_);
+            const StepSeen found = judge(l, size);
+            if (found.kind != StepSeen::kNothing) return found;
+        }
+        suspect();
+        return nothing();
+    }
+
+    // Sums begin again; what is usual stays.
+    void clear() {
+        total_ = 0;
+        samples_ = 0;
+        for (Level& level : levels_) level.clear();
+        suspected_ = StepSuspected{0, 0, 0};
+    }
+
+    // Learns what is usual of the past of another filter of the same samples; its sums go on.
+    void take(double z) {
+        const double used = z > kClip ? kClip : z < -kClip ? -kClip : z;
+        total_ += used;
+        if (++samples_ % kBlock != 0) return;
+        for (int l = 0, size = kBlock; l < kLevels && samples_ % size == 0; ++l, size *= kUp) {
+            Level& level = levels_[l];
+            level.push(total_);
+            for (int w = l == 0 ? 0 : 1; w < kWindows && blocks_of(w) <= level.count; ++w) {
+                learn(level.windows[w], blocks_of(w), size, level.newest(blocks_of(w)), kAnything);
+            }
+        }
+    }
+
+    // What was usual counts for less, since the filter is another one.
+    void relearn() {
+        for (Level& level : levels_) {
+            for (Window& one : level.windows) {
+                if (one.count > kWeight) one.count = kWeight;
+            }
+        }
+    }
+
+    template <typename Io>
+    void visit(Io& io) {
+        io.real(total_, -1e15, 1e15);
+        io.number(samples_, 0, 1e15);
+        for (Level& level : levels_) level.visit(io);
+        suspect();
+    }
+
+  private:
+    enum { kLevels = 4, kBlock = 4, kUp = 8, kKept = 32, kWindows = 7, kWeight = 8, kMostCounted = 200 };
+    // An innovation of more deviations counts as one of so many: no glitch is a step.
+    static constexpr double kClip = 4;
+    // Squares count as so many times what is usual at most.
+    static constexpr double kOutlier = 9, kAnything = 100;
+
+    // Windows of one length. usual: mean square of their sums over that of white innovations, by the
+    // differences of neighbours: neither a step nor a drift is usual.
+    struct Window {
+        double usual;
+        int count, since;
+        bool has_last;
+        double last;  // sum of the last one that was learned from
+    };
+
+    struct Suspect {
+        double gain, size, length;
+    };
+
+    // Sums until the ends of its newest blocks; cumulative, in a ring.
+    struct Level {
+        double ends[kKept + 1] = {};
+        int at = 0, count = 0;
+        Window windows[kWindows];
+        Suspect suspect = {0, 0, 1};
+        double absolute = 0;  // mean square of the sums of its windows, or of shorter ones
+
+        Level() {
+            ends[0] = 0;
+            for (Window& one : windows) one = Window{1, 0, 0, false, 0};
+        }
+        void clear() {
+            at = count = 0;
+            ends[0] = 0;
+            suspect = Suspect{0, 0, 1};
+            for (Window& one : windows) {
+                one.since = 0;
+                one.has_last = false;
+            }
+        }
+        void push(double sum) {
+            at = at == kKept ? 0 : at + 1;
+            ends[at] = sum;
+            if (count < kKept) ++count;
+        }
+        // Sum of the newest blocks.
+        double newest(int blocks) const {
+            const int then = at - blocks;
+            return ends[at] - ends[then < 0 ? then + kKept + 1 : then];
+        }
+        template <typename Io>
+        void visit(Io& io) {
+            io.number(at, 0, kKept);
+            io.number(count, 0, kKept);
+            for (double& one : ends) io.real(one, -1e15, 1e15);
+            io.real(absolute, 0, 1e300);
+            io.real(suspect.gain, 0, 1e15);
+            io.real(suspect.size, -1e15, 1e15);
+            io.real(suspect.length, 1, 1e15);
+            for (Window& one : windows) {
+                io.real(one.usual, 1e-300, 1e15);
+                io.number(one.count, 0, kMostCounted);
+                io.number(one.since, 0, kKept);
+                io.number(one.has_last, 0, 1);
+                io.real(one.last, -1e15, 1e15);
+            }
+        }
+    };
+
+    static StepSeen nothing() { return StepSeen{StepSeen::kNothing, 0, 0}; }
+
+    static int blocks_of(int window) {
+        static const int blocks[kWindows] = {4, 6, 8, 11, 16, 23, 32};
+        return blocks[window];
+    }
+
+    void suspect() {
+        const Suspect* most = &levels_[0].suspect;
+        for (const Level& level : levels_) {
+            if (level.suspect.gain > most->gain) most = &level.suspect;
+        }
+        suspected_ = StepSuspected{0, 0, 0};
+        if (!(most->gain > kEven / 2)) return;
+        suspected_ = StepSuspected{1 / (1 + std::exp(kEven - most->gain)), most->size, 1 / most->length};
+    }
+
+    StepSeen judge(int l, int size) {
+        Level& level = levels_[l];
+        level.suspect = Suspect{0, 0, 1};
+        // A longer sum is no smaller than a shorter one usually is: a line of that length may hide.
+        double absolute = l == 0 ? 0 : levels_[l - 1].absolute;
+        // Windows that the level below has are not looked at again.
+        for (int w = l == 0 ? 0 : 1; w < kWindows; ++w) {
+            const int blocks = blocks_of(w);
+            if (blocks > level.count || blocks * size > kLongest) break;
+            Window& window = level.windows[w];
+            const double length = double(blocks) * size, sum = level.newest(blocks);
+            const double square = sum * sum, beside = std::fmax(usual(l, w) * length, absolute);
+            if (window.count >= kWeight) absolute = std::fmax(absolute, window.usual * length);
+            if (square > kEven * beside) {  // half of what is even
+                const double gain = square / (2 * beside);
+                if (gain > kSure) return found(level, size, blocks);
+                if (gain > level.suspect.gain && length >= kSuspected) {
+                    level.suspect = Suspect{gain, sum / length, length};
+                }
+            }
+            learn(window, blocks, size, sum, kOutlier);
+        }
+        level.absolute = absolute;
+        return nothing();
+    }
+
+    // Of windows that do not overlap.
+    static void learn(Window& window, int blocks, int size, double sum, double outlier) {
+        if (++window.since < blocks) return;
+        window.since = 0;
+        const double apart = sum - window.last, square = apart * apart / (2 * double(blocks) * size);
+        window.last = sum;
+        if (!window.has_last) {
+            window.has_last = true;
+            return;
+        }
+        const double used = std::fmin(square, outlier * std::fmax(window.usual, 1));
+        if (window.count < kMostCounted) ++window.count;
+        window.usual += (used - window.usual) / (window.count + kWeight);
+    }
+
+    // Of windows of which few were seen it is what the worst of the shorter ones is.
+    double usual(int l, int w) const {
+        const Window& own = levels_[l].windows[w];
+        double most = std::fmax(own.usual, 1);
+        if (own.count >= kWeight) return most;
+        for (int i = 0; i <= l; ++i) {
+            for (int k = i == 0 ? 0 : 1; k < (i == l ? w : int(kWindows)); ++k) {
+                const Window& one = levels_[i].windows[k];
+                if (one.count >= kWeight) most = std::fmax(most, one.usual);
+            }
+        }
+        return most;
+    }
+
+    // Since when, and by how much: the likeliest beginning among the ends of blocks, and whether a mean that
+    // goes on growing says more.
+    StepSeen found(const Level& level, int size, int blocks) const {
+        const StepSeen step = likeliest_step(size), drift = likeliest_drift(level, size);
+        const double of_step = step.size * step.size * step.ago / 2,
+                     of_drift = drift.size * drift.size * drift.ago / 6;
+        const bool long_enough = blocks * size >= kShortestDrift;
+        return long_enough && of_drift > of_step ? drift : step;
+    }
+
+    StepSeen likeliest_step(int coarsest) const {
+        StepSeen best = {StepSeen::kStep, 0, 0};
+        double most = 0;
+        for (int l = 0, size = kBlock; l < kLevels && size <= coarsest; ++l, size *= kUp) {
+            for (int k = 1; k <= levels_[l].count; ++k) {
+                const double n = double(k) * size, sum = levels_[l].newest(k), gain = sum * sum / (2 * n);
+                if (gain > most) {
+                    most = gain;
+                    best.ago = k * size;
+                    best.size = sum / n;
+                }
+            }
+        }
+        return best;
+    }
+
+    // A mean that has grown evenly from 0 to `size`: its log L is size² ago / 6.
+    StepSeen likeliest_drift(const Level& level, int size) const {
+        StepSeen best = {StepSeen::kDrift, 0, 0};
+        double most = 0, moment = 0, later = 0;  // later: sum of the blocks after this one
+        for (int k = 1; k <= level.count; ++k) {
+            const double all = level.newest(k);
+            moment += size * (later + (all - later) / 2);
+            later = all;
+            const double n = double(k) * size, squares = n * n * n / 3,
+                         gain = moment * moment / (2 * squares);
+            if (gain > most) {
+                most = gain;
+                best.ago = k * size;
+                best.size = moment / squares * n;
+            }
+        }
+        return best;
+    }
+
+    // Of shorter windows a step is told before long, or was chance.
+    enum { kLongest = 16384, kShortestDrift = 1024, kSuspected = 64 };
+
+    StepSuspected suspected_ = StepSuspected{0, 0, 0};
+    double total_ = 0;
+    long long samples_ = 0;
+    Level levels_[kLevels];
+};
+
+}  // namespace track
+}  // namespace fltea
