@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from fltea.noise.heading import heading_std, rest_for, rested
-from fltea.noise.parts import Relaxation, Walk, White
+from fltea.noise.heading import heading_std, mean_ahead, means_ahead, rest_for, rested
+from fltea.noise.parts import LowPass, Order, Relaxation, Resonance, Walk, White
 from fltea.noise.system import System, system
 
 H = 0.01
@@ -12,10 +12,15 @@ NOISES = {
     "walk": (White(0.01), Walk(0.02)),
     "relaxation": (White(0.01), Relaxation(0.05, 2.0)),
 }
+MORE = NOISES | {
+    "resonance": (White(0.01), Resonance(0.5, 12.0, 3.0), Relaxation(0.05, 0.2)),
+    "low-pass": (White(0.01), LowPass(20.0, 2.0), Relaxation(0.05, 0.1)),
+    "order": (White(0.01), Order(0.8, -1.0, 3e-4)),
+}
 
 
 def _system(name: str) -> System:
-    found = system(NOISES[name], H, 60000)
+    found = system(MORE[name], H, 60000)
     return found if found.walks else found.with_offset()
 
 
@@ -78,3 +83,48 @@ def test_no_rest_is_enough_for_a_heading_better_than_the_noise_of_its_own_minute
     wild = _system("walk")
     wild = wild._replace(Q=1e12 * wild.Q)
     assert rest_for(wild, H, 60.0, 0.1).reason == "No rest is enough: after 60 s no heading is left."
+
+
+def _summed(s: System, samples: int) -> tuple[np.ndarray, float]:
+    """Return row and variance of the mean of the bias: one sample after another, without squares."""
+    rows = [s.bias]
+    for _ in range(samples):
+        rows.append(rows[-1] @ s.A)
+    # A step j samples before the last one is in j + 1 of the biases.
+    to_come = np.cumsum(rows[:-1], axis=0)
+    variance = sum(float(one @ s.Q @ one) for one in to_come)
+    return np.sum(rows[1:], axis=0) / samples, variance / samples**2
+
+
+@pytest.mark.parametrize("name", MORE)
+def test_the_mean_of_the_bias_ahead_is_the_sum_of_its_samples(name: str) -> None:
+    s, counts = _system(name), [1, 2, 10, 137, 1000]
+    for samples, one in zip(counts, means_ahead(s, counts), strict=True):
+        row, variance = _summed(s, samples)
+        assert one.row == pytest.approx(row, rel=1e-9, abs=1e-12)
+        assert one.variance == pytest.approx(variance, rel=1e-9, abs=1e-18)
+        alone = mean_ahead(s, samples)
+        assert alone.row == pytest.approx(one.row)
+        assert alone.variance == pytest.approx(one.variance)
+
+
+@pytest.mark.parametrize("name", ["walk", "resonance", "low-pass"])
+def test_simulated_means_of_the_bias_spread_as_is_said(name: str) -> None:
+    s, more, many = _system(name), 50, 4000
+    at = mean_ahead(s, more)
+    rng = np.random.default_rng(31)
+    values, vectors = np.linalg.eigh(s.Q)
+    root = vectors * np.sqrt(np.maximum(values, 0))
+    start = rng.normal(size=(many, len(s.a))) * 0.1
+    x, mean = start, np.zeros(many)
+    for _ in range(more):
+        x = x @ s.A.T + rng.normal(size=x.shape) @ root.T
+        mean += x @ s.bias / more
+    off = mean - start @ at.row
+    assert off.std() == pytest.approx(np.sqrt(at.variance), rel=0.04)
+    assert abs(off.mean()) < 4 * np.sqrt(at.variance / many)
+
+
+def test_a_mean_of_no_samples_is_refused() -> None:
+    with pytest.raises(ValueError, match="a sample or more"):
+        mean_ahead(_system("walk"), 0)

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from fltea import _native
+from fltea._native import TRACKER_COORDINATES
+from fltea.estimator.tracker import Tracker
 from fltea.noise import parts as p
 from fltea.noise.spectra import stationary
 from fltea.noise.system import System, system
@@ -103,7 +104,7 @@ sentences = st.lists(st.one_of(WORDS), max_size=7).map(lambda parts: [p.White(1.
 
 def check(s: System) -> None:
     n = len(s.a)
-    assert n <= _native.TRACKER_COORDINATES
+    assert n <= TRACKER_COORDINATES
     for one in (s.Q, s.P0):
         assert one.shape == (n, n)
         np.testing.assert_array_equal(one, one.T)
@@ -125,9 +126,7 @@ def test_any_sentence_is_a_system(parts: list[p.Part], samples: int) -> None:
     still = np.hypot(s.a, s.b) < 1
     apart = s.A @ s.P0 @ s.A.T + s.Q - s.P0
     np.testing.assert_allclose(apart[np.ix_(still, still)], 0, atol=1e-9 * np.abs(s.P0).max(initial=1.0))
-    _native.Tracker([0.0]).set(
-        0, s.walks, s.pairs, s.a, s.b, s.Q, s.c, s.signal, s.signal, s.P0, s.R
-    )  # which a filter can work with
+    Tracker([0.0]).set(0, s)  # which a filter can work with
 
 
 @pytest.mark.parametrize("alpha", [1e-6, 0.1, 0.49])
@@ -162,3 +161,31 @@ def test_coordinates_do_not_cancel_each_other(poles: float) -> None:
     s = system([p.White(0.019), p.LowPass(21.0, poles), p.Walk(0.1164)], H, 4096)
     of_noise = s.signal == 0
     assert np.trace(s.P0[np.ix_(of_noise, of_noise)]) < 100 * 0.019
+
+
+@pytest.mark.parametrize(
+    ("parts", "signal"),
+    [
+        ([p.White(1e-10), p.Relaxation(0.0335, 0.045)], [0.0]),  # an EMA of white noise
+        ([p.White(2e-6), p.Relaxation(0.0335, 0.045)], [0.0]),  # the same, rounded
+        ([p.White(1e-10), p.Relaxation(0.0335, 0.045), p.Relaxation(0.05, 2.0)], [0.0, 1.0]),
+        ([p.White(1e-10), p.Relaxation(0.0335, 0.045), p.Walk(0.01)], [0.0, 1.0]),
+        ([p.White(0.01), p.Relaxation(0.05, 0.2)], [1.0]),  # a floor is seen
+        ([p.White(1e-10), p.Relaxation(0.05, 2.0)], [1.0]),  # no filter of a sensor is so slow
+    ],
+)
+def test_without_white_noise_the_fastest_relaxation_is_that_behind_a_filter(
+    parts: list[p.Part], signal: list[float]
+) -> None:
+    np.testing.assert_array_equal(system(parts, H, N).signal, signal)
+
+
+def test_an_order_without_white_noise_stays_the_state() -> None:
+    s = system([p.White(0.0), p.Arfima(0.2, 1e-9, 0.01)], H, N)
+    assert s.signal.all()
+    assert s.R > 1e-7
+
+
+def test_a_relaxation_that_is_noise_has_the_spectrum_that_it_had() -> None:
+    parts: list[p.Part] = [p.White(1e-10), p.Relaxation(0.0335, 0.045), p.Relaxation(0.05, 2.0)]
+    np.testing.assert_allclose(ratio(parts), 1, atol=2e-3)

@@ -1,9 +1,10 @@
 """Systems, measurements of them and a plain Kalman filter, for the tests of the tracker."""
 
 import math
+from typing import Any
 
 import numpy as np
-from fltea.estimator.tracker import Tracker, Tracks
+from fltea.estimator.tracker import Tracker, TrackerRules, Tracks
 from fltea.noise import parts as p
 from fltea.noise.system import System, system
 from fltea.records.arrays import Array
@@ -82,8 +83,9 @@ def fixed(s: System) -> bool:
     return not np.any((s.a == 1) & (s.c == 1))
 
 
-def tracker(s: System | None = None, offset: float | None = None) -> Tracker:
-    one = Tracker([0.0 if s is not None and fixed(s) else offset])
+def tracker(s: System | None = None, offset: float | None = None, **rules: Any) -> Tracker:
+    """Return a tracker of one axis; rules: some of TrackerRules."""
+    one = Tracker([0.0 if s is not None and fixed(s) else offset], TrackerRules(**rules))
     if s is not None:
         one.set(0, s)
     return one

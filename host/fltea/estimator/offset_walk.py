@@ -1,82 +1,308 @@
-"""How fast an offset drifts, by how likely walks of it make the samples.
+"""How an offset drifts: how likely walks, slow relaxations and straight lines of it make the samples.
 
-The spectrum leaves out what is slower than ten periods of a record. A filter in the time does not. So walks
-of the offset, from one that a record of n samples hardly shows to one that it shows at once, are weighted by
-their likelihood, and a constant offset as much as all of them together.
+The spectrum leaves out what is slower than ten periods of a record. A filter in the time does not. So what an
+offset may do is weighted by the likelihood of all samples. It may stay where it is. It may walk, by steps
+from those that a record of n samples hardly shows to those that it shows at once. It may walk within bounds,
+as a relaxation does. And it may have a slope besides. A walk that the spectrum has found may have bounds,
+too: the samples show them long before the spectrum does.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from fltea import _native
 from fltea.estimator.tracker import Remembered
-from fltea.noise.parts import Part
+from fltea.noise.heading import rested
+from fltea.noise.parts import Arfima, Order, Part, Relaxation, Walk
 from fltea.noise.system import System, system
-from fltea.records.arrays import Array
+from fltea.records.arrays import Array, Mask
 from fltea.records.fit import Interval
 
 SHARES = tuple(10.0 ** (k / 2) for k in range(1, 10))
 """Variances of a step, over the level of the spectrum and times n²."""
+AROUND = tuple(10.0 ** (k / 4) for k in range(-2, 3))
+"""Variances of a step, over that of a walk that the spectrum has found."""
+BOUNDS = tuple(2.0**k / (20 * math.pi) for k in range(7))
+"""Correlation times of relaxations, over the record: from the shortest that its spectrum cannot show."""
+BOUNDS_FOUND = tuple(one / 4 for one in BOUNDS[:2]) + BOUNDS
+"""The same for a walk that the spectrum has found: it may have taken a relaxation for one."""
+SLOW = BOUNDS_FOUND[1]
+"""The same of the fastest relaxation that the spectrum may have taken a walk for."""
+RISES = 1.0, 10.0, 100.0, 1000.0
+"""Deviations of a slope, over that of a straight line's through white noise of the level."""
+STAYS, ENDLESS, RAMPS = 0.6, 0.5, 0.25
+"""How likely, before any sample, an offset does not walk, a walk has no bounds, and there is a slope."""
 CERTAIN = 0.95
+LEAST = 0.05
+"""What has a smaller share in the drift is no coordinate of the filter."""
+LEAST_RIVAL = 0.02
+"""What is less likely than that is no rival."""
+MOST_OF_RIVALS = 6
+"""Coordinates beside the offset: noise that takes more hides a walk of its offset, and costs more."""
 LEVEL_AT = 1e-3
 """Where the level is read, in rad a sample."""
 
 
+class OffsetRelaxation(NamedTuple):
+    """A relaxation that stands for all walks within bounds."""
+
+    variance: float
+    a: float
+    """Its pole."""
+
+    def part(self, h: float) -> Relaxation:
+        """Return it as a part of the noise; h: sampling period in s."""
+        return Relaxation(math.sqrt(self.variance), -h / math.log(self.a))
+
+
 class OffsetWalk(NamedTuple):
-    """Variances of a step, of which the first is 0, and how likely each is."""
+    """What an offset may do, one possibility a place of the arrays, and how likely each is."""
 
     steps: Array
+    """Variance of a step; 0 where the offset does not walk."""
+    taus: Array
+    """Correlation time in samples; infinite where a walk has no bounds."""
+    slopes: Array
+    """Standard deviation of the slope, per sample."""
     weights: Array
-
-    @property
-    def q(self) -> float:
-        """The mean variance of a step."""
-        return float(self.weights @ self.steps)
+    is_found: bool = False
+    """Whether the spectrum has found the walk, or a slow relaxation in its place."""
+    likelihood: float = -math.inf
+    """2 log L of the samples, in the mean of all that was tried."""
 
     @property
     def is_certain(self) -> bool:
-        """Whether a constant offset is unlikely."""
-        return float(self.weights[0]) < 1 - CERTAIN
+        """Whether an offset that does not walk is unlikely."""
+        return float(self.weights[self.steps == 0].sum()) < 1 - CERTAIN
 
     def K(self, h: float) -> Interval:
-        """Return the random walk of the rate, per s and √s; null where the offset may be constant.
+        """Return the random walk of the rate, per s and √s; null where there may be none.
 
         The interval has 95 % of the walks' weight.
         """
         if not self.is_certain:
             return Interval()
-        walks = self.weights[1:] / self.weights[1:].sum()
-        ends = np.interp([0.025, 0.975], np.cumsum(walks) - walks / 2, np.log(self.steps[1:]))
-        return Interval(*(math.sqrt(q / h) for q in (self.q, *np.exp(ends))))
+        steps, at = np.unique(self.steps, return_inverse=True)
+        walks = np.bincount(at, self.weights)[steps > 0]
+        walks, steps = walks / walks.sum(), steps[steps > 0]
+        ends = np.interp([0.025, 0.975], np.cumsum(walks) - walks / 2, np.log(steps))
+        return Interval(*(math.sqrt(q / h) for q in (float(walks @ steps), *np.exp(ends))))
+
+    def system(self, bare: System, samples: int) -> System:
+        """Return the system of a noise, of which `bare` has no offset, with what its offset does in the mean.
+
+        Of all linear filters that of the mean of the spectra has the least mean square error. The relaxations
+        become one, which has their mean variance, and the mean variance of their steps.
+        """
+        found, relaxation = bare, self.relaxation
+        if relaxation is not None:
+            found = found.with_relaxation(*relaxation)
+        endless = float(self.weights[~self._bounded & (self.steps > 0)].sum()) > LEAST
+        found = found.with_offset(self.endless, of_state=self.is_certain and endless)
+        return self._with_slope(found, samples)
+
+    def rivals(self, bare: System, samples: int) -> "Rivals":
+        """Return what the samples to come may tell apart: an offset that walks, and one that does not.
+
+        The mean of both would be too sure of the one, and too slow for the other.
+        """
+        stays = self.steps == 0
+        likely = 1 - float(self.weights[stays].sum())
+        if not LEAST_RIVAL < likely < 1 - LEAST_RIVAL or len(bare.a) > MOST_OF_RIVALS:
+            return Rivals(self.system(bare, samples))
+        walking = self._replace(weights=np.where(stays, 0.0, self.weights) / likely)
+        system = walking.system(bare, samples)
+        n, Q, P0 = len(bare.a), system.Q.copy(), system.P0.copy()
+        still = np.flatnonzero(system.a[n:] == 1.0)[0] + n  # the offset; before it its relaxation, if any
+        Q[n:, :] = Q[:, n:] = 0.0
+        P0[n:still, :] = P0[:, n:still] = 0.0
+        return Rivals(system, system._replace(Q=Q, P0=P0), likely)
+
+    @property
+    def endless(self) -> float:
+        """The mean variance of a step of walks without bounds."""
+        return float((self.weights * self.steps)[~self._bounded].sum())
+
+    @property
+    def relaxation(self) -> OffsetRelaxation | None:
+        """The mean of walks within bounds; None if they are unlikely."""
+        bounded = self._bounded
+        powers = (self.weights * self.steps)[bounded]
+        if (q := float(powers.sum())) <= 0:
+            return None
+        variance = float((powers / -np.expm1(-2 / self.taus[bounded])).sum())
+        return OffsetRelaxation(variance, math.sqrt(1 - q / variance))
+
+    @property
+    def by_walk(self) -> tuple[Array, Array, Array, Array]:
+        """Steps and correlation times of the walks (walks,), slopes (slopes,), and weights of both."""
+        count = int((np.diff(self.slopes) <= 0).argmax()) + 1 if len(self.slopes) > 1 else 1
+        steps, taus = (one[::count] for one in (self.steps, self.taus))
+        return steps, taus, self.slopes[:count], self.weights.reshape(-1, count)
+
+    @property
+    def _bounded(self) -> Mask:
+        """Where walks have bounds, (n,); nowhere if that is unlikely."""
+        bounded = np.isfinite(self.taus)
+        return bounded if float(self.weights[bounded].sum()) >= LEAST else np.zeros_like(bounded)
+
+    def likely(self, bare: System, samples: int, least: float) -> list[tuple[float, System]]:
+        """Return what the offset may do, if it is not less likely than `least`: weights and systems."""
+        found = zip(self.weights, self.steps, self.taus, self.slopes, strict=True)
+        return [(w, _one(bare, samples, q, tau, slope)) for w, q, tau, slope in found if w >= least]
+
+    def _with_slope(self, found: System, samples: int) -> System:
+        """Return the same with the slope, if it matters.
+
+        Where a line through the samples leaves the variance v of its slope, one of variance s² before takes
+        the share s² / (s² + v) of it. One Gaussian stands for all: it takes the mean share.
+        """
+        most = float(self.slopes.max())
+        if most == 0:
+            return found
+        wide = found.with_ramp(most, samples)
+        left = min(float(rested(wide, samples)[-1, -1]) / float(wide.P0[-1, -1]), 1 - 1e-9)
+        v = most**2 * left / (1 - left)
+        share = min(float(self.weights @ (self.slopes**2 / (self.slopes**2 + v))), 1 - 1e-9)
+        if share < LEAST:
+            return found
+        return found.with_ramp(min(math.sqrt(v * share / (1 - share)), most), samples)
 
 
-CONSTANT = OffsetWalk(np.zeros(1), np.ones(1))
+class Rivals(NamedTuple):
+    """What the noise of an axis is, and what it may be, too; likely: how likely the first one is."""
+
+    system: System
+    rival: System | None = None
+    likely: float = 1.0
+
+
+CONSTANT = OffsetWalk(np.zeros(1), np.full(1, np.inf), np.zeros(1), np.ones(1))
+
+
+class Followed(NamedTuple):
+    """What a filter of a noise is made of."""
+
+    system: System
+    walk: OffsetWalk
+    parts: Sequence[Part]
+    """Those that were found, or with a walk in place of the slowest relaxation."""
+    rivals: "Rivals"
+    """What the samples to come may tell apart."""
 
 
 def system_of(
-    parts: Sequence[Part], h: float, samples: int, remembered: Remembered
-) -> tuple[System, OffsetWalk]:
-    """Return the system of a noise found in so many samples, and how its offset walks.
+    parts: Sequence[Part], h: float, samples: int, remembered: Remembered, *, every: int = 1
+) -> Followed:
+    """Return the system of a noise found in so many samples, and what its offset does.
 
-    It does beside any noise that does not walk itself, orders too. Measured, this is as near the best as a
-    constant offset where that is the truth, and nearer where a fit has missed what is slow. remembered: of
-    these samples.
+    It may walk beside orders, too. Measured, this is as near the best as a constant offset where that is the
+    truth, and nearer where a fit has missed what is slow. The spectrum may have taken a walk for a slow
+    relaxation, too: that is tried where there is one. remembered: of these samples. every: of so many values
+    of a step, a bound and a slope one is tried.
     """
-    found = system(parts, h, samples, found=True)
-    if found.walks:
-        return found, CONSTANT
-    walk = offset_walk(found, samples, remembered)
-    return found.with_offset(walk.q, of_state=walk.is_certain), walk
+    found = _followed(parts, h, samples, remembered, every)
+    walking = _as_walk(parts, h, samples)
+    if walking is None or found.walk is CONSTANT:
+        return found
+    other = _followed(walking, h, samples, remembered, every)
+    # The correlation time of the relaxation is the best of as many as are tried beside it.
+    ahead = other.walk.likelihood - found.walk.likelihood + 2 * math.log(len(BOUNDS_FOUND))
+    return other if other.walk is not CONSTANT and ahead > 0 else found
 
 
-def offset_walk(found: System, samples: int, remembered: Remembered) -> OffsetWalk:
-    """Return how fast the offset of a noise walks."""
-    level = float(found.spectrum(np.array([LEVEL_AT]))[0])
-    steps = np.array([0.0, *(share * level / samples**2 for share in SHARES)])
-    likely = remembered.likelihoods(found.with_offset(), steps)
+def _followed(parts: Sequence[Part], h: float, samples: int, remembered: Remembered, every: int) -> Followed:
+    bare, found = without_walk(parts, h, samples)
+    bounds = () if _has_order(parts) else BOUNDS_FOUND if found else BOUNDS
+    walk = offset_walk(bare, samples, remembered, found=found, bounds=bounds, every=every)
+    if walk is CONSTANT and found:
+        only = system(parts, h, samples, found=True)
+        return Followed(only, walk, parts, Rivals(only))
+    return Followed(walk.system(bare, samples), walk, parts, walk.rivals(bare, samples))
+
+
+def _as_walk(parts: Sequence[Part], h: float, samples: int) -> list[Part] | None:
+    """Return the parts with a walk in place of the slowest relaxation; None where there is none so slow."""
+    slow = [part for part in parts if isinstance(part, Relaxation) and part.tau_s > SLOW * samples * h]
+    if not slow or _has_order(parts) or any(isinstance(part, Walk) for part in parts):
+        return None
+    slowest = max(slow, key=lambda part: part.tau_s)
+    walk = Walk(slowest.sigma * math.sqrt(2 / slowest.tau_s))
+    return [walk if part is slowest else part for part in parts]
+
+
+def _has_order(parts: Sequence[Part]) -> bool:
+    return any(isinstance(part, Order | Arfima) for part in parts)
+
+
+def without_walk(parts: Sequence[Part], h: float, samples: int) -> tuple[System, float]:
+    """Return the system of parts that were found, without their walk, and the variance of its step."""
+    bare = system([part for part in parts if not isinstance(part, Walk)], h, samples, found=True)
+    return bare, math.fsum(part.K**2 * h for part in parts if isinstance(part, Walk))
+
+
+def offset_walk(
+    bare: System,
+    samples: int,
+    remembered: Remembered,
+    *,
+    found: float = 0.0,
+    bounds: Sequence[float] = BOUNDS,
+    every: int = 1,
+) -> OffsetWalk:
+    """Return what the offset of a noise does.
+
+    found: variance of a step of the walk that the spectrum has found; 0 if it has none. bounds: correlation
+    times that are tried, over the record. every: of so many values one is tried.
+    """
+    level = float(bare.spectrum(np.array([LEVEL_AT]))[0])
+    steps = [share * found for share in AROUND] if found else [one * level / samples**2 for one in SHARES]
+    line = math.sqrt(12 * level / samples**3)
+    steps = steps[::every]
+    # An offset, its relaxation and its slope.
+    has_room = len(bare.a) + 3 <= _native.TRACKER_COORDINATES
+    slopes = [line * one for one in RISES[::every]] if has_room else []
+    taus = [samples * one for one in bounds[::every]] if has_room else []
+    tried = [
+        (q, tau, slope, walks * slants)
+        for q, tau, walks in walks_tried(steps, taus, 0.0 if found else STAYS)
+        for slope, slants in _parted(0.0, slopes, 1 - RAMPS)
+    ]
+    likely = np.array([remembered.likelihood(_one(bare, samples, *one)) for *one, _ in tried])
     if not np.isfinite(likely).all():
         return CONSTANT
-    weights = np.exp((likely - likely.max()) / 2) * np.array([1.0, *[1 / len(SHARES)] * len(SHARES)])
-    return OffsetWalk(steps, weights / weights.sum())
+    q, tau, slope, prior = np.array(tried).T
+    weights = np.exp((likely - likely.max()) / 2) * prior
+    total = float(weights.sum())
+    mean = float(likely.max()) + 2 * math.log(total)
+    return OffsetWalk(q, tau, slope, weights / total, found > 0, mean)
+
+
+def walks_tried(
+    steps: Sequence[float], taus: Sequence[float], stays: float
+) -> Iterator[tuple[float, float, float]]:
+    """Yield step, correlation time and prior weight of what an offset may do but for its slope."""
+    if stays > 0:
+        yield 0.0, math.inf, stays
+    for q in steps:
+        for tau, weight in _parted(math.inf, taus, ENDLESS):
+            yield q, tau, (1 - stays) * weight / len(steps)
+
+
+def _parted(first: float, others: Sequence[float], weight: float) -> list[tuple[float, float]]:
+    """Return values with their weights: that of the first, and the rest of 1 for the others alike."""
+    if not others:
+        return [(first, 1.0)]
+    return [(first, weight), *((one, (1 - weight) / len(others)) for one in others)]
+
+
+def _one(bare: System, samples: int, q: float, tau: float, slope: float) -> System:
+    if math.isfinite(tau):
+        a = math.exp(-1 / tau)
+        found = bare.with_relaxation(q / (1 - a * a), a).with_offset()
+    else:
+        found = bare.with_offset(q)
+    return found.with_ramp(slope, samples) if slope else found

@@ -3,11 +3,14 @@
 The bias is the sensor's offset and the state of its noise. Until the noise is known, a bank of random walks
 and relaxations stands for it (host/native/walk_bank.hpp). The samples that a filter remembers are filtered
 again when the noise is found to be another one, so that the state is that of the newest model from then on.
-Where a sensor is moved, it predicts.
+Where the sensor is moved, all axes predict. Where the bias of an axis steps, its filter begins there again.
+
+The bias is a forecast: the mean that is expected of offset and state over the next samples.
 """
 
 import math
 from collections.abc import Sequence
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +34,68 @@ class Tracks(NamedTuple):
     moving: Mask
 
 
+class Rest(IntEnum):
+    """What the caller knows of a sensor: nothing, that it is at rest, or that it moves."""
+
+    UNKNOWN = 0
+    AT_REST = 1
+    MOVING = 2
+
+
+class EventKind(IntEnum):
+    """What can happen with a sample: the bias of an axis has stepped; motion has begun; it has ended."""
+
+    STEP = 0
+    MOVES = 1
+    RESTS = 2
+
+
+BY_ACCEL, BY_CALLER = -1, -2
+"""Who has shown motion, in place of an axis."""
+
+
+class TrackerEvent(NamedTuple):
+    """What has happened, known with the sample `row` of a call."""
+
+    kind: EventKind
+    row: int
+    axis: int
+    """Of a step: its axis. Of motion: the axis that has shown it, BY_ACCEL or BY_CALLER."""
+    ago: int
+    """Samples since it began, the newest included; of motion that ends 0."""
+    size: float
+    """Of a step, in the samples' unit; of motion that ends, how far from the bias a sample was at most."""
+    size_std: float
+    samples: int
+    """How long the motion that ends was."""
+
+
+class TrackerRules(NamedTuple):
+    """What a tracker goes by, in samples and in their unit.
+
+    ahead: samples to come for which the bias is meant; 0: it is that of the newest sample. checked: lengths
+    over which it is checked. largest_step: farther a bias does not step within a second; what does is motion.
+    largest_gravity_step: the same of the accelerometer. still: the number of samples that lie still elsewhere
+    from which on there is where the offset is now, if `settles`, the caller says so, or there is nearer to 0;
+    patience: from which on that is so anyway.
+    """
+
+    ahead: int = 0
+    checked: tuple[int, ...] = ()
+    largest_step: float = math.inf
+    largest_gravity_step: float = 0.1
+    still: int = 1024
+    patience: int = 60_000
+    settles: bool = True
+
+
+class Checked(NamedTuple):
+    """The bias beside the means of so many pieces of the samples that came: rms over σ; None without one."""
+
+    pieces: int
+    rms: float | None
+
+
 class TrackerFigures(NamedTuple):
     """How the tracker of an axis gets on; figures of innovations are None before there are enough."""
 
@@ -38,10 +103,13 @@ class TrackerFigures(NamedTuple):
     """samples in motion"""
     begun: int
     """how often it began again, at an offset that had changed"""
+    steps: int
+    """steps of the bias"""
     lag1: float | None
     nis: float | None
     ljung_box: float | None
     innovations: int
+    checked: tuple[Checked, ...]
 
 
 class Remembered:
@@ -57,10 +125,6 @@ class Remembered:
         """
         return self._native.likelihood(*_numbers(system))
 
-    def likelihoods(self, system: System, steps: Array) -> Array:
-        """Return the same for each variance of a step of the last coordinate, (n,)."""
-        return np.array(self._native.likelihoods(steps.tolist(), *_numbers(system)))
-
     def likelihood_of_walks(self) -> float:
         """Return the same of the bank of walks; NaN before it knew enough, and once a system was set."""
         return self._native.of_walks()
@@ -72,30 +136,47 @@ class Tracker:
     offsets: what the sensor adds to each axis, None where that is not known.
     """
 
-    def __init__(self, offsets: Sequence[float | None]) -> None:
-        self.native = _native.Tracker(list(offsets))
+    def __init__(self, offsets: Sequence[float | None], rules: TrackerRules | None = None) -> None:
+        rules = rules or TrackerRules()
+        ahead, checked, step, gravity_step, still, patience, settles = rules
+        self._checks = len(checked)
+        self.native = _native.Tracker(
+            list(offsets), ahead, list(checked), step, gravity_step, still, patience, settles
+        )
+        self.events: list[TrackerEvent] = []
+        """What has happened with the samples of the last call of `run`."""
 
-    def run(self, y: ArrayLike) -> Tracks:
+    def run(self, y: ArrayLike, accel: ArrayLike | None = None, rest: Rest = Rest.UNKNOWN) -> Tracks:
         """Take n samples of every axis, (n, axes): the same, to the bit, however they are cut into blocks.
+
+        accel: samples of the sensor's accelerometer at the same instants, (n, 1 to 3) in m/s²; by them, too,
+        it is known whether the sensor moves.
 
         Raises ValueError, and changes nothing, for a wrong shape, and for numbers that are not finite or
         beyond all measure.
         """
         rows = np.ascontiguousarray(y, dtype=np.float64)
         out, moving = np.empty((5, *rows.shape)), np.empty(rows.shape, dtype=np.uint8)
-        self.native.run(rows, out, moving)
+        of_accel = None if accel is None else np.ascontiguousarray(accel, dtype=np.float64)
+        self.events = events_of(self.native.run(rows, out, moving, of_accel, int(rest)))
         return Tracks._make((*out, moving.view(np.bool_)))
 
     def skip(self, count: int) -> None:
         """Predict over lost samples of all axes."""
         self.native.skip(count)
 
-    def set(self, lane: int, system: System) -> None:
+    def set(self, lane: int, system: System, rival: System | None = None, likely: float = 1.0) -> None:
         """Take this for the noise of an axis, from the next sample on.
+
+        rival: what it may be, too, with as many coordinates; the samples tell which of them it is. likely:
+        how likely the first one is by now.
 
         Raises ValueError, and changes nothing, if no filter can work with it.
         """
-        self.native.set(lane, system.walks, *_numbers(system))
+        systems = [system] if rival is None else [system, rival]
+        weights = [1.0] if rival is None else [likely, 1 - likely]
+        absolute = any(one.walks for one in systems)
+        self.native.set(lane, absolute, weights, [_numbers(one) for one in systems])
 
     def remembered(self, lane: int) -> Remembered:
         """Return what it remembers of the samples of an axis, as it is now."""
@@ -109,12 +190,19 @@ class Tracker:
         origin, x = self.native.x(lane)
         return origin, np.array(x)
 
+    @property
+    def moving(self) -> bool:
+        """Whether the sensor moves."""
+        return self.native.moving()
+
     def figures(self) -> list[TrackerFigures]:
         """Tell how each axis gets on."""
         found = []
-        for moved, begun, lag1, nis, ljung_box, n in self.native.stats():
-            known = (x if math.isfinite(x) else None for x in (lag1, nis, ljung_box))
-            found.append(TrackerFigures._make((moved, begun, *known, n)))
+        for moved, begun, steps, lag1, nis, ljung_box, n, checks in self.native.stats():
+            known = checks[: self._checks]
+            checked = tuple(Checked(pieces, rms if pieces else None) for pieces, rms in known)
+            whiteness = _finite(lag1), _finite(nis), _finite(ljung_box)
+            found.append(TrackerFigures(moved, begun, steps, *whiteness, n, checked))
         return found
 
     def save(self) -> bytes:
@@ -124,6 +212,15 @@ class Tracker:
     def load(self, saved: bytes) -> None:
         """Go on from there. Raises ValueError, and changes nothing, for what cannot be one's own."""
         self.native.load(saved)
+
+
+def events_of(native: Sequence[tuple[int, int, int, int, float, float, int]]) -> list[TrackerEvent]:
+    """Return what has happened, as `_native.Tracker.run` tells it."""
+    return [TrackerEvent._make((EventKind(kind), *rest)) for kind, *rest in native]
+
+
+def _finite(x: float) -> float | None:
+    return x if math.isfinite(x) else None
 
 
 def _numbers(s: System) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:

@@ -1,7 +1,8 @@
-"""How far a heading is off some time after the last sample at rest, by the system of a rate's noise (pure).
+"""What comes after the last sample at rest: how far a heading is off, and the mean of the bias (pure).
 
-A heading is the integral of the rate minus its prediction, which is made of nothing but the samples at rest.
-Times are taken in samples, by squaring: an hour costs as little as a second.
+It follows from the system of a rate's noise. A heading is the integral of the rate minus its prediction,
+which is made of nothing but the samples at rest. Times are taken in samples, by squaring: an hour costs as
+little as a second.
 """
 
 import math
@@ -20,15 +21,15 @@ NEAR = 1.01
 
 
 class Ahead(NamedTuple):
-    """The angle after some samples: what x makes of it, and the covariance of what comes on top."""
+    """A sum over samples to come: what x makes of it, and the variance of what comes on top."""
 
     row: Array
-    """The angle is row @ x, and noise, where x is that of the last sample at rest; (n,)."""
+    """The sum is row @ x, and noise, where x is that of the last sample at rest; (n,)."""
     variance: float
     """Of that noise."""
 
     def std(self, P: Array) -> float:
-        """Return the standard deviation of the angle; P: covariance of x after the last sample at rest."""
+        """Return the standard deviation of the sum; P: covariance of x after the last sample at rest."""
         return math.sqrt(max(float(self.row @ P @ self.row) + self.variance, 0.0))
 
 
@@ -46,21 +47,45 @@ def ahead(system: System, h: float, t_s: float) -> Ahead:
 
 def aheads(system: System, h: float, times_s: Sequence[float]) -> list[Ahead]:
     """Return the same for several times, which have the squares in common."""
-    n = len(system.a)
-    driven = system.c @ system.Q
-    F, Q = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
-    F[:n, :n], F[n, :n], F[n, n] = system.A, h * (system.c @ system.A), 1.0
-    Q[:n, :n], Q[n, :n], Q[:n, n] = system.Q, h * driven, h * driven
-    Q[n, n] = h * h * (float(driven @ system.c) + system.R)
-    rows, noise = np.zeros((len(times_s), n + 1)), np.zeros(len(times_s))
-    rows[:, n] = 1.0
     counts = [max(round(t_s / h), 1) for t_s in times_s]
-    while any(counts):
-        own = [k for k, count in enumerate(counts) if count & 1]
+    return _sums(system, h * system.c, h * h * system.R, counts)
+
+
+def mean_ahead(system: System, samples: int) -> Ahead:
+    """Return the mean of the bias over the next so many samples, as of x after the newest sample.
+
+    Bias(T) is its expectation, `row @ x`; its σ is `std(P)`. Noise that is no signal (white noise R, and
+    coordinates that `system.bias` leaves out) is not in it: the mean of the samples themselves has N²/T more.
+
+    Raises:
+        ValueError: fewer samples than one.
+    """
+    return means_ahead(system, [samples])[0]
+
+
+def means_ahead(system: System, counts: Sequence[int]) -> list[Ahead]:
+    """Return the same as `mean_ahead` for several numbers of samples, which have the squares in common."""
+    if any(count < 1 for count in counts):
+        raise ValueError(f"a mean is one of a sample or more, got {list(counts)}")
+    sums = _sums(system, system.bias, 0.0, counts)
+    return [Ahead(row / m, variance / m**2) for (row, variance), m in zip(sums, counts, strict=True)]
+
+
+def _sums(system: System, c: Array, R: float, counts: Sequence[int]) -> list[Ahead]:
+    """Return the sums of c @ x, and white noise of variance R, over the next so many samples each."""
+    n = len(system.a)
+    driven = c @ system.Q
+    F, Q = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
+    F[:n, :n], F[n, :n], F[n, n] = system.A, c @ system.A, 1.0
+    Q[:n, :n], Q[n, :n], Q[:n, n], Q[n, n] = system.Q, driven, driven, float(driven @ c) + R
+    rows, noise, left = np.zeros((len(counts), n + 1)), np.zeros(len(counts)), list(counts)
+    rows[:, n] = 1.0
+    while any(left):
+        own = [k for k, count in enumerate(left) if count & 1]
         if own:
             noise[own] += ((rows[own] @ Q) * rows[own]).sum(axis=1)
             rows[own] = rows[own] @ F
-        F, Q, counts = F @ F, F @ Q @ F.T + Q, [count >> 1 for count in counts]
+        F, Q, left = F @ F, F @ Q @ F.T + Q, [count >> 1 for count in left]
     return [Ahead(row, variance) for row, variance in zip(rows[:, :n], noise.tolist(), strict=True)]
 
 

@@ -6,13 +6,17 @@
 A is diagonal, but for pairs of coordinates of a complex pole: a sample costs a filter a few products for each
 coordinate. Relaxations, the walk and resonances are exact; anything else is fitted (`fltea.noise.poles`).
 Coordinates are signal, which belongs to the state, or coloured noise, which a bias has nothing of.
+
+Every sensor has white noise ahead of its filter. So where a noise has none to speak of, its fastest
+relaxation is that noise, filtered, and no signal (`filtered_noise`); so is an order near 1 that is as fast.
+Other orders, and 1/f noise, stay a signal: they have a memory that no filter has.
 """
 
 import functools
 import math
 import statistics
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -49,11 +53,17 @@ MOST = 23
 """Coordinates beside the offset."""
 POINTS_A_DECADE = 16
 LEAST_WHITE = 1e-4
-"""White noise of a measurement, over all noise: a filter cannot do without any."""
+"""White noise of a measurement, over all noise that is new in it: a filter cannot do without any."""
 NO_MATTER = 0.02
 """Of a spectrum: what may be wrong with a relaxation that goes past a filter."""
 DIFFUSE = 1e4
 """Variance before the first sample of what is not known then, over that of the noise."""
+STRAIGHT = 100
+"""Records' lengths in which a slope of the offset decays."""
+SLOWEST_FILTER_S, SLOWEST_FILTER = 0.5, 20
+"""Time constants, in s and in samples, one of which a sensor's own filter does not exceed."""
+NEARLY_ONE = 0.9
+"""Orders above may be a relaxation."""
 TINY = 1e-300
 
 
@@ -88,26 +98,51 @@ class System(NamedTuple):
 
     @property
     def bias(self) -> Array:
-        """What the bias has of each coordinate, (n,): the state, and the constant of the offset."""
-        return np.asarray(np.maximum(self.signal, self.a == 1.0) * self.c)
+        """What the bias has of each coordinate, (n,): the state, and the offset with its slope."""
+        of_offset = (self.a == 1.0) | (np.diag(self.Q) == 0.0)
+        return np.asarray(np.maximum(self.signal, of_offset) * self.c)
 
     def with_offset(self, q: float = 0.0, *, of_state: bool = False) -> "System":
         """Return the same with an offset of which nothing is known, as its last coordinate.
 
         It walks by steps of variance q. of_state: what walks is part of the state.
         """
+        diffuse = DIFFUSE * (self.R + float(self.c @ self.P0 @ self.c))
+        found = self._with(1.0, q, diffuse, signal=float(of_state))
+        return found._replace(walks=self.walks or of_state)
+
+    def with_relaxation(self, variance: float, a: float) -> "System":
+        """Return the same with one more relaxation in its state, of this variance and pole a, as the last."""
+        return self._with(a, variance * (1 - a * a), variance, signal=1.0)
+
+    def with_ramp(self, slope: float, samples: int) -> "System":
+        """Return the same with an offset that is a straight line, of which the last coordinate is the slope.
+
+        The last coordinate so far has to be the constant offset. slope: its standard deviation before the
+        first sample, per sample; samples: of the record. The line is the beginning of a relaxation without
+        noise, so slow that it is straight to 1 / `STRAIGHT` of its rise (A has no room for another line).
+
+        Raises:
+            ValueError: there is no offset.
+        """
+        if not (len(self.a) and self.a[-1] == 1.0):
+            raise ValueError("only an offset, the last coordinate, can have a slope")
+        slow = STRAIGHT * samples
+        variance = (slope * slow) ** 2
+        found = self._with(math.exp(-1 / slow), 0.0, variance, signal=0.0)
+        n = len(self.a)
+        # It is 0 before the first sample, so that the slope says nothing of the constant.
+        found.P0[n - 1, n - 1] += variance
+        found.P0[n - 1, n] = found.P0[n, n - 1] = -variance
+        return found
+
+    def _with(self, a: float, q: float, variance: float, *, signal: float) -> "System":
         n = len(self.a)
         Q, P0 = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
-        Q[:n, :n], P0[:n, :n] = self.Q, self.P0
-        Q[n, n] = q
-        P0[n, n] = DIFFUSE * (self.R + float(self.c @ self.P0 @ self.c))
-        a, b, c, signal = (
-            np.append(self.a, 1.0),
-            np.append(self.b, 0.0),
-            np.append(self.c, 1.0),
-            np.append(self.signal, float(of_state)),
-        )
-        return System(self.pairs, a, b, Q, c, signal, P0, self.R, self.walks or of_state)
+        Q[:n, :n], P0[:n, :n], Q[n, n], P0[n, n] = self.Q, self.P0, q, variance
+        columns = zip((self.a, self.b, self.c, self.signal), (a, 0.0, 1.0, signal), strict=True)
+        longer = [np.append(column, value) for column, value in columns]
+        return System(self.pairs, longer[0], longer[1], Q, longer[2], longer[3], P0, self.R, self.walks)
 
     def spectrum(self, lam: Array) -> Array:
         """Return the spectrum of y at λ > 0, in rad a sample: what the system makes of its parts."""
@@ -140,6 +175,7 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
         through = through * least_phase(power / spectrum([order], LINES, h))(lam)
         parts = [White(R), *(part for part in parts if not isinstance(part, White))]
     total = spectrum(parts, lam, h)
+    of_sensor = filtered_noise(parts, h)
     # That of numpy would first load its masked arrays, a fiftieth of a second.
     usual = statistics.median(total.tolist())
     stopped = np.abs(1 - spectrum([White(1.0), *filters], lam, h)) / (total + NO_MATTER * usual)
@@ -149,6 +185,8 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
     for part in parts:
         if isinstance(part, Walk):
             exact.append(_real(1.0, part.K**2 * h, 0.0))
+        elif part is of_sensor and isinstance(part, Relaxation):
+            noise.append(part)
         elif isinstance(part, Relaxation) and (stopped * spectrum([part], lam, h) < NO_MATTER).all():
             # It is too slow for the filters.
             exact.append(_relaxing(math.exp(-h / part.tau_s), part.sigma**2, signal=True))
@@ -162,9 +200,33 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
     for k, part in enumerate(by_fit):
         share = room // (len(by_fit) - k)
         poles = [*own_poles(part, lam, h, share - min(size(behind), share // 2)), *behind]
-        blocks.append(fitted(response_of(part, lam, h) * through, total, poles, lam, share, signal=True))
+        signal = part is not of_sensor
+        blocks.append(fitted(response_of(part, lam, h) * through, total, poles, lam, share, signal=signal))
         room -= len(blocks[-1].a)
     return _joined([*blocks, *exact], R, samples)
+
+
+def filtered_noise(parts: Sequence[Part], h: float) -> Relaxation | Order | None:
+    """Return the part that is a sensor's white noise behind a filter; None if there is none such.
+
+    It is a relaxation, or an order that can hardly be told from one. At half the sample rate, where filters
+    leave the least, it has more than all white noise, and more than the others like it: so white noise is
+    nowhere seen. And a sensor's filter is as fast as it.
+    """
+    at = np.array([math.pi])
+    slowest = max(SLOWEST_FILTER_S, SLOWEST_FILTER * h)
+    fast = [part for part in parts if _decays_within(part, slowest)]
+    if not fast:
+        return None
+    most = max(fast, key=lambda part: float(spectrum([part], at, h)[0]))
+    white = sum(part.R for part in parts if isinstance(part, White | Floor))
+    return most if float(spectrum([most], at, h)[0]) > white else None
+
+
+def _decays_within(part: Part, t_s: float) -> TypeGuard[Relaxation | Order]:
+    if isinstance(part, Order):  # near 1 it is a relaxation, with a spectrum that is even below |f|^(1/α)
+        return part.alpha > NEARLY_ONE and part.f < 0 and abs(part.f) ** (-1 / part.alpha) <= t_s
+    return isinstance(part, Relaxation) and part.tau_s <= t_s
 
 
 def _joined(blocks: Sequence[Block], R: float, samples: int) -> System:
@@ -181,6 +243,7 @@ def _joined(blocks: Sequence[Block], R: float, samples: int) -> System:
 
     signal = np.concatenate([np.zeros(0), *(np.full(len(one.a), float(one.signal)) for one in blocks)])
     a, b, c = column("a"), column("b"), column("c")
+    R = max(R, LEAST_WHITE * float(c @ Q @ c))
     moving = (a == 1.0) & (signal == 1.0)
     level = R + float(c @ P0 @ c) + float(Q[moving][:, moving].sum()) * samples
     P0[moving, moving] = DIFFUSE * level
@@ -211,8 +274,9 @@ def _of_noise(
             R += part.R
         elif isinstance(part, Resonance) and not filters:
             blocks.append(_resonating(part, h))
-        elif isinstance(part, Alternating) and not filters:
-            blocks.append(_relaxing(-math.exp(-h / part.tau_s), part.sigma**2, signal=False))
+        elif isinstance(part, Relaxation | Alternating) and not filters:
+            sign = -1 if isinstance(part, Alternating) else 1
+            blocks.append(_relaxing(sign * math.exp(-h / part.tau_s), part.sigma**2, signal=False))
         else:
             coloured.append(part)
             poles += own_poles(part, lam, h, MOST_TAPS)

@@ -1,0 +1,46 @@
+"""Least squares whose coefficients are 0 or more, by active sets (pure).
+
+Lawson & Hanson, *Solving Least Squares Problems*, 1974, chapter 23. SciPy has it, and is no dependency.
+"""
+
+import numpy as np
+
+from fltea.records.arrays import Array, Mask
+
+TOLERANCE = 1e-10
+"""Slope of the squares that counts as none, where columns and the right side have length 1."""
+ROUNDS = 10
+"""Steps for each column, at most."""
+
+
+def non_negative(M: Array, d: Array) -> Array:
+    """Return x (columns,), no number of which is below 0, with the least |M x - d|; M: (rows, columns)."""
+    lengths = np.sqrt((M * M).sum(axis=0))
+    scale = float(np.sqrt(d @ d)) or 1.0
+    lengths[lengths == 0] = 1.0
+    M, d = M / lengths, d / scale
+    x, free = np.zeros(M.shape[1]), np.zeros(M.shape[1], dtype=bool)
+    for _ in range(ROUNDS * len(x)):
+        slope = np.where(free, -np.inf, M.T @ (d - M @ x))
+        if not len(x) or slope.max() <= TOLERANCE:
+            break
+        free[slope.argmax()] = True
+        x = _within(M, d, x, free)
+    return np.asarray(x * scale / lengths)
+
+
+def _within(M: Array, d: Array, x: Array, free: Mask) -> Array:
+    """Return the least squares of the free columns; those that would go below 0 are no longer free."""
+    while free.any():
+        best = np.zeros(len(x))
+        best[free] = np.linalg.lstsq(M[:, free], d, rcond=None)[0]
+        below = free & (best <= 0)
+        if not below.any():
+            return best
+        way = (x[below] / np.maximum(x[below] - best[below], np.finfo(float).tiny)).min()
+        x = x + way * (best - x)
+        free &= (x > TOLERANCE) | ~below
+        if (free & below & (x > TOLERANCE)).sum() == below.sum():
+            break
+        x[~free] = 0.0
+    return np.zeros(len(x)) if not free.any() else x
