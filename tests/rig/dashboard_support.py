@@ -19,6 +19,7 @@ from fltea.records.records import (
     Epoch,
     Estimate,
     EstimatorInfo,
+    FlteaEstimate,
     Stats,
     WhyNot,
 )
@@ -185,9 +186,9 @@ def _of_device(e: AxisEstimate, age: int, apart: float | None, why_not: WhyNot) 
     d = apart or 0.0
     numbers = own.alpha + d, own.alpha_std, own.f - 3 * d, own.f_std, own.state, own.innovation
     if apart is None:
-        return DeviceAxisEstimate(*numbers, True, age=age, why_not=why_not)
+        return DeviceAxisEstimate(fltea=FlteaEstimate(*numbers, True), age=age, why_not=why_not)
     differences = {"alpha_difference": d, "f_difference": -3 * d, "state_difference": d / 2}
-    return DeviceAxisEstimate(*numbers, True, age=age, **differences)
+    return DeviceAxisEstimate(fltea=FlteaEstimate(*numbers, True), age=age, **differences)
 
 
 def _with_device(record: AnyRecord, estimate_on: str, own: dict[str, Any]) -> AnyRecord:

@@ -261,7 +261,7 @@ class Pi:
             assert raw.host_ns >= arrived_ns, f"sample {sample.seq} arrived before the one before"
             arrived_ns = raw.host_ns
             times.append(at_ns)
-        counts = self.pipeline.stats().samples
+        counts = self.pipeline.stats().sample_counts
         assert counts.duplicates == counts.before_hello == 0
         assert counts.delivered == len(samples)
         assert counts.delivered + counts.lost == samples[-1].seq - samples[0].seq + 1

@@ -17,6 +17,7 @@ import msgspec
 from fltea.cli.app import main
 from fltea.records.records import AnyRecord, Hello
 from fltea.service.hub import Hub
+from fltea.sinks.record_json import record_json
 
 from tools.board_voice import HELLO
 from tools.faults.program import PATIENCE_S, Program
@@ -87,7 +88,7 @@ def strict_records(output: str | bytes) -> list[AnyRecord]:
     for line in data.splitlines():
         assert line.startswith(b'{"class":"'), line[:80]
         record = _decoder.decode(line)  # refuses unknown fields, wrong types, and NaN
-        assert msgspec.json.encode(record) == line
+        assert record_json(record) == line
         found.append(record)
     return found
 

@@ -2,6 +2,7 @@
 
 import ctypes
 import weakref
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -33,23 +34,23 @@ def library() -> ctypes.CDLL:
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
     return probe(
         "spectrum_probe",
-        ("spectrum_make", pointer),
+        ("spectrum_make", pointer, ctypes.c_int),
         ("spectrum_free", None, pointer),
         ("spectrum_add", None, pointer, size, COUNTS),
         ("spectrum_skip", None, pointer, size),
         ("spectrum_fit", None, pointer, DOUBLES),
         ("spectrum_retrack", None, pointer),
         ("spectrum_design", None, pointer, DOUBLES),
-        ("spectrum_track", None, pointer, size, COUNTS, DOUBLES),
+        ("spectrum_track", None, ctypes.POINTER(pointer), ctypes.c_int, size, COUNTS, DOUBLES),
         ("spectrum_lose", None, pointer, size),
     )
 
 
 class BoardSpectrum:
-    """One axis."""
+    """One axis. ahead: samples to come over which its bias is the mean; 0: the bias is that of now."""
 
-    def __init__(self) -> None:
-        self._axis = library().spectrum_make()
+    def __init__(self, ahead: int = 0) -> None:
+        self._axis = library().spectrum_make(ahead)
         weakref.finalize(self, library().spectrum_free, self._axis)
 
     def add(self, counts: NDArray[np.int16]) -> None:
@@ -76,10 +77,24 @@ class BoardSpectrum:
 
     def track(self, counts: NDArray[np.int16]) -> NDArray[np.float64]:
         """Return bias, its deviation, state and its deviation after each count, (n, 4)."""
-        out = np.empty((len(counts), 4))
-        library().spectrum_track(self._axis, len(counts), np.ascontiguousarray(counts), out)
-        return out
+        return track_sensor([self], counts[:, None])[0][:, 0]
 
     def lose(self, lost: int) -> None:
         """Let the tracker take note that so many samples were lost before the next one."""
         library().spectrum_lose(self._axis, lost)
+
+
+def track_sensor(
+    axes: Sequence[BoardSpectrum], counts: NDArray[np.int16]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Let the axes of a sensor track their counts, (n, axes).
+
+    Returns:
+        bias, its deviation, state and its deviation after each sample, (n, axes, 4); and whether the sensor
+        moves by then, (n,).
+    """
+    n, k = counts.shape
+    out = np.empty((n, k, 5))
+    handles = (ctypes.c_void_p * k)(*(axis._axis for axis in axes))
+    library().spectrum_track(handles, k, n, np.ascontiguousarray(counts, dtype=np.int16), out)
+    return out[:, :, :4], out[:, 0, 4] > 0

@@ -35,7 +35,7 @@ def test_what_was_skipped_is_told_once_a_minute_and_not_compared() -> None:
     compared = of(DeviceEstimates, records)
     assert {e.seq for e in compared if e.comparable} == set(range(STARTUP, 100))
     assert {a.why_not for e in compared if e.seq >= 100 for a in e.axes.values()} == {"device_skipped"}
-    assert all(e.axes["gyro_x"].valid for e in compared)
+    assert all(e.axes["gyro_x"].fltea.valid for e in compared)
     told = [e.message for e in of(Error, records) if e.kind == "device_skipped"]
     assert [text.split("samples")[0].split("skipped")[1].strip() for text in told] == ["1", "60", "60"]
     assert walk.stats().device_estimator.skipped == 129
@@ -51,7 +51,7 @@ def test_a_constant_axis_is_null_and_told_once() -> None:
         for e in estimates_of(who, records):
             assert [a.valid for a in of_filters(e)] == [True, False, True]
             assert of_filters(e)[1].alpha is None
-        assert of(Stats, records)[-1].axes["gyro_y"].R is None
+        assert of(Stats, records)[-1].axes["gyro_y"].R_in_use is None
     compared = of(DeviceEstimates, records)
     assert all(e.comparable and e.axes["gyro_y"].alpha_difference is None for e in compared)
     assert reasons(compared, "gyro_y") == {"device_not_valid"}

@@ -13,7 +13,15 @@ from fltea.archive.export import export
 from fltea.recording.schema import record_schema
 from fltea.records.errors import UsageError
 from fltea.records.events import Opened, TransportEvent
-from fltea.records.records import AnyRecord, DeviceAxisEstimate, DeviceEstimates, Epoch, Estimate, Stats
+from fltea.records.records import (
+    AnyRecord,
+    DeviceAxisEstimate,
+    DeviceEstimates,
+    Epoch,
+    Estimate,
+    FlteaEstimate,
+    Stats,
+)
 from fltea.records.stats import DeviceEstimatorStats, DeviceStatus, LinkStats, SampleStats
 from fltea.service.open_source import check_recordable, open_source
 from fltea.settings.config import load_config
@@ -31,9 +39,13 @@ from tools.fed_source import FedSource
 
 APART = {"alpha_difference": 3.2e-7, "f_difference": -4.5e-6, "state_difference": 1e-9}
 BIAS = {"tracker_bias": 0.234, "tracker_bias_std": 0.012, "tracker_bias_difference": -0.0036}
-GOOD = DeviceAxisEstimate(0.4125, 0.03, -2.125, 0.25, 0.1, 0.05, True, age=471, **APART, **BIAS)
-ALONE = DeviceAxisEstimate(0.5, 0.03, -1.0, 0.25, 0.1, None, True, age=9, why_not="other_start")
-INVALID = DeviceAxisEstimate(None, None, None, None, None, None, False, age=471)
+GOOD = DeviceAxisEstimate(
+    fltea=FlteaEstimate(0.4125, 0.03, -2.125, 0.25, 0.1, 0.05, True), age=471, **APART, **BIAS
+)
+ALONE = DeviceAxisEstimate(
+    fltea=FlteaEstimate(0.5, 0.03, -1.0, 0.25, 0.1, None, True), age=9, why_not="other_start"
+)
+INVALID = DeviceAxisEstimate(fltea=FlteaEstimate(), age=471)
 BESIDE = DeviceEstimates(
     500,
     1,
@@ -52,7 +64,7 @@ STATS = Stats(
     clock_ppm=0.0,
     startup_remaining=0,
     link=LinkStats(),
-    samples=SampleStats(1, 0, 0, 0, 0),
+    sample_counts=SampleStats(1, 0, 0, 0, 0),
     axes={},
     board=DeviceStatus(0, 0, 0, 0, 0, "user", 43.25, 9100),
     device_estimator=OWN,
@@ -84,7 +96,7 @@ def test_a_recording_of_raw_frames_replays_with_the_estimates_of_the_device(reco
     assert [e.seq for e in compared] == list(range(30, 160))
     assert all(e.comparable for e in compared)
     for one, e in zip(of(Estimate, alone), compared, strict=True):
-        assert [a.fltea.alpha for a in one.axes.values()] == [a.alpha for a in e.axes.values()]
+        assert [a.fltea.alpha for a in one.axes.values()] == [a.fltea.alpha for a in e.axes.values()]
 
 
 def test_records_of_both_ride_along_with_a_schema_and_can_be_exported(tmp_path: Path) -> None:
@@ -95,8 +107,8 @@ def test_records_of_both_ride_along_with_a_schema_and_can_be_exported(tmp_path: 
     head, first = out.read_text().splitlines()[:2]
     row = dict(zip(head.split(","), first.split(","), strict=True))
     axis = compared[0].axes["gyro_y"]
-    assert float(row["alpha_gyro_y"]) == axis.alpha
-    assert float(row["f_gyro_y_s^-alpha"]) == axis.f
+    assert float(row["alpha_gyro_y"]) == axis.fltea.alpha
+    assert float(row["f_gyro_y_s^-alpha"]) == axis.fltea.f
     assert float(row["alpha_difference_gyro_y"]) == axis.alpha_difference
     assert float(row["state_difference_gyro_y_dps"]) == axis.state_difference
     assert (row["age_gyro_y"], row["valid_gyro_y"], row["seq"]) == ("1", "1", "30")

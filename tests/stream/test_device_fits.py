@@ -85,7 +85,7 @@ def test_a_fit_is_told_at_once_and_with_its_bins_again() -> None:
     assert (once.seq, once.epoch, once.device_us, once.host_ns, once.device) == (*PLACE, "due")
     fit = once.axes["gyro_y"]
     assert fit.alpha == Interval(0.5, 0.5 - 1.96 * 0.0625, 0.5 + 1.96 * 0.0625)
-    assert (fit.f, fit.s2, fit.R) == (-2.5, 0.25, 0.125)
+    assert (fit.f, fit.s2, fit.R) == (Interval(-2.5), Interval(0.25), Interval(0.125))
     assert (fit.verdict, fit.searched, fit.number, fit.samples) == ("fractional", True, 1, 896)
     assert fit.alpha_difference == pytest.approx(0.05)
     assert fit.half_widths == pytest.approx(0.5)
@@ -146,8 +146,9 @@ def test_white_noise_has_no_order_and_without_a_spectrum_there_is_no_figure(
 ) -> None:
     (record,) = told([FIT._replace(verdict=wire.FitVerdict[verdict.upper()], **changed)], HOST)
     fit = record.axes["gyro_y"]
-    assert (fit.verdict, fit.alpha, fit.R) == (verdict, Interval(), R)
-    assert fit.f is fit.s2 is fit.alpha_difference is fit.half_widths is None
+    assert (fit.verdict, fit.alpha, fit.R) == (verdict, Interval(), Interval(R))
+    assert fit.f == fit.s2 == Interval()
+    assert fit.alpha_difference is fit.half_widths is None
 
 
 def test_bins_that_had_no_room_are_told() -> None:
@@ -282,7 +283,7 @@ def test_whatever_a_device_says_becomes_figures_of_a_fit_or_nothing(
                 assert 0 <= alpha.low <= alpha.value <= alpha.high <= 2
                 assert alpha.low < alpha.high
             assert fit.alpha_of_bins is None or 0 <= fit.alpha_of_bins <= 2
-            for variance in (fit.s2, fit.R):
+            for variance in (fit.s2.value, fit.R.value):
                 assert variance is None or 0 <= variance < math.inf
             if fit.spectrum is not None:
                 assert min(fit.spectrum.hz) > 0

@@ -9,8 +9,7 @@ from typing import Any, TypeVar
 
 import pytest
 from blocks import cuts, in_blocks, ndjson, of, records_of
-from fltea.estimator.offset_walk import OffsetWalk
-from fltea.noise.system import System
+from fltea.estimator.offset_walk import Followed
 from fltea.records.events import LinkDown
 from fltea.records.records import Estimate, Fit
 from fltea.stream import fit_times, learning, live
@@ -85,9 +84,9 @@ def test_what_the_tracker_goes_by_is_made_with_the_looks_and_outlives_the_epoch(
     made: list[object] = []
     of_parts = learning.system_of
 
-    def system_of(*args: Any) -> tuple[System, OffsetWalk]:
+    def system_of(*args: Any, **options: Any) -> Followed:
         made.append(args)
-        return of_parts(*args)
+        return of_parts(*args, **options)
 
     monkeypatch.setattr(live, "LiveAxes", Noticing)
     monkeypatch.setattr(learning, "ENOUGH", 0)

@@ -57,7 +57,7 @@ def columns(items: list[AnyRecord | Block], name: str) -> Array:
 def test_what_is_learnt_at_rest_is_known_after_motion(kind: str) -> None:
     items, pipeline = walk([hello(), record(kind)], live__period_s=5)
     moving, bias, std = (columns(items, name)[:, 0] for name in ("moving", "bias", "bias_std"))
-    assert moving[REST:MOVES].mean() > 0.95
+    assert moving[REST:MOVES].mean() > 0.93  # it is judged after a chunk or two
     assert not moving[:REST].any()
     assert not moving[MOVES + 100 :].any()
     assert np.abs(bias[MOVES + 200 :] - OFFSET * LSB_DPS).max() < 3 * std[MOVES + 200]

@@ -54,7 +54,7 @@ def test_every_sample_is_estimated_and_shown(rate_hz: int) -> None:
     steps_ns = np.diff([e.host_ns for e in estimates])
     assert np.all(np.abs(steps_ns - S / rate_hz) <= 1000)
     assert stats.rate_hz == pytest.approx(rate_hz)
-    assert (stats.samples.lost, stats.samples.gaps) == (0, 0)
+    assert (stats.sample_counts.lost, stats.sample_counts.gaps) == (0, 0)
     assert of(Fit, found)[-1].samples == LASTS_S * rate_hz
     history = told(found)
     assert history.samples_of_epoch == LASTS_S * rate_hz

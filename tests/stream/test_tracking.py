@@ -12,8 +12,9 @@ from fltea.noise.system import system
 from fltea.records.block import Block, TrackedColumns
 from fltea.records.events import RawBlock
 from fltea.records.fit import AxisFit, Interval, VerdictKind
-from fltea.records.records import Corrected, CorrectedAxis, Estimate, Sample, Stats
+from fltea.records.records import Corrected, CorrectedAxis, Estimate, Motion, Sample, Stats
 from fltea.settings.estimator import EstimatorConfig
+from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import Looked, Noise
 from fltea.stream.live import NO_FIT, SettledFit
 from fltea.stream.tracking import SensorTracks
@@ -39,7 +40,7 @@ def column(items: list[object], name: str) -> NDArray[np.float64]:
 
 
 def sensor(bias: float | str = "startup") -> SensorTracks:
-    return SensorTracks({"gyro_x": 0}, EstimatorConfig(bias=bias), H, "deg/s")
+    return SensorTracks({"gyro_x": 0}, EstimatorConfig(bias=bias), LiveConfig(), H, "deg/s")
 
 
 def settled(
@@ -81,7 +82,13 @@ def test_in_motion_it_predicts_and_at_rest_it_goes_on() -> None:
     assert stats.moved == moving.sum()
     other = pipeline.stats().axes["gyro_y"].tracker
     assert other is not None
-    assert other.moved == 0
+    assert other.moved == stats.moved  # the sensor moves, not an axis of it
+    begun, ended = of(Motion, items)
+    assert (begun.begins, begun.by, begun.samples) == (True, "gyro_x", None)
+    assert abs(begun.seq - 700) <= 64
+    assert (ended.begins, ended.by) == (False, "gyro_x")
+    assert ended.samples is not None
+    assert ended.samples == ended.seq - begun.seq + 1
 
 
 def test_a_given_bias_is_the_offset() -> None:
@@ -191,7 +198,9 @@ def test_a_constant_offset_does_not_walk() -> None:
 def test_a_model_that_is_the_same_is_not_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[int] = []
     set_ = Tracker.set
-    monkeypatch.setattr(Tracker, "set", lambda self, lane, one: (made.append(lane), set_(self, lane, one)))
+    monkeypatch.setattr(
+        Tracker, "set", lambda self, lane, *noise: (made.append(lane), set_(self, lane, *noise))
+    )
     one = sensor()
     one.run(drifting(4000, 0.0))
     known = NO_FIT

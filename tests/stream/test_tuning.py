@@ -115,7 +115,7 @@ def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
                 told += 1
     assert told > 3
     for axis, stats in pipeline.stats().axes.items():
-        assert bank.variances[axis] == (stats.Q, stats.R)
+        assert bank.variances[axis] == (stats.Q_in_use, stats.R_in_use)
         assert stats.tuned == (axis in bank.tuned)
 
 
@@ -166,7 +166,7 @@ def test_tuned_filters_know_how_sure_they_are(variant: Literal["joint", "triple"
 def test_by_default_the_filters_are_as_at_the_start() -> None:
     _, pipeline = walk([hello(), raw(range(800))], estimator__tuning="startup")
     for one in pipeline.stats().axes.values():
-        assert (one.Q, one.tuned) == (0.15, False)
+        assert (one.Q_in_use, one.tuned) == (0.15, False)
 
 
 def test_without_a_fit_nothing_is_tuned() -> None:
@@ -180,7 +180,8 @@ def test_a_saved_walk_goes_on_tuned() -> None:
     assert any(one.tuned for one in before.values())
     _, after = walk([hello(), raw(range(820, 830))], pipeline.save(), **TUNED)
     for axis, one in after.stats().axes.items():
-        assert (one.Q, one.R, one.tuned) == (before[axis].Q, before[axis].R, before[axis].tuned)
+        then = before[axis]
+        assert (one.Q_in_use, one.R_in_use, one.tuned) == (then.Q_in_use, then.R_in_use, then.tuned)
 
 
 @pytest.mark.slow

@@ -45,9 +45,7 @@ def compare(
         alpha, f, state = map(finite, (e.alpha - host.alpha, e.f - host.f, e.state_dps - host.state))
     bias, bias_std, of_state, of_state_std = map(finite, e.tracker or (math.nan,) * 4)
     return DeviceAxisEstimate(
-        *numbers,
-        valid,
-        e.tuned,
+        fltea=FlteaEstimate(*numbers, valid, e.tuned),
         age=e.age,
         tracker_bias=bias,
         tracker_bias_std=bias_std,

@@ -49,9 +49,7 @@ def host_settings(stated: DeviceEstimator) -> EstimatorConfig:
 
 def info_of(stated: DeviceEstimator) -> EstimatorInfo:
     """What an epoch is estimated with if the device alone does it."""
-    return EstimatorInfo(
-        stated.variant, "device", "compressed", stated.guard, 0, stated.startup, "startup", "auto"
-    )
+    return EstimatorInfo(stated.variant, "device", "compressed", stated.guard, 0, stated.startup, (), ())
 
 
 def unused_settings(config: EstimatorConfig) -> list[str]:

@@ -160,8 +160,6 @@ class Channels:
     def info(self) -> EstimatorInfo:
         """What they are estimated with."""
         c = self.config
-        bias = tuple(c.bias) if isinstance(c.bias, list) else c.bias
-        R = tuple(c.R) if isinstance(c.R, list) else c.R
         return EstimatorInfo(
             c.variant,
             c.estimate_on,
@@ -169,8 +167,8 @@ class Channels:
             c.guard,
             c.window_samples,
             c.startup_needed,
-            bias,
-            R,
+            _numbers(c.bias),
+            _numbers(c.R),
             c.tuned_by,
         )
 
@@ -201,6 +199,13 @@ class Channels:
                     describes_order(is_white[name], *bank.found(name), stands.alpha if stands else None),
                 ),
             )
+
+
+def _numbers(setting: str | float | list[float]) -> tuple[float, ...]:
+    """Return what bias or R is set to; nothing where the start-up window gives it."""
+    if isinstance(setting, str):
+        return (0.0,) if setting == "none" else ()
+    return tuple(setting) if isinstance(setting, list) else (setting,)
 
 
 def _at(config: EstimatorConfig, table: str, rate_hz: float) -> EstimatorConfig:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from msgspec.structs import replace as with_fields
 
-from fltea.estimator.offset_walk import CONSTANT, system_of
+from fltea.estimator.offset_walk import CONSTANT, Rivals, system_of
 from fltea.estimator.tracker import Remembered
 from fltea.noise.heading import heading_std, heading_stds, rested
 from fltea.noise.left_open import distance
@@ -27,6 +27,8 @@ FEWEST, LIKELIER = 300, 30.0
 AHEAD_S = 1, 10, 60, 600, 3600
 GROWTH, APART = 1.5, 0.5
 """A filter is made again for a record that is so much longer, or for a noise so much likelier, by log L."""
+EVERY = 2
+"""Of so many values of what the offset may do one is tried: the bias is as good, in a fifth of the time."""
 DIGITS = 3
 """Of the figures of a fit: the last ones differ between a run and its replay."""
 
@@ -37,7 +39,10 @@ class Learned(NamedTuple):
     noise: Noise
     model: str
     """The names of its parts."""
+    rivals: Rivals
+    """What the tracker goes by."""
     system: System
+    """The mean of all that the offset may do."""
     K: Interval
     """How the offset walks, as of `OffsetWalk`."""
     at_rest: Array
@@ -70,8 +75,9 @@ class Learner(NamedTuple):
         try:
             if self.knows_offset:
                 found, walk = system(parts, self.h, n, found=True), CONSTANT
+                rivals = Rivals(found)
             else:
-                found, walk = system_of(parts, self.h, n, self.remembered)
+                found, walk, _, rivals = system_of(parts, self.h, n, self.remembered, every=EVERY)
             if before is None and n < ENOUGH:
                 of_walks = self.remembered.likelihood_of_walks()
                 if not self.remembered.likelihood(found) - of_walks > LIKELIER:
@@ -81,7 +87,9 @@ class Learner(NamedTuple):
         except (ValueError, ArithmeticError):  # at the edge of what is stationary: the last one goes on
             return before
         model = names(map(type, noise.parts))
-        return Learned(noise, model, found, walk.K(self.h), P, self.h, dict(zip(AHEAD_S, stds, strict=False)))
+        headings = dict(zip(AHEAD_S, stds, strict=False))
+        K = Interval() if walk.is_found else walk.K(self.h)
+        return Learned(noise, model, rivals, found, K, P, self.h, headings)
 
 
 def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:

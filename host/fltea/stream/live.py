@@ -65,10 +65,22 @@ class SettledFit(NamedTuple):
         return SettledFit(p, whiteness, fit, stands, learned)
 
 
+class TrackedPart(Protocol):
+    """What is known of a part of a block; left_out: by unit, samples that are no noise, (n, axes)."""
+
+    @property
+    def tracked(self) -> Tracked:
+        """Biases after each sample."""
+
+    @property
+    def left_out(self) -> dict[str, NDArray[np.bool_]]:
+        """Samples that sums of the noise leave out."""
+
+
 class Tracks(Protocol):
     """Who takes the samples of a walk."""
 
-    def track(self, block: Block) -> Tracked:
+    def track(self, block: Block) -> TrackedPart:
         """Take a part of a block, by the fits that count by now."""
 
     def learner(self, axis: str) -> Learner:
@@ -185,8 +197,9 @@ class LiveFits(Stage):
             stop = min(self._times.check, self._begun.look.counts) if self._begun else self._times.check
             end = min(n, taken + 1 + max(0, stop - number))
             part = _rows(block, taken, end)
-            tracked.append(tracks.track(part))
-            self._take(part, tracked[-1])
+            found = tracks.track(part)
+            tracked.append(found.tracked)
+            self._take(part, found.left_out)
             number += end - taken - 1
             taken = end
             if self._begun is not None and number >= self._begun.look.counts:
@@ -254,14 +267,13 @@ class LiveFits(Stage):
     def _samples(self) -> int:
         return next(iter(self._sensors.values())).live.samples
 
-    def _take(self, block: Block, tracked: Tracked) -> None:
-        moving = {one.unit: one.moving for one in tracked}
+    def _take(self, block: Block, left_out: dict[str, NDArray[np.bool_]]) -> None:
         for name, unit, values in (
             ("gyro", GYRO_UNIT, block.gyro_dps),
             ("accel", ACCEL_UNIT, block.accel_ms2),
         ):
             if name in self._sensors and values is not None:
-                self._sensors[name].add(values, moving[unit])
+                self._sensors[name].add(values, left_out[unit])
         last = (int(column[-1]) for column in (block.seq, block.device_us, block.host_ns))
         seq, device_us, host_ns = last
         self._at = Moment(seq, block.epoch, device_us, host_ns)

@@ -26,6 +26,7 @@ from fltea.stream.board import BoardEstimates
 from fltea.stream.decode import Decoded, Decoder
 from fltea.stream.fit_times import turn
 from fltea.stream.gathering import Gathering, by_period
+from fltea.stream.happenings import after_rows
 from fltea.stream.host import HostEstimates
 from fltea.stream.live import LiveFits
 from fltea.stream.snapshot import (
@@ -115,7 +116,7 @@ class Pipeline:
         taken = self._taken(event)
         if taken is None:
             return None
-        if taken.lost or len(taken.block) < len(event.sequence):
+        if taken.lost or taken.happened or len(taken.block) < len(event.sequence):
             return self._of_pieces(event, taken)
         return (taken.block,)
 
@@ -132,11 +133,16 @@ class Pipeline:
     def _of_pieces(self, raw: RawBlock, taken: Taken | None) -> Iterator[Output]:
         """Yield what was taken of these samples, and what comes of those behind it."""
         while taken is not None:
-            block, _, lost = taken
-            if lost:
-                yield from self._records(self._host.with_notices(block, lost, raw.host_ns))
-            else:
-                yield block
+            block, lost = taken.block, taken.lost
+            begin = 0
+            for item in after_rows(block, taken.happened):
+                if not isinstance(item, Block):
+                    yield from self._records((item,))
+                    continue
+                end = begin + len(item)
+                own = [(row - begin, axis, why) for row, axis, why in lost if begin <= row < end]
+                yield from self._records(self._host.with_notices(item, own, raw.host_ns[begin:end]))
+                begin = end
             raw = raw.rows(len(block), len(raw.sequence))
             if not len(raw.sequence):
                 return
@@ -281,7 +287,7 @@ class Pipeline:
             clock_ppm=timebase.clock_ppm if timebase else None,
             startup_remaining=standing.startup_remaining,
             link=self._source.link_stats(),
-            samples=SampleStats(
+            sample_counts=SampleStats(
                 place.delivered, place.lost, place.gaps, place.duplicates, place.before_hello
             ),
             axes={
@@ -302,7 +308,7 @@ class Pipeline:
         if self._fits is not None and last_fit:
             yield from self._records(self._fits.last())
         stats = self.stats()
-        if whole and stats.samples.delivered and stats.startup_remaining:
+        if whole and stats.sample_counts.delivered and stats.startup_remaining:
             yield self._error(
                 "too_short",
                 f"the samples end {stats.startup_remaining} before the start-up window is full, so there is "

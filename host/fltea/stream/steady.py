@@ -9,9 +9,12 @@ stages, which take all else (tests/stream/test_steady.py).
 from typing import NamedTuple
 
 from fltea import _native
+from fltea.estimator.tracker import TrackerEvent, events_of
 from fltea.records.block import COLUMNS, AxisColumns, Block, TrackedColumns
 from fltea.records.events import RawBlock
+from fltea.records.records import GYRO_UNIT
 from fltea.stream.decode import Decoder
+from fltea.stream.happenings import Happened
 from fltea.stream.host import Channels, HostEstimates, Loss
 from fltea.stream.live import LiveFits
 from fltea.stream.place import FollowRule, Newest, Place
@@ -22,11 +25,15 @@ from fltea.wire.sample_scaling import Scales
 
 
 class Taken(NamedTuple):
-    """What came of samples: of those in the block. newest: the last. lost: which axes became invalid."""
+    """What came of samples: of those in the block.
+
+    newest: the last. lost: which axes became invalid. happened: steps of the bias, and motion.
+    """
 
     block: Block
     newest: Newest
     lost: list[Loss]
+    happened: list[Happened]
 
 
 class _Sensor(NamedTuple):
@@ -113,7 +120,11 @@ class Steady:
         tracked: list[TrackedColumns] = []
         estimates: list[AxisColumns] = []
         lost: list[Loss] = []
-        for (tracks, channels), (of_tracks, of_bank, losses) in zip(self._sensors, of_sensors, strict=True):
+        events: list[list[TrackerEvent]] = []
+        for (tracks, channels), (of_tracks, of_bank, losses, told) in zip(
+            self._sensors, of_sensors, strict=True
+        ):
+            events.append(events_of(told) if told else [])
             tracked.append(tracks.columns(of_tracks))
             if channels is None:
                 continue
@@ -125,6 +136,11 @@ class Steady:
         flags = None if raw.flags is None else raw.flags[:n]
         fields = dict(zip(COLUMNS, (*columns, flags), strict=True))
         block = self._block.but(**fields, estimates=tuple(estimates), tracked=tuple(tracked))
+        happened: list[Happened] = []
+        for (tracks, _), one in zip(self._sensors, events, strict=True):
+            if one:
+                name = "gyro" if tracks.unit == GYRO_UNIT else "accel"
+                happened += self._tracking.records_of(name, one, block)
         if self._fits is not None:
             self._fits.went_on(Moment(newest.seq, block.epoch, newest.epoch_us, second[0]), self._tracking)
-        return Taken(block, newest, lost)
+        return Taken(block, newest, lost, happened)

@@ -1,0 +1,94 @@
+"""What happens to a sensor besides its samples, as records: steps of the bias, and motion (pure).
+
+A step and a motion are known some samples after they have begun. Their records stand behind the sample with
+which they are known, and state the time at which they began.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from fltea.estimator.tracker import BY_ACCEL, BY_CALLER, EventKind, TrackerEvent
+from fltea.records.arrays import Mask
+from fltea.records.block import Block
+from fltea.records.clock import SECOND_NS
+from fltea.records.records import Motion, Step
+from fltea.stream.stages import Item
+
+BY = {BY_ACCEL: "accel", BY_CALLER: "caller"}
+"""Who has shown motion, where that is no axis of the sensor."""
+
+
+class Happened(NamedTuple):
+    """A record, and the number of the sample with which it is known."""
+
+    found_seq: int
+    record: Step | Motion
+
+
+def records_of(
+    events: Sequence[TrackerEvent], block: Block, axes: Sequence[str], unit: str, h: float, device: str | None
+) -> list[Happened]:
+    """Return the records of what has happened with samples of a block; h: sampling period in s.
+
+    Times of samples before are found by the rate, so that they do not depend on how blocks are cut.
+    """
+    found = []
+    for event in events:
+        before = max(event.ago - 1, 0)
+        seq, device_us, host_ns = (
+            int(column[event.row]) for column in (block.seq, block.device_us, block.host_ns)
+        )
+        place = (
+            seq - before,
+            block.epoch,
+            device_us - round(before * h * 1e6),
+            host_ns - round(before * h * SECOND_NS),
+        )
+        found.append(Happened(seq, _record(event, place, axes, unit, device)))
+    return found
+
+
+def _record(
+    event: TrackerEvent, place: tuple[int, int, int, int], axes: Sequence[str], unit: str, device: str | None
+) -> Step | Motion:
+    if event.kind == EventKind.STEP:
+        return Step(
+            *place,
+            axis=axes[event.axis],
+            unit=unit,
+            size=event.size,
+            size_std=event.size_std,
+            found_after=event.ago,
+            device=device,
+        )
+    by = BY.get(event.axis) or axes[event.axis]
+    if event.kind == EventKind.MOVES:
+        return Motion(*place, begins=True, by=by, samples=None, largest=None, device=device)
+    return Motion(*place, begins=False, by=by, samples=event.samples, largest=event.size, device=device)
+
+
+def left_out(moving: Mask, events: Sequence[TrackerEvent]) -> Mask:
+    """Return the samples that sums of the noise leave out, (n, axes): motion, and those at a step.
+
+    With a sample that is left out a stretch of samples ends, so no spectrum goes across a step.
+    """
+    steps = [event for event in events if event.kind == EventKind.STEP]
+    if not steps:
+        return moving
+    result = moving.copy()
+    for event in steps:
+        result[event.row, event.axis] = True
+    return result
+
+
+def after_rows(block: Block, happened: Sequence[Happened]) -> Iterator[Item]:
+    """Yield a block, cut after the samples with which something is known, and the records there."""
+    begin, first, n = 0, int(block.seq[0]), len(block)
+    for one in sorted(happened, key=lambda one: one.found_seq):
+        end = one.found_seq - first + 1
+        if end > begin:
+            yield block.rows(begin, end)
+            begin = end
+        yield one.record
+    if begin < n:
+        yield block.rows(begin, n) if begin else block
