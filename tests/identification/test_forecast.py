@@ -4,9 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from fltea.identification.forecast import Goal, found, goal_of, judged, learned, now, said, spreads
+from fltea.identification.forecast import Goal, found, goal_of, now, said
+from fltea.identification.forecast_judge import judged, learned, left_open
+from fltea.identification.load import GYRO_UNIT, Series
+from fltea.identification.sensor_events import watch
 from fltea.noise.parts import Walk, White
 from fltea.records.errors import UsageError
+from fltea.settings.live import LiveConfig
 
 H = 0.02
 
@@ -18,17 +22,21 @@ def _walking(K: float, seed: int, n: int = 20000) -> np.ndarray:
 
 def test_a_right_model_holds() -> None:
     y = _walking(0.02, 1)
-    pieces = judged(learned((White(0.01), Walk(0.02)), y[: len(y) // 2], H), y, len(y) // 2, H)
-    assert not any(one.fails for one in pieces)
-    assert min(one.pieces for one in pieces) >= 5
-    assert said(pieces, "deg/s").startswith("The first half's forecast holds in the second half up to ")
+    found = judged(learned((White(0.01), Walk(0.02)), y[: len(y) // 2], H), y, len(y) // 2, H)
+    assert not any(one.fails for one in [*found.heading, *found.bias])
+    assert min(one.pieces for one in found.heading) >= 5
+    text = said(found, "deg/s")
+    assert text.startswith("The first half's forecast holds in the second half up to ")
+    assert " Bias(10 s) holds: the mean of the rate is 0.0" in text
 
 
 def test_a_model_that_drifts_too_little_fails_in_a_sentence() -> None:
     y = _walking(0.02, 1)
     pieces = judged(learned((White(0.01), Walk(0.004)), y[: len(y) // 2], H), y, len(y) // 2, H)
-    assert any(one.fails for one in pieces)
-    assert said(pieces, "deg/s").startswith("The heading drifts faster than predicted: ")
+    assert any(one.fails for one in pieces.heading)
+    text = said(pieces, "deg/s")
+    assert text.startswith("The heading drifts faster than predicted: ")
+    assert " s) fails: the mean of the rate is " in text
 
 
 def test_beyond_half_a_turn_no_angle_is_said() -> None:
@@ -41,22 +49,26 @@ def test_beyond_half_a_turn_no_angle_is_said() -> None:
 def test_a_longer_record_knows_its_walk_better() -> None:
     y = _walking(0.02, 1, 80_000)
     parts = White(0.01), Walk(0.02)
-    short, long = (spreads(learned(parts, y[:n], H), H, [1.0, 60.0]) for n in (5000, 80_000))
-    np.testing.assert_allclose(long / short, 0.25, rtol=0.3)
+    short, long = (left_open(learned(parts, y[:n], H), H, [1.0, 60.0]) for n in (5000, 80_000))
+    for few, many in zip(short, long, strict=True):
+        assert many.spread / few.spread == pytest.approx(0.25, rel=0.5)
 
 
 def test_bands_hold_the_truth_as_often_as_they_say() -> None:
     parts, inside, total = (White(0.01), Walk(0.02)), 0.0, 0
     for seed in range(10):
         y = _walking(0.02, seed)
-        for one in judged(learned(parts, y[:10000], H), y, 10000, H)[:4]:
+        for one in judged(learned(parts, y[:10000], H), y, 10000, H).heading[:4]:
             inside, total = inside + one.within * one.pieces, total + one.pieces
     assert inside / total == pytest.approx(0.95, abs=0.015)
 
 
 def test_the_bias_now_is_the_walk_at_the_end() -> None:
     y = _walking(0.02, 3)
-    found = now(learned((White(0.01), Walk(0.02)), y, H).system, y, H)
+    its = learned((White(0.01), Walk(0.02)), y, H)
+    end = watch({"y": Series(y, GYRO_UNIT, None)}, (), {"y": its}, H, LiveConfig())["y"].at_end
+    found = now(its.system, y, H, end)
+    assert found.bias_s == 1.0
     assert found.bias == pytest.approx(y[-30:].mean(), abs=5 * found.bias_std)
 
 
@@ -73,13 +85,15 @@ def test_how_long_to_rest_is_as_long_as_white_noise_takes() -> None:
     R, h, t_s = 0.02, 0.01, 60.0
     y = np.random.default_rng(3).normal(0, math.sqrt(R), 60_000)
     goal = Goal(0.2, t_s)
-    _, found_ = found([White(R)], y, h, "deg/s", lambda half: ([White(R)], "white"), goal)
+    _, found_ = found(learned([White(R)], y, h), y, h, "deg/s", lambda half: ([White(R)], "white"), goal)
     assert found_ is not None
     assert found_.rest_s is not None
     expected = t_s / (goal.within**2 / (R * h * t_s) - 1)
     assert found_.rest_s == pytest.approx(expected, rel=0.2)
     assert "Rest for" in found_.text
-    _, none = found([White(R)], y, h, "deg/s", lambda half: ([White(R)], "white"), Goal(0.01, t_s))
+    _, none = found(
+        learned([White(R)], y, h), y, h, "deg/s", lambda half: ([White(R)], "white"), Goal(0.01, t_s)
+    )
     assert none is not None
     assert none.rest_s is None
     assert "No rest is enough" in none.text

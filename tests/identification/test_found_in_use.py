@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from fltea.identification import findings
 from fltea.identification.axis import IdentifyOptions
+from fltea.identification.axis_report import AxisReport
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.model_file import NoiseModels, read_models, write_json
 from fltea.identification.noise_model import AxisModel, draw
-from fltea.identification.run import AxisReport, identify_series
+from fltea.identification.one_axis import identify_series
 from fltea.noise.parts import Order, White
 from identify_files import QUICK, identify_axis
 from identify_support import H, Truth, ar, composite, white
@@ -59,14 +60,18 @@ def test_a_sensor_that_was_moved(hz: float) -> None:
     moved = (t >= 40) & (t < 70)
     y[moved] += 30 * (np.sin(2 * np.pi * hz * (t[moved] - 40)) if hz else 1.0)
     found = identified(y)
-    verdict = found.result.verdict
-    assert verdict.kind == "not stationary"
-    assert verdict.text.startswith("The sensor was moved, from 40 to 70 s of 2 min")
-    assert traps(found)["motion"].startswith("bad: The sensor was moved, from 40 to 70 s")
+    assert found.result.verdict.kind == "white"
+    assert found.result.level.N.value == pytest.approx(0.01, rel=0.05)
+    assert found.result.std == pytest.approx(0.1, rel=0.05)
+    (span,) = found.motion
+    assert (span.begin_s, span.end_s) == (pytest.approx(40, abs=0.7), pytest.approx(70, abs=1.5))
+    assert span.largest == pytest.approx(30, abs=1)
+    assert traps(found)["motion"].startswith("warning: The sensor moved from 40 to 7")
+    assert not found.bias_steps
 
 
 @pytest.mark.parametrize("kind", ["walk", "warming up", "bursts", "heavy tails", "slow"])
-def test_noise_at_rest_is_no_motion(kind: str) -> None:
+def test_noise_at_rest_is_neither_motion_nor_steps(kind: str) -> None:
     n = 120_000
     y = {
         "walk": lambda: np.cumsum(white(n, 1, 1)[0]),
@@ -75,7 +80,9 @@ def test_noise_at_rest_is_no_motion(kind: str) -> None:
         "heavy tails": lambda: np.random.default_rng(4).standard_t(3, n),
         "slow": lambda: ar((0.999,), n, 1, 5)[0],
     }[kind]()
-    assert "motion" not in traps(identified(y))
+    found = identified(y)
+    assert not found.motion
+    assert not found.bias_steps
 
 
 def test_the_null_test_says_its_level() -> None:

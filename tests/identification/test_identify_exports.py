@@ -9,14 +9,17 @@ import pytest
 import yaml
 from fltea.api.recording import open as open_recording
 from fltea.api.series import identify
-from fltea.documents.imu_yaml import AxisNoise, Inflation, Shown, axis_noise, imu_yaml
-from fltea.identification.axis import AxisResult, IdentifyOptions
+from fltea.documents.imu_yaml import AxisNoise, Inflation, Shown, imu_yaml
+from fltea.identification.axis import IdentifyOptions
+from fltea.identification.axis_report import AxisReport, FileReport
 from fltea.identification.findings import _axis, document, side_by_side
+from fltea.identification.kalibr import axis_noise
 from fltea.identification.load import GYRO_UNIT, Request, Series
 from fltea.identification.model_file import read_models
-from fltea.identification.navigation_file import navigation_axis
+from fltea.identification.navigation_file import NavigationAxis, navigation_axis
 from fltea.identification.noise_model import AxisModel, draw, model_spectrum
-from fltea.identification.run import AxisReport, FileReport, identify_all, identify_series
+from fltea.identification.one_axis import identify_series
+from fltea.identification.run import identify_all
 from fltea.identification.workers import Here
 from fltea.noise.parts import (
     AnyPart,
@@ -34,7 +37,7 @@ from host_support import fltea, fltea_here
 from hypothesis import HealthCheck, given
 from hypothesis import settings as random
 from hypothesis import strategies as st
-from identify_files import QUICK, identify_axis, settings
+from identify_files import QUICK, settings
 from identify_support import H, Truth, composite, long_recursion, white
 
 NAVIGABLE = Truth(0.005, ((0.03, 1.0), (0.03, 0.05)), K=0.01)
@@ -48,8 +51,13 @@ def saved(path: Path, *axes: np.ndarray) -> Path:
 
 
 @pytest.fixture(scope="module")
-def known() -> AxisResult:
-    return identify_axis(composite(NAVIGABLE, 200_000, H, 3), H, None, OPTIONS)
+def known() -> AxisReport:
+    return identify_series(Series(composite(NAVIGABLE, 200_000, H, 3), GYRO_UNIT, None), H, OPTIONS, False)
+
+
+def entry_of(axis: AxisReport) -> NavigationAxis:
+    assert axis.filter is not None
+    return navigation_axis(axis.result, axis.unit, axis.filter)
 
 
 @pytest.fixture(scope="module")
@@ -70,8 +78,8 @@ def report(recording: Path) -> FileReport:
     return found
 
 
-def test_what_a_filter_reads(known: AxisResult) -> None:
-    found = navigation_axis(known, "deg/s")
+def test_what_a_filter_reads(known: AxisReport) -> None:
+    found = entry_of(known)
     assert found.N.low < 0.005 < found.N.high
     slow, fast = found.gauss_markov
     assert slow.tau_s.value == pytest.approx(1.0, rel=0.3)
@@ -84,18 +92,26 @@ def test_what_a_filter_reads(known: AxisResult) -> None:
         assert state.q == pytest.approx(2 * variance / tau)
         assert state.phi == pytest.approx(np.exp(-H / tau))
         assert state.s2 == pytest.approx(variance * (1 - state.phi**2))
+    assert pytest.approx(found.N.value, rel=0.05) == found.filter.N
+    assert pytest.approx(found.K.value, rel=0.05) == found.filter.K
+    for state, plain in zip(found.gauss_markov, found.filter.gauss_markov, strict=True):
+        assert plain.sigma == pytest.approx(state.sigma.value, rel=0.05)
+        assert plain.tau_s == state.tau_s.value
 
 
 def test_white_noise_that_a_fast_part_took_in_is_not_near_nothing() -> None:
     """As N 1e-8 a filter would be a million times too sure: null, with the density that there is."""
-    found = identify_axis(composite(Truth(0.0, ((0.05, 0.0055),)), 60_000, H, 1), H, None, OPTIONS)
-    entry = navigation_axis(found, "deg/s")
+    y = composite(Truth(0.0, ((0.05, 0.0055),)), 60_000, H, 1)
+    found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
+    entry = entry_of(found)
     assert entry.N.value is None
     assert entry.knee_hz == pytest.approx(1 / (2 * np.pi * 0.0055), rel=0.5)
     # The density of such a part at its corner, half of that at rest: σ √(2 τ) / √2.
     assert entry.knee_density == pytest.approx(0.05 * np.sqrt(0.0055), rel=0.5)
-    assert "cannot be told from what else is fast" in found.level.reason
-    assert axis_noise(found.level).N.reason == found.level.reason
+    assert "cannot be told from what else is fast" in found.result.level.reason
+    shown = axis_noise(found).N
+    assert shown.value == entry.filter.N == pytest.approx(0.05 * np.sqrt(2 * 0.0055), rel=0.1)
+    assert "cannot be told from it" in shown.remark
 
 
 def test_tables_and_json(report: FileReport) -> None:
@@ -137,8 +153,13 @@ def assert_one_result(found: AxisReport) -> None:
         one = getattr(r.level, name)
         curve = getattr(found.allan, name)
         assert (one.value, one.low, one.high) == (curve.value, curve.low, curve.high)
-        assert getattr(navigation_axis(r, "deg/s"), name) == one
-        assert getattr(axis_noise(r.level), name).value == one.value
+        assert getattr(entry_of(found), name) == one
+    noise = axis_noise(found)
+    assert r.level.N.value is None or noise.N.value == r.level.N.value
+    assert found.walk is not None
+    assert (noise.K.value is not None) == (found.walk.said == "walks")
+    if r.level.K.value is not None:
+        assert noise.K.value == pytest.approx(r.level.K.value, rel=0.2)
     if r.level.N.value is not None and not {"resonance", "alternating"} & set(named):
         assert r.level.N.value**2 / H == pytest.approx(named["white"].R)
     if not r.verdict.has_order:

@@ -7,9 +7,11 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from fltea.identification.axis import look
+from fltea.identification.axis import IdentifyOptions, look
+from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.model_file import NoiseModels, read_models, write_json
 from fltea.identification.noise_model import AxisModel, Lorentzian, draw, draws, model_spectrum, modelled
+from fltea.identification.one_axis import identify_series
 from fltea.identification.simulation_file import write_model_simulation
 from fltea.noise.parts import (
     Alternating,
@@ -38,6 +40,7 @@ from hypothesis import strategies as st
 from identify_support import H, ar, white
 from msgspec.structs import replace
 
+OPTIONS = IdentifyOptions(shuffles=0)
 PARTS = {
     "white": (White(0.04),),
     "relaxations": (White(0.01), Relaxation(0.05, 1.0), Relaxation(0.1, 0.02)),
@@ -69,6 +72,7 @@ axis_models = st.builds(
     AxisModel,
     st.lists(parts, max_size=3).map(lambda found: (White(1.0), *found)),
     st.lists(lines, max_size=3).map(tuple),
+    st.floats(0, 1e3),
 )
 
 
@@ -89,7 +93,7 @@ def test_file(tmp_path: Path) -> None:
         {"part": "white", "R": 0.02},
         {"part": "order", "alpha": 0.6, "f": -3.0, "Q": 0.15},
     ]
-    assert (written["format"], written["version"], written["h_s"]) == ("fltea-noise-model", 4, 0.01)
+    assert (written["format"], written["version"], written["h_s"]) == ("fltea-noise-model", 5, 0.01)
 
 
 def bad(**changes: object) -> str:
@@ -108,7 +112,7 @@ def only(axis: str, **part: object) -> dict[str, object]:
         ("{}", "--export-model"),
         ("\x00\xff", "is no noise model"),
         ('{"format": "other", "version": 1}', "--export-model"),
-        (bad(version=5), "version 5; this fltea reads version 4"),
+        (bad(version=6), "version 6; this fltea reads versions 4 to 5"),
         (bad(version="1"), "is no noise model"),
         (bad(axes=only("gyro_x", part="pink")), "pink"),
         (bad(axes=only("gyro_x", part="order", alpha=2.0, f=-1.0, Q=1.0)), "not stationary"),
@@ -118,6 +122,7 @@ def only(axis: str, **part: object) -> dict[str, object]:
         (bad(axes=only("gyro_x", part="relaxation", sigma=-1.0, tau_s=1.0)), "sigma must be 0 or more"),
         (bad(axes=only("gyro_x", part="relaxation", sigma=1.0, tau_s=0.0)), "a relaxation cannot have"),
         (bad(axes=only("gyro_x", part="walk", K=-1.0)), "K must be"),
+        (bad(axes={"gyro_x": {"parts": [], "offset_walk": -1.0}}), "offset_walk must be 0 or more"),
         (bad(h_s=0.02), "h_s"),
         (bad(rate_hz=0.0), "rate_hz must be > 0"),
         (bad(axes={}), "axes are gyro_x"),
@@ -241,10 +246,45 @@ def test_the_command_writes_what_run_reads(tmp_path: Path) -> None:
     assert abs(flat.mean() - 1.5) < 0.05
     run = fltea("run", "-s", f"replay:{tmp_path / 'a.npz'}", "--once", *QUICK)
     assert (run.returncode, run.stderr) == (0, "")
-    assert strict_records(run.stdout)[-1].samples.delivered == 800
+    assert strict_records(run.stdout)[-1].sample_counts.delivered == 800
     done = fltea(
         "simulate", tmp_path / "b.npz", "--model", tmp_path / "m.json", "--alpha-end", "0.3", "--q", "1"
     )
     assert (done.returncode, done.stdout) == (2, "")
     assert "leave out --alpha-end, --q." in done.stderr
     assert not (tmp_path / "b.npz").exists()
+
+
+def test_the_offset_walks_in_a_simulation_as_in_the_forecast() -> None:
+    """A walk that no part of the sentence is: the simulated recording has the same forecast."""
+    y = draw(AxisModel((White(0.01), Walk(0.0007))), H, 60_000, np.random.default_rng(2))[0]
+    found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
+    assert "walk" not in found.result.made_of
+    assert found.model.offset_walk == pytest.approx(0.0007, rel=0.5)
+    assert found.now is not None
+    stds = []
+    for seed in range(6):
+        again = draw(found.model, H, 60_000, np.random.default_rng((3, seed)))[0]
+        now = identify_series(Series(again, GYRO_UNIT, None), H, OPTIONS, False).now
+        assert now is not None
+        stds.append(now.heading_std)
+    assert np.median(stds) == pytest.approx(found.now.heading_std, rel=0.3)
+
+
+def test_a_file_without_a_walk_of_the_offset_is_read(tmp_path: Path) -> None:
+    text = msgspec.json.decode(bad(version=4).encode())
+    for axis in text["axes"].values():
+        axis.pop("offset_walk")
+    (tmp_path / "m.json").write_bytes(msgspec.json.encode(text))
+    assert read_models(tmp_path / "m.json").axes["gyro_x"].offset_walk == 0.0
+
+
+def test_an_offset_that_walks_within_bounds_is_in_the_file_and_in_the_noise(tmp_path: Path) -> None:
+    relaxation = Relaxation(0.05, 10.0)
+    model = AxisModel((White(0.01),), offset_relaxation=relaxation)
+    write_json(tmp_path / "m.json", NoiseModels(1 / H, H, "a", {"gyro_x": model}, {}))
+    again = read_models(tmp_path / "m.json").axes["gyro_x"]
+    assert again == model
+    lam = np.geomspace(1e-4, np.pi, 20)
+    parts = AxisModel((White(0.01), relaxation))
+    np.testing.assert_allclose(model_spectrum(again, lam, H), model_spectrum(parts, lam, H))

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from fltea.identification import figures, report
 from fltea.identification.axis import IdentifyOptions, identified, look, with_copies
+from fltea.identification.axis_report import FileReport
 from fltea.identification.curves import ORDERS, curves, profile
 from fltea.identification.load import Request, Unreadable
-from fltea.identification.run import FileReport, Settings, identify_all
+from fltea.identification.run import Settings, identify_all
 from fltea.identification.shuffled import estimate
 from fltea.identification.workers import Here
 from fltea.records.errors import UsageError

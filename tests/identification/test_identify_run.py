@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 from cluster_support import two_workers
+from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.findings import document
 from fltea.identification.load import Request, Unreadable, load
-from fltea.identification.run import AxisReport, Failure, FileReport, Settings, identify_all
+from fltea.identification.run import Settings, identify_all
 from fltea.identification.work_folder import work_folder
 from fltea.identification.workers import Here, Processes, open_local
 from fltea.records.errors import FlteaError, UsageError
@@ -236,7 +237,8 @@ def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:
         reports = identify_all(requests, settings(), workers, Here(), kill_one)
     assert killed
     assert document(reports)["files"] == alone
-    assert len(told) == len(set(told)) == 3 + 6 + 6  # files, axes, and a group of copies of each
+    # Files, axes, what happened to each sensor, a group of copies and the bias of each axis.
+    assert len(told) == len(set(told)) == 3 + 6 + 3 + 6 + 6
 
 
 KILLED = """

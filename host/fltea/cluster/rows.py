@@ -6,8 +6,8 @@ from typing import Any
 import msgspec
 
 from fltea.cluster.listing import File
+from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.load import Loaded
-from fltea.identification.run import AxisReport, Failure, FileReport
 from fltea.identification.traps import Trap, of_axis
 
 VALUES = ("alpha", "f", "F", "s2", "R")

@@ -3,19 +3,24 @@
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from fltea.records.fit import Level
 from fltea.records.version import __version__
 from fltea.records.visible import visible
 
 
 class Shown(NamedTuple):
-    """N or K of one axis, or None where the noise does not have it and `reason` says why."""
+    """N or K of one axis; None where it is not known, and `remark` says why."""
 
     value: float | None
-    reason: str = ""
+    remark: str = ""
+    """Of a value: what a reader has to know of it."""
+    at_most: float | None = None
+    """What is not known is below, with 95 % probability."""
+    slower: tuple[tuple[float, float], ...] = ()
+    """Of N: correlation times in s of Gauss-Markov states that Kalibr has no term for, and the density of the
+    noise at times of that length and longer."""
 
 
 class AxisNoise(NamedTuple):
@@ -23,11 +28,6 @@ class AxisNoise(NamedTuple):
 
     N: Shown
     K: Shown
-
-
-def axis_noise(level: Level) -> AxisNoise:
-    """Return N and K of the sentence that stands for the noise of an axis."""
-    return AxisNoise(Shown(level.N.value, level.reason), Shown(level.K.value, NO_WALK))
 
 
 class Inflation(NamedTuple):
@@ -39,7 +39,6 @@ class Inflation(NamedTuple):
 
 AS_MEASURED = Inflation(1.0, 1.0)
 
-NO_WALK = "the noise has no random walk; one shows in records of hours"
 NOT_ANALYSED = "the accelerometer was not analysed"
 
 
@@ -104,17 +103,37 @@ def _entry(
     key: str, found: Mapping[str, Shown], unit: str, factor: float, without: str = "no axis was analysed"
 ) -> list[str]:
     """Return the largest figure of the axes, in rad where the unit is one of angles, and its axis."""
+    scale = math.radians(1.0) if unit.startswith("rad") else 1.0
     known = {axis: one.value for axis, one in found.items() if one.value is not None}
     if not known:
-        reasons = dict.fromkeys(one.reason for one in found.values())
-        return [f"# {key}:  # {unit}; not known: {'; '.join(reasons) or without}"]
+        reasons = [*dict.fromkeys(one.remark for one in found.values()), *_at_most(found, scale)]
+        return [f"# {key}:  # {unit}; not known: {'; '.join(filter(None, reasons)) or without}"]
     worst = max(known, key=lambda axis: known[axis])
     unknown = [axis for axis in found if axis not in known]
-    remark = f"of {worst}" + (f"; not known of {', '.join(unknown)}" if unknown else "")
-    value = math.radians(known[worst]) if unit.startswith("rad") else known[worst]
+    remarks = [f"of {worst}", f"not known of {', '.join(unknown)}" if unknown else "", found[worst].remark]
+    value = scale * known[worst]
     if factor != 1:
-        remark += f"; {factor:g} times the measured {value:.6e}"
-    return [f"{key + ':':<29}{factor * value:.6e}  # {unit}, {remark}"]
+        remarks.append(f"{factor:g} times the measured {value:.6e}")
+    return [
+        f"{key + ':':<29}{factor * value:.6e}  # {unit}, {'; '.join(filter(None, remarks))}",
+        *_slower(found, scale),
+    ]
+
+
+def _at_most(found: Mapping[str, Shown], scale: float) -> Iterator[str]:
+    """Yield the bound of the axis that has the largest."""
+    bounds = [one.at_most for one in found.values() if one.at_most is not None]
+    if bounds:
+        yield f"at most {scale * max(bounds):.2e}, with 95 % probability"
+
+
+def _slower(found: Mapping[str, Shown], scale: float) -> Iterator[str]:
+    """Yield a comment on what N leaves out, of the axis where that is most."""
+    worst = max(found, key=lambda axis: max((density for _, density in found[axis].slower), default=0.0))
+    if slower := found[worst].slower:
+        densities = ", ".join(f"{scale * density:.2e} at {tau_s:.2g} s" for tau_s, density in slower)
+        yield f"#   {worst} also has slower noise, which Kalibr has no term for: the density is {densities}"
+        yield "#   and longer. --gauss-markov writes all of it for a filter of your own."
 
 
 def _plain(topic: str) -> str:

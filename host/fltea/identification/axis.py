@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from fltea.identification.fltea_fit import ConstantStartup, FlteaFit, fltea_fit
 from fltea.identification.gaps import Gaps, Stretch, bridged, no_gaps
-from fltea.identification.motion import Motion, motion, told
 from fltea.identification.shuffled import Copies, ShuffledBand, shuffled_band
 from fltea.identification.sums import Summed, examined_stretches
 from fltea.records.arrays import Array
@@ -24,7 +23,7 @@ from fltea.spectrum.lines import Peak
 from fltea.spectrum.noise_figures import NoiseFigures, SentenceSummary, noise_figures, summaries
 from fltea.spectrum.null_constants import PROBABILITIES
 from fltea.spectrum.spectral import Band
-from fltea.spectrum.verdict import Rule, Verdict, decide
+from fltea.spectrum.verdict import Verdict, decide
 
 Variant = Literal["triple", "joint"]
 
@@ -123,7 +122,6 @@ class Looked(NamedTuple):
     summed: Summed
     verdict: Verdict
     figures: NoiseFigures
-    motion: Motion | None
 
 
 def look(y: ArrayLike, h: float, options: IdentifyOptions | None = None, gaps: Gaps | None = None) -> Looked:
@@ -142,20 +140,8 @@ def look(y: ArrayLike, h: float, options: IdentifyOptions | None = None, gaps: G
     stretches = bridged(samples, gaps)
     summed = examined_stretches(stretches, len(samples), h, o.from_hz, o.notch_hz)
     evidence = summed.seen.evidence
-    moved = motion(stretches, h)
     verdict = decide(evidence)
-    if moved is not None:
-        verdict = _of_motion(verdict, moved, evidence.duration_s)
-    return Looked(samples, h, gaps, stretches, summed, verdict, noise_figures(evidence, verdict), moved)
-
-
-def _of_motion(verdict: Verdict, moved: Motion, duration_s: float) -> Verdict:
-    """Return the verdict on a record of so many seconds in which the sensor was moved."""
-    what, why = told(moved, duration_s), "All figures include the motion."
-    then = "Record at rest, or cut the motion out."
-    rule = Rule("Was the sensor moved?", True, moved.when)
-    text = f"{what} {why} {then}"
-    return Verdict("not stationary", text, what, why, then, (rule, *verdict.rules))
+    return Looked(samples, h, gaps, stretches, summed, verdict, noise_figures(evidence, verdict))
 
 
 def identified(looked: Looked, lsb: float | None, options: IdentifyOptions | None = None) -> AxisResult:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fltea.identification.allan import scales
+from fltea.identification.axis_report import AxisReport
 from fltea.identification.curves import Curves
 from fltea.identification.forecast import integral, is_any_heading
-from fltea.identification.run import AxisReport
 from fltea.noise.distributions import NORMAL_95
 from fltea.noise.parts import spectrum
 from fltea.records.arrays import Array
@@ -38,6 +38,8 @@ def draw(axis: AxisReport) -> dict[str, bytes]:
 def _has(name: str, axis: AxisReport) -> bool:
     if name == "forecast":
         return axis.forecast is not None
+    if name == "bias":
+        return axis.course is not None
     if name == "allan":
         return axis.allan is not None
     return name not in ("trajectory", "innovations") or axis.result.fltea is not None
@@ -192,6 +194,29 @@ def _forecast(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     axes.legend(fontsize=8, loc="best")
 
 
+def _bias(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
+    axes, c = figure.subplots(), axis.course
+    assert c is not None
+    low, high = c.bias - 2 * c.bias_std, c.bias + 2 * c.bias_std
+    axes.fill_between(c.t_s, low, high, color=OWN["color"], alpha=0.2, linewidth=0, label="±2σ")
+    axes.plot(c.t_s, c.bias, label=f"Bias({axis.now.bias_s:g} s)" if axis.now else "bias", **OWN)
+    label = "motion"
+    for one in axis.motion:
+        axes.axvspan(one.begin_s, one.end_s, color=BAND, alpha=0.7, linewidth=0, label=label)
+        label = "_"
+    label = "step"
+    for step in axis.bias_steps:
+        axes.axvline(step.at_s, color=FRACTIONAL["color"], linewidth=1.0, linestyle=":", label=label)
+        label = "_"
+    known = np.isfinite(high - low)
+    if known.any():  # its σ is wide at first, and after a step
+        bottom, top = np.nanmin(c.bias[known]), np.nanmax(c.bias[known])
+        margin = 4 * float(np.nanmedian(c.bias_std[known])) + 0.1 * float(top - bottom)
+        axes.set_ylim(bottom - margin, top + margin)
+    axes.set(xlabel="time [s]", ylabel=f"bias [{axis.unit}]")
+    axes.legend(fontsize=8, loc="best")
+
+
 def _innovations(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     axes, rho = figure.subplots(), curves.autocorrelation
     lags = np.arange(1, len(rho) + 1)
@@ -209,6 +234,7 @@ _PAINTERS = {
     "profile": _profile,
     "trajectory": _path,
     "allan": _allan,
+    "bias": _bias,
     "forecast": _forecast,
     "innovations": _innovations,
 }
@@ -234,6 +260,11 @@ TITLES = {
         "Allan deviation",
         "Dashed, with the 5 to 95 % of its simulations: noise drawn from the verdict's model and the peaks "
         "beside it. Where it leaves the data, the model does not reproduce the sensor.",
+    ),
+    "bias": (
+        "Bias over time",
+        "The constant to take off during the next second or so, by the samples until then. Steps are where "
+        "it is learnt anew; in motion it is predicted.",
     ),
     "forecast": (
         "How far the heading is off",

@@ -8,15 +8,17 @@ import msgspec
 
 from fltea.identification.allan import scales
 from fltea.identification.axis import AxisResult
+from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.fltea_fit import FlteaFit
 from fltea.identification.forecast import SAID_S, angle, is_any_heading
 from fltea.identification.load import GYRO_UNIT
-from fltea.identification.run import AxisReport, Failure, FileReport
 from fltea.identification.shuffled import ShuffledBand
+from fltea.identification.tracked_system import OffsetWalkFound
 from fltea.identification.traps import Trap
 from fltea.records.fit import Interval
 from fltea.records.stats import CAUSE_WORDS
 from fltea.records.units import HOUR
+from fltea.spectrum.wording import duration
 
 UNDEFINED = "undefined"
 NONE = "–"
@@ -61,8 +63,10 @@ def _file(report: FileReport) -> dict[str, Any]:
 def _axis(axis: AxisReport | Failure) -> dict[str, Any]:
     if isinstance(axis, Failure):
         return {"error": axis.error}
-    found: dict[str, Any] = msgspec.to_builtins(msgspec.structs.replace(axis, curves=None))
-    del found["curves"]
+    own = dict.fromkeys(("curves", "tracked", "course"))
+    found: dict[str, Any] = msgspec.to_builtins(msgspec.structs.replace(axis, **own))
+    for name in (*own, "left_out"):
+        del found[name]
     return {"unit": found.pop("unit"), "lsb": found.pop("lsb"), **found.pop("result"), **found}
 
 
@@ -71,13 +75,13 @@ def lead(axis: AxisReport) -> str:
     r, now = axis.result, axis.now
     found = [r.verdict.kind, f"α {_interval(r.order.alpha)}", f"f {_interval(r.order.f)}"]
     if now is not None:
-        end = " at the end" if r.level.K.value is not None else ""
+        end = f"({now.bias_s:g} s)" + (" at the end" if r.level.K.value is not None else "")
         if is_any_heading(now.heading_std, axis.unit):
             ahead = "no heading left"
         else:
             what = "heading" if axis.unit == GYRO_UNIT else "integral"
             ahead = f"{what} ± {angle(now.heading_std, axis.unit)}"
-        found += [f"bias{end} {rounded(now.bias, now.bias_std)} {axis.unit}", f"{ahead} after {SAID_S:g} s"]
+        found += [f"Bias{end} {rounded(now.bias, now.bias_std)} {axis.unit}", f"{ahead} after {SAID_S:g} s"]
     return " · ".join(found)
 
 
@@ -89,31 +93,11 @@ def rounded(value: float, std: float) -> str:
     return f"{value:.{places}f} ± {std:.{places}f}"
 
 
-def forecast_rows(axis: AxisReport) -> list[tuple[str, ...]]:
-    """Return what was said and seen by time, under `FORECAST_HEADINGS`."""
-    if axis.forecast is None:
-        return []
-    return [
-        (
-            f"{one.t_s:g} s",
-            angle(one.said, axis.unit),
-            angle(one.seen, axis.unit),
-            f"{100 * one.within:.0f} %",
-            f"{one.pieces}",
-            "fails" if one.fails else "holds",
-        )
-        for one in axis.forecast.judged
-    ]
-
-
 def sheets(axes: Mapping[str, AxisReport]) -> list[str]:
     """Return how each axis compares with the data sheet that was named, and where that is from."""
     found = [(name, axis.sheet) for name, axis in axes.items() if axis.sheet is not None]
     sources = dict.fromkeys(f"Data sheet of the {one.part}: {one.source}." for _, one in found)
     return [f"{name}: {one.text}" for name, one in found] + list(sources)
-
-
-FORECAST_HEADINGS = ("after", "predicted", "seen", "within 95 %", "pieces", "")
 
 
 def heading(report: FileReport) -> str:
@@ -232,6 +216,8 @@ def part_rows(axis: AxisReport) -> list[Row]:
         (f"  N [{of.N.unit}]", _estimate(r.level.N, of.N.factor)),
         (f"  K [{of.K.unit}]", _estimate(r.level.K, of.K.factor) if r.level.K.value is not None else NONE),
     ]
+    if axis.walk is not None and r.level.K.value is None:
+        found.append((f"  K of the offset [{of.K.unit}]", _offset_walk(axis.walk, of.K.factor)))
     counted: dict[str, int] = {}
     for part in r.parts:
         counted[part.part] = number = counted.get(part.part, 0) + 1
@@ -254,6 +240,13 @@ def _estimate(e: Interval, factor: float = 1.0) -> str:
         return "not known"
     low, high = ("" if end is None else f"{end * factor:.3g}" for end in (e.low, e.high))
     return f"{e.value * factor:.3g}" + (f" ({low}…{high})" if low or high else ", not known well")
+
+
+def _offset_walk(walk: OffsetWalkFound, factor: float) -> str:
+    if walk.said == "walks":
+        return _estimate(walk.K, factor)
+    bound = "not known" if walk.at_most is None else f"at most {walk.at_most * factor:.3g}"
+    return bound if walk.tells_s is None else f"{bound}; {duration(walk.tells_s)} would tell"
 
 
 def settings(axis: AxisReport) -> str:

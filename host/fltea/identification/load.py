@@ -88,6 +88,9 @@ class Loaded(NamedTuple):
     traps: tuple[Trap, ...]
     topic: str = ""
     reading: tuple[Answer, ...] = ()
+    accel: tuple[Array, ...] = ()
+    """The samples of each axis of the accelerometer in m/s², asked for or not: they show motion. None where
+    there is no accelerometer, or where it says nothing."""
 
     @property
     def h(self) -> float:
@@ -170,7 +173,14 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     axes, clock_ppm = used.axes(gaps), None if used.no_clock else used.ppm
     chosen = _chosen(axes, request, reading)
     traps = _traps(used, counts, axes, clock_ppm, chosen, reading)
-    return Loaded(used.hello, counts, chosen, clock_ppm, (*_most(reported), *traps), topic, reading)
+    return Loaded(
+        used.hello, counts, chosen, clock_ppm, (*_most(reported), *traps), topic, reading, _accel(axes)
+    )
+
+
+def _accel(axes: dict[str, Series]) -> tuple[Array, ...]:
+    found = tuple(axes[name].y for name in ACCEL_AXES if name in axes)
+    return found if any(np.ptp(y) > 0 for y in found) else ()  # some put zeros there
 
 
 def _most(reported: list[Trap]) -> list[Trap]:

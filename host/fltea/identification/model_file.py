@@ -15,7 +15,9 @@ from fltea.records.version import __version__
 from fltea.records.whole_file import whole_file
 
 FORMAT = "fltea-noise-model"
-VERSION = 4
+VERSION = 5
+READABLE = (4, 5)
+"""Version 4 has no walk of the offset."""
 
 T = TypeVar("T")
 
@@ -99,9 +101,9 @@ def read_models(path: Path) -> NoiseModels:
             f'{path}: is no noise model (it lacks "format": "{FORMAT}"); `fltea identify --export-model` '
             "writes one."
         )
-    if head.version != VERSION:
+    if head.version not in READABLE:
         raise UsageError(
-            f"{path}: is of version {head.version}; this fltea reads version {VERSION}. "
+            f"{path}: is of version {head.version}; this fltea reads versions {READABLE[0]} to {VERSION}. "
             "Identify again, or use the fltea that wrote it."
         )
     try:

@@ -7,16 +7,18 @@ from pathlib import Path
 import msgspec
 
 from fltea.identification.axis import AxisResult
+from fltea.identification.axis_report import AxisReport
 from fltea.identification.model_file import by_sensor, write_json
-from fltea.identification.run import AxisReport
+from fltea.identification.navigation_filter import NavigationFilter
+from fltea.records.errors import FlteaError
 from fltea.records.fit import Interval
 from fltea.records.version import __version__
 from fltea.spectrum.intervals import Estimated
 from fltea.spectrum.noise_figures import SentenceSummary
 
 FORMAT = "fltea-navigation-model"
-VERSION = 3
-"""Versions 1 and 2 had units in their names, and figures of a model apart from the verdict's."""
+VERSION = 4
+"""Version 3 had no filter: what was not found had to be guessed."""
 STATES = ("white", "relaxation", "walk", "quantisation")
 """Parts that have a place of their own in an entry."""
 
@@ -33,7 +35,10 @@ class GaussMarkovState(msgspec.Struct, frozen=True):
 
 
 class NavigationAxis(msgspec.Struct, frozen=True):
-    """One axis, in `unit`. What is null was not found; an end of an interval that is null is not known."""
+    """One axis, in `unit`: what was found with its intervals, and the filter that follows.
+
+    What is null was not found; an end of an interval that is null is not known. Nothing in `filter` is null.
+    """
 
     unit: str
     model: str
@@ -55,7 +60,9 @@ class NavigationAxis(msgspec.Struct, frozen=True):
     knee_density: float | None
     """The density there, as N."""
     without_order: SentenceSummary | None
-    """Where the noise has an order, which is no state: the best sentence without one, for a filter."""
+    """Where the noise has an order, which is no state: the best sentence without one."""
+    filter: NavigationFilter
+    """All that a plain Kalman filter is built from."""
 
 
 class NavigationModels(msgspec.Struct, frozen=True):
@@ -71,7 +78,7 @@ class NavigationModels(msgspec.Struct, frozen=True):
     version: int = VERSION
 
 
-def navigation_axis(found: AxisResult, unit: str) -> NavigationAxis:
+def navigation_axis(found: AxisResult, unit: str, plain: NavigationFilter) -> NavigationAxis:
     """Return the entry of an axis whose samples are in `unit`."""
     quantisation = [part.values["Q"] for part in found.parts if part.part == "quantisation"]
     return NavigationAxis(
@@ -89,6 +96,7 @@ def navigation_axis(found: AxisResult, unit: str) -> NavigationAxis:
         knee_hz=found.level.knee_hz,
         knee_density=found.level.knee_density,
         without_order=found.sentences["plain"] if found.stands == "order" else None,
+        filter=plain,
     )
 
 
@@ -96,9 +104,17 @@ def write_navigation(path: Path, axes: Mapping[str, AxisReport], rate_hz: float,
     """Write the file; it appears whole or not at all.
 
     Raises:
-        FlteaError: it cannot be written.
+        FlteaError: it cannot be written, or no filter can work with the noise of an axis.
     """
-    entries = {name: navigation_axis(axis.result, axis.unit) for name, axis in axes.items()}
+    entries = {}
+    for name, axis in axes.items():
+        if axis.filter is None:
+            raise FlteaError(
+                f"--gauss-markov: {name}: no Kalman filter can work with its noise, "
+                f"{axis.result.made_of}, which is at the edge of what is stationary. Record longer, or leave "
+                "the axis out (--channels)."
+            )
+        entries[name] = navigation_axis(axis.result, axis.unit, axis.filter)
     write_json(path, NavigationModels(rate_hz, 1 / rate_hz, source, *by_sensor(entries)))
 
 

@@ -7,7 +7,7 @@ from typing import cast
 import msgspec
 import numpy as np
 
-from fltea.noise.parts import FILTERS, AnyPart, Floor, Walk, White, spectrum
+from fltea.noise.parts import FILTERS, AnyPart, Floor, Part, Relaxation, Walk, White, spectrum
 from fltea.records.arrays import Array
 from fltea.spectrum.frontier import Sentence
 from fltea.spectrum.lines import Peak
@@ -32,11 +32,20 @@ class Lorentzian(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The noise of one axis, without its offset."""
+    """The noise of one axis, without the constant of its offset."""
 
     parts: tuple[AnyPart, ...]
     resonances: tuple[Lorentzian, ...] = ()
     """Lines and resonances that were left out of the fit."""
+    offset_walk: float = 0.0
+    """K of a random walk of the offset beside the parts, per √s, as the forecast has it; 0 where a part
+    walks."""
+    offset_relaxation: Relaxation | None = None
+    """A walk of the offset within bounds beside the parts, as the forecast has it."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.offset_walk < math.inf:
+            raise ValueError(f"offset_walk must be 0 or more, got {self.offset_walk}")
 
     @property
     def white(self) -> float:
@@ -48,7 +57,7 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def walk(self) -> float:
         """K² of the random walks."""
-        return sum(part.K**2 for part in self.parts if isinstance(part, Walk))
+        return self.offset_walk**2 + sum(part.K**2 for part in self.parts if isinstance(part, Walk))
 
 
 def modelled(sentence: Sentence, peaks: tuple[Peak, ...], std: float, h: float) -> AxisModel:
@@ -67,7 +76,10 @@ def modelled(sentence: Sentence, peaks: tuple[Peak, ...], std: float, h: float) 
 
 def model_spectrum(model: AxisModel, lam: Array, h: float) -> Array:
     """Return the spectrum of y at λ > 0, normalised like `periodogram`."""
-    total = spectrum(model.parts, lam, h)
+    offset: list[Part] = [Walk(model.offset_walk)]
+    if model.offset_relaxation is not None:
+        offset.append(model.offset_relaxation)
+    total = spectrum(model.parts, lam, h) + spectrum(offset, lam, h)
     frequency_hz = lam / (2 * np.pi * h)
     for r in model.resonances:
         half = r.width_hz / 2

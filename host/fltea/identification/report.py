@@ -9,7 +9,8 @@ from pathlib import Path
 from fltea.documents.html_page import html_page, table, table_of
 from fltea.identification import figures, findings
 from fltea.identification.axis import AxisResult
-from fltea.identification.run import AxisReport, FileReport
+from fltea.identification.axis_report import AxisReport, FileReport
+from fltea.identification.forecast_tables import forecast_tables
 from fltea.records.whole_file import whole_file
 
 PAGE = "report.html"
@@ -118,9 +119,8 @@ def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Itera
 def _forecast(axis: AxisReport) -> str:
     if axis.forecast is None:
         return ""
-    text = f"<h3>Forecast of the heading</h3><p>{escape(axis.forecast.text)}</p>"
-    rows = findings.forecast_rows(axis)
-    return text + (table(rows, findings.FORECAST_HEADINGS) if rows else "")
+    text = f"<h3>Forecast of heading and bias</h3><p>{escape(axis.forecast.text)}</p>"
+    return text + "".join(table(rows, headings) for headings, rows in forecast_tables(axis))
 
 
 def _table(axes: dict[str, AxisReport]) -> str:

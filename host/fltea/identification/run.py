@@ -5,98 +5,47 @@ axes would keep two cores busy for as long as four. What comes out does not depe
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
-from fltea.identification.allan import allan, with_level
 from fltea.identification.axis import (
-    AxisResult,
     IdentifyOptions,
-    Looked,
-    identified,
-    look,
     with_copies,
 )
-from fltea.identification.curves import Curves, curves
-from fltea.identification.data_sheet import SheetComparison, compare
+from fltea.identification.axis_report import AxisReport, Failure, FileReport
+from fltea.identification.conclusions import Conclusions, conclude, in_agreement
 from fltea.identification.fltea_fit import LEAST
-from fltea.identification.forecast import Forecast, Goal, Now, SentenceParts, found
+from fltea.identification.forecast import Goal
+from fltea.identification.forecast_judge import Learned
 from fltea.identification.gaps import longest_epoch
 from fltea.identification.hand_out import HandOut, Task
-from fltea.identification.load import GYRO_UNIT, Loaded, Request, Series, Unreadable, load
-from fltea.identification.noise_model import AxisModel, modelled
-from fltea.identification.reproduction import Reproduction, reproduction
+from fltea.identification.left_out import without
+from fltea.identification.load import Loaded, Request, Series, Unreadable, load
+from fltea.identification.one_axis import MOST_LOOKS, concluded, examine, with_events
+from fltea.identification.sensor_events import (
+    NO_EVENTS,
+    AxisEvents,
+    watch,
+)
 from fltea.identification.shuffled import Copies, estimate, groups
-from fltea.identification.traps import Trap, axis_traps, of_axis, withheld
+from fltea.identification.traps import Trap, of_axis
 from fltea.identification.work_folder import work_folder
 from fltea.identification.workers import Workers
+from fltea.records.arrays import Array
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
-from fltea.spectrum.allan_curve import Allan
-from fltea.spectrum.wording import duration, names
+from fltea.settings.live import LiveConfig
 
 USUAL_TASKS = 3
 """Tasks that a recording is taken for before it is read. The bar grows with the groups of copies."""
 
 Progress = Callable[[str, int, int], None]
 """Is called with what has just been done, and how many tasks of how many are done."""
-
-
-class Failure(msgspec.Struct, frozen=True):
-    """The reason why there is no result."""
-
-    error: str
-
-
-class AxisReport(msgspec.Struct, frozen=True):
-    """The results of one axis; allan and reproduction may be None for `allan_reason`.
-
-    There are curves only if figures are wanted.
-    """
-
-    unit: str
-    lsb: float | None
-    result: AxisResult
-    model: AxisModel
-    allan: Allan | None
-    reproduction: Reproduction | None
-    allan_reason: str
-    traps: tuple[Trap, ...]
-    curves: Curves | None
-    now: Now | None = None
-    """The bias at the end of the longest stretch."""
-    forecast: Forecast | None = None
-    sheet: SheetComparison | None = None
-    """Only where a data sheet was named."""
-    withheld: str = ""
-    """Why there is no `now`, forecast, comparison or file for other programs: what is bad, and what to do."""
-
-
-@dataclass
-class FileReport:
-    """The results of one recording, or the failure why it could not be read."""
-
-    name: str
-    recording: Loaded | None = None
-    failure: FlteaError | None = None
-    axes: dict[str, AxisReport | Failure] = field(default_factory=dict)
-
-    def compare_with(self, part: str) -> None:
-        """Compare the axes of a gyroscope with the data sheet of `part`."""
-        for name, axis in self.axes.items():
-            if isinstance(axis, AxisReport) and axis.unit == GYRO_UNIT and self.recording is not None:
-                if axis.withheld:
-                    continue
-                low_pass = self.recording.hello.gyro_dlpf_hz
-                found = compare(part, axis.result.level, axis.result.rate_hz, axis.lsb, low_pass)
-                self.axes[name] = msgspec.structs.replace(axis, sheet=found)
 
 
 class Settings(msgspec.Struct, frozen=True):
@@ -109,6 +58,8 @@ class Settings(msgspec.Struct, frozen=True):
     figures: bool = False
     """Make what figures are drawn from."""
     forecast: bool | Goal = False
+    live: LiveConfig = LiveConfig()
+    """What the tracker goes by: how far a bias steps at most, and for how many seconds it is meant."""
 
     def of_axis(self, axis: str, channels: Sequence[str]) -> IdentifyOptions:
         """Return the options of one axis of those that are identified."""
@@ -137,12 +88,14 @@ def _at_rate(options: IdentifyOptions, h: float) -> IdentifyOptions:
 
 @dataclass
 class _Task(Task):
-    """To read a recording, or (with an axis) to identify one of its axes or a group of its copies."""
+    """To read a recording, to watch its tracked biases, or (with an axis) to identify it or some copies."""
 
     report: FileReport
     axis: "_Axis | None" = None
     part: int | None = None
     """Number of the group of copies."""
+    of: "_Recording | None" = None
+    """The recording, unless it is to be read."""
 
 
 @dataclass
@@ -150,27 +103,63 @@ class _Axis:
     """An axis whose tasks are under way. Its report comes when all of them are done."""
 
     name: str
+    series: Series
+    options: IdentifyOptions
+    looks: int = 0
+    is_examined: bool = False
     found: AxisReport | None = None
+    events: AxisEvents | None = None
     parts: list[Copies | None] = field(default_factory=list)
+    conclusions: Conclusions | None = None
     failure: Failure | None = None
 
-    def take(self, task: _Task, result: Any) -> AxisReport | Failure | None:
-        """Take what a task gave; the report if nothing more is to come."""
+    def take(self, task: _Task, result: Any) -> None:
+        """Take what a task gave."""
+        self.is_examined |= task.do is examine
         if isinstance(result, BaseException):
+            if self.looks > 1 and task.do is examine:
+                return  # too little is left between steps: the look before counts
             # Of several the axis itself knows best what is wrong with it.
             self.failure = (
                 Failure(_text(result)) if task.part is None else self.failure or Failure(_text(result))
             )
+        elif isinstance(result, Conclusions):
+            self.conclusions = result
         elif task.part is None:
             self.found = result
         else:
             self.parts[task.part] = result
-        if self.failure is not None:
-            return self.failure
+
+    @property
+    def report(self) -> AxisReport | Failure | None:
+        """The report; None if something is still to come."""
         copies = [part for part in self.parts if part is not None]
-        if self.found is None or len(copies) < len(self.parts):
+        if self.failure is not None or self.found is None or len(copies) < len(self.parts):
+            return self.failure
+        if self.events is None:
             return None
-        return msgspec.structs.replace(self.found, result=with_copies(self.found.result, copies))
+        found = msgspec.structs.replace(self.found, result=with_copies(self.found.result, copies))
+        if found.tracked is not None:
+            if self.conclusions is None:
+                return None
+            found = concluded(found, self.conclusions)
+        return with_events(found, self.events)
+
+
+@dataclass
+class _Recording:
+    """A recording whose tasks are under way."""
+
+    h: float
+    accel: tuple[Array, ...]
+    traps: tuple[Trap, ...]
+    axes: list[_Axis] = field(default_factory=list)
+    watches: int = 0
+
+    def agreed(self) -> dict[str, Learned]:
+        """Return the tracked systems of its axes by name."""
+        tracked = {axis.name: axis.found.tracked for axis in self.axes if axis.found is not None}
+        return in_agreement(tracked, self.h)
 
 
 def identify_all(
@@ -226,19 +215,25 @@ class _Loop(HandOut[_Task]):
 
     def submit(self, task: _Task) -> "Future[Any]":
         """Hand over a task, to the readers if it is to read."""
-        who = self._readers if task.axis is None else self._workers
+        who = self._readers if task.do is load else self._workers
         return who.submit(task.do, *task.arguments)
 
     def settle(self, task: _Task, result: Any) -> None:
         """Put a result into its report, and plan what follows from it."""
         report = task.report
         self._done += 1
-        if task.axis is not None:
-            done = task.axis.take(task, result)
-            if done is not None:
-                report.axes[task.axis.name] = done
+        if task.of is not None:
+            if task.axis is not None:
+                task.axis.take(task, result)
+                if task.do is examine and all(axis.is_examined for axis in task.of.axes):
+                    self._watch(task)
+            else:
+                self._look_again(task, {} if isinstance(result, BaseException) else result)
+            for axis in task.of.axes:
+                if (done := axis.report) is not None:
+                    report.axes[axis.name] = done
         elif isinstance(result, Loaded):
-            report.recording = result._replace(axes={})
+            report.recording = result._replace(axes={}, accel=())
             self._plan(report, result)
         else:
             report.failure = result if isinstance(result, FlteaError) else FlteaError(_text(result))
@@ -248,12 +243,71 @@ class _Loop(HandOut[_Task]):
             what.append(task.axis.name)
             if task.part is not None:
                 what.append(f"copies {task.part + 1}/{len(task.axis.parts)}")
+            elif task.do is conclude:
+                what.append("bias")
+        elif task.of is not None:
+            what.append("steps and motion")
         self._progress(" ".join(what), self._done, self._total)
 
+    def _add(self, *tasks: _Task) -> None:
+        self._axes.extend(tasks)
+        self._total += len(tasks)
+
+    def _watch(self, task: _Task) -> None:
+        """Plan to watch the biases, when all axes of a recording were examined, or what follows."""
+        assert task.of is not None
+        of, axes = task.of, {axis.name: axis.series for axis in task.of.axes if axis.found is not None}
+        of.watches += 1
+        if of.watches == MOST_LOOKS:
+            self._conclude(task)
+        elif axes:
+            arguments = (axes, of.accel, of.agreed(), of.h, self._settings.live)
+            self._add(_Task(watch, arguments, task.report, of=of))
+
+    def _look_again(self, task: _Task, events: dict[str, AxisEvents]) -> None:
+        """Plan looks without what has happened; or what follows from the last ones."""
+        assert task.of is not None
+        of = task.of
+        again = []
+        for axis in of.axes:
+            if axis.found is not None:
+                axis.events = events.get(axis.name, NO_EVENTS)
+                if not axis.events.left_out.is_like(axis.found.left_out):
+                    again.append(axis)
+        if again:
+            self._add(*(self._look(axis, task.report, of) for axis in again))
+        else:
+            self._conclude(task)
+
+    def _look(self, axis: _Axis, report: FileReport, of: _Recording) -> _Task:
+        """Return the next look at an axis."""
+        axis.looks += 1
+        axis.is_examined = False
+        out = None if axis.events is None else axis.events.left_out
+        known = of_axis(of.traps, axis.name)
+        arguments = (axis.series, of.h, axis.options, self._settings.figures, known, out)
+        return _Task(examine, arguments, report, axis, of=of)
+
+    def _conclude(self, task: _Task) -> None:
+        """Plan what follows when all axes of a recording were examined for the last time."""
+        assert task.of is not None
+        of = task.of
+        agreed = of.agreed()
+        for axis in of.axes:
+            if axis.found is not None and axis.events is not None:
+                series = without(axis.series, axis.found.left_out)
+                self._add(*self._copies(axis, series, task.report, of))
+                if axis.name in agreed:
+                    K, at_end = axis.found.result.level.K, axis.events.at_end
+                    arguments = (
+                        series, of.h, axis.options, agreed[axis.name], K, self._settings.forecast, at_end
+                    )  # fmt: skip
+                    self._add(_Task(conclude, arguments, task.report, axis, of=of))
+
     def _plan(self, report: FileReport, recording: Loaded) -> None:
-        """Return the tasks: axes, then their copies, which are many and alike, so that no process idles."""
-        axes, copies = [], []
+        """Plan the first look at each axis."""
         h = recording.h
+        of = _Recording(h, recording.accel, recording.traps)
         for name, series in recording.axes.items():
             report.axes[name] = Failure("not done")  # keeps the order of the axes
             try:
@@ -272,103 +326,17 @@ class _Loop(HandOut[_Task]):
                 )
                 self._total -= USUAL_TASKS
                 return
-            axis = _Axis(name)
-            known = of_axis(recording.traps, name)
-            arguments = (series, h, options, self._settings.figures, self._settings.forecast, known)
-            axes.append(_Task(identify_series, arguments, report, axis))
-            epoch = longest_epoch(len(series.y), series.gaps)
-            for part, group in enumerate(groups(epoch[1] - epoch[0], options.shuffles)):
-                axis.parts.append(None)
-                copy = (series.y, h, options.estimator, series.lsb, group, options.seed, epoch)
-                copies.append(_Task(estimate, copy, report, axis, part))
-        self._axes.extend(axes + copies)
-        self._total += len(axes) + len(copies) - USUAL_TASKS
+            of.axes.append(_Axis(name, series, options))
+        self._add(*(self._look(axis, report, of) for axis in of.axes))
+        self._total -= USUAL_TASKS
 
-
-def identify_series(
-    series: Series,
-    h: float,
-    options: IdentifyOptions,
-    figures: bool,
-    forecast: bool | Goal = False,
-    known: Sequence[Trap] = (),
-) -> AxisReport:
-    """Return all that is found out about one axis, but for its shuffled copies.
-
-    known: what is wrong with it already by the recording as a whole.
-
-    Raises:
-        ValueError: it is too short or constant.
-    """
-    looked = look(series.y, h, options, series.gaps)
-    result = identified(looked, series.lsb, options)
-    model = modelled(looked.figures.sentence, result.peaks, result.std, h)
-    curve, drawn, reason = None, None, ""
-    try:
-        stretches = [np.asarray(one.y, dtype=np.float64) for one in looked.stretches]
-        curve = with_level(allan(stretches, h, series.unit), result.level)
-        drawn = reproduction(series.y, h, model, seed=options.seed, stretches=stretches)
-    except ValueError as error:
-        reason = str(error)
-    traps = traps_of(looked, series, result)
-    why = withheld((*known, *traps))
-    bias, ahead = forecasts(looked, options, series.unit, why, forecast=forecast)
-    return AxisReport(
-        series.unit,
-        series.lsb,
-        result,
-        model,
-        curve,
-        drawn,
-        reason,
-        traps,
-        curves=curves(looked, series.lsb, options, result) if figures else None,
-        now=bias,
-        forecast=ahead,
-        withheld=why,
-    )
-
-
-def traps_of(looked: Looked, series: Series, result: AxisResult) -> tuple[Trap, ...]:
-    """Return what in an axis that was looked at can mislead."""
-    return axis_traps(
-        looked.y,
-        looked.h,
-        series.lsb,
-        result.peaks,
-        series.unit,
-        series.gaps,
-        moved=looked.motion,
-        longer=_longer(result),
-    )
-
-
-def forecasts(
-    looked: Looked, options: IdentifyOptions, unit: str, why_not: str, *, forecast: bool | Goal
-) -> tuple[Now | None, Forecast | None]:
-    """Return the bias now of an axis that was looked at, and the forecast if it is wanted.
-
-    Neither if there is a reason why not.
-    """
-    if why_not:
-        return None, None
-    h = looked.h
-
-    def first(y: NDArray[np.float64]) -> SentenceParts:
-        parts = look(y, h, options).figures.sentence.parts(h)
-        return parts, names(map(type, parts))
-
-    goal = forecast if isinstance(forecast, Goal) else None
-    longest = max((one.y for one in looked.stretches), key=len)
-    y = np.ascontiguousarray(longest, dtype=np.float64)
-    return found(looked.figures.sentence.parts(h), y, h, unit, first if forecast else None, goal)
-
-
-def _longer(result: AxisResult) -> str:
-    """Return how long a record should be, as the verdict has it."""
-    if not result.verdict.has_order:
-        return "ten minutes or more"
-    return "as long as can be" if result.decides_s is None else f"about {duration(result.decides_s)}"
+    def _copies(self, axis: _Axis, series: Series, report: FileReport, of: _Recording) -> Iterator[_Task]:
+        """Yield the tasks of the shuffled copies, which are many and alike, so that no process idles."""
+        epoch = longest_epoch(len(series.y), series.gaps)
+        for part, group in enumerate(groups(epoch[1] - epoch[0], axis.options.shuffles)):
+            axis.parts.append(None)
+            copy = (series.y, of.h, axis.options.estimator, series.lsb, group, axis.options.seed, epoch)
+            yield _Task(estimate, copy, report, axis, part, of=of)
 
 
 def _text(error: Any) -> str:

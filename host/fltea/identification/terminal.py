@@ -9,7 +9,8 @@ from rich.table import Table
 from rich.text import Text
 
 from fltea.identification import findings
-from fltea.identification.run import AxisReport, Failure, FileReport
+from fltea.identification.axis_report import AxisReport, Failure, FileReport
+from fltea.identification.forecast_tables import forecast_tables
 from fltea.identification.traps import Trap
 from fltea.records.visible import visible_lines
 
@@ -72,9 +73,9 @@ def _details(console: Console, good: dict[str, AxisReport]) -> None:
 
 def _forecast(console: Console, name: str, axis: AxisReport, text: str) -> None:
     console.print(_shown(f"{name}, forecast: {text}"))
-    if found := findings.forecast_rows(axis):
-        table = Table(*findings.FORECAST_HEADINGS, box=box.SIMPLE_HEAD, pad_edge=False)
-        for row in found:
+    for headings, rows in forecast_tables(axis):
+        table = Table(*headings, box=box.SIMPLE_HEAD, pad_edge=False)
+        for row in rows:
             table.add_row(*map(_shown, row))
         console.print(table)
 

@@ -4,6 +4,7 @@ Each trap is looked for with a threshold that clean noise, white or coloured, ha
 """
 
 import math
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal
 
@@ -11,8 +12,7 @@ import msgspec
 import numpy as np
 
 from fltea.identification.counts import Counts
-from fltea.identification.gaps import Gaps, no_gaps
-from fltea.identification.motion import Motion, told
+from fltea.identification.gaps import Gaps, cut, no_gaps
 from fltea.identification.resolution import LONG, decimals, step, thin
 from fltea.records.arrays import Array
 from fltea.records.kinds import ERROR_KINDS
@@ -81,13 +81,12 @@ def axis_traps(
     unit: str = "deg/s",
     gaps: Gaps | None = None,
     *,
-    moved: Motion | None = None,
     longer: str = "ten minutes or more",
 ) -> tuple[Trap, ...]:
     """Look at one axis (n,), at a sampling period of h s.
 
     lsb: one count in the unit of y, if known. peaks: those found in its spectrum. gaps: where samples are
-    missing. moved: when the sensor was moved. longer: how long a record should be.
+    missing. longer: how long a record should be.
     """
     gaps = gaps or no_gaps()
     samples = np.ascontiguousarray(y, dtype=np.float64)
@@ -95,9 +94,8 @@ def axis_traps(
     if len(samples) < 2 * BLOCKS or np.ptp(samples) == 0:
         return (*short, *_stuck(samples))
     return (
-        *_motion(moved, len(samples) * h),
         *short,
-        *_offset_and_drift(samples, h, unit),
+        *_offset_and_drift(_unbroken(samples, gaps), h, unit),
         *_quantisation(samples, lsb, unit),
         *_outliers(samples, h, lsb, unit, gaps),
         *_saturation(samples, lsb),
@@ -142,11 +140,6 @@ def timing_traps(c: Counts, rate_hz: float, clock_ppm: float | None) -> Iterator
         )
 
 
-def _motion(moved: Motion | None, duration_s: float) -> Iterator[Trap]:
-    if moved is not None:
-        yield Trap("motion", "bad", told(moved, duration_s), "Record at rest, or cut the motion out.")
-
-
 def _too_short(n: int, h: float, longer: str) -> Iterator[Trap]:
     seconds = n * h
     if seconds < SHORT_S:
@@ -156,6 +149,12 @@ def _too_short(n: int, h: float, longer: str) -> Iterator[Trap]:
             f"{seconds:.3g} s, {n} samples: too short to separate an order from relaxations.",
             f"Record {longer}, at rest; bias instability and rate random walk show even later.",
         )
+
+
+def _unbroken(y: Array, gaps: Gaps) -> Array:
+    """Return the longest part between steps of the bias and restarts, where a mean may jump."""
+    begin, end, _ = max(cut(len(y), gaps, sys.maxsize), key=lambda part: part[1] - part[0])
+    return y[begin:end] if end - begin >= 2 * BLOCKS else y
 
 
 def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[Trap]:

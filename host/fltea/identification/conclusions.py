@@ -1,0 +1,83 @@
+"""What follows from the tracked system of an axis: bias, forecast, and a plain Kalman filter.
+
+It comes after all axes of a recording were looked at, since they may have one walk of the offset.
+"""
+
+import contextlib
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.identification.axis import IdentifyOptions, Looked, look
+from fltea.identification.forecast import BiasAtEnd, Forecast, Goal, Now, SentenceParts, found
+from fltea.identification.forecast_judge import Learned
+from fltea.identification.gaps import bridged
+from fltea.identification.load import Series
+from fltea.identification.model_file import by_sensor
+from fltea.identification.navigation_filter import NavigationFilter, navigation_filter
+from fltea.identification.shared_walk import shared_walk
+from fltea.identification.tracked_system import OffsetWalkFound, offset_walk_found, tracked_system
+from fltea.records.arrays import Array
+from fltea.records.fit import Interval
+from fltea.spectrum.wording import names
+
+
+class Conclusions(NamedTuple):
+    """What follows for one axis."""
+
+    tracked: Learned
+    walk: OffsetWalkFound
+    filter: NavigationFilter | None
+    now: Now | None
+    forecast: Forecast | None
+
+
+def tracked_of(looked: Looked) -> Learned | None:
+    """Return the tracked system of an axis by itself; None if no filter can work with its noise."""
+    y = max((one.y for one in looked.stretches), key=len)
+    parts = looked.figures.sentence.parts(looked.h)
+    return tracked_system(parts, np.ascontiguousarray(y, dtype=np.float64), looked.h)
+
+
+def in_agreement(tracked: Mapping[str, Learned | None], h: float) -> dict[str, Learned]:
+    """Return the tracked systems of a recording's axes, by name, with one walk for each sensor if possible.
+
+    Axes without a system are left out.
+    """
+    known = {name: one for name, one in tracked.items() if one is not None}
+    gyro, accel = by_sensor(known)
+    shared = shared_walk(gyro, h) | shared_walk(accel, h)
+    return {name: shared[name] for name in known}
+
+
+def conclude(
+    series: Series,
+    h: float,
+    options: IdentifyOptions,
+    tracked: Learned,
+    K: Interval,
+    forecast: bool | Goal,
+    at_end: BiasAtEnd | None = None,
+) -> Conclusions:
+    """Return what follows for an axis; its forecast if that is wanted.
+
+    series: what was looked at. K: of the parts, null if none of them is a walk. at_end: the bias after the
+    recording.
+    """
+    stretches = [np.asarray(one.y, dtype=np.float64) for one in bridged(series.y, series.gaps)]
+    y: Array = np.ascontiguousarray(max(stretches, key=len))
+
+    def first(y: NDArray[np.float64]) -> SentenceParts:
+        parts = look(y, h, options).figures.sentence.parts(h)
+        return parts, names(map(type, parts))
+
+    goal = forecast if isinstance(forecast, Goal) else None
+    bias, ahead = found(tracked, y, h, series.unit, first if forecast else None, goal, at_end)
+    plain = None
+    with contextlib.suppress(ValueError, ArithmeticError):  # no filter can work with it
+        # Its bias has to be that after the last step, however short the stretch since then.
+        newest = stretches[-1] if at_end is not None and at_end.has_stepped else y
+        plain = navigation_filter(tracked, np.ascontiguousarray(newest), h)
+    return Conclusions(tracked, offset_walk_found(tracked, h, K), plain, bias, ahead)

@@ -1,0 +1,91 @@
+"""What steps of a bias and motion of the sensor are in words, and what to do about them (pure)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fltea.identification.sensor_events import AxisEvents, BiasStep, MotionSpan
+from fltea.identification.traps import Severity, Trap
+from fltea.sinks.changes import step_words
+from fltea.sinks.words import figure
+from fltea.spectrum.wording import listed
+
+EVENT_TRAPS = MOTION, STEPS = "motion", "bias steps"
+"""The kinds of traps."""
+MOST_TOLD = 3
+POPCORN = 6
+"""Steps from which on it is said that a bias jumps to and fro between two levels."""
+ALTERNATE = 0.9
+"""The least share of neighbouring steps of popcorn noise that have opposite signs."""
+AGREE = 5.0
+"""The largest mean square of what sizes are apart from their median, over what their deviations let expect:
+those of steps that follow each other soon are too small."""
+
+
+def event_traps(events: AxisEvents, unit: str, *, is_left_out: bool = True) -> tuple[Trap, ...]:
+    """Return what can mislead in an axis of this unit, to which this happened.
+
+    is_left_out: whether the spectrum leaves it out; False where too few samples are between.
+    """
+    found = []
+    if events.motion:
+        then = "All figures leave it out." if is_left_out else "All figures include it."
+        remedy = "Record at rest: what is slower than the rests between is not seen."
+        severity: Severity = "warning" if is_left_out else "bad"
+        found.append(Trap(MOTION, severity, f"The sensor moved {_moved(events.motion)}. {then}", remedy))
+    if events.steps:
+        then = (
+            "The spectrum is that of the samples between steps."
+            if is_left_out
+            else "All figures include the steps: there are too few samples between them."
+        )
+        remedy = (
+            "Was the sensor knocked, or did its supply or temperature change? If not, it is the sensor's."
+        )
+        found.append(Trap(STEPS, "warning", f"{_stepped(events.steps, unit)} {then}", remedy))
+    return tuple(found)
+
+
+def _stepped(steps: Sequence[BiasStep], unit: str) -> str:
+    told = [step_words(one.size, one.size_std, unit, f"{one.at_s:.1f} s") for one in steps[:MOST_TOLD]]
+    if len(steps) > MOST_TOLD:
+        told.append(f"{len(steps) - MOST_TOLD} more")
+    text = f"Bias: {listed(told)}."
+    popcorn = popcorn_noise(steps)
+    if popcorn is None:
+        return text
+    apart, every_s = popcorn
+    return (
+        f"Popcorn noise: the bias steps between two levels {apart:.2g} {unit} apart, every {every_s:.2g} s "
+        f"or so. {text}"
+    )
+
+
+def popcorn_noise(steps: Sequence[BiasStep]) -> tuple[float, float] | None:
+    """Return how far two levels are apart and the mean time between steps, in s; None if it is no popcorn.
+
+    Steps of popcorn noise alternate in sign, and their sizes agree within their deviations.
+    """
+    if len(steps) < POPCORN:
+        return None
+    size, std, at_s = np.array([(one.size, one.size_std, one.at_s) for one in steps]).T
+    alternate = float(np.mean(np.sign(size[1:]) != np.sign(size[:-1])))
+    apart = float(np.median(np.abs(size)))
+    off = float((((np.abs(size) - apart) / std) ** 2).mean())
+    if alternate < ALTERNATE or off > AGREE:
+        return None
+    return apart, float(np.ptp(at_s)) / (len(steps) - 1)
+
+
+def _moved(motion: Sequence[MotionSpan]) -> str:
+    told = [f"from {one.begin_s:.0f} to {one.end_s:.0f} s ({_shown(one)})" for one in motion[:MOST_TOLD]]
+    if len(motion) > MOST_TOLD:
+        told.append(f"{len(motion) - MOST_TOLD} times more")
+    return listed(told)
+
+
+def _shown(one: MotionSpan) -> str:
+    # The accelerometer is no measure of how far: its samples are those of a rate.
+    if one.largest is None or one.by == "accel":
+        return f"shown by {one.by}"
+    return f"shown by {one.by}, at most {figure(one.largest, 3, significant=True)} {one.unit}"

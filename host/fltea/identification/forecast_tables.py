@@ -1,0 +1,47 @@
+"""Tables of how a forecast was judged: what was said of the heading and the bias, and what was seen."""
+
+from fltea.identification.axis_report import AxisReport
+from fltea.identification.forecast import angle
+
+FORECAST_HEADINGS = ("heading after", "predicted", "seen", "within 95 %", "pieces", "")
+BIAS_HEADINGS = ("σ", "N/√T", "predicted", "seen", "within 95 %", "pieces", "")
+
+
+def forecast_rows(axis: AxisReport) -> list[tuple[str, ...]]:
+    """Return what was said and seen by time, under `FORECAST_HEADINGS`."""
+    if axis.forecast is None:
+        return []
+    return [
+        (
+            f"{one.t_s:g} s",
+            angle(one.said, axis.unit),
+            angle(one.seen, axis.unit),
+            f"{100 * one.within:.0f} %",
+            f"{one.pieces}",
+            "fails" if one.fails else "holds",
+        )
+        for one in axis.forecast.judged
+    ]
+
+
+def bias_rows(axis: AxisReport) -> list[tuple[str, ...]]:
+    """Return what was said and seen of Bias(T) in the axis' unit, under a time and `BIAS_HEADINGS`."""
+    if axis.forecast is None:
+        return []
+    return [
+        (
+            f"{one.t_s:g} s",
+            *(f"{std:.2g}" for std in (one.bias_std, one.noise_std, one.said, one.seen)),
+            f"{100 * one.within:.0f} %",
+            f"{one.pieces}",
+            "fails" if one.fails else "holds",
+        )
+        for one in axis.forecast.bias
+    ]
+
+
+def forecast_tables(axis: AxisReport) -> list[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
+    """Return the tables that the judge of a forecast fills: headings and rows."""
+    of_bias = (f"Bias in {axis.unit}, for", *BIAS_HEADINGS)
+    tables = (FORECAST_HEADINGS, forecast_rows(axis)), (of_bias, bias_rows(axis))
+    return [(headings, rows) for headings, rows in tables if rows]

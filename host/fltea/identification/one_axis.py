@@ -1,0 +1,125 @@
+"""Looks at one axis, and what follows for its report."""
+
+import contextlib
+import math
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+
+from fltea.identification.allan import allan, with_level
+from fltea.identification.axis import IdentifyOptions, identified, look
+from fltea.identification.axis_report import AxisReport
+from fltea.identification.conclusions import Conclusions, conclude, tracked_of
+from fltea.identification.curves import curves
+from fltea.identification.event_traps import event_traps
+from fltea.identification.forecast import Goal
+from fltea.identification.left_out import LeftOut, without
+from fltea.identification.load import Series
+from fltea.identification.motion import likely_motion
+from fltea.identification.noise_model import modelled
+from fltea.identification.reproduction import reproduction
+from fltea.identification.sensor_events import AxisEvents, watch
+from fltea.identification.traps import Trap, withheld
+from fltea.identification.traps_of_axis import traps_of
+from fltea.settings.live import LiveConfig
+
+MOST_LOOKS = 3
+"""How often an axis is looked at, at most: steps that go by a first model may be wrong."""
+
+
+def identify_series(
+    series: Series,
+    h: float,
+    options: IdentifyOptions,
+    figures: bool,
+    forecast: bool | Goal = False,
+    known: Sequence[Trap] = (),
+    live: LiveConfig | None = None,
+) -> AxisReport:
+    """Return all that is found out about one axis by itself, but for its shuffled copies.
+
+    known: what is wrong with it already by the recording as a whole.
+
+    Raises:
+        ValueError: it is too short or constant.
+    """
+    found = examine(series, h, options, figures, known)
+    for _ in range(1, MOST_LOOKS):
+        events = watch({"y": series}, (), {"y": found.tracked}, h, live or LiveConfig())["y"]
+        if events.left_out.is_like(found.left_out):
+            break
+        with contextlib.suppress(ValueError):  # too little is left between steps: the look before counts
+            found = examine(series, h, options, figures, known, events.left_out)
+    if found.tracked is not None:
+        rest, K = without(series, found.left_out), found.result.level.K
+        found = concluded(found, conclude(rest, h, options, found.tracked, K, forecast, events.at_end))
+    return with_events(found, events)
+
+
+def concluded(axis: AxisReport, found: Conclusions) -> AxisReport:
+    """Return the report of an axis with what follows from its tracked system."""
+    h = 1 / axis.result.rate_hz
+    walk = found.tracked.walk
+    relaxation = walk.relaxation
+    model = msgspec.structs.replace(
+        axis.model,
+        offset_walk=0.0 if walk.is_found else math.sqrt(walk.endless / h),
+        offset_relaxation=None if walk.is_found or relaxation is None else relaxation.part(h),
+    )
+    return msgspec.structs.replace(axis, model=model, **found._asdict())
+
+
+def with_events(axis: AxisReport, found: AxisEvents) -> AxisReport:
+    """Return the report of an axis with what happened to it."""
+    is_left_out = axis.left_out.is_like(found.left_out)
+    traps = (*event_traps(found, axis.unit, is_left_out=is_left_out), *axis.traps)
+    axis = msgspec.structs.replace(
+        axis, traps=traps, bias_steps=found.steps, motion=found.motion, course=found.course
+    )
+    if axis.withheld or not (why := withheld(traps)):
+        return axis
+    nothing = dict.fromkeys(("now", "forecast", "filter", "walk", "tracked"))
+    return msgspec.structs.replace(axis, withheld=why, **nothing)
+
+
+def examine(
+    series: Series,
+    h: float,
+    options: IdentifyOptions,
+    figures: bool,
+    known: Sequence[Trap] = (),
+    left_out: LeftOut | None = None,
+) -> AxisReport:
+    """Return the same without what follows from the tracked system.
+
+    left_out: steps and motion; None: what seems to be motion before there is a model.
+    """
+    out = likely_motion(series) if left_out is None else left_out
+    series = without(series, out)
+    looked = look(series.y, h, options, series.gaps)
+    result = identified(looked, series.lsb, options)
+    model = modelled(looked.figures.sentence, result.peaks, result.std, h)
+    curve, drawn, reason = None, None, ""
+    try:
+        stretches = [np.asarray(one.y, dtype=np.float64) for one in looked.stretches]
+        curve = with_level(allan(stretches, h, series.unit), result.level)
+        drawn = reproduction(series.y, h, model, seed=options.seed, stretches=stretches)
+    except ValueError as error:
+        reason = str(error)
+    traps = traps_of(looked, series, result)
+    why = withheld((*known, *traps))
+    return AxisReport(
+        series.unit,
+        series.lsb,
+        result,
+        model,
+        curve,
+        drawn,
+        reason,
+        traps,
+        curves=curves(looked, series.lsb, options, result) if figures else None,
+        tracked=None if why else tracked_of(looked),
+        left_out=out,
+        withheld=why,
+    )

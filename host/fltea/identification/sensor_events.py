@@ -1,0 +1,310 @@
+"""What happened to a sensor during a recording: steps of its biases, and motion; and the biases at its end.
+
+The tracker that works live runs over all axes of a sensor together, with its accelerometer if there is one,
+by the noise of which each axis was found to be.
+"""
+
+import contextlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from fltea.estimator.tracker import EventKind, Tracker, TrackerEvent
+from fltea.identification.forecast import BiasAtEnd
+from fltea.identification.forecast_judge import Learned
+from fltea.identification.gaps import LONGEST_PREDICTION, cut
+from fltea.identification.left_out import NOTHING, LeftOut
+from fltea.identification.load import GYRO_UNIT, Series
+from fltea.identification.motion import IN_A_ROW, is_smooth
+from fltea.identification.sums import CHUNK
+from fltea.noise.parts import Arfima, Order, Part, Relaxation, Walk, White
+from fltea.noise.system import System, system
+from fltea.records.arrays import Array
+from fltea.settings.live import LiveConfig
+from fltea.stream.happenings import BY
+from fltea.stream.tracking import rules_of
+
+LONG = IN_A_ROW * CHUNK
+"""Samples of motion from which on its samples have to follow each other smoothly. Else it is noise that has
+grown, of which the verdict tells."""
+FAST_S = 1.0
+"""The longest correlation time, in s, of what is not taken for steps."""
+BETTER = 10.0
+"""Log likelihood by which a bias that stays but for steps has to be the better one."""
+AT_ONCE = 1 << 16
+"""Rows, so that of a long recording little is in memory."""
+COURSE_POINTS = 500
+
+
+class BiasStep(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A step of a bias, in the unit of its axis; at_s: from the beginning of the recording, in s."""
+
+    at_s: float
+    size: float
+    size_std: float
+
+
+class MotionSpan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A motion of the sensor, in s from the beginning of the recording."""
+
+    begin_s: float
+    end_s: float
+    by: str
+    """The axis that showed it, or `accel`."""
+    largest: float | None
+    """How far a sample was from the bias at most, in `unit`; null where the recording ended before."""
+    unit: str
+
+
+class BiasCourse(NamedTuple):
+    """Bias(T) and its σ over time, at up to `COURSE_POINTS` samples."""
+
+    t_s: Array
+    bias: Array
+    bias_std: Array
+
+
+class AxisEvents(NamedTuple):
+    """What happened to one axis. Without a noise model it has no steps, no bias and no course."""
+
+    steps: tuple[BiasStep, ...] = ()
+    motion: tuple[MotionSpan, ...] = ()
+    left_out: LeftOut = NOTHING
+    """What the look at the spectrum has to leave out."""
+    at_end: BiasAtEnd | None = None
+    course: BiasCourse | None = None
+
+
+NO_EVENTS = AxisEvents()
+
+
+def watch(
+    axes: Mapping[str, Series],
+    accel: Sequence[Array],
+    tracked: Mapping[str, Learned | None],
+    h: float,
+    live: LiveConfig,
+) -> dict[str, AxisEvents]:
+    """Return what happened to each axis of a recording; motion is that of all axes of the sensor.
+
+    An accelerometer moves where its gyroscope does, too, and longer: until it lies still elsewhere.
+
+    axes: all samples as they were read. accel: samples (n,) of each axis of the accelerometer, in m/s²; none
+    where there is no accelerometer. tracked: the noise of axes, by name. h: sampling period in s.
+    """
+    gyro = {name: one for name, one in axes.items() if one.unit == GYRO_UNIT}
+    others = {name: one for name, one in axes.items() if name not in gyro}
+    systems = {name: None if one is None else one.system for name, one in tracked.items()}
+    staying = _staying(tracked, h)
+    runs = []
+    for group, shown in ((gyro, accel), (others, ())):
+        if group:
+            run = _SensorRun(group, shown, systems, h, live)
+            stays = None
+            if not staying.keys().isdisjoint(group):
+                stays = _SensorRun(group, shown, systems | staying, h, live)
+            runs.append((run, stays))
+    found: dict[str, AxisEvents] = {}
+    moved: list[_Moved] = []
+    for run, stays in runs:  # the gyroscope, to which the accelerometer has shown motion, comes first
+        moved = _united([*moved, *run.moved])
+        for name in run.axes:
+            better = stays if stays is not None and stays.foretells(name, run) else run
+            found[name] = better.of_axis(name, moved)
+    return {name: found[name] for name in axes}
+
+
+def _staying(tracked: Mapping[str, Learned | None], h: float) -> dict[str, System]:
+    """Return, of axes whose bias moves, a noise whose bias stays where it is but for steps.
+
+    A bias that steps to and fro has the spectrum of a relaxation, and one that steps now and then looks like
+    a walk. So both are tried, and that counts which foretells the samples better. Each step costs it the
+    samples until the step is found, so a bias that walks is not taken for one that steps.
+    """
+    found = {}
+    for name, one in tracked.items():
+        if one is None:
+            continue
+        fast = [part for part in one.parts if not _is_slow(part)]
+        moves = len(fast) < len(one.parts) or one.walk.is_certain
+        if moves and any(isinstance(part, White) for part in fast):
+            with contextlib.suppress(ValueError, ArithmeticError):  # no filter can work with it
+                found[name] = system(fast, h, one.samples, found=True).with_offset()
+    return found
+
+
+def _is_slow(part: Part) -> bool:
+    return isinstance(part, Walk | Order | Arfima) or (isinstance(part, Relaxation) and part.tau_s > FAST_S)
+
+
+class _Moved(NamedTuple):
+    """Motion of the samples begin … end - 1."""
+
+    begin: int
+    end: int
+    span: MotionSpan
+
+
+class _Stepped(NamedTuple):
+    """A step of an axis before the sample `at`, known with the sample `row`."""
+
+    at: int
+    row: int
+    size: float
+    size_std: float
+
+
+class _SensorRun:
+    """One run of the tracker over the axes of a sensor."""
+
+    def __init__(
+        self,
+        axes: Mapping[str, Series],
+        accel: Sequence[Array],
+        systems: Mapping[str, System | None],
+        h: float,
+        live: LiveConfig,
+    ) -> None:
+        self.axes, self._names, self._h, self._live = axes, tuple(axes), h, live
+        self._y, self._accel = [one.y for one in axes.values()], accel
+        first = next(iter(axes.values()))
+        self._unit, self._gaps, n = first.unit, first.gaps, len(first.y)
+        self._systems = [systems.get(name) for name in axes]
+        self._every = -(-n // COURSE_POINTS)
+        self._rows: list[int] = []
+        self._points: list[Array] = []
+        self._steps: list[list[_Stepped]] = [[] for _ in axes]
+        self._end: Array = np.full((2, len(axes)), math.nan)
+        self._squares, self._counts = np.zeros(len(axes)), np.zeros(len(axes))
+        self.moved: list[_Moved] = []
+        self._parts = cut(n, self._gaps, LONGEST_PREDICTION)
+        for begin, end, _ in self._parts:
+            self._run(begin, end)
+
+    def _run(self, begin: int, end: int) -> None:
+        """Run a tracker from where the sensor was new, or samples were lost, to where that is so again."""
+        tracker = Tracker([None] * len(self._names), rules_of(self._live, self._h, self._unit))
+        for lane, one in enumerate(self._systems):
+            if one is not None:
+                with contextlib.suppress(ValueError):  # no filter can work with it
+                    tracker.set(lane, one)
+        since: _Moved | None = None
+        self._before = [len(steps) for steps in self._steps]
+        for first, last, missing in self._blocks(begin, end):
+            if missing:
+                tracker.skip(missing)
+            accel = np.stack([one[first:last] for one in self._accel], axis=1) if self._accel else None
+            out = tracker.run(np.stack([one[first:last] for one in self._y], axis=1), accel)
+            for event in tracker.events:
+                since = self._take(event, first + event.row, begin, since)
+            self._undo([one.steps for one in tracker.figures()], tracker.events, first)
+            known = np.isfinite(out.innovation) & ~out.moving
+            self._squares += (np.where(known, out.innovation, 0.0) ** 2).sum(axis=0)
+            self._counts += known.sum(axis=0)
+            keep = np.arange(-first % self._every, last - first, self._every)
+            self._rows += (first + keep).tolist()
+            self._points.append(np.stack([out.bias[keep], out.bias_std[keep]]))
+            self._end = np.stack([out.bias[-1], out.bias_std[-1]])
+        if since is not None:
+            self._end_motion(since, end, None)
+
+    def _blocks(self, begin: int, end: int) -> Iterator[tuple[int, int, int]]:
+        """Yield begin and end of blocks of samples, and how many samples are lost before each."""
+        inside = self._gaps.within(begin, end)
+        lost = dict(zip((inside.at + begin).tolist(), inside.missing.tolist(), strict=True))
+        edges = sorted({*range(begin, end, AT_ONCE), *lost, end})
+        for first, last in pairwise(edges):
+            yield first, last, lost.get(first, 0)
+
+    def _take(self, event: TrackerEvent, row: int, begin: int, since: _Moved | None) -> _Moved | None:
+        """Take an event, known with a sample; since: the motion that has begun and not ended."""
+        at = max(row - max(event.ago - 1, 0), begin)
+        if event.kind == EventKind.STEP:
+            self._steps[event.axis].append(_Stepped(at, row, event.size, event.size_std))
+        elif event.kind == EventKind.MOVES:
+            by = BY.get(event.axis) or self._names[event.axis]
+            return _Moved(at, at, MotionSpan(self._time(at), 0.0, by, None, self._unit))
+        elif since is not None:
+            self._end_motion(since, row + 1, event.size)
+            return None
+        return since
+
+    def foretells(self, name: str, other: "_SensorRun") -> bool:
+        """Whether its noise foretells the samples of an axis better than the noise of another run does."""
+        lane = self._names.index(name)
+        if self._counts[lane] < other._counts[lane] - LONG:
+            return False  # what it cannot foretell is motion to it
+        mine, its = (one._squares[lane] / max(one._counts[lane], 1) for one in (self, other))
+        return bool(0 < mine < its and self._counts[lane] * math.log(its / mine) > 2 * BETTER)
+
+    def _undo(self, counts: Sequence[int], events: Sequence[TrackerEvent], first: int) -> None:
+        """Forget steps that the tracker has undone, since they were the beginning of a motion.
+
+        counts: steps of each axis that count. first: the number of the first sample of these events.
+        """
+        begun = [first + event.row for event in events if event.kind == EventKind.MOVES]
+        for steps, before, count in zip(self._steps, self._before, counts, strict=True):
+            undone = len(steps) - before - count
+            if undone > 0 and begun:
+                nearest = sorted(
+                    (min((row - one.row for row in begun if row >= one.row), default=math.inf), one)
+                    for one in steps
+                )
+                steps[:] = sorted(one for _, one in nearest[undone:])
+
+    def _end_motion(self, since: _Moved, end: int, largest: float | None) -> None:
+        span = msgspec.structs.replace(since.span, end_s=self._time(end - 1) + self._h, largest=largest)
+        one = _Moved(since.begin, end, span)
+        shown = self.axes.get(span.by)
+        if shown is None or end - one.begin < LONG or is_smooth(shown.y[one.begin : end]):
+            self.moved.append(one)
+
+    def _at_end(self, lane: int, steps: Sequence[_Stepped]) -> BiasAtEnd | None:
+        bias, std = self._end[:, lane].tolist()
+        if not math.isfinite(bias + std):
+            return None
+        samples = max(end - begin for begin, end, _ in self._parts)
+        if steps:
+            samples = min(samples, len(self._y[lane]) - steps[-1].at)
+        return BiasAtEnd(bias, std, self._live.bias_s, samples, has_stepped=bool(steps))
+
+    def _time(self, number: int) -> float:
+        return self._gaps.place(number) * self._h
+
+    def of_axis(self, name: str, moved: Sequence[_Moved]) -> AxisEvents:
+        """Return what happened to an axis of a sensor that moved so."""
+        lane = self._names.index(name)
+        motion = tuple(one.span for one in moved)
+        spans = tuple((one.begin, one.end) for one in moved)
+        if self._systems[lane] is None:
+            return AxisEvents((), motion, LeftOut(spans, ()))
+        # No step is one before the first sample, or one in motion that another sensor has shown.
+        none = [(begin, begin + 1) for begin, _, _ in self._parts] + [*spans]
+        steps = [one for one in self._steps[lane] if not any(begin <= one.at < end for begin, end in none)]
+        points = np.concatenate(self._points, axis=1)[:, :, lane]
+        t_s = np.array([self._time(row) for row in self._rows])
+        return AxisEvents(
+            tuple(BiasStep(self._time(one.at), one.size, one.size_std) for one in steps),
+            motion,
+            LeftOut(spans, tuple(one.at for one in steps)),
+            self._at_end(lane, steps),
+            BiasCourse(t_s, *points),
+        )
+
+
+def _united(moved: Sequence[_Moved]) -> list[_Moved]:
+    """Return motion in the order of time; what overlaps is one motion, told of by what has shown it first."""
+    found: list[_Moved] = []
+    for one in sorted(moved, key=lambda one: one[:2]):
+        if found and one.begin <= found[-1].end:
+            last = found[-1]
+            end_s = max(last.span.end_s, one.span.end_s)
+            span = msgspec.structs.replace(last.span, end_s=end_s)
+            found[-1] = _Moved(last.begin, max(last.end, one.end), span)
+        else:
+            found.append(one)
+    return found

@@ -1,0 +1,115 @@
+"""One walk of the offset for the axes of a sensor, where they agree (pure).
+
+The axes of a sensor are made alike, and each alone hardly tells how its offset walks, nor within which
+bounds. So their likelihoods are multiplied, if one walk for all makes the samples at least as likely as a
+walk of each axis' own does. A slope stays each axis' own: axes that warm up drift this way and that.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from fltea.estimator.offset_walk import STAYS, OffsetWalk, walks_tried, without_walk
+from fltea.identification.forecast_judge import Learned
+from fltea.records.arrays import Array
+
+A_DECADE = 4
+"""Variances of a step that are tried."""
+UNLIKELY = 1e-300
+
+
+def shared_walk(tracked: Mapping[str, Learned], h: float) -> dict[str, Learned]:
+    """Return the tracked systems of a sensor's axes, by name, with what their offsets have in common.
+
+    That is the walk, or its bounds alone where the spectrum has found a walk of each. They are returned as
+    they are if the axes do not agree, or if fewer than two are alike. Axes of which different bounds were
+    tried (a noise with an order has none) are no axes made alike.
+    """
+    alike: dict[tuple[bool, tuple[float, ...]], list[str]] = {}
+    for name, one in tracked.items():
+        if (one.walk.steps > 0).any():
+            kind = one.walk.is_found, tuple(np.unique(one.walk.taus))
+            alike.setdefault(kind, []).append(name)
+    found = dict(tracked)
+    for (is_found, taus), names in alike.items():
+        agree = _agreed_bounds if is_found else _agreed
+        walks = agree([tracked[name].walk for name in names], taus) if len(names) > 1 else []
+        found |= {name: _with(tracked[name], walk, h) for name, walk in zip(names, walks, strict=False)}
+    return found
+
+
+def _agreed_bounds(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk]:
+    """Return the walks with bounds that are common to them; none if they do not agree."""
+    prior = _prior(walks[0].steps[:1].tolist(), taus, stays=0.0)
+    own = np.array([[walk.weights[walk.taus == tau].sum() for tau in taus] for walk in walks])
+    own = np.maximum(own, UNLIKELY)
+    together = (np.log(own) - np.log(prior)).sum(axis=0)
+    weights = prior * np.exp(together - together.max())
+    if math.log(weights.sum()) + together.max() < 0:
+        return []
+    shares = weights / weights.sum() / own
+    return [
+        walk._replace(weights=walk.weights * share[np.searchsorted(taus, walk.taus)])
+        for walk, share in zip(walks, shares, strict=True)
+    ]
+
+
+def _prior(steps: list[float], taus: Sequence[float], stays: float) -> Array:
+    """Return the weights of walks before any sample, in the order of the walks, of rising bounds."""
+    tried = sorted(walks_tried(steps, [one for one in taus if math.isfinite(one)], stays))
+    return np.array([weight for _, _, weight in tried])
+
+
+def _agreed(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk]:
+    """Return the walks with what is common to them; none if they do not agree."""
+    low = min(float(walk.steps[walk.steps > 0].min()) for walk in walks)
+    high = max(float(walk.steps.max()) for walk in walks)
+    steps = np.geomspace(low, high, round(A_DECADE * math.log10(high / low)) + 1).tolist()
+    q, tau, prior = np.array(list(walks_tried(steps, [one for one in taus if math.isfinite(one)], STAYS))).T
+    likely = np.array([_log_likelihoods(walk, q, tau) for walk in walks])  # (axes, walks, slopes)
+    by_walk = np.log(np.exp(likely).sum(axis=2))
+    each = np.log(np.exp(by_walk) @ prior).sum()
+    together = by_walk.sum(axis=0)
+    weights = prior * np.exp(together - together.max())
+    if math.log(weights.sum()) + together.max() < each:
+        return []
+    weights /= weights.sum()
+    return [_of_axis(walk, q, tau, weights, own) for walk, own in zip(walks, likely, strict=True)]
+
+
+def _log_likelihoods(walk: OffsetWalk, q: Array, tau: Array) -> Array:
+    """Return log L of walks by steps of variance q within bounds tau, (walks, slopes), but for a constant.
+
+    The prior of a slope is in it, that of a walk is not.
+    """
+    steps, taus, _, weights = walk.by_walk
+    bounds = [one for one in np.unique(taus) if math.isfinite(one)]
+    known = np.unique(steps[steps > 0])
+    prior = np.array([weight for _, _, weight in walks_tried(known.tolist(), bounds, STAYS)])
+    own = np.log(np.maximum(weights, UNLIKELY)) - np.log(prior)[:, None]
+    # A walk that is slower than all that were tried is as likely as none.
+    at = np.log(np.append(known[0] / 10, known))
+    found = np.empty((len(q), own.shape[1]))
+    for slope, column in enumerate(own.T):
+        constant = column[steps == 0]
+        found[q == 0, slope] = constant
+        for bound in np.unique(taus):
+            these = (tau == bound) & (q > 0)
+            those = np.append(constant, column[(taus == bound) & (steps > 0)])
+            found[these, slope] = np.interp(np.log(q[these]), at, those)
+    return found
+
+
+def _of_axis(walk: OffsetWalk, q: Array, tau: Array, weights: Array, likely: Array) -> OffsetWalk:
+    """Return a walk that is common to all, (walks,), with the slopes of one axis, (walks, slopes)."""
+    slopes = walk.by_walk[2]
+    share = np.exp(likely - likely.max(axis=1, keepdims=True))
+    own = weights[:, None] * share / share.sum(axis=1, keepdims=True)
+    each = len(slopes)
+    return OffsetWalk(np.repeat(q, each), np.repeat(tau, each), np.tile(slopes, len(q)), own.ravel())
+
+
+def _with(one: Learned, walk: OffsetWalk, h: float) -> Learned:
+    bare, _ = without_walk(one.parts, h, one.samples)
+    return one._replace(system=walk.system(bare, one.samples), walk=walk)

@@ -1,0 +1,85 @@
+"""The one system of an axis, of which forecast, bias, filters and simulations are made.
+
+It is what the axis is made of, and how its offset walks. The spectrum leaves out what is slower than ten
+periods of a record, so a record may well have a walk that none of the parts is.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from fltea.estimator.offset_walk import SHARES, OffsetWalk
+from fltea.identification.forecast_judge import Learned, learned
+from fltea.noise.parts import Part
+from fltea.records.arrays import Array
+from fltea.records.fit import Interval
+
+TOLD_AT = 900.0
+"""Variance of a walk's step, over the level of the spectrum and times n², that four of five records of n
+samples tell from a constant offset (measured: white noise, 40 records)."""
+Said = Literal["walks", "likely constant", "not told"]
+LIKELY = 0.5
+SURE = 0.95
+
+
+class OffsetWalkFound(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Whether the offset of an axis walks; figures per √s, in the unit of the axis."""
+
+    said: Said
+    """`not told`: the record is too short to tell."""
+    K: Interval
+    """Null unless it walks."""
+    at_most: float | None
+    """The walk is slower with 95 % probability; null where it walks."""
+    tells_s: float | None
+    """Where it is not told: how long a record would tell, in s; null where that is not known, too."""
+
+
+def tracked_system(parts: Sequence[Part], y: Array, h: float) -> Learned | None:
+    """Return the tracked system of samples y (n,) without a gap; None if no filter can work with it."""
+    try:
+        return learned(parts, y, h)
+    except (ValueError, ArithmeticError):
+        return None
+
+
+def offset_walk_found(tracked: Learned, h: float, K: Interval) -> OffsetWalkFound:
+    """Return whether the offset walks; K: of the parts, null if none of them is a walk."""
+    walk = tracked.walk
+    if K.value is not None:
+        return OffsetWalkFound("walks", K, None, None)
+    if walk.is_found:
+        return _in_place_of_a_relaxation(walk, h)
+    if walk.is_certain:
+        return OffsetWalkFound("walks", walk.K(h), None, None)
+    if not (walk.steps > 0).any():  # the likelihood of no walk could be found
+        return OffsetWalkFound("not told", Interval(), None, None)
+    steps, at = np.unique(walk.steps, return_inverse=True)
+    stays, *others = np.bincount(at, walk.weights).tolist()
+    weights, steps = np.array(others), steps[1:]
+    at_most = math.sqrt(_quantile(steps, weights, SURE) / h)
+    if stays >= LIKELY:
+        return OffsetWalkFound("likely constant", Interval(), at_most, None)
+    q = float(weights @ steps) / float(weights.sum())
+    # A walk's share of the level grows as the square of the record's length.
+    longer = math.sqrt(max(TOLD_AT / (SHARES[0] * q / float(steps[0])), 1.0))
+    return OffsetWalkFound("not told", Interval(), at_most, longer * tracked.samples * h)
+
+
+def _in_place_of_a_relaxation(walk: OffsetWalk, h: float) -> OffsetWalkFound:
+    """Return whether it is a walk that the spectrum has taken for a slow relaxation: one without bounds."""
+    steps, at = np.unique(walk.steps, return_inverse=True)
+    weights = np.asarray(np.bincount(at, walk.weights * np.isinf(walk.taus)), dtype=np.float64)
+    if (endless := float(weights.sum())) >= SURE:
+        return OffsetWalkFound("walks", walk.K(h), None, None)
+    at_most = math.sqrt(_quantile(steps, weights, SURE) / h)
+    said: Said = "likely constant" if 1 - endless >= LIKELY else "not told"
+    return OffsetWalkFound(said, Interval(), at_most, None)
+
+
+def _quantile(steps: Array, weights: Array, share: float) -> float:
+    total = np.cumsum(weights) - weights / 2
+    return float(np.exp(np.interp(share * weights.sum(), total, np.log(steps))))
