@@ -15,8 +15,11 @@ def page(body: str) -> str:
     return f'<div class="fltea" style="max-width:60em;margin:0.5em 0">{body}</div>'
 
 
-def axis_html(axis: str, fitted: FittedAxis, heading: str) -> str:
-    """Return the HTML of one axis, in which all that comes from a file is escaped."""
+def axis_html(axis: str, fitted: FittedAxis, heading: str, more: str = "") -> str:
+    """Return the HTML of one axis, in which all that comes from a file is escaped.
+
+    more: further sentences.
+    """
     unit = fitted.unit
     parameters = [
         ("order α", fitted.alpha, ""),
@@ -36,7 +39,8 @@ def axis_html(axis: str, fitted: FittedAxis, heading: str) -> str:
             rows.append(f"<tr><th>{name}</th><td>{shown}</td></tr>")
     return (
         f"<p><strong>{escape(axis)}: {escape(fitted.verdict)}</strong> <small>{escape(heading)}</small><br>"
-        f"{escape(fitted.text)}</p><table>{''.join(rows)}</table>{_curves(fitted)}"
+        f"{escape(fitted.text)}</p>{more and f'<p>{escape(more)}</p>'}"
+        f"<table>{''.join(rows)}</table>{_curves(fitted)}"
     )
 
 

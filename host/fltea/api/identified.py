@@ -6,7 +6,12 @@ from typing import TYPE_CHECKING
 from fltea.api._html import axis_html, page
 from fltea.api._tables import ByAxis, frame, row
 from fltea.identification.axis import AxisResult
+from fltea.identification.event_traps import EVENT_TRAPS
+from fltea.identification.findings import rounded
 from fltea.identification.forecast import Forecast, Now
+from fltea.identification.navigation_filter import NavigationFilter
+from fltea.identification.sensor_events import BiasStep, MotionSpan
+from fltea.identification.tracked_system import OffsetWalkFound
 from fltea.identification.traps import Trap
 from fltea.records.fit import FitSpectrum, FittedAxis
 
@@ -28,13 +33,22 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     """Standard deviation."""
     spectrum: FitSpectrum
     now: Now | None
-    """The bias at the end of the record, and how far the heading is off after a minute."""
+    """Bias(T) at the end of the record, and how far the heading is off after a minute."""
     forecast: Forecast | None
     """With `forecast=True`."""
+    walk: OffsetWalkFound | None
+    """Whether the offset walks."""
+    filter: NavigationFilter | None
+    """What a plain Kalman filter is built from: the same as in the file of `--gauss-markov`."""
+    bias_steps: tuple[BiasStep, ...]
+    """Steps of the bias. The spectrum does not go across them."""
+    motion: tuple[MotionSpan, ...]
+    """When the sensor moved. Samples in motion are in no figure."""
     traps: tuple[Trap, ...]
     """What in the data can mislead."""
     withheld: str
-    """Why `now` and `forecast` are None: what is bad in the data, and what to do; "" where nothing is."""
+    """Why `now`, `forecast`, `walk` and `filter` are None: what is bad in the data, and what to do; "" where
+    nothing is."""
     details: AxisResult
     """All figures of `fltea identify`: parts, N, K, sentences that did not win, peaks, FLTEA."""
 
@@ -57,7 +71,16 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     def _repr_html_(self) -> str:
         of = f"{self.samples:,} samples at {self.rate_hz:g} Hz, σ = {self.std:.3g} {self.unit}"
         withheld = f"<p><strong>Bad data.</strong> {escape(self.withheld)}</p>" if self.withheld else ""
-        return page(withheld + axis_html(self.axis, self, of))
+        return page(withheld + axis_html(self.axis, self, of, self._bias()))
+
+    def _bias(self) -> str:
+        """Return the bias at the end, and what happened to it, as sentences."""
+        found = []
+        if self.now is not None:
+            value = rounded(self.now.bias, self.now.bias_std)
+            found.append(f"Bias({self.now.bias_s:g} s) at the end: {value} {self.unit}.")
+        found += [trap.text for trap in self.traps if trap.kind in EVENT_TRAPS]
+        return " ".join(found)
 
 
 class Report(ByAxis[Identified]):

@@ -10,12 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from fltea.api._check import finite, period_s, scale
 from fltea.api._html import axis_html, page
 from fltea.api._tables import ByAxis
+from fltea.estimator.tracker import EventKind, Rest
 from fltea.records.arrays import Array
 from fltea.records.fit import AxisFit
 from fltea.records.records import AXES
 from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import LiveAxes
+from fltea.stream.happenings import left_out
 from fltea.stream.live import NO_FIT
 from fltea.stream.tracking import SensorTracks
 
@@ -25,14 +27,24 @@ class Corrected(NamedTuple):
 
     All are in deg/s, of an accelerometer in m/s².
 
-    rate: the samples less their bias, which is the sensor's offset and the state of its noise. bias_std: its
-    standard deviation, which grows while the sensor moves. moving: the sensor is, so the bias is predicted.
+    rate: the samples less their bias, which is the mean that is expected of the sensor's offset and of the
+    state of its noise over the next second. bias_std: its standard deviation, which grows while the sensor
+    moves. moving: the sensor is, so the bias of all axes is predicted.
     """
 
     rate: Array
     bias: Array
     bias_std: Array
     moving: NDArray[np.bool_]
+
+
+class BiasStep(NamedTuple):
+    """A step of a bias, in deg/s or m/s²; sample: number of the first one after it, from 0 on."""
+
+    axis: str
+    sample: int
+    size: float
+    size_std: float
 
 
 class LiveReport(ByAxis[AxisFit]):
@@ -80,10 +92,14 @@ class Live:
             raise ValueError(f"axes are one or more names, each of them once, got {names}")
         self.rate_hz, self.axes = rate_hz, names
         h, (self.unit, self._factor, _) = period_s(rate_hz), scale(unit)
-        self._live = LiveAxes(names, h, LiveConfig(memory=memory), self.unit)
+        settings = LiveConfig(memory=memory)
+        self._live = LiveAxes(names, h, settings, self.unit)
         self._tracks = SensorTracks(
-            {name: i for i, name in enumerate(names)}, EstimatorConfig(), h, self.unit
+            {name: i for i, name in enumerate(names)}, EstimatorConfig(), settings, h, self.unit
         )
+        self._taken = 0
+        self.steps: list[BiasStep] = []
+        """Steps of the biases until now, in the order in which they were found."""
         self._settled = dict.fromkeys(names, NO_FIT)
 
     @property
@@ -91,11 +107,20 @@ class Live:
         """The number of samples of an axis that were taken."""
         return self._live.samples
 
-    def add(self, y: ArrayLike, *, at_rest: bool = True) -> Corrected:
+    def add(
+        self, y: ArrayLike, *, at_rest: bool | None = None, accel_ms2: ArrayLike | None = None
+    ) -> Corrected:
         """Take the next samples, (n, axes), or (n,) where there is one axis, and return what they tell.
 
         The bias goes by the noise that the newest `fit` has found, and by a bank of random walks before it.
-        at_rest: False where the sensor is known to move: no fit counts these samples.
+
+        Args:
+            y: samples, in the unit of this object.
+            at_rest: False where the sensor is known to move: nothing is learnt of these samples. True where
+                it is known to be at rest: a rate that lies still elsewhere for ten seconds is then where the
+                offset is now, however far that is. None: it is found out.
+            accel_ms2: samples of the accelerometer at the same instants, (n, 1 to 3) in m/s². It shows
+                motion that a gyroscope does not.
 
         Raises:
             ValueError: another shape, or values that are not finite; then nothing is taken.
@@ -109,9 +134,18 @@ class Live:
                 f"got shape {found.shape}"
             )
         found = found * self._factor
-        tracked = self._tracks.run(found)
-        if len(found) and at_rest:
-            self._live.add(found, tracked.moving)
+        rest = {None: Rest.UNKNOWN, True: Rest.AT_REST, False: Rest.MOVING}[at_rest]
+        accel = None if accel_ms2 is None else _accel(accel_ms2, len(found))
+        tracked = self._tracks.run(found, accel, rest)
+        events = self._tracks.events
+        self.steps += [
+            BiasStep(self.axes[one.axis], self._taken + one.row + 1 - one.ago, one.size, one.size_std)
+            for one in events
+            if one.kind == EventKind.STEP
+        ]
+        self._taken += len(found)
+        if len(found) and at_rest is not False:
+            self._live.add(found, left_out(tracked.moving, events))
         elif len(found):
             self._live.skip(len(found))
         rate, bias, std = (
@@ -129,6 +163,7 @@ class Live:
             raise ValueError(f"count is how many samples are lost, 1 or more, got {count}")
         self._live.skip(count)
         self._tracks.skip(count)
+        self._taken += count
 
     def fit(self, *, curves: bool = True, last: bool = False) -> LiveReport:
         """Return what the noise is, by all samples so far.
@@ -157,3 +192,14 @@ class Live:
         if not 0 < t_s < math.inf:
             raise ValueError(f"t_s is a time after the rest in s, above 0, got {t_s}")
         return {axis: self._tracks.heading_std(axis, t_s) for axis in self.axes}
+
+
+def _accel(accel_ms2: ArrayLike, n: int) -> Array:
+    """Return samples of the accelerometer, (n, 1 to 3); ValueError for another shape."""
+    found = finite(accel_ms2, "accel_ms2", "leave it out where it is not known.")
+    found = found[:, None] if found.ndim == 1 else found
+    if found.ndim != 2 or len(found) != n or not 1 <= found.shape[1] <= 3:
+        raise ValueError(
+            f"accel_ms2 has a row for each of y, (n, 1 to 3), got shape {found.shape} for {n} samples"
+        )
+    return found

@@ -1,5 +1,6 @@
 """A recording of any kind that the command reads, as arrays."""
 
+import contextlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
@@ -13,7 +14,7 @@ from fltea.api._check import in_python, period_s, python_words
 from fltea.api._html import page
 from fltea.api._tables import columns, parquet
 from fltea.api.identified import Report
-from fltea.api.series import of_series
+from fltea.api.series import agreed, examine, of_series, watched_looks
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.counts import Counts
 from fltea.identification.forecast import Goal
@@ -106,15 +107,28 @@ class Recording(Mapping[str, Array]):
             ValueError: an axis is constant or too short; a band that is impossible.
         """
         options = IdentifyOptions(from_hz=from_hz, notch_hz=tuple((low, high) for low, high in notch_hz))
-        h, found = self._loaded.h, {}
+        h = self._loaded.h
+        examined = {}
         for name, series in self._loaded.axes.items():
-            try:
-                with python_words():
-                    known = of_axis(self.traps, name)
-                    found[name] = of_series(name, series, h, options, forecast=forecast, known=known)
-            except ValueError as error:
-                raise ValueError(f"{self.name}, {name}: {error}") from error
+            with self._of_axis(name):
+                examined[name] = examine(series, h, options, of_axis(self.traps, name))
+        with python_words():
+            watched = watched_looks(self._loaded.axes, self._loaded.accel, examined, h, options)
+        tracked = agreed({name: one.examined for name, one in watched.items()}, h)
+        found = {}
+        for name, one in watched.items():
+            with self._of_axis(name):
+                found[name] = of_series(name, one, options, tracked.get(name), forecast=forecast)
         return Report(found)
+
+    @contextlib.contextmanager
+    def _of_axis(self, name: str) -> Iterator[None]:
+        """Tell of which axis an error is."""
+        try:
+            with python_words():
+                yield
+        except ValueError as error:
+            raise ValueError(f"{self.name}, {name}: {error}") from error
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return a column an axis over `time_s`.

@@ -1,6 +1,8 @@
 """The noise of one axis that is an array."""
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
@@ -8,12 +10,21 @@ from numpy.typing import ArrayLike
 
 from fltea.api._check import in_python, one_axis, period_s, python_words, scale
 from fltea.api.identified import Identified
-from fltea.identification.axis import IdentifyOptions, identified, look
+from fltea.identification.axis import AxisResult, IdentifyOptions, Looked, identified, look
+from fltea.identification.conclusions import conclude, in_agreement, tracked_of
+from fltea.identification.event_traps import event_traps
 from fltea.identification.forecast import Goal
+from fltea.identification.forecast_judge import Learned
 from fltea.identification.judges import judge_one
+from fltea.identification.left_out import LeftOut, without
 from fltea.identification.load import Series
-from fltea.identification.run import forecasts, traps_of
+from fltea.identification.motion import likely_motion
+from fltea.identification.one_axis import MOST_LOOKS
+from fltea.identification.sensor_events import AxisEvents, watch
 from fltea.identification.traps import Trap, withheld
+from fltea.identification.traps_of_axis import traps_of
+from fltea.records.arrays import Array
+from fltea.settings.live import LiveConfig
 from fltea.spectrum.allan_curve import fit_allan
 from fltea.spectrum.live_axes import spectrum_of
 
@@ -56,29 +67,98 @@ def identify(
     series = Series(samples * of.factor, of.unit, None if lsb is None else lsb * of.factor)
     known = tuple(judge_one(series.y, series.unit, series.lsb, h))
     with python_words():
-        return of_series(axis, series, h, options, forecast=forecast, known=known)
+        first = {axis: examine(series, h, options, known)}
+        (watched,) = watched_looks({axis: series}, (), first, h, options).values()
+        return of_series(axis, watched, options, watched.examined.tracked, forecast=forecast)
+
+
+class Examined(NamedTuple):
+    """An axis that was looked at, before anything follows from its tracked system."""
+
+    series: Series
+    looked: Looked
+    found: AxisResult
+    traps: tuple[Trap, ...]
+    why: str
+    tracked: Learned | None
+    known: Sequence[Trap]
+    left_out: LeftOut
+
+
+class Watched(NamedTuple):
+    """An axis that was looked at without what has happened to it."""
+
+    examined: Examined
+    events: AxisEvents
+
+
+def watched_looks(
+    axes: Mapping[str, Series],
+    accel: Sequence[Array],
+    examined: Mapping[str, Examined],
+    h: float,
+    options: IdentifyOptions,
+) -> dict[str, Watched]:
+    """Return what has happened to axes by their first looks, and looks without that."""
+    last = dict(examined)
+    for _ in range(1, MOST_LOOKS):
+        events = watch(axes, accel, agreed(last, h), h, LiveConfig())
+        again = [name for name, one in last.items() if not events[name].left_out.is_like(one.left_out)]
+        if not again:
+            break
+        for name in again:
+            with contextlib.suppress(ValueError):  # too little is left between steps: the look before counts
+                last[name] = examine(axes[name], h, options, last[name].known, events[name].left_out)
+    return {name: Watched(one, events[name]) for name, one in last.items()}
+
+
+def agreed(examined: Mapping[str, Examined], h: float) -> dict[str, Learned]:
+    """Return the tracked systems of a recording's axes by name, where there is one."""
+    return in_agreement({name: one.tracked for name, one in examined.items()}, h)
+
+
+def examine(
+    series: Series,
+    h: float,
+    options: IdentifyOptions,
+    known: Sequence[Trap] = (),
+    left_out: LeftOut | None = None,
+) -> Examined:
+    """Look at an axis; known: what is wrong with it by the recording as a whole.
+
+    left_out: steps and motion; None: what seems to be motion before there is a model.
+    """
+    out = likely_motion(series) if left_out is None else left_out
+    series = without(series, out)
+    looked = look(series.y, h, options, series.gaps)
+    found = identified(looked, series.lsb, options)
+    traps = (*known, *traps_of(looked, series, found))
+    why = withheld(traps)
+    tracked = None if why else tracked_of(looked)
+    return Examined(series, looked, found, traps, why, tracked, known, out)
 
 
 def of_series(
     axis: str,
-    series: Series,
-    h: float,
+    watched: Watched,
     options: IdentifyOptions,
+    tracked: Learned | None,
     *,
     forecast: bool | Goal = False,
-    known: Sequence[Trap] = (),
 ) -> Identified:
-    """Return the same of an axis of a recording; known: what is wrong with it by the recording as a whole."""
-    looked = look(series.y, h, options, series.gaps)
-    found = identified(looked, series.lsb, options)
+    """Return what was found out about an axis that was watched; tracked: its system."""
+    (series, looked, found, traps, _, _, _, out), events = watched
+    is_left_out = out.is_like(events.left_out)
+    traps = (*event_traps(events, series.unit, is_left_out=is_left_out), *traps)
+    if why := withheld(traps):
+        tracked = None
+    h = looked.h
     *sums, samples = looked.summed.octaves.allan(0)
     noise = looked.figures.sentence
     curve = fit_allan(tuple(sums), samples, h, series.unit, noise, found.level.N.value)
     if curve is not None:
         curve = replace(curve, K=found.level.K.value)
-    traps = (*known, *traps_of(looked, series, found))
-    why = withheld(traps)
-    bias, ahead = forecasts(looked, options, series.unit, why, forecast=forecast)
+    follows = tracked and conclude(series, h, options, tracked, found.level.K, forecast, events.at_end)
     return Identified(
         axis=axis,
         unit=series.unit,
@@ -96,8 +176,12 @@ def of_series(
         R=found.order.R,
         allan=curve,
         spectrum=spectrum_of(looked.summed.lines, noise),
-        now=bias,
-        forecast=ahead,
+        now=follows and follows.now,
+        forecast=follows and follows.forecast,
+        walk=follows and follows.walk,
+        filter=follows and follows.filter,
+        bias_steps=events.steps,
+        motion=events.motion,
         traps=traps,
         withheld=in_python(why),
         details=found,
