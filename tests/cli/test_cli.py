@@ -164,7 +164,7 @@ def test_run_to_the_end() -> None:
     records = strict_records(result.stdout)
     assert [record.seq for record in records if isinstance(record, Estimate)] == list(range(500, 700))
     assert isinstance(records[-1], Stats)
-    assert records[-1].samples.delivered == 700
+    assert records[-1].sample_counts.delivered == 700
 
 
 def test_same_command_same_output() -> None:
@@ -268,7 +268,7 @@ def test_lines_through_a_pipe_become_samples_and_losses_are_published() -> None:
     assert next(one for one in records if isinstance(one, Hello)).rate_hz == 100.0
     assert sum(isinstance(one, Sample) for one in records) == 398
     stats = records[-1]
-    assert (stats.samples.delivered, stats.samples.lost, stats.samples.gaps) == (398, 2, 1)
+    assert (stats.sample_counts.delivered, stats.sample_counts.lost, stats.sample_counts.gaps) == (398, 2, 1)
     assert stats.link.bad_frames == {"before_header": 1, "text": 1}
 
 
@@ -288,7 +288,7 @@ def test_without_once_a_recording_stays_until_a_signal(form: str, tmp_path: Path
         assert process.poll() is None
         output = ended_by(signal.SIGTERM, process)
     if form == "ndjson":
-        assert strict_records(output)[-1].samples.delivered == 200
+        assert strict_records(output)[-1].sample_counts.delivered == 200
     else:
         assert output.count(b"delivered 200") == 1
 

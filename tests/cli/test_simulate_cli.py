@@ -153,7 +153,7 @@ def test_command_writes_what_run_reads(name: str, tmp_path: Path) -> None:
     run = fltea_here("run", "-s", f"replay:{tmp_path / name}", "--once", *QUICK)
     assert (run.returncode, run.stderr) == (0, "")
     last = strict_records(run.stdout)[-1]
-    assert last.samples.delivered == 300
+    assert last.sample_counts.delivered == 300
     assert [*last.axes] == ["gyro_x", "gyro_y"]
     assert last.axes["gyro_x"].bias == pytest.approx(1.5, abs=0.2)
 

@@ -14,7 +14,7 @@ from fltea.cli import app as cli_app
 from fltea.cli import devices as cli_devices
 from fltea.cli.output import print_lines, say
 from fltea.identification import terminal
-from fltea.identification.run import FileReport
+from fltea.identification.axis_report import FileReport
 from fltea.machine import host_system
 from fltea.machine.doctor.finding import problem
 from fltea.recording.reading import Answer

@@ -15,7 +15,7 @@ from example_records import GOOD, STATS
 from fltea.noise.spectra import g_of, step_variance
 from fltea.records.records import Estimate
 from fltea.settings.device_name import device_name
-from fltea.sinks.page.words import with_std
+from fltea.sinks.words import with_std
 from fltea.sources.synthetic import parse_noise
 from host_support import fltea_here
 

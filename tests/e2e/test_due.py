@@ -36,8 +36,9 @@ def test_so_many_seconds_give_as_many_samples_and_no_gap(quiet: DueRun) -> None:
     within = sum(s.device_us < first + seconds * 1_000_000 for s in quiet.samples)
     assert abs(within - 100 * seconds) <= 1
     stats = quiet.stats
-    assert (stats.samples.delivered, stats.samples.lost) == (quiet.boots[0].due, 0)
-    assert (stats.samples.gaps, stats.samples.duplicates, stats.samples.before_hello) == (0, 0, 0)
+    assert (stats.sample_counts.delivered, stats.sample_counts.lost) == (quiet.boots[0].due, 0)
+    counts = stats.sample_counts
+    assert (counts.gaps, counts.duplicates, counts.before_hello) == (0, 0, 0)
     assert stats.link.bad_frames == {}
     assert stats.link.unknown_type == stats.link.refused == 0
     assert quiet.unheard() == [0]
@@ -175,7 +176,7 @@ def test_with_the_data_ready_pin_each_conversion_is_read_once(by_edges: bytes, p
     assert run.hellos[-1].sampling_mode == "data_ready"
     arrivals = run.of(wire.Sample)
     stats = run.stats
-    assert (stats.samples.lost, stats.samples.duplicates, run.faults) == (0, 0, [])
+    assert (stats.sample_counts.lost, stats.sample_counts.duplicates, run.faults) == (0, 0, [])
     assert all(sample.flags == 0 for sample in run.samples)
     assert run.check_values() is None
     # From the first edge that it used on, every edge has its sample, and its own time.
@@ -193,5 +194,5 @@ def test_a_data_ready_wire_that_breaks_is_told_and_the_sensor_set_up_again(by_ed
     assert run.error is None
     assert "data_ready_missing" in [name for name, _ in run.faults]
     assert run.epochs == ["start", "sensor_restart"]
-    assert run.stats.samples.lost == run.status.overruns in range(50, 240)
+    assert run.stats.sample_counts.lost == run.status.overruns in range(50, 240)
     assert run.samples[-1].device_us > 3_900_000

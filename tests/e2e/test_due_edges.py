@@ -246,7 +246,7 @@ def test_a_number_that_wraps_changes_nothing(wrap: str, symbols: dict[str, Symbo
     assert (run.error, run.gaps, run.epochs, run.faults) == (None, [], ["start"], [])
     for name in [*WRAPS[wrap].variables, *["tick_count"] * WRAPS[wrap].counter]:
         assert int.from_bytes(variable(run, symbols[name]), "little") < WRAP // 16, f"{name} did not wrap"
-    stats = run.stats.samples
+    stats = run.stats.sample_counts
     assert (stats.delivered, stats.lost) == (run.boots[0].due, 0)
     assert all(abs(b.device_us - a.device_us - PERIOD_US) <= 50 for a, b in pairwise(run.samples))
     assert all(sample.flags == 0 for sample in run.samples)

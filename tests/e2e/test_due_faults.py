@@ -162,7 +162,7 @@ def test_a_sensor_that_falls_asleep_is_noticed_and_set_up_again() -> None:
     assert run.faults == [("sensor_frozen", 10)]
     assert run.epochs == ["start", "sensor_restart"]
     assert sum(bool(s.flags & wire.SampleFlags.REPEATED) for s in run.samples) == 8
-    assert (run.status.sensor_reinits, run.status.overruns) == (1, run.stats.samples.lost)
+    assert (run.status.sensor_reinits, run.status.overruns) == (1, run.stats.sample_counts.lost)
 
 
 def test_a_retried_sample_says_so() -> None:
@@ -303,7 +303,7 @@ def test_a_line_that_gets_stuck_costs_two_samples_at_most(phase: str, held: str)
     assert run.check() is None
     assert len(run.boots) == 1
     assert run.epochs == ["start"], "the sensor was not set up again"
-    assert run.stats.samples.lost <= 2
+    assert run.stats.sample_counts.lost <= 2
     newest = run.samples[-1]
     assert newest.seq * 0.01 > 0.65 - start_s(), "it goes on"
     assert newest.flags == 0

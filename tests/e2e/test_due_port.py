@@ -57,7 +57,7 @@ def test_the_chain_publishes_what_the_engine_gives_on_the_quantised_noise(
     hellos = daemon.of("hello")
     assert [hello["sensor_starts"] for hello in hellos] == [0, 1]
     last = daemon.of("stats")[-1]
-    assert last["samples"]["lost"] == last["samples"]["gaps"] == 0
+    assert last["sample_counts"]["lost"] == last["sample_counts"]["gaps"] == 0
     # Opening the port has reset the board.
     assert last["board"]["reset_cause"] == "user"
 

@@ -64,7 +64,7 @@ def test_a_rate_is_exact_and_without_gaps(rate_hz: int, mode: str, tmp_path: Pat
     assert [s.sequence for s in samples] == list(range(len(samples)))
     assert {b.device_us - a.device_us for a, b in pairwise(samples)} == {1_000_000 // rate_hz}
     assert {s.message.flags for s in samples} == {0}, "late, retried or repeated"
-    counts = run.stats.samples
+    counts = run.stats.sample_counts
     assert (counts.delivered, counts.lost, counts.gaps) == (len(samples), 0, 0)
     assert (run.troubles, run.hellos[-1].rate_hz) == ([], rate_hz)
     if rate_hz == 200:

@@ -62,7 +62,7 @@ def records(board: Board, *, without: tuple[int, ...] = ()) -> list[dict[str, An
         if k not in without:
             found.append({"class": "sample", "epoch": 1, "seq": 65_530 + k, "gyro_dps": rates})
     stats = {"delivered": len(found) - 1, "lost": 0, "gaps": 0, "duplicates": 0}
-    return [*found, {"class": "stats", "samples": stats}]
+    return [*found, {"class": "stats", "sample_counts": stats}]
 
 
 def gap(k: int, missing: int) -> dict[str, Any]:
@@ -125,7 +125,10 @@ def test_two_programs_and_what_came_in_between(board: Board) -> None:
 
 def test_sums_that_are_no_sums(board: Board) -> None:
     found = [gap(0, 2), *records(board)]
-    assert check_totals(found) == ["stats.samples.lost is 0, not 2", "stats.samples.gaps is 0, not 1"]
+    assert check_totals(found) == [
+        "stats.sample_counts.lost is 0, not 2",
+        "stats.sample_counts.gaps is 0, not 1",
+    ]
 
 
 # --- many boards and the workers that share them ---

@@ -125,7 +125,7 @@ def test_a_worker_that_is_killed_is_replaced_and_no_frame_is_lost(
         assert again <= 2 * 100 // EVERY * 3 * (2 * SNAPSHOT_S + 2), (
             f"{name}: twice only what came since the snapshots"
         )
-    stats = {record["device"]: record["samples"] for record in second.of("stats")}
+    stats = {record["device"]: record["sample_counts"] for record in second.of("stats")}
     assert set(stats) == set(DEVICES)
     assert not any(samples["lost"] or samples["before_hello"] for samples in stats.values())
     resumed = {record["device"] for record in second.of("epoch") if record["reason"] == "resumed"}
@@ -241,7 +241,7 @@ def test_each_topic_is_a_device_and_nothing_of_it_is_lost(stage: Stage, processe
     last = {r["device"]: r for r in daemon.of("stats")}
     assert set(last) == {"left", "right", "third", "rubbish"}
     for name in ("left", "right", "third"):
-        assert last[name]["samples"] == {
+        assert last[name]["sample_counts"] == {
             "delivered": whole, "lost": 0, "gaps": 0, "duplicates": 0, "before_hello": 0
         }  # fmt: skip
         assert last[name]["link"]["bad_frames"] == {}

@@ -56,8 +56,8 @@ def test_every_sample_arrives_and_every_estimate_is_finite(run: Daemon) -> None:
             assert all(math.isfinite(axis[name]) for name in ("bias", "bias_std", "state", "state_std"))
     assert [r["class"] for r in run.records[:2]] == ["hello", "epoch"]
     last = run.of("stats")[-1]
-    assert last["samples"]["delivered"] == len(run.of("sample")) == 50 + len(estimates)
-    assert last["samples"]["lost"] == last["samples"]["gaps"] == 0
+    assert last["sample_counts"]["delivered"] == len(run.of("sample")) == 50 + len(estimates)
+    assert last["sample_counts"]["lost"] == last["sample_counts"]["gaps"] == 0
     assert last["link"]["bad_frames"] == {}
     assert last["board"]["reset_cause"] == "user"
     times = [e["host_ns"] for e in estimates]

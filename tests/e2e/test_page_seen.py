@@ -1,5 +1,6 @@
 """What people see of the live page, in a real browser: one server with made-up records for all tests."""
 
+import re
 import time
 from collections.abc import Iterator
 
@@ -8,10 +9,12 @@ import pytest
 import yaml
 from browser_support import Watched
 from dashboard_support import both, records
+from example_records import MOVES, RESTS, STEP
 from fit_support import FRACTIONAL, UNDECIDED, WHITE, fit_after, with_curves
 from fltea.records.records import AnyRecord, Hello, Sample, Stats
 from fltea.settings.outputs import DashboardConfig
 from fltea.sinks.page.sink import DashboardSink
+from msgspec.structs import replace
 from playwright.sync_api import Browser, expect
 
 FITS = {
@@ -19,6 +22,7 @@ FITS = {
     "gyro_y": with_curves(WHITE, 0.5),
     "gyro_z": with_curves(UNDECIDED, 2),
 }
+DOWN = replace(STEP, size=-0.043)
 HOSTILE = "<img src=x onerror=document.title='owned'>"
 SIZES = [(1280, "light"), (1280, "dark"), (390, "light"), (390, "dark")]
 
@@ -36,6 +40,8 @@ def sink() -> Iterator[DashboardSink]:
         last = record if isinstance(record, Sample) else last
     assert last is not None
     made.write(as_of(fit_after(last, FITS), begin_ns))
+    for record in (STEP, replace(DOWN, host_ns=11 * 10**9), MOVES, RESTS, replace(MOVES, host_ns=13 * 10**9)):
+        made.write(as_of(record, begin_ns))
     for record in both(records("n=1500")):
         made.write(as_of(record, begin_ns, "own"))
     yield made
@@ -125,6 +131,42 @@ def test_over_time_is_drawn_where_somebody_looks(seen: Watched) -> None:
     seen.page.click("#running summary")
     seen.page.click("#course summary")
     details(seen, "gyro_x")
+
+
+def test_steps_and_motions_are_marked_on_the_course_and_said(seen: Watched) -> None:
+    details(seen, "gyro_x")
+    changes = seen.page.locator("#text .change")
+    expect(changes).to_have_count(3)
+    moves, down, up = changes.all_inner_texts()
+    time_of = r"\d\d:\d\d:\d\d"
+    assert re.fullmatch(rf"The sensor moves since {time_of} \(shown by accel\)\.", moves)
+    assert re.fullmatch(rf"Step of \u22120\.043 ± 0\.011 deg/s at {time_of}\.", down)
+    assert re.fullmatch(rf"Step of \+0\.104 ± 0\.011 deg/s at {time_of}\.", up)
+    seen.page.click("#course summary")
+    seen.page.click("#windows button:nth-child(1)")
+    seen.wait("document.querySelectorAll('[data-name=noise] line.mark').length === 2")
+    boxes = {
+        what: seen.page.evaluate(
+            f"[...document.querySelectorAll('[data-name=noise] svg {what}')]"
+            ".map(one => (({left, right}) => [left, right])(one.getBoundingClientRect()))"
+        )
+        for what in ("line.mark", "rect.motion", "polyline.sample")
+    }
+    (first, _), (second, _) = boxes["line.mark"]
+    end = max(right for _, right in boxes["polyline.sample"])
+    second_px = (second - first) / 4
+    (left, right), (lasts, to_now) = boxes["rect.motion"]
+    assert end - second == pytest.approx(4 * second_px, abs=second_px / 2), "of 15 s the 11th"
+    assert (left - first, right - left) == pytest.approx((second_px, 2 * second_px), abs=second_px / 5)
+    assert (lasts - right, to_now - lasts) == pytest.approx((3 * second_px, 2 * second_px), abs=second_px / 2)
+    labels = seen.page.locator("[data-name=noise] text.marked").all_text_contents()
+    assert labels == ["+0.10", "\u22120.043"]
+    assert seen.page.locator("#courses rect.motion").count() == 2, "in the figure of the bias alone"
+    details(seen, "gyro_y")
+    expect(changes).to_have_count(1)
+    seen.wait("document.querySelectorAll('[data-name=noise] line.mark').length === 0")
+    seen.page.click("#course summary")
+    details(seen, "gyro_y")
 
 
 def test_a_device_that_estimates_too_stands_beside_and_its_slow_clock_is_said(

@@ -78,5 +78,5 @@ def test_the_command(processes: Processes) -> None:
     assert command.of("estimate")[-1]["axes"]["gyro_z"]["fltea"]["valid"]
     stats = command.of("stats")[-1]
     assert stats["board"]["i2c_errors"] == stats["board"]["overruns"] == 0
-    assert stats["samples"]["lost"] == 0
+    assert stats["sample_counts"]["lost"] == 0
     assert command.of("error") == []

@@ -42,7 +42,7 @@ def test_two_devices_are_estimated_side_by_side_and_one_may_vanish(
         sequences = [r["seq"] for r in of_device(daemon.records, name, "estimate")]
         assert sequences == sorted(set(sequences))
         last = of_device(daemon.records, name, "stats")[-1]
-        samples, epochs = last["samples"], of_device(daemon.records, name, "epoch")
+        samples, epochs = last["sample_counts"], of_device(daemon.records, name, "epoch")
         # On a machine that is too busy to read the port, the board loses samples; then they are counted.
         assert samples["delivered"] == len(sequences) + 50 * len(epochs)
         assert samples["delivered"] + samples["lost"] == sequences[-1] + 1

@@ -4,6 +4,7 @@ import json
 
 import msgspec
 import pytest
+from example_records import STATS
 from fltea.fleet import roll as rolls
 from fltea.fleet.alerts import LOOKS, Alerts
 from fltea.fleet.clock import Clock
@@ -55,6 +56,19 @@ def test_what_a_sensor_says_is_kept() -> None:
 def stats(bias: object, std: object = 0.003) -> bytes:
     axes = {name: {"tracker": {"bias": bias, "bias_std": std}} for name in ("gyro_x", "elsewhere")}
     return json.dumps({"samples": {"delivered": 7}, "axes": axes}).encode()
+
+
+def test_what_a_daemon_says_of_steps_and_motion_is_no_hindrance() -> None:
+    roll = Roll()
+    roll.take("fltea/a/hello", HELLO, 1.0)
+    roll.take("fltea/a/fit", fit(), 2.0)
+    roll.take("fltea/a/stats", msgspec.json.encode(STATS), 3.0)
+    tracker = STATS.axes["gyro_x"].tracker
+    assert tracker is not None
+    assert (tracker.steps, tracker.moving) == (3, True)
+    assert roll.sensors["a"].axes["gyro_x"].shown["bias"][0] == tracker.bias
+    assert not roll.bad
+    assert not {"step", "motion"} & set(KINDS), "nobody asks the broker for them"
 
 
 def test_the_bias_is_shown_beside_the_newest_fit_and_nobody_is_judged_by_it() -> None:

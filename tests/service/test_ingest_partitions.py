@@ -152,7 +152,7 @@ def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() 
     items = second.end().sink.items
     assert [one.reason for one in of(Epoch, items)] == ["resumed"]
     assert [(one.seq, one.missing, one.epoch) for one in of(Gap, items)] == [(600, 300, 1)]
-    last = of(Stats, items)[-1].samples
+    last = of(Stats, items)[-1].sample_counts
     assert (last.delivered, last.lost, last.gaps) == (300, 300, 1)
 
 
@@ -235,7 +235,7 @@ def test_once_a_message_was_left_out_none_is_walked_until_it_comes_again() -> No
     items = worker.end().sink.items
     assert of(Gap, items) == []
     last = of(Stats, items)[-1]
-    assert (last.samples.lost, last.samples.duplicates) == (0, 0)
+    assert (last.sample_counts.lost, last.sample_counts.duplicates) == (0, 0)
 
 
 def test_a_silent_device_comes_as_far_as_its_partition() -> None:

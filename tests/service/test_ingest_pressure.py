@@ -110,7 +110,7 @@ def test_an_output_that_takes_nothing_for_long_holds_the_broker_and_loses_nothin
     assert scene.outlet.stats().dropped == 0
     assert scene.ingest.inbox.overflow_bytes == {}
     (stats, *_) = reversed(of(Stats, scene.sink.items))
-    assert (stats.samples.lost, stats.link.overflow_bytes) == (0, 0)
+    assert (stats.sample_counts.lost, stats.link.overflow_bytes) == (0, 0)
 
 
 def test_what_is_left_at_the_end_is_counted_and_said() -> None:

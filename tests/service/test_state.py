@@ -131,7 +131,7 @@ def test_bias_and_r_are_kept_and_no_start_up_window_begins() -> None:
     pipeline = Pipeline(source(), settings, state=state)
     walk(pipeline, hello(), raw(260))
     assert pipeline.stats().axes["gyro_x"].bias == state.gyro.bias_dps[0]
-    assert state.gyro.R[2] == pipeline.stats().axes["gyro_z"].R
+    assert state.gyro.R[2] == pipeline.stats().axes["gyro_z"].R_in_use
 
 
 @pytest.mark.parametrize(

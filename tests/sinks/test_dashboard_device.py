@@ -14,12 +14,13 @@ from fltea.records.records import (
     DeviceEstimates,
     Epoch,
     Estimate,
+    FlteaEstimate,
     WhyNot,
 )
 from fltea.settings.estimator import EstimateOn
 from fltea.sinks.page import facts, facts_of_device
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.words import apart
+from fltea.sinks.words import apart
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
 SLOW = "n=700&rate_hz=20"
@@ -179,7 +180,7 @@ def test_what_cannot_be_compared_says_why_and_draws_no_difference(why: WhyNot, w
 def test_what_is_not_valid_cannot_be_compared() -> None:
     found = both(records(NOISE))
     last = next(r for r in reversed(found) if isinstance(r, DeviceEstimates))
-    gone = DeviceAxisEstimate(*[None] * 6, valid=False, age=550, why_not="device_not_valid")
+    gone = DeviceAxisEstimate(fltea=FlteaEstimate(), age=550, why_not="device_not_valid")
     bias = {"tracker_bias": 0.2345, "tracker_bias_std": 0.012, "tracker_bias_difference": 0.018}
     tracked = msgspec.structs.replace(gone, **bias)
     history = told(

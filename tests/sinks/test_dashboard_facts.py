@@ -12,7 +12,7 @@ from fltea.records.records import AnyRecord, Error, Estimate, FlteaEstimate, Gap
 from fltea.records.stats import LinkStats, OutputStats
 from fltea.sinks.page import facts
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.words import duration, figure, with_std
+from fltea.sinks.words import duration, figure, with_std
 from host_support import hello
 
 

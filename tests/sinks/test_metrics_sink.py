@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 import pytest
 from blocks import as_items
-from example_records import GOOD, INVALID, STATS, axis_estimate
+from example_records import GOOD, INVALID, MOVES, RESTS, STATS, STEP, axis_estimate
 from fit_support import FRACTIONAL, UNDECIDED, WHITE
 from fltea.records.errors import FlteaError
 from fltea.records.identities import MOST
@@ -38,7 +38,7 @@ AXES = {
     ),
 }
 ESTIMATE = Estimate(7, 3, 70_000, 7, "joint", AXES, device="due")
-INFO = EstimatorInfo("joint", "host", "compressed", "consistent", 9, 9, "none", "auto")
+INFO = EstimatorInfo("joint", "host", "compressed", "consistent", 9, 9, (0.0,), ())
 EPOCH = Epoch(4, "gap", 8, 8, 8, 7, INFO, device="due")
 SAMPLE = Sample(7, 3, 70_000, 7_250_000_000, (0.5,), temperature_c=21.5, device="due")
 
@@ -101,7 +101,8 @@ EXPECTED = Path(__file__).with_name("metrics.txt").read_text(encoding="utf-8")
 
 def test_every_figure_under_its_name_and_in_base_units(serve: Serve) -> None:
     error = Error("silent", "nothing came", 1, device="due")
-    found = scrape(serve(hello(device="due"), STATS, SAMPLE, ESTIMATE, error, error).url)
+    moves = MOVES, RESTS, MOVES
+    found = scrape(serve(hello(device="due"), STATS, SAMPLE, ESTIMATE, error, error, *moves, STEP).url)
     others = ("process_", "fltea_build_info")
     shown = {key: value for key, value in found.items() if not key[0].startswith(others)}
     assert shown == pytest.approx(parse(EXPECTED), rel=1e-12)
@@ -132,7 +133,7 @@ def test_every_field_of_the_statistics_becomes_a_metric(serve: Serve) -> None:
     """A field that is added to the record is not forgotten here."""
     sink = serve(STATS)
     before = scrape(sink.url)
-    for part in ("link", "samples", "board"):
+    for part in ("link", "sample_counts", "board"):
         struct = getattr(STATS, part)
         for name in struct.__struct_fields__:
             old = getattr(struct, name)
@@ -196,7 +197,7 @@ def test_latency_is_a_histogram_in_seconds(entries: list[tuple[float, int]]) -> 
 def test_several_devices_and_their_outputs_of_one_name_are_kept_apart(serve: Serve) -> None:
     outlets = [Outlet(Memory("nowhere"), lambda outlet, error: None) for _ in range(3)]
     outlets[1].put([STATS, STATS])
-    other = msgspec.structs.replace(STATS, device="pi", samples=SampleStats(1, 2, 3, 4, 5))
+    other = msgspec.structs.replace(STATS, device="pi", sample_counts=SampleStats(1, 2, 3, 4, 5))
     sink = serve(STATS, other, outlets=lambda: list(zip((None, "due", "pi"), outlets, strict=True)))
     found = scrape(sink.url)
     assert value(found, "fltea_samples_delivered_total", device="due") == 1234

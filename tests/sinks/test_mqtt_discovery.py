@@ -36,6 +36,7 @@ SENSOR_KEYS = {
     "expire_after", "force_update", "object_id", "enabled_by_default", "suggested_display_precision",
     "options", "qos", "encoding",
 }  # fmt: skip
+BINARY_SENSOR_KEYS = {*SENSOR_KEYS, "payload_on", "payload_off", "off_delay"} - {"state_class", "options"}
 FIT = Fit(99, 1, 0, 0, 100, {"gyro_x": FRACTIONAL, "accel_z": FRACTIONAL}, device="due")
 
 
@@ -65,8 +66,9 @@ def test_configuration_has_the_documented_keys_and_an_identity_for_each_sensor(b
     assert config["device"]["identifiers"] == ["fltea_a0"]
     assert config["origin"]["name"] == "fltea"
     sensors = config["components"].values()
-    assert all(one.keys() <= SENSOR_KEYS and one["platform"] == "sensor" for one in sensors)
-    assert len({one["unique_id"] for one in sensors}) == len(sensors) == 1 + 2 * 5
+    keys = {"sensor": SENSOR_KEYS, "binary_sensor": BINARY_SENSOR_KEYS}
+    assert all(one.keys() <= keys[one["platform"]] for one in sensors)
+    assert len({one["unique_id"] for one in sensors}) == len(sensors) == 2 + 2 * 6
 
 
 def rendered(template: str, payload: bytes) -> str:
@@ -84,13 +86,18 @@ def test_templates_take_the_figures_out_of_what_is_published(bench: MakeBench) -
     }
     tracker = STATS.axes["gyro_x"].tracker
     assert tracker is not None
-    assert values["lost"] == str(STATS.samples.lost)
+    assert values["lost"] == str(STATS.sample_counts.lost)
     assert values["gyro_x_noise"] == FRACTIONAL.verdict
     assert float(values["gyro_x_alpha"]) == FRACTIONAL.alpha.value
     assert float(values["gyro_x_f"]) == FRACTIONAL.f.value
     assert values["gyro_x_bias"] == str(tracker.bias)
-    # Home Assistant takes "None" as "unknown".
-    assert values["accel_z_bias"] == "None"
+    assert values["gyro_x_steps"] == str(tracker.steps)
+    # Home Assistant takes "None" as "unknown", and of binary sensors "ON" and "OFF".
+    assert values["accel_z_bias"] == values["accel_z_steps"] == "None"
+    assert values["moves"] == "ON"
+    template = config["components"]["moves"]["value_template"]
+    still = json.dumps({"axes": {"gyro_x": {"tracker": {"moving": False}}, "accel_z": {"tracker": None}}})
+    assert rendered(template, still.encode()) == "OFF"
     assert config["components"]["accel_z_bias"]["unit_of_measurement"] == STATS.axes["accel_z"].unit
     alpha = config["components"]["gyro_x_alpha"]
     attributes = json.loads(rendered(alpha["json_attributes_template"], last[alpha["json_attributes_topic"]]))

@@ -2,8 +2,8 @@
 
 import json
 
-import msgspec
 import pytest
+from example_records import MOVES, STEP
 from fit_support import FRACTIONAL
 from fltea.records import identities
 from fltea.records.records import Epoch, Error, Estimate, EstimatorInfo, Fit, Sample
@@ -12,12 +12,13 @@ from fltea.sinks.mqtt import sink as mqtt
 from fltea.sinks.mqtt.connection import Down, Up
 from fltea.sinks.mqtt.delivery import BACKLOG
 from fltea.sinks.mqtt.sink import LONGEST_NAME, device_level
+from fltea.sinks.record_json import record_json
 from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
 from mqtt_support import FakeConnection, MakeBench, estimate, gap, make_bench, sample, stats
 
-INFO = EstimatorInfo("joint", "host", "compressed", "consistent", 3000, 500, "startup", "auto")
+INFO = EstimatorInfo("joint", "host", "compressed", "consistent", 3000, 500, (), ())
 
 
 @pytest.fixture
@@ -36,6 +37,8 @@ def test_every_kind_has_a_topic_a_quality_and_the_line_of_ndjson(bench: MakeBenc
         estimate(0),
         fit(),
         gap(),
+        STEP,
+        MOVES,
         stats(),
         Error("silent", "nothing came", 1, device="due"),
     ]
@@ -43,11 +46,14 @@ def test_every_kind_has_a_topic_a_quality_and_the_line_of_ndjson(bench: MakeBenc
     sent = {topic: (payload, qos, retain) for topic, payload, qos, retain in b.connection.sent}
     assert set(sent) == {
         f"fltea/a0/{kind}"
-        for kind in ("hello", "status", "epoch", "sample", "estimate", "fit", "gap", "stats", "error")
+        for kind in (
+            *("hello", "status", "epoch", "sample", "estimate", "fit"),
+            *("gap", "step", "motion", "stats", "error"),
+        )
     }
     for record in (hello(), *records):
         payload, qos, retain = sent[f"fltea/a0/{type(record).__name__.lower()}"]
-        assert payload == msgspec.json.encode(record)
+        assert payload == record_json(record)
         assert qos == (0 if isinstance(record, Sample | Estimate) else 1)
         assert retain == (record == hello() or isinstance(record, Fit))
     assert sent["fltea/a0/status"][1:] == (1, True)

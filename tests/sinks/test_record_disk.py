@@ -106,7 +106,7 @@ def test_a_replay_counts_what_a_full_disk_cost(tmp_path: Path, recorder: Recorde
     recorder.sink.close()
     records = replay(tmp_path)
     samples = of(Sample, records)
-    stats = records[-1] if hasattr(records[-1], "samples") else None
+    stats = records[-1] if hasattr(records[-1], "sample_counts") else None
     assert samples[-1].seq == 1999
     assert samples[0].seq == 0
     missing = 2000 - len(samples)
@@ -115,7 +115,7 @@ def test_a_replay_counts_what_a_full_disk_cost(tmp_path: Path, recorder: Recorde
     assert max(gap.missing for gap in gaps) < 1100  # it resumed, and did not wait for the next HELLO
     assert [r.kind for r in of(Error, records)] == ["cut_recording", "recording_gap"]
     assert "bytes of the wire were not recorded (disk_full)" in of(Error, records)[1].message
-    assert stats is None or stats.samples.lost == missing
+    assert stats is None or stats.sample_counts.lost == missing
 
 
 def test_a_disk_that_is_full_from_the_start_records_from_when_it_is_not(

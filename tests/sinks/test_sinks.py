@@ -45,9 +45,12 @@ EPOCH = Epoch(
     7_000_000,
     7,
     8,
-    EstimatorInfo("triple", "host", "direct", "off", 3000, 500, "startup", "auto"),
+    EstimatorInfo("triple", "host", "direct", "off", 3000, 500, (), ()),
 )
-STATS = msgspec.structs.replace(example_records.STATS, device=None)
+STATS, STEP, MOVES, RESTS = (
+    msgspec.structs.replace(one, device=None)
+    for one in (example_records.STATS, example_records.STEP, example_records.MOVES, example_records.RESTS)
+)
 WITHOUT_STD = msgspec.structs.replace(
     GOOD, fltea=msgspec.structs.replace(GOOD.fltea, innovation=None, alpha_std=None)
 )
@@ -66,6 +69,9 @@ EVERY_KIND: list[AnyRecord] = [
     estimate(),
     FIT,
     Gap(4, 5, 6, 7),
+    STEP,
+    MOVES,
+    RESTS,
     STATS,
     ERROR,
 ]
@@ -86,7 +92,19 @@ def test_one_object_a_line_with_its_class_first() -> None:
     data = written(*EVERY_KIND)
     assert strict_records(data) == EVERY_KIND
     first_keys = [next(iter(json.loads(line).items())) for line in data.splitlines()]
-    kinds = ["hello", "epoch", "sample", "estimate", "fit", "gap", "stats", "error"]
+    kinds = [
+        "hello",
+        "epoch",
+        "sample",
+        "estimate",
+        "fit",
+        "gap",
+        "step",
+        "motion",
+        "motion",
+        "stats",
+        "error",
+    ]
     assert first_keys == [("class", kind) for kind in kinds]
 
 
@@ -292,6 +310,14 @@ def test_the_fit_of_each_axis_stands_in_words_with_its_intervals_and_how_long_ye
         # rich takes [bold] and [5 s] for markup unless told otherwise
         ([HELLO, ERROR], ["silent: nothing [bold]came[/bold] for [5 s]"], []),
         ([HELLO, Gap(40, 3, 1, 0)], ["gap: 3 samples lost from number 40"], []),
+        ([HELLO, STEP], ["gyro_x: step of +0.104 ± 0.011 deg/s at 0:00:07"], []),
+        ([HELLO, MOVES], ["the sensor moves since 0:00:08 (shown by accel)"], []),
+        (
+            [HELLO, MOVES, RESTS],
+            ["at rest again since 0:00:10: it moved for 200 samples"],
+            ["the sensor moves"],
+        ),
+        ([HELLO, MOVES, Gap(40, 3, 1, 0), RESTS], ["the sensor moves", "at rest again"], []),
         ([hello(source="[red]/tmp/a[0].npz")], ["[red]/tmp/a[0].npz"], []),
         ([Gap(k, 1, 1, 0) for k in range(6)], [f"number {k}" for k in range(2, 6)], ["number 0", "number 1"]),
     ],

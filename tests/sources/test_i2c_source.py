@@ -299,7 +299,7 @@ def test_a_bus_that_goes_away_and_comes_back() -> None:
     assert any(isinstance(event, LinkDown) for event in pi.events)
     assert pi.epochs == ["start", "sensor_restart"]
     assert pi.status.bus_recoveries == pi.source.link_stats().reconnects == 1
-    assert pi.pipeline.stats().samples.before_hello == 0
+    assert pi.pipeline.stats().sample_counts.before_hello == 0
 
 
 def test_closing_releases_the_bus() -> None:

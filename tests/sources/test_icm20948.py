@@ -70,5 +70,5 @@ def test_a_chip_in_the_place_of_another() -> None:
     assert [h.sensor for h in pi.of(type(pi.hello))] == ["MPU-9250", "ICM-20948"]
     assert pi.hello.rate_hz == 125.0
     assert pi.epochs == ["start", "sensor_restart"]
-    assert pi.pipeline.stats().samples.before_hello == 0
+    assert pi.pipeline.stats().sample_counts.before_hello == 0
     assert len(pi.raw) > 2.5 * 125

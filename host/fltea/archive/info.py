@@ -34,8 +34,9 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
 
     whole: its files were finished in an orderly way, and all are read. breaks: places where the recorder
     missed something. epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello: as
-    in `stats`. resets: other boots of the device heard. rate_hz, clock_ppm: of the longest epoch. notes: what
-    reading it reported, as the texts of `error` records. unread: why a file cannot be
+    in `stats`. steps, motions: of the biases and of the sensor, as the records in it say; None where it
+    has none of these records. resets: other boots of the device heard. rate_hz, clock_ppm: of the longest
+    epoch. notes: what reading it reported, as the texts of `error` records. unread: why a file cannot be
     read, or not all of it. about: what else the file says of itself. reading: how another program's file was
     understood, each answer with its evidence.
     """
@@ -60,6 +61,8 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     rate_hz: float | None
     clock_ppm: float | None
     link: LinkStats
+    steps: int | None = None
+    motions: int | None = None
     notes: list[str] = []
     unread: list[str] = []
     about: str = ""
@@ -151,6 +154,8 @@ def summarise(
         rate_hz=longest[1],
         clock_ppm=longest[2] if has_clock else None,
         link=source.link_stats(),
+        steps=source.changes.steps,
+        motions=source.changes.motions,
         notes=notes,
         unread=unread,
         about=source.about if isinstance(source, ReplaySource) else "",
@@ -188,6 +193,8 @@ def as_text(s: Summary) -> str:
     reasons = ", ".join(f"{count} x {reason}" for reason, count in s.epochs.items()) or "none"
     if not is_foreign or reasons != "1 x start":
         lines.append(("epochs", reasons))
+    if s.steps is not None and s.motions is not None:
+        lines.append(("bias", f"{s.steps} steps; the sensor moved {s.motions} times"))
     if not is_foreign:
         lines.append(("resets", f"{s.resets} of the device, {s.link.reconnects} times reconnected"))
         lines.append(("breaks", f"{s.breaks} in the recording itself"))

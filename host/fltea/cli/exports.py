@@ -12,7 +12,7 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import AXES
 
 if TYPE_CHECKING:
-    from fltea.identification.run import FileReport
+    from fltea.identification.axis_report import FileReport
 
 
 class Files(NamedTuple):
@@ -56,8 +56,8 @@ def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str])
     flags: the options that ask for one file of all axes. of_axes: those that ask for something of each axis,
     which the other axes have.
     """
+    from fltea.identification.axis_report import AxisReport
     from fltea.identification.findings import traps
-    from fltea.identification.run import AxisReport
 
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
     rest = [name for name, axis in good.items() if not axis.withheld]
@@ -79,9 +79,10 @@ def write(report: "FileReport", files: Files) -> None:
     Raises:
         FlteaError: one cannot be written, or what it needs was not found.
     """
-    from fltea.documents.imu_yaml import Inflation, axis_noise, imu_yaml
+    from fltea.documents.imu_yaml import Inflation, imu_yaml
     from fltea.identification import model_file, navigation_file
-    from fltea.identification.run import AxisReport
+    from fltea.identification.axis_report import AxisReport
+    from fltea.identification.kalibr import axis_noise
 
     axes = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
     if report.recording is None or not files.flags or any(axis.withheld for axis in axes.values()):
@@ -97,7 +98,7 @@ def write(report: "FileReport", files: Files) -> None:
     if files.yaml is not None:
         if not axes:
             raise FlteaError("--imu-yaml: no axis was identified.")
-        noises = {name: axis_noise(axis.result.level) for name, axis in axes.items()}
+        noises = {name: axis_noise(axis) for name, axis in axes.items()}
         gyro, accel = model_file.by_sensor(noises)
         text = imu_yaml(
             gyro,

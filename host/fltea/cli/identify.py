@@ -21,7 +21,7 @@ from fltea.records.whole_file import prepare_folder
 from fltea.settings.extras import load, need_matplotlib
 
 if TYPE_CHECKING:
-    from fltea.identification.run import FileReport
+    from fltea.identification.axis_report import FileReport
     from fltea.identification.workers import Workers
 
 
@@ -112,7 +112,8 @@ def identify(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write what a navigation filter needs as JSON: σ, τ, N, K, Q and drift.",
+            help="Write what a navigation filter needs as JSON: σ, τ, N, K, Q and drift, and `filter`, of "
+            "which a plain Kalman filter is built.",
         ),
     ] = None,
     jobs: Annotated[
@@ -188,7 +189,12 @@ def identify(
     if out is not None:
         from fltea.cluster.whole import Ask
 
-        ask = Ask(run.Settings(options, chosen.estimator, chosen.accel), wanted, replay.how, replay.limits)
+        ask = Ask(
+            run.Settings(options, chosen.estimator, chosen.accel, live=chosen.live),
+            wanted,
+            replay.how,
+            replay.limits,
+        )
         many.identify_many(files, out, ask, lambda: _workers(jobs, dask))
         return
     files_wanted = exports.Files(
@@ -216,7 +222,9 @@ def identify(
     if len(requests) > 1 and files_wanted.flags:
         raise UsageError("--export-model, --imu-yaml and --gauss-markov are for one recording.")
     ahead = forecast if goal is None else goal
-    by = run.Settings(options, chosen.estimator, chosen.accel, figures=report is not None, forecast=ahead)
+    by = run.Settings(
+        options, chosen.estimator, chosen.accel, figures=report is not None, forecast=ahead, live=chosen.live
+    )
     reports = _run(requests, by, jobs, dask)
     if part is not None:
         for one in reports:
@@ -314,7 +322,7 @@ def _show(reports: "Sequence[FileReport]", *, details: bool) -> None:
 
 def _fail(reports: "Sequence[FileReport]", files: Sequence[str], of_axes: Sequence[str]) -> None:
     """End with the failures; files, of_axes: the options that asked for files, and for figures of axes."""
-    from fltea.identification.run import Failure
+    from fltea.identification.axis_report import Failure
 
     failures: list[FlteaError] = []
     for report in reports:

@@ -105,10 +105,11 @@ def export(
     settings: dict[str, Any],
     to: Annotated[Path, typer.Option("--to", metavar="OUT.csv|OUT.npz", help="File to write.")],
     what: Annotated[
-        Literal["samples", "corrected", "estimates", "device_estimates", "fits"],
+        Literal["samples", "corrected", "estimates", "device_estimates", "fits", "steps", "motions"],
         typer.Option(
             help="`samples`; `corrected`: rates less their biases, with σ; `estimates` as published; "
-            "`device_estimates`: those of the device; `fits`: the maximum-likelihood fits."
+            "`device_estimates`: those of the device; `fits`: the maximum-likelihood fits; `steps` of the "
+            "bias; `motions` of the sensor."
         ),
     ] = "samples",
     force: Annotated[bool, typer.Option("--force", help="Replace OUT if it exists.")] = False,

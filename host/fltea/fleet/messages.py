@@ -117,7 +117,7 @@ class AxisStats(msgspec.Struct, frozen=True):
 class Stats(msgspec.Struct, frozen=True):
     """The payload of `…/stats`."""
 
-    samples: Samples = Samples()
+    sample_counts: Samples = Samples()
     axes: dict[str, AxisStats] = {}
 
 

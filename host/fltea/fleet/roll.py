@@ -136,7 +136,7 @@ class Sensor:
 
     def take_stats(self, stats: Stats) -> None:
         """Count samples, and keep the bias of the axes that have a fit."""
-        self.delivered, self.lost = stats.samples.delivered, stats.samples.lost
+        self.delivered, self.lost = stats.sample_counts.delivered, stats.sample_counts.lost
         for name, axis in self.axes.items():
             bias = bias_of(stats.axes.get(name, AxisStats()).tracker or Tracker())
             axis.shown.pop("bias", None)

@@ -1,10 +1,11 @@
-"""fltea's own NDJSON read back: `hello`, `epoch` and `sample` records in their order."""
+"""fltea's own NDJSON read back: `hello`, `epoch`, `sample`, `step` and `motion` records in their order."""
 
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import msgspec
 
+from fltea.recording.changes import CLASSES, MotionMark, StepMark
 from fltea.recording.files import LARGEST_DPS
 from fltea.recording.kind import is_stream
 from fltea.recording.lines import lines
@@ -21,7 +22,7 @@ class EpochMark(Record, frozen=True, forbid_unknown_fields=False, tag="epoch"):
     host_ns: int
 
 
-Kept = Hello | EpochMark | Sample
+Kept = Hello | EpochMark | Sample | StepMark | MotionMark
 
 
 def read_ndjson(
@@ -48,7 +49,7 @@ def read_ndjson(
                 record = _parse(path, number, line)
                 if record is None:
                     cut = f"{path}:{number}: the last line is cut off; the replay ends before it."
-                elif record["class"] in ("hello", "epoch", "sample"):
+                elif record["class"] in ("hello", "epoch", "sample", *CLASSES):
                     records.append(_convert(path, number, record, records))
                     kept += len(line)
                     if most is not None and kept > most:

@@ -1,9 +1,8 @@
 """JSON channels of an MCAP file: a schema for each kind of record, plain enough for Foxglove and PlotJuggler.
 
 Foxglove's reader of JSON schemas takes objects, lists and scalars, written out where they stand: neither
-references nor alternatives such as "number or null". So references are resolved, a field that may be null has
-the type of its values and is left out of a message where it is null, and a field of several types (the bias
-of an epoch: a word, a number or three) is in the messages but not in the schema.
+references nor alternatives such as "number or null". So references are resolved, and a field that may be null
+has the type of its values and is left out of a message where it is null.
 """
 
 import functools

@@ -1,11 +1,12 @@
-"""Errors as lines for a person, or for a service's journal: one each, and never a flood."""
+"""Errors, steps and motions as lines for a person, or for a service's journal, and never a flood."""
 
 from collections.abc import Callable
 
 from fltea.records.clock import host_ns
 from fltea.records.ports import Item, Sink
-from fltea.records.records import Error
+from fltea.records.records import Error, Motion, Step
 from fltea.records.visible import visible
+from fltea.sinks.changes import sentence, time_of
 
 BURST = 5
 PERIOD_NS = 60 * 10**9
@@ -13,7 +14,10 @@ PERIOD_NS = 60 * 10**9
 
 
 class LogSink(Sink):
-    """Writes `fltea: KIND: TEXT`, with the device's name before the kind where there are several."""
+    """Writes `fltea: KIND: TEXT` of an error, and `fltea: TEXT` of a step or a motion.
+
+    The device's name stands before that where there are several.
+    """
 
     name = "log"
 
@@ -23,17 +27,20 @@ class LogSink(Sink):
         self._lines: dict[tuple[str | None, str], tuple[int, int, int]] = {}
 
     def write(self, item: Item) -> None:
-        """Write a line for an error, unless there were many of its kind."""
-        if not isinstance(item, Error):
+        """Write a line for an error, a step or a motion, unless there were many of its kind."""
+        if isinstance(item, Error):
+            kind, text = item.kind, f"{item.kind}: {' '.join(item.message.split(chr(10)))}"
+        elif isinstance(item, Step | Motion):
+            kind, text = type(item).__name__.lower(), sentence(item, time_of(item))
+        else:
             return
-        key, now_ns = (item.device, item.kind), host_ns()
+        key, now_ns = (item.device, kind), host_ns()
         since_ns, count, silenced = self._lines.get(key, (now_ns, 0, 0))
         if now_ns - since_ns >= PERIOD_NS:
             self._report_silenced(key, silenced)
             since_ns, count, silenced = now_ns, 0, 0
         if count < BURST:
-            message = visible(" ".join(item.message.split("\n")))
-            self._line(item.device, f"{item.kind}: {message}")
+            self._line(item.device, visible(text))
         self._lines[key] = (since_ns, count + 1, silenced + (count >= BURST))
 
     def flush(self) -> None:

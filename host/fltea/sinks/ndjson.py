@@ -3,11 +3,10 @@
 import time
 from typing import BinaryIO
 
-import msgspec
-
 from fltea.records.block import Block
 from fltea.records.ports import Item, Sink, SinkClosed
 from fltea.sinks.lines import BlockLines, Wanted
+from fltea.sinks.record_json import record_json
 
 BUFFER = 1 << 18
 FULL_S = 0.005
@@ -27,7 +26,6 @@ class NdjsonSink(Sink):
         self._stream = stream
         self._wanted = Wanted(samples=samples, estimates=True, corrected=True)
         self._lines = BlockLines()
-        self._encoder = msgspec.json.Encoder()
         self._pending = bytearray()
 
     def write(self, item: Item) -> None:
@@ -35,8 +33,7 @@ class NdjsonSink(Sink):
         if isinstance(item, Block):
             self._lines.add(self._pending, item, self._wanted, item.due_rows)
         else:
-            self._encoder.encode_into(item, self._pending, -1)
-            self._pending += b"\n"
+            self._pending += record_json(item) + b"\n"
         if len(self._pending) >= BUFFER:
             self.flush()
 

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from rich import box
 from rich.console import Console, Group, RenderableType
@@ -26,14 +26,17 @@ from fltea.records.records import (
     Fit,
     Gap,
     Hello,
+    Motion,
     Stats,
-    WhyNot,
+    Step,
 )
 from fltea.records.visible import visible
-from fltea.records.why_not import not_comparable
+from fltea.sinks import table_of_device
+from fltea.sinks.changes import MOVES, sentence, time_of
 from fltea.sinks.page.answer import WITH_ORDER, answer
 from fltea.sinks.page.fits import TimeToTell
-from fltea.sinks.page.words import about, duration, figure, in_deviations, quantity, with_std, within
+from fltea.sinks.table_of_device import grid
+from fltea.sinks.words import about, duration, figure, with_std, within
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
@@ -167,6 +170,11 @@ class DeviceView:
                     self._time_to_tell.setdefault(name, TimeToTell()).take(record.samples, rate_hz, fit)
             case Gap():
                 self._events.append(f"gap: {record.missing} samples lost from number {record.seq}")
+            case Step() | Motion():
+                text = sentence(record, time_of(record))
+                if isinstance(record, Motion) and self._events and self._events[-1].startswith(MOVES):
+                    self._events.pop()  # its end says all of it
+                self._events.append(visible(text))
             case Error():
                 message = " ".join(record.message.split("\n"))
                 self._events.append(visible(f"{record.kind}: {message}"))
@@ -195,10 +203,9 @@ class DeviceView:
         if not wide and self._estimate is not None:
             lines.append(self._rows_below(self._estimate))
         if self._of_device is not None:
-            lines += [_device_rows(self._of_device), *_not_compared(self._of_device)]
-            lines += _device_biases(self._of_device)
+            lines += table_of_device.estimates(self._of_device)
         if self._device_fits:
-            lines.append(_device_fit_rows(self._device_fits))
+            lines.append(table_of_device.fits(self._device_fits))
         return [*lines, Text(self._health()), *self.events()]
 
     def events(self) -> list[RenderableType]:
@@ -229,7 +236,7 @@ class DeviceView:
         unit = f"[{', '.join(dict.fromkeys(_unit(axis) for axis in self._estimate.axes.values()))}]"
         # As plain text: [deg/s] is no markup.
         titles = map(Text, ("FLTEA: α", "f [s^-α]", f"state {unit}", f"innov. {unit}", ""))
-        table = _grid("", *titles, *(("α, last seconds", "f, last seconds") if wide else ()))
+        table = grid("", *titles, *(("α, last seconds", "f, last seconds") if wide else ()))
         for name, axis in self._estimate.axes.items():
             bars = map(sparkline, self._trends[name]) if wide else ()
             own = axis.fltea
@@ -275,7 +282,7 @@ class DeviceView:
         }
         if not of:
             return []
-        rows = _grid("heading after a rest", *map(duration, next(iter(of.values()))))
+        rows = grid("heading after a rest", *map(duration, next(iter(of.values()))))
         for name, stds in of.items():
             rows.add_row(name, *map(within, stds.values()))
         return [rows]
@@ -285,7 +292,7 @@ class DeviceView:
         return " *" if stats is not None and stats.describes_noise is False else ""
 
     def _rows_below(self, estimate: Estimate) -> Table:
-        rows = _grid("", "α, last seconds", "f, last seconds")
+        rows = grid("", "α, last seconds", "f, last seconds")
         for name in estimate.axes:
             rows.add_row(name, *map(sparkline, self._trends[name]))
         return rows
@@ -308,17 +315,12 @@ class DeviceView:
         rate = "" if stats.rate_hz is None else f"  {stats.rate_hz:.2f} Hz"
         ppm = "" if stats.clock_ppm is None else f"  clock {stats.clock_ppm:+.0f} ppm"
         bad = sum(stats.link.bad_frames.values())
+        counts = stats.sample_counts
         seq = "" if self._estimate is None else f"  sample {self._estimate.seq}"
         return self._device_health(stats) + (
-            f"epoch {stats.epoch}{seq}  delivered {stats.samples.delivered}  lost {stats.samples.lost}\n"
+            f"epoch {stats.epoch}{seq}  delivered {counts.delivered}  lost {counts.lost}\n"
             f"bad frames {bad}  reconnects {stats.link.reconnects}{rate}{ppm}"
         )
-
-
-def _grid(*titles: RenderableType) -> Table:
-    rows = Table.grid(padding=(0, 2))
-    rows.add_row(*titles)
-    return rows
 
 
 def _bias_words(axis: AxisEstimate | None) -> str:
@@ -337,56 +339,6 @@ def _until(fit: AxisFit, left_s: float | None) -> str:
     if fit.verdict not in WITH_ORDER or not fit.stable or fit.until_s is None or fit.until_s.seconds is None:
         return ""
     return "reached" if fit.until_s.seconds <= 0 else about(left_s) if left_s else ""
-
-
-def _device_rows(record: DeviceEstimates) -> Table:
-    """The device's own α and f, and how far they are from the host's after the same sample."""
-    rows = _grid("", "device's α", "minus the host's", "device's f", "minus the host's")
-    for name, axis in record.axes.items():
-        if not axis.valid:
-            rows.add_row(name, "not valid")
-            continue
-        alpha, f = (_difference(d) for d in (axis.alpha_difference, axis.f_difference))
-        rows.add_row(name, quantity(axis.alpha, "", 3), alpha, quantity(axis.f, "", 3), f)
-    return rows
-
-
-def _device_biases(record: DeviceEstimates) -> list[RenderableType]:
-    """The bias by the device's own fit, and how far it is from the host's, for axes that it has fitted."""
-    rows = _grid("", "device's bias", "minus the host's", "")
-    for name, axis in record.axes.items():
-        if axis.tracker_bias is not None:
-            apart, std = axis.tracker_bias_difference, axis.tracker_bias_std
-            rows.add_row(
-                name, with_std(axis.tracker_bias, std), _difference(apart), in_deviations(apart, std)
-            )
-    return [rows] if rows.row_count > 1 else []
-
-
-def _device_fit_rows(fits: Mapping[str, DeviceAxisFit]) -> Table:
-    """The device's own fit, and how far its α is from that of the fit here."""
-    rows = _grid("", "device's fit", "α, 95 %", "minus the host's", "in half-widths")
-    for name, fit in fits.items():
-        p = fit.alpha
-        known = p.value is not None and p.low is not None and p.high is not None
-        alpha = f"{p.value:.3f} ({p.low:.2f} to {p.high:.2f})" if known else "undefined"
-        halves = "" if fit.half_widths is None else f"{fit.half_widths:+.2f}"
-        apart = "" if fit.alpha_difference is None else f"{fit.alpha_difference:+.3f}"
-        rows.add_row(name, f"{fit.verdict}, {fit.samples:,} samples", alpha, apart, halves)
-    return rows
-
-
-def _not_compared(record: DeviceEstimates) -> list[RenderableType]:
-    """Why there are no differences, a line for each reason, with its axes."""
-    axes: dict[WhyNot, list[str]] = {}
-    for name, axis in record.axes.items():
-        if axis.valid and axis.why_not is not None:
-            axes.setdefault(axis.why_not, []).append(name)
-    return [Text(f"{', '.join(names)}: {not_comparable(why)}") for why, names in axes.items()]
-
-
-def _difference(value: float | None) -> str:
-    return "" if value is None else f"{value:+.1e}"
 
 
 def _rate(value: float | None) -> str:

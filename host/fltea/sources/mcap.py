@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 from mcap.records import Channel, Metadata
 
+from fltea.recording.changes import Changes
 from fltea.recording.scan import BEGIN, CHANNEL, END, LOG_TIME, PUBLISH_TIME, SEQUENCE, Damage, Messages, Scan
 from fltea.recording.session import (
     LINK,
@@ -238,7 +239,8 @@ class McapRecording:
     """Gives the events of a recording, or its messages, once.
 
     name: what HELLO gives as the source. `breaks` counts the places where something was not recorded, `torn`
-    the files that were not finished, `unread` says why others cannot be read, or not all of them.
+    the files that were not finished, `unread` says why others cannot be read, or not all of them. `changes`
+    counts steps and motions as far as `events` has come.
     """
 
     live = prompt = False
@@ -248,6 +250,7 @@ class McapRecording:
         self.unread = list(session.unread.values())
         self._limits = limits
         self.breaks = self.torn = 0
+        self.changes = Changes()
         self._name = name
         self._wire = WireEvents(name)
         self._wire.unix_offset_ns = parts[0].info.offset_ns
@@ -277,6 +280,7 @@ class McapRecording:
             for item in self._items_of(part):
                 match item:
                     case Batch():
+                        self.changes.count_in(item.messages, item.topics)
                         yield from self._on_batch(item, part.info)
                     case Damage():
                         self._break(f"{part.path.name} {item.said}", None)

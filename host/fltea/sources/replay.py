@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fltea.recording.bag_files import bags_in
+from fltea.recording.changes import Changes, MotionMark, StepMark
 from fltea.recording.files import Recording, Stored, listed
 from fltea.recording.kind import is_one_file
 from fltea.recording.ndjson import EpochMark, Kept
@@ -71,6 +72,7 @@ class ReplaySource:
         self._closed = False
         self._mcap: McapRecording | None = None
         self._offset_ns = 0
+        self._changes = Changes()
         self.about = self.topic = ""
         self.reading: tuple[Answer, ...] = ()
         self.axes: tuple[str, ...] = ()
@@ -82,6 +84,9 @@ class ReplaySource:
         if isinstance(opened, Printed):
             self._events = _from_ndjson(*opened)
             samples = sum(isinstance(record, Sample) for record in opened.records)
+            for record in opened.records:
+                if isinstance(record, StepMark | MotionMark):
+                    self._changes.count(record)
         elif opened is None:
             check_options(path, "mcap", how)
             open_again = open_mcap([path], name, limits)
@@ -103,6 +108,11 @@ class ReplaySource:
     def unread(self) -> list[str]:
         """Why files of the recording cannot be read, or not all of them."""
         return [] if self._mcap is None else self._mcap.unread
+
+    @property
+    def changes(self) -> Changes:
+        """Count steps and motions; of MCAP files as far as `events` has come."""
+        return self._changes if self._mcap is None else self._mcap.changes
 
     @property
     def unix_offset_ns(self) -> int:

@@ -393,10 +393,11 @@ class _EstimateFields(NamedTuple):
     memory_order: int
     """The memory was asked for an order out of its range."""
     tracker_bias: float
-    """Of a sample, by the filter of the noise that FIT tells of: offset and tracker_state; it and all that
-    follow are 0 without tracked [deg/s]."""
+    """What to subtract from the samples of the second to come, by the filter of the noise that FIT tells of:
+    the offset, and what is left of tracker_state in the mean over that second; it and all that follow are 0
+    without tracked [deg/s]."""
     tracker_bias_std: float
-    """Its standard deviation [deg/s]."""
+    """Standard deviation of that mean, without the white noise; it grows while the sensor moves [deg/s]."""
     tracker_state: float
     """The coloured part of the noise, without the offset: 0 of white noise [deg/s]."""
     tracker_state_std: float

@@ -29,7 +29,10 @@ FACTS = "source", "device_id", "sensor", "firmware_version", "sampling_mode"
 
 @dataclass
 class Newest:
-    """The newest record of each kind of one device. …_ns: when the estimate came, monotonic."""
+    """The newest record of each kind of one device. …_ns: when the estimate came, monotonic.
+
+    motions: how many have begun.
+    """
 
     hello: Hello | None = None
     stats: Stats | None = None
@@ -40,6 +43,7 @@ class Newest:
     device_estimate_ns: int = 0
     device_fits: dict[str, DeviceAxisFit] = field(default_factory=dict)
     fit: Fit | None = None
+    motions: int = 0
 
     def take(self, block: Block) -> None:
         """Remember samples and estimates; records are made of them when somebody asks."""
@@ -83,6 +87,7 @@ class Families(Collector):
         yield from families("link_", DEVICE, tables.LINK, [(names, s.link) for names, s in stats])
         yield from families("", DEVICE, tables.STATS, stats)
         yield from families("axis_", AXIS, tables.AXIS_STATS, _axes(stats))
+        yield from families("", DEVICE, tables.MOTIONS, [((name,), d) for name, d in devices if d.stats])
         yield from families(
             "board_", DEVICE, tables.BOARD, [(names, s.board) for names, s in stats if s.board]
         )

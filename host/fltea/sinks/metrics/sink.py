@@ -14,7 +14,17 @@ from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.identities import MOST, FewIdentities
 from fltea.records.ports import Departed, Item, OutputView, Report, Sink
-from fltea.records.records import DeviceEstimates, DeviceFits, Epoch, Error, Estimate, Fit, Hello, Stats
+from fltea.records.records import (
+    DeviceEstimates,
+    DeviceFits,
+    Epoch,
+    Error,
+    Estimate,
+    Fit,
+    Hello,
+    Motion,
+    Stats,
+)
 from fltea.settings.outputs import MetricsConfig, listen_address
 from fltea.sinks.listening import cannot_listen, is_own, own_names, url_of
 from fltea.sinks.metrics.families import Families, Newest
@@ -82,6 +92,8 @@ class MetricsSink(Sink):
                 newest.stats = item
             case Fit():
                 newest.fit = item
+            case Motion(begins=True):
+                newest.motions += 1
             case Hello():
                 newest.hello = self._introduced(item)
             case Epoch():  # what the one before it gave is no longer so

@@ -78,14 +78,14 @@ LINK = (
 )
 
 STATS = (
-    counter("samples_delivered", "Samples that went on to the estimator.", "samples.delivered"),
-    counter("samples_lost", "Samples missing in gaps.", "samples.lost"),
-    counter("gaps", "Gaps.", "samples.gaps"),
-    counter("samples_duplicate", "Samples that came twice and were dropped.", "samples.duplicates"),
+    counter("samples_delivered", "Samples that went on to the estimator.", "sample_counts.delivered"),
+    counter("samples_lost", "Samples missing in gaps.", "sample_counts.lost"),
+    counter("gaps", "Gaps.", "sample_counts.gaps"),
+    counter("samples_duplicate", "Samples that came twice and were dropped.", "sample_counts.duplicates"),
     counter(
         "samples_before_hello",
         "Samples before the first HELLO, which cannot be used.",
-        "samples.before_hello",
+        "sample_counts.before_hello",
     ),
     counter("epochs", "Epochs begun.", "epoch"),
     gauge("sample_rate_hertz", "Sampling rate by the host's clock.", "rate_hz"),
@@ -116,7 +116,28 @@ AXIS_STATS = (
         key="after_s",
     ),
     counter("moved_samples", "Samples in motion.", lambda axis: axis.tracker and axis.tracker.moved),
+    counter("steps", "Steps of its bias.", lambda axis: axis.tracker and axis.tracker.steps),
+    gauge(
+        "bias_for_seconds",
+        "The bias is the mean that is expected over so many seconds.",
+        lambda axis: axis.tracker and axis.tracker.bias_for_s,
+    ),
+    gauge(
+        "bias_error_ratio",
+        "Mean of the next so many seconds less the bias, root mean square over its deviation; 1 if it holds.",
+        lambda axis: axis.tracker and {t_s: one.rms for t_s, one in axis.tracker.checked.items()},
+        key="for_s",
+    ),
+    gauge(
+        "bias_error_pieces",
+        "Pieces of so many seconds that this ratio is of.",
+        lambda axis: axis.tracker and {t_s: one.pieces for t_s, one in axis.tracker.checked.items()},
+        key="for_s",
+    ),
 )
+
+MOTIONS = (counter("motions", "Times that the sensor has begun to move."),)
+
 
 BOARD = (
     counter("i2c_errors", "I2C transfers that failed, since the device's boot."),
@@ -193,9 +214,9 @@ ESTIMATE = (
 )
 
 DEVICE_ESTIMATE = (
-    gauge("valid", "1: the device's own estimate holds; 0: it does not."),
-    gauge("alpha", "Order of the noise, as the device itself estimates it."),
-    gauge("f", "Parameter f of the noise, as the device itself estimates it, in s^-alpha."),
+    gauge("valid", "1: the device's own estimate holds; 0: it does not.", "fltea.valid"),
+    gauge("alpha", "Order of the noise, as the device itself estimates it.", "fltea.alpha"),
+    gauge("f", "Parameter f of the noise, as the device itself estimates it, in s^-alpha.", "fltea.f"),
     gauge("alpha_difference", "Order: the device's estimate minus the host's after the same sample."),
     gauge("f_difference", "Parameter f: the device's estimate minus the host's, in s^-alpha."),
     gauge("bias", "What to subtract from a sample, by the device's own fit, in deg/s.", "tracker_bias"),

@@ -12,6 +12,9 @@ from fltea.records.stats import AxisStats
 from fltea.records.version import __version__
 
 _AXIS: Final = "value_json.axes.%s"
+_MOVES: Final = """{% set moved = namespace(now=false) %}{% for axis in value_json.axes.values() %}\
+{% if axis.tracker and axis.tracker.moving %}{% set moved.now = true %}{% endif %}{% endfor %}\
+{{ 'ON' if moved.now else 'OFF' }}"""
 _BIAS: Final = "{%% set tracker = value_json.axes.%s.tracker %%}{{ tracker.%s if tracker else None }}"
 
 
@@ -39,8 +42,10 @@ def discovery(topics: str, level: str, hello: Hello, axes: dict[str, AxisStats])
         device["serial_number"] = hello.device_id
     if hello.firmware_version:
         device["sw_version"] = hello.firmware_version
-    components = {"lost": _sensor("samples lost", f"{topics}/stats", "{{ value_json.samples.lost }}")}
+    components = {"lost": _sensor("samples lost", f"{topics}/stats", "{{ value_json.sample_counts.lost }}")}
     components["lost"] |= {"state_class": "total_increasing", "entity_category": "diagnostic"}
+    moves = _sensor("moves", f"{topics}/stats", _MOVES)
+    components["moves"] = moves | {"platform": "binary_sensor", "device_class": "motion"}
     for axis, stats in axes.items():
         fit, one = f"{topics}/fit", _AXIS % axis
         components[f"{axis}_noise"] = _sensor(f"{axis} noise", fit, f"{{{{ {one}.verdict }}}}")
@@ -55,6 +60,8 @@ def discovery(topics: str, level: str, hello: Hello, axes: dict[str, AxisStats])
         for name, title in (("bias", "bias"), ("bias_std", "bias σ")):
             sensor = _sensor(f"{axis} {title}", f"{topics}/stats", _BIAS % (axis, name), stats.unit)
             components[f"{axis}_{name}"] = sensor | {"state_class": "measurement"}
+        steps = _sensor(f"{axis} steps of the bias", f"{topics}/stats", _BIAS % (axis, "steps"))
+        components[f"{axis}_steps"] = steps | {"state_class": "total_increasing"}
     for key, component in components.items():
         component["unique_id"] = f"{_object_id(level)}_{key}"
     return {

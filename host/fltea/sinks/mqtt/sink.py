@@ -4,8 +4,6 @@ import re
 import secrets
 from collections import deque
 
-import msgspec
-
 from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.identities import MOST, FewIdentities
@@ -19,6 +17,7 @@ from fltea.sinks.mqtt.discovery import discovery, discovery_topic
 from fltea.sinks.mqtt.link import Link
 from fltea.sinks.mqtt.shared import SharedConnection
 from fltea.sinks.mqtt.status import DeviceStatus, status_of
+from fltea.sinks.record_json import record_json
 
 FAREWELL_S = 5.0
 """A broker gets so long to acknowledge the end; one that does so at once costs nothing."""
@@ -56,7 +55,6 @@ class MqttSink(Sink):
         broker = Broker(settings) if shared is None else shared.broker
         self._link = Link(broker, report, shared)
         self._delivery = Delivery(self._link, report, self._introduce)
-        self._encode = msgspec.json.Encoder().encode
         self._lines = BlockLines()
         self._early: deque[AnyRecord] = deque()
         self._hello: Hello | None = None
@@ -89,18 +87,18 @@ class MqttSink(Sink):
             self._keep_early(item)
         elif isinstance(item, Estimate | DeviceEstimates):
             if self._is_due(_kind(item), item.seq, self._settings.estimate_every):
-                self._stream(_kind(item), self._encode(item), self._settings.stream_qos)
+                self._stream(_kind(item), record_json(item), self._settings.stream_qos)
         elif isinstance(item, DeviceFits | Stats):
             if isinstance(item, Stats):
                 self._offer_discovery(item)
-            self._stream(_kind(item), self._encode(item), 1, again=not isinstance(item, Stats))
+            self._stream(_kind(item), record_json(item), 1, again=not isinstance(item, Stats))
         elif self._turned_away:
             self._delivery.lost += 1
         elif isinstance(item, Fit):  # a state: who comes later, or after an outage, gets the newest one
-            self._fit = self._encode(item)
+            self._fit = record_json(item)
             self._publish_state("fit", self._fit)
         else:
-            self._delivery.keep(Message(self._topic(_kind(item)), self._encode(item), again=True))
+            self._delivery.keep(Message(self._topic(_kind(item)), record_json(item), again=True))
             self._delivery.send_waiting()
 
     def _on_block(self, block: Block) -> None:
@@ -165,7 +163,7 @@ class MqttSink(Sink):
         if self._hello is None or self._level != self._level_of(hello):
             self._begin(hello)
         self._hello = hello
-        self._publish_state("hello", self._encode(hello))
+        self._publish_state("hello", record_json(hello))
         while self._early:
             self.write(self._early.popleft())
 
@@ -181,14 +179,14 @@ class MqttSink(Sink):
     def _connect(self) -> None:
         assert self._hello is not None
         will = status_of("offline", self._hello, self._device, None, "connection_lost")
-        self._link.open(self._client_id, (self._topic("status"), self._encode(will)))
+        self._link.open(self._client_id, (self._topic("status"), record_json(will)))
 
     def _retire(self) -> None:
         """Publish that the device was replaced, and end its connection."""
         if self._hello is None:
             return
         status = status_of("offline", self._hello, self._device, clock.host_ns(), "replaced")
-        self._delivery.keep(Message(self._topic("status"), self._encode(status), True, again=True))
+        self._delivery.keep(Message(self._topic("status"), record_json(status), True, again=True))
         self._delivery.leave(0.0 if self._shared else FAREWELL_S)
         self._hello = self._status = self._fit = self._discovery = None
 
@@ -221,7 +219,7 @@ class MqttSink(Sink):
 
     def _introduce(self) -> None:
         """Publish the states of the device, on a connection that is new."""
-        self._publish_state("hello", self._encode(self._hello))
+        self._publish_state("hello", record_json(self._hello))
         if self._fit is not None:
             self._publish_state("fit", self._fit)
         if self._discovery is not None:
@@ -238,14 +236,14 @@ class MqttSink(Sink):
         self._offered = self._hello, units
         found = discovery(f"{self._settings.prefix}/{self._level}", self._level, self._hello, stats.axes)
         topic = discovery_topic(self._settings.discovery, self._level)
-        message = Message(topic, self._encode(found), retain=True)
+        message = Message(topic, record_json(found), retain=True)
         if message != self._discovery:  # a HELLO has times of its own, too
             self._discovery = message
             self._delivery.state(message)
 
     def _publish_status(self) -> None:
         if self._status is not None:
-            self._publish_state("status", self._encode(self._status.take(clock.host_ns())))
+            self._publish_state("status", record_json(self._status.take(clock.host_ns())))
 
     def _publish_state(self, kind: str, payload: bytes) -> None:
         self._delivery.state(Message(self._topic(kind), payload, retain=True))

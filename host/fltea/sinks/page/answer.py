@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from fltea.records.fit import AxisFit, Interval, VerdictKind
-from fltea.sinks.page.words import about
+from fltea.sinks.words import about
 
 HEADS: dict[VerdictKind, str] = {
     "white": "White noise: order undefined",

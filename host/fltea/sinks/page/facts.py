@@ -9,20 +9,27 @@ from fltea.records.records import (
     Epoch,
     EstimatorInfo,
     Hello,
+    Motion,
     Stats,
+    Step,
 )
+from fltea.records.stats import TrackerStats
 from fltea.records.units import MOST_DEG
 from fltea.records.visible import visible, visible_lines
+from fltea.sinks.changes import MOVES
+from fltea.sinks.changes import sentence as changed
 from fltea.sinks.page import facts_of_device
 from fltea.sinks.page.answer import Answer, answer, sentence
 from fltea.sinks.page.data_sheet import coefficients
 from fltea.sinks.page.fits import Curves
 from fltea.sinks.page.happenings import EPOCH_WORDS
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.words import Level, counted, duration, guard_words, quantity, with_std, within
+from fltea.sinks.page.tiers import WINDOWS
+from fltea.sinks.words import Level, counted, duration, guard_words, quantity, with_std, within
 
 STALL_NS = 1_500_000_000
 SHOWN_EVENTS = 12
+SHOWN_STEPS = 3
 FAR_PPM = 20_000
 """No crystal is so far off."""
 
@@ -135,6 +142,7 @@ def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
         "estimator": history.estimator(name),
         "unit": unit_of(name),
         "text": [part for part in (found.text, found.left_out) if part],
+        "changes": changes(history, name),
         "coefficients": coefficients(allan, name in AXES) if allan else [],
         "headings": [[f"after {duration(t)}", within(std)] for t, std in heading(history, name).items()],
         "rows": _running(history, name),
@@ -149,7 +157,7 @@ def _running(history: DeviceHistory, name: str) -> list[list[str]]:
     unit, estimate = unit_of(name), history.newest.get(name)
     stats = history.stats.axes.get(name) if history.stats else None
     e = estimate.fltea if estimate is not None and estimate.fltea.valid else None
-    bias, R = (None, None) if stats is None else (stats.bias, stats.R)
+    bias, R = (None, None) if stats is None else (stats.bias, stats.R_in_use)
     tracker = stats.tracker if stats else None
     state = "–" if estimate is None else f"{with_std(estimate.state, estimate.state_std)} {unit}"
     not_described = stats is not None and stats.describes_noise is False
@@ -158,6 +166,7 @@ def _running(history: DeviceHistory, name: str) -> list[list[str]]:
         ["state", state],
         ["model of the bias", tracker.model if tracker else "–"],
         ["its innovations, NIS", quantity(tracker.nis if tracker else None, "", 3)],
+        *_of_tracker(tracker),
         ["FLTEA (paper)", "–" if e is None else "settled" if e.settled else "settling"],
         ["α ± σ", with_std(e.alpha, e.alpha_std) if e else "–"],
         ["f ± σ", f"{with_std(e.f, e.f_std)} s^-α" if e else "–"],
@@ -174,10 +183,45 @@ def _running(history: DeviceHistory, name: str) -> list[list[str]]:
     ]
 
 
+def _of_tracker(tracker: TrackerStats | None) -> list[list[str]]:
+    """For how long the bias is meant, whether that was so, and how often it stepped."""
+    if tracker is None:
+        return []
+    checked = [
+        [f"the mean of the next {t_s} s less it, over σ", f"{one.rms:.2f} ({one.pieces:,} pieces)"]
+        for t_s, one in tracker.checked.items()
+    ]
+    return [
+        ["it is the mean expected over", f"{tracker.bias_for_s:g} s"],
+        *checked,
+        ["steps of the bias", f"{tracker.steps:,}"],
+    ]
+
+
+def changes(history: DeviceHistory, name: str) -> list[tuple[str, int, str]]:
+    """The motion of now and the newest steps of an axis: words, the time in ms that stands after them, words.
+
+    The time is written by the browser, which knows where its reader is.
+    """
+    newest: list[Step | Motion] = [] if history.marks.moving is None else [history.marks.moving]
+    newest += list(history.marks.steps.get(name, ()))[-SHOWN_STEPS:][::-1]
+    found = []
+    for one in newest:
+        before, _, after = changed(one, "\0").removeprefix(f"{name}: ").partition("\0")
+        found.append((visible(before), one.host_ns // 1_000_000, visible(after)))
+    return found
+
+
+def marks(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
+    """The steps of an axis and the motions that a window shows, as its figures mark them."""
+    end_ns = history.sample.host_ns if history.sample else 0
+    return history.marks.within(name, end_ns - int(WINDOWS[window].length_s * 1e9), end_ns)
+
+
 def _bias(estimate: AxisEstimate | None, unit: str) -> str:
     if estimate is None or estimate.bias is None:
         return ""
-    moving = ", moving" if estimate.moving else ""
+    moving = f", {MOVES}" if estimate.moving else ""
     return f"bias {with_std(estimate.bias, estimate.bias_std)} {unit}{moving}".replace("-", "\u2212")
 
 
@@ -228,7 +272,7 @@ def link(stats: Stats | None) -> list[list[str]]:
     """Health of the way from the device to here: label, value, level."""
     if stats is None:
         return []
-    samples, wire, board = stats.samples, stats.link, stats.board
+    samples, wire, board = stats.sample_counts, stats.link, stats.board
     bad = {reason: n for reason, n in wire.bad_frames.items() if reason != "partial"}
     rows = [
         ["rate", quantity(stats.rate_hz, "Hz", 3), "plain"],

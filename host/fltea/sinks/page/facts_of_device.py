@@ -6,7 +6,7 @@ from fltea.records.records import AXES, DeviceAxisEstimate
 from fltea.records.why_not import not_comparable
 from fltea.sinks.page.answer import figure_of
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.page.words import (
+from fltea.sinks.words import (
     apart,
     counted,
     figure,
@@ -75,8 +75,8 @@ def compared(history: DeviceHistory, axis: str, window: int) -> dict[str, Any] |
     known = None if why or e is None else e
     return {
         "apart": known.alpha_difference if known else None,
-        "alpha_text": "–" if e is None or e.alpha is None else figure(e.alpha, 3),
-        "f_text": "–" if e is None or e.f is None else figure(e.f, 3),
+        "alpha_text": "–" if e is None or e.fltea.alpha is None else figure(e.fltea.alpha, 3),
+        "f_text": "–" if e is None or e.fltea.f is None else figure(e.fltea.f, 3),
         "alpha_apart": _apart(known.alpha_difference if known else None, farthest[0]),
         "f_apart": _apart(known.f_difference if known else None, farthest[1]),
         "why_not": why,

@@ -3,7 +3,8 @@
 from collections import deque
 from typing import Literal, NamedTuple
 
-from fltea.records.records import EpochReason
+from fltea.records.records import EpochReason, Motion
+from fltea.sinks.changes import moved, sentence
 
 MOST = 60
 """Entries that are kept."""
@@ -23,16 +24,17 @@ class Happening(NamedTuple):
     """An entry of the list. host_ns: Unix time as in the records."""
 
     host_ns: int
-    kind: Literal["epoch", "gap", "error", "missed"]
+    kind: Literal["epoch", "gap", "step", "motion", "error", "missed"]
     text: str
 
 
 class Happenings(deque[Happening]):
-    """The newest entries, the oldest first; gaps without anything in between are one entry."""
+    """The newest entries, the oldest first; gaps, or motions, without anything in between are one entry."""
 
     def __init__(self) -> None:
         super().__init__(maxlen=MOST)
         self._gaps = self._missing = 0
+        self._motions, self._moved, self._largest = 0, 0, 0.0
 
     def gap(self, host_ns: int, missing: int) -> None:
         """Add a gap, or count it in the newest entry if that is of gaps."""
@@ -44,3 +46,20 @@ class Happenings(deque[Happening]):
         self._missing += missing
         what = "a gap" if self._gaps == 1 else f"{self._gaps} gaps"
         self.append(Happening(host_ns, "gap", f"{what}: {self._missing} samples lost"))
+
+    def motion(self, record: Motion) -> None:
+        """Add the begin or the end of a motion, or count it in the newest entry if that is of motions."""
+        if self and self[-1].kind == "motion":
+            self.pop()
+        else:
+            self._motions, self._moved, self._largest = 0, 0, 0.0
+        text = sentence(record)
+        if not record.begins:
+            self._motions += 1
+            self._moved += record.samples or 0
+            self._largest = max(self._largest, record.largest or 0.0)
+            if self._motions > 1:
+                text = f"the sensor moved {self._motions} times{moved(self._moved, self._largest)}"
+        elif self._motions:
+            text += f"; it moved {'once' if self._motions == 1 else f'{self._motions} times'} before"
+        self.append(Happening(record.host_ns, "motion", text))

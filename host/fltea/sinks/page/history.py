@@ -20,15 +20,19 @@ from fltea.records.records import (
     Fit,
     Gap,
     Hello,
+    Motion,
     Sample,
     Stats,
+    Step,
 )
 from fltea.records.stats import AxisStats
 from fltea.settings.estimator import EstimateOn
+from fltea.sinks.changes import sentence
 from fltea.sinks.page.answer import order
 from fltea.sinks.page.course import FIT, Course
 from fltea.sinks.page.fits import Fits
 from fltea.sinks.page.happenings import EPOCH_WORDS, Happening, Happenings
+from fltea.sinks.page.marks import Marks
 
 
 class HeardError(NamedTuple):
@@ -62,6 +66,7 @@ class DeviceHistory:
         self._estimate_on = estimate_on
         self.fits = Fits()
         self.happenings = Happenings()
+        self.marks = Marks()
         self._lost = 0
         self._means: dict[str, tuple[int, float]] = {}
 
@@ -110,6 +115,12 @@ class DeviceHistory:
                     if self.epoch is not None and record.epoch == self.epoch.epoch:
                         self._lost += record.missing
                     self.happenings.gap(record.host_ns, record.missing)
+                case Step():
+                    self.marks.step(record)
+                    self.happenings.append(Happening(record.host_ns, "step", sentence(record)))
+                case Motion():
+                    self.marks.motion(record, self.rate_hz)
+                    self.happenings.motion(record)
                 case Error():
                     self.error = HeardError(record, clock.host_ns())
                     text = f"{record.kind}: {record.message}"
@@ -121,6 +132,7 @@ class DeviceHistory:
             host_ns = self.sample.host_ns if self.sample else 0
             text = f"the page missed {count} records: it was too slow"
             self.happenings.append(Happening(host_ns, "missed", text))
+            self.marks.end(host_ns)  # its end may have been among them
 
     @property
     def samples_of_epoch(self) -> int:
@@ -145,6 +157,7 @@ class DeviceHistory:
         self.fits.begin()
         self._lost = 0
         self.course.begin(record.host_ns)
+        self.marks.begin(record.host_ns)
         text = f"epoch {record.epoch} begins: {EPOCH_WORDS[record.reason]}"
         self.happenings.append(Happening(record.host_ns, "epoch", text))
 
@@ -182,7 +195,7 @@ def _compared(e: DeviceAxisEstimate) -> dict[str, float | None]:
     apart, f_apart = e.alpha_difference, e.f_difference
     differences = dict.fromkeys(("apart_low", "apart", "apart_high"), apart)
     far = None if f_apart is None else abs(f_apart)
-    return {"device_alpha": e.alpha, "device_f": e.f, "f_apart": far, **differences}
+    return {"device_alpha": e.fltea.alpha, "device_f": e.fltea.f, "f_apart": far, **differences}
 
 
 def _value(sample: Sample, axis: str) -> float:

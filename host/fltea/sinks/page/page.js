@@ -4,6 +4,7 @@ import {ask, button, byId, clock, draw, follow, make, put} from "./common.js"
 const choice = {device: "", axis: "", window: 1, course: false, ...fromHash()}
 const has = {}  // of each part: its checksum
 let table = {cursor: "", columns: {}}  // rows of what is drawn over time
+let marks = {steps: [], motion: []}  // what the bias did, and the sensor, within it
 let shown = ""  // for which device, axis and window that is
 
 function fromHash() {
@@ -22,7 +23,7 @@ function choose(change) {
 const refresh = follow(async () => {
   const asked = {...choice}, open = [...document.querySelectorAll("details[data-parts][open]")]
   const parts = ["devices", "now", "axes", "recording", ...open.flatMap(one => one.dataset.parts.split(","))]
-  if (asked.axis) parts.push("axis", "curves")
+  if (asked.axis) parts.push("axis", "curves", ...asked.course ? ["marks"] : [])
   const query = {device: asked.device, axis: asked.axis, window: asked.window,
     parts: parts.map(part => `${part}:${has[part] ?? ""}`).join()}
   if (asked.course && asked.axis) query.cursor = table.cursor
@@ -114,7 +115,8 @@ const SHOW = {
 
   axis(found) {
     if (!found) return
-    byId("text").replaceChildren(...found.text.map(text => make("p", {}, text)))
+    byId("text").replaceChildren(...found.text.map(text => make("p", {}, text)),
+      ...found.changes.map(([before, time, after]) => make("p", {class: "change"}, upper(`${before}${clock(new Date(time))}${after}.`))))
     rows("coefficients", found.coefficients)
     rows("headings", found.headings)
     for (const name of ["coefficients", "headings"]) byId(`${name}-part`).hidden = !found[name].length
@@ -128,6 +130,8 @@ const SHOW = {
       .filter(Boolean).join("; "))
     figures(found)
   },
+
+  marks(found) { marks = found ?? {steps: [], motion: []} },
 
   // Drawn by the daemon: an image of ours, in which there is no script.
   curves(found) {
@@ -169,13 +173,15 @@ function rows(id, found) {
   })
 }
 
+const upper = text => text[0].toUpperCase() + text.slice(1)
+
 const guard = (whose, found) => found.length ? `${whose}: ` + found.map(([words, count]) => `${words} (${count})`).join(", ") : ""
 
 // --- over time ---
 
-const CHECKED = 1000, FIGURES = [
+const MOVES = "the sensor moves", CHECKED = 1000, FIGURES = [
   // name, title, of which estimators, what is drawn: kind, words, and its columns
-  ["noise", "samples less the offset, and state", "host device both", [["sample", "sample", "y", "y_low", "y_high"], ["state", "state x̂", "state"]]],
+  ["noise", "samples less the offset, and bias", "host device both", [["sample", "sample", "y", "y_low", "y_high"], ["state", "bias less the offset", "state"]]],
   ["alpha", "order α", "host device both", [["fit", "fit, 95 %", "alpha_mid", "alpha_low", "alpha_high"], ["estimate", "FLTEA ± σ", "alpha", "±"], ["ink", "device", "device_alpha"]]],
   ["f", "parameter f [s^−α]", "host device both", [["fit", "fit, 95 %", "f_mid", "f_low", "f_high"], ["estimate", "FLTEA ± σ", "f", "±"], ["ink", "device", "device_f"]]],
   ["apart", "α of the device minus α of the host", "both", [["sample", "difference and its extremes", "apart", "apart_low", "apart_high"]]],
@@ -192,7 +198,9 @@ function figures({estimator, unit}) {
     const words = name === "noise" ? `${title} [${unit}]` : title
     const keys = lines.filter(([kind]) => kind !== "ink" || estimator === "both")
       .flatMap(([kind, label]) => label ? [" ", make("span", {}, make("i", {class: `key ${kind}`}), label)] : [])
-    return make("figure", {"data-name": name}, make("figcaption", {}, words, ...keys),
+    const key = kind => make("i", {class: `key ${kind}`}), marked = name === "noise"
+      ? [" ", make("span", {}, key("mark"), "step of the bias"), " ", make("span", {}, key("motion"), MOVES)] : []
+    return make("figure", {"data-name": name}, make("figcaption", {}, words, ...keys, ...marked),
       make("svg:svg", {role: "img", "aria-label": `${words}, ${choice.axis}, over time`}))
   }))
 }
@@ -213,7 +221,7 @@ function course({rows, fresh, cursor, most, end_ms, length_ms}) {
     })
     figure.hidden = !lines.some(one => one.y.some(v => v !== null))
     draw(figure.querySelector("svg"), {lines, band, always: band ?? (figure.dataset.name === "apart" ? [0] : []),
-      from: end_ms - length_ms, to: end_ms})
+      ...figure.dataset.name === "noise" ? {marks: marks.steps, spans: marks.motion} : {}, from: end_ms - length_ms, to: end_ms})
   }
 }
 

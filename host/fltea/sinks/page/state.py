@@ -55,11 +55,12 @@ PARTS: dict[str, Callable[[DeviceHistory, View], Any]] = {
     "own": _of(facts_of_device.own),
     "events": _of(facts.events),
     "axis": lambda history, view: facts.axis(history, view.axis, view.window) if view.axis else None,
+    "marks": lambda history, view: facts.marks(history, view.axis, view.window) if view.axis else None,
     "curves": lambda history, view: facts.curves(history, view.axis) if view.axis else [],
 }
 """How each part of a device is made, under the lock of its history."""
 
-OF_VIEW = {"axis", "curves"}
+OF_VIEW = {"axis", "curves", "marks"}
 """Parts that depend on more than the device."""
 
 

@@ -1,0 +1,57 @@
+"""What a step of a bias and a motion of the sensor are in words, for page, table and log alike."""
+
+from datetime import UTC, datetime, timedelta
+
+from fltea.records.records import Motion, Step
+from fltea.sinks.words import figure, with_std
+
+MOVES = "the sensor moves"
+MINUS = "\u2212"
+UNIX_FROM_NS = 366 * 86400 * 10**9
+"""Times before this one count from the beginning of a recording that has no clock."""
+
+
+def sentence(record: Step | Motion, at: str = "") -> str:
+    """Return what happened, without a full stop. at: the time, as its reader has it."""
+    if isinstance(record, Step):
+        return f"{record.axis}: {step_words(record.size, record.size_std, record.unit, at)}"
+    since = f" since {at}" if at else ""
+    if record.begins:
+        shown = "as the caller says" if record.by == "caller" else f"shown by {record.by}"
+        return f"{MOVES}{since} ({shown})"
+    return f"the sensor is at rest again{since}" + moved(record.samples, record.largest)
+
+
+def step_words(size: float, size_std: float, unit: str, at: str = "") -> str:
+    """Return what a step of a bias was; at: the time, as its reader has it."""
+    return f"step of {signed_size(size, size_std, unit)}" + (f" at {at}" if at else "")
+
+
+def size(step: Step) -> str:
+    """Return by how much a bias stepped, with sign, standard deviation and unit."""
+    return signed_size(step.size, step.size_std, step.unit)
+
+
+def signed_size(size: float, size_std: float, unit: str) -> str:
+    """Return the same of numbers."""
+    sign = MINUS if size < 0 else "+"
+    return f"{sign}{with_std(abs(size), size_std)} {unit.replace('^2', '²')}"
+
+
+def short_size(step: Step) -> str:
+    """Return the size alone, to two digits, for a mark in a figure."""
+    return f"{step.size:+#.2g}".rstrip(".").replace("-", MINUS)
+
+
+def moved(samples: int | None, largest: float | None) -> str:
+    """Return how long and how fast the sensor moved, as far as that is known."""
+    known = [] if samples is None else [f"it moved for {samples:,} samples"]
+    known += [] if largest is None else [f"at most by {figure(largest, 3, significant=True)} deg/s"]
+    return f": {', '.join(known)}" if known else ""
+
+
+def time_of(record: Step | Motion) -> str:
+    """Return when it was: the time of day here, or since the beginning of a recording without a clock."""
+    if record.host_ns < UNIX_FROM_NS:
+        return str(timedelta(seconds=record.host_ns // 10**9))
+    return f"{datetime.fromtimestamp(record.host_ns // 10**9, UTC).astimezone():%H:%M:%S}"

@@ -1,0 +1,74 @@
+"""What the live table shows of a device that estimates by itself."""
+
+from collections.abc import Mapping
+
+from rich.console import RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from fltea.records.device_fit import DeviceAxisFit
+from fltea.records.records import DeviceEstimates, WhyNot
+from fltea.records.why_not import not_comparable
+from fltea.sinks.words import in_deviations, quantity, with_std
+
+
+def grid(*titles: RenderableType) -> Table:
+    """Return rows without lines between them, the first of titles."""
+    rows = Table.grid(padding=(0, 2))
+    rows.add_row(*titles)
+    return rows
+
+
+def estimates(record: DeviceEstimates) -> list[RenderableType]:
+    """Return the device's estimates beside the host's, why they cannot be compared, and its biases."""
+    return [_orders(record), *_not_compared(record), *_biases(record)]
+
+
+def _orders(record: DeviceEstimates) -> Table:
+    """The device's own α and f, and how far they are from the host's after the same sample."""
+    rows = grid("", "device's α", "minus the host's", "device's f", "minus the host's")
+    for name, axis in record.axes.items():
+        if not axis.fltea.valid:
+            rows.add_row(name, "not valid")
+            continue
+        alpha, f = (_difference(d) for d in (axis.alpha_difference, axis.f_difference))
+        rows.add_row(name, quantity(axis.fltea.alpha, "", 3), alpha, quantity(axis.fltea.f, "", 3), f)
+    return rows
+
+
+def _biases(record: DeviceEstimates) -> list[RenderableType]:
+    """The bias by the device's own fit, and how far it is from the host's, for axes that it has fitted."""
+    rows = grid("", "device's bias", "minus the host's", "")
+    for name, axis in record.axes.items():
+        if axis.tracker_bias is not None:
+            apart, std = axis.tracker_bias_difference, axis.tracker_bias_std
+            rows.add_row(
+                name, with_std(axis.tracker_bias, std), _difference(apart), in_deviations(apart, std)
+            )
+    return [rows] if rows.row_count > 1 else []
+
+
+def fits(by_axis: Mapping[str, DeviceAxisFit]) -> Table:
+    """Return the device's own fit, and how far its α is from that of the fit here."""
+    rows = grid("", "device's fit", "α, 95 %", "minus the host's", "in half-widths")
+    for name, fit in by_axis.items():
+        p = fit.alpha
+        known = p.value is not None and p.low is not None and p.high is not None
+        alpha = f"{p.value:.3f} ({p.low:.2f} to {p.high:.2f})" if known else "undefined"
+        halves = "" if fit.half_widths is None else f"{fit.half_widths:+.2f}"
+        apart = "" if fit.alpha_difference is None else f"{fit.alpha_difference:+.3f}"
+        rows.add_row(name, f"{fit.verdict}, {fit.samples:,} samples", alpha, apart, halves)
+    return rows
+
+
+def _not_compared(record: DeviceEstimates) -> list[RenderableType]:
+    """Why there are no differences, a line for each reason, with its axes."""
+    axes: dict[WhyNot, list[str]] = {}
+    for name, axis in record.axes.items():
+        if axis.fltea.valid and axis.why_not is not None:
+            axes.setdefault(axis.why_not, []).append(name)
+    return [Text(f"{', '.join(names)}: {not_comparable(why)}") for why, names in axes.items()]
+
+
+def _difference(value: float | None) -> str:
+    return "" if value is None else f"{value:+.1e}"

@@ -1,0 +1,97 @@
+"""Numbers as page, table and log write them (pure)."""
+
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+from fltea.records.stats import CAUSE_WORDS
+from fltea.records.units import MOST_DEG
+
+Level = Literal["good", "wait", "bad", "plain"]
+
+LARGE = 1e6
+"""From here on, powers of ten: what a diverging filter can give."""
+
+
+def figure(value: float, digits: int, *, significant: bool = False) -> str:
+    """Fixed point, or powers of ten for what a diverging filter can give."""
+    if significant:
+        return f"{value:.{digits}g}"
+    return f"{value:.{digits}f}" if abs(value) < LARGE else f"{value:.{digits}e}"
+
+
+def quantity(value: float | None, unit: str, digits: int, *, significant: bool = False) -> str:
+    """A number with its unit, a dash for none."""
+    return "–" if value is None else f"{figure(value, digits, significant=significant)} {unit}".rstrip()
+
+
+def with_std(value: float | None, std: float | None) -> str:
+    """A number with its standard deviation, to two digits of that; a dash for none."""
+    if value is None:
+        return "–"
+    if std is None or not std > 0:
+        return figure(value, 3) + (" ± 0" if std == 0 else "")
+    if max(abs(value), std) >= LARGE:
+        return f"{figure(value, 3)} ± {figure(std, 3)}"
+    places = min(max(0, 1 - math.floor(math.log10(std))), 9)
+    return f"{figure(value, places)} ± {figure(std, places)}"
+
+
+def within(std: float) -> str:
+    """How far an angle is off, to two digits, as long as it is known at all."""
+    return "no heading left" if std > MOST_DEG else f"± {float(f'{std:.2g}'):g}°"
+
+
+def signed(value: float) -> str:
+    """To three places, with its sign, a true minus."""
+    return f"{value:+.3f}".replace("-", "\u2212")
+
+
+def apart(value: float) -> str:
+    """A small difference, with its sign and a power of ten."""
+    if not value:
+        return "0"
+    mantissa, _, exponent = f"{value:+.1e}".partition("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def in_deviations(value: float | None, std: float | None) -> str:
+    """How many of its deviations a value is; empty where nobody knows."""
+    return f"{value / std:+.1f} σ" if value is not None and std else ""
+
+
+def guard_words(interventions: Mapping[str, int]) -> list[list[str]]:
+    """How often the guard of an axis stepped in: why, how often."""
+    return [[CAUSE_WORDS.get(cause, cause), str(count)] for cause, count in interventions.items()]
+
+
+def counted(label: str, count: int, remark: str = "") -> list[str]:
+    """A count of what should not be, as label, value, level."""
+    value = f"{count:,}" + (f" ({remark})" if remark else "")
+    return [label, value, "bad" if count else "plain"]
+
+
+def duration(seconds: float) -> str:
+    """A length of time as a person says it."""
+    s = int(max(seconds, 0))
+    if s < 120:
+        return f"{s} s"
+    if s < 7200:
+        return f"{s // 60} min"
+    return f"{s // 3600} h" if s < 48 * 3600 else f"{s // 86400} days"
+
+
+ABOUT_S = (
+    10,
+    20,
+    30,
+    *(m * 60 for m in (1, 2, 3, 5, 10, 20, 30, 45)),
+    *(h * 3600 for h in (1, 2, 3, 5, 10, 24)),
+)
+
+
+def about(seconds: float) -> str:
+    """A length of time that nobody knows exactly."""
+    if seconds > 1.5 * ABOUT_S[-1]:
+        return f"about {round(seconds / 86400)} days"
+    return f"about {duration(min(ABOUT_S, key=lambda one: abs(math.log(one / max(seconds, 1.0)))))}"
