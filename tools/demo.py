@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from fltea.noise.spectra import noise_variance
-from fltea.sinks.page.words import with_std
+from fltea.sinks.words import with_std
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -143,7 +143,7 @@ class Summary:
         return None
 
     def _of_stats(self, device: str, stats: dict[str, Any]) -> str:
-        samples, axes = stats["samples"], self._axes.get(device)
+        samples, axes = stats["sample_counts"], self._axes.get(device)
         parts = [f"{samples['delivered']} samples, {samples['lost']} lost"]
         if axes is not None:
             parts += [f"{name} {_axis(axis)}" for name, axis in axes.items()]

@@ -144,7 +144,7 @@ class DueRun(HostView):
 
     def check(self) -> str | None:
         """What does not add up; None if each instant is delivered, lost or unheard, and each value true."""
-        samples = self.stats.samples
+        samples = self.stats.sample_counts
         unheard = self.unheard()
         if self.error:
             return f"ended early: {self.error}"

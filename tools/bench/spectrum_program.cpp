@@ -6,8 +6,8 @@
 #include <new>
 
 #include "fit_bins.hpp"
+#include "sensor_motion.hpp"
 #include "sliced_fit.hpp"
-#include "tracked_state.hpp"
 
 namespace {
 
@@ -119,10 +119,13 @@ void track(const fltea::whittle::FitFigures& found) {
     order.verdict = fltea::whittle::Verdict::fractional;
     order.alpha = 0.7f, order.g = -0.08f, order.s2 = 4.0f, order.R = 12.0f;
     const fltea::whittle::FitFigures* const figures[] = {&found, &order, &found};
+    fltea::whittle::TrackedState* const axes[] = {&tracked};
+    fltea::whittle::SensorMotion motion;
+    const fltea::whittle::SensorMotion::Limits limits = {32.8f, 31, 1875};
     Noise noise;
     for (int k = 0; k < 1200; ++k) {
         if (k % 300 == 0 && k > 0) {
-            design.begin(*figures[k / 300 - 1]);
+            design.begin(*figures[k / 300 - 1], 100);
             for (bool done = false; !done;) {
                 const uint32_t begun = now();
                 done = design.work();
@@ -133,10 +136,11 @@ void track(const fltea::whittle::FitFigures& found) {
         }
         const int16_t sample = noise();
         const uint32_t begun = now();
-        tracked.next(sample);
+        tracked.next(sample, motion.moving());
+        motion.next(axes, 1, limits);
         count(kTrack, begun);
         if (k % 10 != 0 || !tracked.known()) continue;
-        const fltea::whittle::TrackedState::Figures now_known = tracked.figures();
+        const fltea::whittle::TrackedState::Figures now_known = tracked.figures(motion.unlearned());
         mix(now_known.bias);
         mix(now_known.bias_std);
         mix(now_known.state);

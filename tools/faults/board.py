@@ -97,7 +97,7 @@ def measure(image: bytes, case: DueCase) -> tuple[DueRun, Measured]:
     """Run one case."""
     run = DueRun(image, faults=case.faults).run_until(case.until_s)
     arrivals = [sample.at_ps for sample in run.of(wire.Sample)]
-    samples = run.stats.samples
+    samples = run.stats.sample_counts
     status = run.status._asdict()
     del status["cpu_share"], status["longest_step"]  # not counts
     status["reset_cause"] = wire.ResetCause(run.status.reset_cause).name.lower()

@@ -179,12 +179,12 @@ def samples_of(
 
 def check_totals(records: Sequence[Record]) -> list[str]:
     """What in a program's last `stats` is not the sum of its records."""
-    stats = [record for record in records if record["class"] == "stats"][-1]["samples"]
+    stats = [record for record in records if record["class"] == "stats"][-1]["sample_counts"]
     gaps = [record["missing"] for record in records if record["class"] == "gap"]
     samples = sum(record["class"] == "sample" for record in records)
     expected = {"delivered": samples, "lost": sum(gaps), "gaps": len(gaps), "duplicates": 0}
     return [
-        f"stats.samples.{name} is {stats[name]}, not {value}"
+        f"stats.sample_counts.{name} is {stats[name]}, not {value}"
         for name, value in expected.items()
         if stats[name] != value
     ]

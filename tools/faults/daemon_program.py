@@ -25,7 +25,7 @@ def kill_9(stage: Stage) -> Outcome:
     scene.finish()
     wire = read_recording(scene.recording).wire
     published, saved = len(scene.program.of("sample")), len(board.samples_in(wire))
-    unused = second.of("stats")[-1]["samples"]["before_hello"]
+    unused = second.of("stats")[-1]["sample_counts"]["before_hello"]
     figures = {"published before": published, "of them recorded": saved, "before HELLO": unused}
     lost_s = (published - saved) / 100
     wrong = [] if lost_s <= FLUSHED_S else [f"the recording lacks the last {lost_s} s"]
@@ -55,7 +55,7 @@ def two_daemons(stage: Stage) -> Outcome:
     return scene.outcome(
         others=dropped(scene.program),
         excuse="until the other heard a HELLO",
-        figures={"before HELLO": second.of("stats")[-1]["samples"]["before_hello"]},
+        figures={"before HELLO": second.of("stats")[-1]["sample_counts"]["before_hello"]},
         recording_is_whole=False,
     )
 

@@ -29,7 +29,12 @@ PARTS = {
     "gallery": ("gallery.records", "verdicts on 87 noises, at three rates and three lengths"),
     "evaluate": ("evaluate.run", "what the live fit and the filters are worth, noise by noise"),
     "states": ("states", "what the tracker's bias is worth beside a filter that knows the noise"),
+    "bias": (
+        "bias.run",
+        "what the bias is worth when it steps, when the sensor turns, beside VQF and imufusion",
+    ),
     "forecast": ("forecast", "how often a heading is inside of its band, and a right model fails"),
+    "navigation": ("navigation", "what a Kalman filter from the file of --gauss-markov is worth"),
     "power": ("power", "how often the null test of `identify` rejects, white noise and other"),
     "anytime": ("anytime", "how often white sensors are ever called anything else in a day"),
     "bound": ("bound", "critical values of intervals where there is no white noise"),
@@ -63,7 +68,7 @@ def main() -> int:
 def _run(part: str, given: argparse.Namespace) -> None:
     module: Any = import_module(f"tools.validation.{PARTS[part][0]}")
     seeds = given.seeds or (module.QUICK_SEEDS if given.quick else module.SEEDS)
-    tasks = module.tasks(Options(seeds, given.quick, tuple(given.only), given.first))
+    tasks = module.tasks(Options(seeds, given.quick, tuple(given.only), given.first, given.hours))
     if not tasks:
         raise UsageError(f"{part}: nothing has a name with {' or '.join(given.only)} in it.")
     before = read_rows(given.against) if given.against is not None else []
@@ -108,6 +113,9 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument(
         "--first", type=int, default=0, metavar="K", help="gallery: number of the first record"
+    )
+    parser.add_argument(
+        "--hours", type=_positive, default=0, metavar="H", help="bias: of one sensor, for false steps"
     )
     parser.add_argument(
         "--against", type=Path, metavar="FILE", help="gallery: compare cell by cell with this gallery.ndjson"

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from fltea.identification.axis import IdentifyOptions, look
-from fltea.identification.forecast import judged, learned
+from fltea.identification.forecast_judge import judged, learned
 
 from tools.validation.runner import Options, Row, Task
 from tools.validation.states import NOISES, H, state, white
@@ -34,7 +34,7 @@ def judge(name: str, series: int) -> list[Row]:
         y = OFFSET + state(parts, rng, N) + white(parts, rng, N)
         half = y[: N // 2]
         found = look(half, H, IdentifyOptions(shuffles=0)).figures.sentence.parts(H)
-        for one in judged(learned(found, half, H), y, N // 2, H):
+        for one in judged(learned(found, half, H), y, N // 2, H).heading:
             rows.append(
                 {"noise": name, "series": number, **{k: getattr(one, k) for k in one.__struct_fields__}}
             )

@@ -73,10 +73,23 @@ class FractionalState:
 
 
 def fractional_noise(d: float, n: int, rng: np.random.Generator) -> Array:
-    """Return ARFIMA(0, d, 0), (n,), |d| < 1/2, exactly: Davies and Harte's circle of its autocovariance."""
+    """Return ARFIMA(0, d, 0), (n,), |d| < 1/2, exactly, by its autocovariance."""
     k = np.arange(1.0, n + 1)
     variance = math.exp(math.lgamma(1 - 2 * d) - 2 * math.lgamma(1 - d))
     covariance = variance * np.concatenate([[1.0], np.cumprod((k - 1 + d) / (k - d))])
+    return circulant_noise(covariance, rng)
+
+
+def fractional_gaussian_noise(hurst: float, n: int, rng: np.random.Generator) -> Array:
+    """Return fractional Gaussian noise of variance 1, (n,), exactly."""
+    k = np.arange(n + 1.0)
+    power = 2 * hurst
+    return circulant_noise((np.abs(k - 1) ** power - 2 * k**power + (k + 1) ** power) / 2, rng)
+
+
+def circulant_noise(covariance: Array, rng: np.random.Generator) -> Array:
+    """Return Gaussian noise, (n,), of an autocovariance, (n + 1,): Davies and Harte (1987)."""
+    n = len(covariance) - 1
     eigenvalues = np.maximum(np.fft.rfft(np.concatenate([covariance, covariance[-2:0:-1]])).real, 0.0)
     z = np.empty(n + 1, dtype=np.complex128)
     z.real = rng.standard_normal(n + 1)

@@ -25,6 +25,8 @@ class Options(NamedTuple):
     """texts, of which the names of what is drawn have to hold one; none: all"""
     first: int = 0
     """number of the first record of the gallery: others are other draws of the same noises"""
+    hours: int = 0
+    """of one sensor, in which false steps are counted; 0: as many as the part has by itself"""
 
     def wanted(self, name: str) -> bool:
         """Return whether a name holds one of the texts."""

@@ -14,13 +14,9 @@ from fltea.estimator.tracker import Tracker
 from fltea.noise.parts import Arfima, LowPass, Order, Part, Relaxation, Walk, White
 from fltea.noise.system import system
 from fltea.records.arrays import Array
-from fltea.settings.estimator import EstimatorConfig
-from fltea.settings.live import LiveConfig
-from fltea.spectrum.live_axes import LiveAxes
-from fltea.stream.live import NO_FIT
-from fltea.stream.tracking import SensorTracks
 from scipy import signal
 
+from tools.validation.live_way import live_way
 from tools.validation.recursions import FractionalState, fractional_noise
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped
@@ -63,7 +59,7 @@ def track(name: str, series: int) -> list[Row]:
     for lane in range(series):
         known.set(lane, system((White(R), *parts), H, N))
     best = known.run(y).bias - x
-    bias, std, tracked = _live(y)
+    bias, std, tracked, _ = live_way(y, H)
     rows = []
     for span, (begin, end) in SPANS.items():
         e, s = (bias - x)[begin:end], std[begin:end]
@@ -117,33 +113,6 @@ def white(parts: tuple[Part, ...], rng: np.random.Generator, n: int) -> Array:
     b, a = signal.butter(round(low.poles), low.corner_hz, fs=OVERSAMPLED / H)
     fine = rng.normal(0, math.sqrt(R * OVERSAMPLED), (n + 500) * OVERSAMPLED)
     return np.asarray(signal.lfilter(b, a, fine)[500 * OVERSAMPLED :: OVERSAMPLED])
-
-
-def _live(y: Array) -> tuple[Array, Array, Array]:
-    """Return bias, its deviation and the state, (n, series), as the live stage publishes them."""
-    n, series = y.shape
-    axes = {f"{lane}": lane for lane in range(series)}
-    live = LiveAxes(tuple(axes), H, LiveConfig(), "deg/s")
-    sensor = SensorTracks(axes, EstimatorConfig(), H, "deg/s")
-    settled = dict.fromkeys(axes, NO_FIT)
-    found = []
-    at, due = 0, round(1 / H)
-    while at < n:
-        end = min(n, due)
-        for axis in axes:
-            sensor.go_by(axis, settled[axis])
-        found.append(sensor.run(y[at:end]))
-        live.add(y[at:end], found[-1].moving)
-        at = end
-        if at == due:
-            looks = live.look(curves=False, fresh=True)
-            settled = {
-                axis: settled[axis].followed_by(look(), sensor.learner(axis)) for axis, look in looks.items()
-            }
-            due = at + max(round(1 / H), math.ceil(at / 10))
-    columns = {name: [getattr(one, name) for one in found] for name in ("bias", "bias_std", "state")}
-    bias, std, state = (np.concatenate(column) for column in columns.values())
-    return bias, std, state
 
 
 def tables(rows: list[Row]) -> list[Table | str]:

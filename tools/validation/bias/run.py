@@ -1,0 +1,38 @@
+"""What the bias is worth when the world moves: steps, turns, filtered noise, headings, files, beside peers.
+
+Sections have names: `--only headings` runs one of them, `--only 'errors: ramp'` one noise of it.
+"""
+
+from types import ModuleType
+
+from tools.validation.bias import errors, false_alarms, file_filter, headings, motion, steps
+from tools.validation.bias.peers import need_peers
+from tools.validation.live_way import AXES
+from tools.validation.runner import Options, Row, Task
+from tools.validation.tables import Table, grouped
+
+SEEDS, QUICK_SEEDS = 24, 6
+"""Axes of each kind, up to whole sensors of AXES."""
+SECTIONS: dict[str, ModuleType] = {
+    module.SECTION: module for module in (steps, errors, false_alarms, motion, headings, file_filter)
+}
+
+
+def tasks(options: Options) -> list[Task]:
+    """Return the tasks of all sections.
+
+    Raises:
+        UsageError: a peer is not installed; says what installs it.
+    """
+    need_peers()
+    whole = options._replace(seeds=-(-options.seeds // AXES) * AXES)
+    return [task for section in SECTIONS.values() for task in section.tasks(whole)]
+
+
+def tables(rows: list[Row]) -> list[Table | str]:
+    """Return the tables of all sections that were run."""
+    return [
+        table
+        for section, those in grouped(rows, lambda row: str(row["section"])).items()
+        for table in SECTIONS[section].tables(those)
+    ]

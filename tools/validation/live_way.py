@@ -1,0 +1,107 @@
+"""One sensor's samples on the way of the live stage: samples, settled fits between them, the tracker."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from fltea.estimator.tracker import EventKind
+from fltea.records.arrays import Array, Mask
+from fltea.settings.estimator import EstimatorConfig
+from fltea.settings.live import LiveConfig
+from fltea.spectrum.live_axes import LiveAxes
+from fltea.stream.happenings import left_out
+from fltea.stream.live import NO_FIT
+from fltea.stream.tracking import SensorTracks
+
+AXES = 3
+"""Axes of a sensor. More lanes than these are lanes of several sensors."""
+GROWTH = 10
+"""The record grows by one part in so many from settled fit to settled fit, as in `fltea.stream.fit_times`."""
+
+
+class StepEvent(NamedTuple):
+    """A step of the bias that the tracker has told of."""
+
+    axis: str
+    at_s: float
+    size: float
+    """in the unit of the samples"""
+
+
+class Lived(NamedTuple):
+    """What the live stage publishes of samples, (n, lanes)."""
+
+    bias: Array
+    bias_std: Array
+    state: Array
+    moving: Mask
+
+
+class LiveSensor:
+    """The live stage of one sensor, h s from sample to sample.
+
+    A settled fit is made when a second is there, and then by growth; it counts from the next sample on.
+    """
+
+    def __init__(self, axes: int, h: float, unit: str = "deg/s") -> None:
+        places = {f"{axis}": axis for axis in range(axes)}
+        self._live = LiveAxes(tuple(places), h, LiveConfig(), unit)
+        self._tracks = SensorTracks(places, EstimatorConfig(), LiveConfig(), h, unit)
+        self._h = h
+        self._events: list[StepEvent] = []
+        self._settled = dict.fromkeys(places, NO_FIT)
+        self._at, self._second = 0, round(1 / h)
+        self._due = self._second
+
+    def run(self, y: Array) -> Lived:
+        """Take samples (n, axes), of which there is one at least, and return what is published of them."""
+        found, begin = [], 0
+        while begin < len(y):
+            end = min(len(y), begin + self._due - self._at)
+            for axis, settled in self._settled.items():
+                self._tracks.go_by(axis, settled)
+            found.append(self._tracks.run(y[begin:end]))
+            events = self._tracks.events
+            self._live.add(y[begin:end], left_out(found[-1].moving, events))
+            self._events += [
+                StepEvent(
+                    self._tracks.names[one.axis], (self._at + one.row + 1 - one.ago) * self._h, one.size
+                )
+                for one in events
+                if one.kind == EventKind.STEP
+            ]
+            self._at += end - begin
+            begin = end
+            if self._at == self._due:
+                self._fit()
+        columns = ([getattr(piece, name) for piece in found] for name in Lived._fields)
+        return Lived._make(np.concatenate(column) for column in columns)
+
+    def _fit(self) -> None:
+        fits = self._live.look(curves=False, fresh=True)
+        self._settled = {
+            axis: self._settled[axis].followed_by(fit(), self._tracks.learner(axis))
+            for axis, fit in fits.items()
+        }
+        self._due = self._at + max(self._second, math.ceil(self._at / GROWTH))
+
+    @property
+    def restarts(self) -> int:
+        """How often a tracker of any axis has begun again at an offset that had changed."""
+        return sum(figures.restarts for _, figures in self._tracks.stats())
+
+    def events(self) -> list[StepEvent]:
+        """Return the steps that were told so far."""
+        return self._events
+
+
+def live_way(y: Array, h: float) -> Lived:
+    """Return what is published of lanes, (n, lanes): each AXES of them are a sensor of their own."""
+    found = [LiveSensor(part.shape[1], h).run(part) for part in sensors(y)]
+    return Lived._make(np.concatenate(column, axis=1) for column in zip(*found, strict=True))
+
+
+def sensors(y: Array) -> Sequence[Array]:
+    """Return the lanes of y (n, lanes), sensor by sensor."""
+    return [y[:, first : first + AXES] for first in range(0, y.shape[1], AXES)]
