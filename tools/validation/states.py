@@ -10,12 +10,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from fltea.estimator.tracker import Tracker
+from fltea.estimator.tracker import Tracker, TrackerRules
 from fltea.noise.parts import Arfima, LowPass, Order, Part, Relaxation, Walk, White
 from fltea.noise.system import system
 from fltea.records.arrays import Array
 from scipy import signal
 
+from tools.validation.bias.noises import mean_ahead
 from tools.validation.live_way import live_way
 from tools.validation.recursions import FractionalState, fractional_noise
 from tools.validation.runner import Options, Row, Task
@@ -24,6 +25,8 @@ from tools.validation.tables import Table, grouped
 SEEDS, QUICK_SEEDS = 60, 6
 """Series of each noise."""
 H, R, N = 0.01, 0.02, 20_000
+AHEAD = 100
+"""Samples of a second."""
 SPANS = {"6–30 s": (600, 3_000), "60–200 s": (6_000, N)}
 OVERSAMPLED = 8
 """For a low-pass as it is in a sensor, in front of the sampling."""
@@ -50,19 +53,23 @@ def tasks(options: Options) -> list[Task]:
 
 
 def track(name: str, series: int) -> list[Row]:
-    """Track series of one noise; mean squares of errors, and shares within 2 σ, by span."""
+    """Track series of one noise; mean squares of errors, and shares within 2 σ, by span.
+
+    The bias is the mean of the next second: so it is judged by that of the state.
+    """
     rng = np.random.default_rng((20261124, zlib.crc32(name.encode())))
     parts = NOISES[name]
-    x = np.stack([state(parts, rng, N) for _ in range(series)], axis=1)
+    whole = np.stack([state(parts, rng, N + AHEAD) for _ in range(series)], axis=1)
+    x, mean = whole[:N], mean_ahead(whole, AHEAD)
     y = x + np.stack([white(parts, rng, N) for _ in range(series)], axis=1)
-    known = Tracker([0.0] * series)
+    known = Tracker([0.0] * series, TrackerRules(ahead=AHEAD))
     for lane in range(series):
         known.set(lane, system((White(R), *parts), H, N))
-    best = known.run(y).bias - x
+    best = known.run(y).bias - mean
     bias, std, tracked, _ = live_way(y, H)
     rows = []
     for span, (begin, end) in SPANS.items():
-        e, s = (bias - x)[begin:end], std[begin:end]
+        e, s = (bias - mean)[begin:end], std[begin:end]
         rows.append(
             {
                 "noise": name,
