@@ -117,6 +117,7 @@ class AxisTracker {
             has_origin_ = true;
         }
         apart_ = y - origin_;
+        if (apart_ != last_ && has_last_ && has_slept()) wake(y);
         note_change(apart_);
         const double z = begin_sample(apart_);
         return gate_.add(z, apart_, deviation_);
@@ -152,9 +153,7 @@ class AxisTracker {
     // After a sample: whether the bias has changed with it, or before.
     StepSeen::Kind seen() const { return seen_.kind; }
     // How far the bias would be from where it last was for long, if that is a step.
-    bool is_too_far() const {
-        return !(std::fabs(bias() + step_size() - settled_bias()) <= rules_.largest_step);
-    }
+    bool is_too_far() const { return !(std::fabs(bias() + step_size() - settled_bias()) <= largest_step()); }
 
     // What was seen is so: the bias is that of the samples since then. False: it is not told after all.
     bool step(BiasStep& found) {
@@ -174,14 +173,12 @@ class AxisTracker {
         model_->forget_newest();
         memory_.steps.add(memory_.total - seen.ago, kWide * size * size);
         again();
-        ++counts_.steps;
-        found = BiasStep{seen.ago, bias() - was, std::sqrt(bias_variance() + was_variance)};
-        return true;
+        return told(BiasStep{seen.ago, bias() - was, std::sqrt(bias_variance() + was_variance)}, found);
     }
 
     // At the end of a chunk, before `roll`.
     ChunkVerdict end_chunk(bool moving) {
-        return gate_.end_chunk(deviation_, settled_bias(), rules_.largest_step, moving);
+        return gate_.end_chunk(deviation_, settled_bias(), largest_step(), moving);
     }
 
     void drop_chunk() { gate_.drop_chunk(); }
@@ -297,8 +294,8 @@ class AxisTracker {
     static constexpr double kRoundings = 3.4641016151377544;  // √12
     // The prior variance of a step, over what it seems to be, squared; and the samples without another one
     // after which a step has not been the beginning of motion.
-    static constexpr double kWide = 10;
-    enum { kSettled = 512, kFewestOfBank = 1024, kSlow = 1024, kSoon = 4 };
+    static constexpr double kWide = 10, kLeastOfNoise = 2, kTold = 3;
+    enum { kSettled = 512, kFewestOfBank = 1024, kSlow = 1024, kSoon = 4, kBefore = 512 };
 
     struct Banks {
         explicit Banks(std::int64_t ahead) : bank(ahead), before{bank, bank} {}
@@ -332,6 +329,25 @@ class AxisTracker {
         for_steps_ = deviation_ < rounding_ ? z * deviation_ / rounding_ : z;
         if (deviation_ < rounding_) deviation_ = rounding_;
         return e_ / deviation_;
+    }
+
+    // Whether no sample has ever changed: then there is no noise to go by.
+    bool has_slept() const {
+        return model_ == nullptr && banks_->bank.knows() && !(banks_->bank.variance() > kNothing);
+    }
+
+    // The first change: what was before says nothing of the noise.
+    void wake(double y) {
+        banks_.reset(new Banks(rules_.ahead));
+        memory_.past.clear();
+        memory_.steps.clear();
+        for (int i = 0; i < memory_.kept; ++i) memory_.recent[i] = __builtin_nanf("");
+        if (!fixed_) origin_ = y;
+        apart_ = y - origin_;
+        has_last_ = false;
+        gate_ = RestGate();
+        steps_ = StepTest();
+        keep_twice();
     }
 
     // While hardly any sample changes there is still the noise of rounding to the least change.
@@ -391,6 +407,11 @@ class AxisTracker {
         now.bias += one.likely * size;
         now.bias_variance +=
             one.likely * (1 - one.likely) * size * size + one.likely * one.variance * deviation_ * deviation_;
+    }
+
+    // Less than the noise of a sample cannot be told from it in a moment.
+    double largest_step() const {
+        return std::fmax(rules_.largest_step, deviation_ < kLargest ? kLeastOfNoise * deviation_ : 0);
     }
 
     // Relative to the origin.
@@ -462,9 +483,37 @@ class AxisTracker {
         if (!banks_->bank.knows()) return false;
         gate_.forget_chunk();
         keep_twice();
+        // The bank has followed the step for a while, so what was before is the mean of samples.
+        double before = was, variance = was_variance;
+        mean_before(ago, before, variance);
+        return told(BiasStep{ago, bias() - before, std::sqrt(bias_variance() + variance)}, found);
+    }
+
+    // A step that is hardly more than its own deviation is not told.
+    bool told(const BiasStep& step, BiasStep& found) {
+        if (!(std::fabs(step.size) > kTold * step.size_std)) {
+            if (before_ != nullptr) --before_->steps;
+            return false;
+        }
         ++counts_.steps;
-        found = BiasStep{ago, bias() - was, std::sqrt(bias_variance() + was_variance)};
+        found = step;
         return true;
+    }
+
+    // Of up to kBefore samples before the newest `ago`; nothing changes if there are too few.
+    void mean_before(int ago, double& mean, double& variance) const {
+        const std::vector<double> all = memory_.newest(ago + kBefore);
+        double sum = 0, squares = 0;
+        int known = 0;
+        for (std::size_t i = 0; i + std::size_t(ago) < all.size(); ++i) {
+            if (std::isnan(all[i])) continue;
+            sum += all[i];
+            squares += all[i] * all[i];
+            ++known;
+        }
+        if (known < WalkBank::kFewest) return;
+        mean = sum / known;
+        variance = std::fmax(squares / known - mean * mean, 0) / known;
     }
 
     // The filter as it is now is the one of a chunk ago before long.

@@ -35,7 +35,7 @@ class StepTest {
 
     // An innovation in its deviations. What is seen is seen with this sample; then `clear`.
     StepSeen add(double z) {
-        const double used = z > kClip ? kClip : z < -kClip ? -kClip : z;
+        const double used = louder(z);
         total_ += used;
         if (++samples_ % kBlock != 0) return nothing();
         for (int l = 0, size = kBlock; l < kLevels; ++l, size *= kUp) {
@@ -59,7 +59,7 @@ class StepTest {
 
     // Learns what is usual of the past of another filter of the same samples; its sums go on.
     void take(double z) {
-        const double used = z > kClip ? kClip : z < -kClip ? -kClip : z;
+        const double used = louder(z);
         total_ += used;
         if (++samples_ % kBlock != 0) return;
         for (int l = 0, size = kBlock; l < kLevels && samples_ % size == 0; ++l, size *= kUp) {
@@ -84,6 +84,8 @@ class StepTest {
     void visit(Io& io) {
         io.real(total_, -1e15, 1e15);
         io.number(samples_, 0, 1e15);
+        io.real(last_, -1e150, 1e150);
+        io.real(power_, 0, 1e3);
         for (Level& level : levels_) level.visit(io);
         suspect();
     }
@@ -92,6 +94,7 @@ class StepTest {
     enum { kLevels = 4, kBlock = 4, kUp = 8, kKept = 32, kWindows = 7, kWeight = 8, kMostCounted = 200 };
     // An innovation of more deviations counts as one of so many: no glitch is a step.
     static constexpr double kClip = 4;
+    static constexpr double kPower = 1 / 64.0, kLoudest = 400;
     // Squares count as so many times what is usual at most.
     static constexpr double kOutlier = 9, kAnything = 100;
 
@@ -157,6 +160,15 @@ class StepTest {
             }
         }
     };
+
+    // Beside the noise of now, if that has grown: by differences, which know of no step.
+    double louder(double z) {
+        const double apart = z - last_, square = apart * apart / 2;
+        last_ = z;
+        power_ += kPower * ((square < kLoudest ? square : kLoudest) - power_);
+        const double used = power_ > 1 ? z / std::sqrt(power_) : z;
+        return used > kClip ? kClip : used < -kClip ? -kClip : used;
+    }
 
     static StepSeen nothing() { return StepSeen{StepSeen::kNothing, 0, 0}; }
 
@@ -279,7 +291,7 @@ class StepTest {
     enum { kLongest = 16384, kShortestDrift = 1024, kSuspected = 64 };
 
     StepSuspected suspected_ = StepSuspected{0, 0, 0};
-    double total_ = 0;
+    double total_ = 0, last_ = 0, power_ = 1;
     long long samples_ = 0;
     Level levels_[kLevels];
 };

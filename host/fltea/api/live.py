@@ -134,7 +134,9 @@ class Live:
                 f"got shape {found.shape}"
             )
         found = found * self._factor
-        rest = {None: Rest.UNKNOWN, True: Rest.AT_REST, False: Rest.MOVING}[at_rest]
+        if at_rest is not None and at_rest not in (True, False):
+            raise ValueError(f"at_rest is True, False, or None where it is not known, got {at_rest!r}")
+        rest = Rest.UNKNOWN if at_rest is None else Rest.AT_REST if at_rest else Rest.MOVING
         accel = None if accel_ms2 is None else _accel(accel_ms2, len(found))
         tracked = self._tracks.run(found, accel, rest)
         events = self._tracks.events
@@ -144,7 +146,7 @@ class Live:
             if one.kind == EventKind.STEP
         ]
         self._taken += len(found)
-        if len(found) and at_rest is not False:
+        if len(found) and rest != Rest.MOVING:
             self._live.add(found, left_out(tracked.moving, events))
         elif len(found):
             self._live.skip(len(found))

@@ -158,7 +158,9 @@ def of_series(
     curve = fit_allan(tuple(sums), samples, h, series.unit, noise, found.level.N.value)
     if curve is not None:
         curve = replace(curve, K=found.level.K.value)
-    follows = tracked and conclude(series, h, options, tracked, found.level.K, forecast, events.at_end)
+    follows = tracked and conclude(
+        series, h, options, tracked, found.level.K, forecast, events.at_end, events.steps
+    )
     return Identified(
         axis=axis,
         unit=series.unit,

@@ -4,7 +4,7 @@ It comes after all axes of a recording were looked at, since they may have one w
 """
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,8 @@ from fltea.identification.gaps import bridged
 from fltea.identification.load import Series
 from fltea.identification.model_file import by_sensor
 from fltea.identification.navigation_filter import NavigationFilter, navigation_filter
+from fltea.identification.recurring_steps import with_steps
+from fltea.identification.sensor_events import BiasStep
 from fltea.identification.shared_walk import shared_walk
 from fltea.identification.tracked_system import OffsetWalkFound, offset_walk_found, tracked_system
 from fltea.records.arrays import Array
@@ -60,12 +62,14 @@ def conclude(
     K: Interval,
     forecast: bool | Goal,
     at_end: BiasAtEnd | None = None,
+    steps: Sequence[BiasStep] = (),
 ) -> Conclusions:
     """Return what follows for an axis; its forecast if that is wanted.
 
     series: what was looked at. K: of the parts, null if none of them is a walk. at_end: the bias after the
-    recording.
+    recording. steps: of the bias, of which more are to come.
     """
+    tracked = with_steps(tracked, steps, h)
     stretches = [np.asarray(one.y, dtype=np.float64) for one in bridged(series.y, series.gaps)]
     y: Array = np.ascontiguousarray(max(stretches, key=len))
 

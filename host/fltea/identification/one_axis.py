@@ -53,7 +53,9 @@ def identify_series(
             found = examine(series, h, options, figures, known, events.left_out)
     if found.tracked is not None:
         rest, K = without(series, found.left_out), found.result.level.K
-        found = concluded(found, conclude(rest, h, options, found.tracked, K, forecast, events.at_end))
+        found = concluded(
+            found, conclude(rest, h, options, found.tracked, K, forecast, events.at_end, events.steps)
+        )
     return with_events(found, events)
 
 

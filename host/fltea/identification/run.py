@@ -299,9 +299,8 @@ class _Loop(HandOut[_Task]):
                 self._add(*self._copies(axis, series, task.report, of))
                 if axis.name in agreed:
                     K, at_end = axis.found.result.level.K, axis.events.at_end
-                    arguments = (
-                        series, of.h, axis.options, agreed[axis.name], K, self._settings.forecast, at_end
-                    )  # fmt: skip
+                    found = series, of.h, axis.options, agreed[axis.name], K
+                    arguments = *found, self._settings.forecast, at_end, axis.events.steps
                     self._add(_Task(conclude, arguments, task.report, axis, of=of))
 
     def _plan(self, report: FileReport, recording: Loaded) -> None:
