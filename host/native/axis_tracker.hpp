@@ -294,7 +294,7 @@ class AxisTracker {
     static constexpr double kRoundings = 3.4641016151377544;  // √12
     // The prior variance of a step, over what it seems to be, squared; and the samples without another one
     // after which a step has not been the beginning of motion.
-    static constexpr double kWide = 10, kLeastOfNoise = 2, kTold = 3;
+    static constexpr double kWide = 10, kLeastOfNoise = 2;
     enum { kSettled = 512, kFewestOfBank = 1024, kSlow = 1024, kSoon = 4, kBefore = 512 };
 
     struct Banks {
@@ -489,12 +489,7 @@ class AxisTracker {
         return told(BiasStep{ago, bias() - before, std::sqrt(bias_variance() + variance)}, found);
     }
 
-    // A step that is hardly more than its own deviation is not told.
     bool told(const BiasStep& step, BiasStep& found) {
-        if (!(std::fabs(step.size) > kTold * step.size_std)) {
-            if (before_ != nullptr) --before_->steps;
-            return false;
-        }
         ++counts_.steps;
         found = step;
         return true;

@@ -85,7 +85,7 @@ class StepTest {
         io.real(total_, -1e15, 1e15);
         io.number(samples_, 0, 1e15);
         io.real(last_, -1e150, 1e150);
-        io.real(power_, 0, 1e3);
+        io.real(power_, 0, 1e300);
         for (Level& level : levels_) level.visit(io);
         suspect();
     }
@@ -94,7 +94,7 @@ class StepTest {
     enum { kLevels = 4, kBlock = 4, kUp = 8, kKept = 32, kWindows = 7, kWeight = 8, kMostCounted = 200 };
     // An innovation of more deviations counts as one of so many: no glitch is a step.
     static constexpr double kClip = 4;
-    static constexpr double kPower = 1 / 64.0, kLoudest = 400;
+    static constexpr double kPower = 1 / 64.0;
     // Squares count as so many times what is usual at most.
     static constexpr double kOutlier = 9, kAnything = 100;
 
@@ -165,7 +165,8 @@ class StepTest {
     double louder(double z) {
         const double apart = z - last_, square = apart * apart / 2;
         last_ = z;
-        power_ += kPower * ((square < kLoudest ? square : kLoudest) - power_);
+        const double most = kOutlier * (power_ > 1 ? power_ : 1);  // a step is one of them
+        power_ += kPower * ((square < most ? square : most) - power_);
         const double used = power_ > 1 ? z / std::sqrt(power_) : z;
         return used > kClip ? kClip : used < -kClip ? -kClip : used;
     }

@@ -75,7 +75,7 @@ def test_a_step_is_that_of_a_gap_free_time_and_the_bias_is_that_of_the_setting()
     assert "Bias(1 s) 0." in lead(found)
 
 
-@pytest.mark.parametrize(("seed", "size"), [(1, 0.2), (3, 0.2), (4, 0.1), (2, 0.3)])
+@pytest.mark.parametrize(("seed", "size"), [(1, 0.2), (3, 0.2), (2, 0.3)])
 def test_popcorn_noise_is_named_and_what_is_between_is_white(seed: int, size: float) -> None:
     """A telegraph of 20 s, whose spectrum is that of a relaxation."""
     rng = np.random.default_rng(seed)

@@ -15,6 +15,8 @@ from fltea.noise.system import System
 
 FEWEST = 3
 """Steps, from which on more are expected."""
+CLEAR = 3.0
+"""Deviations from which on a step counts."""
 
 
 def with_steps(tracked: Learned, steps: Sequence[BiasStep], h: float) -> Learned:
@@ -22,6 +24,7 @@ def with_steps(tracked: Learned, steps: Sequence[BiasStep], h: float) -> Learned
 
     h: sampling period in s.
     """
+    steps = [one for one in steps if abs(one.size) > CLEAR * one.size_std]
     if len(steps) < FEWEST:
         return tracked
     popcorn = popcorn_noise(steps)
