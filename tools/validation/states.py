@@ -66,7 +66,7 @@ def track(name: str, series: int) -> list[Row]:
     for lane in range(series):
         known.set(lane, system((White(R), *parts), H, N))
     best = known.run(y).bias - mean
-    bias, std, tracked, _ = live_way(y, H)
+    bias, std, _, _ = live_way(y, H)
     rows = []
     for span, (begin, end) in SPANS.items():
         e, s = (bias - mean)[begin:end], std[begin:end]
@@ -75,10 +75,9 @@ def track(name: str, series: int) -> list[Row]:
                 "noise": name,
                 "span": span,
                 "series": series,
-                "y": _rms((y - x)[begin:end]),
+                "y": _rms((y - mean)[begin:end]),
                 "best": _rms(best[begin:end]),
                 "bias": _rms(e),
-                "state": _rms((tracked - x)[begin:end]),
                 "within": float((np.abs(e) <= 2 * s).mean()),
             }
         )

@@ -4,8 +4,9 @@ import math
 
 from fltea.documents.imu_yaml import AxisNoise, Shown
 from fltea.identification.axis_report import AxisReport
-from fltea.identification.navigation_filter import NavigationFilter
+from fltea.identification.navigation_filter import NavigationFilter, slope_of
 from fltea.identification.tracked_system import OffsetWalkFound
+from fltea.noise.system import System
 from fltea.spectrum.wording import duration
 
 NO_FILTER = "no filter can work with this noise, so its walk is not known"
@@ -22,20 +23,21 @@ def axis_noise(axis: AxisReport) -> AxisNoise:
     larger. N is that of the white noise, or of the filter where white noise cannot be told from what else is
     fast.
     """
-    level, plain = axis.result.level, axis.filter
-    if plain is None or axis.walk is None:
+    level, plain, tracked = axis.result.level, axis.filter, axis.tracked
+    if plain is None or axis.walk is None or tracked is None:
         return AxisNoise(Shown(level.N.value, level.reason), Shown(level.K.value, NO_FILTER))
     N, remark = level.N.value, ""
     if N is None:
         N = plain.N
         remark = "of white noise and what cannot be told from it"
-    return AxisNoise(Shown(N, remark, slower=_slower(N, plain)), _walk(axis.walk, plain))
+    return AxisNoise(Shown(N, remark, slower=_slower(N, plain)), _walk(axis.walk, plain, tracked.system))
 
 
-def _walk(walk: OffsetWalkFound, plain: NavigationFilter) -> Shown:
+def _walk(walk: OffsetWalkFound, plain: NavigationFilter, tracked: System) -> Shown:
     if walk.said == "walks":
-        # A filter has a walk within bounds, or likely within bounds, as a state, which imu.yaml has not.
-        return Shown(max(plain.K, walk.K.value or 0.0))
+        # A filter has a walk within bounds as a state, which imu.yaml has not; it has a slope as a walk.
+        K = walk.K.value or 0.0
+        return Shown(max(plain.K, K) if slope_of(tracked).any() else K)
     if walk.said == "likely constant":
         return Shown(None, CONSTANT, walk.at_most)
     longer = "" if walk.tells_s is None else f", about {duration(walk.tells_s)} would"

@@ -159,14 +159,14 @@ def _of_bias(model: System, slow: float) -> Array:
     return np.asarray(np.where((memory > slow) & (model.a > 0), model.c, 0.0))
 
 
-def _slope(model: System) -> Mask:
+def slope_of(model: System) -> Mask:
     """Return which coordinate is the slope of the offset, which no such filter has."""
     return np.asarray((model.a < 1.0) & (np.diag(model.Q) == 0.0), dtype=np.bool_)
 
 
 def _always(model: System, x: Array, P: Array) -> Array:
     """Return the mean squares of what moves, as large as it always is; of a slope, as it was found."""
-    moving, slope = model.a < 1.0, _slope(model)
+    moving, slope = model.a < 1.0, slope_of(model)
     always = model.P0 * np.outer(moving, moving)
     always[slope] = always[:, slope] = 0.0
     always[slope, slope] = x[slope] ** 2 + P[slope, slope]
@@ -175,7 +175,7 @@ def _always(model: System, x: Array, P: Array) -> Array:
 
 def _power(model: System, always: Array, lam: Array, samples: int) -> Array:
     """Return the spectrum; a line's is that of a walk which gets as far in the record."""
-    slope = _slope(model)
+    slope = slope_of(model)
     per_sample = float((np.diag(always) * (1 - model.a) ** 2)[slope].sum())
     return np.asarray(model.spectrum(lam) + per_sample * samples / (4 * np.sin(lam / 2) ** 2))
 
