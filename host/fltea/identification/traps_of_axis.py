@@ -23,4 +23,5 @@ def _longer(result: AxisResult) -> str:
     """Return how long a record should be, as the verdict has it."""
     if not result.verdict.has_order:
         return "ten minutes or more"
-    return "as long as can be" if result.decides_s is None else f"about {duration(result.decides_s)}"
+    longest_s = None if result.to_tell is None else result.to_tell.longest_s
+    return "as long as can be" if longest_s is None else f"about {duration(longest_s)}"

@@ -1,13 +1,16 @@
 """What a verdict on one axis is drawn from."""
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from fltea.spectrum.drift import FALSE_ALARM, SlowPower
 from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.how_long import TimesToTell
 from fltea.spectrum.lines import Peak
+from fltea.spectrum.order_odds import odds_of
 from fltea.spectrum.periodogram import AT_ONCE, Periodogram
 from fltea.spectrum.reading import Reading
 from fltea.spectrum.residuals import farthest
@@ -46,8 +49,8 @@ class Evidence(NamedTuple):
     change: Change | None
     clean: Periodogram
     """The clean ordinates."""
-    decides_s: float | None
-    """Length of a record that tells the order from the sentence without one, where this one does not."""
+    to_tell: Callable[[], TimesToTell | None]
+    """Returns how long a record has to be to tell whether there is an order; None is not known."""
     level: float = LEVEL
     """The level at which the null test rejects."""
 
@@ -64,6 +67,11 @@ class Evidence(NamedTuple):
     def drifts(self) -> bool:
         """Whether there is more below the lowest frequency than the sentences explain."""
         return self.slow.is_drift(FALSE_ALARM * self.level / LEVEL)
+
+    @property
+    def odds(self) -> float | None:
+        """The odds that coloured noise has an order; None: no model that was fitted has one."""
+        return odds_of(self.frontier)
 
     @property
     def apart(self) -> float:

@@ -6,6 +6,7 @@ these those above what is called drift, which are the clean ones, to which the s
 The same for a recording and for a sensor that is looked at every second; only the level differs.
 """
 
+import functools
 from collections.abc import Callable, Iterable
 from typing import Any, TypeVar, cast
 
@@ -16,7 +17,7 @@ from fltea.records.arrays import Array
 from fltea.spectrum.drift import drift_hz, slow_power
 from fltea.spectrum.evidence import APART, LEVEL, Evidence, apart
 from fltea.spectrum.frontier import Frontier, native
-from fltea.spectrum.how_long import seconds_to_tell
+from fltea.spectrum.how_long import times_to_tell
 from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around, find_octave_peaks
@@ -128,7 +129,7 @@ def examine(
     """
     if not float(whole.power.max()) > 0:
         raise ValueError("the samples repeat themselves exactly: there is no noise in them")
-    looks = looks or Looks()
+    is_recording, looks = looks is None, looks or Looks()
     ordinates = whole.ordinates
     if peaks is None:
         false_alarm = FALSE_PEAK * level / LEVEL
@@ -160,8 +161,6 @@ def examine(
         compared = [one for one in cells if _share_of_peaks(whole, one, found) < LARGEST_SHARE]
         return find_change(compared, clean.h, FALSE_CHANGE * level / LEVEL, from_hz, notch)
 
-    ordered = frontier.ordered
-    close = ordered is not None and abs(frontier.lead_over_rich) <= APART and p_clean < level
     to_hz = float(clean.lam[-1]) / (2 * np.pi * clean.h)
     evidence = Evidence(
         duration_s=duration_s,
@@ -184,9 +183,7 @@ def examine(
         ),
         change=looks.looked("change", ordinates, change),
         clean=clean,
-        decides_s=looks.looked("decides", ordinates, lambda: seconds_to_tell(frontier, duration_s, APART))
-        if close
-        else None,
+        to_tell=functools.cache(lambda: times_to_tell(frontier, duration_s) if is_recording else None),
         level=level,
     )
     band = Band(clean_from_hz, to_hz, notch + found, round(clean.ordinates))

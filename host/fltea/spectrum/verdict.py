@@ -12,12 +12,16 @@ import msgspec
 from fltea.noise.parts import Alternating, Quantisation, Rise, Sharpening
 from fltea.records.fit import VerdictKind
 from fltea.spectrum import wording
-from fltea.spectrum.evidence import Evidence
+from fltea.spectrum.evidence import APART, Evidence
 from fltea.spectrum.frontier import BY_CHANCE, Sentence, order_of
 from fltea.spectrum.intervals import OrderFit, order_fit
 from fltea.spectrum.reading import ONE_POLE, SLOW, Reading
 from fltea.spectrum.residuals import kolmogorov
 
+CLAIMED, LEAST_OVER_RICH = 12.0, 4.0
+"""The odds of an order, and how far its 2 log L is ahead of the richest model without one, from which on the
+noise is called fractional: at most one in a hundred of each kind of noise without an order is, sums of
+regular relaxations too, which look like an order (host/docs/evaluation/odds.md)."""
 LEAST_RESIDUAL_LEVEL = 0.01
 """The level of the test of residuals, which speaks against a claim and not for one."""
 SHORT_S = 580.0
@@ -52,6 +56,9 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What to do about it."""
     rules: tuple[Rule, ...]
     """The rules that were asked."""
+    odds: float | None = None
+    """The odds that coloured noise has an order (`spectrum.order_odds`); null: it is as good as white, or not
+    stationary, or nothing that was fitted has an order."""
     has_order: bool = False
     """Whether the sentence with an order is one of those that stand."""
     order: OrderFit = OrderFit()
@@ -61,6 +68,7 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class _Questions:
     def __init__(self) -> None:
         self.asked: list[Rule] = []
+        self.odds: float | None = None
         self.has_order = False
         self.order = OrderFit()
 
@@ -71,7 +79,7 @@ class _Questions:
     def say(self, kind: VerdictKind, what: str, why: str, then: str) -> Verdict:
         text = f"{what} {why} {then}"
         order = self.order if self.has_order else OrderFit()
-        return Verdict(kind, text, what, why, then, tuple(self.asked), self.has_order, order)
+        return Verdict(kind, text, what, why, then, tuple(self.asked), self.odds, self.has_order, order)
 
 
 def winner(e: Evidence, verdict: Verdict) -> Sentence:
@@ -114,6 +122,7 @@ def decide(e: Evidence) -> Verdict:
     )
     if not coloured:
         return _white(e, q, wording.null_test(e))
+    q.odds = e.odds
     if _claimed(e, q):
         return _fractional(e, q)
     q.has_order = _either(e, q)
@@ -125,14 +134,15 @@ def _claimed(e: Evidence, q: _Questions) -> bool:
     f = e.frontier
     if f.ordered is None:
         return False
+    odds, richer = e.odds or 0.0, LEAST_OVER_RICH + e.apart - APART
     ahead = q.ask(
-        f"Is a model with an order better than the best without, its BIC lower by more than {e.apart:.0f}?",
-        f.lead > e.apart,
-        f"{f.lead:+.1f}, of {wording.names(f.plain.kinds)}",
+        f"Are the odds of an order over {CLAIMED:.0f} : 1, and its BIC lower by more than {e.apart:.0f}?",
+        odds > CLAIMED and f.lead > e.apart,
+        f"{wording.odds(odds)}, {f.lead:+.1f}, of {wording.names(f.plain.kinds)}",
     )
     rich = q.ask(
-        f"Is it better than the richest model without one, 2 log L higher by more than {e.apart:.0f}?",
-        f.lead_over_rich > e.apart,
+        f"Is it better than the richest model without one, 2 log L higher by more than {richer:.0f}?",
+        f.lead_over_rich > richer,
         f"{f.lead_over_rich:+.1f}, of {wording.names(f.rich.kinds)}",
     )
     if not (ahead and rich):
@@ -180,7 +190,8 @@ def _fractional(e: Evidence, q: _Questions) -> Verdict:
     return q.say(
         "fractional",
         f"{wording.capital(what)}: the noise is fractional.{wording.also_found(e)}",
-        f"Every model without an order fits worse, by {f.lead_over_rich:.0f} or more in 2 log L.",
+        f"The odds are {wording.odds(e.odds or 0.0)} for it. Every model without an order fits worse, by "
+        f"{f.lead_over_rich:.0f} or more in 2 log L.",
         "Use α and f with their intervals.",
     )
 
@@ -227,7 +238,7 @@ def _both(e: Evidence, q: _Questions, kind: VerdictKind, said: str) -> Verdict:
     return q.say(
         kind,
         f"This record cannot separate {ordered} from {said}.{wording.also_found(e)}",
-        f"Both fit equally well from {wording.band(e)}.",
+        f"{wording.odds_of_order(e)} Both describe the spectrum from {wording.band(e)}.",
         wording.record_for(e),
     )
 
@@ -236,8 +247,10 @@ def _relaxations(e: Evidence, q: _Questions, said: str) -> Verdict:
     f = e.frontier
     against = "Nothing looks like an order."
     if f.pure is not None:
+        against = wording.odds_of_order(e)
         behind = f.gain(f.plain) - f.gain(f.pure)
-        against = f"An order in their place fits worse, by {behind:.0f} in 2 log L."
+        if behind > 0:
+            against += f" An order in their place fits worse, by {behind:.0f} in 2 log L."
     return q.say(
         "relaxations",
         f"{wording.capital(said)}.{wording.also_found(e)}",

@@ -23,11 +23,14 @@ from fltea.noise.parts import (
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.intervals import OrderFit
 from fltea.spectrum.lines import Peak
+from fltea.spectrum.order_odds import MOST
 from fltea.spectrum.reading import ONE_POLE, corner_hz
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 MOSTLY_ONE_STEP = 0.6
 """Share of the differences that one step has to explain to be called so."""
+REGULAR = 3.0
+"""Odds from which on it is said that regular relaxations look like an order."""
 UNDEFINED = "α and f are undefined"
 
 
@@ -201,11 +204,38 @@ def band(e: Evidence) -> str:
     return f"{hz(e.from_hz)} to {hz(e.to_hz)}, {decades:.1f} decades"
 
 
+def odds(value: float) -> str:
+    """Return odds of 1 or more, which are told up to MOST; below 1 as those of the contrary."""
+    if value < 1:
+        return f"1 : {odds(1 / value).split(' : ')[0]}" if value > 0 else "none"
+    if value >= MOST:
+        return f"more than {MOST:.0f} : 1"
+    return f"{value:.1f} : 1" if value < 3 else f"{value:.0f} : 1"
+
+
+def odds_of_order(e: Evidence) -> str:
+    """Return a sentence on the odds of an order, where it may be one."""
+    if e.odds is None:
+        return ""
+    said = f"for an order are {odds(e.odds)}" if e.odds >= 1 else f"against an order are {odds(1 / e.odds)}"
+    regular = " Relaxations a decade apart would look the same." if e.odds > REGULAR else ""
+    return f"The odds {said}, if as many noises have one as not.{regular}"
+
+
 def record_for(e: Evidence) -> str:
-    """Return how long a record has to be to decide for an order or what looks like it."""
-    if e.decides_s is None:
-        return "Use the model without an order: no record of up to a month separates them."
-    return f"Record about {duration(e.decides_s)}, or use the model without an order."
+    """Return how long a record has to be to tell an order from what looks like it."""
+    use = "use the model without an order"
+    times = e.to_tell()
+    if times is None:
+        return f"Record longer, or {use}."
+    told = [
+        f"about {duration(seconds)} if there is {what}"
+        for seconds, what in ((times.if_order_s, "an order"), (times.if_none_s, "none"))
+        if seconds is not None
+    ]
+    if not told:
+        return f"Record much longer, or {use}: how long it takes to tell is not known."
+    return f"A record of {listed(told, 'or')} tells; until then {use}."
 
 
 def null_test(e: Evidence) -> str:

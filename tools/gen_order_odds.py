@@ -1,0 +1,90 @@
+"""Calibrates the odds of an order (`spectrum.order_odds`): writes host/fltea/spectrum/order_odds_constants.py.
+
+Draws noises of each population of `tools.validation.odds.populations` at several lengths, asks the search
+for its models, and fits a logistic regression in which each population has its share at each length. Takes
+some ten minutes on two cores; what was drawn is kept, so that a second run only fits.
+
+Usage: gen_order_odds.py [--series 600] [--kept build/order_odds.ndjson] [--print]
+"""
+
+import argparse
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+from fltea.identification.workers import open_local
+from fltea.spectrum.order_odds import FARTHEST
+from generated import rendered, update
+from scipy.optimize import minimize
+
+from tools.validation.odds.counts import count
+from tools.validation.odds.populations import POPULATIONS
+from tools.validation.runner import Row, Task, run
+
+HERE = Path(__file__).resolve().parents[1] / "host/fltea/spectrum"
+SEED = 45
+"""Of what is calibrated on; the judge has others."""
+LENGTHS = {3_000: 1.0, 20_000: 1.0, 60_000: 1.0, 200_000: 0.4, 1_000_000: 0.1}
+"""Samples, and how many noises are drawn over those of the shortest."""
+AT_ONCE = 20
+RIDGE = 1e-5
+"""Keeps coefficients finite that the noises do not tell."""
+
+
+def tasks(series: int) -> list[Task]:
+    """Return what is to be drawn, of each population and length."""
+    return [
+        Task(f"{population}, {samples}", count, (population, samples, first, AT_ONCE, SEED), samples)
+        for samples, share in LENGTHS.items()
+        for population in POPULATIONS
+        for first in range(0, round(series * share), AT_ONCE)
+    ]
+
+
+def fitted(rows: list[Row]) -> tuple[tuple[float, float], list[list[float]]]:
+    """Return the range of ordinates, and the coefficients of the log odds."""
+    rows = [row for row in rows if row["lead"] is not None]
+    drawn = Counter((row["population"], row["samples"]) for row in rows)
+    weight = np.array([POPULATIONS[r["population"]][1] / drawn[r["population"], r["samples"]] for r in rows])
+    ordinates = np.array([row["ordinates"] for row in rows])
+    lowest = float(ordinates.min())
+    decades = np.log10(ordinates / lowest)
+    figures = [np.ones(len(rows))]
+    for name in ("lead", "over_rich"):
+        figures.append(np.clip([row[name] for row in rows], -FARTHEST, FARTHEST) / FARTHEST)
+    columns = np.column_stack([column for one in figures for column in (one, one * decades)])
+    sign = np.where([row["population"] == "order" for row in rows], 1.0, -1.0)
+
+    def minus_log(b: np.ndarray) -> float:
+        return float((weight * np.logaddexp(0, -sign * (columns @ b))).sum() + RIDGE * b @ b)
+
+    found = minimize(minus_log, np.zeros(columns.shape[1])).x
+    return (lowest, float(ordinates.max())), found.reshape(-1, 2).tolist()
+
+
+def main() -> int:
+    """Draw, fit and write the constants; return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--series", type=int, default=600, help="noises of each population, of 3,000 samples")
+    parser.add_argument("--kept", type=Path, default=Path("build/order_odds.ndjson"), help="what was drawn")
+    parser.add_argument("--print", action="store_true", help="write nothing; print the coefficients")
+    arguments = parser.parse_args()
+    arguments.kept.parent.mkdir(parents=True, exist_ok=True)
+    workers = open_local(None)
+    try:
+        rows = run(tasks(arguments.series), workers, arguments.kept, resume=arguments.kept.exists())
+    finally:
+        workers.close()
+    ordinates, coefficients = fitted(rows)
+    text = rendered(
+        "order_odds_constants.py", series=len(rows), ordinates=ordinates, coefficients=coefficients
+    )
+    if arguments.print:
+        print(text)
+        return 0
+    return update(HERE, {"order_odds_constants.py": text}, check=False, source="tools/gen_order_odds.py")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

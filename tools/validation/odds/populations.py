@@ -1,0 +1,92 @@
+"""Random noises with an order and without one, on which the odds of an order are calibrated and judged.
+
+All stand in white noise of variance 1. A record of n samples shows corners from ten periods on; those of
+relaxations are log-uniform from there to a third of the rate, or regular: about equally far apart, with
+densities that fall as those of 1/f noise do. No member is one of the gallery's noises.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from fltea.records.arrays import Array
+
+from tools.validation.evaluate.composites import mixture
+from tools.validation.gallery.parts import Fractional, Part, Relaxation, White
+
+RATE_HZ = 100.0
+ORDERS, STEP_RATIOS = (0.2, 0.85), (-1.0, 1.0)
+"""α, and log10 of s2/R: the ends of their uniform distributions."""
+LEAST_F = -0.5
+"""F = g + α is uniform from here to α, where x has no restoring force."""
+PERIODS, FASTEST_HZ = 10, 30.0
+DENSITIES = (-0.5, 2.0)
+"""log10 of a relaxation's density over that of the white noise."""
+MOST_RANDOM, MOST_REGULAR = 4, 5
+STEPS, SLOPES, LEVELS = (0.5, 1.2), (0.6, 1.4), (-0.5, 1.5)
+"""Regular relaxations: decades from corner to corner, -log density by log corner, log10 density at 1 Hz."""
+SCATTER = 0.1
+"""Standard deviation of log10 of their densities."""
+
+Draw = Callable[[np.random.Generator, int], tuple[Part, ...]]
+
+
+def order(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
+    """Return an order in white noise; F has either sign."""
+    alpha = float(rng.uniform(*ORDERS))
+    g = float(rng.uniform(LEAST_F, alpha)) - alpha
+    ratio = float(10 ** rng.uniform(*STEP_RATIOS))
+    return White(), Fractional(alpha, g * RATE_HZ**alpha, ratio)
+
+
+def random_sum(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
+    """Return one to four relaxations with corners anywhere, in white noise."""
+    low = math.log(_slowest_hz(n))
+    return (
+        White(),
+        *(
+            Relaxation(
+                float(np.exp(rng.uniform(low, math.log(FASTEST_HZ)))), float(10 ** rng.uniform(*DENSITIES))
+            )
+            for _ in range(rng.integers(1, MOST_RANDOM + 1))
+        ),
+    )
+
+
+def regular_sum(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
+    """Return two to five relaxations that are as good as 1/f noise, in white noise."""
+    count, step = int(rng.integers(2, MOST_REGULAR + 1)), float(rng.uniform(*STEPS))
+    first = float(rng.uniform(math.log10(_slowest_hz(n)) - 0.3, math.log10(FASTEST_HZ) - 0.3 - step))
+    slope, level = float(rng.uniform(*SLOPES)), float(rng.uniform(*LEVELS))
+    corners = [10 ** (first + k * step) for k in range(count)]
+    return (
+        White(),
+        *(
+            Relaxation(corner, 10 ** (level + SCATTER * rng.standard_normal()) * corner**-slope)
+            for corner in corners
+            if corner < FASTEST_HZ
+        ),
+    )
+
+
+def sum_and_rise(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
+    """Return one to three relaxations and something that rises."""
+    return mixture(rng)
+
+
+POPULATIONS: dict[str, tuple[Draw, float]] = {
+    "order": (order, 0.5),
+    "random sum": (random_sum, 0.25),
+    "regular sum": (regular_sum, 0.125),
+    "sum and rise": (sum_and_rise, 0.125),
+}
+"""What is drawn, and its share in the population whose odds are told: an order is as frequent as none."""
+
+
+def drawn(parts: tuple[Part, ...], n: int, rng: np.random.Generator) -> Array:
+    """Return n samples of a noise."""
+    return np.asarray(sum(part.draw(n, RATE_HZ, rng) for part in parts))
+
+
+def _slowest_hz(n: int) -> float:
+    return PERIODS * RATE_HZ / n
