@@ -1,10 +1,10 @@
-"""Calibrates the odds of an order (`spectrum.order_odds`): writes host/fltea/spectrum/order_odds_constants.py.
+"""Calibrates the odds of an order (`spectrum.order_odds`): writes order_odds_constants.py there.
 
 Draws noises of each population of `tools.validation.odds.populations` at several lengths, asks the search
 for its models, and fits a logistic regression in which each population has its share at each length. Takes
 some ten minutes on two cores; what was drawn is kept, so that a second run only fits.
 
-Usage: gen_order_odds.py [--series 600] [--kept build/order_odds.ndjson] [--print]
+Usage: PYTHONPATH=. python tools/gen_order_odds.py [--series 600] [--kept build/order_odds.ndjson] [--print]
 """
 
 import argparse

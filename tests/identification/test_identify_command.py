@@ -57,7 +57,8 @@ def test_json(recording: Path) -> None:
         assert 0 <= axis["null"]["p_value"] <= 1
         assert axis["null"]["shuffled"]["copies"] == 5
         assert {"F", "alpha", "f", "s2", "R", "arfima"} == set(axis["order"])
-        assert {"kind", "text", "what", "why", "next", "rules", "has_order", "order"} == set(axis["verdict"])
+        said = {"kind", "text", "what", "why", "next", "rules", "odds", "has_order", "order"}
+        assert said == set(axis["verdict"])
         assert axis["unit"] == "deg/s"
         assert axis["allan"]["N"]["value"] == pytest.approx(16 / 131 / 10, rel=0.1)
         assert axis["fltea"]["variant"] == "joint"

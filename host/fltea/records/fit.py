@@ -145,6 +145,9 @@ class FittedAxis(Curves, frozen=True):
     """Variance of the state's innovations, h^2α Q [`unit` squared]."""
     R: Interval = Interval()
     """Variance of the white noise [`unit` squared]."""
+    odds: float | None = None
+    """The odds that the noise has an order, against none; null where it is as good as white, or nothing looks
+    like an order."""
 
 
 class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):

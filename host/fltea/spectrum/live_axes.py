@@ -199,6 +199,7 @@ class LiveAxes:
             order.F,
             order.s2,
             order.R if verdict.has_order else _R(N, self.h),
+            verdict.odds,
             [(float(low), float(high)) for low, high in seen.band.notch_hz],
             low_pass=None if low_pass is None else FitLowPass(low_pass.corner_hz, low_pass.poles),
             until_s=Until(self._target, seconds),

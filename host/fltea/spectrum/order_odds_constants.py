@@ -8,4 +8,4 @@ COEFFICIENTS = (
     (3.2, 1.24),
     (1.0, 0.84),
 )
-"""of log odds: constant, by the lead, by the lead over the richest; each at the least ordinates and a decade"""
+"""of log odds: constant, by the lead, by the lead over the richest; each at the fewest, and a decade"""

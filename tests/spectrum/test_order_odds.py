@@ -1,0 +1,63 @@
+"""The odds of an order: what they may be, and that they come true on noises of other seeds."""
+
+import math
+
+import pytest
+from fltea.spectrum.order_odds import FARTHEST, MOST, order_odds
+from fltea.spectrum.order_odds_constants import ORDINATES
+from fltea.spectrum.wording import odds as said
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tools.validation.odds.counts import count
+from tools.validation.odds.run import operating, reliability
+
+LEADS = st.floats(-1e3, 1e3) | st.just(-math.inf)
+COUNTS = st.floats(64, 1e9)
+
+
+@given(LEADS, LEADS, COUNTS, st.floats(0, 100))
+def test_who_is_farther_ahead_has_better_odds(
+    lead: float, over_rich: float, ordinates: float, more: float
+) -> None:
+    found = order_odds(lead, over_rich, ordinates)
+    assert 1 / MOST <= found <= MOST
+    assert order_odds(lead + more, over_rich, ordinates) >= found * (1 - 1e-12)
+    assert order_odds(lead, over_rich + more, ordinates) >= found * (1 - 1e-12)
+
+
+def test_beyond_what_was_calibrated_nothing_changes() -> None:
+    low, high = ORDINATES
+    assert order_odds(5.0, 1.0, low / 9) == order_odds(5.0, 1.0, low)
+    assert order_odds(5.0, 1.0, high * 9) == order_odds(5.0, 1.0, high)
+    assert order_odds(-1e9, -1e9, 1e4) == order_odds(-FARTHEST, -FARTHEST, 1e4)
+
+
+def test_more_data_make_a_lead_tell_more() -> None:
+    """The same lead is worth more in a longer record, where relaxations have a higher price."""
+    assert order_odds(12.0, 0.0, 1e5) > order_odds(12.0, 0.0, 1e4) > 1
+    assert order_odds(-12.0, -12.0, 1e5) < order_odds(-12.0, -12.0, 1e4) < 1
+
+
+@pytest.mark.parametrize(
+    ("odds", "words"),
+    [(1.0, "1.0 : 1"), (2.44, "2.4 : 1"), (8.6, "9 : 1"), (MOST, "more than 50 : 1"), (0.25, "1 : 4")],
+)
+def test_odds_in_words(odds: float, words: str) -> None:
+    assert said(odds) == words
+
+
+@pytest.mark.slow
+def test_odds_come_true() -> None:
+    """200 noises that none was calibrated on, half of them with an order: within three standard errors."""
+    names = {"order": 100, "random sum": 50, "regular sum": 25, "sum and rise": 25}
+    rows = [row for name, series in names.items() for row in count(name, 20_000, 0, series, 7)]
+    found = reliability(rows)
+    assert sum(count for count, *_ in found) > 190
+    assert len(found) >= 4
+    for _, expected, seen, error in found:
+        assert abs(seen - expected) < 3 * error + 0.02
+    assert [seen for *_, seen, _ in found] == pytest.approx(sorted(seen for *_, seen, _ in found), abs=0.15)
+    false, true = operating(rows, "random sum")
+    assert max(t for f, t in zip(false, true, strict=True) if f <= 0.1) > 0.3
+    assert not [row for row in rows if row["kind"] == "fractional" and row["population"] != "order"]

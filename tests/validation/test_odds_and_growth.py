@@ -1,0 +1,81 @@
+"""Odds and growing records, on a few noises: what is counted, and the tables."""
+
+from typing import Any
+
+import pytest
+
+from tools.validation.gallery import growth
+from tools.validation.odds import run
+from tools.validation.odds.populations import POPULATIONS
+from tools.validation.runner import Options, Row
+from tools.validation.tables import Table
+
+
+def row(population: str, number: int, lead: float | None, odds: float | None) -> Row:
+    figures = {"lead": lead, "over_rich": lead, "odds": odds, "kind": "relaxations"}
+    return {"population": population, "samples": 3_000, "number": number, "ordinates": 1e3} | figures
+
+
+def tables(rows: list[Row]) -> list[Any]:
+    found = [one for one in run.tables(rows) if isinstance(one, Table)]
+    for one in found:
+        assert {len(cells) for cells in one.rows} == {len(one.headings)}
+    return found
+
+
+def test_tasks_differ() -> None:
+    for part in (run, growth):
+        keys = [one.key for one in part.tasks(Options(3, quick=True))]
+        assert len(keys) == len(set(keys)) > 5
+    assert sum(share for _, share in POPULATIONS.values()) == 1
+    assert POPULATIONS["order"][1] == 0.5
+
+
+def test_odds_that_come_true_are_on_the_line() -> None:
+    """Of a hundred noises of each kind: three in four with odds of 3 : 1 have an order, by their shares."""
+    rows = [row("order", k, 5.0, 2.0) for k in range(100)]
+    rows += [row(name, k, 5.0, 2.0) for name in POPULATIONS if name != "order" for k in range(50)]
+    rows += [row(name, k, -20.0, 0.05) for name in POPULATIONS if name != "order" for k in range(50)]
+    (low, high) = run.reliability(rows)
+    assert low[0] == 150
+    assert low[2] == 0.0
+    assert high[1] == pytest.approx(2 / 3)
+    assert high[2] == pytest.approx(2 / 3)
+    reliability, claims, found = tables(rows)
+    assert [cells[1] for cells in reliability.rows] == ["150", "250"]
+    assert len(claims.rows) == 4
+    assert {cells[-1] for cells in found.rows} == {"0%"}, "half of the sums are as far ahead as the orders"
+    assert run.operating(rows, "random sum") == ([0.0, 0.5, 1.0], [0.0, 1.0, 1.0])
+
+
+def test_a_time_is_right_within_a_factor_of_two() -> None:
+    one: Row = {"time": "order", "samples": 6_000, "number": 0, "forecast": 100.0}
+    rows = [
+        one | {"half": half, "then": then, "twice": twice}
+        for half, then, twice in ((False, True, True), (True, True, True), (False, False, False))
+    ]
+    (times,) = tables([*rows, one | {"forecast": None}])
+    assert times.rows == [("order", "6,000", "3 of 4", "33.3%", "66.7%", "66.7%", "33.3%")]
+
+
+def test_a_short_record_is_told_about() -> None:
+    rows = [found for number in range(3) for found in run.tell("order", 6_000, number)]
+    assert rows
+    assert all(found["forecast"] is None or found["forecast"] > 0 for found in rows)
+
+
+def test_records_that_grow(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(growth, "LENGTHS", (3_000, 20_000))
+    rows = growth.grow("1 relaxation", 0)
+    assert [one["samples"] for one in rows] == list(growth.LENGTHS)
+    assert rows[-1]["outcome"] == "right"
+    assert growth.says_less(rows) == []
+    worse = [*rows[:-1], rows[-1] | {"kind": "white", "outcome": "wrong"}]
+    assert growth.says_less(worse) == worse[-1:]
+    said, by_length, less = growth.tables([*rows, *({**one, "record": 1} for one in worse)])
+    assert said == "Of 2 records 1 say less when they grow."
+    assert isinstance(by_length, Table)
+    assert isinstance(less, Table)
+    assert len(by_length.rows) == 1
+    assert "white ✗ 1" in by_length.rows[0][-1]
+    assert less.rows == [("1 relaxation", "1", "20,000", "white")]

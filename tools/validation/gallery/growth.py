@@ -1,0 +1,96 @@
+"""Whether more data ever say less: verdicts on the gallery's noises as their records grow.
+
+Each noise is drawn once for the longest record; the shorter ones are its beginnings. A verdict says less than
+the one before if that was right and it is not, or if it is white and that was not.
+"""
+
+import itertools
+from collections import Counter
+from functools import cache
+
+from fltea.identification.sums import examined
+from fltea.records.fit import VerdictKind
+from fltea.spectrum.verdict import decide
+
+from tools.validation.gallery.noises import NOISES
+from tools.validation.gallery.records import draw
+from tools.validation.gallery.right import Right, right_verdicts
+from tools.validation.runner import Options, Row, Task
+from tools.validation.tables import Table, grouped
+
+SEEDS, QUICK_SEEDS = 4, 1
+LENGTHS = (3_000, 20_000, 60_000, 200_000)
+RATE_HZ = 100.0
+FIRST = 500
+"""Number of the first record: the gallery's rules were not tried on it."""
+SHORT: dict[str, str] = {"fractional or relaxations": "either", "line or resonance": "peak"}
+"""Words for the table."""
+
+
+def tasks(options: Options) -> list[Task]:
+    """Return a task for each noise."""
+    return [
+        Task(name, grow, (name, options.first + FIRST + number), LENGTHS[-1])
+        for name in NOISES
+        if options.wanted(name)
+        for number in range(options.seeds)
+    ]
+
+
+def grow(name: str, number: int) -> list[Row]:
+    """Return the verdict on each beginning of a record."""
+    y = draw(name, RATE_HZ, LENGTHS[-1] / RATE_HZ, number)
+    rows: list[Row] = []
+    for n in LENGTHS:
+        begun = y[:n]
+        kind: VerdictKind = "constant"
+        if not (begun == begun[0]).all():
+            kind = decide(examined(begun, 1 / RATE_HZ).evidence).kind
+        outcome = _right(name, n).outcome(kind)
+        rows.append({"noise": name, "record": number, "samples": n, "kind": kind, "outcome": outcome})
+    return rows
+
+
+@cache
+def _right(name: str, samples: int) -> Right:
+    return right_verdicts(NOISES[name], RATE_HZ, samples)
+
+
+def says_less(rows: list[Row]) -> list[Row]:
+    """Return of one record, shortest first, those verdicts that say less than the one before."""
+    return [
+        after
+        for before, after in itertools.pairwise(rows)
+        if (before["outcome"] == "right" and after["outcome"] == "wrong")
+        or (before["kind"] != "white" and after["kind"] == "white" and after["outcome"] != "right")
+    ]
+
+
+def tables(rows: list[Row]) -> list[Table | str]:
+    """Return verdicts by length, and those records in which a longer one says less."""
+    by_noise = grouped(rows, lambda row: row["noise"])
+    cells = [
+        (str(name), *(_kinds([row for row in some if row["samples"] == n]) for n in LENGTHS))
+        for name, some in by_noise.items()
+    ]
+    records = grouped(rows, lambda row: (row["noise"], row["record"]))
+    less = [
+        (row["noise"], str(row["record"]), f"{row['samples']:,}", row["kind"])
+        for some in records.values()
+        for row in says_less(some)
+    ]
+    return [
+        f"Of {len(records)} records {len({cell[:2] for cell in less})} say less when they grow.",
+        Table("Verdicts as records grow", ("noise", *(f"{n:,}" for n in LENGTHS)), cells, brief=False),
+        Table("Says less", ("noise", "record", "samples", "verdict"), less),
+    ]
+
+
+def _kinds(rows: list[Row]) -> str:
+    """Return verdicts, with their number where there are several; ✗ is behind a wrong one."""
+    counts = Counter(
+        SHORT.get(row["kind"], row["kind"]) + (" ✗" if row["outcome"] == "wrong" else "") for row in rows
+    )
+    if len(counts) == 1:
+        return next(iter(counts))
+    return ", ".join(f"{kind} {count}" for kind, count in counts.most_common())

@@ -1,0 +1,251 @@
+"""Odds of an order: whether they come true, what they find at which price, and when a record tells.
+
+Noises are drawn of the populations that the odds were calibrated on, with other seeds. Of those that do not
+tell, a longer record of the same noise is drawn at half and at twice the time that the first one forecasts.
+"""
+
+import itertools
+import math
+import zlib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from fltea.identification.sums import examined
+from fltea.spectrum.how_long import TELLS
+from fltea.spectrum.order_odds import MOST, odds_of
+from fltea.spectrum.verdict import decide
+
+from tools.validation.odds.counts import count
+from tools.validation.odds.populations import POPULATIONS, RATE_HZ, drawn
+from tools.validation.pictures import new_figure, png
+from tools.validation.runner import Options, Row, Task
+from tools.validation.tables import Table, grouped, interval, share
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SEEDS, QUICK_SEEDS = 400, 40
+"""Noises of each population and length; of times to tell a fifth, since records are long."""
+SEED = 2026
+LENGTHS = (3_000, 20_000, 60_000, 200_000)
+AT_ONCE = 20
+OF_TIMES = (6_000, 20_000)
+"""Samples of records whose time to tell is checked."""
+LONGEST = 600_000
+"""Samples of the longest record that is drawn for it."""
+BINS = (1 / MOST, 0.1, 1 / 3, 0.8, 1.25, 3.0, 10.0, 1e9)
+FALSE_SHARES = (0.01, 0.02, 0.05, 0.1)
+
+
+def tasks(options: Options) -> list[Task]:
+    """Return a task for some noises of a population and length, and for some times."""
+    lengths = LENGTHS[:2] if options.quick else LENGTHS
+    counted = [
+        Task(
+            f"{population}, {n}",
+            count,
+            (population, n, first, min(AT_ONCE, options.seeds - first), SEED),
+            n,
+        )
+        for n in lengths
+        for population in POPULATIONS
+        if options.wanted(population)
+        for first in range(0, options.seeds, AT_ONCE)
+    ]
+    timed = [
+        Task(f"time, {population}, {n}", tell, (population, n, number), LONGEST)
+        for n in (OF_TIMES[:1] if options.quick else OF_TIMES)
+        for population in ("order", "random sum")
+        if options.wanted(population)
+        for number in range(max(options.seeds // 5, 2))
+    ]
+    return counted + timed
+
+
+def tell(population: str, samples: int, number: int) -> list[Row]:
+    """Return whether longer records of a noise tell what they were forecast to tell; no row: not forecast."""
+    rng = np.random.default_rng([SEED, samples, zlib.crc32(population.encode()), number, 1])
+    parts = POPULATIONS[population][0](rng, samples)
+    e = examined(drawn(parts, samples, rng), 1 / RATE_HZ).evidence
+    times = e.to_tell() if decide(e).has_order else None
+    has_order = population == "order"
+    row: Row = {"time": population, "samples": samples, "number": number, "forecast": None}
+    if times is None:
+        return []
+    seconds = times.if_order_s if has_order else times.if_none_s
+    if seconds is None or 2 * seconds * RATE_HZ > LONGEST:
+        return [row]
+    told = []
+    for ratio in (0.5, 1.0, 2.0):
+        n = max(round(ratio * seconds * RATE_HZ), samples)
+        odds = odds_of(examined(drawn(parts, n, rng), 1 / RATE_HZ).evidence.frontier)
+        right = 1 / MOST if odds is None else odds
+        told.append((right if has_order else 1 / right) >= TELLS)
+    return [row | {"forecast": seconds, "half": told[0], "then": told[1], "twice": told[2]}]
+
+
+def tables(rows: list[Row]) -> list[Table | str]:
+    """Return reliability, false and true claims, what is found at a price, and times to tell."""
+    counted = [row for row in rows if "population" in row]
+    found: list[Table | str] = []
+    if counted:
+        found += [_reliability(counted), _claims(counted), _found(counted)]
+    if timed := [row for row in rows if "time" in row]:
+        found.append(_times(timed))
+    return found
+
+
+def _weights(rows: Sequence[Row]) -> list[float]:
+    """Return the weight of each row, so that each population has its share at each length."""
+    by_kind = grouped(rows, lambda row: (row["population"], row["samples"]))
+    return [
+        POPULATIONS[row["population"]][1] / len(by_kind[row["population"], row["samples"]]) for row in rows
+    ]
+
+
+def reliability(rows: Sequence[Row]) -> list[tuple[int, float, float, float]]:
+    """Return how many have odds in each bin, and the shares of orders, said and seen, with its error."""
+    told = [row for row in rows if row["odds"] is not None]
+    weight = np.array(_weights(told))
+    odds = np.array([row["odds"] for row in told])
+    has = np.array([row["population"] == "order" for row in told])
+    found = []
+    for low, high in itertools.pairwise(BINS):
+        w, said, true = (a[(odds >= low) & (odds < high)] for a in (weight, odds / (1 + odds), has))
+        if len(w):
+            seen = float(w @ true / w.sum())
+            effective = float(w.sum() ** 2 / (w @ w))
+            error = math.sqrt(max(seen * (1 - seen), 1 / effective) / effective)
+            found.append((len(w), float(w @ said / w.sum()), seen, error))
+    return found
+
+
+def _reliability(rows: list[Row]) -> Table:
+    cells = [
+        (_samples(n), str(count), f"{said:.1%}", f"{seen:.1%} ± {2 * error:.1%}")
+        for n, some in grouped(rows, lambda row: row["samples"]).items()
+        for count, said, seen, error in reliability(some)
+    ]
+    return Table("Odds that come true", ("record", "noises", "an order, said", "an order, seen"), cells)
+
+
+def _claims(rows: list[Row]) -> Table:
+    cells = []
+    for (population, n), some in grouped(rows, lambda row: (row["population"], row["samples"])).items():
+        claims = sum(row["kind"] == "fractional" for row in some)
+        low, high = interval(claims, len(some))
+        tells = sum(_log_odds(row) >= math.log(TELLS) for row in some)
+        cells.append(
+            (
+                population,
+                _samples(n),
+                share(claims, len(some)),
+                f"{low:.1%} … {high:.1%}",
+                share(tells, len(some)),
+            )
+        )
+    headings = ("noise", "record", 'called "fractional"', "95 %", f"odds of {TELLS:.0f} : 1 or more")
+    return Table("Claims", headings, cells)
+
+
+def _log_odds(row: Row) -> float:
+    return -math.inf if row["odds"] is None else math.log(row["odds"])
+
+
+def operating(rows: Sequence[Row], against: str) -> tuple[list[float], list[float]]:
+    """Return shares of sums of one kind above a bound of the odds, and of orders above it, for all bounds."""
+    scores = {
+        name: np.array([_score(row) for row in rows if row["population"] == name])
+        for name in ("order", against)
+    }
+    bounds = np.unique(np.concatenate(list(scores.values())))[::-1]
+    false, true = (
+        [0.0, *((one[:, None] >= bounds).mean(axis=0)).tolist()] for one in (scores[against], scores["order"])
+    )
+    return false, true
+
+
+def _score(row: Row) -> float:
+    """Return the lead, which orders noises as odds do, and goes on where these end."""
+    return -math.inf if row["lead"] is None else float(row["lead"])
+
+
+def _found(rows: list[Row]) -> Table:
+    cells = []
+    names = [name for name in POPULATIONS if name != "order"]
+    for n, some in grouped(rows, lambda row: row["samples"]).items():
+        if not any(row["population"] == "order" for row in some):
+            continue
+        for name in names:
+            if not any(row["population"] == name for row in some):
+                continue
+            false, true = operating(some, name)
+            best = [max(t for f, t in zip(false, true, strict=True) if f <= most) for most in FALSE_SHARES]
+            cells.append((_samples(n), name, *(f"{one:.0%}" for one in best)))
+    headings = ("record", "against", *(f"{one:.0%} false" for one in FALSE_SHARES))
+    return Table("Orders found at a share of false ones", headings, cells)
+
+
+def _times(rows: list[Row]) -> Table:
+    cells = []
+    for (name, n), some in grouped(rows, lambda row: (row["time"], row["samples"])).items():
+        said = [row for row in some if row["forecast"] is not None]
+        right = sum(row["twice"] and not row["half"] for row in said)
+        counts = (sum(row[key] for row in said) for key in ("half", "then", "twice"))
+        cells.append(
+            (
+                name,
+                _samples(n),
+                f"{len(said)} of {len(some)}",
+                *(share(one, len(said)) for one in counts),
+                share(right, len(said)),
+            )
+        )
+    headings = (
+        "noise",
+        "record",
+        "forecast within reach",
+        "told at half of it",
+        "then",
+        "at twice",
+        "within a factor of 2",
+    )
+    return Table("Times to tell", headings, cells)
+
+
+def _samples(n: int) -> str:
+    return f"{n:,}"
+
+
+def pictures(rows: list[Row]) -> dict[str, bytes]:
+    """Return the curves of reliability, and of what is found at which price."""
+    counted = [row for row in rows if "population" in row]
+    if not counted:
+        return {}
+    figure = new_figure(11.0, 4.6)
+    left, right = figure.subplots(1, 2)
+    by_length = grouped(counted, lambda row: row["samples"])
+    left.plot([0, 1], [0, 1], color="#999999", linewidth=1)
+    for n, some in by_length.items():
+        _, said, seen, error = (np.array(column) for column in zip(*reliability(some), strict=True))
+        left.errorbar(said, seen, 2 * error, marker="o", markersize=4, capsize=2, label=f"{n:,} samples")
+    left.set(xlabel="share of orders, as the odds say", ylabel="share of orders, seen")
+    left.legend(frameon=False)
+    _draw_found(right, by_length[max(n for n in by_length if n <= 60_000)])
+    return {"curves": png(figure)}
+
+
+def _draw_found(axes: "Axes", rows: list[Row]) -> None:
+    for name in POPULATIONS:
+        if name != "order":
+            axes.plot(*operating(rows, name), label=f"against: {name}")
+    axes.axvline(0.01, color="#999999", linewidth=1)
+    axes.set(
+        xlabel="share of noises without an order above a bound of the odds",
+        ylabel="share of orders above it",
+        xscale="symlog",
+        title=f"{rows[0]['samples']:,} samples",
+    )
+    axes.set_xscale("symlog", linthresh=0.005)
+    axes.legend(frameon=False)
