@@ -1,21 +1,15 @@
 """How much longer: against the bound, and against intervals of longer records."""
 
 import math
-from copy import copy
 
-import numpy as np
 import pytest
-from fltea.identification.sums import examined
 from fltea.spectrum.frontier import Frontier, Sentence
-from fltea.spectrum.how_long import TELLS, seconds_more, times_to_tell
+from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.intervals import order_deviation, order_fit
-from fltea.spectrum.order_odds import MOST, odds_of
 from fltea.spectrum.periodogram import binned, periodogram
 from identify_support import H, long_recursion, white
 
 from tools.validation.evaluate.cramer_rao import bound
-from tools.validation.gallery.parts import Fractional, Part, Relaxation, White
-from tools.validation.odds.populations import drawn
 
 ALPHA, G, R = 0.8, -0.025, 1 / 3
 
@@ -51,43 +45,3 @@ def test_reached_and_never() -> None:
     assert seconds_more(f, best(f), 0.2) == 0
     assert seconds_more(f, best(f), 0.001, longest_s=1200.0) is None
     assert seconds_more(f, f.white, 0.05) is None
-
-
-@pytest.mark.parametrize("has_order", [True, False])
-def test_a_record_of_the_forecast_length_tells(has_order: bool) -> None:
-    """An order and two relaxations that look like it for 200 s; told by four in five of records that long."""
-    parts: tuple[Part, ...] = (White(), Fractional(0.6, -0.5, 0.3))
-    if not has_order:
-        parts = (White(), Relaxation(0.3, 30.0), Relaxation(6.0, 2.0))
-    e = examined(drawn(parts, 20_000, np.random.default_rng(8)), H).evidence
-    times = times_to_tell(e.frontier, e.duration_s)
-    assert times is not None
-    seconds = times.if_order_s if has_order else times.if_none_s
-    assert seconds is not None
-    assert 200 < seconds < 8_000
-    told = []
-    for seed in range(5):
-        later = examined(drawn(parts, round(2 * seconds / H), np.random.default_rng(seed)), H).evidence
-        odds = odds_of(later.frontier) or 1 / MOST
-        told.append((odds if has_order else 1 / odds) >= TELLS)
-    assert sum(told) >= 4
-
-
-def test_times_are_in_proportion_to_the_record() -> None:
-    f = series(20_000, 5)
-    times = times_to_tell(f, 200.0)
-    assert times is not None
-    twice = times_to_tell(f, 400.0)
-    assert twice is not None
-    assert (twice.if_order_s, twice.if_none_s) == tuple(
-        None if one is None else pytest.approx(2 * one) for one in (times.if_order_s, times.if_none_s)
-    )
-    known = [one for one in (times.if_order_s, times.if_none_s) if one is not None]
-    assert times.longest_s == max(known, default=None)
-
-
-def test_without_an_order_there_is_nothing_to_tell() -> None:
-    f = copy(series(4000, 2))
-    f.ordered = None
-    assert times_to_tell(f, 40.0) is None
-    assert odds_of(f) is None

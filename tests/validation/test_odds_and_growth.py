@@ -48,22 +48,7 @@ def test_odds_that_come_true_are_on_the_line() -> None:
     assert run.operating(rows, "random sum") == ([0.0, 0.5, 1.0], [0.0, 1.0, 1.0])
 
 
-def test_a_time_is_right_within_a_factor_of_two() -> None:
-    one: Row = {"time": "order", "samples": 6_000, "number": 0, "forecast": 100.0}
-    rows = [
-        one | {"half": half, "then": then, "twice": twice}
-        for half, then, twice in ((False, True, True), (True, True, True), (False, False, False))
-    ]
-    (times,) = tables([*rows, one | {"forecast": None}])
-    assert times.rows == [("order", "6,000", "3 of 4", "33.3%", "66.7%", "66.7%", "33.3%")]
-
-
-def test_a_short_record_is_told_about() -> None:
-    rows = [found for number in range(3) for found in run.tell("order", 6_000, number)]
-    assert rows
-    assert all(found["forecast"] is None or found["forecast"] > 0 for found in rows)
-
-
+@pytest.mark.slow
 def test_records_that_grow(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(growth, "LENGTHS", (3_000, 20_000))
     rows = growth.grow("1 relaxation", 0)

@@ -29,7 +29,7 @@ PARTS = {
     "gallery": ("gallery.records", "verdicts on 87 noises, at three rates and three lengths"),
     "growth": ("gallery.growth", "verdicts on the gallery's noises as their records grow"),
     "evaluate": ("evaluate.run", "what the live fit and the filters are worth, noise by noise"),
-    "odds": ("odds.run", "whether odds of an order come true, and when a record tells"),
+    "odds": ("odds.run", "whether odds of an order come true, and what they find"),
     "states": ("states", "what the tracker's bias is worth beside a filter that knows the noise"),
     "bias": (
         "bias.run",

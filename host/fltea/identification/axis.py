@@ -16,7 +16,6 @@ from fltea.records.arrays import Array
 from fltea.records.fit import Interval, Level
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.drift_rate import drift_rate
-from fltea.spectrum.how_long import TimesToTell
 from fltea.spectrum.innovation_whiteness import Innovations
 from fltea.spectrum.intervals import Estimated, OrderFit
 from fltea.spectrum.likelihood_ratio import critical_values
@@ -82,8 +81,6 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     mean: float
     std: float
     verdict: Verdict
-    to_tell: TimesToTell | None
-    """How long a record has to be to tell an order from what looks like it, where this one does not."""
     null: NullResult
     order: OrderFit
     """All null where the verdict has no order."""
@@ -182,7 +179,6 @@ def identified(looked: Looked, lsb: float | None, options: IdentifyOptions | Non
         mean=float(y.mean()),
         std=float(y.std(ddof=1)),
         verdict=looked.verdict,
-        to_tell=e.to_tell() if looked.verdict.has_order else None,
         null=NullResult(
             p_value=e.p_all,
             likelihood_ratio=seen.likelihood_ratio,

@@ -1,14 +1,12 @@
 """What a verdict on one axis is drawn from."""
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from fltea.spectrum.drift import FALSE_ALARM, SlowPower
 from fltea.spectrum.frontier import Frontier, Sentence
-from fltea.spectrum.how_long import TimesToTell
 from fltea.spectrum.lines import Peak
 from fltea.spectrum.order_odds import odds_of
 from fltea.spectrum.periodogram import AT_ONCE, Periodogram
@@ -49,8 +47,6 @@ class Evidence(NamedTuple):
     change: Change | None
     clean: Periodogram
     """The clean ordinates."""
-    to_tell: Callable[[], TimesToTell | None]
-    """Returns how long a record has to be to tell whether there is an order; None is not known."""
     level: float = LEVEL
     """The level at which the null test rejects."""
 

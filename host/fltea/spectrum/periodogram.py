@@ -196,14 +196,6 @@ def bin_starts(lam: Array, n: int, wider: float = 1.0) -> NDArray[np.intp]:
     return np.asarray(starts[others])
 
 
-def expected_bins(n: int) -> tuple[Array, Array]:
-    """Return the mean λ of each bin of a record of n samples, and its number of ordinates."""
-    step = 2 * math.pi / n
-    first = np.ceil(np.append(_edges(n, 1.0), math.pi) / step)
-    counts, some = np.diff(first), np.diff(first) > 0
-    return (step * (first[:-1] + (counts - 1) / 2))[some], counts[some]
-
-
 @functools.lru_cache(maxsize=16)
 def _edges(n: int, wider: float) -> Array:
     step = 2 * math.pi / n

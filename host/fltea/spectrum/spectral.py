@@ -6,7 +6,6 @@ these those above what is called drift, which are the clean ones, to which the s
 The same for a recording and for a sensor that is looked at every second; only the level differs.
 """
 
-import functools
 from collections.abc import Callable, Iterable
 from typing import Any, TypeVar, cast
 
@@ -17,7 +16,6 @@ from fltea.records.arrays import Array
 from fltea.spectrum.drift import drift_hz, slow_power
 from fltea.spectrum.evidence import APART, LEVEL, Evidence, apart
 from fltea.spectrum.frontier import Frontier, native
-from fltea.spectrum.how_long import times_to_tell
 from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around, find_octave_peaks
@@ -129,7 +127,7 @@ def examine(
     """
     if not float(whole.power.max()) > 0:
         raise ValueError("the samples repeat themselves exactly: there is no noise in them")
-    is_recording, looks = looks is None, looks or Looks()
+    looks = looks or Looks()
     ordinates = whole.ordinates
     if peaks is None:
         false_alarm = FALSE_PEAK * level / LEVEL
@@ -183,7 +181,6 @@ def examine(
         ),
         change=looks.looked("change", ordinates, change),
         clean=clean,
-        to_tell=functools.cache(lambda: times_to_tell(frontier, duration_s) if is_recording else None),
         level=level,
     )
     band = Band(clean_from_hz, to_hz, notch + found, round(clean.ordinates))

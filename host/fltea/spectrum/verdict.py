@@ -30,6 +30,7 @@ PEAKS: dict[str, VerdictKind] = {"line": "line", "resonance": "resonance", "peak
 """What a peak is called; live, narrow ones cannot be distinguished."""
 RISING = (Sharpening, Alternating, Quantisation, Rise)
 """An order beside one of these is not in its place."""
+NEXT_EITHER = "Record longer, or use the model without an order."
 NEXT_FILTER = "It is most likely the sensor's own: compare with its settings or its data sheet."
 NEXT_PEAK = "Look for the cause: mains, a motor, a loose mount; --notch leaves a band out."
 
@@ -239,7 +240,7 @@ def _both(e: Evidence, q: _Questions, kind: VerdictKind, said: str) -> Verdict:
         kind,
         f"This record cannot separate {ordered} from {said}.{wording.also_found(e)}",
         f"{wording.odds_of_order(e)} Both describe the spectrum from {wording.band(e)}.",
-        wording.record_for(e),
+        NEXT_EITHER,
     )
 
 

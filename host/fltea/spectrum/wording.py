@@ -222,22 +222,6 @@ def odds_of_order(e: Evidence) -> str:
     return f"The odds {said}, if as many noises have one as not.{regular}"
 
 
-def record_for(e: Evidence) -> str:
-    """Return how long a record has to be to tell an order from what looks like it."""
-    use = "use the model without an order"
-    times = e.to_tell()
-    if times is None:
-        return f"Record longer, or {use}."
-    told = [
-        f"about {duration(seconds)} if there is {what}"
-        for seconds, what in ((times.if_order_s, "an order"), (times.if_none_s, "none"))
-        if seconds is not None
-    ]
-    if not told:
-        return f"Record much longer, or {use}: how long it takes to tell is not known."
-    return f"A record of {listed(told, 'or')} tells; until then {use}."
-
-
 def null_test(e: Evidence) -> str:
     """Return what the null test says, and at which level."""
     level = f"{e.level:.2g}" if e.level >= 0.01 else f"{e.level:.0e}"

@@ -88,9 +88,8 @@ def tables(rows: list[Row]) -> list[Table | str]:
 
 def _kinds(rows: list[Row]) -> str:
     """Return verdicts, with their number where there are several; ✗ is behind a wrong one."""
-    counts = Counter(
-        SHORT.get(row["kind"], row["kind"]) + (" ✗" if row["outcome"] == "wrong" else "") for row in rows
-    )
+    words = [SHORT.get(row["kind"], str(row["kind"])) + " ✗" * (row["outcome"] == "wrong") for row in rows]
+    counts = Counter(words)
     if len(counts) == 1:
-        return next(iter(counts))
+        return words[0]
     return ", ".join(f"{kind} {count}" for kind, count in counts.most_common())

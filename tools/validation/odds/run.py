@@ -1,23 +1,18 @@
-"""Odds of an order: whether they come true, what they find at which price, and when a record tells.
+"""Odds of an order: whether they come true, and what they find at which price.
 
-Noises are drawn of the populations that the odds were calibrated on, with other seeds. Of those that do not
-tell, a longer record of the same noise is drawn at half and at twice the time that the first one forecasts.
+Noises are drawn of the populations that the odds were calibrated on, with other seeds.
 """
 
 import itertools
 import math
-import zlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from fltea.identification.sums import examined
-from fltea.spectrum.how_long import TELLS
-from fltea.spectrum.order_odds import MOST, odds_of
-from fltea.spectrum.verdict import decide
+from fltea.spectrum.order_odds import MOST
 
 from tools.validation.odds.counts import count
-from tools.validation.odds.populations import POPULATIONS, RATE_HZ, drawn
+from tools.validation.odds.populations import POPULATIONS
 from tools.validation.pictures import new_figure, png
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped, interval, share
@@ -26,14 +21,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SEEDS, QUICK_SEEDS = 400, 40
-"""Noises of each population and length; of times to tell a fifth, since records are long."""
+"""Noises of each population and length."""
 SEED = 2026
 LENGTHS = (3_000, 20_000, 60_000, 200_000)
 AT_ONCE = 20
-OF_TIMES = (6_000, 20_000)
-"""Samples of records whose time to tell is checked."""
-LONGEST = 600_000
-"""Samples of the longest record that is drawn for it."""
+TELLS = 20.0
+"""Odds that a person would act on."""
 BINS = (1 / MOST, 0.1, 1 / 3, 0.8, 1.25, 3.0, 10.0, 1e9)
 FALSE_SHARES = (0.01, 0.02, 0.05, 0.1)
 
@@ -41,7 +34,7 @@ FALSE_SHARES = (0.01, 0.02, 0.05, 0.1)
 def tasks(options: Options) -> list[Task]:
     """Return a task for some noises of a population and length, and for some times."""
     lengths = LENGTHS[:2] if options.quick else LENGTHS
-    counted = [
+    return [
         Task(
             f"{population}, {n}",
             count,
@@ -53,47 +46,11 @@ def tasks(options: Options) -> list[Task]:
         if options.wanted(population)
         for first in range(0, options.seeds, AT_ONCE)
     ]
-    timed = [
-        Task(f"time, {population}, {n}", tell, (population, n, number), LONGEST)
-        for n in (OF_TIMES[:1] if options.quick else OF_TIMES)
-        for population in ("order", "random sum")
-        if options.wanted(population)
-        for number in range(max(options.seeds // 5, 2))
-    ]
-    return counted + timed
-
-
-def tell(population: str, samples: int, number: int) -> list[Row]:
-    """Return whether longer records of a noise tell what they were forecast to tell; no row: not forecast."""
-    rng = np.random.default_rng([SEED, samples, zlib.crc32(population.encode()), number, 1])
-    parts = POPULATIONS[population][0](rng, samples)
-    e = examined(drawn(parts, samples, rng), 1 / RATE_HZ).evidence
-    times = e.to_tell() if decide(e).has_order else None
-    has_order = population == "order"
-    row: Row = {"time": population, "samples": samples, "number": number, "forecast": None}
-    if times is None:
-        return []
-    seconds = times.if_order_s if has_order else times.if_none_s
-    if seconds is None or 2 * seconds * RATE_HZ > LONGEST:
-        return [row]
-    told = []
-    for ratio in (0.5, 1.0, 2.0):
-        n = max(round(ratio * seconds * RATE_HZ), samples)
-        odds = odds_of(examined(drawn(parts, n, rng), 1 / RATE_HZ).evidence.frontier)
-        right = 1 / MOST if odds is None else odds
-        told.append((right if has_order else 1 / right) >= TELLS)
-    return [row | {"forecast": seconds, "half": told[0], "then": told[1], "twice": told[2]}]
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return reliability, false and true claims, what is found at a price, and times to tell."""
-    counted = [row for row in rows if "population" in row]
-    found: list[Table | str] = []
-    if counted:
-        found += [_reliability(counted), _claims(counted), _found(counted)]
-    if timed := [row for row in rows if "time" in row]:
-        found.append(_times(timed))
-    return found
+    """Return reliability, false and true claims, and what is found at a price."""
+    return [_reliability(rows), _claims(rows), _found(rows)]
 
 
 def _weights(rows: Sequence[Row]) -> list[float]:
@@ -187,45 +144,15 @@ def _found(rows: list[Row]) -> Table:
     return Table("Orders found at a share of false ones", headings, cells)
 
 
-def _times(rows: list[Row]) -> Table:
-    cells = []
-    for (name, n), some in grouped(rows, lambda row: (row["time"], row["samples"])).items():
-        said = [row for row in some if row["forecast"] is not None]
-        right = sum(row["twice"] and not row["half"] for row in said)
-        counts = (sum(row[key] for row in said) for key in ("half", "then", "twice"))
-        cells.append(
-            (
-                name,
-                _samples(n),
-                f"{len(said)} of {len(some)}",
-                *(share(one, len(said)) for one in counts),
-                share(right, len(said)),
-            )
-        )
-    headings = (
-        "noise",
-        "record",
-        "forecast within reach",
-        "told at half of it",
-        "then",
-        "at twice",
-        "within a factor of 2",
-    )
-    return Table("Times to tell", headings, cells)
-
-
 def _samples(n: int) -> str:
     return f"{n:,}"
 
 
 def pictures(rows: list[Row]) -> dict[str, bytes]:
     """Return the curves of reliability, and of what is found at which price."""
-    counted = [row for row in rows if "population" in row]
-    if not counted:
-        return {}
     figure = new_figure(11.0, 4.6)
     left, right = figure.subplots(1, 2)
-    by_length = grouped(counted, lambda row: row["samples"])
+    by_length = grouped(rows, lambda row: row["samples"])
     left.plot([0, 1], [0, 1], color="#999999", linewidth=1)
     for n, some in by_length.items():
         _, said, seen, error = (np.array(column) for column in zip(*reliability(some), strict=True))
