@@ -88,7 +88,9 @@ def tables(rows: list[Row]) -> list[Table | str]:
 
 def _kinds(rows: list[Row]) -> str:
     """Return verdicts, with their number where there are several; ✗ is behind a wrong one."""
-    words = [SHORT.get(row["kind"], str(row["kind"])) + " ✗" * (row["outcome"] == "wrong") for row in rows]
+    words: list[str] = [
+        SHORT.get(str(row["kind"]), str(row["kind"])) + " ✗" * (row["outcome"] == "wrong") for row in rows
+    ]
     counts = Counter(words)
     if len(counts) == 1:
         return words[0]
