@@ -11,7 +11,7 @@ from engine_cases import driven
 from fltea.estimator.engine import Estimates
 from fltea.lab.reproduce import gyroscope, paper, paper_tables, timing
 from fltea.lab.reproduce.figures import median_seed
-from fltea.lab.reproduce.runs import Options, Outcome, estimate, has_diverged, outcomes
+from fltea.lab.reproduce.runs import Options, Outcome, estimate, far_off, not_finite, outcomes
 from fltea.lab.reproduce.scenarios import SawTooth, Scenario, example, unknown_input
 from fltea.lab.reproduce.simulate import fractional_states, noises
 from fltea.noise.weights import weights
@@ -29,10 +29,10 @@ def short(number: int, samples: int = 400, sawtooth: SawTooth | None = None) -> 
     return example(number, sawtooth or SawTooth(), samples)
 
 
-def make_outcome(diverged: list[bool], **values: list[float]) -> Outcome:
-    names = [name for name in Outcome._fields if name != "diverged"]
-    arrays = {name: np.array(values.get(name, [1.0] * len(diverged))) for name in names}
-    return Outcome(diverged=np.array(diverged), **arrays)
+def make_outcome(lost: list[bool], far: list[bool] | None = None, **values: list[float]) -> Outcome:
+    names = [name for name in Outcome._fields if name not in {"not_finite", "far_off"}]
+    arrays = {name: np.array(values.get(name, [1.0] * len(lost))) for name in names}
+    return Outcome(not_finite=np.array(lost), far_off=np.array(far or [False] * len(lost)), **arrays)
 
 
 # Data
@@ -103,8 +103,8 @@ def test_an_unknown_fractional_source_raises_the_order_that_is_found() -> None:
     options = Options(memory="compressed")
     cases = {kind: replace(unknown_input(fractional=kind), lengths=(3000,)) for kind in (False, True)}
     found = {kind: outcomes(case, range(8), options, quiet)[3000] for kind, case in cases.items()}
-    assert not found[False].diverged.any()
-    assert not found[True].diverged.any()
+    for outcome in found.values():
+        assert not (outcome.not_finite | outcome.far_off).any()
     # Orders 0.4 and 0.4 + 0.3; the paper's algorithm finds about 0.54 and 0.66.
     assert np.median(found[True].settled_order) > np.median(found[False].settled_order) + 0.05
 
@@ -249,7 +249,7 @@ def test_the_engine_of_the_tables_is_the_printed_algorithm() -> None:
         assert estimates[:, 0] == pytest.approx(plain[:, column], rel=1e-8, abs=1e-10)
 
 
-def test_a_run_diverges_by_any_of_four_signs() -> None:
+def test_infinite_estimates_and_far_ones_are_told_apart() -> None:
     n, runs, sigma = 20, 6, 0.1
     calm = np.zeros((n, runs))
     arrays = {name: calm.copy() for name in ("alpha", "f", "x")}
@@ -260,17 +260,30 @@ def test_a_run_diverges_by_any_of_four_signs() -> None:
     arrays["f"][7, 4] = 1e9
     arrays["alpha"][:, 5] = -10.0
     got = Estimates(**arrays, **dict.fromkeys(set(Estimates._fields) - set(arrays), calm))
-    assert has_diverged(got, calm, sigma).tolist() == [True, True, True, True, False, False]
+    assert not_finite(got).tolist() == [False, False, True, True, False, False]
+    assert far_off(got, calm, sigma).tolist()[:3] == [True, True, False]
+    assert far_off(got, calm, sigma).tolist()[4:] == [False, False]
 
 
-def test_divergences_are_counted_and_guards_prevent_them() -> None:
+def test_lost_runs_are_counted_and_guards_prevent_them() -> None:
     wild = short(2, 1200, SawTooth(5.0))
     printed = outcomes(wild, range(8), Options(), quiet)[4000]
     guarded = outcomes(wild, range(8), Options(guard="consistent"), quiet)[4000]
-    assert printed.diverged.sum() >= 6
-    assert guarded.diverged.sum() == 0
+    assert (printed.not_finite | printed.far_off).sum() >= 6
+    assert not (printed.not_finite & printed.far_off).any()
+    assert not (guarded.not_finite | guarded.far_off).any()
     row = paper_tables.outcome_row(printed, paper.TABLE_3[4000])
-    assert (row["seeds"], row["diverged"]) == (8, int(printed.diverged.sum()))
+    assert (row["seeds"], row["far_off"]) == (8, int(printed.far_off.sum()))
+
+
+def test_a_finite_run_that_is_far_off_stays_in_every_statistic() -> None:
+    # Saw-tooth ±1.2: the printed algorithm leaves 10 sqrt(R) in a sixth of the seeds, and stays finite.
+    scenario = replace(short(2, 4000, SawTooth(1.2)), lengths=(4000,))
+    printed = outcomes(scenario, range(32), Options(), quiet)[4000]
+    assert printed.far_off.sum() >= 1
+    assert not printed.not_finite.any()
+    row = paper_tables.outcome_row(printed, None)
+    assert row["parameter"]["median"] == pytest.approx(np.median(printed.parameter))
 
 
 def test_joint_runs_too() -> None:
@@ -281,37 +294,67 @@ def test_joint_runs_too() -> None:
 # Rows
 
 
-def test_medians_are_of_those_that_did_not_diverge() -> None:
-    outcome = make_outcome([False, True, False, False], state=[1.0, np.inf, 3.0, 2.0])
-    row = paper_tables.outcome_row(outcome, paper.Errors(9.0, 8.0, 7.0))
-    assert (row["seeds"], row["diverged"]) == (4, 1)
-    assert row["state"] == {"median": 2.0, "p05": pytest.approx(1.1), "p95": pytest.approx(2.9), "paper": 9.0}
-    assert row["order"]["paper"] == 7.0
+def test_medians_are_of_all_that_are_finite() -> None:
+    outcome = make_outcome(
+        [False, True, False, False], [False, False, True, False], state=[1.0, np.nan, 3.0, 2.0]
+    )
+    row = paper_tables.outcome_row(outcome, paper.Errors(2.5, 8.0, 1.0))
+    assert (row["seeds"], row["not_finite"], row["far_off"]) == (4, 1, 1)
+    spread = {"median": 2.0, "p05": pytest.approx(1.1), "p95": pytest.approx(2.9), "paper": 2.5}
+    assert row["state"] == spread | {"percentile": pytest.approx(200 / 3)}
+    assert row["parameter"]["percentile"] == 100
+    assert (row["order"]["paper"], row["order"]["percentile"]) == (1.0, 50)  # ties count by half
 
 
 def test_what_is_not_a_number_is_null() -> None:
     row = paper_tables.outcome_row(make_outcome([True, True]), None)
-    assert row["state"] == {"median": None, "p05": None, "p95": None, "paper": None}
+    assert row["state"] == dict.fromkeys(("median", "p05", "p95", "paper", "percentile"))
     overflowed = paper_tables.spread(np.array([np.inf, 1.0, np.inf]))
     assert (overflowed["median"], overflowed["p95"]) == (None, None)
 
 
-def test_the_seed_that_is_drawn_is_the_median_of_those_that_did_not_diverge() -> None:
+def test_the_seed_that_is_drawn_is_the_median_of_those_that_are_finite() -> None:
     outcome = make_outcome([False, False, False, True], order=[5.0, 1.0, 9.0, 6.0])
     assert median_seed(short(1), {4000: outcome})[0] == 0
     white = gyroscope.white_noise()["x"]
     settled = make_outcome([False] * 3, settled_order=[0.1, 0.2, 0.3], order=[3.0, 9.0, 1.0])
     assert median_seed(white, {1500: settled})[0] == 1
-    assert median_seed(short(1), {4000: make_outcome([True, True])}) == (0, "all 2 diverged")
+    assert median_seed(short(1), {4000: make_outcome([True, True])}) == (0, "not one of 2 is finite")
 
 
-def test_every_printed_number_stands_beside_ours() -> None:
+def test_every_printed_number_stands_beside_ours_with_its_percentile() -> None:
     scenario = short(1)
-    result = {L: make_outcome([False]) for L in scenario.lengths}
-    rows = paper_tables.example_rows(2, scenario, result, Options())
+    result = {L: make_outcome([False] * 2, order=[1.0, 70.0 + L / 1e4]) for L in scenario.lengths}
+    rows = paper_tables.example_rows(2, 1, scenario, result, Options())
     assert [row["L"] for row in rows] == [4000, 3000, 2500, 2000]
     assert [row["parameter"]["paper"] for row in rows] == [37.8467, 38.1044, 38.6321, 39.8187]
+    assert [row["order"]["percentile"] for row in rows] == [50.0] * 4
     assert rows[0]["data"] == "saw-tooth ±1, 1 Hz, starting at -1"
     text = paper_tables.markdown("2", rows)
-    assert "| 2,000 | 0 | 1 | 0.217 | 1 | 39.82 | 1 | 62.91 |" in text
+    assert (
+        "| example 1 | 2,000 | 0 | 0 | 1 | 0.217 (0) | 1 | 39.82 (100) | 35.6 (4.46 … 66.7) | 62.91 (50) |"
+        in text
+    )
     assert "saw-tooth ±1" in text
+
+
+def test_changes_with_the_length_are_those_of_each_seed() -> None:
+    result = {
+        4000: make_outcome([False, False, True], state=[1.0, 2.0, np.nan], order=[5.0, np.inf, 1.0]),
+        2000: make_outcome([False] * 3, state=[1.5, 1.0, 1.0], order=[6.0, np.inf, 1.0]),
+    }
+    rows = paper_tables.example_rows(4, 2, short(2), result, Options())
+    assert "change" not in rows[0]
+    change = rows[1]["change"]
+    assert change["state"]["median"] == pytest.approx(-0.25)
+    assert change["state"]["paper"] == pytest.approx(0.4831 - 0.4711)
+    assert change["state"]["percentile"] == 50
+    assert change["order"]["median"] == 1
+    assert change["order"]["paper"] == pytest.approx(27.1)
+    text = paper_tables.markdown("4", rows)
+    assert "|  | 4,000 to 2,000 |  |  | -0.25 (-0.925 … +0.425) | +0.012 (50) |" in text
+
+
+def test_percentiles_of_0_and_100_stand_for_none_and_all() -> None:
+    texts = [paper_tables.percent_text(share) for share in (0.0, 1e-4, 0.3, 41.88, 99.96, 100.0)]
+    assert texts == ["0", "0.01", "0.3", "41.9", "99.9", "100"]

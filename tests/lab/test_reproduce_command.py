@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fltea.lab import bench as bench_estimator
-from fltea.lab.reproduce import timing
+from fltea.lab.reproduce import open_choices, timing
 from fltea.lab.reproduce.scenarios import example
 from host_support import fltea_here
 
@@ -45,17 +45,24 @@ def test_json_is_one_object_of_the_documented_form(fltea: Call, tmp_path: Path) 
     assert code == 0
     assert out.count("\n") == 1
     result = json.loads(out)
-    assert list(result) == ["tables"]
+    assert list(result) == ["tables", "exchange"]
+    assert result["exchange"]["inference"] == "too few seeds"
     assert list(result["tables"]) == ["2", "3", "5"]
     assert [row["L"] for row in result["tables"]["2"]] == [4000, 3000, 2500, 2000]
-    assert [row["L"] for row in result["tables"]["3"]] == [4000, 2000]
+    assert [(row["example"], row["L"]) for row in result["tables"]["3"]] == [
+        (2, 4000),
+        (2, 2000),
+        (3, 4000),
+        (3, 2000),
+    ]
     assert [row["axis"] for row in result["tables"]["5"]] == ["x", "y", "z"]
     for rows in result["tables"].values():
         for row in rows:
             assert row["seeds"] == 3
-            assert 0 <= row["diverged"] <= 3
+            assert 0 <= row["not_finite"] + row["far_off"] <= 3
             for name in ("state", "parameter", "order"):
-                assert list(row[name]) == ["median", "p05", "p95", "paper"]
+                assert list(row[name]) == ["median", "p05", "p95", "paper", "percentile"]
+                assert 0 <= row[name]["percentile"] <= 100
                 assert row[name]["p05"] <= row[name]["median"] <= row[name]["p95"]
             assert (row["variant"], row["guard"]) == ("triple", "off")
     assert all(n is None or np.isfinite(n) for n in numbers(result))
@@ -68,8 +75,10 @@ def test_a_table_for_people_says_what_went_in(fltea: Call) -> None:
     assert code == 0
     assert "Table 3" in out
     assert "saw-tooth ±0.5, 1 Hz" in out
-    assert "variant triple, guard faithful" in out
+    assert "Variant triple, guard faithful" in out
     assert "1663" in out
+    assert "example 3, exchanged" in out
+    assert "Are tables 3 and 4 exchanged in print? Too few seeds to tell" in out
 
 
 def test_the_same_seeds_give_the_same_tables(fltea: Call) -> None:
@@ -83,6 +92,18 @@ def test_table_1_times_engine_and_reference(fltea: Call, monkeypatch: pytest.Mon
     assert [row["paper_s"] for row in rows] == [230.75, 218.76, 195.30, 183.55]
     for row in rows:
         assert all(row[key] > 0 for key in ("direct_s", "compressed_s", "reference_s"))
+
+
+def test_readings_are_told_as_json_and_for_people(fltea: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    compare = open_choices.compare
+    monkeypatch.setattr(
+        open_choices, "compare", lambda seeds, told: compare(seeds, told, open_choices.CHOICES[:2], 60)
+    )
+    code, out, _ = fltea("reproduce", "--readings", "--seeds", "2", "--json")
+    assert code == 0
+    rows = json.loads(out)["readings"]
+    assert [row["seeds"] for row in rows] == [2, 2]
+    assert "| saw-tooth ±1.2 | 0 + 0: " in fltea("reproduce", "--readings", "--seeds", "2")[1]
 
 
 @pytest.mark.slow
@@ -114,8 +135,10 @@ def test_a_folder_gets_a_line_a_seed(fltea: Call, tmp_path: Path) -> None:
     assert (tmp_path / "all/tables.md").read_text() == out
     with (tmp_path / "all/table-04.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [(row["L"], row["seed"]) for row in rows] == [(L, s) for L in ("4000", "2000") for s in "012"]
-    assert {row["diverged"] for row in rows} <= {"True", "False"}
+    assert [(row["run"], row["L"], row["seed"]) for row in rows] == [
+        (example, L, s) for example in "32" for L in ("4000", "2000") for s in "012"
+    ]
+    assert {row["not_finite"] for row in rows} | {row["far_off"] for row in rows} <= {"True", "False"}
     with (tmp_path / "all/section-6.2.csv").open() as file:
         assert {row["run"] for row in csv.DictReader(file)} == {"white", "fractional"}
 
@@ -135,7 +158,7 @@ def test_a_recording_is_used_and_named(fltea: Call, tmp_path: Path) -> None:
 def test_real_recordings_run(fltea: Call, recordings: Path) -> None:
     file = recordings / "mpu6050_tomisuarez_100s.npz"
     rows = json.loads(fltea("reproduce", "-t", "5", "--recording", str(file), "--json")[1])["tables"]["5"]
-    assert [row["diverged"] for row in rows] == [0, 0, 0]
+    assert [(row["not_finite"], row["far_off"]) for row in rows] == [(0, 0)] * 3
 
 
 @pytest.mark.parametrize(
@@ -155,6 +178,9 @@ def test_real_recordings_run(fltea: Call, recordings: Path) -> None:
         (["--table", "2", "--seeds", "0"], "seeds"),
         (["--table", "2", "--guard", "some"], "guard"),
         (["--variant", "quadruple"], "variant"),
+        (["--readings", "--table", "3"], "own cases"),
+        (["--readings", "--amplitude", "2"], "own cases"),
+        (["--readings", "--score"], "own cases"),
     ],
 )
 def test_bad_requests_end_with_2_and_the_reason(fltea: Call, arguments: list[str], reason: str) -> None:

@@ -39,9 +39,9 @@ def median_seed(scenario: Scenario, results: Mapping[int, Outcome]) -> tuple[int
     outcome = next(iter(results.values()))
     if scenario.single:
         return 0, "the one run there is"
-    good = np.flatnonzero(~outcome.diverged)
+    good = np.flatnonzero(~outcome.not_finite)
     if not len(good):
-        return 0, f"all {len(outcome.order):,} diverged"
+        return 0, f"not one of {len(outcome.order):,} is finite"
     rank = outcome.order if scenario.alpha is not None else outcome.settled_order
     middle = good[np.argsort(rank[good], kind="stable")[len(good) // 2]]
     what = "error of the order" if scenario.alpha is not None else "order"

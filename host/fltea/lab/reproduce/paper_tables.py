@@ -1,7 +1,8 @@
 """Tables 1–5 and section 6.2 as rows for JSON and as Markdown, beside the numbers of the paper.
 
-Every number is a median over the seeds that have not diverged (`runs` says what that means), with the range
-in which 5 to 95 % of them lie.
+Every number is a median over the seeds whose runs are finite, with the range in which 5 to 95 % of them lie.
+A printed number has its percentile: the share of these seeds, in per cent, whose number is smaller. Tables 3
+and 4 are held against examples 2 and 3 both, since they are most likely exchanged in print (`exchange`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,6 +19,8 @@ from fltea.records.arrays import Array
 Row = dict[str, Any]
 
 PAPER = {2: paper.TABLE_2, 3: paper.TABLE_3, 4: paper.TABLE_4}
+EXAMPLES = {2: (1,), 3: (2, 3), 4: (3, 2)}
+"""Table to the examples that its numbers are held against: the one that the paper names comes first."""
 
 
 def spread(values: Array, printed: float | None = None) -> Row:
@@ -27,27 +30,68 @@ def spread(values: Array, printed: float | None = None) -> Row:
         with np.errstate(all="ignore"):
             quantiles = np.percentile(values, [50, 5, 95])
         numbers = [float(q) if np.isfinite(q) else None for q in quantiles]
-    return {**dict(zip(("median", "p05", "p95"), numbers, strict=True)), "paper": printed}
+    row: Row = dict(zip(("median", "p05", "p95"), numbers, strict=True))
+    return row | {"paper": printed, "percentile": percentile(values, printed)}
+
+
+def percentile(values: Array, printed: float | None) -> float | None:
+    """Share of `values` in per cent that are below `printed`, ties by half; None if either is missing."""
+    if printed is None or not len(values):
+        return None
+    return float(100 * (np.mean(values < printed) + np.mean(values == printed) / 2))
 
 
 def outcome_row(outcome: Outcome, printed: paper.Errors | None) -> Row:
-    """Seeds, divergences and the spread of the three errors."""
-    good = ~outcome.diverged
-    row: Row = {"seeds": len(good), "diverged": int(outcome.diverged.sum())}
+    """Seeds, how many were lost, and the spread of the three errors over those that are finite."""
+    good = ~outcome.not_finite
+    row: Row = {
+        "seeds": len(good),
+        "not_finite": int(outcome.not_finite.sum()),
+        "far_off": int(outcome.far_off.sum()),
+    }
     for name in paper.QUANTITIES:
         values = getattr(outcome, name)[good]
         row[name] = spread(values, None if printed is None else getattr(printed, name))
     return row
 
 
+def changes(results: Mapping[int, Outcome], L: int) -> dict[str, tuple[Array, Array]]:
+    """Each error's change from the longest length to `L`, and the error that it starts from, seed by seed.
+
+    Seeds for which either error is not finite are left out.
+    """
+    first, short = next(iter(results.values())), results[L]
+    found = {}
+    for name in paper.QUANTITIES:
+        before, after = getattr(first, name), getattr(short, name)
+        finite = np.isfinite(before) & np.isfinite(after) & ~first.not_finite & ~short.not_finite
+        found[name] = (after[finite] - before[finite], before[finite])
+    return found
+
+
+def printed_change(table: int, L: int, name: str) -> float:
+    """Return what the paper's table prints at `L` minus what it prints at L = 4,000."""
+    printed = PAPER[table]
+    return float(getattr(printed[L], name) - getattr(printed[paper.SAMPLES], name))
+
+
 def example_rows(
-    table: int, scenario: Scenario, results: Mapping[int, Outcome], options: Options
+    table: int, example: int, scenario: Scenario, results: Mapping[int, Outcome], options: Options
 ) -> list[Row]:
-    """Tables 2, 3, 4: a row for each length."""
-    return [
-        {"L": L, **outcome_row(outcome, PAPER[table][L]), **labels(scenario, options)}
-        for L, outcome in results.items()
-    ]
+    """Tables 2, 3, 4 against one example: a row for each length.
+
+    Rows of the shorter lengths have `change`, the errors' changes from the longest length.
+    """
+    rows = []
+    for L, outcome in results.items():
+        row: Row = {"example": example, "L": L, **outcome_row(outcome, PAPER[table][L])}
+        if scenario.lengths[0] != L:
+            row["change"] = {
+                name: spread(difference, printed_change(table, L, name))
+                for name, (difference, _) in changes(results, L).items()
+            }
+        rows.append(row | labels(scenario, options))
+    return rows
 
 
 def gyroscope_rows(
@@ -78,7 +122,7 @@ def time_rows(times: Mapping[int, Times]) -> list[Row]:
 
 def settled(outcome: Outcome, printed: tuple[float | None, float | None] = (None, None)) -> Row:
     """Means of order and parameter over the last third of each run."""
-    good = ~outcome.diverged
+    good = ~outcome.not_finite
     return {
         "settled_order": spread(outcome.settled_order[good], printed[0]),
         "settled_parameter": spread(outcome.settled_parameter[good], printed[1]),
@@ -90,9 +134,9 @@ def labels(scenario: Scenario, options: Options) -> Row:
     return {"data": scenario.source, "R": scenario.R, "variant": options.variant, "guard": options.guard}
 
 
-def document(rows: Mapping[str, Sequence[Row]]) -> str:
-    """All tables as Markdown."""
-    return "\n\n".join(markdown(table, rows[table]) for table in rows) + "\n"
+def document(rows: Mapping[str, Sequence[Row]], remarks: Sequence[str] = ()) -> str:
+    """All tables as Markdown, with remarks below them."""
+    return "\n\n".join([*(markdown(table, rows[table]) for table in rows), *remarks]) + "\n"
 
 
 def markdown(table: str, rows: Sequence[Row]) -> str:
@@ -100,14 +144,26 @@ def markdown(table: str, rows: Sequence[Row]) -> str:
     heads, body = _LAYOUT.get(table, _beside_paper)(rows)
     lines = [f"**{_CAPTIONS[table]}**", ""]
     if table != "1":
-        first = rows[0]
-        data = "; ".join(dict.fromkeys(row["data"] for row in rows))
-        how = f"variant {first['variant']}, guard {first['guard']}"
-        many = f"{first['seeds']:,} seeds, {how}; median (5–95 %) of those that did not diverge"
-        lines[1:1] = [f"{data}. {many if first['seeds'] > 1 else how}."]
+        lines[1:1] = [_how(rows)]
     lines += ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
     lines += ["| " + " | ".join(cells) + " |" for cells in body]
     return "\n".join(lines)
+
+
+def _how(rows: Sequence[Row]) -> str:
+    """What went in, and how the numbers below are to be read."""
+    first = rows[0]
+    named = [f"Example {row['example']}: {row['data']}" if "example" in row else row["data"] for row in rows]
+    how = f"{'; '.join(dict.fromkeys(named))}. Variant {first['variant']}, guard {first['guard']}"
+    if first["seeds"] == 1:
+        return f"{how}."
+    how += f", {first['seeds']:,} seeds; median (5–95 %) of those that are finite."
+    if "example" not in first:
+        return how
+    return (
+        f"{how} In brackets behind the paper's number: its percentile, the per cent of these seeds with a "
+        f"smaller number (standard error up to {50 / first['seeds'] ** 0.5:.2g})."
+    )
 
 
 _CAPTIONS = {
@@ -126,18 +182,49 @@ def _times(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
     return heads, [[f"{row['L']:,}", *(f"{row[key]:.4g}" for key in keys)] for row in rows]
 
 
+def _examples(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
+    """Tables 2 to 4: for each example its lengths, and the change from the longest to the shortest."""
+    heads = ["seeds of", "L", "not finite", "far off"]
+    for name in paper.QUANTITIES:
+        heads += [name, "paper (percentile)"]
+    body = []
+    for row in rows:
+        exchanged = row["example"] != rows[0]["example"]
+        label = f"example {row['example']}" + (", exchanged" if exchanged else "")
+        cells = [label, f"{row['L']:,}", f"{row['not_finite']:,}", f"{row['far_off']:,}"]
+        for name in paper.QUANTITIES:
+            cells += [_cell(row[name]), _printed(row[name])]
+        body.append(cells)
+        if row["L"] == rows[-1]["L"]:
+            cells = ["", f"{paper.SAMPLES:,} to {row['L']:,}", "", ""]
+            for name in paper.QUANTITIES:
+                change = row["change"][name]
+                cells += [_cell(change, "+"), _printed(change, "+")]
+            body.append(cells)
+    return heads, body
+
+
+def _printed(value: Row, sign: str = "") -> str:
+    """The paper's number, and behind it in brackets its percentile among the seeds."""
+    place = "–" if value["percentile"] is None else percent_text(value["percentile"])
+    return f"{value['paper']:{sign}.4g} ({place})"
+
+
+def percent_text(share: float) -> str:
+    """Return a percentile in three digits, where 0 and 100 stand for none and all."""
+    return f"{share:.3g}" if share in {0.0, 100.0} else f"{np.clip(share, 0.01, 99.9):.3g}"
+
+
 def _beside_paper(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
-    """A column for each error, and where a gyroscope settles, with the paper's number beside it."""
-    first = "axis" if "axis" in rows[0] else "L"
+    """Table 5: a column for each error, and where an axis settles, with the paper's number beside it."""
     columns = {name: name for name in paper.QUANTITIES}
-    if first == "axis":
-        columns |= {"settled_order": "order settles at", "settled_parameter": "parameter settles at"}
-    heads = [first, "diverged"]
+    columns |= {"settled_order": "order settles at", "settled_parameter": "parameter settles at"}
+    heads = ["axis", "not finite", "far off"]
     for heading in columns.values():
         heads += [heading, "paper"]
     body = []
     for row in rows:
-        cells = [row[first] if first == "axis" else f"{row[first]:,}", f"{row['diverged']:,}"]
+        cells = [row["axis"], f"{row['not_finite']:,}", f"{row['far_off']:,}"]
         for key in columns:
             cells += [_cell(row[key]), f"{row[key]['paper']:.4g}"]
         body.append(cells)
@@ -145,21 +232,22 @@ def _beside_paper(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
 
 
 def _unknown(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
-    heads = ["input", "L", "diverged", "state SSE", "order settles at", "parameter settles at"]
+    heads = ["input", "L", "not finite", "far off", "state SSE", "order settles at", "parameter settles at"]
     body = [
-        [row["data"].split(",")[0], f"{row['L']:,}", f"{row['diverged']:,}"]
+        [row["data"].split(",")[0], f"{row['L']:,}", f"{row['not_finite']:,}", f"{row['far_off']:,}"]
         + [_cell(row[key]) for key in ("state", "settled_order", "settled_parameter")]
         for row in rows
     ]
     return heads, body
 
 
-def _cell(value: Row) -> str:
+def _cell(value: Row, sign: str = "") -> str:
     if value["median"] is None:
         return "–"
     if value["p05"] == value["p95"]:
-        return f"{value['median']:.4g}"
-    return f"{value['median']:.4g} ({value['p05']:.3g} … {value['p95']:.3g})"
+        return f"{value['median']:{sign}.4g}"
+    low, high = ("–" if value[key] is None else f"{value[key]:{sign}.3g}" for key in ("p05", "p95"))
+    return f"{value['median']:{sign}.{3 if sign else 4}g} ({low} … {high})"
 
 
-_LAYOUT = {"1": _times, "6.2": _unknown}
+_LAYOUT = {"1": _times, "2": _examples, "3": _examples, "4": _examples, "6.2": _unknown}

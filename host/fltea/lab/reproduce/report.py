@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from fltea.estimator.engine import Estimates
-from fltea.lab.reproduce import figures, gyroscope, paper, paper_tables, timing
+from fltea.lab.reproduce import exchange, figures, gyroscope, paper, paper_tables, timing
 from fltea.lab.reproduce.paper_tables import Row
 from fltea.lab.reproduce.request import Request
 from fltea.lab.reproduce.runs import Outcome, estimate, outcomes
@@ -51,10 +51,21 @@ class Report:
         if rows and self.request.folder is not None:
             self.files.append(self.request.folder / "tables.md")
             with whole_file(self.files[-1]) as file:
-                file.write(paper_tables.document(rows).encode())
+                file.write(self.document(rows).encode())
         for figure in self._figures():
             self._figure(figure)
         return rows
+
+    def exchange(self) -> Row | None:
+        """Return the evidence that tables 3 and 4 are exchanged, once either of them has been made."""
+        if not {"3", "4"} & set(self.request.tables):
+            return None
+        return exchange.evidence({example: self._outcomes(str(example)) for example in (2, 3)})
+
+    def document(self, rows: Mapping[str, list[Row]]) -> str:
+        """The rows that `run` returned as Markdown, with what is inferred of tables 3 and 4."""
+        found = self.exchange()
+        return paper_tables.document(rows, [] if found is None else [exchange.text(found)])
 
     def _choose_scenarios(self) -> dict[str, Scenario]:
         """Scenarios by name, in the paper's order, of all that is asked for."""
@@ -110,7 +121,7 @@ class Report:
             elif table == "5":
                 rows += paper_tables.gyroscope_rows(name, scenario, results, request.options)
             else:
-                rows += paper_tables.example_rows(int(table), scenario, results, request.options)
+                rows += paper_tables.example_rows(int(table), int(name), scenario, results, request.options)
             if request.folder is not None:
                 self._write_seeds(request.folder / f"{_file_name('table', table)}.csv", name, results)
         return rows
@@ -162,7 +173,8 @@ class Report:
 
 def _of_table(table: str) -> tuple[str, ...]:
     """Names of the scenarios of a table."""
-    named = {"2": ("1",), "3": ("2",), "4": ("3",), "5": tuple(paper.GYRO_R), "6.2": tuple(UNKNOWN)}
+    named = {"5": tuple(paper.GYRO_R), "6.2": tuple(UNKNOWN)}
+    named |= {str(n): tuple(map(str, examples)) for n, examples in paper_tables.EXAMPLES.items()}
     return named.get(table, ())
 
 

@@ -1,15 +1,17 @@
-"""The engine over every seed and every length L of a scenario: squared errors, and which runs diverged.
+"""The engine over every seed and every length L of a scenario: squared errors, and which runs were lost.
 
-A run has diverged if an estimate is not finite, if |α̂| > 10 at any sample, or if the state is ever further
-than 10 sqrt(R) from the truth (from the measurement, where there is no truth). Where lengths are compared
-with each other, a seed counts if either run has diverged.
+A run is not finite if any estimate is infinite or NaN: it has no squared error, so no statistic holds it. A
+run is far off if it is finite, but |α̂| > 10 at any sample, or the state is ever further than 10 sqrt(R) from
+the truth (from the measurement, where there is no truth): such runs are counted, and every statistic holds
+them, for the paper's own run may be one. Where lengths are compared with each other, both runs of a seed have
+to be finite, and the seed is far off if either run is.
 """
 
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import msgspec
 import numpy as np
@@ -43,11 +45,30 @@ class Outcome(NamedTuple):
     parameter: Array
     """likewise, s^-2α"""
     order: Array
-    diverged: NDArray[np.bool_]
+    not_finite: NDArray[np.bool_]
+    """an estimate is infinite or NaN, so that the run has no errors"""
+    far_off: NDArray[np.bool_]
+    """the run is finite, but an order or the state is beyond the limits above"""
     settled_order: Array
     """mean of α̂ over the last third"""
     settled_parameter: Array
     """mean of f̂ over the last third, s^-α"""
+
+
+class Curves(Protocol):
+    """Estimates of several runs, each array (n, runs): an engine's, or those of another implementation."""
+
+    @property
+    def x(self) -> Array:
+        """The posterior state."""
+
+    @property
+    def f(self) -> Array:
+        """The parameter in s^-α."""
+
+    @property
+    def alpha(self) -> Array:
+        """The order."""
 
 
 def estimate(scenario: Scenario, data: Data, length: int, options: Options) -> Estimates:
@@ -67,19 +88,29 @@ def lane_settings(filters: LaneSettings, length: int, options: Options) -> LaneS
     return replace(filters, config=config)
 
 
+Run = Callable[[Scenario, Data, int, Options], Curves]
+"""Estimates every run of some data with a length L, as `estimate` does."""
+
+
 def outcomes(
-    scenario: Scenario, seeds: Sequence[int], options: Options, advance: Callable[[int], None]
+    scenario: Scenario,
+    seeds: Sequence[int],
+    options: Options,
+    advance: Callable[[int], None],
+    run: Run = estimate,
+    width: int = WIDTH,
 ) -> dict[int, Outcome]:
     """Length L to the outcome over `seeds`; `advance` is told the number of runs just done.
 
-    Without a truth the first length is what the others are compared with, and has no entry of its own.
+    Without a truth the first length is what the others are compared with, and has no entry of its own. `run`
+    makes the estimates of `width` seeds at once.
     """
     seeds = seeds[:1] if scenario.single else seeds
-    groups = [seeds[i : i + WIDTH] for i in range(0, len(seeds), WIDTH)]
+    groups = [seeds[i : i + width] for i in range(0, len(seeds), width)]
     parts: dict[int, dict[int, Outcome]] = {}
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         # The engine lets go of the interpreter, so threads run side by side; results do not depend on them.
-        tasks = {pool.submit(_group, scenario, group, options): i for i, group in enumerate(groups)}
+        tasks = {pool.submit(_group, scenario, group, options, run): i for i, group in enumerate(groups)}
         try:
             pending = set(tasks)
             while pending:
@@ -94,49 +125,79 @@ def outcomes(
     return {L: Outcome(*map(np.concatenate, zip(*(p[L] for p in ordered), strict=True))) for L in ordered[0]}
 
 
-def _group(scenario: Scenario, seeds: Sequence[int], options: Options) -> dict[int, Outcome]:
+def _group(scenario: Scenario, seeds: Sequence[int], options: Options, run: Run) -> dict[int, Outcome]:
     data = scenario.make(seeds)
-    return dict(_compare(scenario, data, options))
+    return dict(_compare(scenario, data, options, run))
 
 
-def _compare(scenario: Scenario, data: Data, options: Options) -> Iterator[tuple[int, Outcome]]:
-    sigma = scenario.R**0.5
-    first: Estimates | None = None
-    first_diverged = np.zeros(data.y.shape[1], dtype=bool)
+def _compare(scenario: Scenario, data: Data, options: Options, run: Run) -> Iterator[tuple[int, Outcome]]:
+    first: Curves | None = None
     for length in scenario.lengths:
-        got = estimate(scenario, data, length, options)
-        diverged = has_diverged(got, data.y if data.x is None else data.x, sigma)
-        if scenario.alpha is not None and scenario.f is not None and data.x is not None:
-            x, f, alpha = data.x, np.asarray(scenario.f), scenario.alpha[:, np.newaxis]
+        got = run(scenario, data, length, options)
+        if scenario.alpha is not None:
+            yield length, against_truth(scenario, data, got)
         elif first is None:
-            first, first_diverged = got, diverged
-            continue
+            first = got
         else:
-            x, f, alpha = first.x, first.f, first.alpha
-            diverged |= first_diverged
-        third = slice(-(len(got.x) // 3), None)
-        with np.errstate(all="ignore"):  # runs that have diverged overflow
-            outcome = Outcome(
-                state=_sse(got.x - x),
-                parameter=_sse(got.f - f),
-                order=_sse(got.alpha - alpha),
-                diverged=diverged,
-                settled_order=got.alpha[third].mean(axis=0),
-                settled_parameter=got.f[third].mean(axis=0),
-            )
-        yield length, outcome
+            yield length, _against(scenario, data, got, first)
+
+
+def against_truth(scenario: Scenario, data: Data, got: Curves) -> Outcome:
+    """Squared errors of runs against the state, parameter and orders that the data were made with.
+
+    Raises:
+        ValueError: a scenario without a truth.
+    """
+    if data.x is None or scenario.f is None or scenario.alpha is None:
+        raise ValueError(f"{scenario.title}: the true state, parameter and order are not known")
+    lost = not_finite(got)
+    return _outcome(
+        got,
+        (data.x, np.asarray(scenario.f), scenario.alpha[:, np.newaxis]),
+        lost,
+        far_off(got, data.x, scenario.R**0.5) & ~lost,
+    )
+
+
+def _against(scenario: Scenario, data: Data, got: Curves, first: Curves) -> Outcome:
+    """Squared differences between the runs of two lengths."""
+    lost = not_finite(got) | not_finite(first)
+    far = [far_off(one, data.y, scenario.R**0.5) for one in (got, first)]
+    return _outcome(got, (first.x, first.f, first.alpha), lost, (far[0] | far[1]) & ~lost)
+
+
+def _outcome(
+    got: Curves, truth: tuple[Array, Array, Array], lost: NDArray[np.bool_], far: NDArray[np.bool_]
+) -> Outcome:
+    third = slice(-(len(got.x) // 3), None)
+    x, f, alpha = truth
+    with np.errstate(all="ignore"):  # runs that are not finite overflow
+        return Outcome(
+            state=_sse(got.x - x),
+            parameter=_sse(got.f - f),
+            order=_sse(got.alpha - alpha),
+            not_finite=lost,
+            far_off=far,
+            settled_order=got.alpha[third].mean(axis=0),
+            settled_parameter=got.f[third].mean(axis=0),
+        )
 
 
 def _sse(errors: Array) -> Array:
     return np.asarray(np.sum(errors * errors, axis=0))
 
 
-def has_diverged(got: Estimates, state: Array, sigma: float) -> NDArray[np.bool_]:
-    """Tell of each run (runs,) whether it has diverged, by the rule at the head of this file.
+def not_finite(got: Curves) -> NDArray[np.bool_]:
+    """Tell of each run (runs,) whether any estimate of state, parameter or order is infinite or NaN."""
+    finite = np.isfinite(got.alpha) & np.isfinite(got.f) & np.isfinite(got.x)
+    return np.asarray(~finite.all(axis=0))
 
-    state: (n, runs), what x̂ is measured against. sigma: sqrt(R).
+
+def far_off(got: Curves, state: Array, sigma: float) -> NDArray[np.bool_]:
+    """Tell of each run (runs,) whether an order or the state is ever beyond its limit.
+
+    state: (n, runs), what x̂ is measured against. sigma: sqrt(R). Runs that are not finite count, too.
     """
     with np.errstate(all="ignore"):
-        sane = np.isfinite(got.alpha) & np.isfinite(got.f) & np.isfinite(got.x)
-        sane &= (np.abs(got.alpha) <= ORDER_LIMIT) & (np.abs(got.x - state) <= STATE_LIMIT * sigma)
-    return np.asarray(~sane.all(axis=0))
+        near = (np.abs(got.alpha) <= ORDER_LIMIT) & (np.abs(got.x - state) <= STATE_LIMIT * sigma)
+    return np.asarray(~near.all(axis=0))

@@ -112,10 +112,13 @@ class Scenario:
     """there is one run only, whatever the seeds"""
 
 
-def example(number: int, sawtooth: SawTooth, samples: int = paper.SAMPLES) -> Scenario:
-    """Example 1, 2 or 3 of section 6.1."""
+def example(
+    number: int, sawtooth: SawTooth, samples: int = paper.SAMPLES, *, omega_outside: bool = False
+) -> Scenario:
+    """Example 1, 2 or 3 of section 6.1; `omega_outside` adds the process noise to the state after h^α."""
     k = np.arange(1, samples + 1, dtype=np.float64)
     alpha = np.full(samples, 0.6) if number == 1 else 0.2 + 0.1 * k * paper.H
+    gain = (paper.H**alpha)[:, np.newaxis]
     lengths = {1: tuple(paper.TABLE_2), 2: tuple(paper.TABLE_3), 3: tuple(paper.TABLE_4)}[number]
 
     def make(seeds: Sequence[int]) -> Data:
@@ -127,7 +130,8 @@ def example(number: int, sawtooth: SawTooth, samples: int = paper.SAMPLES) -> Sc
             )
         else:
             u = np.repeat(sawtooth.samples(samples, paper.H)[:, np.newaxis], len(seeds), axis=1)
-        x = fractional_states(alpha, paper.PARAMETER, u + omega, paper.H)
+        drive = u + omega / gain if omega_outside else u + omega
+        x = fractional_states(alpha, paper.PARAMETER, drive, paper.H)
         return Data(x + v, u, x)
 
     return Scenario(

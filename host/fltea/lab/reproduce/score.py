@@ -1,8 +1,8 @@
-"""The guards' score: does any input make the estimates diverge, and what does the guard cost where none does?
+"""The guards' score: does any input make the estimates run away, and what do guards cost where none does?
 
 Driven cases are examples 1–3 with other inputs; resting ones are the gyroscope of section 7 on white noise
-with a wrong R, unremoved offsets, and inputs that are no noise at all. A run has diverged by the rule of
-`runs`; at rest the state is held against the measurement.
+with a wrong R, unremoved offsets, and inputs that are no noise at all. `runs` says which runs are not finite
+and which are far off; at rest the state is held against the measurement.
 """
 
 import math
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fltea.estimator.engine import Engine
 from fltea.lab.reproduce import paper
-from fltea.lab.reproduce.runs import Options, Outcome, has_diverged, lane_settings, outcomes
+from fltea.lab.reproduce.runs import Options, Outcome, far_off, lane_settings, not_finite, outcomes
 from fltea.lab.reproduce.scenarios import GYROSCOPE_FILTERS, SawTooth, Scenario, example
 from fltea.lab.reproduce.simulate import WIDTH
 from fltea.records.arrays import Array
@@ -78,9 +78,10 @@ def steps(seeds: int) -> int:
 def score(seeds: int, options: Options, advance: Callable[[str, int], None]) -> list[dict[str, Any]]:
     """One row a case and guard; `options.guard` is left aside.
 
-    `state`, `parameter`, `order`: medians of the squared errors over the seeds that did not diverge;
-    `kept`: the same over the seeds on which the printed algorithm (guard off) did not. At rest `alpha` and
-    `f`: medians of the last estimates.
+    `not_finite`, `far_off`: number of such runs. `state`, `parameter`, `order`: medians of the squared errors
+    over the runs that are finite; `kept`: the same over the seeds for which the printed algorithm (guard off)
+    is neither. At rest `alpha` and `f`: medians of the last estimates of finite runs. A median that
+    overflows is None.
     """
     rows = []
     for simulated in driven():
@@ -96,9 +97,10 @@ def score(seeds: int, options: Options, advance: Callable[[str, int], None]) -> 
                     "case": name,
                     "guard": guard,
                     "seeds": seeds,
-                    "diverged": int(outcome.diverged.sum()),
-                    **_medians(outcome, ~outcome.diverged),
-                    "kept": _medians(outcome, ~printed.diverged & ~outcome.diverged),
+                    "not_finite": int(outcome.not_finite.sum()),
+                    "far_off": int(outcome.far_off.sum()),
+                    **_medians(outcome, ~outcome.not_finite),
+                    "kept": _medians(outcome, ~printed.not_finite & ~printed.far_off),
                 }
             )
     for rest in RESTING:
@@ -118,28 +120,31 @@ def _at_rest(case: Resting, seeds: Sequence[int], options: Options) -> dict[str,
     R = V * case.R_over_V
     filters = replace(GYROSCOPE_FILTERS, R=R)
     settings = lane_settings(filters, n, options)
-    diverged, alpha, f = [], [], []
+    lost, far, alpha, f = [], [], [], []
     for first in range(0, len(seeds), WIDTH):
         group = seeds[first : first + WIDTH]
         noise = [np.random.default_rng((seed, 7)).normal(0, math.sqrt(V), n) for seed in group]
         y = case.turn(np.column_stack(noise))
         got = Engine(len(group), settings).run(y)
-        diverged.append(has_diverged(got, y, math.sqrt(R)))
+        lost.append(not_finite(got))
+        far.append(far_off(got, y, math.sqrt(R)))
         alpha.append(got.alpha[-1])
         f.append(got.f[-1])
-    kept = ~np.concatenate(diverged)
+    kept = ~np.concatenate(lost)
     return {
         "case": case.name,
         "guard": options.guard,
         "seeds": len(seeds),
-        "diverged": int((~kept).sum()),
+        "not_finite": int((~kept).sum()),
+        "far_off": int((np.concatenate(far) & kept).sum()),
         "alpha": _median(np.concatenate(alpha)[kept]),
         "f": _median(np.concatenate(f)[kept]),
     }
 
 
 def _median(values: Array) -> float | None:
-    return float(np.median(values)) if len(values) else None
+    median = float(np.median(values)) if len(values) else math.nan
+    return median if math.isfinite(median) else None
 
 
 def document(rows: Sequence[dict[str, Any]]) -> str:
@@ -152,12 +157,12 @@ def document(rows: Sequence[dict[str, Any]]) -> str:
         [_line(case, by) for case, by in cases.items() if key in by["off"]] for key in ("state", "alpha")
     )
     lines = [
-        "Diverged runs: medians of the squared errors state / parameter / order (in brackets: over the seeds "
-        "on which the printed algorithm converged).",
+        "Runs that are not finite + far off: medians of the squared errors state / parameter / order of the "
+        "finite ones (in brackets: over the seeds for which the printed algorithm is neither).",
         *head,
         *driven_lines,
         "",
-        "At rest, diverged runs: median of the last α / f.",
+        "At rest, runs that are not finite + far off: median of the last α / f of the finite ones.",
         *head,
         *resting_lines,
     ]
@@ -166,14 +171,16 @@ def document(rows: Sequence[dict[str, Any]]) -> str:
 
 def _line(case: str, by_guard: dict[str, dict[str, Any]]) -> str:
     cells = []
+    some_lost = by_guard["off"]["not_finite"] + by_guard["off"]["far_off"] > 0
     for guard in GUARDS:
         row = by_guard[guard]
+        lost = f"{row['not_finite']} + {row['far_off']}"
         if "alpha" in row:
-            cells.append(f"{row['diverged']}: {_numbers(row, ('alpha', 'f'))}")
+            cells.append(f"{lost}: {_numbers(row, ('alpha', 'f'))}")
             continue
         names = ("state", "parameter", "order")
-        kept = "" if guard == "off" or row["kept"]["state"] is None else f" ({_numbers(row['kept'], names)})"
-        cells.append(f"{row['diverged']}: {_numbers(row, names)}{kept}")
+        kept = f" ({_numbers(row['kept'], names)})" if some_lost and row["kept"]["state"] is not None else ""
+        cells.append(f"{lost}: {_numbers(row, names)}{kept}")
     return f"| {case} | {' | '.join(cells)} |"
 
 

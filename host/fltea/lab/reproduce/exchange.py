@@ -1,0 +1,185 @@
+"""Whether tables 3 and 4 of the paper are exchanged in print: the evidence, and the inference drawn from it.
+
+The paper says that table 3 belongs to example 2 (saw-tooth) and table 4 to example 3 (Gaussian input). Eight
+printed numbers are held against the seeds of both: the errors of state and parameter of either table at
+L = 4,000, and their changes to L = 2,000. The order column is left out here, since it fits neither example.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.lab.reproduce import paper
+from fltea.lab.reproduce.paper_tables import PAPER, Row, changes, percent_text, percentile, printed_change
+from fltea.lab.reproduce.runs import Outcome
+from fltea.records.arrays import Array
+
+AS_PRINTED = {3: 2, 4: 3}
+EXCHANGED = {3: 3, 4: 2}
+"""Table to the example that its numbers would belong to."""
+
+SHORT = 2000
+JUDGED = ("state", "parameter")
+FEWEST_SEEDS = 400
+"""Below it a percentile of 0 or 100 is no evidence: the 95 % limit for the share is 3 in the seeds."""
+TAIL_PERCENT = 0.5
+"""A number is out of place if fewer seeds than these lie beyond it on its side."""
+
+Results = Mapping[int, Mapping[int, Outcome]]
+"""Example to length L to the outcome over the seeds; both lengths of the tables have to be there."""
+
+
+class Place(NamedTuple):
+    """Where one printed number lies among the seeds of one example."""
+
+    table: int
+    example: int
+    what: str
+    """as it stands in the text: "the state's error" or "the change of the state's error" """
+    percentile: float
+
+    @property
+    def tail(self) -> float:
+        """Per cent of the seeds that lie beyond the number on its own side."""
+        return min(self.percentile, 100 - self.percentile)
+
+
+def evidence(results: Results) -> Row:
+    """Return what speaks for and against the exchange, as numbers for JSON.
+
+    `rarest` is the one of the eight numbers that fewest seeds reach. `at_least_4` is the per cent of the
+    seeds of an example whose state error changes, relative to itself, by as much as table 4's or more;
+    `at_most_3` likewise by as little as table 3's or less. `largest_order` is the largest error of the order
+    in any finite seed, None if it overflows.
+    """
+    seeds = min(_finite(by_length) for by_length in results.values())
+    pairings = {"as_printed": _rarest(results, AS_PRINTED), "exchanged": _rarest(results, EXCHANGED)}
+    row: Row = {"seeds": seeds, "inference": _inference(seeds, pairings)}
+    for name, rarest in pairings.items():
+        row[name] = None if rarest is None else {"rarest": rarest._asdict()}
+    size = {table: abs(_relative(table, "state")) for table in (3, 4)}
+    for example, by_length in results.items():
+        difference, before = changes(by_length, SHORT)["state"]
+        order = by_length[paper.SAMPLES].order[~by_length[paper.SAMPLES].not_finite]
+        relative = np.abs(difference) / before
+        row[f"example_{example}"] = {
+            "at_least_4": _share(relative >= size[4]),
+            "at_most_3": _share(relative <= size[3]),
+            "largest_order": _largest(order),
+        }
+    return row
+
+
+def text(found: Row) -> str:
+    """The evidence in words, for a reader who has the paper at hand (Markdown)."""
+    asked = "Are tables 3 and 4 exchanged in print?"
+    heading = {
+        "exchanged": "Tables 3 and 4 are most likely exchanged in print: an inference, "
+        "the paper does not say so",
+        "too few seeds": f"{asked} Too few seeds to tell: {found['seeds']:,} are finite, "
+        f"{FEWEST_SEEDS} are needed",
+        "cannot be told": f"{asked} With these settings the numbers do not tell",
+    }[found["inference"]]
+    lines = [_rarest_text(found), _change_text(found), PAPERS_TEXT, _order_text(found)]
+    return "\n".join([f"**{heading}.**", "", *(f"- {line}" for line in lines if line)])
+
+
+PAPERS_TEXT = (
+    "The paper's own text says of example 3 that there is no difference between the state estimates of both "
+    "lengths, and that a noisy input leads to the same results for both. Printed table 3 does that; printed "
+    "table 4 does not."
+)
+
+
+def _rarest_text(found: Row) -> str:
+    if found["as_printed"] is None or found["exchanged"] is None:
+        return ""
+    return (
+        "Eight numbers are compared: the errors of state and parameter in both tables at L = 4,000, and "
+        "their changes to L = 2,000. As printed (table 3 is of example 2, table 4 of example 3) the rarest "
+        f"is {_place(found['as_printed'])}. Exchanged, it is {_place(found['exchanged'])}."
+    )
+
+
+def _change_text(found: Row) -> str:
+    two, three = found["example_2"], found["example_3"]
+    if two["at_least_4"] is None or three["at_least_4"] is None:
+        return ""
+    much, little = (100 * _relative(table, "state") for table in (4, 3))
+    return (
+        f"With the shorter length table 4's state error changes by {much:+.1f} %. Example 3 changes by as "
+        f"much or more in {percent_text(three['at_least_4'])} % of its seeds, example 2 in "
+        f"{percent_text(two['at_least_4'])} %. Table 3's changes by {little:+.2f} %: example 2 by as little "
+        f"or less in {percent_text(two['at_most_3'])} %, example 3 in {percent_text(three['at_most_3'])} %."
+    )
+
+
+def _order_text(found: Row) -> str:
+    largest = [found[f"example_{example}"]["largest_order"] for example in (2, 3)]
+    printed = [table[paper.SAMPLES].order for table in (paper.TABLE_3, paper.TABLE_4)]
+    if None in largest or max(largest) >= min(printed):
+        return ""
+    return (
+        "The order column fits neither example: the largest error of the order in any seed is "
+        f"{largest[0]:,.4g} (example 2) and {largest[1]:,.4g} (example 3), printed are {printed[0]:,.4g} and "
+        f"{printed[1]:,.4g}. An order estimated as 0 throughout has {zero_order_error():,.3g}. "
+        "`--readings` shows what the choices that the paper leaves open do to it."
+    )
+
+
+def zero_order_error() -> float:
+    """Return the order's squared error in examples 2 and 3 if it were estimated as 0 throughout."""
+    return float(np.sum((0.2 + 0.1 * paper.H * np.arange(1, paper.SAMPLES + 1)) ** 2))
+
+
+def _inference(seeds: int, pairings: Mapping[str, Place | None]) -> str:
+    printed, exchanged = pairings["as_printed"], pairings["exchanged"]
+    if seeds < FEWEST_SEEDS or printed is None or exchanged is None:
+        return "too few seeds"
+    if printed.tail < TAIL_PERCENT <= exchanged.tail:
+        return "exchanged"
+    return "cannot be told"
+
+
+def _rarest(results: Results, pairing: Mapping[int, int]) -> Place | None:
+    places = []
+    for table, example in pairing.items():
+        outcome, moved = results[example][paper.SAMPLES], changes(results[example], SHORT)
+        good = ~outcome.not_finite
+        for name in JUDGED:
+            level = percentile(getattr(outcome, name)[good], getattr(PAPER[table][paper.SAMPLES], name))
+            change = percentile(moved[name][0], printed_change(table, SHORT, name))
+            whats = (f"the {name}'s error", f"the change of the {name}'s error")
+            for what, found in zip(whats, (level, change), strict=True):
+                if found is None:
+                    return None
+                places.append(Place(table, example, what, found))
+    return min(places, key=lambda place: place.tail)
+
+
+def _place(pairing: Row) -> str:
+    rarest = pairing["rarest"]
+    share = rarest["percentile"]
+    where = {0.0: "below all", 100.0: "above all"}.get(share, f"above {percent_text(share)} %")
+    what = f"{rarest['what']} in table {rarest['table']}"
+    return f"{what}, which is {where} of example {rarest['example']}'s seeds"
+
+
+def _finite(by_length: Mapping[int, Outcome]) -> int:
+    return min(int((~outcome.not_finite).sum()) for outcome in by_length.values())
+
+
+def _relative(table: int, name: str) -> float:
+    return printed_change(table, SHORT, name) / float(getattr(PAPER[table][paper.SAMPLES], name))
+
+
+def _largest(values: Array) -> float | None:
+    largest = float(values.max()) if len(values) else math.inf
+    return largest if math.isfinite(largest) else None
+
+
+def _share(hit: NDArray[np.bool_]) -> float | None:
+    return float(100 * np.mean(hit)) if hit.size else None

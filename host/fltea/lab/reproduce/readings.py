@@ -1,0 +1,170 @@
+"""The printed algorithm in other readings, many runs at once: to see what the choices left open do.
+
+The equations are those of `fltea.lab.reference`, for one state and one parameter with the full memory. What a
+`Reading` changes is named in its fields; with the defaults the estimates are the engine's (variant "triple",
+guard "off"). It is plain numpy, a hundred times slower than the engine, which knows one reading only.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from fltea.estimator.lane_settings import LaneSettings
+from fltea.lab.reproduce.scenarios import Data
+from fltea.noise.weights import weights
+from fltea.records.arrays import Array
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One way to read section 5; the defaults are those of this project."""
+
+    kappa: float = 2.0
+    """scaling κ of the sigma points in KFo and KFw; section 5.1 calls it "usually chosen as 3 - L" """
+    sums_from: Literal[0, 1] = 0
+    """first i of the covariance sums in KFo and KFw; 1 as printed, 0 as usual"""
+    parameter_first: bool = False
+    """KFw runs before KFo: it takes the order, and KFo the parameter, of the step before or of this one"""
+    state_variance: bool = False
+    """P_yy of KFo and KFw counts the variance of the predicted state, which the printed one leaves out"""
+
+
+class Estimated(NamedTuple):
+    """State, parameter (s^-α) and order after every sample, each (n, runs)."""
+
+    x: Array
+    f: Array
+    alpha: Array
+
+
+class Walk(NamedTuple):
+    """Estimate of a quantity that walks at random, each (runs,): its mean, its variance, that of a step."""
+
+    mean: Array
+    P: Array
+    Q: Array
+
+
+class Past(NamedTuple):
+    """All states and their variances before sample k, each (runs, k), the newest first."""
+
+    x: Array
+    P: Array
+
+
+class Weighed(NamedTuple):
+    """The past at one order of each run, each (runs,)."""
+
+    order: Array
+    gain: Array
+    """h^α"""
+    x: Array
+    """sum_{j=1}^{k} c_j x̂_{k-j}"""
+    P: Array
+    """sum_{j=2}^{k} c_j² P_{k-j}"""
+
+
+def run(filters: LaneSettings, reading: Reading, data: Data) -> Estimated:
+    """Run the three filters over all runs of `data`; estimates that run away become infinite or NaN.
+
+    `filters` has plain numbers only, one R for all three filters.
+    """
+    n, runs = data.y.shape
+    x, P = np.empty((2, runs, n + 1))
+    x[:, 0], P[:, 0] = filters.config.state.x0, filters.config.state.P0
+    u = np.zeros_like(data.y) if data.u is None else data.u
+    step = _Step(filters, reading, runs)
+    alpha, f = np.empty((2, n, runs))
+    with np.errstate(all="ignore"):
+        for k in range(1, n + 1):
+            past = Past(x[:, k - 1 :: -1], P[:, k - 1 :: -1])
+            x[:, k], P[:, k] = step(data.y[k - 1], u[k - 1], past)
+            alpha[k - 1], f[k - 1] = step.order.mean, step.parameter.mean
+    return Estimated(x[:, 1:].T, f, alpha)
+
+
+class _Step:
+    """Order and parameter of all runs; each call moves them on by one sample."""
+
+    def __init__(self, filters: LaneSettings, reading: Reading, runs: int) -> None:
+        order, parameter = filters.config.order, filters.config.parameter
+        self.settings, self.reading = filters.config, reading
+        self.h, self.R = float(np.asarray(filters.h)), float(np.asarray(filters.R))
+        ones = np.ones(runs)
+        self.order = Walk(order.alpha0 * ones, order.P0 * ones, order.Q0 * ones)
+        self.parameter = Walk(parameter.f0 * ones, parameter.P0 * ones, parameter.Q0 * ones)
+        self.V = 0 * ones
+        """what the variances of the past added to the state's at the sample before"""
+
+    def __call__(self, y: Array, u: Array, past: Past) -> tuple[Array, Array]:
+        """Take y_k and u_{k-1}, each (runs,), and return the posterior state and its variance."""
+        f = self.parameter.mean
+        if self.reading.parameter_first:
+            self._move_parameter(y, u, past, self._weigh(past))
+            self._move_order(y, u, past)
+            at = self._weigh(past)
+        else:
+            self._move_order(y, u, past)
+            at = self._weigh(past)
+            self._move_parameter(y, u, past, at)
+        # KFx, section 5.2, takes the parameter from before this sample.
+        x = at.gain * (f * past.x[:, 0] + u) - at.x
+        P = self._predicted_variance(f, past, at)
+        self.V = at.P
+        K = P / (P + self.R)
+        return x + K * (y - x), (1 - K) ** 2 * P + K**2 * self.R
+
+    def _weigh(self, past: Past) -> Weighed:
+        """Weigh the past by the present estimate of the order."""
+        order = self.order.mean
+        c = weights(order, past.x.shape[1])[:, 1:]
+        V = np.einsum("rj,rj,rj->r", c[:, 1:], c[:, 1:], past.P[:, 1:])
+        return Weighed(order, self.h**order, np.einsum("rj,rj->r", c, past.x), V)
+
+    def _predicted_variance(self, f: Array, past: Past, at: Weighed) -> Array:
+        F = at.gain * f + at.order
+        return np.asarray(F**2 * past.P[:, 0] + self.settings.state.Q + at.P)
+
+    def _move_order(self, y: Array, u: Array, past: Past) -> None:
+        """KFo, section 5.1."""
+        f, before = self.parameter.mean, self.order
+        points = self._sigma_points(before)
+        c = weights(points.ravel(), past.x.shape[1]).reshape(*points.shape, -1)[:, :, 1:]
+        Y = self.h**points * (f * past.x[:, 0] + u) - np.einsum("irj,rj->ir", c, past.x)
+        R = np.full(len(y), self.R)
+        if self.reading.state_variance:
+            at = Weighed(before.mean, self.h**before.mean, past.x[:, 0], self.V)
+            R += self._predicted_variance(f, past, at)
+        self.order = self._updated(before, points, Y, y, R, self.settings.order.delta)
+
+    def _move_parameter(self, y: Array, u: Array, past: Past, at: Weighed) -> None:
+        """KFw, section 5.3, at the order of `at`."""
+        before = self.parameter
+        points = self._sigma_points(before)
+        Y = at.gain * (points * past.x[:, 0] + u) - at.x
+        R = np.full(len(y), self.R)
+        if self.reading.state_variance:
+            R += self._predicted_variance(before.mean, past, at)
+        self.parameter = self._updated(before, points, Y, y, R, self.settings.parameter.delta)
+
+    def _sigma_points(self, walk: Walk) -> Array:
+        """Mean and mean ± sqrt((1 + κ) P̃), shape (3, runs); one dimension and 𝔄 = 1 make λ = κ."""
+        root = np.sqrt((1 + self.reading.kappa) * (walk.P + walk.Q))
+        return np.stack([walk.mean, walk.mean + root, walk.mean - root])
+
+    def _updated(self, walk: Walk, points: Array, Y: Array, y: Array, R: Array, delta: float) -> Walk:
+        """Measurement update common to KFo and KFw; `points` and `Y` are (3, runs)."""
+        scale = 1 + self.reading.kappa
+        sides = 1 / (2 * scale)
+        mean = np.array([[self.reading.kappa / scale], [sides], [sides]])
+        covariance = mean.copy()
+        covariance[0] += 2  # 1 - 𝔄² + 𝔅, with 𝔅 = 2
+        covariance[: self.reading.sums_from] = 0
+        dx, dy = points - points[0], Y - np.sum(mean * Y, axis=0)
+        Pyy = np.sum(covariance * dy * dy, axis=0) + R
+        K = np.sum(covariance * dx * dy, axis=0) / Pyy
+        correction = K * (y - np.sum(mean * Y, axis=0))
+        # Equal to the printed P̃ - K Pyy K, but rounding cannot make it negative.
+        P = np.sum(covariance * (dx - K * dy) ** 2, axis=0) + K**2 * R
+        return Walk(walk.mean + correction, P, (1 - delta) * walk.Q + delta * correction**2)
