@@ -157,7 +157,8 @@ def document(rows: Sequence[Row]) -> str:
         "",
         "Percentiles of the printed state / parameter / order at L = 4,000 among the finite seeds "
         f"(standard error up to {50 / seeds**0.5:.2g}). The last column counts seeds whose error of the "
-        f"order is within a factor of {NEAR:g} of the printed {printed}, tables 3 and 4 in the example with more of them.",
+        f"order is within a factor of {NEAR:g} of the printed {printed}, tables 3 and 4 in the example "
+        "with more of them.",
         "",
         *_table(["choice", *heads, "near the printed order: table 2 / 3 / 4"], places),
     ]
