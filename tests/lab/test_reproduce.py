@@ -1,4 +1,4 @@
-"""Experiments of the paper: their data, their errors, what counts as diverged, and the rows made of them."""
+"""Experiments of the paper: their data, their errors, which runs are lost, and the rows made of them."""
 
 import json
 from collections.abc import Iterable

@@ -168,9 +168,9 @@ def _how(rows: Sequence[Row]) -> str:
 
 _CAPTIONS = {
     "1": "Table 1. Seconds for the 4,000 samples of example 1",
-    "2": "Table 2. Sums of squared errors, example 1 (constant order)",
-    "3": "Table 3. Sums of squared errors, example 2 (varying order)",
-    "4": "Table 4. Sums of squared errors, example 3 (varying order, Gaussian input)",
+    "2": "Table 2. Sums of squared errors, example 1 (constant order, saw-tooth)",
+    "3": "Table 3. Sums of squared errors, printed for example 2 (varying order, saw-tooth)",
+    "4": "Table 4. Sums of squared errors, printed for example 3 (varying order, Gaussian input)",
     "5": "Table 5. Gyroscope: sums of squared differences between L = 3,000 and L = 1,500",
     "6.2": "Section 6.2. Unknown input, itself fractional: x of order 0.4 and f = -1",
 }

@@ -154,7 +154,7 @@ SOURCE_ALPHA, SOURCE_F = 0.3, -1.0
 UNKNOWN_R, UNKNOWN_FILTER_R = 0.05, 0.3
 """variance of v, and the R of the filters: about the variance of y, as in section 7. What one step adds to x
 has the variance STEP_VARIANCE = h^2(α₁+α₂) E[ωω'], as the filters assume. With R = 0.05 in the filters the
-printed algorithm diverges for every seed: it leaves the state's own variance out of account."""
+printed algorithm runs away for every seed: it leaves the state's own variance out of account."""
 
 
 def unknown_input(*, fractional: bool, samples: int = paper.GYRO_SAMPLES) -> Scenario:
