@@ -12,6 +12,7 @@ from fltea.records.errors import UsageError
 from fltea.settings.config import load_config
 
 if TYPE_CHECKING:
+    from fltea.lab.reproduce.request import Request
     from fltea.lab.reproduce.runs import Options
 
 DEFAULT_SEEDS = 1000
@@ -113,7 +114,6 @@ def reproduce(
 
         fltea reproduce --table 5 --figure 13 --recording rest.npz --out figures
     """
-    from fltea.lab.reproduce.report import Report
     from fltea.lab.reproduce.request import Request, select
     from fltea.lab.reproduce.runs import Options
     from fltea.lab.reproduce.scenarios import SawTooth
@@ -145,13 +145,20 @@ def reproduce(
         out=out,
         everything=everything,
     )
+    _report(request, as_json)
+
+
+def _report(request: "Request", as_json: bool) -> None:
+    from fltea.lab.reproduce.report import Report
+
     report = Report(request)
     with progress_bar(report.steps) as show:
         report.progress = lambda text, steps: show(text, advance=steps)
         rows = report.run()
+    evidence = report.exchange()
     if as_json:
-        found = {"tables": rows} | ({} if (evidence := report.exchange()) is None else {"exchange": evidence})
-        print_result(json.dumps(found, ensure_ascii=False, allow_nan=False) + "\n")
+        found = {"tables": rows} | ({} if evidence is None else {"exchange": evidence})
+        _print_json(found)
     else:
         print_result(report.document(rows) if rows else "")
     if report.files:
@@ -163,9 +170,10 @@ def _score(seeds: int, options: "Options", as_json: bool) -> None:
 
     with progress_bar(steps(seeds)) as show:
         rows = score(seeds, options, lambda text, done: show(text, advance=done))
-    print_result(
-        json.dumps({"score": rows}, ensure_ascii=False, allow_nan=False) + "\n" if as_json else document(rows)
-    )
+    if as_json:
+        _print_json({"score": rows})
+    else:
+        print_result(document(rows))
 
 
 def _readings(seeds: int, as_json: bool) -> None:
@@ -173,11 +181,14 @@ def _readings(seeds: int, as_json: bool) -> None:
 
     with progress_bar(steps(seeds)) as show:
         rows = compare(seeds, lambda text, done: show(text, advance=done))
-    print_result(
-        json.dumps({"readings": rows}, ensure_ascii=False, allow_nan=False) + "\n"
-        if as_json
-        else document(rows)
-    )
+    if as_json:
+        _print_json({"readings": rows})
+    else:
+        print_result(document(rows))
+
+
+def _print_json(found: dict[str, Any]) -> None:
+    print_result(json.dumps(found, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def bench(
