@@ -123,22 +123,14 @@ class Octaves : public SensorSums {
     }
 
     // Number of the next sample; of each level: first sample numbers, counts, means and sums of squared
-    // deviations.
+    // deviations of its cells of time, and pairs and variances of its scales of time.
     nb::tuple cells(size_t lane) const {
         Lane finished = finished_lane(lane);
         finished.deepen();
+        const Ladder& ladder = finished.ladder();
         nb::list levels;
-        for (int l = 0; l < finished.ladder().depth(); ++l) {
-            const fltea::TimeCells& cells = finished.ladder().cells(l);
-            std::vector<double> numbers;
-            for (int i = 0; i < cells.size(); ++i) {
-                for (const double one :
-                     {static_cast<double>(cells[i].first), static_cast<double>(cells[i].count),
-                      static_cast<double>(cells[i].mean), static_cast<double>(cells[i].squares)}) {
-                    numbers.push_back(one);
-                }
-            }
-            levels.append(bytes_of(numbers.data(), numbers.size()));
+        for (int l = 0; l < ladder.depth(); ++l) {
+            levels.append(l == 0 ? cells_of(ladder.top_cells()) : cells_of(ladder.cells(l)));
         }
         return nb::make_tuple(finished.now(), levels);
     }
@@ -177,6 +169,24 @@ class Octaves : public SensorSums {
     }
 
   private:
+    template <typename Cells>
+    static nb::tuple cells_of(const Cells& cells) {
+        std::vector<double> numbers, scales;
+        for (int i = 0; i < cells.size(); ++i) {
+            for (const double one :
+                 {static_cast<double>(cells[i].first), static_cast<double>(cells[i].count),
+                  static_cast<double>(cells[i].mean), static_cast<double>(cells[i].squares)}) {
+                numbers.push_back(one);
+            }
+        }
+        for (int s = 0; s < cells.scales().size(); ++s) {
+            scales.push_back(cells.scales().pairs(s));
+            scales.push_back(cells.scales().variance(s));
+        }
+        return nb::make_tuple(bytes_of(numbers.data(), numbers.size()),
+                              bytes_of(scales.data(), scales.size()));
+    }
+
     const Lane& at(size_t lane) const {
         if (lane >= lanes_.size()) throw nb::index_error("no such lane");
         return lanes_[lane];

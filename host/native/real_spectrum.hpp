@@ -9,6 +9,7 @@
 #include "gate.hpp"
 #include "octave_ladder.hpp"
 #include "time_cells.hpp"
+#include "time_scales.hpp"
 
 namespace fltea {
 
@@ -133,23 +134,46 @@ struct RealSpectrum {
         Number mean_;
     };
 
+    // The logarithm of the blocks' power in time. The first octave has the shortest blocks, so it tells of
+    // changes at all scales; those below add what only they see, at the shortest scales that they have.
+    template <int kLines>
     class Cells : public TimeCells {
       public:
-        Cells(FadingMemory memory, std::uint64_t hop) : TimeCells(span(memory, hop)) {}
+        typedef TimeScales<(kLines > 64 ? 16 : 4)> Scales;
+
+        Cells(FadingMemory memory, std::uint64_t hop)
+            : TimeCells(span(memory, hop, kMost - 1)), scales_(span(memory, hop, 2)) {}
+
+        const Scales& scales() const { return scales_; }
+        void merge(const Cells& other, std::uint64_t shift) {
+            TimeCells::merge(other, shift);
+            scales_.merge(other.scales_);
+        }
+        template <typename Io>
+        void visit(Io& io) {
+            TimeCells::visit(io);
+            if (io.sound()) scales_.visit(io);
+        }
 
         template <typename Power>
         void note(std::uint64_t first, const Power* power, int lines, double scale) {
             double sum = 0;
             for (int i = 0; i < lines; ++i) sum += double(power[i]);
-            if (sum > 0) add(first, float(std::log(sum / (lines * scale))));
+            if (!(sum > 0)) return;
+            const float figure = float(std::log(sum / (lines * scale)));
+            add(first, figure);
+            scales_.add(figure);
         }
 
       private:
-        static std::uint32_t span(FadingMemory memory, std::uint64_t hop) {
+        // Figures in each of so many parts of two memories; 0 if nothing is forgotten.
+        static std::uint32_t span(FadingMemory memory, std::uint64_t hop, int parts) {
             if (!memory.fades()) return 0;
-            const double span = std::ceil(2 * memory.samples() / (double(hop) * (kMost - 1)));
+            const double span = std::ceil(2 * memory.samples() / (double(hop) * parts));
             return span < 1e9 ? std::uint32_t(span < 1 ? 1 : span) : 1000000000u;
         }
+
+        Scales scales_;
     };
 };
 

@@ -7,6 +7,7 @@ import pytest
 from fltea.identification.sums import examined
 from fltea.records.arrays import Array
 from fltea.spectrum.evidence import ANYTIME_LEVEL
+from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.spectral import examine
 from fltea.spectrum.stationarity import Change, find_change
 from fltea.spectrum.verdict import decide
@@ -65,6 +66,65 @@ def test_power_that_goes_up_and_down() -> None:
     found = change(y)
     assert found.share < 0.6
     assert "went up and down" in decide(examined(y, H).evidence).text
+
+
+def swinging(n: int, period_s: float, ratio: float, seed: int, *, regular: bool = True) -> Array:
+    """White noise whose standard deviation is `ratio` times as large in every other half of a period."""
+    rng = np.random.default_rng(seed)
+    if regular:
+        up = (np.arange(n) * H + rng.uniform(0, period_s)) // (period_s / 2) % 2
+    else:
+        up = np.cumsum(rng.random(n) < 2 * H / period_s) % 2
+    return rng.standard_normal(n) * np.where(up, ratio, 1.0)
+
+
+@pytest.mark.parametrize("ratio", [1.5, 2.0])
+@pytest.mark.parametrize("period_s", [6.0, 10.0, 40.0, 200.0])
+def test_more_samples_never_say_less(period_s: float, ratio: float) -> None:
+    y = swinging(200_000, period_s, ratio, 11)
+    assert all(change(y[:n], 1e-3) is not None for n in (20_000, 60_000, 200_000))
+    assert change(y[:60_000], ANYTIME_LEVEL / 50) is not None, "live, too"
+
+
+def test_the_fastest_swings() -> None:
+    """Blocks are 2.56 s long."""
+    for ratio in (1.5, 2.0):
+        y = swinging(200_000, 4.0, ratio, 12)
+        assert all(change(y[:n], 1e-3) is not None for n in (60_000, 200_000))
+
+
+@pytest.mark.parametrize(("period_s", "n"), [(4.0, 60_000), (20.0, 20_000), (40.0, 60_000)])
+def test_a_period_is_told(period_s: float, n: int) -> None:
+    evidence = examined(swinging(n, period_s, 2.0, 13), H).evidence
+    assert evidence.change.period_s == pytest.approx(period_s, rel=0.01)
+    assert evidence.change.size == pytest.approx(4, rel=0.15)
+    assert f"every {period_s:.0f} s" in decide(evidence).text
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_swings_at_random_has_no_period(seed: int) -> None:
+    evidence = examined(swinging(60_000, 20.0, 2.0, seed, regular=False), H).evidence
+    assert evidence.change.period_s is None
+    assert "went up and down" in decide(evidence).text
+    assert "s or so" in decide(evidence).text
+
+
+def test_pieces_of_a_record_say_together_what_it_says() -> None:
+    y = swinging(60_000, 40.0, 1.5, 14)
+    total = fed(y[:7_000])
+    for begin, end in ((7_000, 20_000), (20_000, 41_000), (41_000, 60_000)):
+        total.merge(fed(y[begin:end]))
+    found = find_change(total.cells(0, H), H, 1e-3)
+    assert found is not None
+    assert not found.is_step
+
+
+def test_swings_are_forgotten_with_the_rest() -> None:
+    octaves = Octaves(1, 20_000.0)
+    octaves.add(swinging(40_000, 20.0, 2.0, 15)[:, np.newaxis])
+    assert find_change(octaves.cells(0, H), H, 1e-3) is not None
+    octaves.add(white(80_000, 1, 16).T)
+    assert find_change(octaves.cells(0, H), H, 1e-3) is None
 
 
 def test_a_small_change_does_not_matter() -> None:

@@ -199,6 +199,7 @@ struct CountSpectrum {
     };
 
     // No record in time.
+    template <int kLines>
     struct Cells {
         Cells(Memory, std::uint64_t) {}
         void note(std::uint64_t, const Power*, int, double) {}

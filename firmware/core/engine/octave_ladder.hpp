@@ -39,9 +39,9 @@ class OctaveLadder {
     int depth() const { return depth_; }
     const Whole& whole() const { return whole_; }
     static std::uint64_t step(int level) { return std::uint64_t(1) << level; }
-    const typename Kind::Cells& cells(int level) const {
-        return level == 0 ? top_.cells() : deep_[level - 1].cells();
-    }
+    const typename Top::Cells& top_cells() const { return top_.cells(); }
+    // Of a level below the first.
+    const typename Deep::Cells& cells(int level) const { return deep_[level - 1].cells(); }
     static int lines(int level) { return level == 0 ? int(kTopLines) : int(kLines); }
 
     // Sums of a level above the whole one, as they stand at sample number `now`, in the squared unit of that

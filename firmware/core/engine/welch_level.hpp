@@ -22,7 +22,7 @@ class WelchLevel {
   public:
     typedef BlockFft<Kind> Fft;
     typedef typename Kind::template Sums<kLines> Sums;
-    typedef typename Kind::Cells Cells;
+    typedef typename Kind::template Cells<kLines> Cells;
     enum { kLowest = 45, kBlock = Fft::kBlock, kHop = kBlock / 2, kMostAtOnce = 128 };
 
     // step: samples of the whole between two of this level.

@@ -4,9 +4,11 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from fltea.identification.gaps import LONGEST_BRIDGE, Gaps, Stretch, bridged, no_gaps
+from fltea.identification.swing_period import with_period
 from fltea.records.arrays import Array
 from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around
@@ -188,7 +190,11 @@ def examined_stretches(
     if len(stretches) == 1 or len(longest) >= LEAST_SHARE * samples:
         # At the full resolution.
         peaks = find_peaks(periodogram(limited(longest), h, from_hz=from_hz, notch=notch))
-    return Summed(examined_sums(lines, drift, sums, samples, h, from_hz, notch, peaks), sums, lines)
+    seen = examined_sums(lines, drift, sums, samples, h, from_hz, notch, peaks)
+    if (change := seen.evidence.change) is not None:
+        evidence = seen.evidence._replace(change=with_period(change, np.asarray(longest), h))
+        seen = msgspec.structs.replace(seen, evidence=evidence)
+    return Summed(seen, sums, lines)
 
 
 def _check_noise(lines: Periodogram, y: Array) -> None:

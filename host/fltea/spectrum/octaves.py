@@ -76,7 +76,8 @@ class Counts(NamedTuple):
 
 
 class BandCells(NamedTuple):
-    """How the power of one band went on in time: logarithms of blocks' powers, in at most 16 cells."""
+    """How the power of one band went on in time: logarithms of blocks' powers, in at most 16 cells, and how
+    much they change at each scale of time."""
 
     low_hz: float
     high_hz: float
@@ -88,6 +89,13 @@ class BandCells(NamedTuple):
     """The variance of these logarithms in the cell (c,); NaN for a single one."""
     first: NDArray[np.int64]
     """The number of the first sample (c,), lost ones counted."""
+    hop: int
+    """Samples from a block to the next."""
+    pairs: Array
+    """How many pairs of neighbouring runs of 2^s blocks were compared, for each scale s (k,)."""
+    scale_variance: Array
+    """Mean of 2^s d²/2 over them (k,), d being how far the means of these logarithms in the two runs of a
+    pair are apart: at all scales the same if blocks do not depend on each other."""
 
 
 class AllanPoints(NamedTuple):
@@ -252,7 +260,7 @@ class Octaves:
         """Return how the power of each octave went on, highest band first; h as of `periodogram`."""
         _, levels = self.native.cells(lane)
         result = []
-        for level, data in enumerate(levels):
+        for level, (data, scales) in enumerate(levels):
             first, counts, mean, squares = np.frombuffer(data).reshape(-1, 4).T
             if len(first) == 0:
                 continue
@@ -260,8 +268,20 @@ class Octaves:
             low, high = (lines / (BLOCK * h * 2**level)).tolist()
             with np.errstate(invalid="ignore", divide="ignore"):
                 variance = np.where(counts > 1, squares / (counts - 1), np.nan)
-            scale = math.log(2.0**level)
-            result.append(BandCells(low, high, counts, mean + scale, variance, first.astype(np.int64)))
+            pairs, by_scale = np.frombuffer(scales).reshape(-1, 2).T
+            result.append(
+                BandCells(
+                    low,
+                    high,
+                    counts,
+                    mean + math.log(2.0**level),
+                    variance,
+                    first.astype(np.int64),
+                    BLOCK // 2 << level,
+                    pairs,
+                    by_scale,
+                )
+            )
         return result
 
     def allan(self, lane: int) -> AllanPoints:

@@ -36,8 +36,9 @@ LEAKS = 3.0
 """The distance over which a line leaks, over the width of its notch."""
 SLOW_LINES = 4.0
 """The frequency over the lowest one below which lines are slow ones."""
-LARGEST_SHARE = 0.3
-"""The largest share of peaks in a band's power for which changes of the band are looked for."""
+LARGEST_SHARE = 0.15
+"""The largest share of peaks in a band's power for which changes of the band are looked for: two lines that
+have so much together beat by less than a change that matters."""
 GROWN = 1.1
 """The growth of the record after which sentences, peaks and changes are looked for again."""
 

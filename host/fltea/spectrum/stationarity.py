@@ -3,11 +3,14 @@
 Each octave keeps the mean and the variance of the logarithm of its blocks' power in a few cells of time. If
 the noise is stationary the cells' means differ no more than blocks do within a cell (analysis of variance).
 The logarithm makes the test robust against heavy tails, and the variance is that of the data themselves.
+Of a long record cells are long. What goes up and down within them is found at its own scale of time
+(`swings`), so a longer record never says less.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from statistics import NormalDist
+from typing import NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
@@ -15,13 +18,14 @@ import numpy as np
 from fltea.noise.distributions import f_deviate
 from fltea.records.arrays import Array
 from fltea.spectrum.octaves import BandCells
+from fltea.spectrum.swings import OVERLAP, Swing, comparisons, find_swing
 
-OVERLAP = 1 / 36
-"""Correlation of the power of blocks that overlap by half, under Hann's window."""
 LEAST_IN_CELL = 4
 """Blocks; cells with fewer are joined with their neighbours."""
 LEAST_SIZE = 1.25
 """Ratio of powers, up or down: a smaller change is of no practical importance."""
+MOSTLY_ONE_STEP = 0.6
+"""Share of the differences that one step has to explain to be called so."""
 
 
 class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -30,16 +34,41 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     low_hz: float
     high_hz: float
     p: float
-    """The p-value of the analysis of variance, times the number of octaves that were looked at."""
+    """The p-value of the test that found it, times the number of tests."""
     size: float
-    """Two standard deviations of the cells' true levels, as a ratio of powers: of one step in mid-record
-    this is the step."""
-    ratio: float
-    """Mean power after `at_s` over that before."""
-    at_s: float
+    """Two standard deviations of the true levels, as a ratio of powers: of one step in mid-record this is
+    the step."""
+    ratio: float = 1.0
+    """Mean power after `at_s` over that before; 1 where it went up and down."""
+    at_s: float = 0.0
     """Where a division in two parts explains most."""
-    share: float
+    share: float = 0.0
     """How much of the differences that division explains; the rest is up and down."""
+    half_s: float | None = None
+    """Time between ups and downs, to a factor of two; None where only parts of the record were compared."""
+    period_s: float | None = None
+    """The period, where the samples show that it goes up and down regularly."""
+
+    @property
+    def is_step(self) -> bool:
+        """Whether it is one step rather than up and down."""
+        return self.share >= MOSTLY_ONE_STEP
+
+
+class _Parted(NamedTuple):
+    """How the cells of an octave differ; `variance` is that of the logarithm of power beyond chance."""
+
+    deviate: float
+    variance: float
+    ratio: float
+    at_s: float
+    explained: float
+    """Variance that the division in two parts explains."""
+    share: float
+    """That over the variance between cells."""
+
+
+Found = TypeVar("Found", _Parted, Swing)
 
 
 def find_change(
@@ -54,45 +83,70 @@ def find_change(
     level: probability to find one in stationary noise. Octaves that reach below from_hz or into a band of
     `notch` (low, high), all in Hz, are not looked at.
     """
-    looked = []
-    for band in cells:
-        if band.low_hz < from_hz or any(band.low_hz < high and low < band.high_hz for low, high in notch):
-            continue
-        if (joined := _joined(band)) is not None:
-            looked.append((band, *joined))
-    best: tuple[float, Change] | None = None
-    normal = NormalDist()
-    least = -normal.inv_cdf(level / len(looked)) if looked else math.inf
-    for band, counts, means, first, within, degrees in looked:
-        total = counts.sum()
-        around = means - counts @ means / total
-        between = float(counts @ around**2)
-        free = len(counts) - 1
-        # What the cells differ by beyond chance.
-        spread = max(between - free * within, 0.0) / total
-        size = math.exp(2 * math.sqrt(spread))
-        if size < LEAST_SIZE:
-            continue
-        deviate = float(f_deviate(between / free / within, max(free, 2), degrees))
-        if deviate <= least or (best is not None and deviate <= best[0]):
-            continue
-        before, sums = counts.cumsum()[:-1], (counts * around).cumsum()[:-1]
-        explained = sums**2 / before + sums**2 / (total - before)
-        at = int(explained.argmax())
-        difference = -sums[at] / (total - before[at]) - sums[at] / before[at]
-        best = (
-            deviate,
-            Change(
-                band.low_hz,
-                band.high_hz,
-                min(normal.cdf(-deviate) * len(looked), 1.0),
-                size,
-                math.exp(difference),
-                float(first[at + 1]) * h,
-                float(explained[at]) / between,
-            ),
-        )
-    return None if best is None else best[1]
+    looked = [
+        band
+        for band in cells
+        if band.low_hz >= from_hz
+        and not any(band.low_hz < high and low < band.high_hz for low, high in notch)
+    ]
+    parted = [(band, _compared(*joined, h)) for band in looked if (joined := _joined(band)) is not None]
+    swinging = [(band, swing) for band in looked if (swing := find_swing(band, h)) is not None]
+    # Half of the level is for each of the two tests.
+    tests, comparing = 2 * len(parted), 2 * sum(map(comparisons, looked))
+    step, swing = _worst(parted, tests, level), _worst(swinging, comparing, level)
+    if step is not None:
+        band, found = step
+        share = found.share
+        if swing is not None:
+            share = min(share, found.explained / swing[1].variance)
+        if swing is None or share >= MOSTLY_ONE_STEP:
+            p, size = _p(found.deviate, tests), _size(found.variance)
+            return Change(band.low_hz, band.high_hz, p, size, found.ratio, found.at_s, share)
+    if swing is None:
+        return None
+    band, its = swing
+    return Change(
+        band.low_hz, band.high_hz, _p(its.deviate, comparing), _size(its.variance), half_s=its.half_s
+    )
+
+
+def _worst(
+    found: Sequence[tuple[BandCells, Found]], tests: int, level: float
+) -> tuple[BandCells, Found] | None:
+    """Return the most significant one of those that are significant and large enough, with its octave."""
+    least = -NormalDist().inv_cdf(level / tests) if tests else math.inf
+    those = [one for one in found if one[1].deviate > least and _size(one[1].variance) >= LEAST_SIZE]
+    return max(those, key=lambda one: one[1].deviate, default=None)
+
+
+def _p(deviate: float, tests: int) -> float:
+    return min(NormalDist().cdf(-deviate) * tests, 1.0)
+
+
+def _size(variance: float) -> float:
+    """Return two standard deviations of the logarithm of power as a ratio of powers."""
+    return math.exp(2 * math.sqrt(variance))
+
+
+def _compared(counts: Array, means: Array, first: Array, within: float, degrees: float, h: float) -> _Parted:
+    """Compare cells; arguments as `_joined` returns them."""
+    total = float(counts.sum())
+    around = means - counts @ means / total
+    between = float(counts @ around**2)
+    free = len(counts) - 1
+    deviate = float(f_deviate(between / free / within, max(free, 2), degrees))
+    before, sums = counts.cumsum()[:-1], (counts * around).cumsum()[:-1]
+    explained = sums**2 / before + sums**2 / (total - before)
+    at = int(explained.argmax())
+    difference = -sums[at] / (total - before[at]) - sums[at] / before[at]
+    return _Parted(
+        deviate,
+        max(between - free * within, 0.0) / total,  # what the cells differ by beyond chance
+        math.exp(difference),
+        float(first[at + 1]) * h,
+        float(explained[at]) / total,
+        float(explained[at]) / between if between > 0 else 0.0,
+    )
 
 
 def _joined(band: BandCells) -> tuple[Array, Array, Array, float, float] | None:

@@ -27,8 +27,6 @@ from fltea.spectrum.order_odds import MOST
 from fltea.spectrum.reading import ONE_POLE, corner_hz
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
-MOSTLY_ONE_STEP = 0.6
-"""Share of the differences that one step has to explain to be called so."""
 REGULAR = 3.0
 """Odds from which on it is said that regular relaxations look like an order."""
 UNDEFINED = "α and f are undefined"
@@ -190,12 +188,17 @@ def change(e: Evidence) -> str:
     c = e.change
     assert c is not None
     band = f"between {c.low_hz:.3g} and {c.high_hz:.3g} Hz"
-    if c.share >= MOSTLY_ONE_STEP:
+    if c.is_step:
         how = "grew" if c.ratio > 1 else "fell"
         ratio = max(c.ratio, 1 / c.ratio)
         when = f"around {duration(c.at_s)} of {duration(e.duration_s)}"
         return f"its power {band} {how} by a factor of {ratio:.2g} {when}"
-    return f"its power {band} went up and down by a factor of about {c.size:.2g}"
+    every = ""
+    if c.period_s is not None:
+        every = f", every {c.period_s:.3g} s" if c.period_s < 1000 else f", every {duration(c.period_s)}"
+    elif c.half_s is not None:
+        every = f", over {duration(c.half_s) if c.half_s >= 2 else f'{c.half_s:.1g} s'} or so"
+    return f"its power {band} went up and down by a factor of about {c.size:.2g}{every}"
 
 
 def band(e: Evidence) -> str:

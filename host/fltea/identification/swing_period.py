@@ -1,0 +1,100 @@
+"""The period with which the power of an octave goes up and down, from the samples of a recording (pure).
+
+The sums that find such a change keep no course in time. The samples give one: the logarithm of the octave's
+power in short blocks, and its autocorrelation, which comes back after a period, and after two and three.
+"""
+
+import math
+
+import msgspec
+import numpy as np
+
+from fltea.records.arrays import Array
+from fltea.spectrum.stationarity import Change
+
+BLOCKS_A_SWING = 12
+"""Blocks between up and down."""
+LEAST_FREEDOM = 4.0
+"""Time of a block over one over the octave's width, at least."""
+PERIODS = 4
+"""Periods in the record, of which at least so many have to be seen."""
+COMES_BACK = 0.6
+"""Share of the variance of the course that its autocorrelation has to come back to, at each of three
+periods."""
+AS_HIGH = 0.8
+"""The first period is the shortest lag with at least this share of the highest autocorrelation."""
+PHASES = 24
+
+
+def with_period(change: Change, y: Array, h: float) -> Change:
+    """Return a change with its period and its size, where samples y (n,) show that it is regular.
+
+    h: sampling period in s.
+    """
+    if change.is_step:
+        return change
+    half_s = change.half_s or len(y) * h / 16
+    width = change.high_hz - change.low_hz
+    block = max(round(max(half_s / BLOCKS_A_SWING, LEAST_FREEDOM / width) / h), 1)
+    course = _course(y, h, change, block)
+    period = _period(course)
+    if period is None:
+        return change
+    size = math.exp(2 * math.sqrt(_folded(course, period)))
+    return msgspec.structs.replace(change, period_s=period * block * h, size=size)
+
+
+def _course(y: Array, h: float, change: Change, block: int) -> Array:
+    """Return the logarithm of the power of the octave in blocks (m,), less its mean."""
+    spectrum = np.fft.rfft(y)
+    hz = np.fft.rfftfreq(len(y), h)
+    spectrum[(hz < change.low_hz) | (hz > change.high_hz)] = 0
+    inside = np.fft.irfft(spectrum, len(y))
+    power = (inside[: len(y) // block * block] ** 2).reshape(-1, block).mean(axis=1)
+    course = np.log(np.maximum(power, 1e-12 * power.mean()))
+    return np.asarray(course - course.mean())
+
+
+def _period(course: Array) -> float | None:
+    """Return the period in blocks; None where the course does not come back."""
+    m = len(course)
+    spectrum = np.fft.rfft(course, 2 * m)
+    again = np.fft.irfft(np.abs(spectrum) ** 2)[:m] / np.arange(m, 0, -1)
+    most = m // PERIODS
+    below = np.flatnonzero(again[:most] < 0)
+    if not len(below) or not again[1] > 0:
+        return None
+    begin = int(below[0])
+    lags = np.arange(begin, most)
+    is_top = (again[lags] >= again[lags - 1]) & (again[lags] >= again[lags + 1])
+    tops = lags[is_top & (again[lags] >= AS_HIGH * again[lags].max())]
+    if not len(tops):
+        return None
+    period = _top(again, float(tops[0]), 1.0)
+    # The longer the lag the better is the period known; each step may be wrong by half of what it was.
+    times = 1
+    while (times + 1) * period < m / 2:
+        times += 1
+        period = _top(again, times * period, max(period / 8, 1.0)) / times
+        if times <= PERIODS - 1 and again[round(times * period)] < COMES_BACK * again[1]:
+            return None
+    return period if times >= 2 and again[round(period)] >= COMES_BACK * again[1] else None
+
+
+def _top(values: Array, at: float, around: float) -> float:
+    """Return where values (m,) are highest, between points, at most so far from `at`."""
+    low, high = max(round(at - around), 1), min(round(at + around), len(values) - 2)
+    top = low + int(values[low : high + 1].argmax())
+    before, here, after = values[top - 1 : top + 2].tolist()
+    bend = before - 2 * here + after
+    return top + (float(np.clip((before - after) / 2 / bend, -0.5, 0.5)) if bend < 0 else 0.0)
+
+
+def _folded(course: Array, period: float) -> float:
+    """Return the variance of the course over the phases of its period, without that of chance."""
+    phase = (np.arange(len(course)) / period % 1 * min(PHASES, int(period))).astype(np.int64)
+    counts = np.bincount(phase)
+    means = np.bincount(phase, course) / np.maximum(counts, 1)
+    left = float(np.mean((course - means[phase]) ** 2))
+    share = counts / counts.sum()
+    return max(float(share @ means**2) - left * len(counts) / len(course), 0.0)

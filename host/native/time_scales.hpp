@@ -1,0 +1,102 @@
+// How much a figure changes over times of 1, 2, 4 … figures, in constant memory: its Haar wavelet variances.
+#pragma once
+
+#include <cstdint>
+
+namespace fltea {
+
+// At scale s the means of neighbouring runs of 2^s figures are compared in pairs that do not overlap. What is
+// kept of a pair is 2^s d²/2, d being the difference: for figures that do not depend on each other its mean
+// is their variance at every scale (Percival and Walden, Wavelet Methods for Time Series Analysis, 2000). So
+// more figures say more at every scale, whereas cells of time (time_cells.hpp) become wider.
+template <int kScales>
+class TimeScales {
+  public:
+    // span: figures after which those before count as old; what is older still is forgotten. 0: nothing is.
+    explicit TimeScales(std::uint32_t span = 0) : span_(span), waiting_(0) { clear(); }
+
+    static int size() { return kScales; }
+    double pairs(int s) const { return double(pairs_[s]) + double(old_pairs_[s]); }
+    // Mean over the pairs; 0 if there are none.
+    double variance(int s) const {
+        const double n = pairs(s);
+        return n > 0 ? (sum_[s] + double(old_sum_[s])) / n : 0;
+    }
+
+    void add(float figure) {
+        if (span_ > 0 && 2 * std::uint64_t(pairs_[0]) >= span_) {
+            for (int s = 0; s < kScales; ++s) {
+                old_sum_[s] = float(sum_[s]);
+                old_pairs_[s] = pairs_[s];
+                sum_[s] = 0;
+                pairs_[s] = 0;
+            }
+            waiting_ = 0;
+        }
+        add(0, figure);
+    }
+
+    // Of a later stretch.
+    void merge(const TimeScales& other) {
+        for (int s = 0; s < kScales; ++s) {
+            sum_[s] += other.sum_[s];
+            pairs_[s] += other.pairs_[s];
+            old_sum_[s] += other.old_sum_[s];
+            old_pairs_[s] += other.old_pairs_[s];
+        }
+        // The longest run is the earliest.
+        for (int s = kScales - 1; s >= 0; --s) {
+            if (other.waits(s)) add(s, other.first_[s]);
+        }
+    }
+
+    // As of TimeCells.
+    template <typename Io>
+    void visit(Io& io) {
+        io.number(waiting_, 0, (1u << kScales) - 1);
+        for (int s = 0; s < kScales && io.sound(); ++s) {
+            io.real(first_[s], -2e3, 2e3);
+            io.real(sum_[s], 0, 1e16);
+            io.number(pairs_[s], 0, kMostPairs);
+            io.real(old_sum_[s], 0, 1e16);
+            io.number(old_pairs_[s], 0, kMostPairs);
+        }
+    }
+
+  private:
+    static constexpr std::uint32_t kMostPairs = 1u << 30;
+
+    bool waits(int s) const { return (waiting_ >> s & 1u) != 0; }
+
+    void add(int s, float mean) {
+        for (; s < kScales; ++s) {
+            waiting_ ^= 1u << s;
+            if (waits(s)) {
+                first_[s] = mean;
+                return;
+            }
+            const double apart = double(mean) - double(first_[s]);
+            sum_[s] += apart * apart / 2 * double(1u << s);
+            if (pairs_[s] < kMostPairs) ++pairs_[s];
+            mean = (mean + first_[s]) / 2;
+        }
+    }
+
+    void clear() {
+        for (int s = 0; s < kScales; ++s) {
+            sum_[s] = 0;
+            first_[s] = old_sum_[s] = 0;
+            pairs_[s] = old_pairs_[s] = 0;
+        }
+    }
+
+    double sum_[kScales];   // of what is kept of each pair
+    float first_[kScales];  // the first mean of the pair that is waiting for its second
+    std::uint32_t pairs_[kScales];
+    float old_sum_[kScales];  // of the span before
+    std::uint32_t old_pairs_[kScales];
+    std::uint32_t span_;
+    std::uint32_t waiting_;  // a bit a scale
+};
+
+}  // namespace fltea
