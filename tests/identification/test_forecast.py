@@ -85,14 +85,21 @@ def test_how_long_to_rest_is_as_long_as_white_noise_takes() -> None:
     R, h, t_s = 0.02, 0.01, 60.0
     y = np.random.default_rng(3).normal(0, math.sqrt(R), 60_000)
     goal = Goal(0.2, t_s)
-    _, found_ = found(learned([White(R)], y, h), y, h, "deg/s", lambda half: ([White(R)], "white"), goal)
+    _, found_ = found(
+        learned([White(R)], y, h), y, h, "deg/s", lambda half: (learned([White(R)], half, h), "white"), goal
+    )
     assert found_ is not None
     assert found_.rest_s is not None
     expected = t_s / (goal.within**2 / (R * h * t_s) - 1)
     assert found_.rest_s == pytest.approx(expected, rel=0.2)
     assert "Rest for" in found_.text
     _, none = found(
-        learned([White(R)], y, h), y, h, "deg/s", lambda half: ([White(R)], "white"), Goal(0.01, t_s)
+        learned([White(R)], y, h),
+        y,
+        h,
+        "deg/s",
+        lambda half: (learned([White(R)], half, h), "white"),
+        Goal(0.01, t_s),
     )
     assert none is not None
     assert none.rest_s is None

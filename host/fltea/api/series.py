@@ -10,15 +10,15 @@ from numpy.typing import ArrayLike
 
 from fltea.api._check import in_python, one_axis, period_s, python_words, scale
 from fltea.api.identified import Identified
-from fltea.identification.axis import AxisResult, IdentifyOptions, Looked, identified, look
+from fltea.identification.about_levels import look_at
+from fltea.identification.axis import AxisResult, IdentifyOptions, Looked, identified
 from fltea.identification.conclusions import conclude, in_agreement, tracked_of
 from fltea.identification.event_traps import event_traps
 from fltea.identification.forecast import Goal
 from fltea.identification.forecast_judge import Learned
 from fltea.identification.judges import judge_one
-from fltea.identification.left_out import LeftOut, without
+from fltea.identification.left_out import LeftOut
 from fltea.identification.load import Series
-from fltea.identification.motion import likely_motion
 from fltea.identification.one_axis import MOST_LOOKS
 from fltea.identification.sensor_events import AxisEvents, watch
 from fltea.identification.traps import Trap, withheld
@@ -128,13 +128,11 @@ def examine(
 
     left_out: steps and motion; None: what seems to be motion before there is a model.
     """
-    out = likely_motion(series) if left_out is None else left_out
-    series = without(series, out)
-    looked = look(series.y, h, options, series.gaps)
+    looked, series, out, telegraph = look_at(series, h, options, left_out)
     found = identified(looked, series.lsb, options)
-    traps = (*known, *traps_of(looked, series, found))
+    traps = (*known, *traps_of(looked, series, found, telegraph))
     why = withheld(traps)
-    tracked = None if why else tracked_of(looked)
+    tracked = None if why else tracked_of(looked, telegraph)
     return Examined(series, looked, found, traps, why, tracked, known, out)
 
 

@@ -4,6 +4,7 @@ It comes after all axes of a recording were looked at, since they may have one w
 """
 
 import contextlib
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -11,18 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.identification.axis import IdentifyOptions, Looked, look
-from fltea.identification.forecast import BiasAtEnd, Forecast, Goal, Now, SentenceParts, found
-from fltea.identification.forecast_judge import Learned
-from fltea.identification.gaps import bridged
+from fltea.identification.forecast import BiasAtEnd, Forecast, Goal, Model, Now, found
+from fltea.identification.forecast_judge import Learned, learned
+from fltea.identification.gaps import bridged, no_gaps
 from fltea.identification.load import Series
 from fltea.identification.model_file import by_sensor
 from fltea.identification.navigation_filter import NavigationFilter, navigation_filter
 from fltea.identification.recurring_steps import with_steps
 from fltea.identification.sensor_events import BiasStep
 from fltea.identification.shared_walk import shared_walk
+from fltea.identification.telegraph import Telegraph, without_levels
 from fltea.identification.tracked_system import OffsetWalkFound, offset_walk_found, tracked_system
+from fltea.noise.heading import bias_std, rested
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
+from fltea.settings.live import LiveConfig
 from fltea.spectrum.wording import names
 
 
@@ -36,11 +40,21 @@ class Conclusions(NamedTuple):
     forecast: Forecast | None
 
 
-def tracked_of(looked: Looked) -> Learned | None:
-    """Return the tracked system of an axis by itself; None if no filter can work with its noise."""
+def tracked_of(looked: Looked, telegraph: Telegraph | None = None) -> Learned | None:
+    """Return the tracked system of an axis by itself; None if no filter can work with its noise.
+
+    telegraph: levels that were taken off before the look; they are in the system.
+    """
     y = max((one.y for one in looked.stretches), key=len)
     parts = looked.figures.sentence.parts(looked.h)
-    return tracked_system(parts, np.ascontiguousarray(y, dtype=np.float64), looked.h)
+    found = tracked_system(parts, np.ascontiguousarray(y, dtype=np.float64), looked.h)
+    return found if found is None or telegraph is None else _with_levels(found, telegraph, looked.h)
+
+
+def _with_levels(tracked: Learned, telegraph: Telegraph, h: float) -> Learned:
+    part = telegraph.part
+    its = tracked.system.with_relaxation(part.sigma**2, math.exp(-h / part.tau_s))
+    return tracked._replace(parts=(*tracked.parts, part), system=its)
 
 
 def in_agreement(tracked: Mapping[str, Learned | None], h: float) -> dict[str, Learned]:
@@ -69,13 +83,21 @@ def conclude(
     series: what was looked at. K: of the parts, null if none of them is a walk. at_end: the bias after the
     recording. steps: of the bias, of which more are to come.
     """
-    tracked = with_steps(tracked, steps, h)
+    rest, telegraph = without_levels(series, h)
+    if telegraph is None:
+        tracked = with_steps(tracked, steps, h)
+    else:
+        at_end = _on_a_level(rest, telegraph, tracked)
     stretches = [np.asarray(one.y, dtype=np.float64) for one in bridged(series.y, series.gaps)]
     y: Array = np.ascontiguousarray(max(stretches, key=len))
 
-    def first(y: NDArray[np.float64]) -> SentenceParts:
-        parts = look(y, h, options).figures.sentence.parts(h)
-        return parts, names(map(type, parts))
+    def first(y: NDArray[np.float64]) -> Model:
+        half, levels = without_levels(series._replace(y=y, gaps=no_gaps()), h)
+        parts = look(half.y, h, options).figures.sentence.parts(h)
+        its = learned(parts, half.y, h)
+        if levels is not None:
+            its, parts = _with_levels(its, levels, h), (*parts, levels.part)
+        return its, names(map(type, parts))
 
     goal = forecast if isinstance(forecast, Goal) else None
     bias, ahead = found(tracked, y, h, series.unit, first if forecast else None, goal, at_end)
@@ -83,5 +105,14 @@ def conclude(
     with contextlib.suppress(ValueError, ArithmeticError):  # no filter can work with it
         # Its bias has to be that after the last step, however short the stretch since then.
         newest = stretches[-1] if at_end is not None and at_end.has_stepped else y
+        if telegraph is not None:  # levels are one of the filter's states, and its bias is the mean of them
+            newest = max((one.y for one in bridged(rest.y, rest.gaps)), key=len)
         plain = navigation_filter(tracked, np.ascontiguousarray(newest), h)
     return Conclusions(tracked, offset_walk_found(tracked, h, K), plain, bias, ahead)
+
+
+def _on_a_level(rest: Series, telegraph: Telegraph, tracked: Learned) -> BiasAtEnd:
+    """Return the bias after a record that ends on a level; rest: its samples less the levels."""
+    bias_s, samples = LiveConfig().bias_s, len(rest.y)
+    std = bias_std(tracked.system, rested(tracked.system, samples))
+    return BiasAtEnd(float(rest.y.mean()) + telegraph.ahead(bias_s), std, bias_s, samples)

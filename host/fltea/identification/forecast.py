@@ -14,10 +14,8 @@ from fltea.identification.forecast_judge import (
     Learned,
     Piece,
     judged,
-    learned,
 )
 from fltea.noise.heading import bias_std, heading_std, heading_stds, rest_for, rested
-from fltea.noise.parts import Part
 from fltea.noise.system import System
 from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
@@ -25,7 +23,7 @@ from fltea.records.units import MOST_DEG
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.wording import duration
 
-SentenceParts = tuple[Sequence[Part], str]
+Model = tuple[Learned, str]
 P = TypeVar("P", Piece, BiasPiece)
 
 SAID_S = 60.0
@@ -105,14 +103,14 @@ def found(
     y: Array,
     h: float,
     unit: str,
-    first: Callable[[Array], SentenceParts] | None,
+    first: Callable[[Array], Model] | None,
     goal: Goal | None = None,
     at_end: BiasAtEnd | None = None,
 ) -> tuple[Now | None, Forecast | None]:
     """Return the bias now and, if `first` is given, the forecast; y: samples (n,) without a gap.
 
-    tracked: of all of y. first: tells what samples are made of, and its name. at_end: the bias after the
-    last sample of the recording; None: the mean of y.
+    tracked: of all of y. first: returns the tracked system of samples, and what they are made of. at_end: the
+    bias after the last sample of the recording; None: the mean of y.
 
     None where no filter can work with the noise.
     """
@@ -126,7 +124,7 @@ def found(
     half = y[: len(y) // 2]
     try:
         its, name = first(half)
-        ahead_of_it = forecast(model, learned(its, half, h), name, y, h, unit)
+        ahead_of_it = forecast(model, its, name, y, h, unit)
         return current, ahead_of_it if goal is None else with_goal(ahead_of_it, model, h, goal, unit)
     except (ValueError, ArithmeticError) as error:
         curve = tuple(heading_stds(model, rested(model, len(y)), h, TIMES_S))

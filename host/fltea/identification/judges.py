@@ -15,6 +15,7 @@ from fltea.identification.gaps import Gaps, cut, no_gaps
 from fltea.identification.repeated import repeats
 from fltea.identification.resolution import LONG, step, thin
 from fltea.identification.traps import Trap
+from fltea.identification.values import HIDE, value_traps
 from fltea.recording.candidates import MOST_MEAN_DPS, MOST_N, USUAL
 from fltea.recording.reading import Answer
 from fltea.records.arrays import Array
@@ -113,7 +114,8 @@ def judge(
 def judge_one(y: Array, unit: str, lsb: float | None, h: float) -> Iterator[Trap]:
     """Look at one axis (n,) that comes from no recording."""
     seen = _look(y, lsb, unit, no_gaps())
-    yield from held([y], [lsb], h)
+    if not any(trap.kind in HIDE for trap in value_traps(y, unit)):
+        yield from held([y], [lsb], h)
     yield from _alternating({"it": seen}, h)
     if seen.broken:
         yield Trap("broken reads", "bad", seen.broken, BROKEN_REMEDY)

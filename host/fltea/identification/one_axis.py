@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
+from fltea.identification.about_levels import look_at
 from fltea.identification.allan import allan, with_level
-from fltea.identification.axis import IdentifyOptions, identified, look
+from fltea.identification.axis import IdentifyOptions, identified
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.conclusions import Conclusions, conclude, tracked_of
 from fltea.identification.curves import curves
@@ -16,7 +17,6 @@ from fltea.identification.event_traps import event_traps
 from fltea.identification.forecast import Goal
 from fltea.identification.left_out import LeftOut, without
 from fltea.identification.load import Series
-from fltea.identification.motion import likely_motion
 from fltea.identification.noise_model import modelled
 from fltea.identification.reproduction import reproduction
 from fltea.identification.sensor_events import AxisEvents, watch
@@ -97,19 +97,19 @@ def examine(
 
     left_out: steps and motion; None: what seems to be motion before there is a model.
     """
-    out = likely_motion(series) if left_out is None else left_out
-    series = without(series, out)
-    looked = look(series.y, h, options, series.gaps)
+    looked, series, out, telegraph = look_at(series, h, options, left_out)
     result = identified(looked, series.lsb, options)
     model = modelled(looked.figures.sentence, result.peaks, result.std, h)
     curve, drawn, reason = None, None, ""
     try:
         stretches = [np.asarray(one.y, dtype=np.float64) for one in looked.stretches]
         curve = with_level(allan(stretches, h, series.unit), result.level)
-        drawn = reproduction(series.y, h, model, seed=options.seed, stretches=stretches)
+        drawn = reproduction(looked.y, h, model, seed=options.seed, stretches=stretches)
     except ValueError as error:
         reason = str(error)
-    traps = traps_of(looked, series, result)
+    if telegraph is not None:
+        model = msgspec.structs.replace(model, parts=(*model.parts, telegraph.part))
+    traps = traps_of(looked, series, result, telegraph)
     why = withheld((*known, *traps))
     return AxisReport(
         series.unit,
@@ -121,7 +121,7 @@ def examine(
         reason,
         traps,
         curves=curves(looked, series.lsb, options, result) if figures else None,
-        tracked=None if why else tracked_of(looked),
+        tracked=None if why else tracked_of(looked, telegraph),
         left_out=out,
         withheld=why,
     )

@@ -32,6 +32,7 @@ from fltea.identification.sensor_events import (
     watch,
 )
 from fltea.identification.shuffled import Copies, estimate, groups
+from fltea.identification.telegraph import without_levels
 from fltea.identification.traps import Trap, of_axis
 from fltea.identification.work_folder import work_folder
 from fltea.identification.workers import Workers
@@ -296,7 +297,9 @@ class _Loop(HandOut[_Task]):
         for axis in of.axes:
             if axis.found is not None and axis.events is not None:
                 series = without(axis.series, axis.found.left_out)
-                self._add(*self._copies(axis, series, task.report, of))
+                rest, _ = without_levels(axis.series, of.h)
+                its = without(rest, axis.found.left_out)
+                self._add(*self._copies(axis, its, task.report, of))
                 if axis.name in agreed:
                     K, at_end = axis.found.result.level.K, axis.events.at_end
                     found = series, of.h, axis.options, agreed[axis.name], K

@@ -21,6 +21,7 @@ from fltea.identification.left_out import NOTHING, LeftOut
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.motion import IN_A_ROW, is_smooth
 from fltea.identification.sums import CHUNK
+from fltea.identification.telegraph import without_levels
 from fltea.noise.parts import Arfima, Order, Part, Relaxation, Walk, White
 from fltea.noise.system import System, system
 from fltea.records.arrays import Array
@@ -93,9 +94,11 @@ def watch(
 
     An accelerometer moves where its gyroscope does, too, and longer: until it lies still elsewhere.
 
-    axes: all samples as they were read. accel: samples (n,) of each axis of the accelerometer, in m/s²; none
-    where there is no accelerometer. tracked: the noise of axes, by name. h: sampling period in s.
+    axes: all samples as they were read; steps between the levels of telegraph noise are no event. accel:
+    samples (n,) of each axis of the accelerometer, in m/s²; none where there is no accelerometer. tracked:
+    the noise of axes, by name. h: sampling period in s.
     """
+    axes = {name: without_levels(one, h)[0] for name, one in axes.items()}
     gyro = {name: one for name, one in axes.items() if one.unit == GYRO_UNIT}
     others = {name: one for name, one in axes.items() if name not in gyro}
     systems = {name: None if one is None else one.system for name, one in tracked.items()}

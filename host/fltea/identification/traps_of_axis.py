@@ -1,13 +1,25 @@
 """What in an axis that was looked at can mislead."""
 
+from collections.abc import Iterator
+
 from fltea.identification.axis import AxisResult, Looked
 from fltea.identification.load import Series
+from fltea.identification.telegraph import Telegraph, telegraph_words
 from fltea.identification.traps import Trap, axis_traps
+from fltea.identification.values import value_traps
+
+TELEGRAPH = "telegraph"
+"""The kind of trap."""
 
 
-def traps_of(looked: Looked, series: Series, result: AxisResult) -> tuple[Trap, ...]:
-    """Return what in an axis that was looked at can mislead."""
-    return axis_traps(
+def traps_of(
+    looked: Looked, series: Series, result: AxisResult, telegraph: Telegraph | None
+) -> tuple[Trap, ...]:
+    """Return what in an axis that was looked at can mislead.
+
+    series: what was looked at, with the levels of `telegraph` in it, if there are any.
+    """
+    of_samples = axis_traps(
         looked.y,
         looked.h,
         series.lsb,
@@ -15,4 +27,20 @@ def traps_of(looked: Looked, series: Series, result: AxisResult) -> tuple[Trap, 
         series.unit,
         series.gaps,
         longer="as long as can be" if result.verdict.has_order else "ten minutes or more",
+    )
+    values = value_traps(series.y, series.unit)
+    return (*values, *_steps_between(telegraph, series.unit), *of_samples)
+
+
+def _steps_between(telegraph: Telegraph | None, unit: str) -> Iterator[Trap]:
+    """Yield what is told of levels between which an axis steps."""
+    if telegraph is None:
+        return
+    yield Trap(
+        TELEGRAPH,
+        "warning",
+        f"{telegraph_words(telegraph, unit)} The spectrum and its figures are of the noise about the levels. "
+        f"Bias and heading have the levels in them, as a Gauss–Markov process of σ {telegraph.sigma:.2g} "
+        f"{unit} and τ {telegraph.tau_s:.2g} s.",
+        "It is a defect of the sensor or its supply, or another signal in this column: try another sensor.",
     )

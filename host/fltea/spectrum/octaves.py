@@ -76,8 +76,10 @@ class Counts(NamedTuple):
 
 
 class BandCells(NamedTuple):
-    """How the power of one band went on in time: logarithms of blocks' powers, in at most 16 cells, and how
-    much they change at each scale of time."""
+    """How the power of one band went on in time: logarithms of blocks' powers.
+
+    They are in at most 16 cells, and of each scale of time there is how much they change.
+    """
 
     low_hz: float
     high_hz: float

@@ -7,8 +7,6 @@ with those that are shorter and with those that are longer, by F. A scale has th
 record is: what was seen in a short record is seen in a longer one.
 """
 
-import math
-from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -64,8 +62,10 @@ class _Found(NamedTuple):
 
 
 def _against(variance: Array, pairs: Array) -> _Found:
-    """Compare each variance (k,) with those of all before the j-th together, for every j; return the most
-    significant, and the variance that it was compared with."""
+    """Compare each variance (k,) with the mean of the first ones, of every number of them before it.
+
+    Return the most significant ratio, and the mean that is in it.
+    """
     total = pairs.cumsum()
     usual = (variance * pairs).cumsum() / total
     one, before = np.tril_indices(len(pairs), -1)
