@@ -23,7 +23,7 @@ def levels(rng: np.random.Generator, n: int, stay_s: float, count: int = 2, apar
     """Levels in no order, each for a random time."""
     stays = rng.exponential(stay_s / H, 20 + int(3 * n * H / stay_s)).astype(np.int64) + 1
     names = np.cumsum(rng.integers(1, count, len(stays))) % count
-    return apart * (np.repeat(names, stays)[:n] - (count - 1) / 2)
+    return np.asarray(apart * (np.repeat(names, stays)[:n] - (count - 1) / 2), dtype=np.float64)
 
 
 def found_in(y: Array, lsb: float | None = None) -> Telegraph | None:

@@ -74,7 +74,7 @@ def swinging(n: int, period_s: float, ratio: float, seed: int, *, regular: bool 
     if regular:
         up = (np.arange(n) * H + rng.uniform(0, period_s)) // (period_s / 2) % 2
     else:
-        up = np.cumsum(rng.random(n) < 2 * H / period_s) % 2
+        up = np.cumsum(rng.random(n) < 2 * H / period_s) % 2.0
     return rng.standard_normal(n) * np.where(up, ratio, 1.0)
 
 

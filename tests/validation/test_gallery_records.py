@@ -17,6 +17,7 @@ LOOKED_AT = (
     *("ramp", "1 pole, 20 Hz", "2 poles, 20 Hz", "mean of 4", "MPU-9250, 20 Hz", "2 poles, 20 Hz, 1/f"),
     *("state 0.35, -4, 3", "3 relaxations, angle", "3 relaxations, sharpened", "walk, angle", "notch"),
     *("resonance, Q 10", "line", "line at the end", "slow line", "hum", "differenced", "variance steps"),
+    *("swing, 2,000 × 2", "swing, 250 × 1.5", "dead band", "telegraph"),
 )
 
 

@@ -37,6 +37,8 @@ FEWEST_CHANGES = 6
 """Changes of the level from which on they are not told one by one, as steps of the bias are."""
 PASSING = 2
 """Samples up to which a stay on another level is one of noise, and no change."""
+IRREGULAR = 0.3
+"""Standard deviation of the stays over their mean, at least: 1 of random steps. Regular ones are lines."""
 COARSE = 1.5
 """Steps of the resolution: levels no farther apart are neighbouring counts of slow noise."""
 
@@ -129,10 +131,13 @@ def _telegraph(y: Array, at: NDArray[np.int64], h: float) -> Telegraph | None:
     """Return the levels of samples y (n,), each on the level of the number `at` (n,)."""
     counts = np.bincount(at)
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at)) + 1])
-    on = at[begins[np.diff(begins, append=len(at)) > PASSING]]
-    on = on[np.concatenate([[True], np.diff(on) != 0])] if len(on) else on
-    changes = len(on) - 1
+    begins = begins[np.diff(begins, append=len(at)) > PASSING]
+    begins = begins[np.diff(at[begins], prepend=-1) != 0]
+    on, changes = at[begins], len(begins) - 1
     if changes < FEWEST_CHANGES or (counts < SHORTEST_STAY * np.bincount(on, minlength=len(counts))).any():
+        return None
+    stays = np.diff(begins)
+    if float(stays.std()) < IRREGULAR * float(stays.mean()):
         return None
     levels = np.bincount(at, y) / counts
     shares = counts / len(y)

@@ -5,6 +5,7 @@ or not, neighbours in that order are about as frequent, but for the few values t
 leaves: these are told from the middle of the noise by how far most other samples are away from them.
 """
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -18,8 +19,8 @@ from fltea.records.arrays import Array
 PARTS, MOST_PARTS = 8, 5
 """Parts of the record, and how many of them have to show it: a record of rest and motion has values that
 are frequent in one of them."""
-LEAST = 500
-"""Samples of a part."""
+LEAST, LEAST_OF_ALL = 500, 100
+"""Samples of a part, and of a record that is one part."""
 NEIGHBOURS = 3
 """Values on either side that tell how far values are apart."""
 OFTEN = 20
@@ -36,9 +37,9 @@ BAD_POWER = 0.01
 """Share of the power that a dead band takes away, from which on N is wrong."""
 CLIPPED = 2.0
 """Samples of the last value over what the values before it let expect."""
-LEAST_CLIPPED, SURELY, BAD_CLIPPED = 20, 6.0, 0.01
-"""Samples of a part at an end, standard deviations of that count by which it is too many, and the share of
-all from which on N is wrong."""
+SURELY, BAD_CLIPPED = 6.0, 0.01
+"""Standard deviations of the count of a last value by which it is too many, and the share of all samples
+from which on N is wrong."""
 SHORTEST_STAY = 10.0
 """Samples at one value or level, in the mean. What stays for less is rounded, or sensors by turns."""
 FEW_VALUES, BEGIN = 3, 1000
@@ -76,15 +77,15 @@ def value_traps(y: Array, unit: str) -> Iterator[Trap]:
     if few is not None:
         yield few
         return
-    if len(samples) < LEAST:
+    if len(samples) < LEAST_OF_ALL:
         return
-    parts = np.array_split(samples, min(PARTS, len(samples) // LEAST))
+    parts = np.array_split(samples, max(min(PARTS, len(samples) // LEAST), 1))
     values = [_Values(*np.unique(part, return_counts=True)) for part in parts]
     need = -(-len(parts) * MOST_PARTS // PARTS)
     common = [one for part, its in zip(parts, values, strict=True) if (one := _common(part, its))]
     if len(common) >= need:
         yield from _too_frequent(common, unit)
-    ends = [(_at_end(one, -1), _at_end(one, 1)) for one in values]
+    ends = [(_at_end(part, its, -1), _at_end(part, its, 1)) for part, its in zip(parts, values, strict=True)]
     yield from _clipped(ends, [one.values for one in values], need, len(samples), unit)
 
 
@@ -117,9 +118,8 @@ def _common(part: Array, of: _Values) -> _Common | None:
         return None
     beside = int(max(counts[at - 1], counts[at + 1]))
     is_it = part == values[at]
-    came = int(np.count_nonzero(is_it[1:] & ~is_it[:-1]))
     share = float(counts[at] - beside) / len(part)
-    if came < OFTEN or share < LEAST_SHARE or counts[at] < BESIDE_A_GAP * beside:
+    if _came(is_it) < OFTEN or share < LEAST_SHARE or counts[at] < BESIDE_A_GAP * beside:
         return None
     low, high = values[max(at - 1 - NEIGHBOURS, 0) : at], values[at + 1 : at + 2 + NEIGHBOURS]
     usual = float(np.median(np.concatenate([np.diff(low), np.diff(high)])))
@@ -131,6 +131,11 @@ def _common(part: Array, of: _Values) -> _Common | None:
     if counts[at] >= TOO_OFTEN * beside and away >= AWAY * gap:
         return _Common(float(values[at]), share, 0.0, share >= BAD_SHARE)
     return None
+
+
+def _came(is_it: NDArray[np.bool_]) -> int:
+    """Return how often samples come to a value; is_it: which samples have it."""
+    return int(np.count_nonzero(is_it[1:] & ~is_it[:-1]))
 
 
 def _too_frequent(common: list[_Common], unit: str) -> Iterator[Trap]:
@@ -150,16 +155,17 @@ def _too_frequent(common: list[_Common], unit: str) -> Iterator[Trap]:
     )
 
 
-def _at_end(of: _Values, end: int) -> int:
-    """Return how many samples are clipped at the highest value (1) or the lowest (-1)."""
+def _at_end(part: Array, of: _Values, end: int) -> int:
+    """Return how many samples of a part are clipped at the highest value (1) or the lowest (-1)."""
     counts = of.counts[::-end] if end > 0 else of.counts
     if len(counts) < 4:
         return 0
     last, before, third = counts[:3].tolist()
     # Tails fall at least as fast as an exponential does, so from the two before the last is at most that.
     most = max(before, before * before / third)
-    many = last >= LEAST_CLIPPED and last > CLIPPED * most and last > most + SURELY * (most + last) ** 0.5
-    return int(last) if many else 0
+    if last < OFTEN or last <= CLIPPED * most or last <= most + SURELY * math.sqrt(most + last):
+        return 0
+    return int(last) if _came(part == of.values[-1 if end > 0 else 0]) >= OFTEN else 0
 
 
 def _clipped(

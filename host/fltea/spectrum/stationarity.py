@@ -93,18 +93,16 @@ def find_change(
     swinging = [(band, swing) for band in looked if (swing := find_swing(band, h)) is not None]
     # Half of the level is for each of the two tests.
     tests, comparing = 2 * len(parted), 2 * sum(map(comparisons, looked))
-    step, swing = _worst(parted, tests, level), _worst(swinging, comparing, level)
+    step, worst = _worst(parted, tests, level), _worst(swinging, comparing, level)
     if step is not None:
         band, found = step
-        share = found.share
-        if swing is not None:
-            share = min(share, found.explained / swing[1].variance)
-        if swing is None or share >= MOSTLY_ONE_STEP:
+        share = found.share if worst is None else min(found.share, found.explained / worst[1].variance)
+        if worst is None or share >= MOSTLY_ONE_STEP:
             p, size = _p(found.deviate, tests), _size(found.variance)
             return Change(band.low_hz, band.high_hz, p, size, found.ratio, found.at_s, share)
-    if swing is None:
+    if worst is None:
         return None
-    band, its = swing
+    band, its = worst
     return Change(
         band.low_hz, band.high_hz, _p(its.deviate, comparing), _size(its.variance), half_s=its.half_s
     )

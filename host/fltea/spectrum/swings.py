@@ -47,7 +47,7 @@ def find_swing(band: BandCells, h: float) -> Swing | None:
     pairs, variance = band.pairs[enough], band.scale_variance[enough]
     if len(pairs) < 2 or not (variance > 0).all():
         return None
-    runs = 2.0 ** np.flatnonzero(enough)
+    runs: Array = np.exp2(np.flatnonzero(enough).astype(np.float64))
     slow = _against(variance / _expected(runs, MOST_ALIKE), pairs)
     fast = _against((variance / _expected(runs, OVERLAP))[::-1], pairs[::-1])
     best, alike = (slow, MOST_ALIKE) if slow.deviate > fast.deviate else (fast, OVERLAP)

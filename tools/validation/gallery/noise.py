@@ -100,6 +100,21 @@ def step(y: Array, rng: np.random.Generator) -> Array:
     return y * np.where(np.arange(len(y)) < len(y) // 2, 1.0, math.sqrt(2))
 
 
+def swinging(half: int, ratio: float) -> Treatment:
+    """Return what makes the standard deviation `ratio` times as large in every other `half` samples."""
+
+    def treatment(y: Array, rng: np.random.Generator) -> Array:
+        up = (np.arange(len(y)) + rng.integers(2 * half)) // half % 2
+        return y * np.where(up, ratio, 1.0)
+
+    return treatment
+
+
+def dead_band(share: float) -> Treatment:
+    """Return what makes 0 of all samples within this share of a standard deviation."""
+    return lambda y, rng: np.where(np.abs(y) <= share * y.std(), 0.0, y)
+
+
 class Accepted(NamedTuple):
     """A verdict that is accepted on records of up to `samples`, with the reason."""
 
@@ -121,6 +136,10 @@ class Noise(NamedTuple):
     treatment: Treatment | None = None
     changes: bool = False
     """it is not the same at the end as at the beginning"""
+    swings: int = 0
+    """samples after which its power goes up, or down again; 0: it does not"""
+    check: str = ""
+    """the data check that has to say what is wrong with it, whatever the verdict is"""
     spread: float | None = None
     """variance that the treatment brings with it as white noise, the parts having 1; None: none"""
     accepted: Accepted | None = None

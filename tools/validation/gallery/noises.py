@@ -19,9 +19,11 @@ from tools.validation.gallery.noise import (
     Noise,
     Treatment,
     bursts,
+    dead_band,
     outliers,
     rounded,
     step,
+    swinging,
     wander,
 )
 from tools.validation.gallery.parts import (
@@ -35,6 +37,7 @@ from tools.validation.gallery.parts import (
     Part,
     Relaxation,
     Resonance,
+    Telegraph,
     Walk,
     White,
     ladder,
@@ -196,6 +199,12 @@ PEAKS = (
 ODD = (
     Noise("differenced", "differences of white noise, in white", "rising", (W, Differenced(1.0))),
     _white("variance wanders", "white; its variance goes up and down by a factor of 2", wander, changes=True),
+    _white(
+        "swing, 2,000 × 2", "white; σ doubles for every other 2,000 samples", swinging(2000, 2), swings=2000
+    ),
+    _white("swing, 250 × 1.5", "white; σ × 1.5 for every other 250 samples", swinging(250, 1.5), swings=250),
+    _white("dead band", "white; what is within ± 1.5 σ is 0", dead_band(1.5), check="dead band"),
+    _relaxing("telegraph", "± 20, which changes its sign every 2 s or so, in white", Telegraph(2.0, 20.0)),
     _white("variance steps", "white; its variance doubles in the middle", step, changes=True),
     Noise(
         "every 10th repeated", "white; each tenth sample is read twice", "held", (Held((*range(9), 8), 10),)

@@ -54,6 +54,25 @@ class White(NamedTuple):
         return np.ones_like(lam)
 
 
+class Telegraph(NamedTuple):
+    """± size, which changes its sign at random, every `stay_s` in the mean."""
+
+    stay_s: float
+    size: float
+
+    def _changes(self, rate_hz: float) -> float:
+        """Return how often it changes, of one sample."""
+        return -math.expm1(-1 / (self.stay_s * rate_hz))
+
+    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
+        changed = np.cumsum(rng.random(n) < self._changes(rate_hz)) + rng.integers(2)
+        return np.asarray(self.size * (1.0 - 2.0 * (changed % 2)))
+
+    def spectrum(self, lam: Array, rate_hz: float) -> Array:
+        again = 1 - 2 * self._changes(rate_hz)  # its autocorrelation from sample to sample
+        return self.size**2 * (1 - again**2) / ((1 - again) ** 2 + 4 * again * np.sin(lam / 2) ** 2)
+
+
 class AR1(NamedTuple):
     """x_k = pole x_{k-1} + steps of standard deviation `size`, whatever the rate."""
 

@@ -101,6 +101,8 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
         _lines(notes, noise, rate_hz, n)
     if noise.changes:
         _changes(notes, n)
+    if noise.swings:
+        _swings(notes, noise.swings, n)
     if noise.accepted is not None and n < noise.accepted.samples:
         notes.accepted[noise.accepted.kind] = noise.accepted.reason
     accepted = {kind: why for kind, why in notes.accepted.items() if kind not in notes.right}
@@ -292,6 +294,18 @@ def _changes(notes: _Notes, n: int) -> None:
         return
     why = f"the variance changes by {math.sqrt(expected):.1f} standard deviations"
     notes.accepted = {"white": why, "undecided": why}
+
+
+FEW_SWINGS = 16
+"""From so many on that they go on and on is sure."""
+
+
+def _swings(notes: _Notes, half: int, n: int) -> None:
+    """Power that goes up and down: two levels in short records, whose samples are white for each of them."""
+    notes.right = {"not stationary"} if n > half else {"not stationary", "white"}
+    if n < FEW_SWINGS * half:
+        why = f"the power goes up or down {n / half:.1f} times"
+        notes.accepted = {"white": why, "undecided": why}
 
 
 _RULES: dict[str, tuple[VerdictKind, Callable[[_Notes, Noise, Bins, float, int], None]]] = {
