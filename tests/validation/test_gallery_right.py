@@ -94,7 +94,7 @@ def test_every_record_has_a_right_verdict(name: str) -> None:
         ("hum", 5, 600, {"line"}),
         ("variance steps", 100, 600, {"not stationary"}),
         ("swing, 2,000 × 2", 100, 600, {"not stationary"}),
-        ("telegraph", 100, 600, {"relaxations"}),
+        ("telegraph", 100, 600, {"relaxations", "low-pass"}),
     ],
 )
 def test_right_verdicts(name: str, rate_hz: float, seconds: float, expected: set[str] | None) -> None:

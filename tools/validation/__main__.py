@@ -26,7 +26,7 @@ from tools.validation.runner import Options, read_rows, run
 from tools.validation.tables import Table
 
 PARTS = {
-    "gallery": ("gallery.records", "verdicts on 87 noises, at three rates and three lengths"),
+    "gallery": ("gallery.records", "verdicts on noises that are known, at three rates and three lengths"),
     "growth": ("gallery.growth", "verdicts on the gallery's noises as their records grow"),
     "evaluate": ("evaluate.run", "what the live fit and the filters are worth, noise by noise"),
     "odds": ("odds.run", "whether odds of an order come true, and what they find"),

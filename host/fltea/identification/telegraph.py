@@ -97,12 +97,12 @@ def _edges(y: Array, lsb: float | None, largest: float) -> Array | None:
     lsb: one count, if known. largest: how far levels of a sensor at rest may be apart.
     """
     apart = np.diff(y)
-    if float(y.var()) < LEAST_RATIO / 2 * float(apart @ apart) / len(apart):
+    if float(y.var()) < LEAST_RATIO / 2 * float(np.square(apart).mean()):
         return None
     sizes = np.abs(apart)
     calm = np.partition(sizes, int(CALM * len(sizes)))[: int(CALM * len(sizes))]
     resolution = lsb or step(y) or 0.0
-    noise = math.sqrt(float(calm @ calm) / len(calm) / 2) / OF_GAUSSIAN
+    noise = math.sqrt(float(np.square(calm).mean()) / 2) / OF_GAUSSIAN
     noise = max(noise, resolution / math.sqrt(12))
     low, high = float(y.min()), float(y.max())
     if not noise > 0 or high - low > largest + 20 * noise:

@@ -18,7 +18,7 @@ import numpy as np
 from fltea.noise.distributions import f_deviate
 from fltea.records.arrays import Array
 from fltea.spectrum.octaves import BandCells
-from fltea.spectrum.swings import OVERLAP, Swing, comparisons, find_swing
+from fltea.spectrum.swings import OVERLAP, Swing, find_swings
 
 LEAST_IN_CELL = 4
 """Blocks; cells with fewer are joined with their neighbours."""
@@ -89,10 +89,11 @@ def find_change(
         if band.low_hz >= from_hz
         and not any(band.low_hz < high and low < band.high_hz for low, high in notch)
     ]
-    parted = [(band, _compared(*joined, h)) for band in looked if (joined := _joined(band)) is not None]
-    swinging = [(band, swing) for band in looked if (swing := find_swing(band, h)) is not None]
+    cells_of = [(band, joined) for band in looked if (joined := _joined(band)) is not None]
+    parted = [(band, one) for band, its in cells_of if (one := _compared(*its, h)) is not None]
+    swinging, compared = find_swings(looked, h)
     # Half of the level is for each of the two tests.
-    tests, comparing = 2 * len(parted), 2 * sum(map(comparisons, looked))
+    tests, comparing = 2 * len(cells_of), 2 * compared
     step, worst = _worst(parted, tests, level), _worst(swinging, comparing, level)
     if step is not None:
         band, found = step
@@ -126,12 +127,17 @@ def _size(variance: float) -> float:
     return math.exp(2 * math.sqrt(variance))
 
 
-def _compared(counts: Array, means: Array, first: Array, within: float, degrees: float, h: float) -> _Parted:
-    """Compare cells; arguments as `_joined` returns them."""
+def _compared(
+    counts: Array, means: Array, first: Array, within: float, degrees: float, h: float
+) -> _Parted | None:
+    """Compare cells; arguments as `_joined` returns them. None if they differ by less than what matters."""
     total = float(counts.sum())
     around = means - counts @ means / total
     between = float(counts @ around**2)
     free = len(counts) - 1
+    variance = max(between - free * within, 0.0) / total  # what the cells differ by beyond chance
+    if _size(variance) < LEAST_SIZE:
+        return None
     deviate = float(f_deviate(between / free / within, max(free, 2), degrees))
     before, sums = counts.cumsum()[:-1], (counts * around).cumsum()[:-1]
     explained = sums**2 / before + sums**2 / (total - before)
@@ -139,11 +145,11 @@ def _compared(counts: Array, means: Array, first: Array, within: float, degrees:
     difference = -sums[at] / (total - before[at]) - sums[at] / before[at]
     return _Parted(
         deviate,
-        max(between - free * within, 0.0) / total,  # what the cells differ by beyond chance
+        variance,
         math.exp(difference),
         float(first[at + 1]) * h,
         float(explained[at]) / total,
-        float(explained[at]) / between if between > 0 else 0.0,
+        float(explained[at]) / between,
     )
 
 

@@ -7,9 +7,12 @@ with those that are shorter and with those that are longer, by F. A scale has th
 record is: what was seen in a short record is seen in a longer one.
 """
 
+import functools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fltea.noise.distributions import f_deviate
 from fltea.records.arrays import Array
@@ -22,6 +25,8 @@ MOST_ALIKE = 0.1
 goes on from one to the next."""
 FEWEST_PAIRS = 3
 """Pairs of a scale that is compared."""
+EVERYDAY = 3.0
+"""Deviate of a comparison up to which it is significant at no level that is asked for."""
 
 
 class Swing(NamedTuple):
@@ -35,43 +40,78 @@ class Swing(NamedTuple):
     """Time between ups and downs, to a factor of two: the scale that has most of that variance."""
 
 
-def comparisons(band: BandCells) -> int:
-    """Return how many pairs of scales `find_swing` compares in this band."""
-    scales = int(np.count_nonzero(band.pairs >= FEWEST_PAIRS))
-    return scales * (scales - 1)
+class _Compared(NamedTuple):
+    """Variances of scales over what they are expected to be; all (k,), from one octave."""
+
+    ratio: Array
+    pairs: Array
+    usual: Array
+    its_pairs: Array
 
 
-def find_swing(band: BandCells, h: float) -> Swing | None:
-    """Return the most significant scale of a band; None if there are too few blocks. h: the period in s."""
-    enough = band.pairs >= FEWEST_PAIRS
-    pairs, variance = band.pairs[enough], band.scale_variance[enough]
-    if len(pairs) < 2 or not (variance > 0).all():
-        return None
-    runs: Array = np.exp2(np.flatnonzero(enough).astype(np.float64))
-    slow = _against(variance / _expected(runs, MOST_ALIKE), pairs)
-    fast = _against((variance / _expected(runs, OVERLAP))[::-1], pairs[::-1])
-    best, alike = (slow, MOST_ALIKE) if slow.deviate > fast.deviate else (fast, OVERLAP)
-    excess = np.maximum(variance - best.usual * _expected(runs, alike), 0.0) / (2 * runs)
-    half = float(runs[excess.argmax()]) * band.hop * h
-    return Swing(best.deviate, float(excess.sum()), half)
+def find_swings(bands: Sequence[BandCells], h: float) -> tuple[list[tuple[BandCells, Swing]], int]:
+    """Return the most significant scale of each band, where it is not an everyday one; h: the period in s.
 
-
-class _Found(NamedTuple):
-    deviate: float
-    usual: float
-
-
-def _against(variance: Array, pairs: Array) -> _Found:
-    """Compare each variance (k,) with the mean of the first ones, of every number of them before it.
-
-    Return the most significant ratio, and the mean that is in it.
+    And how many pairs of scales were compared in all bands.
     """
+    those = [_Scales.of(band) for band in bands]
+    enough = [(band, its) for band, its in zip(bands, those, strict=True) if len(its.runs) >= 2]
+    if not enough:
+        return [], 0
+    compared = [one for _, its in enough for one in (its.slow(), its.fast())]
+    ratio, pairs, _, its_pairs = map(np.concatenate, zip(*compared, strict=True))
+    deviates = f_deviate(ratio, pairs, its_pairs)
+    each = np.split(deviates, np.cumsum([len(one.ratio) for one in compared])[:-1])
+    found = []
+    for place, (band, its) in enumerate(enough):
+        best, alike = max(
+            (2 * place, MOST_ALIKE), (2 * place + 1, OVERLAP), key=lambda one: each[one[0]].max()
+        )
+        at = each[best].argmax()
+        if (deviate := float(each[best][at])) > EVERYDAY:
+            usual = float(compared[best].usual[at])
+            found.append((band, its.swing(deviate, usual, alike, band.hop * h)))
+    return found, len(ratio)
+
+
+class _Scales(NamedTuple):
+    """The scales (k,) of a band that have enough pairs; runs: blocks in a run of each."""
+
+    runs: Array
+    pairs: Array
+    variance: Array
+
+    @classmethod
+    def of(cls, band: BandCells) -> "_Scales":
+        known = (band.pairs >= FEWEST_PAIRS) & (band.scale_variance > 0)
+        runs = np.exp2(np.flatnonzero(known).astype(np.float64))
+        return cls(runs, band.pairs[known], band.scale_variance[known])
+
+    def slow(self) -> _Compared:
+        """Compare each scale with the shorter ones."""
+        return _against(self.variance / _expected(self.runs, MOST_ALIKE), self.pairs)
+
+    def fast(self) -> _Compared:
+        """Compare each scale with the longer ones."""
+        return _against((self.variance / _expected(self.runs, OVERLAP))[::-1], self.pairs[::-1])
+
+    def swing(self, deviate: float, usual: float, alike: float, hop_s: float) -> Swing:
+        """Return what the scales have beyond the usual variance; hop_s: time from a block to the next."""
+        excess = np.maximum(self.variance - usual * _expected(self.runs, alike), 0.0) / (2 * self.runs)
+        return Swing(deviate, float(excess.sum()), float(self.runs[excess.argmax()]) * hop_s)
+
+
+def _against(variance: Array, pairs: Array) -> _Compared:
+    """Compare each variance (k,) with the mean of the first ones, of every number of them before it."""
     total = pairs.cumsum()
     usual = (variance * pairs).cumsum() / total
-    one, before = np.tril_indices(len(pairs), -1)
-    deviates = f_deviate(variance[one] / usual[before], pairs[one], total[before])
-    at = int(deviates.argmax())
-    return _Found(float(deviates[at]), float(usual[before[at]]))
+    one, before = _below(len(pairs))
+    return _Compared(variance[one] / usual[before], pairs[one], usual[before], total[before])
+
+
+@functools.cache
+def _below(scales: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    return np.tril_indices(scales, -1)
 
 
 def _expected(runs: Array, alike: float) -> Array:
