@@ -15,6 +15,7 @@ from fltea.identification.workers import Here
 from fltea.records.arrays import Array
 from identify_files import QUICK, npz, settings
 from identify_support import H, ar, long_recursion, white
+from scipy.signal import butter, lfilter
 
 N = 20_000
 
@@ -50,6 +51,7 @@ def test_it_is_called_what_it_is_and_the_noise_about_it_is_white(stay_s: float, 
 def test_more_levels_and_coarse_counts(count: int, noise: float, lsb: float | None) -> None:
     rng = np.random.default_rng(4)
     y = levels(rng, N, 2.0, count) + rng.normal(0, noise, N)
+    y[[500, 700]] = 30.0, -30.0
     found = found_in(y if lsb is None else np.rint(y / lsb) * lsb, lsb)
     assert found is not None
     assert len(found.levels) == count
@@ -98,6 +100,28 @@ def test_other_axes_of_the_sensor_did_not_move(tmp_path: Path) -> None:
     assert [axis.result.verdict.kind for axis in report.axes.values()] == ["white", "relaxations", "white"]
 
 
+@pytest.mark.parametrize("about", ["a filter", "a relaxation"])
+def test_the_levels_behind_a_filter_or_with_slow_noise_about_them(about: str) -> None:
+    rng = np.random.default_rng(10)
+    y, n = levels(rng, 30_000, 2.0), 30_000
+    if about == "a filter":
+        y = lfilter([0.5], [1, -0.5], y + rng.normal(0, 0.01, n))
+    else:
+        y = y + rng.normal(0, 0.005, n) + lfilter([0.002], [1, -0.99], rng.normal(0, 1, n))
+    found = fltea.identify(y, rate_hz=100.0, unit="deg/s")
+    kinds = {trap.kind for trap in found.traps}
+    assert "telegraph" in kinds
+    assert kinds.isdisjoint({"motion", "outliers"})
+    assert found.withheld == ""
+
+
+def test_what_moves_between_levels_is_told_where_nothing_else_can_be() -> None:
+    rng = np.random.default_rng(11)
+    y = levels(rng, N, 2.0) + rng.normal(0, 0.005, N) + 0.001 * rng.normal(0, 1, N).cumsum()
+    with pytest.raises(ValueError, match=r"jump .* times, by 0.2 deg/s .*steps between levels"):
+        fltea.identify(y, rate_hz=100.0, unit="deg/s")
+
+
 def test_without_any_noise_it_is_said_that_there_are_only_two_values() -> None:
     for stay_s in (0.5, 2.0, 20.0):
         y = levels(np.random.default_rng(8), N, stay_s)
@@ -117,9 +141,12 @@ def test_what_is_no_telegraph() -> None:
         np.rint(0.1 * white(N, 1, 1)[0] + 0.3),
         np.rint(0.3 * slow / slow.std() + 0.4),
         slow,
+        lfilter(*butter(2, 0.4), white(3_000, 1, 4)[0]),
         long_recursion(0.6, -0.02, N, 1),
         white(N, 1, 2)[0].cumsum(),
         turned,
+        np.ones(N),
+        np.full(N, np.nan),
         np.where(np.arange(N) > N // 2, 1.0, 0.0) + 0.01 * white(N, 1, 3)[0],
     ):
         assert found_in(y) is None

@@ -8,7 +8,7 @@ from fltea.identification.axis import IdentifyOptions, Looked, look
 from fltea.identification.left_out import LeftOut, without
 from fltea.identification.load import Series
 from fltea.identification.motion import likely_motion
-from fltea.identification.telegraph import Telegraph, telegraph_words, without_levels
+from fltea.identification.telegraph import Telegraph, jump_words, telegraph_words, without_levels
 from fltea.identification.values import few_values
 from fltea.records.fit import VerdictKind
 from fltea.spectrum.verdict import Verdict
@@ -38,12 +38,18 @@ def look_at(series: Series, h: float, options: IdentifyOptions, left_out: LeftOu
     """
     rest, telegraph = without_levels(series, h)
     out = likely_motion(rest) if left_out is None else left_out
-    whole, rest = without(series, out), without(rest, out)
+    whole = without(series, out)
+    if telegraph is not None:
+        rest = without(rest, LeftOut((*out.moved, *telegraph.passages), out.steps))
+    else:
+        rest = whole
     try:
         looked = look(rest.y, h, options, rest.gaps)
     except ValueError as error:
         if few := few_values(series.y, series.unit):
             raise ValueError(f"{few.text} {few.remedy}") from error
+        if jumps := jump_words(series.y, series.unit):
+            raise ValueError(f"{jumps} {error}") from error
         raise
     if telegraph is not None:
         looked = looked._replace(verdict=_with_levels(looked.verdict, telegraph, series.unit))

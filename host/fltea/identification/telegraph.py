@@ -22,14 +22,24 @@ from fltea.spectrum.wording import NUMBERS, listed
 
 LEAST_RATIO = 2.0
 """Variance of the samples over half of the mean square of their steps: below, nothing stays at a level."""
+OUTLIERS = 5e-4
+"""Share of samples at either end that may be anywhere."""
 CALM, OF_GAUSSIAN = 0.95, 0.871
 """Share of the steps from one sample to the next, the smallest ones, that are of the noise alone; and the
 deviation of that share of Gaussian steps over the deviation of all."""
 BINS_A_DEVIATION, MOST_BINS = 2.0, 4096
 VALLEY = 0.02
 """Samples in a bin between two levels, over those in the fullest bin: 2.8 deviations from a level."""
-WIDEST = 9.0
-"""Deviations of the noise in the width of a level, at most: it may be a bit coarser than what steps show."""
+APART = 5.5
+"""Deviations of the noise between two levels, at least."""
+WIDEST, LOOSE = 9.0, 0.5
+"""Deviations of the noise in the width of a level, at most; or the width over the distance of levels, since
+slow noise goes on about them."""
+SOON, JUMPS = 4, 0.7
+"""Samples on either side of a change between which the samples go this share of the way, in the median."""
+LONG_PASSAGE, OFF = 8, 6.0
+"""Samples on either side of a change that may be on the way, behind a filter of the sensor; and deviations of
+the noise by which they are off a level then."""
 LEAST_SHARE, AT_LEVELS = 0.01, 0.93
 """Share of samples on a level, and on all of them together."""
 MOST_LEVELS = 6
@@ -39,6 +49,8 @@ PASSING = 2
 """Samples up to which a stay on another level is one of noise, and no change."""
 IRREGULAR = 0.3
 """Standard deviation of the stays over their mean, at least: 1 of random steps. Regular ones are lines."""
+JUMP = 4.0
+"""Steps from one sample to the next, over those that only a few exceed, from which on they are jumps."""
 COARSE = 1.5
 """Steps of the resolution: levels no farther apart are neighbouring counts of slow noise."""
 
@@ -58,6 +70,8 @@ class Telegraph(NamedTuple):
     """Time within which it forgets itself."""
     ends_at: float
     """The last level less the mean of all."""
+    passages: tuple[tuple[int, int], ...]
+    """Samples begin … end - 1 that are on no level, but on the way to one."""
 
     @property
     def part(self) -> Relaxation:
@@ -79,11 +93,12 @@ def without_levels(series: Series, h: float) -> tuple[Series, Telegraph | None]:
         return series, None
     live = LiveConfig()
     largest = live.largest_step_dps if series.unit == GYRO_UNIT else live.largest_step_ms2
-    edges = _edges(y[:LONG], series.lsb, largest)
-    if edges is None:
+    seen = _edges(y[:LONG], series.lsb, largest)
+    if seen is None:
         return series, None
+    edges, noise = seen
     at = np.searchsorted(edges, y)
-    found = _telegraph(y, at, h)
+    found = _telegraph(y, at, h, noise)
     if found is None:
         return series, None
     level = np.array(found.levels)
@@ -91,26 +106,39 @@ def without_levels(series: Series, h: float) -> tuple[Series, Telegraph | None]:
     return series._replace(y=y - (level[at] - mean)), found
 
 
-def _edges(y: Array, lsb: float | None, largest: float) -> Array | None:
-    """Return the bounds between levels, (levels - 1,); None where there are none.
+def _edges(y: Array, lsb: float | None, largest: float) -> tuple[Array, float] | None:
+    """Return the bounds between levels, (levels - 1,), and the deviation of the noise; None without levels.
 
     lsb: one count, if known. largest: how far levels of a sensor at rest may be apart.
     """
-    apart = np.diff(y)
-    if float(y.var()) < LEAST_RATIO / 2 * float(np.square(apart).mean()):
+    few = int(OUTLIERS * len(y))
+    low, high = np.partition(y, (few, len(y) - 1 - few))[[few, len(y) - 1 - few]].tolist()
+    inside = y.clip(low, high)
+    apart = np.diff(inside)
+    if float(inside.var()) <= LEAST_RATIO / 2 * float(np.square(apart).mean()):
         return None
     sizes = np.abs(apart)
     calm = np.partition(sizes, int(CALM * len(sizes)))[: int(CALM * len(sizes))]
     resolution = lsb or step(y) or 0.0
     noise = math.sqrt(float(np.square(calm).mean()) / 2) / OF_GAUSSIAN
     noise = max(noise, resolution / math.sqrt(12))
-    low, high = float(y.min()), float(y.max())
-    if not noise > 0 or high - low > largest + 20 * noise:
+    if not noise > 0 or not 0 < high - low <= largest + 20 * noise:
         return None
-    bins = min(math.ceil((high - low) / noise * BINS_A_DEVIATION), MOST_BINS)
-    if resolution > 0:  # no bin is between two counts
-        bins = min(bins, max(math.floor((high - low) / resolution), 1))
-    counts, bounds = np.histogram(y, bins)
+    width = max(noise / BINS_A_DEVIATION, (high - low) / MOST_BINS)
+    if resolution > 0:  # whole counts, or some bins would have one more of them than others
+        width = max(math.ceil(width / resolution), 1) * resolution
+    first = low - resolution / 2
+    bins = math.ceil((high + resolution / 2 - first) / width)
+    edges = _between_groups(y, first + width * np.arange(bins + 1.0), noise, resolution)
+    return None if edges is None else (edges, noise)
+
+
+def _between_groups(y: Array, bounds: Array, noise: float, resolution: float) -> Array | None:
+    """Return the middle between neighbouring levels, (levels - 1,); None where values are at no levels.
+
+    bounds: those of the bins in which values are counted, all of one width.
+    """
+    counts, _ = np.histogram(y, bounds)
     full = np.concatenate([[False], counts > VALLEY * counts.max(), [False]])
     begins, ends = np.flatnonzero(full[1:] & ~full[:-1]), np.flatnonzero(full[:-1] & ~full[1:])
     shares = np.add.reduceat(counts, np.column_stack([begins, ends]).ravel()[: 2 * len(begins) - 1])[::2]
@@ -120,15 +148,20 @@ def _edges(y: Array, lsb: float | None, largest: float) -> Array | None:
     width = float(bounds[1] - bounds[0])
     if not 2 <= len(begins) <= MOST_LEVELS or shares.sum() < AT_LEVELS:
         return None
-    if float((ends - begins).max()) * width > WIDEST * noise + 2 * width:
+    apart = float(np.diff((bounds[begins] + bounds[ends]) / 2).min())
+    widest = float((ends - begins).max()) * width
+    if apart <= max(APART * noise, COARSE * resolution):
         return None
-    edges = (bounds[ends[:-1]] + bounds[begins[1:]]) / 2
-    near = np.diff((bounds[begins] + bounds[ends]) / 2).min() <= COARSE * resolution
-    return None if near else np.asarray(edges)
+    if widest > max(WIDEST * noise, LOOSE * apart) + 2 * width:
+        return None
+    return np.asarray((bounds[ends[:-1]] + bounds[begins[1:]]) / 2)
 
 
-def _telegraph(y: Array, at: NDArray[np.int64], h: float) -> Telegraph | None:
-    """Return the levels of samples y (n,), each on the level of the number `at` (n,)."""
+def _telegraph(y: Array, at: NDArray[np.int64], h: float, noise: float) -> Telegraph | None:
+    """Return the levels of samples y (n,), each on the level of the number `at` (n,).
+
+    noise: deviation of the samples about the levels.
+    """
     counts = np.bincount(at)
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at)) + 1])
     begins = begins[np.diff(begins, append=len(at)) > PASSING]
@@ -140,6 +173,10 @@ def _telegraph(y: Array, at: NDArray[np.int64], h: float) -> Telegraph | None:
     if float(stays.std()) < IRREGULAR * float(stays.mean()):
         return None
     levels = np.bincount(at, y) / counts
+    at_change = begins[1:]
+    before, after = np.maximum(at_change - 1 - SOON, 0), np.minimum(at_change + SOON, len(y) - 1)
+    if float(np.median(np.abs((y[after] - y[before]) / np.diff(levels[on])))) < JUMPS:
+        return None
     shares = counts / len(y)
     mean = float(levels @ shares)
     variance = float(shares @ (levels - mean) ** 2)
@@ -154,7 +191,18 @@ def _telegraph(y: Array, at: NDArray[np.int64], h: float) -> Telegraph | None:
         math.sqrt(variance),
         tau_s,
         float(levels[on[-1]]) - mean,
+        _passages(y - levels[at], np.flatnonzero(np.diff(at)) + 1, OFF * noise),
     )
+
+
+def _passages(rest: Array, changes: NDArray[np.int64], most: float) -> tuple[tuple[int, int], ...]:
+    """Return which samples near a change are on no level; rest: samples (n,) less their levels."""
+    near = np.zeros(len(rest), dtype=np.int8)
+    for change in changes.tolist():
+        near[max(change - LONG_PASSAGE, 0) : change + LONG_PASSAGE] = 1
+    off = ((near == 1) & (np.abs(rest) > most)).astype(np.int8)
+    edges = np.flatnonzero(np.diff(off, prepend=0, append=0)).reshape(-1, 2)
+    return tuple((int(begin), int(end)) for begin, end in edges.tolist())
 
 
 def telegraph_words(found: Telegraph, unit: str) -> str:
@@ -163,4 +211,21 @@ def telegraph_words(found: Telegraph, unit: str) -> str:
     return (
         f"Telegraph (popcorn) noise: the samples step between {NUMBERS[len(found.levels)]} levels, {levels} "
         f"{unit}, every {found.every_s:.2g} s or so."
+    )
+
+
+def jump_words(y: Array, unit: str) -> str:
+    """Return a sentence on jumps of samples (n,) that stay where they jump to; "" if they are few."""
+    if len(y) < 4 * SOON:
+        return ""
+    apart = np.abs(np.diff(y))
+    calm = float(np.quantile(apart, CALM))
+    jumps = np.flatnonzero((apart[SOON:-SOON] > JUMP * calm) & (apart[SOON:-SOON] > 0)) + SOON + 1
+    stays = np.abs(y[jumps + SOON - 1] - y[jumps - 1 - SOON]) > JUMP * calm
+    if np.count_nonzero(stays) < FEWEST_CHANGES:
+        return ""
+    size = float(np.median(apart[jumps[stays] - 1]))
+    return (
+        f"The samples jump {np.count_nonzero(stays)} times, by {size:.2g} {unit} in the median, and stay "
+        "there: steps between levels (telegraph noise), or the sensor was moved. Too little is left between."
     )

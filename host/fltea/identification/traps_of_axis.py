@@ -25,7 +25,7 @@ def traps_of(
         series.lsb,
         result.peaks,
         series.unit,
-        series.gaps,
+        looked.gaps,
         longer="as long as can be" if result.verdict.has_order else "ten minutes or more",
     )
     values = value_traps(series.y, series.unit)
