@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from fltea.noise.spectra import noise_variance
-from fltea.sinks.words import with_std
+from fltea.records.plus_minus import plus_minus
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -160,7 +160,7 @@ def _axis(axis: dict[str, Any]) -> str:
     order = [f"{name} {p}" for name in ("alpha", "f") if (p := _interval(axis[name]))]
     words = [verdict, *(text.replace("alpha", "α") for text in order)]
     if axis["bias"] is not None and axis["bias_std"] is not None:
-        words.append(f"bias {with_std(axis['bias'], axis['bias_std'])} {axis['unit']}")
+        words.append(f"bias {plus_minus(axis['bias'], axis['bias_std'])} {axis['unit']}")
     return ", ".join(words) + (", moving" if axis["moving"] else "")
 
 

@@ -13,9 +13,9 @@ import pytest
 from due_support import ROOT
 from example_records import GOOD, STATS
 from fltea.noise.spectra import g_of, step_variance
+from fltea.records.plus_minus import plus_minus
 from fltea.records.records import Estimate
 from fltea.settings.device_name import device_name
-from fltea.sinks.words import with_std
 from fltea.sources.synthetic import parse_noise
 from host_support import fltea_here
 
@@ -42,7 +42,7 @@ def test_a_run_becomes_one_line_for_each_second_of_it(
     last = [json.loads(line) for line in records.splitlines() if '"class":"estimate"' in line][-1]
     for name, axis in last["axes"].items():
         verdict = axis["verdict"] or "no stable verdict yet"
-        assert f"{name} {verdict}, bias {with_std(axis['bias'], axis['bias_std'])} deg/s" in lines[-1]
+        assert f"{name} {verdict}, bias {plus_minus(axis['bias'], axis['bias_std'])} deg/s" in lines[-1]
 
 
 def test_an_order_is_shown_with_its_intervals_and_motion_is_told() -> None:
@@ -54,7 +54,7 @@ def test_an_order_is_shown_with_its_intervals_and_motion_is_told() -> None:
         line = summary.line(msgspec.json.encode(record).decode())
     assert line is not None
     assert "gyro_x fractional, α 0.51 [0.42, 0.60], f -1.20 [-2.50, -0.70]" in line
-    assert "bias 0.234 ± 0.012 deg/s, moving" in line
+    assert "bias 0.234 ± 0.024 deg/s, moving" in line
 
 
 def test_what_is_no_record_is_shown_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:

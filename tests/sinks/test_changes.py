@@ -25,8 +25,8 @@ DOWN = replace(STEP, size=-0.0021, size_std=0.0004, unit=ACCEL_UNIT, axis="accel
 @pytest.mark.parametrize(
     ("record", "words", "with_time"),
     [
-        (STEP, "gyro_x: step of +0.104 ± 0.011 deg/s", "gyro_x: step of +0.104 ± 0.011 deg/s at 12:03"),
-        (DOWN, "accel_x: step of \u22120.00210 ± 0.00040 m/s²", None),
+        (STEP, "gyro_x: step of +0.104 ± 0.022 deg/s", "gyro_x: step of +0.104 ± 0.022 deg/s at 12:03"),
+        (DOWN, "accel_x: step of \u22120.00210 ± 0.00078 m/s²", None),
         (MOVES, "the sensor moves (shown by accel)", "the sensor moves since 12:03 (shown by accel)"),
         (replace(MOVES, by="caller"), "the sensor moves (as the caller says)", None),
         (
@@ -65,7 +65,7 @@ def test_the_log_has_a_line_for_each_and_no_flood() -> None:
     sink = LogSink(lines.append, several=True)
     sink.write(STEP)
     sink.write(replace(MOVES, by="\x1b[2J"))
-    assert lines[0] == "fltea: due: gyro_x: step of +0.104 ± 0.011 deg/s at 0:00:07\n"
+    assert lines[0] == "fltea: due: gyro_x: step of +0.104 ± 0.022 deg/s at 0:00:07\n"
     assert lines[1] == "fltea: due: the sensor moves since 0:00:08 (shown by \\x1b[2J)\n"
     for _ in range(20):
         sink.write(STEP)
@@ -172,7 +172,7 @@ def test_the_page_says_what_the_bias_did_and_that_the_sensor_moves() -> None:
     reader = Reader(history)
     reader.read(axis="gyro_x", parts="axis now marks events axes")
     moves = ["the sensor moves since ", 8_000, " (shown by accel)"]
-    steps = [["step of +0.104 ± 0.011 deg/s at ", time_ms, ""] for time_ms in (9_000, 7_000)]
+    steps = [["step of +0.104 ± 0.022 deg/s at ", time_ms, ""] for time_ms in (9_000, 7_000)]
     assert reader.parts["axis"]["changes"] == [moves, *steps]
     assert reader.parts["now"]["happened"] == sentence(MOVES)
     assert [one["kind"] for one in reader.parts["events"]][:4] == ["motion", "step", "step", "step"]

@@ -8,11 +8,12 @@ import pytest
 from dashboard_support import records, told, with_breaks
 from example_records import STATS
 from fltea.records import clock
+from fltea.records.plus_minus import plus_minus
 from fltea.records.records import AnyRecord, Error, Estimate, FlteaEstimate, Gap, Stats
 from fltea.records.stats import LinkStats, OutputStats
 from fltea.sinks.page import facts
 from fltea.sinks.page.history import DeviceHistory
-from fltea.sinks.words import duration, figure, with_std
+from fltea.sinks.words import duration, figure
 from host_support import hello
 
 
@@ -63,7 +64,7 @@ def test_status_names_the_axis_that_is_not_valid() -> None:
     history.write(estimate)
     assert later(history, 0)[0] == "bad"
     assert "gyro_x not valid" in later(history, 0)[1]
-    assert dict(facts.axis(history, "gyro_x", 0)["rows"])["α ± σ"] == "–"
+    assert dict(facts.axis(history, "gyro_x", 0)["rows"])["α, 95 %"] == "–"
 
 
 def test_axis_is_what_its_records_say() -> None:
@@ -72,10 +73,10 @@ def test_axis_is_what_its_records_say() -> None:
     whole = next(r for r in reversed(found) if isinstance(r, Estimate)).axes["gyro_y"]
     last = whole.fltea
     rows = dict(facts.axis(history, "gyro_y", 0)["rows"])
-    assert rows["α ± σ"] == with_std(last.alpha, last.alpha_std)
+    assert rows["α, 95 %"] == plus_minus(last.alpha, last.alpha_std)
     assert rows["offset removed"].startswith("1.5")
     assert rows["state x̂ (paper)"].endswith("deg/s")
-    assert rows["bias"] == f"{with_std(whole.bias, whole.bias_std)} deg/s"
+    assert rows["bias"] == f"{plus_minus(whole.bias, whole.bias_std)} deg/s"
     assert facts.axes(history)[1]["rest"] == f": bias {rows['bias']}."
     assert rows["bias"].startswith("1.5")
     assert rows["FLTEA (paper)"] in ("settled", "settling")
@@ -87,8 +88,8 @@ def test_the_heading_is_said_by_the_time_after_a_rest() -> None:
     assert facts.axis(history, "gyro_x", 0)["headings"] == facts.curves(history, "gyro_x") == []
     history.write(STATS)
     assert facts.axis(history, "gyro_x", 0)["headings"] == [
-        ["after 1 s", "± 0.014°"],
-        ["after 60 s", "± 0.26°"],
+        ["after 1 s", "± 0.027°"],
+        ["after 60 s", "± 0.51°"],
     ]
     assert "Heading after a rest" in facts.curves(history, "gyro_x")[0]
     assert facts.curves(history, "accel_z") == []
@@ -102,7 +103,7 @@ def test_beyond_half_a_turn_no_heading_is_left() -> None:
     tracker = replace(axis.tracker, heading_std={1: 0.26, 600: 181.0, 3600: 5900.0})
     history.write(replace(STATS, axes={"gyro_x": replace(axis, tracker=tracker)}))
     words = [words for _, words in facts.axis(history, "gyro_x", 0)["headings"]]
-    assert words == ["± 0.26°", "no heading left", "no heading left"]
+    assert words == ["± 0.51°", "no heading left", "no heading left"]
     assert "5900" not in facts.curves(history, "gyro_x")[0]
 
 
@@ -174,8 +175,8 @@ def test_everything_is_json_without_nan() -> None:
 )
 def test_figure(value: float, text: str) -> None:
     assert figure(value, 3) == text
-    assert with_std(value, None) == text
-    assert with_std(None, 1.0) == "–"
+    assert plus_minus(value, None) == text
+    assert plus_minus(None, 1.0) == "–"
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,8 @@ import math
 from typing import NamedTuple
 
 from fltea.fleet.messages import Allan, AxisFit, Interval, Tracker
-from fltea.noise.distributions import NORMAL_95
 from fltea.noise.spectra import HIGHEST_ORDER
+from fltea.records.plus_minus import NORMAL_95
 from fltea.records.units import FLICKER
 
 WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")

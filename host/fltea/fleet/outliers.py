@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.noise.distributions import NORMAL_95, student_quantile, student_tail
+from fltea.noise.distributions import student_quantile, student_tail
+from fltea.records.plus_minus import NORMAL_95
 
 FEWEST = 8
 """Sensors of a kind; with fewer nobody knows what is usual."""

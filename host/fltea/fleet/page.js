@@ -9,9 +9,9 @@ const json = async (path, parameters) => (await ask(path, parameters)).json()
 const link = device => make("a", {href: `#${encodeURIComponent(device)}`}, device)
 const text = (tag, words, attributes = {}) => make(tag, attributes, words)
 
-function withStd(value, std) {
-  const places = Math.min(9, Math.max(0, 1 - Math.floor(Math.log10(std))))
-  return `${value.toFixed(places)} ± ${std.toFixed(places)}`.replace("-", "\u2212")
+function plusMinus(value, std) {  // what is behind ± is half of the 95 % interval, as records/plus_minus.py has it
+  const half = 1.96 * std, places = Math.min(9, Math.max(0, 1 - Math.floor(Math.log10(half))))
+  return `${value.toFixed(places)} ± ${half.toFixed(places)}`.replace("-", "\u2212")
 }
 
 function ago(seconds) {
@@ -112,7 +112,7 @@ async function showTable() {
   byId("table").tBodies[0].replaceChildren(...found.rows.map(row => make("tr", {}, ...summary.columns.map(column => {
     const value = row[column], isNumber = typeof value === "number"
     if (column === "device") return make("td", {}, link(value))
-    const words = column === "bias" && value !== null ? withStd(value, row.bias_std) : isNumber ? short(value) : value ?? ""
+    const words = column === "bias" && value !== null ? plusMinus(value, row.bias_std) : isNumber ? short(value) : value ?? ""
     return text("td", words, isNumber ? {class: "number"} : {})
   }))))
   const end = Math.min(begin + COUNT, found.total)

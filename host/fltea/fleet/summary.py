@@ -11,7 +11,7 @@ import numpy as np
 from fltea.fleet.figures import QUANTITIES, SHOWN, Figure, Quantity
 from fltea.fleet.outliers import LEVEL, Fleet, comparisons_of, judge
 from fltea.fleet.roll import SILENT_S, Axis, Roll, Sensor
-from fltea.noise.distributions import NORMAL_95
+from fltea.records.plus_minus import NORMAL_95
 
 SOME = 20
 """Names in a summary."""

@@ -10,9 +10,9 @@ from fltea.identification.allan import scales
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.curves import Curves
 from fltea.identification.forecast import integral, is_any_heading
-from fltea.noise.distributions import NORMAL_95
 from fltea.noise.parts import spectrum
 from fltea.records.arrays import Array
+from fltea.records.plus_minus import NORMAL_95
 from fltea.records.units import FLICKER, MOST_DEG
 from fltea.spectrum.intervals import CRITICAL
 
@@ -117,8 +117,9 @@ def _path(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
             label=f"white noise gives (5–95 % of {p.copies} copies)",
         )  # fmt: skip
         axes.plot(p.t_s, white[:, 1], color="#8c8c8c", linewidth=1.0)
-        axes.fill_between(p.t_s, value - std, value + std, color=OWN["color"], alpha=0.2, linewidth=0)
-        axes.plot(p.t_s, value, label=f"FLTEA {fit.variant}, ±σ", **OWN)
+        half = NORMAL_95 * std
+        axes.fill_between(p.t_s, value - half, value + half, color=OWN["color"], alpha=0.2, linewidth=0)
+        axes.plot(p.t_s, value, label=f"FLTEA {fit.variant}, 95 %", **OWN)
         if shuffled and end:
             low, middle, high = end
             axes.errorbar(
@@ -197,8 +198,8 @@ def _forecast(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
 def _bias(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
     axes, c = figure.subplots(), axis.course
     assert c is not None
-    low, high = c.bias - 2 * c.bias_std, c.bias + 2 * c.bias_std
-    axes.fill_between(c.t_s, low, high, color=OWN["color"], alpha=0.2, linewidth=0, label="±2σ")
+    low, high = c.bias - NORMAL_95 * c.bias_std, c.bias + NORMAL_95 * c.bias_std
+    axes.fill_between(c.t_s, low, high, color=OWN["color"], alpha=0.2, linewidth=0, label="95 %")
     axes.plot(c.t_s, c.bias, label=f"Bias({axis.now.bias_s:g} s)" if axis.now else "bias", **OWN)
     label = "motion"
     for one in axis.motion:

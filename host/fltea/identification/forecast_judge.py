@@ -15,12 +15,13 @@ import numpy as np
 
 from fltea.estimator.offset_walk import OffsetWalk, system_of, without_walk
 from fltea.estimator.tracker import Tracker
-from fltea.noise.distributions import NORMAL_95, chi2_tail
+from fltea.noise.distributions import chi2_tail
 from fltea.noise.heading import Ahead, aheads, heading_stds, means_ahead, rested
 from fltea.noise.left_open import nearby
 from fltea.noise.parts import Part
 from fltea.noise.system import System
 from fltea.records.arrays import Array
+from fltea.records.plus_minus import NORMAL_95
 
 TIMES_S = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0)
 FEWEST = 5
@@ -94,6 +95,8 @@ class Learned(NamedTuple):
     samples: int
     system: System
     walk: OffsetWalk
+    steps_recur: bool = False
+    """Whether the system has steps of the bias, which are expected to come again."""
 
 
 def learned(parts: Sequence[Part], y: Array, h: float) -> Learned:

@@ -12,9 +12,6 @@ from numpy.typing import ArrayLike
 
 from fltea.records.arrays import Array
 
-NORMAL_95 = 1.96
-"""Half of a 95 % interval of a normal variable, in standard deviations; boards have the same."""
-
 MANY = 150.0
 """Degrees of freedom from which on Wilson and Hilferty's approximation of a quantile is right to 2e-4."""
 TERMS = 240

@@ -13,6 +13,7 @@ import numpy as np
 
 from fltea.noise.system import System
 from fltea.records.arrays import Array
+from fltea.records.plus_minus import within as within_95
 from fltea.records.units import MOST_DEG
 
 LONGEST_REST_S = 86400.0
@@ -140,8 +141,8 @@ def rest_for(system: System, h: float, t_s: float, within: float) -> Rest:
 
     best = std(LONGEST_REST_S)
     if best > within:
-        # 2 digits of what is possible, for a person.
-        why = f"the heading is good to ± {best:.2g} at best" if best <= MOST_DEG else "no heading is left"
+        good = f"the heading is good to {within_95(best)} (95 %) at best"
+        why = good if best <= MOST_DEG else "no heading is left"
         return Rest(None, f"No rest is enough: after {t_s:g} s {why}.")
     low, high = h, LONGEST_REST_S
     if std(low) <= within:

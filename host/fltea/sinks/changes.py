@@ -2,8 +2,9 @@
 
 from datetime import UTC, datetime, timedelta
 
+from fltea.records.plus_minus import plus_minus
 from fltea.records.records import Motion, Step
-from fltea.sinks.words import figure, with_std
+from fltea.sinks.words import figure
 
 MOVES = "the sensor moves"
 MINUS = "\u2212"
@@ -35,7 +36,7 @@ def size(step: Step) -> str:
 def signed_size(size: float, size_std: float, unit: str) -> str:
     """Return the same of numbers."""
     sign = MINUS if size < 0 else "+"
-    return f"{sign}{with_std(abs(size), size_std)} {unit.replace('^2', '²')}"
+    return f"{sign}{plus_minus(abs(size), size_std)} {unit.replace('^2', '²')}"
 
 
 def short_size(step: Step) -> str:

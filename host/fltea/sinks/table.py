@@ -14,6 +14,7 @@ from fltea.records.block import Block
 from fltea.records.device_fit import DeviceAxisFit
 from fltea.records.events import Reads, TransportEvent
 from fltea.records.fit import AxisFit
+from fltea.records.plus_minus import angle_within, plus_minus
 from fltea.records.ports import Item, Sink, SinkClosed
 from fltea.records.records import (
     AnyRecord,
@@ -36,7 +37,7 @@ from fltea.sinks.changes import MOVES, sentence, time_of
 from fltea.sinks.page.answer import WITH_ORDER, answer
 from fltea.sinks.page.fits import TimeToTell
 from fltea.sinks.table_of_device import grid
-from fltea.sinks.words import about, duration, figure, with_std, within
+from fltea.sinks.words import about, duration, figure
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
@@ -245,8 +246,8 @@ class DeviceView:
                 continue
             table.add_row(
                 name,
-                with_std(own.alpha, own.alpha_std) + self._mark(name),
-                with_std(own.f, own.f_std),
+                plus_minus(own.alpha, own.alpha_std) + self._mark(name),
+                plus_minus(own.f, own.f_std),
                 _rate(own.state),
                 _rate(own.innovation),
                 "" if own.settled else "settling",
@@ -284,7 +285,7 @@ class DeviceView:
             return []
         rows = grid("heading after a rest", *map(duration, next(iter(of.values()))))
         for name, stds in of.items():
-            rows.add_row(name, *map(within, stds.values()))
+            rows.add_row(name, *map(angle_within, stds.values()))
         return [rows]
 
     def _mark(self, axis: str) -> str:
@@ -327,7 +328,7 @@ def _bias_words(axis: AxisEstimate | None) -> str:
     """The bias with its deviation; a dash where nothing is known."""
     if axis is None or axis.bias is None:
         return "–"
-    return with_std(axis.bias, axis.bias_std) + (", moving" if axis.moving else "")
+    return plus_minus(axis.bias, axis.bias_std) + (", moving" if axis.moving else "")
 
 
 def _unit(axis: AxisEstimate) -> str:

@@ -7,9 +7,10 @@ from rich.table import Table
 from rich.text import Text
 
 from fltea.records.device_fit import DeviceAxisFit
+from fltea.records.plus_minus import plus_minus
 from fltea.records.records import DeviceEstimates, WhyNot
 from fltea.records.why_not import not_comparable
-from fltea.sinks.words import in_deviations, quantity, with_std
+from fltea.sinks.words import in_deviations, quantity
 
 
 def grid(*titles: RenderableType) -> Table:
@@ -42,9 +43,8 @@ def _biases(record: DeviceEstimates) -> list[RenderableType]:
     for name, axis in record.axes.items():
         if axis.tracker_bias is not None:
             apart, std = axis.tracker_bias_difference, axis.tracker_bias_std
-            rows.add_row(
-                name, with_std(axis.tracker_bias, std), _difference(apart), in_deviations(apart, std)
-            )
+            bias = plus_minus(axis.tracker_bias, std)
+            rows.add_row(name, bias, _difference(apart), in_deviations(apart, std))
     return [rows] if rows.row_count > 1 else []
 
 

@@ -4,42 +4,22 @@ import math
 from collections.abc import Mapping
 from typing import Literal
 
+from fltea.records.plus_minus import fixed
 from fltea.records.stats import CAUSE_WORDS
-from fltea.records.units import MOST_DEG
 
 Level = Literal["good", "wait", "bad", "plain"]
-
-LARGE = 1e6
-"""From here on, powers of ten: what a diverging filter can give."""
 
 
 def figure(value: float, digits: int, *, significant: bool = False) -> str:
     """Fixed point, or powers of ten for what a diverging filter can give."""
     if significant:
         return f"{value:.{digits}g}"
-    return f"{value:.{digits}f}" if abs(value) < LARGE else f"{value:.{digits}e}"
+    return fixed(value, digits)
 
 
 def quantity(value: float | None, unit: str, digits: int, *, significant: bool = False) -> str:
     """A number with its unit, a dash for none."""
     return "–" if value is None else f"{figure(value, digits, significant=significant)} {unit}".rstrip()
-
-
-def with_std(value: float | None, std: float | None) -> str:
-    """A number with its standard deviation, to two digits of that; a dash for none."""
-    if value is None:
-        return "–"
-    if std is None or not std > 0:
-        return figure(value, 3) + (" ± 0" if std == 0 else "")
-    if max(abs(value), std) >= LARGE:
-        return f"{figure(value, 3)} ± {figure(std, 3)}"
-    places = min(max(0, 1 - math.floor(math.log10(std))), 9)
-    return f"{figure(value, places)} ± {figure(std, places)}"
-
-
-def within(std: float) -> str:
-    """How far an angle is off, to two digits, as long as it is known at all."""
-    return "no heading left" if std > MOST_DEG else f"± {float(f'{std:.2g}'):g}°"
 
 
 def signed(value: float) -> str:

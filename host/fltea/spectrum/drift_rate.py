@@ -1,22 +1,28 @@
 """The rate at which a record drifts: its straight line, and how far noise alone tilts one (pure).
 
-The line is that of least squares. Its variance is the integral of the noise's spectrum over the response of
-the slope, 36/T² j1(x)² with x half a record's angle. A random walk tilts a line far more than white noise,
-and a Gauss–Markov part tilts that of a short record too.
+The line is that of least squares. The variance of its slope is the integral of the noise's spectrum over the
+response of the slope, 36/T² j1(x)² with x half a record's angle. A random walk tilts a line far more than
+white noise, and a Gauss–Markov part tilts that of a short record too. Where it is open how the offset walks,
+there are several such variances, each with a probability.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
+from statistics import NormalDist
 
 import numpy as np
 
-from fltea.noise.distributions import NORMAL_95
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
+from fltea.records.plus_minus import NORMAL_95
 
 AT_ONCE = 1 << 18
 FINE, COARSE = 4000, 1000
 """Points of the integral, where the response has its waves and beyond, where their mean counts."""
 WAVES_TO = 100.0
+OUTSIDE = 0.05
+NEAR = 1e-4
+"""Of half an interval, to which it is found."""
 
 
 def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Interval:
@@ -24,14 +30,34 @@ def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Interv
 
     spectrum: of the noise, at λ in rad a sample, normalised like `periodogram`. h: sampling period in s.
     """
+    return around(slope(y, h), [slope_variance(len(y), h, spectrum)], [1.0])
+
+
+def slope(y: Array, h: float) -> float:
+    """Return the slope of the straight line through y (n,), in its unit a second."""
     n = len(y)
     total, mean = 0.0, float(y.mean())
     for begin in range(0, n, AT_ONCE):
         part = y[begin : begin + AT_ONCE]
         total += float((np.arange(begin, begin + len(part)) - (n - 1) / 2) @ (part - mean))
-    slope = total * 12 / (n * (n * n - 1.0)) / h
-    deviation = float(np.sqrt(slope_variance(n, h, spectrum)))
-    return Interval(slope, slope - NORMAL_95 * deviation, slope + NORMAL_95 * deviation)
+    return total * 12 / (n * (n * n - 1.0)) / h
+
+
+def around(value: float, variances: Sequence[float], weights: Sequence[float]) -> Interval:
+    """Return the 95 % interval of a value whose error has one of these variances.
+
+    weights: how likely each is; their sum is 1.
+    """
+    normal = NormalDist()
+    stds = [math.sqrt(variance) for variance in variances]
+    low, high = 0.0, NORMAL_95 * max(stds)
+    while high - low > NEAR * high:
+        half = (low + high) / 2
+        outside = sum(
+            2 * weight * normal.cdf(-half / std) for weight, std in zip(weights, stds, strict=True) if std > 0
+        )
+        low, high = (half, high) if outside > OUTSIDE else (low, half)
+    return Interval(value, value - high, value + high)
 
 
 def slope_variance(n: int, h: float, spectrum: Callable[[Array], Array]) -> float:

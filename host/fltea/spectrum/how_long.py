@@ -5,7 +5,7 @@ that longer records of the fitted models should have, 44 were right within a fac
 (host/docs/evaluation/odds.md).
 """
 
-from fltea.noise.distributions import NORMAL_95
+from fltea.records.plus_minus import NORMAL_95
 from fltea.spectrum.frontier import Frontier, Sentence
 from fltea.spectrum.intervals import order_deviation
 

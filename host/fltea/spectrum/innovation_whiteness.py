@@ -9,9 +9,10 @@ import math
 import msgspec
 import numpy as np
 
-from fltea.noise.distributions import NORMAL_95, chi2_quantile, chi2_tail
+from fltea.noise.distributions import chi2_quantile, chi2_tail
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
+from fltea.records.plus_minus import NORMAL_95
 
 LAGS = 20
 """The lags of Ljung and Box's test: an even number, so that its χ² has a closed form."""

@@ -19,7 +19,6 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from fltea.noise.distributions import NORMAL_95
 from fltea.noise.parts import (
     CODES,
     FILTERS,
@@ -43,6 +42,7 @@ from fltea.noise.parts import (
 from fltea.noise.spectra import f_of
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
+from fltea.records.plus_minus import NORMAL_95
 from fltea.spectrum.frontier import AT_A_LIMIT, LEAK_OF_CUBIC, Frontier, Sentence, leaking
 from fltea.spectrum.reading import NO_WHITE
 

@@ -11,10 +11,10 @@ from typing import get_args
 import msgspec
 import numpy as np
 
-from fltea.noise.distributions import NORMAL_95
 from fltea.records.device_fit import DeviceAxisFit, DeviceSpectrum, DeviceVerdict
 from fltea.records.events import DeviceBins, DeviceFit
 from fltea.records.fit import AxisFit, Interval
+from fltea.records.plus_minus import NORMAL_95
 from fltea.records.records import DeviceFits
 from fltea.spectrum.frontier import native, order_in_white
 from fltea.spectrum.periodogram import Binned

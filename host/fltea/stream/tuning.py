@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 from fltea.estimator.bank import Variances
 from fltea.estimator.belief import Belief
-from fltea.noise.distributions import NORMAL_95
 from fltea.records.fit import AxisFit, Interval
+from fltea.records.plus_minus import NORMAL_95
 from fltea.settings.estimator import LARGEST
 from fltea.settings.live import TUNED_WITHIN
 

@@ -9,10 +9,10 @@ from fltea.estimator.tracker import Tracker
 from fltea.identification.axis import IdentifyOptions, look
 from fltea.identification.forecast_judge import judged, learned
 from fltea.identification.shared_walk import shared_walk
-from fltea.noise.distributions import NORMAL_95
 from fltea.noise.heading import ahead, rested
 from fltea.noise.system import System
 from fltea.records.arrays import Array
+from fltea.records.plus_minus import NORMAL_95
 
 from tools.validation.bias.kalman import Model, Plain
 from tools.validation.bias.noises import SIGMA, TEN, H, Lane, generator, lanes

@@ -6,6 +6,7 @@ from fltea.machine.devices import NATIVE, NATIVE_REMEDY, Port, find_ports, stabl
 from fltea.machine.doctor.finding import Finding, ok, problem, warning
 from fltea.machine.doctor.hearing import HEAR_S, Heard, hear
 from fltea.machine.host_system import System, permission_remedy
+from fltea.records.plus_minus import within
 from fltea.records.version import __version__
 from fltea.records.visible import visible
 from fltea.wire import layout as wire
@@ -122,7 +123,7 @@ def judge(port: str, heard: Heard) -> Iterator[Finding]:
     yield from _samples(heard)
     if heard.drift is not None:
         ppm, std_ppm = heard.drift
-        text = f"the device's clock against this machine's: {ppm:+.0f} ± {std_ppm:.0f} ppm"
+        text = f"the device's clock against this machine's: {ppm:+.0f} {within(std_ppm, ' ppm')}"
         if abs(ppm) > DRIFT_PPM + 3 * std_ppm:
             yield warning(
                 "clock drift",

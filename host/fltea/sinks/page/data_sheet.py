@@ -1,9 +1,9 @@
-"""N, B and K of an Allan deviation in the units of data sheets (pure)."""
+"""N of the fitted model, B and K of the noise, in the units of data sheets (pure)."""
 
 from fltea.records.fit import FitAllan
 from fltea.records.units import HOUR, SQRT_HOUR, STANDARD_GRAVITY_MS2
 
-NOT_SEEN = "not seen in the curve"
+NOT_SEEN = "not known"
 
 NAMES = {
     True: {"N": "angle random walk", "B": "bias instability", "K": "rate random walk"},

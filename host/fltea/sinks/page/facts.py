@@ -3,6 +3,7 @@
 from typing import Any
 
 from fltea.documents import curves as charts
+from fltea.records.plus_minus import angle_within, plus_minus
 from fltea.records.records import (
     AXES,
     AxisEstimate,
@@ -25,7 +26,7 @@ from fltea.sinks.page.fits import Curves
 from fltea.sinks.page.happenings import EPOCH_WORDS
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.tiers import WINDOWS
-from fltea.sinks.words import Level, counted, duration, guard_words, quantity, with_std, within
+from fltea.sinks.words import Level, counted, duration, guard_words, quantity
 
 STALL_NS = 1_500_000_000
 SHOWN_EVENTS = 12
@@ -144,7 +145,7 @@ def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
         "text": [part for part in (found.text, found.left_out) if part],
         "changes": changes(history, name),
         "coefficients": coefficients(allan, name in AXES) if allan else [],
-        "headings": [[f"after {duration(t)}", within(std)] for t, std in heading(history, name).items()],
+        "headings": [[f"after {duration(t)}", angle_within(s)] for t, s in heading(history, name).items()],
         "rows": _running(history, name),
         "guard": guard_words(stats.interventions if stats else {}),
         "compared": facts_of_device.compared(history, name, window),
@@ -159,7 +160,7 @@ def _running(history: DeviceHistory, name: str) -> list[list[str]]:
     e = estimate.fltea if estimate is not None and estimate.fltea.valid else None
     bias, R = (None, None) if stats is None else (stats.bias, stats.R_in_use)
     tracker = stats.tracker if stats else None
-    state = "–" if estimate is None else f"{with_std(estimate.state, estimate.state_std)} {unit}"
+    state = "–" if estimate is None else f"{plus_minus(estimate.state, estimate.state_std)} {unit}"
     not_described = stats is not None and stats.describes_noise is False
     return [
         ["bias", _bias(estimate, unit).removeprefix("bias ") or "–"],
@@ -168,8 +169,8 @@ def _running(history: DeviceHistory, name: str) -> list[list[str]]:
         ["its innovations, NIS", quantity(tracker.nis if tracker else None, "", 3)],
         *_of_tracker(tracker),
         ["FLTEA (paper)", "–" if e is None else "settled" if e.settled else "settling"],
-        ["α ± σ", with_std(e.alpha, e.alpha_std) if e else "–"],
-        ["f ± σ", f"{with_std(e.f, e.f_std)} s^-α" if e else "–"],
+        ["α, 95 %", plus_minus(e.alpha, e.alpha_std) if e else "–"],
+        ["f, 95 %", f"{plus_minus(e.f, e.f_std)} s^-α" if e else "–"],
         *(
             [["these do not describe the noise", "no order, another, or coloured innovations"]]
             * not_described
@@ -222,7 +223,7 @@ def _bias(estimate: AxisEstimate | None, unit: str) -> str:
     if estimate is None or estimate.bias is None:
         return ""
     moving = f", {MOVES}" if estimate.moving else ""
-    return f"bias {with_std(estimate.bias, estimate.bias_std)} {unit}{moving}".replace("-", "\u2212")
+    return f"bias {plus_minus(estimate.bias, estimate.bias_std)} {unit}{moving}".replace("-", "\u2212")
 
 
 def fitted(history: DeviceHistory) -> str:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from fltea.records.plus_minus import plus_minus
 from fltea.records.records import AXES, DeviceAxisEstimate
 from fltea.records.why_not import not_comparable
 from fltea.sinks.page.answer import figure_of
@@ -14,7 +15,6 @@ from fltea.sinks.words import (
     in_deviations,
     quantity,
     signed,
-    with_std,
 )
 
 NOTHING_YET = "no estimate of the device yet"
@@ -95,7 +95,7 @@ def _bias(e: DeviceAxisEstimate | None) -> list[list[str]]:
         return []
     apart, std = e.tracker_bias_difference, e.tracker_bias_std
     return [
-        ["bias, device", f"{with_std(e.tracker_bias, std)} deg/s"],
+        ["bias, device", f"{plus_minus(e.tracker_bias, std)} deg/s"],
         [
             "bias, device − host",
             " = ".join(filter(None, (_difference(apart, "deg/s"), in_deviations(apart, std)))),

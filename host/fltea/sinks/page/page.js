@@ -179,11 +179,11 @@ const guard = (whose, found) => found.length ? `${whose}: ` + found.map(([words,
 
 // --- over time ---
 
-const MOVES = "the sensor moves", CHECKED = 1000, FIGURES = [
+const MOVES = "the sensor moves", CHECKED = 1000, NORMAL_95 = 1.96, FIGURES = [
   // name, title, of which estimators, what is drawn: kind, words, and its columns
   ["noise", "samples less the offset, and bias", "host device both", [["sample", "sample", "y", "y_low", "y_high"], ["state", "bias less the offset", "state"]]],
-  ["alpha", "order α", "host device both", [["fit", "fit, 95 %", "alpha_mid", "alpha_low", "alpha_high"], ["estimate", "FLTEA ± σ", "alpha", "±"], ["ink", "device", "device_alpha"]]],
-  ["f", "parameter f [s^−α]", "host device both", [["fit", "fit, 95 %", "f_mid", "f_low", "f_high"], ["estimate", "FLTEA ± σ", "f", "±"], ["ink", "device", "device_f"]]],
+  ["alpha", "order α", "host device both", [["fit", "fit, 95 %", "alpha_mid", "alpha_low", "alpha_high"], ["estimate", "FLTEA, 95 %", "alpha", "±"], ["ink", "device", "device_alpha"]]],
+  ["f", "parameter f [s^−α]", "host device both", [["fit", "fit, 95 %", "f_mid", "f_low", "f_high"], ["estimate", "FLTEA, 95 %", "f", "±"], ["ink", "device", "device_f"]]],
   ["apart", "α of the device minus α of the host", "both", [["sample", "difference and its extremes", "apart", "apart_low", "apart_high"]]],
   ["lag1", "innovations: correlation of neighbours; grey: white", "host both", [["estimate", "last 1,000", "lag1"]], [-2 / Math.sqrt(CHECKED), 2 / Math.sqrt(CHECKED)]],
   ["nis", "innovations: NIS; grey: right", "host both", [["estimate", "last 1,000", "nis"]], [1 - 2 * Math.sqrt(2 / CHECKED), 1 + 2 * Math.sqrt(2 / CHECKED)]],
@@ -215,7 +215,7 @@ function course({rows, fresh, cursor, most, end_ms, length_ms}) {
   for (const figure of byId("courses").children) {
     const [, , , wanted, band] = FIGURES.find(([name]) => name === figure.dataset.name)
     const lines = wanted.filter(([, , y]) => kept[y]).map(([kind, , y, low, high]) => {
-      const end = sign => kept[y].map((v, i) => v === null || kept[`${y}_std`]?.[i] == null ? null : v + sign * kept[`${y}_std`][i])
+      const end = sign => kept[y].map((v, i) => v === null || kept[`${y}_std`]?.[i] == null ? null : v + sign * NORMAL_95 * kept[`${y}_std`][i])
       return {x: kept.time, y: kept[y], kind, loose: kind === "fit",
         ...low === "±" ? {low: end(-1), high: end(1)} : low ? {low: kept[low], high: kept[high]} : {}}
     })
