@@ -10,6 +10,7 @@ from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.sensor_events import watch
 from fltea.noise.parts import Walk, White
 from fltea.records.errors import UsageError
+from fltea.records.plus_minus import NORMAL_95
 from fltea.settings.live import LiveConfig
 
 H = 0.02
@@ -84,23 +85,15 @@ def test_how_long_to_rest_is_as_long_as_white_noise_takes() -> None:
     """σ² h t (1 + t / rest) for a rest: of white noise the bias is a mean."""
     R, h, t_s = 0.02, 0.01, 60.0
     y = np.random.default_rng(3).normal(0, math.sqrt(R), 60_000)
-    goal = Goal(0.2, t_s)
-    _, found_ = found(
-        learned([White(R)], y, h), y, h, "deg/s", lambda half: (learned([White(R)], half, h), "white"), goal
-    )
+    goal, white = Goal(0.4, t_s), [White(R)]
+    whole = learned(white, y, h)
+    _, found_ = found(whole, y, h, "deg/s", lambda half: learned(white, half, h), goal)
     assert found_ is not None
     assert found_.rest_s is not None
-    expected = t_s / (goal.within**2 / (R * h * t_s) - 1)
+    expected = t_s / ((goal.within / NORMAL_95) ** 2 / (R * h * t_s) - 1)
     assert found_.rest_s == pytest.approx(expected, rel=0.2)
     assert "Rest for" in found_.text
-    _, none = found(
-        learned([White(R)], y, h),
-        y,
-        h,
-        "deg/s",
-        lambda half: (learned([White(R)], half, h), "white"),
-        Goal(0.01, t_s),
-    )
+    _, none = found(whole, y, h, "deg/s", lambda half: learned(white, half, h), Goal(0.01, t_s))
     assert none is not None
     assert none.rest_s is None
     assert "No rest is enough" in none.text

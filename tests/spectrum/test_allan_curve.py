@@ -13,7 +13,8 @@ from fltea.noise.parts import Order
 from fltea.sources.synthetic import NoiseGenerator, NoiseSettings
 from fltea.spectrum.allan_curve import fit_allan, live_allan
 from fltea.spectrum.allan_dof import degrees_of_freedom, full_overlap
-from fltea.spectrum.frontier import Sentence
+from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.periodogram import binned, periodogram
 from identify_support import H, white
 
 N_LONG = 60_000
@@ -146,13 +147,20 @@ def test_needs_neither_scipy_nor_allantools():
 WHITE = Sentence((0,), (0.0,), 0.0)
 
 
+def fitted(y, noise, N):
+    sums = sums_of(y)
+    return fit_allan(
+        sums.points(), sums.span, H, "deg/s", Frontier(binned(periodogram(y, H)), H, len(y)), noise, N
+    )
+
+
 def test_the_curve_of_the_true_model_goes_through_its_intervals():
     settings = NoiseSettings(alpha=0.8, f=-1.0, Q=95.09, R=0.02, lsb_per_dps=0.0)
     noise = NoiseGenerator(settings)
-    sums = sums_of(np.array([noise.step()[0] for _ in range(12_000)]))
+    y = np.array([noise.step()[0] for _ in range(12_000)])
     order = Order(0.8, -1.0, settings.Q)
     noise_parts = Sentence((0, order.code), (math.log(settings.R), *order.eta(H)), 0.0)
-    found = fit_allan(sums.points(), sums.span, H, "deg/s", noise_parts, 0.003)
+    found = fitted(y, noise_parts, 0.003)
     assert found.tau_s[0] == H
     low, model, high = (np.array(one) for one in (found.low, found.model, found.high))
     assert ((low < model) & (model < high)).mean() > 0.7
@@ -161,8 +169,7 @@ def test_the_curve_of_the_true_model_goes_through_its_intervals():
 
 
 def test_white_noise_and_its_model():
-    sums = sums_of(white(20_000, 1, 1)[0])
-    found = fit_allan(sums.points(), sums.span, H, "deg/s", WHITE, 0.1)
+    found = fitted(white(20_000, 1, 1)[0], WHITE, 0.1)
     assert found.N == 0.1
     assert found.model == pytest.approx(np.sqrt(H / np.array(found.tau_s)), rel=1e-6)
     assert found.B is None
@@ -172,4 +179,5 @@ def test_white_noise_and_its_model():
 @pytest.mark.parametrize("y", [np.empty(0), np.ones(99), np.ones(5000)])
 def test_nothing_where_there_is_no_curve(y):
     sums = sums_of(y)
-    assert fit_allan(sums.points(), sums.span, H, "deg/s", WHITE, 0.1) is None
+    frontier = Frontier(binned(periodogram(white(3000, 1, 1)[0], H)), H, 3000)
+    assert fit_allan(sums.points(), sums.span, H, "deg/s", frontier, WHITE, 0.1) is None

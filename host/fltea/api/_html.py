@@ -34,14 +34,25 @@ def axis_html(axis: str, fitted: FittedAxis, heading: str, more: str = "") -> st
         rows.append(f"<tr><th>p of the null test</th><td>{p}</td></tr>")
     if fitted.allan is not None:
         for name, of in (("N", "/√Hz"), ("B", ""), ("K", "/√s")):
-            value = getattr(fitted.allan, name)
-            shown = "not seen" if value is None else f"{value:.3g} {escape(unit)}{of}"
-            rows.append(f"<tr><th>{name}</th><td>{shown}</td></tr>")
+            shown = _coefficient(fitted, name)
+            rows.append(f"<tr><th>{name}</th><td>{shown} {escape(unit)}{of}</td></tr>")
     return (
         f"<p><strong>{escape(axis)}: {escape(fitted.verdict)}</strong> <small>{escape(heading)}</small><br>"
         f"{escape(fitted.text)}</p>{more and f'<p>{escape(more)}</p>'}"
         f"<table>{''.join(rows)}</table>{_curves(fitted)}"
     )
+
+
+def _coefficient(fitted: FittedAxis, name: str) -> str:
+    """Return N, B or K with its interval, as far as they are known, or its bound."""
+    curve = getattr(fitted, "allan_curve", None)
+    if curve is None:
+        value = getattr(fitted.allan, name)
+        return "not known" if value is None else f"{value:.3g}"
+    one = getattr(curve, name)
+    if one.value is not None:
+        return _interval(Interval(one.value, one.low, one.high))
+    return "not known" if one.at_most is None else f"at most {one.at_most:.3g}"
 
 
 def _curves(fitted: FittedAxis) -> str:

@@ -1,6 +1,6 @@
 """Results as tables of pandas, which is an extra."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -43,7 +43,10 @@ class ByAxis(Mapping[str, T_co]):
 
 
 def row(axis: str, fitted: FittedAxis) -> dict[str, Any]:
-    """Return the row of one axis: each parameter with the ends of its interval, `_low` and `_high`."""
+    """Return the row of one axis: each parameter with the ends of its interval, `_low` and `_high`.
+
+    N, B and K of a recording have these too, and `_at_most`: the bound where the value is not known.
+    """
     found: dict[str, Any] = {
         "axis": axis,
         "verdict": fitted.verdict,
@@ -53,14 +56,23 @@ def row(axis: str, fitted: FittedAxis) -> dict[str, Any]:
     for name in PARAMETERS:
         one = getattr(fitted, name)
         found |= {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}
+    curve = getattr(fitted, "allan_curve", None)
     for name in ("N", "B", "K"):
         found[name] = None if fitted.allan is None else getattr(fitted.allan, name)
+        if curve is not None:
+            one = getattr(curve, name)
+            found |= {f"{name}_low": one.low, f"{name}_high": one.high, f"{name}_at_most": one.at_most}
     return found
 
 
 def frame(rows: Sequence[Mapping[str, Any]]) -> "pd.DataFrame":
     """Return a table of rows, with the axis as its index."""
     return _pandas().DataFrame(rows).set_index("axis")
+
+
+def table(rows: Iterable[Sequence[Any]], names: Sequence[str]) -> "pd.DataFrame":
+    """Return a table of rows with columns of these names."""
+    return _pandas().DataFrame(list(rows), columns=list(names))
 
 
 def columns(found: Mapping[str, Any], time_s: Any) -> "pd.DataFrame":

@@ -1,19 +1,23 @@
 """What is found out about the noise of one axis, and of all axes of a recording."""
 
+import os
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fltea.api._html import axis_html, page
-from fltea.api._tables import ByAxis, frame, row
+from fltea.api._tables import ByAxis, frame, row, table
+from fltea.identification.allan_file import COLUMNS, rows, write_allan
 from fltea.identification.axis import AxisResult
 from fltea.identification.event_traps import EVENT_TRAPS
-from fltea.identification.findings import rounded
 from fltea.identification.forecast import Forecast, Now
 from fltea.identification.navigation_filter import NavigationFilter
 from fltea.identification.sensor_events import BiasStep, MotionSpan
 from fltea.identification.tracked_system import OffsetWalkFound
 from fltea.identification.traps import Trap
 from fltea.records.fit import FitSpectrum, FittedAxis
+from fltea.records.plus_minus import plus_minus
+from fltea.spectrum.allan_curve import Allan
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,6 +36,9 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     std: float
     """Standard deviation."""
     spectrum: FitSpectrum
+    allan_curve: Allan | None
+    """The Allan deviation with degrees of freedom, and with N, B and K, their intervals, sources and reasons;
+    `allan` has the same points and values without these. None where the record is too short for it."""
     now: Now | None
     """Bias(T) at the end of the record, and how far the heading is off after a minute."""
     forecast: Forecast | None
@@ -77,7 +84,7 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
         """Return the bias at the end, and what happened to it, as sentences."""
         found = []
         if self.now is not None:
-            value = rounded(self.now.bias, self.now.bias_std)
+            value = plus_minus(self.now.bias, self.now.bias_std)
             found.append(f"Bias({self.now.bias_s:g} s) at the end: {value} {self.unit}.")
         found += [trap.text for trap in self.traps if trap.kind in EVENT_TRAPS]
         return " ".join(found)
@@ -88,6 +95,27 @@ class Report(ByAxis[Identified]):
 
     def __repr__(self) -> str:
         return f"Report({', '.join(f'{name}: {found.verdict}' for name, found in self.items())})"
+
+    def allan(self) -> "pd.DataFrame":
+        """Return the Allan deviations of all axes: a row an axis and averaging time, columns as in the file.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        return table(rows(self._curves()), tuple(COLUMNS))
+
+    def write_allan_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write the same to a CSV file, as `--allan-csv` does: it appears whole or not at all.
+
+        Raises:
+            FlteaError: the file cannot be written.
+            ValueError: there is no curve: the record is too short for one.
+        """
+        write_allan(Path(path), self._curves())
+
+    def _curves(self) -> dict[str, tuple[str, Allan]]:
+        found = ((name, one.unit, one.allan_curve) for name, one in self.items())
+        return {name: (unit, curve) for name, unit, curve in found if curve is not None}
 
     def _repr_html_(self) -> str:
         return "".join(found._repr_html_() for found in self.values())

@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
 from fltea.api._check import in_python, one_axis, period_s, python_words, scale
 from fltea.api.identified import Identified
 from fltea.identification.about_levels import look_at
+from fltea.identification.allan import allan_of
 from fltea.identification.axis import AxisResult, IdentifyOptions, Looked, identified
 from fltea.identification.conclusions import conclude, in_agreement, tracked_of
 from fltea.identification.event_traps import event_traps
@@ -21,11 +21,11 @@ from fltea.identification.left_out import LeftOut
 from fltea.identification.load import Series
 from fltea.identification.one_axis import MOST_LOOKS
 from fltea.identification.sensor_events import AxisEvents, watch
+from fltea.identification.slow_noise import with_slow_noise
 from fltea.identification.traps import Trap, withheld
 from fltea.identification.traps_of_axis import traps_of
 from fltea.records.arrays import Array
 from fltea.settings.live import LiveConfig
-from fltea.spectrum.allan_curve import fit_allan
 from fltea.spectrum.live_axes import spectrum_of
 
 
@@ -151,14 +151,14 @@ def of_series(
     if why := withheld(traps):
         tracked = None
     h = looked.h
-    *sums, samples = looked.summed.octaves.allan(0)
-    noise = looked.figures.sentence
-    curve = fit_allan(tuple(sums), samples, h, series.unit, noise, found.level.N.value)
-    if curve is not None:
-        curve = replace(curve, K=found.level.K.value)
+    curve = None
+    with contextlib.suppress(ValueError):  # all stretches are too short for one
+        curve = allan_of(looked, series.unit)
     follows = tracked and conclude(
         series, h, options, tracked, found.level.K, forecast, events.at_end, events.steps
     )
+    if follows is not None:
+        found, curve = with_slow_noise(found, curve, follows.walk, follows.drift_rate, series.unit)
     return Identified(
         axis=axis,
         unit=series.unit,
@@ -174,8 +174,9 @@ def of_series(
         F=found.order.F,
         s2=found.order.s2,
         R=found.order.R,
-        allan=curve,
-        spectrum=spectrum_of(looked.summed.lines, noise),
+        allan=None if curve is None else curve.of_fit,
+        allan_curve=curve,
+        spectrum=spectrum_of(looked.summed.lines, looked.figures.sentence),
         now=follows and follows.now,
         forecast=follows and follows.forecast,
         walk=follows and follows.walk,

@@ -1,4 +1,4 @@
-"""The files that `fltea identify` writes for other programs: models, imu.yaml, a navigation filter's.
+"""The files that `fltea identify` writes for other programs: models, imu.yaml, Allan deviations and others.
 
 Nothing is made of a recording that is marked bad: what reads these files sees no mark.
 """
@@ -21,12 +21,18 @@ class Files(NamedTuple):
     model: Path | None
     yaml: Path | None
     navigation: Path | None
+    allan: Path | None
     inflation: tuple[float, float]
 
     @property
     def flags(self) -> list[str]:
         """The options by which files are asked for."""
-        named = {"--export-model": self.model, "--imu-yaml": self.yaml, "--gauss-markov": self.navigation}
+        named = {
+            "--export-model": self.model,
+            "--imu-yaml": self.yaml,
+            "--gauss-markov": self.navigation,
+            "--allan-csv": self.allan,
+        }
         return [flag for flag, path in named.items() if path is not None]
 
 
@@ -80,7 +86,7 @@ def write(report: "FileReport", files: Files) -> None:
         FlteaError: one cannot be written, or what it needs was not found.
     """
     from fltea.documents.imu_yaml import Inflation, imu_yaml
-    from fltea.identification import model_file, navigation_file
+    from fltea.identification import allan_file, model_file, navigation_file
     from fltea.identification.axis_report import AxisReport
     from fltea.identification.kalibr import axis_noise
 
@@ -113,3 +119,9 @@ def write(report: "FileReport", files: Files) -> None:
         if not axes:
             raise FlteaError("--gauss-markov: no axis was identified.")
         navigation_file.write_navigation(files.navigation, axes, rate_hz, report.name)
+    if files.allan is not None:
+        curves = {name: (axis.unit, axis.allan) for name, axis in axes.items() if axis.allan is not None}
+        try:
+            allan_file.write_allan(files.allan, curves)
+        except ValueError as error:
+            raise FlteaError(f"--allan-csv: {error}.") from error

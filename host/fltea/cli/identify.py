@@ -57,8 +57,8 @@ def identify(
         str | None,
         typer.Option(
             metavar="DEG@S",
-            help="How long to rest so that the heading is good to ± DEG after S seconds, such as 0.5@60. "
-            "Includes --forecast.",
+            help="How long to rest so that the heading is good to ± DEG (95 %) after S seconds, such as "
+            "0.5@60. Includes --forecast.",
         ),
     ] = None,
     sheet: Annotated[
@@ -116,6 +116,14 @@ def identify(
             "which a plain Kalman filter is built.",
         ),
     ] = None,
+    allan_csv: Annotated[
+        Path | None,
+        typer.Option(
+            "--allan-csv",
+            metavar="FILE",
+            help="Write the Allan deviations with their 95 % intervals, and those of the model, as CSV.",
+        ),
+    ] = None,
     jobs: Annotated[
         int | None,
         typer.Option("--jobs", "-j", metavar="N", min=1, help="Number of processes; default: all cores."),
@@ -158,6 +166,7 @@ def identify(
         "--export-model": export_model,
         "--imu-yaml": imu_yaml,
         "--gauss-markov": gauss_markov,
+        "--allan-csv": allan_csv,
         "--sheet": sheet,
     }
     many.check(files, out, [name for name, value in one_by_one.items() if value])
@@ -198,7 +207,7 @@ def identify(
         many.identify_many(files, out, ask, lambda: _workers(jobs, dask))
         return
     files_wanted = exports.Files(
-        export_model, imu_yaml, gauss_markov, exports.parse_inflation(inflate, imu_yaml)
+        export_model, imu_yaml, gauss_markov, allan_csv, exports.parse_inflation(inflate, imu_yaml)
     )
     if report is not None:
         from fltea.identification import report as page
@@ -220,7 +229,9 @@ def identify(
         for one in found
     ]
     if len(requests) > 1 and files_wanted.flags:
-        raise UsageError("--export-model, --imu-yaml and --gauss-markov are for one recording.")
+        raise UsageError(
+            f"{', '.join(files_wanted.flags)} are for one recording: {len(requests)} were given."
+        )
     ahead = forecast if goal is None else goal
     by = run.Settings(
         options, chosen.estimator, chosen.accel, figures=report is not None, forecast=ahead, live=chosen.live

@@ -15,7 +15,6 @@ from fltea.cluster.listing import File
 from fltea.cluster.pieces import write_piece
 from fltea.cluster.rows import COEFFICIENTS, VALUES, Key, Row, failed, of_recording, trap_kinds, with_ends
 from fltea.cluster.whole import Ask
-from fltea.identification.allan import with_level
 from fltea.identification.gaps import bridged
 from fltea.identification.load import Series, load
 from fltea.identification.sums import (
@@ -28,10 +27,10 @@ from fltea.identification.sums import (
 )
 from fltea.identification.work_folder import work_folder
 from fltea.records.errors import FlteaError, NoNumbers, UsageError
-from fltea.records.fit import Level
 from fltea.spectrum.allan_curve import live_allan
-from fltea.spectrum.noise_figures import noise_figures
+from fltea.spectrum.noise_figures import NoiseFigures, noise_figures
 from fltea.spectrum.octaves import Octaves, Parts
+from fltea.spectrum.spectral import Spectral
 from fltea.spectrum.verdict import decide
 
 SAME_RATE = 5e-3
@@ -182,14 +181,14 @@ def _fitted(pieces: Sequence[AxisSums], h: float, ask: Ask) -> dict[str, object]
         "p_white": seen.evidence.p_clean,
         "mean": mean,
         "std": (squares / max(samples - 1, 1)) ** 0.5,
-        "values": with_ends(verdict.order, VALUES) | _allan_values(sums, h, found.level, pieces[0].unit),
+        "values": with_ends(verdict.order, VALUES) | _allan_values(sums, seen, found, pieces[0].unit),
     }
 
 
-def _allan_values(sums: Octaves, h: float, level: Level, unit: str) -> dict[str, float | None]:
-    points = sums.allan(0)
+def _allan_values(sums: Octaves, seen: Spectral, noise: NoiseFigures, unit: str) -> dict[str, float | None]:
+    points, f = sums.allan(0), seen.evidence.frontier
     try:
-        found = live_allan(points.factors, points.avar, points.terms, points.samples, h, unit)
+        found = live_allan(points.factors, points.avar, points.terms, points.samples, f.h, unit)
     except ValueError:
         return {}
-    return with_ends(with_level(found, level), COEFFICIENTS)
+    return with_ends(found.with_model(f, noise.sentence, noise.level, unit), COEFFICIENTS)

@@ -81,15 +81,16 @@ class OffsetWalk(NamedTuple):
     def K(self, h: float) -> Interval:
         """Return the random walk of the rate, per s and √s; null where there may be none.
 
-        The interval has 95 % of the walks' weight.
+        It is the median of the walks by their weight, and the interval has 95 % of that. The mean variance of
+        their steps, which is what a filter goes by, would be too large for the K of a sensor.
         """
         if not self.is_certain:
             return Interval()
         steps, at = np.unique(self.steps, return_inverse=True)
         walks = np.bincount(at, self.weights)[steps > 0]
         walks, steps = walks / walks.sum(), steps[steps > 0]
-        ends = np.interp([0.025, 0.975], np.cumsum(walks) - walks / 2, np.log(steps))
-        return Interval(*(math.sqrt(q / h) for q in (float(walks @ steps), *np.exp(ends))))
+        log_steps = np.interp([0.5, 0.025, 0.975], np.cumsum(walks) - walks / 2, np.log(steps))
+        return Interval(*(math.sqrt(q / h) for q in np.exp(log_steps).tolist()))
 
     def system(self, bare: System, samples: int) -> System:
         """Return the system of a noise, of which `bare` has no offset, with what its offset does in the mean.

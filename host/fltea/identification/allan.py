@@ -9,13 +9,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
+from fltea.identification.axis import Looked
 from fltea.records.arrays import Array
-from fltea.records.fit import Level
 from fltea.records.units import HOUR, SQRT_HOUR
-from fltea.spectrum.allan_coefficients import Coefficient
 from fltea.spectrum.allan_curve import Allan, checked, points
 from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overlap
 
@@ -68,7 +66,20 @@ def allan(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:
     found = points(
         factors, overlapping(stretches, factors), h, lambda power: _degrees(power, factors, lengths)
     )
-    return Allan.of(found, h, unit)
+    return Allan.of(found, differences(factors, lengths), h, unit)
+
+
+def allan_of(looked: Looked, unit: str) -> Allan:
+    """Return the Allan deviation of an axis that was looked at, beside the model that stands for its noise.
+
+    It is the one of the command, of Python and of the file of `--allan-csv`.
+
+    Raises:
+        ValueError: the axis is constant, or all its stretches are too short.
+    """
+    stretches = [np.asarray(one.y, dtype=np.float64) for one in looked.stretches]
+    found, figures = allan(stretches, looked.h, unit), looked.figures
+    return found.with_model(looked.summed.seen.evidence.frontier, figures.sentence, figures.level, unit)
 
 
 def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:
@@ -83,17 +94,10 @@ def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int
     return degrees_of_freedom(power, m, terms, FULL_PARTS)
 
 
-def with_level(found: Allan, level: Level) -> Allan:
-    """Return the curve with N and K of the sentence that stands for the noise, so that there is one of each.
-
-    Short averaging times of the curve are bent where a filter takes power away, and long ones by all else
-    there is; the fit of the spectrum knows of both.
-    """
-    N = Coefficient(level.N.value, level.N.low, level.N.high, reason=level.reason)
-    without = (
-        "" if level.K.value is not None else "the noise has no random walk; one shows in records of hours"
-    )
-    return replace(found, N=N, K=Coefficient(level.K.value, level.K.low, level.K.high, reason=without))
+def differences(factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:
+    """Return how many differences of neighbouring means stretches of these lengths have for each factor."""
+    each = np.asarray(lengths)[:, np.newaxis] - 2 * factors + 1
+    return np.asarray(np.maximum(each, 0).sum(axis=0), dtype=np.float64)
 
 
 def averaging_factors(samples: int) -> NDArray[np.int64]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.identification.axis import IdentifyOptions, Looked, look
-from fltea.identification.forecast import BiasAtEnd, Forecast, Goal, Model, Now, found
+from fltea.identification.forecast import BiasAtEnd, Forecast, Goal, Now, found
 from fltea.identification.forecast_judge import Learned, learned
 from fltea.identification.gaps import bridged, no_gaps
 from fltea.identification.load import Series
@@ -22,12 +22,12 @@ from fltea.identification.recurring_steps import with_steps
 from fltea.identification.sensor_events import BiasStep
 from fltea.identification.shared_walk import shared_walk
 from fltea.identification.telegraph import Telegraph, without_levels
+from fltea.identification.tracked_drift import tracked_drift_rate
 from fltea.identification.tracked_system import OffsetWalkFound, offset_walk_found, tracked_system
 from fltea.noise.heading import bias_std, rested
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 from fltea.settings.live import LiveConfig
-from fltea.spectrum.wording import names
 
 
 class Conclusions(NamedTuple):
@@ -38,6 +38,8 @@ class Conclusions(NamedTuple):
     filter: NavigationFilter | None
     now: Now | None
     forecast: Forecast | None
+    drift_rate: Interval
+    """Of the longest stretch, a second."""
 
 
 def tracked_of(looked: Looked, telegraph: Telegraph | None = None) -> Learned | None:
@@ -91,13 +93,10 @@ def conclude(
     stretches = [np.asarray(one.y, dtype=np.float64) for one in bridged(series.y, series.gaps)]
     y: Array = np.ascontiguousarray(max(stretches, key=len))
 
-    def first(y: NDArray[np.float64]) -> Model:
+    def first(y: NDArray[np.float64]) -> Learned:
         half, levels = without_levels(series._replace(y=y, gaps=no_gaps()), h)
-        parts = look(half.y, h, options).figures.sentence.parts(h)
-        its = learned(parts, half.y, h)
-        if levels is not None:
-            its, parts = _with_levels(its, levels, h), (*parts, levels.part)
-        return its, names(map(type, parts))
+        its = learned(look(half.y, h, options).figures.sentence.parts(h), half.y, h)
+        return its if levels is None else _with_levels(its, levels, h)
 
     goal = forecast if isinstance(forecast, Goal) else None
     bias, ahead = found(tracked, y, h, series.unit, first if forecast else None, goal, at_end)
@@ -108,7 +107,8 @@ def conclude(
         if telegraph is not None:  # levels are one of the filter's states, and its bias is the mean of them
             newest = max((one.y for one in bridged(rest.y, rest.gaps)), key=len)
         plain = navigation_filter(tracked, np.ascontiguousarray(newest), h)
-    return Conclusions(tracked, offset_walk_found(tracked, h, K), plain, bias, ahead)
+    drift_rate = tracked_drift_rate(tracked, y, h)
+    return Conclusions(tracked, offset_walk_found(tracked, h, K), plain, bias, ahead, drift_rate)
 
 
 def _on_a_level(rest: Series, telegraph: Telegraph, tracked: Learned) -> BiasAtEnd:

@@ -1,6 +1,5 @@
 """What was found out, as rows for people (terminal and page) and as one JSON object for programs."""
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -10,14 +9,15 @@ from fltea.identification.allan import scales
 from fltea.identification.axis import AxisResult
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.fltea_fit import FlteaFit
-from fltea.identification.forecast import SAID_S, angle, is_any_heading
+from fltea.identification.forecast import SAID_S, integral, is_any_heading
 from fltea.identification.load import GYRO_UNIT
 from fltea.identification.shuffled import ShuffledBand
-from fltea.identification.tracked_system import OffsetWalkFound
 from fltea.identification.traps import Trap
 from fltea.records.fit import Interval
+from fltea.records.plus_minus import plus_minus, within
 from fltea.records.stats import CAUSE_WORDS
 from fltea.records.units import HOUR
+from fltea.spectrum.allan_curve import Allan
 from fltea.spectrum.wording import duration
 
 UNDEFINED = "undefined"
@@ -80,17 +80,12 @@ def lead(axis: AxisReport) -> str:
             ahead = "no heading left"
         else:
             what = "heading" if axis.unit == GYRO_UNIT else "integral"
-            ahead = f"{what} ± {angle(now.heading_std, axis.unit)}"
-        found += [f"Bias{end} {rounded(now.bias, now.bias_std)} {axis.unit}", f"{ahead} after {SAID_S:g} s"]
+            ahead = f"{what} {within(now.heading_std, integral(axis.unit))}"
+        found += [
+            f"Bias{end} {plus_minus(now.bias, now.bias_std)} {axis.unit}",
+            f"{ahead} after {SAID_S:g} s",
+        ]
     return " · ".join(found)
-
-
-def rounded(value: float, std: float) -> str:
-    """Return a figure with its deviation, which has two digits."""
-    if not std > 0:
-        return f"{value:.4g} ± {std:.2g}"
-    places = max(1 - math.floor(math.log10(std)), 0)
-    return f"{value:.{places}f} ± {std:.{places}f}"
 
 
 def sheets(axes: Mapping[str, AxisReport]) -> list[str]:
@@ -179,10 +174,6 @@ def rows(axis: AxisReport) -> list[Row]:
             ("  lag-1", f"{innovations.lag1:+.3f}"),
             ("  Ljung–Box p", f"{innovations.ljung_box_p:.2g}"),
         ]
-    if axis.allan:
-        B, scale = axis.allan.B, scales(unit).B
-        shown = "not seen" if B.value is None else _estimate(Interval(B.value, B.low, B.high), scale.factor)
-        found.append((f"Allan B [{scale.unit}]", shown))
     return found
 
 
@@ -214,10 +205,9 @@ def part_rows(axis: AxisReport) -> list[Row]:
     found = [
         ("made of", r.made_of),
         (f"  N [{of.N.unit}]", _estimate(r.level.N, of.N.factor)),
-        (f"  K [{of.K.unit}]", _estimate(r.level.K, of.K.factor) if r.level.K.value is not None else NONE),
+        (f"  K [{of.K.unit}]", _walk(axis, of.K.factor)),
+        (f"  B [{of.B.unit}]", _bias_instability(axis.allan, of.B.factor)),
     ]
-    if axis.walk is not None and r.level.K.value is None:
-        found.append((f"  K of the offset [{of.K.unit}]", _offset_walk(axis.walk, of.K.factor)))
     counted: dict[str, int] = {}
     for part in r.parts:
         counted[part.part] = number = counted.get(part.part, 0) + 1
@@ -242,11 +232,24 @@ def _estimate(e: Interval, factor: float = 1.0) -> str:
     return f"{e.value * factor:.3g}" + (f" ({low}…{high})" if low or high else ", not known well")
 
 
-def _offset_walk(walk: OffsetWalkFound, factor: float) -> str:
-    if walk.said == "walks":
-        return _estimate(walk.K, factor)
-    bound = "not known" if walk.at_most is None else f"at most {walk.at_most * factor:.3g}"
-    return bound if walk.tells_s is None else f"{bound}; {duration(walk.tells_s)} would tell"
+def _walk(axis: AxisReport, factor: float) -> str:
+    """Return K, or its bound, and how long a record would tell."""
+    level = axis.result.level
+    if level.K.value is not None:
+        return _estimate(level.K, factor)
+    bound = _bound(level.K_at_most, factor)
+    tells_s = None if axis.walk is None else axis.walk.tells_s
+    return bound if tells_s is None else f"{bound}; {duration(tells_s)} would tell"
+
+
+def _bias_instability(curve: Allan | None, factor: float) -> str:
+    if curve is None or curve.B.value is None:
+        return _bound(None if curve is None else curve.B.at_most, factor)
+    return _estimate(Interval(curve.B.value, curve.B.low, curve.B.high), factor)
+
+
+def _bound(at_most: float | None, factor: float) -> str:
+    return "not known" if at_most is None else f"at most {at_most * factor:.3g}"
 
 
 def settings(axis: AxisReport) -> str:
@@ -276,6 +279,8 @@ def remarks(axes: Mapping[str, AxisReport]) -> list[str]:
                 names.setdefault(text, []).append(name)
         if axis.result.level.reason:
             names.setdefault(f"{{}}: {axis.result.level.reason}".replace("unit", axis.unit), []).append(name)
+        if axis.allan is not None and axis.allan.B.reason:
+            names.setdefault(f"{{}}: B is not known: {axis.allan.B.reason}.", []).append(name)
     return [text.format(", ".join(those)) for text, those in names.items()]
 
 
@@ -311,9 +316,7 @@ SHORT_HEADINGS = ("s", "α", "shuffled α", "null p", "verdict")
 
 
 def _pm(value: float | None, std: float | None) -> str:
-    if value is None:
-        return "not valid"
-    return f"{value:.3f} ± {std:.3f}" if std is not None else f"{value:.3f}"
+    return "not valid" if value is None else plus_minus(value, std)
 
 
 def _span(band: tuple[float, float, float] | None) -> str:

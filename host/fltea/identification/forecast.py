@@ -15,15 +15,17 @@ from fltea.identification.forecast_judge import (
     Piece,
     judged,
 )
+from fltea.identification.navigation_filter import slope_of
 from fltea.noise.heading import bias_std, heading_std, heading_stds, rest_for, rested
+from fltea.noise.parts import Walk
 from fltea.noise.system import System
 from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
+from fltea.records.plus_minus import NORMAL_95
 from fltea.records.units import MOST_DEG
 from fltea.settings.live import LiveConfig
-from fltea.spectrum.wording import duration
+from fltea.spectrum.wording import duration, names
 
-Model = tuple[Learned, str]
 P = TypeVar("P", Piece, BiasPiece)
 
 SAID_S = 60.0
@@ -56,7 +58,7 @@ class Now(msgspec.Struct, frozen=True):
 
 
 class Goal(msgspec.Struct, frozen=True):
-    """A heading that shall be good to ± `within` deg after t_s."""
+    """A heading that shall be good to ± `within` deg after t_s, with a probability of 95 %."""
 
     within: float
     t_s: float
@@ -76,7 +78,7 @@ def goal_of(text: str) -> Goal:
     if not (0 < goal.within < math.inf and 0 < goal.t_s <= TIMES_S[-1]):
         raise UsageError(
             f"--rest-for {text}: has to be degrees and seconds, up to an hour: --rest-for 0.5@60 asks how "
-            "long to rest so that the heading is good to ± 0.5° a minute later."
+            "long to rest so that the heading is good to ± 0.5° (95 %) a minute later."
         )
     return goal
 
@@ -91,7 +93,9 @@ class Forecast(msgspec.Struct, frozen=True):
     bias: tuple[BiasPiece, ...]
     """of Bias(T), the constant to take off during the next T seconds"""
     made_of: str
-    """the first half's noise"""
+    """What the curve is made of: the parts of the whole recording's noise, and what its offset does."""
+    judged_made_of: str
+    """The same of the first half's model, which the second half judges; empty if there is none."""
     text: str
     goal: Goal | None = None
     rest_s: float | None = None
@@ -103,14 +107,14 @@ def found(
     y: Array,
     h: float,
     unit: str,
-    first: Callable[[Array], Model] | None,
+    first: Callable[[Array], Learned] | None,
     goal: Goal | None = None,
     at_end: BiasAtEnd | None = None,
 ) -> tuple[Now | None, Forecast | None]:
     """Return the bias now and, if `first` is given, the forecast; y: samples (n,) without a gap.
 
-    tracked: of all of y. first: returns the tracked system of samples, and what they are made of. at_end: the
-    bias after the last sample of the recording; None: the mean of y.
+    tracked: of all of y. first: returns what is known of samples alone. at_end: the bias after the last
+    sample of the recording; None: the mean of y.
 
     None where no filter can work with the noise.
     """
@@ -123,14 +127,12 @@ def found(
         return current, None
     half = y[: len(y) // 2]
     try:
-        its, name = first(half)
-        ahead_of_it = forecast(model, its, name, y, h, unit)
+        ahead_of_it = forecast(tracked, first(half), y, h, unit)
         return current, ahead_of_it if goal is None else with_goal(ahead_of_it, model, h, goal, unit)
     except (ValueError, ArithmeticError) as error:
         curve = tuple(heading_stds(model, rested(model, len(y)), h, TIMES_S))
-        return current, Forecast(
-            TIMES_S, curve, (), (), "", f"The first half has no model to judge: {error}."
-        )
+        text = f"The first half has no model to judge: {error}."
+        return current, Forecast(TIMES_S, curve, (), (), made_of(tracked), "", text)
 
 
 def now(model: System, y: Array, h: float, at_end: BiasAtEnd | None) -> Now:
@@ -142,21 +144,38 @@ def now(model: System, y: Array, h: float, at_end: BiasAtEnd | None) -> Now:
     return Now(at_end.bias, at_end.bias_std, heading_std(model, P, h, SAID_S), at_end.bias_s)
 
 
-def forecast(whole: System, first: Learned, made_of: str, y: Array, h: float, unit: str) -> Forecast:
-    """Return the forecast of a recording y; first: what is known of its first half, made of this."""
-    P = rested(whole, len(y))
+def forecast(whole: Learned, first: Learned, y: Array, h: float, unit: str) -> Forecast:
+    """Return the forecast of a recording y; first: what is known of its first half."""
+    P = rested(whole.system, len(y))
     judgement = judged(first, y, len(y) // 2, h)
-    curve = tuple(heading_stds(whole, P, h, TIMES_S))
-    return Forecast(TIMES_S, curve, *judgement, made_of, said(judgement, unit))
+    curve = tuple(heading_stds(whole.system, P, h, TIMES_S))
+    return Forecast(TIMES_S, curve, *judgement, made_of(whole), made_of(first), said(judgement, unit))
+
+
+def made_of(tracked: Learned) -> str:
+    """Return what a tracked system is made of, in a few words: parts, and what its offset does."""
+    walk = tracked.walk
+    # The tracker's walk stands for that of the parts, if it has any.
+    own = [part for part in tracked.parts if not (walk.is_found and isinstance(part, Walk))]
+    found = [names(map(type, own))]
+    if walk.endless > 0:
+        found.append("walk of the offset")
+    if walk.relaxation is not None:
+        found.append("relaxation of the offset")
+    if slope_of(tracked.system).any():
+        found.append("slope of the offset")
+    if tracked.steps_recur:
+        found.append("steps of the bias")
+    return " + ".join(filter(None, found))
 
 
 def with_goal(found: Forecast, model: System, h: float, goal: Goal, unit: str) -> Forecast:
     """Return the same forecast with how long to rest for the goal."""
-    rest, its = rest_for(model, h, goal.t_s, goal.within), integral(unit)
+    rest, its = rest_for(model, h, goal.t_s, goal.within / NORMAL_95), integral(unit)
     if rest.rest_s is None:
         text = rest.reason
     else:
-        good = f"± {goal.within:g}{its} {goal.t_s:g} s later"
+        good = f"± {goal.within:g}{its} (95 %) {goal.t_s:g} s later"
         text = f"Rest for {duration(rest.rest_s)}: the heading is good to {good}."
     return msgspec.structs.replace(found, text=f"{found.text} {text}", goal=goal, rest_s=rest.rest_s)
 

@@ -1,8 +1,8 @@
 """The tracked system of an axis as a plain Kalman filter has it: white noise, a walk, Gauss-Markov states.
 
     rate = bias + the states + white noise of variance N²/h a sample
-    bias: walks by K² h a sample, and is `bias` ± `bias_std` after the last sample of the record
-    a state: x_k = exp(-h/τ) x_k-1 + noise of variance σ² (1 - exp(-2 h/τ)); at first it is 0 ± σ
+    bias: walks by K² h a sample, and is `bias` with a deviation of `bias_std` after the last sample
+    a state: x_k = exp(-h/τ) x_k-1 + noise of variance σ² (1 - exp(-2 h/τ)); σ at first
 
 One least-squares fit finds N, K, the σ of each τ and `bias_std`, so that two curves are those of the tracked
 system: the spectrum, by which a filter learns from further samples, and the heading's variance by time when
@@ -49,7 +49,7 @@ LEAST_OF_ALL = 1e-4
 
 
 class FilterState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A Gauss-Markov state, which is 0 ± σ at first."""
+    """A Gauss-Markov state, which is 0 at first, with a deviation of σ."""
 
     sigma: float
     tau_s: float

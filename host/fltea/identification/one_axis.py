@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from fltea.identification.about_levels import look_at
-from fltea.identification.allan import allan, with_level
+from fltea.identification.allan import allan_of
 from fltea.identification.axis import IdentifyOptions, identified
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.conclusions import Conclusions, conclude, tracked_of
@@ -20,6 +20,7 @@ from fltea.identification.load import Series
 from fltea.identification.noise_model import modelled
 from fltea.identification.reproduction import reproduction
 from fltea.identification.sensor_events import AxisEvents, watch
+from fltea.identification.slow_noise import with_slow_noise
 from fltea.identification.traps import Trap, withheld
 from fltea.identification.traps_of_axis import traps_of
 from fltea.settings.live import LiveConfig
@@ -69,7 +70,18 @@ def concluded(axis: AxisReport, found: Conclusions) -> AxisReport:
         offset_walk=0.0 if walk.is_found else math.sqrt(walk.endless / h),
         offset_relaxation=None if walk.is_found or relaxation is None else relaxation.part(h),
     )
-    return msgspec.structs.replace(axis, model=model, **found._asdict())
+    result, curve = with_slow_noise(axis.result, axis.allan, found.walk, found.drift_rate, axis.unit)
+    return msgspec.structs.replace(
+        axis,
+        model=model,
+        result=result,
+        allan=curve,
+        tracked=found.tracked,
+        walk=found.walk,
+        filter=found.filter,
+        now=found.now,
+        forecast=found.forecast,
+    )
 
 
 def with_events(axis: AxisReport, found: AxisEvents) -> AxisReport:
@@ -103,7 +115,7 @@ def examine(
     curve, drawn, reason = None, None, ""
     try:
         stretches = [np.asarray(one.y, dtype=np.float64) for one in looked.stretches]
-        curve = with_level(allan(stretches, h, series.unit), result.level)
+        curve = allan_of(looked, series.unit)
         drawn = reproduction(looked.y, h, model, seed=options.seed, stretches=stretches)
     except ValueError as error:
         reason = str(error)

@@ -34,7 +34,7 @@ def with_steps(tracked: Learned, steps: Sequence[BiasStep], h: float) -> Learned
         apart, every_s = popcorn
         # Levels ± apart / 2, each left at a rate of 1 / every_s: twice that is how fast it forgets.
         system = tracked.system.with_relaxation((apart / 2) ** 2, math.exp(-2 * h / every_s))
-    return tracked._replace(system=system)
+    return tracked._replace(system=system, steps_recur=True)
 
 
 def _walking(system: System, q: float) -> System:

@@ -47,10 +47,15 @@ def tracked_system(parts: Sequence[Part], y: Array, h: float) -> Learned | None:
 
 
 def offset_walk_found(tracked: Learned, h: float, K: Interval) -> OffsetWalkFound:
-    """Return whether the offset walks; K: of the parts, null if none of them is a walk."""
+    """Return whether the offset walks; K: of the parts, null if none of them is a walk.
+
+    Where the spectrum has found a walk, K is that of the tracker all the same: it knows also what is slower
+    than the spectrum shows.
+    """
     walk = tracked.walk
     if K.value is not None:
-        return OffsetWalkFound("walks", K, None, None)
+        own = walk.K(h) if walk.is_found else Interval()
+        return OffsetWalkFound("walks", K if own.value is None else own, None, None)
     if walk.is_found:
         return _in_place_of_a_relaxation(walk, h)
     if walk.is_certain:

@@ -39,14 +39,18 @@ class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """N, in the unit of the samples over √Hz, and K, in that unit over √s; null where there is none."""
+    """N, in the unit of the samples over √Hz, and K, in that unit over √s; null where they are not known."""
 
     N: Interval = Interval()
+    """Of the model that stands for the noise."""
     K: Interval = Interval()
+    """As the tracker has it, which knows also what is too slow for the spectrum."""
     knee_hz: float | None = None
     """Where N is not known: the corner of the fastest relaxation, at half the rate at most."""
     knee_density: float | None = None
     """The density there, as N."""
+    K_at_most: float | None = None
+    """Where K is not known: it is smaller with 95 % probability; null where there is no bound."""
 
     @property
     def reason(self) -> str:
@@ -84,11 +88,13 @@ class FitAllan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     model: list[float]
     """Allan deviation of the fitted model [`unit`]."""
     N: float | None = None
-    """Random walk of the angle; null where the curve does not show it [`unit`·√s]."""
+    """Random walk of the angle, of the fitted model; null where its white noise is not known [`unit`·√s]."""
     B: float | None = None
-    """Bias instability: the floor over 0.664 [`unit`]."""
+    """Bias instability: the amplitude of 1/f noise, or a flat stretch of the curve over 0.664; null where the
+    record cannot tell [`unit`]."""
     K: float | None = None
-    """Random walk of the rate [`unit`/√s]."""
+    """Random walk of the rate: live as the curve has it, of a recording as the tracker has it; null where
+    there may be none [`unit`/√s]."""
 
 
 class FitSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -8,7 +8,7 @@ A coefficient whose slope the curve does not have is None, with the reason.
 """
 
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -27,10 +27,15 @@ FEWEST_AVERAGED = 5
 """Samples, for K: below, the sum of steps is more than 1 % above the line of a continuous random walk."""
 
 
-class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One of N, B and K, or None where the curve does not show it and `reason` says why.
+Source = Literal["curve", "spectrum", "model", "tracker"]
+"""What N, B or K was read from: the Allan deviation; white noise, 1/f noise and a random walk fitted to the
+spectrum; the model that stands for the noise; or the tracker, which knows how the offset walks."""
 
-    low and high are the ends of the 95 % interval of the point that counts most.
+
+class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One of N, B and K, or None where it is not known and `reason` says why.
+
+    low and high are the ends of its 95 % interval: read from a curve, that of the point that counts most.
     """
 
     value: float | None
@@ -40,6 +45,10 @@ class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Where it was read."""
     tau_to_s: float | None = None
     reason: str = ""
+    of: Source = "curve"
+    """What it was read from."""
+    at_most: float | None = None
+    """Where it is not known: it is smaller with 95 % probability; None where there is no bound."""
 
 
 class Coefficients(NamedTuple):
@@ -71,6 +80,12 @@ def coefficients(points: Points, h: float, unit: str = "deg/s") -> Coefficients:
         return Coefficients(none, none, none)
     n = _angle_random_walk(curve)
     return Coefficients(n, _bias_instability(curve, n.value), _rate_random_walk(curve))
+
+
+def not_known(why: str, at_most: float, unit: str) -> Coefficient:
+    """Return a B that is not known, for this reason, and its bound in the unit of the curve."""
+    shown = f"{at_most * HOUR:.3g} deg/h" if unit == "deg/s" else f"{at_most:.3g} {unit}"
+    return Coefficient(None, reason=f"{why}; B is at most {shown}: record longer", at_most=at_most)
 
 
 def times(value: float | None, factor: float) -> float | None:
@@ -131,19 +146,15 @@ def _bias_instability(c: _Curve, n: float | None) -> Coefficient:
         # as near to it as its standard deviation.
         near = c.deviation[i] * (1 + 1 / math.sqrt(2 * c.dof[i]))
         if floor.value is not None and (flat.start <= i < flat.stop or floor.value <= near):
-            return _divided(floor, FLICKER)
-    most = c.high[i] / FLICKER
-    shown = f"{most * HOUR:.3g} deg/h" if c.unit == "deg/s" else f"{most:.3g} {c.unit}"
-    at_most = f"B is at most {shown}"
+            most = float(c.high[i]) / FLICKER
+            return msgspec.structs.replace(_divided(floor, FLICKER), at_most=most)
+    most = float(c.high[i]) / FLICKER
     if i == len(c.tau) - 1:
-        return Coefficient(
-            None, reason=f"the curve still falls at its end, τ = {tau:.3g} s; {at_most}: record longer"
-        )
+        return not_known(f"the curve still falls at its end, τ = {tau:.3g} s", most, c.unit)
     if n is None or c.low[i] <= n / math.sqrt(tau):
-        return Coefficient(
-            None, reason=f"at its lowest, τ = {tau:.3g} s, the curve is still that of white noise; {at_most}"
-        )
-    return _divided(c.point(i), FLICKER)
+        why = f"at its lowest, τ = {tau:.3g} s, the curve is still that of white noise"
+        return not_known(why, most, c.unit)
+    return msgspec.structs.replace(_divided(c.point(i), FLICKER), at_most=most)
 
 
 def _rate_random_walk(c: _Curve) -> Coefficient:

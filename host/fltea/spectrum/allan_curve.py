@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 from fltea.noise.allan_deviation import model_adev
 from fltea.noise.distributions import chi2_quantile
 from fltea.records.arrays import Array
-from fltea.records.fit import FitAllan
+from fltea.records.fit import FitAllan, Level
 from fltea.spectrum.allan_coefficients import Coefficient, Points, coefficients
 from fltea.spectrum.allan_dof import degrees_of_freedom
-from fltea.spectrum.frontier import Sentence
+from fltea.spectrum.bias_instability import bias_instability
+from fltea.spectrum.frontier import Frontier, Sentence
 
 CONFIDENCE = 0.95
 SHORTEST_RECORD = 100
@@ -37,17 +38,49 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """95 % interval."""
     high: tuple[float, ...]
     degrees_of_freedom: tuple[float, ...]
+    differences: tuple[float, ...]
+    """The number of differences of neighbouring means that were averaged."""
     N: Coefficient
     """N in the unit per √s, which is the same as the unit over √Hz."""
     B: Coefficient
     K: Coefficient
     """The unit per √s."""
+    model: tuple[float, ...] = ()
+    """Allan deviation of the model that stands for the noise; empty if there is none beside the curve."""
 
     @classmethod
-    def of(cls, found: Points, h: float, unit: str) -> "Allan":
-        """Return the curve of these points, which were sampled every h s."""
+    def of(cls, found: Points, differences: ArrayLike, h: float, unit: str) -> "Allan":
+        """Return the curve of these points, which were sampled every h s, with N, B and K of the curve alone.
+
+        differences: how many were averaged for each, (k,).
+        """
         tau, deviation, low, high, degrees, _ = (tuple(one.tolist()) for one in found)
-        return cls(tau, deviation, low, high, degrees, *coefficients(found, h, unit))
+        count = tuple(np.asarray(differences, dtype=np.float64).tolist())
+        return cls(tau, deviation, low, high, degrees, count, *coefficients(found, h, unit))
+
+    def with_model(self, f: Frontier, stands: Sentence, level: Level, unit: str) -> "Allan":
+        """Return the curve beside the model that stands for the noise: with N and K of that model, and B.
+
+        Short averaging times of the curve are bent where a filter takes power away, and long ones by all else
+        there is; the fit of the spectrum knows of both.
+        """
+        N, K = level.N, level.K
+        no_walk = "" if K.value is not None else "no part of the noise is a random walk"
+        return msgspec.structs.replace(
+            self,
+            N=Coefficient(N.value, N.low, N.high, reason=level.reason.replace("unit", unit), of="model"),
+            B=bias_instability(self.B, f, stands, unit),
+            K=Coefficient(K.value, K.low, K.high, reason=no_walk, of="model"),
+            model=_of_model(self.tau_s, stands, f.h),
+        )
+
+    @property
+    def of_fit(self) -> FitAllan:
+        """The curve as the record `fit` has it."""
+        tau, deviation, low, high, model = (
+            list(one) for one in (self.tau_s, self.deviation, self.low, self.high, self.model)
+        )
+        return FitAllan(tau, deviation, low, high, model, self.N.value, self.B.value, self.K.value)
 
 
 def live_allan(
@@ -70,7 +103,8 @@ def live_allan(
         raise ValueError("no stretch without a break is long enough for an Allan deviation")
     if not variance.all():
         raise ValueError("the axis is constant: there is no noise to analyse")
-    return Allan.of(points(m, np.sqrt(variance), h, lambda power: degrees_of_freedom(power, m, n)), h, unit)
+    found = points(m, np.sqrt(variance), h, lambda power: degrees_of_freedom(power, m, n))
+    return Allan.of(found, n, h, unit)
 
 
 def fit_allan(
@@ -78,10 +112,11 @@ def fit_allan(
     samples: float,
     h: float,
     unit: str,
+    f: Frontier,
     noise: Sentence,
     N: float | None,
 ) -> FitAllan | None:
-    """Return the curve as the record `fit` has it, beside that of the fitted sentence `noise`.
+    """Return the curve as the record `fit` has it, beside that of the model `noise`, which is one of `f`.
 
     None while there are too few samples or the axis is constant. sums: averaging times in samples, Allan
     variances, terms, as of `live_allan`; of so many samples, with a sampling period of h s. N: of `noise`,
@@ -92,9 +127,15 @@ def fit_allan(
         found = live_allan(factors, avar, terms, samples, h, unit)
     except ValueError:
         return None
-    model = model_adev(lambda lam: noise.spectrum(lam, h), np.rint(np.array(found.tau_s) / h))
+    B = bias_instability(found.B, f, noise, unit).value
+    model = _of_model(found.tau_s, noise, h)
     tau, deviation, low, high = map(list, (found.tau_s, found.deviation, found.low, found.high))
-    return FitAllan(tau, deviation, low, high, model.tolist(), N, found.B.value, found.K.value)
+    return FitAllan(tau, deviation, low, high, list(model), N, B, found.K.value)
+
+
+def _of_model(tau_s: Sequence[float], noise: Sentence, h: float) -> tuple[float, ...]:
+    found = model_adev(lambda lam: noise.spectrum(lam, h), np.rint(np.array(tau_s) / h))
+    return tuple(found.tolist())
 
 
 def checked(samples: float, h: float) -> None:

@@ -172,9 +172,15 @@ def native(data: Binned, h: float, samples: int) -> _native.Sentences:
         ValueError: no spectrum can be fitted to the data.
     """
     lam = np.ascontiguousarray(data.lam, dtype=np.float64)
-    walk = (1 + np.where(leaking(lam, samples), LEAK_OF_CUBIC, 0.0)) / (4 * np.sin(lam / 2) ** 2)
+    walk = walk_column(lam, samples)
     counts, power = (np.ascontiguousarray(a, dtype=np.float64) for a in (data.counts, data.power[0]))
     return _native.Sentences(lam, counts, power, walk, h)
+
+
+def walk_column(lam: Array, samples: int) -> Array:
+    """Return what a random walk with steps of variance 1 has in bins of a record of so many samples."""
+    leak = np.where(leaking(lam, samples), LEAK_OF_CUBIC, 0.0)
+    return np.asarray((1 + leak) / (4 * np.sin(lam / 2) ** 2))
 
 
 def leaking(lam: Array, samples: int) -> NDArray[np.bool_]:

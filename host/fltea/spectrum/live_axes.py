@@ -188,7 +188,7 @@ class LiveAxes:
         if drawn is not None:
             spectrum = spectrum_of(drawn, noise)
             *sums, samples = octaves.allan(lane)
-            allan = fit_allan(tuple(sums), samples, self.h, self.unit, noise, N.value)
+            allan = fit_allan(tuple(sums), samples, self.h, self.unit, f, noise, N.value)
         fit = AxisFit(
             verdict.kind,
             verdict.text,

@@ -340,5 +340,5 @@ def _white(e: Evidence, q: _Questions, accepted: str) -> Verdict:
         "white",
         "White noise.",
         f"{accepted}, so there is no order: {wording.UNDEFINED}.",
-        "A filter needs only its density N.",
+        "A filter needs its density N, and the walk of its offset if the tracker finds one.",
     )

@@ -1,0 +1,145 @@
+"""White noise, 1/f noise and a random walk fitted to the slow part of a spectrum (pure).
+
+These are the three terms of IEEE 952's noise model that a curve of Allan deviations is read for. As spectra
+they are linear in their amplitudes, so that a fit costs less than a millisecond. It uses every frequency at
+which 1/f noise stands out of white noise, and so knows the amplitude B long before the Allan deviation is
+flat over averaging times at which it is known well.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from fltea.records.arrays import Array
+from fltea.records.fit import Interval
+from fltea.spectrum.frontier import Frontier, Sentence, walk_column
+
+SLOW = 1 / 20
+"""Frequencies over the sample rate up to which is fitted: a sensor's own filter is nearly always faster."""
+FEWEST = 30.0
+"""Ordinates without which nothing is fitted."""
+ROUNDS = 60
+LEAST_GAIN = 1e-5
+"""Of log L in a round, below which a fit has ended."""
+DAMPING = 1e-3
+LEAST = 1e-12
+"""What an amplitude can be at least, over the largest that it could be."""
+CHI2_95 = 3.841
+NEAR = 0.05
+"""In 2 log L, within which an end of an interval is found."""
+SEARCHES = 12
+WIDEST = 100.0
+"""An end of the interval of B² is within this factor of it."""
+
+
+class Flicker(NamedTuple):
+    """The three terms fitted to one spectrum; 2 log L of each gain is above the fit without that term."""
+
+    B: Interval
+    """The amplitude of the 1/f noise, in the unit of the samples; all null if it gains too little.
+
+    Where no walk is needed, it is that of the fit without one: a walk cannot be negative, so that what chance
+    gives to a walk would be missing in B. The lower end of its interval is that of the profile with a walk
+    all the same, for there may be one."""
+    gain: float
+    """2 log L that the 1/f noise gains."""
+    gain_of_walk: float
+    """2 log L that the random walk gains."""
+    behind: float
+    """2 log L by which the model that stands for the noise is ahead, at the same frequencies."""
+    ordinates: float
+
+
+class _Data(NamedTuple):
+    """Bins: power and number of ordinates, (k,), and the spectrum of each term of amplitude 1, (k, 3)."""
+
+    power: Array
+    counts: Array
+    columns: Array
+
+    def nll(self, log_amplitudes: Array, fixed: Array | float = 0.0) -> float:
+        total = self.columns[:, : len(log_amplitudes)] @ np.exp(log_amplitudes) + fixed
+        return float(self.counts @ (np.log(total) + self.power / total))
+
+    def only(self, terms: list[int]) -> "_Data":
+        return self._replace(columns=self.columns[:, terms])
+
+
+def flicker(f: Frontier, stands: Sentence) -> Flicker | None:
+    """Return the fit of the three terms to the slow part of the spectrum of `f`; None if that is too short.
+
+    stands: the model that stands for the noise.
+    """
+    lam = np.asarray(f.data.lam, dtype=np.float64)
+    keep = lam < 2 * math.pi * SLOW
+    lam = lam[keep]
+    counts = np.asarray(f.data.counts, dtype=np.float64)[keep]
+    power = np.asarray(f.data.power[0], dtype=np.float64)[keep]
+    if counts.sum() < FEWEST or not (power > 0).any():
+        return None
+    # Discrete 1/f noise, ARFIMA(0, 1/2, 0), has B² over 2 sin(λ/2).
+    columns = np.column_stack([np.ones(len(lam)), 0.5 / np.sin(lam / 2), walk_column(lam, f.samples)])
+    data = _Data(power, counts, columns)
+    start = np.log(float(counts @ power) / 3 / (counts @ columns))
+    best, nll = _fit(data, start)
+    no_flicker, no_walk = (_fit(data.only(rest), start[rest]) for rest in ([0, 2], [0, 1]))
+    model = stands.spectrum(np.ascontiguousarray(lam), f.h)
+    stood = float(counts @ (np.log(model) + power / model))
+    gain, of_walk = (max(2 * (one[1] - nll), 0.0) for one in (no_flicker, no_walk))
+    B = Interval()
+    if gain > CHI2_95:
+        low, high = (_end(data, best, nll, side) for side in (-1, 1))
+        B = Interval(math.exp(best[1] / 2), low, high)
+        if of_walk < CHI2_95:
+            alone = _end(data.only([0, 1]), *no_walk, 1)
+            B = Interval(math.exp(no_walk[0][1] / 2), low, max(high, alone))
+    return Flicker(B, gain, of_walk, 2 * (nll - stood), float(counts.sum()))
+
+
+def _fit(data: _Data, start: Array, fixed: Array | float = 0.0) -> tuple[Array, float]:
+    """Return logarithms of the amplitudes, and -log L, by damped Fisher scoring; fixed: further power."""
+    x, least = start.copy(), start + math.log(LEAST)
+    nll, damping = data.nll(x, fixed), DAMPING
+    for _ in range(ROUNDS):
+        shares = data.columns * np.exp(x)
+        total = shares.sum(axis=1) + fixed
+        shares /= total[:, None]
+        slope = shares.T @ (data.counts * (data.power / total - 1))
+        information = (shares * data.counts[:, None]).T @ shares
+        information[np.diag_indices(len(x))] *= 1 + damping
+        information[np.diag_indices(len(x))] += 1e-9 * data.counts.sum()
+        new = np.maximum(x + np.clip(np.linalg.solve(information, slope), -3, 3), least)
+        found = data.nll(new, fixed)
+        if not found < nll:
+            damping *= 10
+            if damping > 1e6:
+                break
+            continue
+        gained, x, nll, damping = nll - found, new, found, max(damping / 10, DAMPING)
+        if gained < LEAST_GAIN:
+            break
+    return x, nll
+
+
+def _end(data: _Data, best: Array, nll: float, side: int) -> float:
+    """Return an end of the 95 % interval of B by its profile, with the other terms free.
+
+    best, nll: of the fit, where the 1/f noise is the second term. side: -1 for the lower end, 1 for the
+    upper one.
+    """
+    terms = [term for term in range(len(best)) if term != 1]
+    others, free = data.only(terms), best[terms]
+    near, far = 0.0, math.log(WIDEST)
+    step, start = 0.3, free
+    for _ in range(SEARCHES):
+        fixed = data.columns[:, 1] * math.exp(best[1] + side * step)
+        start, found = _fit(others, np.maximum(start, free - 10), fixed)
+        deviance = 2 * (found - nll)
+        if abs(deviance - CHI2_95) < NEAR:
+            break
+        near, far = (step, far) if deviance < CHI2_95 else (near, step)
+        # The deviance grows about as the square of the distance.
+        guess = step * math.sqrt(CHI2_95 / max(deviance, 1e-3))
+        step = guess if near < guess < far else (near + far) / 2
+    return math.exp((best[1] + side * step) / 2)
