@@ -2,8 +2,8 @@
 
 Ordinates of white noise are independent and exponential, so series need not be made. For each length the
 quantiles of the likelihood ratio are counted; over the lengths each is smoothed by a parabola (the rarest by
-a straight line) in the logarithm of the number of ordinates. Takes about a quarter of an hour on one
-core. The figures of a machine may differ in the last digit: fits stop where the likelihood is flat.
+a straight line) in the logarithm of the number of ordinates. The test has two alternatives; a board's has the
+first of them only, and its own quantiles. Takes a few minutes on one core. The figures of a machine may differ in the last digit: fits stop where the likelihood is flat.
 
 Usage: gen_null_constants.py [--series 6000] [--print]
 """
@@ -25,12 +25,22 @@ RARE = 0.02
 
 
 def white_ratios(n: int, series: int, rng: np.random.Generator) -> np.ndarray:
-    """Likelihood ratios of `series` white series of n samples."""
+    """Likelihood ratios of `series` white series of n samples: of a board's test, and of the host's; (2, n)."""
     lam = 2 * np.pi * used_ordinates(n, 1.0) / n
     layout = binned(Periodogram(lam, np.ones(len(lam)), 1.0, n))
     power = rng.gamma(layout.counts, size=(series, len(layout.lam))) / layout.counts
     each = (Binned(layout.lam, layout.counts, one[np.newaxis]) for one in power)
-    return np.array([native(data, 1.0, n).null_test([])[0] for data in each])
+    found = np.array([native(data, 1.0, n).null_test([])[:2] for data in each])
+    return np.array([found[:, 0], found.max(axis=1)])
+
+
+def smoothed(quantiles: np.ndarray) -> list[list[float]]:
+    """Coefficients of each probability's quantiles (probabilities, lengths)."""
+    powers = np.log10([len(used_ordinates(n, 1.0)) for n in LENGTHS])
+    return [
+        [*np.polynomial.polynomial.polyfit(powers, row, 1 if p < RARE else 2), 0.0][:3]
+        for p, row in zip(PROBABILITIES, quantiles, strict=True)
+    ]
 
 
 def main() -> int:
@@ -43,21 +53,18 @@ def main() -> int:
     quantiles = []
     for n in LENGTHS:
         ratios = white_ratios(n, arguments.series, rng)
-        quantiles.append(np.quantile(ratios, 1 - np.array(PROBABILITIES)))
+        quantiles.append(np.quantile(ratios, 1 - np.array(PROBABILITIES), axis=1).T)
         print(f"n = {n}:", np.round(quantiles[-1], 2), flush=True)
     if arguments.print:
         return 0
-    powers = np.log10([len(used_ordinates(n, 1.0)) for n in LENGTHS])
-    coefficients = [
-        [*np.polynomial.polynomial.polyfit(powers, column, 1 if p < RARE else 2), 0.0][:3]
-        for p, column in zip(PROBABILITIES, np.array(quantiles).T, strict=True)
-    ]
+    of_order, of_both = (smoothed(one) for one in np.array(quantiles).transpose(1, 2, 0))
     text = rendered(
         "null_constants.py",
         series=arguments.series,
         lengths=len(LENGTHS),
         probabilities=PROBABILITIES,
-        coefficients=coefficients,
+        coefficients=of_both,
+        of_order=of_order,
     )
     return update(HERE, {"null_constants.py": text}, check=False, source="tools/gen_null_constants.py")
 

@@ -460,15 +460,15 @@ class Sentences:
         highest_order: float = 1.999,
     ) -> tuple[list[float], float]: ...
 
-    # Codes, coordinates and -log L of the six sentences of a frontier; no codes: there is none. last: those
+    # Codes, coordinates and -log L of the seven sentences of a frontier; no codes: there is none. last: those
     # of an earlier search, which are fitted again, or nothing.
     def search(
         self, last: list[tuple[list[int], list[float], float]]
     ) -> list[tuple[list[int], list[float], float]]: ...
 
-    # The null test's ratio and the coordinates of its alternative; last: those of an earlier test, or
-    # nothing.
-    def null_test(self, last: list[float]) -> tuple[float, list[float]]: ...
+    # The null test's ratios, of an order and of a high-pass in white noise, and the coordinates of both; last:
+    # those of an earlier test, or nothing.
+    def null_test(self, last: list[float]) -> tuple[float, float, list[float]]: ...
 
     # The end of an interval to one side, NaN if there is none before the limit, and by how much the
     # coordinates there differ from eta. usual, at_bound: the fall of 2 log L there, and where white noise is

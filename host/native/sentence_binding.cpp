@@ -112,7 +112,7 @@ class Fitted {
         return {std::move(eta), nll};
     }
 
-    // White, null, plain, rich, pure and ordered (Frontier); last: those of an earlier search,
+    // White, null, plain, rich, pure, ordered and missing (Frontier); last: those of an earlier search,
     // which are fitted again, or nothing.
     std::vector<Raw> search(const std::vector<Raw>& last) {
         std::vector<Sentence> before;
@@ -125,24 +125,30 @@ class Fitted {
             }
             before.push_back(s);
         }
-        if (!before.empty() && before.size() != 6) refuse("a frontier has six sentences");
+        if (!before.empty() && before.size() != 7) refuse("a frontier has seven sentences");
         const nb::gil_scoped_release release;
         Search search(bins_);
         const Frontier f =
             before.empty()
                 ? search.whole()
-                : search.again(Frontier{before[0], before[1], before[2], before[3], before[4], before[5]});
-        return {raw_of(f.white), raw_of(f.null), raw_of(f.plain),
-                raw_of(f.rich),  raw_of(f.pure), raw_of(f.ordered)};
+                : search.again(Frontier{before[0], before[1], before[2], before[3], before[4], before[5],
+                                        before[6]});
+        return {raw_of(f.white), raw_of(f.null),    raw_of(f.plain),  raw_of(f.rich),
+                raw_of(f.pure),  raw_of(f.ordered), raw_of(f.missing)};
     }
 
-    // 2 log L of the null test's alternative above white noise, and its coordinates; last: those of an
-    // earlier test, or nothing.
-    std::pair<double, std::vector<double>> null_test(const std::vector<double>& last) {
-        if (!last.empty()) check(words_of({kWhite, kOrder}), last);
+    // 2 log L of the null test's two alternatives above white noise, an order and a high-pass, and the
+    // coordinates of both; last: those of an earlier test, or nothing.
+    std::tuple<double, double, std::vector<double>> null_test(const std::vector<double>& last) {
+        if (!last.empty() && last.size() != Search::kNullFree + 3)
+            refuse("a null test has seven coordinates, of an order and of a high-pass in white noise");
+        for (const double value : last)
+            if (!std::isfinite(value)) refuse("parameters must be finite numbers");
         const nb::gil_scoped_release release;
-        const auto found = Search(bins_).null_test(last);
-        return {2 * (found.first.nll - found.second.nll), found.second.eta};
+        const NullTest found = Search(bins_).null_test(last);
+        std::vector<double> eta = found.order.eta;
+        eta.insert(eta.end(), found.missing.eta.begin(), found.missing.eta.end());
+        return {2 * (found.white.nll - found.order.nll), 2 * (found.white.nll - found.missing.nll), eta};
     }
 
     // The end of an interval (interval_end), NaN where there is none, and by how much the coordinates there

@@ -29,6 +29,7 @@ inline unsigned read_by(Part part) {
         case kOrderByF:
         case kOrderByf:
         case kRise:
+        case kHighPass:
             return kLogSize;
         case kArfima:
             return kLogSize | kSquare;

@@ -68,6 +68,10 @@ inline void bounds_of(const Word& word, const Bins& bins, double slowest, double
             set(0, 2 * std::log(bins.lowest), 4.5);
             set(1, -kLogitEnd, kLogitEnd);
             break;
+        case kHighPass:
+            set(0, 2 * std::log(bins.lowest), kHighestHighPass);
+            set(1, -kLogitEnd, kLogitEnd);
+            break;
         case kSharp:
             set(0, -0.2495, 2.0);
             break;

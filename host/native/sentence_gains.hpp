@@ -19,11 +19,12 @@ struct Candidate {
     Word word;
     double eta[3];
     Numbers shape, inverse;  // inverse: of the gain itself
+    bool leaks;              // a filter with white noise behind it
 };
 
 inline Candidate candidate(const Bins& bins, const Word& word, double a, double b, double c) {
     const std::size_t stride = stride_of(bins.size());
-    Candidate found{word, {a, b, c}, Numbers(bins.size()), {}};
+    Candidate found{word, {a, b, c}, Numbers(bins.size()), {}, false};
     Numbers spare(3 * stride);
     double* slope[3] = {spare.data(), spare.data() + stride, spare.data() + 2 * stride};
     if (!bins.kernel->word(bins.columns(), word, found.eta, found.shape.data(), slope))
@@ -32,6 +33,18 @@ inline Candidate candidate(const Bins& bins, const Word& word, double a, double 
     found.inverse.resize(bins.size());
     bins.kernel->inverted(bins.size(), found.shape.data(), found.inverse.data());
     return found;
+}
+
+// The same filter with white noise behind it, which fills what it stops: a walk before it looks so.
+inline Candidate leaking(const Bins& bins, Candidate filter) {
+    constexpr double kLeak = 0.2;
+    for (std::size_t i = 0; i < bins.size(); ++i) {
+        const double gain = 1 / filter.inverse[i] + kLeak;
+        filter.inverse[i] = 1 / gain;
+        filter.shape[i] = std::log(gain);
+    }
+    filter.leaks = true;
+    return filter;
 }
 
 // What a further word would gain in 2 log L by Rao's score, with all parameters of the sentence free: of a
@@ -127,6 +140,8 @@ class Gains {
     double slope_[kMostFree];
 };
 
+constexpr double kNearlyOnePole = -4.0;  // logit of the poles of a filter
+
 // What may be added, at a power of 1.
 typedef std::vector<Candidate> Candidates;
 
@@ -155,6 +170,10 @@ inline Candidates filters_to_add(const Bins& bins) {
     const auto add = [&](Word word, double a, double b) { found.push_back(candidate(bins, word, a, b, 0)); };
     for (double corner = 2 * lowest + 2; corner < 4.3; corner += 0.6)
         for (const double poles : {-4.0, -2.6, -1.2, 0.5}) add(Word{kLowPass, 0}, corner, poles);
+    for (double corner = 2 * lowest + 0.5; corner < kHighestHighPass; corner += 1.0) {
+        add(Word{kHighPass, 0}, corner, kNearlyOnePole);
+        found.push_back(leaking(bins, found.back()));
+    }
     for (const double s : {-0.05, 0.05}) add(Word{kSharp, 0}, s, 0);
     for (double at = std::fmax(top - 3, lowest + 0.1); at < top - 0.02; at += 0.12)
         for (const double width : {0.05, 0.2}) add(Word{kNotch, 0}, at, std::log(width));

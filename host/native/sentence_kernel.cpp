@@ -188,6 +188,21 @@ void low_pass(const Columns& b, const double* eta, double* gain, double* const* 
     });
 }
 
+// Of one pole that of a digital filter (1 - z) / (1 - a z): what an average that fades leaves of the samples.
+void high_pass(const Columns& b, const double* eta, double* gain, double* const* slope) {
+    const double share = share_of(eta[1]), n = 1 + (kMostPoles - 1) * share;
+    const double by_n = (kMostPoles - 1) * share * (1 - share);
+    each(b.size, [=](auto kind, std::size_t i) {
+        typedef decltype(kind) T;
+        const T ratio = T(eta[0]) - T(2.0) * from<T>(b.ln_size + i);
+        const T passed = T(1.0) / (T(1.0) + exp(min(T(n) * ratio, T(200.0))));
+        const T stopped = T(1.0) - passed;
+        to(gain + i, passed);
+        to(slope[0] + i, T(-n) * stopped);
+        to(slope[1] + i, T(-by_n) * ratio * stopped);
+    });
+}
+
 // The bilinear transform of an analog notch, as digital ones are; the mean over each bin, at its bottom.
 void notch(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double at = exp(eta[0]), centre = ::tan(at / 2), square = centre * centre;
@@ -271,6 +286,9 @@ bool word_at(const Columns& b, Word word, const double* eta, double* part, doubl
         }
         case kLowPass:
             low_pass(b, eta, part, slope);
+            return true;
+        case kHighPass:
+            high_pass(b, eta, part, slope);
             return true;
         case kSharp:
             each(n, [=](auto one, std::size_t i) {

@@ -47,6 +47,12 @@ struct Sentence {
 
 struct Frontier {
     Sentence white, null, plain, rich, pure, ordered;  // null: the null test's alternative, an order up to 1
+    Sentence missing;  // the alternative on the other side: white noise through a high-pass of one pole
+};
+
+// What the null test compares.
+struct NullTest {
+    Sentence white, order, missing;
 };
 
 class Search {
@@ -60,7 +66,9 @@ class Search {
         orders_ = shared<orders_to_add>(bins_);
         Frontier f;
         f.white = white();
-        f.null = alternative(f.white);
+        Gains gains(bins_, f.white.words, f.white.eta.data());
+        f.null = alternative(f.white, gains);
+        f.missing = without_the_slow(f.white, gains);
         f.plain = grown(f.white, bic_, Allowed());
         find_orders(f);
         if (f.ordered.known()) {
@@ -78,13 +86,18 @@ class Search {
         return f;
     }
 
-    // White noise and the null test's alternative; of the latter from the coordinates `last` on, if there are
-    // any.
-    std::pair<Sentence, Sentence> null_test(const std::vector<double>& last) {
+    // White noise and the null test's alternatives; `last`: the coordinates of both of an earlier test, from
+    // which they begin, or nothing.
+    NullTest null_test(const std::vector<double>& last) {
         const Sentence w = white();
-        if (!last.empty()) return {w, null_from(last)};
+        if (!last.empty()) {
+            const auto second = last.begin() + kNullFree;
+            return {w, null_from({last.begin(), second}), missing_from({second, last.end()})};
+        }
+        filters_ = shared<filters_to_add>(bins_);
         orders_ = shared<orders_to_add>(bins_);
-        return {w, alternative(w)};
+        Gains gains(bins_, w.words, w.eta.data());
+        return {w, alternative(w, gains), without_the_slow(w, gains)};
     }
 
     // The same sentences as `last`, fitted to what the bins are now.
@@ -92,6 +105,7 @@ class Search {
         Frontier f;
         f.white = white();
         f.null = null_from(last.null.eta);
+        f.missing = missing_from(last.missing.eta);
         const auto refit = [&](const Sentence& one) {
             return one.known() ? fitted(one.words, one.eta) : one;
         };
@@ -140,7 +154,8 @@ class Search {
             case kRelaxation:
                 return allowed.slow && few(kRelaxations);
             case kWalk:
-                return allowed.slow && few(1);
+                // A high-pass makes of it what white noise behind the filter is, too.
+                return allowed.slow && few(1) && !s.has(kHighPass);
             case kResonance:
                 return few(kResonances);
             case kFloor:
@@ -183,8 +198,9 @@ class Search {
         return found;
     }
 
-    Sentence with(const Sentence& s, const Ranked& one) {
+    Sentence with(const Sentence& before, const Ranked& one) {
         const Candidate& candidate = *one.candidate;
+        const Sentence s = candidate.word.part == kHighPass ? removed(before, {kWalk}) : before;
         Words words = s.words;
         std::vector<double> eta = s.eta;
         eta[0] = std::fmax(eta[0], power_ - kNothing);
@@ -196,21 +212,23 @@ class Search {
         } else if (!filters(candidate.word.part)) {
             eta[first] = one.gain.log_power;
         }
-        if (candidate.word.part == kLowPass && !s.has(kFloor)) {
+        const bool low = candidate.word.part == kLowPass, high = candidate.word.part == kHighPass;
+        if ((low || high) && !s.has(kFloor)) {
             // Rounding behind the filter, without which a steep one fits nothing.
             words.push_back(Word{kFloor, 0});
-            eta.push_back(std::log(std::fmax(last_power(), 1e-9 * bins_.mean) / 2));
+            eta.push_back(std::log(std::fmax(end_power(low), 1e-9 * bins_.mean) / 2));
             return taken_away(fitted(words, eta, true), bic_, {kFloor});
         }
         return fitted(words, eta, true);
     }
 
-    // The median power of the highest tenth of the bins.
-    double last_power() const {
+    // The median power of the highest tenth of the bins, or of the lowest.
+    double end_power(bool highest) const {
         const std::size_t size = bins_.size(), count = std::min(std::max<std::size_t>(size / 10, 3), size);
-        std::vector<double> last(bins_.power.end() - static_cast<std::ptrdiff_t>(count), bins_.power.end());
-        std::sort(last.begin(), last.end());
-        return last[count / 2];
+        const auto first = bins_.power.begin() + static_cast<std::ptrdiff_t>(highest ? size - count : 0);
+        std::vector<double> some(first, first + static_cast<std::ptrdiff_t>(count));
+        std::sort(some.begin(), some.end());
+        return some[count / 2];
     }
 
     Sentence grown(Sentence s, double price, const Allowed& allowed) {
@@ -358,8 +376,7 @@ class Search {
     }
 
     // The alternative of the null test, from the best of all starts.
-    Sentence alternative(const Sentence& white) {
-        Gains gains(bins_, white.words, white.eta.data());
+    Sentence alternative(const Sentence& white, Gains& gains) {
         Sentence found = null_from({white.eta[0], 0.5, 0.0, power_ - kSmallest});
         std::size_t count = 0;
         for (const Ranked& one : best(gains, white, *orders_, 100, 100, Allowed())) {
@@ -381,12 +398,40 @@ class Search {
     }
     static constexpr std::size_t kNullStarts = 5;
 
+    // The best high-pass of one pole, from its two best starts.
+    Sentence without_the_slow(const Sentence& white, Gains& gains) {
+        const double lowest = 2 * std::log(bins_.lowest);
+        double first = lowest, second = lowest, gained[2] = {0, 0};
+        for (const Candidate& one : *filters_) {
+            if (one.word.part != kHighPass || one.leaks) continue;
+            const double gain = gains.of(one).gain, corner = one.eta[0];
+            if (gain > gained[0]) {
+                second = first, gained[1] = gained[0];
+                first = corner, gained[0] = gain;
+            } else if (gain > gained[1]) {
+                second = corner, gained[1] = gain;
+            }
+        }
+        Sentence found = missing_from({white.eta[0], first, -kLogitEnd});
+        if (second != first) keep(missing_from({white.eta[0], second, -kLogitEnd}), 0, found);
+        return found;
+    }
+    Sentence missing_from(std::vector<double> eta) {
+        Patience patience;
+        patience.converged = kRough;
+        Sentence found{{Word{kWhite, 0}, Word{kHighPass, 0}}, std::move(eta), 0};
+        found.nll = score(room_, found.words, found.eta.data(), 2, patience);
+        return found;
+    }
+
     Bins& bins_;
     Room room_{bins_};
     double bic_, power_;
     std::shared_ptr<const Candidates> parts_, filters_, orders_;
 
   public:
+    static constexpr int kNullFree = 4;  // coordinates of the null test's order in white noise
+
     // What is called an order: of less than the one nothing is left of it, and of more than the other it is a
     // relaxation.
     static constexpr double kLeastOrder = 0.15, kMostOrder = 0.85;

@@ -46,7 +46,7 @@ Numbers drawn(const Bins& bins, Numbers power, unsigned seed) {
 }
 
 const Part kAll[] = {kRelaxation, kWalk, kOrder,       kResonance, kQuantised, kRise,     kLowPass, kSharp,
-                     kNotch,      kMean, kAlternating, kFloor,     kOrderByF,  kOrderByf, kArfima};
+                     kNotch,      kMean, kAlternating, kFloor,     kOrderByF,  kOrderByf, kArfima,  kHighPass};
 
 // White noise, a relaxation, and one more part, at a place well inside.
 struct Example {
@@ -60,8 +60,8 @@ struct Example {
         const double places[kParts][3] = {
             {a, 0, 0},     {a, -4 * b, 0}, {a - 4, 0, 0},   {a, -4 * b, c}, {a, -4 * b, -1 - c},
             {a, 0, 0},     {a, b, 0},      {-3 * a, -b, 0}, {a, 0, 0},      {-b, -c, 0},
-            {0, 0, 0},     {a, -b, 0},     {a, 0, 0},       {a, -b, c},     {a - 0.5, b - 0.5, c},
-            {a, 2 * b, c},
+            {0, 0, 0},     {a, -b, 0},     {a, 0, 0},       {a, -b, c},     {-2 - 8 * a, -3 - 2 * b, 0},
+            {a - 0.5, b - 0.5, c}, {a, 2 * b, c},
         };
         eta.insert(eta.end(), places[part], places[part] + kFree[part]);
     }
@@ -215,6 +215,8 @@ TEST_CASE("sentence: on exact spectra the search finds what they are made of") {
         {{{kWhite, 0}, {kResonance, 0}}, {0, 3, -1, -2}},
         {{{kWhite, 0}, {kNotch, 0}}, {0, 0, -1}},
         {{{kWhite, 0}, {kSharp, 0}}, {0, 0.2}},
+        {{{kWhite, 0}, {kHighPass, 0}}, {0, -6, -3}},
+        {{{kWhite, 0}, {kRelaxation, 0}, {kHighPass, 0}}, {0, 2, -2, -6, -3}},
         {{{kWhite, 0}, {kMean, 4}}, {0}},
         {{{kWhite, 0}, {kQuantised, 0}, {kRelaxation, 0}}, {0, 0, 0, -3}},
     };

@@ -84,6 +84,33 @@ def test_what_has_none_is_nearly_right_at_low_frequencies(name: str) -> None:
     np.testing.assert_allclose(ratio(parts)[LOW], 1, atol=apart)
 
 
+HIGH_PASSED: dict[str, list[p.Part]] = {
+    "one pole": [WHITE, p.HighPass(0.1, 1.0)],
+    "one pole, fast": [WHITE, p.HighPass(5.0, 1.0)],
+    "two poles": [WHITE, p.HighPass(1.0, 2.0)],
+    "three poles, slow": [WHITE, p.HighPass(0.02, 3.0)],
+    "floor": [WHITE, p.HighPass(0.1, 1.0), p.Floor(0.01)],
+    "relaxation": [WHITE, p.Relaxation(0.5, 0.3), p.HighPass(0.1, 2.0)],
+    "walk": [WHITE, p.Walk(0.3), p.HighPass(1.0, 1.0)],
+    "order": [WHITE, order(0.5, -0.5, 0.1), p.HighPass(0.1, 1.0)],
+    "low-pass": [WHITE, p.HighPass(0.1, 1.0), p.LowPass(20.0, 2.0)],
+    "quantisation": [p.White(0.01), p.Quantisation(H), p.HighPass(0.1, 1.0)],
+}
+
+
+@pytest.mark.parametrize("name", HIGH_PASSED)
+def test_behind_a_high_pass_it_is_right_but_for_what_no_filter_can_do_without(name: str) -> None:
+    """Over what is before the filter: of what it stops only R is left, which is small."""
+    parts = HIGH_PASSED[name]
+    s = system(parts, H, N)
+    floor = sum(part.R for part in parts if isinstance(part, p.Floor))
+    before = p.spectrum([part for part in parts if not isinstance(part, p.HighPass)], LAM, H)
+    assert s.R - floor < 1e-3 * before[LOW].max()
+    assert not s.walks
+    off = s.spectrum(LAM) - (s.R - floor) - p.spectrum(parts, LAM, H)
+    assert float(np.abs(off / before)[LOW].max()) < 0.01
+
+
 @pytest.mark.parametrize("alpha", [0.0, 0.15, 0.3, 0.5, 0.7, 0.95, 1.5, 1.9])
 @pytest.mark.parametrize("f", [-10.0, -2.0, -1.0, -0.1])
 @pytest.mark.parametrize("samples", [10**4, N, 10**7])

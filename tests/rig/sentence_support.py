@@ -35,6 +35,7 @@ PARTS: dict[str, st.SearchStrategy[p.Part]] = {
     "rise": st.builds(p.Rise, positive, st.floats(0.1, 2)),
     "floor": st.builds(p.Floor, positive),
     "low-pass": st.builds(p.LowPass, st.floats(1, 90), st.floats(1.01, 20)),
+    "high-pass": st.builds(p.HighPass, st.floats(0.01, 9.9), st.floats(1.01, 8)),
     "sharpening": st.builds(p.Sharpening, st.floats(-0.24, 1)),
     "notch": st.builds(p.Notch, hz, st.floats(0.5, 10)),
     "mean": st.builds(p.Mean, st.integers(2, 10)),
@@ -93,6 +94,9 @@ def _gain(part: p.Part, lam: Array, h: float) -> Array:
             turns = (lam, 2 * np.pi - lam, 2 * np.pi + lam)
             corner = 2 * math.pi * corner_hz * h
             found = sum(1 / (1 + np.minimum(one / corner, 1e3) ** (2 * poles)) for one in turns)
+        case p.HighPass(corner_hz, poles):
+            ratio = math.sin(math.pi * corner_hz * h) / np.sin(lam / 2)
+            found = 1 / (1 + np.minimum(ratio, 1e12) ** (2 * poles))
         case p.Sharpening(s):
             found = (1 + 2 * s - 2 * s * np.cos(lam)) ** 2
         case p.Notch(frequency_hz, width_hz):

@@ -1,9 +1,11 @@
 """The device's running spectrum and fit from Python: tests/native/spectrum_probe.cpp."""
 
 import ctypes
+import re
 import weakref
 from collections.abc import Sequence
 from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +28,13 @@ class BoardFit(NamedTuple):
     ordinates: float
     alpha_defined: float
     evaluations: float
+
+
+def board_quantile(level: int, ordinates: float) -> float:
+    """The null test's quantile on a board; level: 0 for 5 %, 1 for 1 %, 2 for 0.1 %."""
+    header = Path(__file__).parents[2] / "firmware/core/engine/null_quantiles.hpp"
+    rows = re.findall(r"\{(-?[\d.]+)f, (-?[\d.]+)f, (-?[\d.]+)f\}", header.read_text(encoding="utf-8"))
+    return float(np.polyval([float(c) for c in reversed(rows[level])], np.log10(ordinates)))
 
 
 @lru_cache

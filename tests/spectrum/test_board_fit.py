@@ -10,16 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.spectrum.frontier import Frontier, order_in_white
+from fltea.spectrum.frontier import Frontier, native, order_in_white
 from fltea.spectrum.intervals import OrderFit, order_fit
-from fltea.spectrum.likelihood_ratio import critical_values
-from fltea.spectrum.null_constants import PROBABILITIES
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import Periodogram, binned
-from fltea.spectrum.spectral import null_ratio
 from identify_support import H
 from numpy.typing import NDArray
-from spectrum_probe import BoardFit, BoardSpectrum
+from spectrum_probe import BoardFit, BoardSpectrum, board_quantile
 
 from tools.validation.device import SIGMA, agreement, drawn
 
@@ -76,7 +73,7 @@ def test_the_order_and_its_interval_are_near_the_hosts(
     assert 0.8 < 1.96 * board.alpha_std / half < 1.3
     assert board.verdict != WHITE
     # After each break the filters of all octaves begin again, and the deepest have lost most by it.
-    ratio = board.ratio_white / null_ratio(whole)
+    ratio = board.ratio_white / ratio_of_order(whole)
     assert (0.65 if gaps else 0.9) < ratio < 1.02
     assert board.ordinates == pytest.approx(whole.ordinates, rel=0.05)
     assert board.R / host.R.value == pytest.approx(1, abs=0.25 if gaps else 0.1)
@@ -136,14 +133,18 @@ def test_of_weak_noise_the_interval_holds_the_order_and_the_next_answer() -> Non
     assert left <= len(steps) / 300
 
 
+def ratio_of_order(whole: Periodogram) -> float:
+    """The host's for the one alternative that a board has."""
+    return native(binned(whole), whole.h, whole.n).null_test([])[0]
+
+
 def test_white_noise_is_hardly_ever_called_anything_else() -> None:
     """60 records at 5 %: 3 ± 5 are three standard deviations of a binomial."""
     rng = np.random.default_rng(4)
     found = [on_board(np.rint(SIGMA * rng.standard_normal(6000)).astype(np.int16), {}) for _ in range(60)]
     assert sum(one.verdict != WHITE for one in found) <= 8
-    # The host's critical value.
     for one in found:
-        rejected = one.ratio_white > critical_values(one.ordinates)[PROBABILITIES.index(0.05)] + 1e-3
+        rejected = one.ratio_white > board_quantile(0, one.ordinates) + 1e-3
         assert rejected == (one.verdict != WHITE)
 
 
@@ -156,8 +157,7 @@ def test_on_real_sensors_white_noise_is_judged_as_the_host_does(
     counts, h = data["gyro_raw"][:, axis].astype(np.int16), 1 / float(data["fs_hz"])
     board = on_board(counts, {})
     whole = on_host(counts, {}).periodogram(0, h)
-    critical = critical_values(whole.ordinates)[PROBABILITIES.index(0.05)]
-    white = null_ratio(whole) <= critical
+    white = ratio_of_order(whole) <= board_quantile(0, whole.ordinates)
     assert (board.verdict == WHITE) == white
     if not white:
         alpha = order_of(whole, h).alpha

@@ -31,6 +31,8 @@ NOISES: dict[str, Parts] = {
     "quantisation": (p.White(1.0), p.Quantisation(0.01)),
     "resonance": (p.White(1.0), p.Resonance(8.0, 12.0, 2.0)),
     "low-pass": (p.White(1.0), p.LowPass(15.0, 4.0), p.Floor(0.05)),
+    "high-pass": (p.White(1.0), p.HighPass(0.3, 1.5)),
+    "high-pass, relaxation": (p.White(1.0), p.Relaxation(2.0, 0.1), p.HighPass(0.1, 2.0)),
     "notch": (p.White(1.0), p.Notch(25.0, 5.0)),
     "order": (p.White(1.0), order(0.5, 0.3, 60.0)),
 }

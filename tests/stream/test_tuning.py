@@ -10,7 +10,7 @@ from fltea.estimator.bank import Bank, Variances
 from fltea.estimator.belief import Belief
 from fltea.records.block import Block
 from fltea.records.events import RawSample, block_of
-from fltea.records.fit import AxisFit, FitLowPass, Interval
+from fltea.records.fit import AxisFit, FitHighPass, FitLowPass, Interval
 from fltea.records.records import Estimate, Fit
 from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig
@@ -75,6 +75,7 @@ def test_what_is_not_known_well_enough_is_not(unknown: Interval) -> None:
         assert handed_over(with_(s2=Interval(value)), None) is None
         assert handed_over(with_(R=Interval(value)), None) is None
     assert handed_over(msgspec.structs.replace(KNOWN, low_pass=FitLowPass(20.0, 2.0)), None) is None
+    assert handed_over(msgspec.structs.replace(KNOWN, high_pass=FitHighPass(0.1, 1.0)), None) is None
 
 
 @given(st.floats(0.8, 1.25), st.floats(0.8, 1.25))

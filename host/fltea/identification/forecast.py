@@ -17,7 +17,7 @@ from fltea.identification.forecast_judge import (
 )
 from fltea.identification.navigation_filter import slope_of
 from fltea.noise.heading import bias_std, heading_std, heading_stds, rest_for, rested
-from fltea.noise.parts import Walk
+from fltea.noise.parts import Walk, high_pass_of
 from fltea.noise.system import System
 from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
@@ -31,6 +31,7 @@ P = TypeVar("P", Piece, BiasPiece)
 SAID_S = 60.0
 BIAS_S = 10.0
 """The time of the bias that a sentence is about."""
+AS_FILTERED = "It holds for the samples as they are, behind the high-pass: the sensor itself drifts more."
 
 
 class BiasAtEnd(NamedTuple):
@@ -149,7 +150,10 @@ def forecast(whole: Learned, first: Learned, y: Array, h: float, unit: str) -> F
     P = rested(whole.system, len(y))
     judgement = judged(first, y, len(y) // 2, h)
     curve = tuple(heading_stds(whole.system, P, h, TIMES_S))
-    return Forecast(TIMES_S, curve, *judgement, made_of(whole), made_of(first), said(judgement, unit))
+    text = said(judgement, unit)
+    if high_pass_of(first.parts) is not None:
+        text += f" {AS_FILTERED}"
+    return Forecast(TIMES_S, curve, *judgement, made_of(whole), made_of(first), text)
 
 
 def made_of(tracked: Learned) -> str:

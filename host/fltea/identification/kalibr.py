@@ -12,6 +12,7 @@ from fltea.spectrum.wording import duration
 NO_FILTER = "no filter can work with this noise, so its walk is not known"
 CONSTANT = "the offset is as good as constant here, and a record ten times as long tells a tenth of the bound"
 NOT_TOLD = "the record is too short to tell a walk from a constant offset"
+TAKEN_OUT = "a high-pass has taken the walk out (AC coupling, an auto-zero): the sensor may well have one"
 MATTERS, MOST = 1.1, 3
 """The density grows by this ratio at a correlation time that is told, and how many are told."""
 
@@ -40,6 +41,8 @@ def _walk(walk: OffsetWalkFound, plain: NavigationFilter, tracked: System) -> Sh
         return Shown(max(plain.K, K) if slope_of(tracked).any() else K)
     if walk.said == "likely constant":
         return Shown(None, CONSTANT, walk.at_most)
+    if walk.said == "taken out":
+        return Shown(None, TAKEN_OUT)
     longer = "" if walk.tells_s is None else f", about {duration(walk.tells_s)} would"
     return Shown(None, f"{NOT_TOLD}{longer}", walk.at_most)
 

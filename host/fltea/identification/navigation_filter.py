@@ -7,7 +7,8 @@
 One least-squares fit finds N, K, the σ of each τ and `bias_std`, so that two curves are those of the tracked
 system: the spectrum, by which a filter learns from further samples, and the heading's variance by time when
 nothing but `bias` is subtracted from the end of the record on. Such a filter has no slope: for it, one that
-was found is a walk that gets as far.
+was found is a walk that gets as far. Nor has it a high-pass: it takes the noise as if it went on below the
+corner, so that its heading is less certain than the samples are.
 """
 
 import math
@@ -18,10 +19,10 @@ import msgspec
 import numpy as np
 
 from fltea.estimator.tracker import Tracker
-from fltea.identification.forecast_judge import Learned
+from fltea.identification.forecast_judge import Learned, learned
 from fltea.noise.heading import aheads, heading_stds, rested
 from fltea.noise.non_negative import non_negative
-from fltea.noise.parts import FILTERS, Relaxation, White, spectrum
+from fltea.noise.parts import FILTERS, HighPass, Relaxation, White, high_pass_of, spectrum
 from fltea.noise.system import System
 from fltea.records.arrays import Array, Mask
 
@@ -99,6 +100,9 @@ def navigation_filter(tracked: Learned, y: Array, h: float) -> NavigationFilter:
     Raises:
         ValueError: no filter can work with the noise.
     """
+    forecast = tracked.system
+    if high_pass_of(tracked.parts) is not None:
+        tracked = learned([part for part in tracked.parts if not isinstance(part, HighPass)], y, h)
     model, length_s = tracked.system, len(y) * h
     tau_s = _grid(tracked, h, length_s)
     part = _of_bias(model, SLOWEST * length_s / h)
@@ -122,7 +126,7 @@ def navigation_filter(tracked: Learned, y: Array, h: float) -> NavigationFilter:
         tuple(FilterState(sigma, tau) for tau, sigma in states),
         origin + float(part @ x),
         bias_std,
-        tuple(map(HeadingStd, TOLD_S, ahead.tolist(), heading_stds(model, P, h, TOLD_S))),
+        tuple(map(HeadingStd, TOLD_S, ahead.tolist(), heading_stds(forecast, rested(forecast, len(y)), h, TOLD_S))),
     )
 
 

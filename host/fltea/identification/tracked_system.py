@@ -13,14 +13,14 @@ import numpy as np
 
 from fltea.estimator.offset_walk import SHARES, OffsetWalk
 from fltea.identification.forecast_judge import Learned, learned
-from fltea.noise.parts import Part
+from fltea.noise.parts import Part, high_pass_of
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 
 TOLD_AT = 900.0
 """Variance of a walk's step, over the level of the spectrum and times n², that four of five records of n
 samples tell from a constant offset (measured: white noise, 40 records)."""
-Said = Literal["walks", "likely constant", "not told"]
+Said = Literal["walks", "likely constant", "not told", "taken out"]
 LIKELY = 0.5
 SURE = 0.95
 
@@ -29,7 +29,7 @@ class OffsetWalkFound(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Whether the offset of an axis walks; figures per √s, in the unit of the axis."""
 
     said: Said
-    """`not told`: the record is too short to tell."""
+    """`not told`: the record is too short to tell. `taken out`: a high-pass leaves nothing of a walk."""
     K: Interval
     """Null unless it walks."""
     at_most: float | None
@@ -53,6 +53,8 @@ def offset_walk_found(tracked: Learned, h: float, K: Interval) -> OffsetWalkFoun
     than the spectrum shows.
     """
     walk = tracked.walk
+    if high_pass_of(tracked.parts) is not None:
+        return OffsetWalkFound("taken out", Interval(), None, None)
     if K.value is not None:
         own = walk.K(h) if walk.is_found else Interval()
         return OffsetWalkFound("walks", K if own.value is None else own, None, None)

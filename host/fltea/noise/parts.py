@@ -136,6 +136,17 @@ class LowPass(Part, frozen=True, tag="low-pass"):
     poles: float
 
 
+class HighPass(Part, frozen=True, tag="high-pass"):
+    """A filter 1 / (1 + (s_c/s)^2n), s = 2 sin(ω h/2), which lets nothing slow pass: AC coupling, an auto-zero.
+
+    With one pole it is what is left of samples less their fading average. The corner is at most at a tenth of
+    the sample rate: one above is a rise.
+    """
+
+    corner_hz: float
+    poles: float
+
+
 class Sharpening(Part, frozen=True, tag="sharpening"):
     """The filter -s, 1 + 2 s, -s, which sharpens, or smooths where s < 0."""
 
@@ -172,6 +183,7 @@ AnyPart = (
     | Rise
     | Floor
     | LowPass
+    | HighPass
     | Sharpening
     | Notch
     | Mean
@@ -191,11 +203,12 @@ CODES: tuple[type[Part], ...] = (
     Alternating,
     Floor,
     Arfima,
+    HighPass,
 )
 """The parts by their numbers in the native module."""
-FREE = (1, 2, 1, 3, 3, 1, 2, 2, 1, 2, 0, 2, 1, 3)
+FREE = (1, 2, 1, 3, 3, 1, 2, 2, 1, 2, 0, 2, 1, 3, 2)
 """The number of coordinates of each."""
-FILTERS = (LowPass, Sharpening, Notch, Mean)
+FILTERS = (LowPass, HighPass, Sharpening, Notch, Mean)
 SIGNED = ("f", "s", "d")
 """Parameters that may be below 0."""
 
@@ -226,14 +239,18 @@ def _arfima_of_eta(eta: Sequence[float], h: float) -> tuple[float, ...]:
     return eta[0], phi, math.exp(eta[2]) * (1 - phi) ** 2
 
 
-def _eta_of_low_pass(part: LowPass, h: float) -> list[float]:
-    share = min(max((part.poles - 1) / (MOST_POLES - 1), 1e-7), 1 - 1e-7)
-    return [2 * _log(2 * math.pi * part.corner_hz * h), math.log(share / (1 - share))]
+def _logit_of_poles(poles: float) -> float:
+    share = min(max((poles - 1) / (MOST_POLES - 1), 1e-7), 1 - 1e-7)
+    return math.log(share / (1 - share))
 
 
-def _low_pass_of_eta(eta: Sequence[float], h: float) -> tuple[float, ...]:
-    poles = 1 + (MOST_POLES - 1) / (1 + math.exp(-eta[1]))
-    return math.exp(eta[0] / 2) / (2 * math.pi * h), poles
+def _poles_of_logit(logit: float) -> float:
+    return 1 + (MOST_POLES - 1) / (1 + math.exp(-logit))
+
+
+def _high_pass_of_eta(eta: Sequence[float], h: float) -> tuple[float, ...]:
+    sine = min(math.exp(eta[0] / 2) / 2, 1.0)
+    return math.asin(sine) / (math.pi * h), _poles_of_logit(eta[1])
 
 
 def _hz(log_lam: float, h: float) -> float:
@@ -274,7 +291,19 @@ COORDINATES: dict[type[Part], Coordinates] = {
         lambda p, h: [_log((p.Q / h) ** 2)], lambda eta, h: (h * math.exp(eta[0] / 2),)
     ),
     Rise: Coordinates(lambda p, h: [_log(p.power), p.delta], lambda eta, h: (math.exp(eta[0]), eta[1])),
-    LowPass: Coordinates(_eta_of_low_pass, _low_pass_of_eta),  # log λ² of the corner, logit of the poles
+    # log λ² of the corner, logit of the poles
+    LowPass: Coordinates(
+        lambda p, h: [2 * _log(2 * math.pi * p.corner_hz * h), _logit_of_poles(p.poles)],
+        lambda eta, h: (_hz(eta[0] / 2, h), _poles_of_logit(eta[1])),
+    ),
+    # log |1 - e^{-iλ}|² at the corner, logit of the poles
+    HighPass: Coordinates(
+        lambda p, h: [
+            2 * _log(2 * math.sin(min(math.pi * p.corner_hz * h, math.pi / 2))),
+            _logit_of_poles(p.poles),
+        ],
+        _high_pass_of_eta,
+    ),
     Sharpening: Coordinates(lambda p, h: [p.s], lambda eta, h: (eta[0],)),
     # logarithms of λ and of the width over the frequency
     Notch: Coordinates(
@@ -298,6 +327,11 @@ def free_of(code: int) -> int:
 def g_of_eta(eta: Sequence[float]) -> float:
     """Return g of the coordinates of an order."""
     return -(2 ** eta[0]) / (1 + math.exp(-eta[1]))
+
+
+def high_pass_of(parts: Iterable[Part]) -> HighPass | None:
+    """Return the high-pass among parts, if there is one."""
+    return next((part for part in parts if isinstance(part, HighPass)), None)
 
 
 def part_of(code: int, eta: Sequence[float], h: float) -> Part:

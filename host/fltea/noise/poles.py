@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from fltea.noise.parts import (
     Alternating,
     Arfima,
+    HighPass,
     LowPass,
     Mean,
     Notch,
@@ -23,6 +24,7 @@ from fltea.noise.parts import (
     Relaxation,
     Resonance,
     Rise,
+    Walk,
 )
 from fltea.noise.spectra import g_of, step_variance
 from fltea.records.arrays import Array, Complex
@@ -69,6 +71,8 @@ def response_of(part: Part, lam: Array, h: float) -> Complex:
         return np.asarray(s / ((1 - turn) ** part.alpha - g_of(part.alpha, part.f, h) * turn))
     if isinstance(part, Arfima):
         return np.asarray(math.sqrt(part.s2) * (1 - turn) ** -part.d / (1 - part.phi * turn))
+    if isinstance(part, Walk):
+        return np.asarray(part.K * math.sqrt(h) / (1 - turn))
     assert isinstance(part, Relaxation)
     a = math.exp(-h / part.tau_s)
     return np.asarray(part.sigma * math.sqrt(1 - a * a) / (1 - a * turn))
@@ -89,6 +93,31 @@ def least_phase(power: Array) -> Callable[[Array], Complex]:
     return lambda lam: np.exp(np.interp(lam, at, found.real) + 1j * np.interp(lam, at, found.imag))
 
 
+def high_pass_poles(part: HighPass, h: float) -> Complex:
+    """Return all poles of a high-pass, which has a whole number of them here; its zeros are as many at 1.
+
+    Where |1 - 1/z|² = -(1 - z)²/z is one of the roots s² of 1 + (c/s²)^n, |z| < 1.
+    """
+    n = min(max(round(part.poles), 1), MOST_POLES)
+    c = (2 * math.sin(min(math.pi * part.corner_hz * h, math.pi / 2))) ** 2
+    half = 1 - c * np.exp(1j * math.pi * (2 * np.arange(n) + 1) / n) / 2
+    z = half + np.sqrt(half**2 - 1 + 0j)
+    return np.asarray(np.where(np.abs(z) < 1, z, 1 / z))
+
+
+def high_pass_response(filters: Sequence[Part], lam: Array, h: float) -> Complex:
+    """Return the response of the high-passes among filters at λ."""
+    turn = np.exp(-1j * lam)
+    found = np.ones(len(lam), dtype=np.complex128)
+    for part in filters:
+        if isinstance(part, HighPass):
+            z = high_pass_poles(part, h)
+            found *= math.sqrt(float(np.abs(z).prod())) * (
+                (1 - turn[:, None]) / (1 - z * turn[:, None])
+            ).prod(axis=1)
+    return found
+
+
 def filter_poles(filters: Sequence[Part], h: float) -> list[complex]:
     """Return the poles of filters, the upper ones of pairs."""
     found: list[complex] = []
@@ -100,6 +129,8 @@ def filter_poles(filters: Sequence[Part], h: float) -> list[complex]:
             found += list(np.exp(2 * math.pi * part.corner_hz * h * np.exp(1j * angles)))
             if part.poles != n:
                 taps += 2
+        elif isinstance(part, HighPass):
+            found += [z for z in high_pass_poles(part, h).tolist() if z.imag > -1e-12]
         elif isinstance(part, Notch):
             # The analog one's, by the bilinear transform.
             centre = math.tan(math.pi * part.frequency_hz * h)

@@ -26,6 +26,7 @@ from fltea.noise.parts import (
     Alternating,
     Arfima,
     Floor,
+    HighPass,
     Order,
     Part,
     Relaxation,
@@ -41,6 +42,7 @@ from fltea.noise.poles import (
     driven,
     filter_poles,
     fitted,
+    high_pass_response,
     least_phase,
     own_poles,
     pole_of,
@@ -56,6 +58,8 @@ LEAST_WHITE = 1e-4
 """White noise of a measurement, over all noise that is new in it: a filter cannot do without any."""
 NO_MATTER = 0.02
 """Of a spectrum: what may be wrong with a relaxation that goes past a filter."""
+STOPPED = 1e-4
+"""Of a spectrum: what a high-pass leaves less of matters no more."""
 DIFFUSE = 1e4
 """Variance before the first sample of what is not known then, over that of the noise."""
 STRAIGHT = 100
@@ -168,14 +172,15 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
     lam = _grid(samples)
     through: Complex | float = 1.0
     if filters:
-        through = least_phase(spectrum([White(1.0), *filters], LINES, h))(lam)
+        through = _response(filters, lam, h)
     order = next((part for part in parts if isinstance(part, Order | Arfima)), None)
     if found and order is not None:
         R, power = mean_order(parts, order, LINES, h, samples)
         through = through * least_phase(power / spectrum([order], LINES, h))(lam)
         parts = [White(R), *(part for part in parts if not isinstance(part, White))]
-    total = spectrum(parts, lam, h)
+    total = _total(parts, lam, h)
     of_sensor = filtered_noise(parts, h)
+    high_passed = any(isinstance(part, HighPass) for part in filters)
     # That of numpy would first load its masked arrays, a fiftieth of a second.
     usual = statistics.median(total.tolist())
     stopped = np.abs(1 - spectrum([White(1.0), *filters], lam, h)) / (total + NO_MATTER * usual)
@@ -183,14 +188,14 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
     by_fit: list[Part] = []
     noise: list[Part] = []
     for part in parts:
-        if isinstance(part, Walk):
+        if isinstance(part, Walk) and not high_passed:
             exact.append(_real(1.0, part.K**2 * h, 0.0))
         elif part is of_sensor and isinstance(part, Relaxation):
             noise.append(part)
         elif isinstance(part, Relaxation) and (stopped * spectrum([part], lam, h) < NO_MATTER).all():
             # It is too slow for the filters.
             exact.append(_relaxing(math.exp(-h / part.tau_s), part.sigma**2, signal=True))
-        elif isinstance(part, Relaxation | Order | Arfima):
+        elif isinstance(part, Relaxation | Order | Arfima | Walk):
             by_fit.append(part)
         elif not isinstance(part, FILTERS):
             noise.append(part)
@@ -282,15 +287,36 @@ def _of_noise(
             poles += own_poles(part, lam, h, MOST_TAPS)
     exact = _joined(blocks, R, 1)
     level = R + float(exact.c @ exact.P0 @ exact.c)
-    power = spectrum([White(0.0), *coloured, *filters], LINES, h) if coloured else np.zeros(len(LINES))
+    others = _without_high_passes(filters)
+    power = spectrum([White(0.0), *coloured, *others], LINES, h) if coloured else np.zeros(len(LINES))
     level += float(power.mean())
     if coloured and level > 0:
-        # Half of what is white in it.
-        white = 0.5 * float(power.min()) if filters else 0.0
-        response = least_phase(power - white)(lam)
+        # Half of what is white in it; a high-pass leaves none.
+        white = 0.5 * float(power.min()) if others and len(others) == len(filters) else 0.0
+        response = least_phase(power - white)(lam) * high_pass_response(filters, lam, h)
         blocks.append(fitted(response, total, poles, lam, room - len(exact.a), signal=False))
         R += white
     return blocks, max(R, LEAST_WHITE * level, TINY)
+
+
+def _response(filters: Sequence[Part], lam: Array, h: float) -> Complex:
+    """Return the response of a chain of filters; a high-pass is too slow for the grid of `LINES`."""
+    rest = least_phase(spectrum([White(1.0), *_without_high_passes(filters)], LINES, h))(lam)
+    return np.asarray(rest * high_pass_response(filters, lam, h))
+
+
+def _total(parts: Sequence[Part], lam: Array, h: float) -> Array:
+    """Return the spectrum of a noise, of which a high-pass stops no more than matters."""
+    found = spectrum(parts, lam, h)
+    high = [part for part in parts if isinstance(part, HighPass)]
+    if not high:
+        return found
+    whole = spectrum(_without_high_passes(parts), lam, h)
+    return np.asarray(np.maximum(found, STOPPED * whole))
+
+
+def _without_high_passes(parts: Sequence[Part]) -> list[Part]:
+    return [part for part in parts if not isinstance(part, HighPass)]
 
 
 def _real(a: float, q: float, variance: float) -> Block:

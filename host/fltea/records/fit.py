@@ -11,6 +11,7 @@ VerdictKind = Literal[
     "resonance",
     "line or resonance",
     "low-pass",
+    "high-pass",
     "notch",
     "relaxations",
     "fractional",
@@ -117,6 +118,15 @@ class FitLowPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How steep it is: 20 dB a decade each."""
 
 
+class FitHighPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A high-pass that all of the noise has gone through: AC coupling, or an auto-zero."""
+
+    corner_hz: float
+    """Where it lets half of the power through [Hz]."""
+    poles: float
+    """How steep it is: 20 dB a decade each."""
+
+
 class Curves(msgspec.Struct, frozen=True, kw_only=True):
     """The curves of an axis; None where the record is too short for them, or they are not asked for."""
 
@@ -131,9 +141,9 @@ class FittedAxis(Curves, frozen=True):
     """What the noise of one axis is, and what it was fitted with."""
 
     verdict: VerdictKind
-    """What the noise is: `white`, `drift`, `line`, `resonance`, `line or resonance`, `low-pass`, `notch`,
-    `relaxations`, `fractional`, `fractional or relaxations`, `anti-persistent`, `undecided`, `not
-    stationary`, `constant`, `too few samples`; by the rules of `fltea identify`, at a level that holds for
+    """What the noise is: `white`, `drift`, `line`, `resonance`, `line or resonance`, `low-pass`,
+    `high-pass`, `notch`, `relaxations`, `fractional`, `fractional or relaxations`, `anti-persistent`,
+    `undecided`, `not stationary`, `constant`, `too few samples`; by the rules of `fltea identify`, at a level that holds for
     all looks."""
     text: str
     """The verdict in sentences: what the noise is, how sure that is, what to do."""
@@ -169,6 +179,8 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     the offset, lasting `changes` of the power."""
     low_pass: FitLowPass | None = None
     """A low-pass filter that the noise has gone through; the parameters are those of the noise before it."""
+    high_pass: FitHighPass | None = None
+    """A high-pass that the noise has gone through: nothing is known of drift, and the bias is the filter's."""
     until_s: Until | None = None
     """How long it takes until α is known well enough."""
     stable: bool = True

@@ -5,7 +5,7 @@ import re
 import msgspec
 
 OBJECTS = (
-    *("allan", "spectrum", "low_pass", "until_s"),
+    *("allan", "spectrum", "low_pass", "high_pass", "until_s"),
     *("estimator", "accel_estimator"),
     *("board", "device_estimator", "tracker"),
 )

@@ -83,6 +83,12 @@ class Sentence(NamedTuple):
         """Return the spectrum at λ > 0, (len(lam),)."""
         return spectrum_of(self.codes, self.eta, lam, h)
 
+    def without(self, kind: type[Part]) -> "Sentence":
+        """Return it without the parts of a kind, all else being as it was; its -log L is that with them."""
+        words = [(code, at) for code, at in self.words() if kind_of(code) is not kind]
+        eta = [self.eta[at + k] for code, at in words for k in range(free_of(code))]
+        return Sentence(tuple(code for code, _ in words), tuple(eta), self.nll)
+
     def place(self, *kinds: type[Part]) -> int | None:
         """Return where the coordinates of the first part of these kinds begin."""
         return next((at for code, at in self.words() if kind_of(code) in kinds), None)
@@ -105,9 +111,10 @@ class Fits:
 class Frontier:
     """The sentences fitted to one series. Of `samples`: the length of the record, for what a walk leaks.
 
-    white; null: the null test's alternative, an order up to 1 in white noise; plain: the best by BIC without
-    an order; rich: the same at a lower price; pure: the best with an order and without relaxations or walks;
-    ordered: the best with an order. pure and ordered are None where nothing looks like an order.
+    white; null and missing: the null test's alternatives, an order up to 1 in white noise, and white noise
+    through a high-pass of one pole; plain: the best by BIC without an order; rich: the same at a lower price;
+    pure: the best with an order and without relaxations or walks; ordered: the best with an order. pure and
+    ordered are None where nothing looks like an order.
 
     Raises:
         ValueError: no spectrum can be fitted to the data.
@@ -120,7 +127,8 @@ class Frontier:
         found = self.native.search(last.raw if last is not None else [])
         self.fits = Fits(found, last)
         self.white, self.null, self.plain, self.rich = (_sentence(one) for one in found[:4])
-        self.pure, self.ordered = (_sentence(one) if one[0] else None for one in found[4:])
+        self.pure, self.ordered = (_sentence(one) if one[0] else None for one in found[4:6])
+        self.missing = _sentence(found[6])
 
     @cached_property
     def order(self) -> Sentence | None:
@@ -143,8 +151,8 @@ class Frontier:
 
     @property
     def ratio_white(self) -> float:
-        """2 log L of the null test's alternative above white noise."""
-        return max(2 * (self.white.nll - self.null.nll), 0.0)
+        """2 log L of the better of the null test's alternatives above white noise."""
+        return max(2 * (self.white.nll - min(self.null.nll, self.missing.nll)), 0.0)
 
     def gain(self, one: Sentence) -> float:
         """Return 2 log L above that of white noise."""
@@ -192,7 +200,7 @@ def leaking(lam: Array, samples: int) -> NDArray[np.bool_]:
 def order_in_white(fits: _native.Sentences) -> Sentence:
     """Return white noise and the best order up to 2, which is what a board fits."""
     codes = [CODES.index(White), CODES.index(Order)]
-    _, (white, alpha, logit, s2) = fits.null_test([])
+    white, alpha, logit, s2 = fits.null_test([])[2][:4]
     starts = [[white, start, logit, s2] for start in (alpha, *ABOVE_ONE)]
     eta, nll = min((fits.fit(codes, start) for start in starts), key=lambda found: found[1])
     return Sentence(tuple(codes), tuple(eta), nll)

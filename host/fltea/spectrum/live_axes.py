@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fltea.noise.parts import Part
 from fltea.records.arrays import Array
-from fltea.records.fit import AxisFit, FitLowPass, FitSpectrum, Interval, Until
+from fltea.records.fit import AxisFit, FitHighPass, FitLowPass, FitSpectrum, Interval, Until
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.allan_curve import fit_allan
 from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
@@ -182,7 +182,7 @@ class LiveAxes:
         if order.alpha.value is not None and f.order is not None:
             longest_s = REMEMBERED * self._memory * self.h if self._memory else None
             seconds = seconds_more(f, f.order, self._target, longest_s)
-        low_pass = e.reading.low_pass
+        low_pass, behind = e.reading.low_pass, e.reading.high_pass
         N = angle_walk(f, noise)
         allan = spectrum = None
         if drawn is not None:
@@ -202,6 +202,9 @@ class LiveAxes:
             verdict.odds,
             [(float(low), float(high)) for low, high in seen.band.notch_hz],
             low_pass=None if low_pass is None else FitLowPass(low_pass.corner_hz, low_pass.poles),
+            high_pass=None
+            if behind is None
+            else FitHighPass(behind.high_pass.corner_hz, behind.high_pass.poles),
             until_s=Until(self._target, seconds),
             allan=allan,
             spectrum=spectrum,

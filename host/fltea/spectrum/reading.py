@@ -14,6 +14,7 @@ import numpy as np
 from fltea.noise.parts import (
     CODES,
     Alternating,
+    HighPass,
     LowPass,
     Mean,
     Notch,
@@ -28,6 +29,7 @@ from fltea.noise.parts import (
     part_of,
 )
 from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.high_pass import HighPassed, high_passed
 from fltea.spectrum.lines import Peak
 
 SLOW = 3.0
@@ -72,6 +74,8 @@ class Reading(NamedTuple):
     """Whether the density is highest at the highest frequencies."""
     coloured: bool
     """Whether there is a filter or a rise of any kind."""
+    high_pass: HighPassed | None = None
+    """The filter that has taken out all that is slow, and what is left."""
 
 
 def corner_hz(part: Relaxation) -> float:
@@ -86,7 +90,11 @@ def read(f: Frontier, from_hz: float, peaks: Sequence[Peak] = (), apart: float =
     """
     sentence, h = f.plain, f.h
     parts = [part for part in sentence.parts(h) if not _is_skirt(part, peaks)]
-    first, last = _ends(f, from_hz)
+    behind = high_passed(f, sentence, parts, from_hz)
+    if behind is not None:
+        parts = list(behind.parts)
+        sentence = sentence.without(HighPass)
+    first, last = _ends(f, sentence, from_hz)
     relaxations = sorted((p for p in parts if isinstance(p, Relaxation)), key=corner_hz)
     low_pass = _filter(parts, h)
     if low_pass is None and relaxations:
@@ -108,21 +116,26 @@ def read(f: Frontier, from_hz: float, peaks: Sequence[Peak] = (), apart: float =
         if corner_hz(part) > SLOW * from_hz
         or (corner_hz(part) > from_hz and _behind_with_walk(f, part) > apart)
     ]
-    ripples = math.inf if low_pass is None else RIPPLES * low_pass.corner_hz
-    resonances = [
-        part
-        for part in parts
-        if isinstance(part, Resonance) and part.frequency_hz < ripples and _stands_out(sentence, part, h)
-    ]
+    drifts = len(inside) < len(relaxations) or any(isinstance(part, Walk) for part in parts)
+    notch = next((p for p in parts if isinstance(p, Notch)), None) if low_pass is None else None
     kinds = (LowPass, Mean, Sharpening, Alternating, Quantisation, Rise)
+    coloured = low_pass is not None or any(isinstance(part, kinds) for part in parts)
+    resonances = [part for part in parts if isinstance(part, Resonance)]
+    if inside or drifts or coloured or notch is not None or behind is not None:
+        # Beside others a resonance may be but a correction of their shape; alone it is what there is.
+        ripples = math.inf if low_pass is None else RIPPLES * low_pass.corner_hz
+        resonances = [p for p in resonances if p.frequency_hz < ripples and _stands_out(sentence, p, h)]
+    elif not resonances:
+        inside = [part for part in parts if isinstance(part, Relaxation)]
     return Reading(
         relaxations=tuple(inside),
-        drifts=len(inside) < len(relaxations) or any(isinstance(part, Walk) for part in parts),
+        drifts=drifts,
         low_pass=low_pass,
         resonance=resonances[0] if resonances else None,
-        notch=next((p for p in parts if isinstance(p, Notch)), None) if low_pass is None else None,
+        notch=notch,
         rises=rises,
-        coloured=low_pass is not None or any(isinstance(part, kinds) for part in parts),
+        coloured=coloured,
+        high_pass=behind,
     )
 
 
@@ -167,15 +180,15 @@ def _stands_out(sentence: Sentence, part: Resonance, h: float) -> bool:
     return bool(top > STANDS_OUT * max(sides))
 
 
-def _ends(f: Frontier, from_hz: float) -> tuple[float, float]:
-    """Return the density of the best sentence at the lowest frequency, and the mean of the highest ones.
+def _ends(f: Frontier, sentence: Sentence, from_hz: float) -> tuple[float, float]:
+    """Return the density of a sentence at the lowest frequency, and the mean of the highest ones.
 
     These are the fitted ones, since a filter's zeros are filled by what lies between neighbours.
     """
     low = np.array([min(max(2 * np.pi * from_hz * f.h, 1e-3), np.pi)])
     high = f.data.lam >= min(HIGHEST * np.pi, f.data.lam[-1])
-    density, counts = f.plain.spectrum(f.data.lam, f.h)[high], f.data.counts[high]
-    return float(f.plain.spectrum(low, f.h)[0]), float((density * counts).sum() / counts.sum())
+    density, counts = sentence.spectrum(f.data.lam, f.h)[high], f.data.counts[high]
+    return float(sentence.spectrum(low, f.h)[0]), float((density * counts).sum() / counts.sum())
 
 
 def _lowest(part: Relaxation, h: float) -> float:
@@ -196,6 +209,8 @@ def _is_skirt(part: Part, peaks: Sequence[Peak]) -> bool:
             hz = corner_hz(part)
         case Resonance():
             hz = part.frequency_hz
+        case HighPass():
+            hz = part.corner_hz
         case Sharpening() | LowPass() | Alternating() | Rise() | Quantisation():
             return any(peak.kind == "resonance" for peak in strong)
         case _:

@@ -16,6 +16,7 @@ from fltea.records.arrays import Array
 from fltea.spectrum.drift import drift_hz, slow_power
 from fltea.spectrum.evidence import APART, LEVEL, Evidence, apart
 from fltea.spectrum.frontier import Frontier, native
+from fltea.spectrum.high_pass import LEAKS_AT_MOST, end_leak
 from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around, find_octave_peaks
@@ -97,9 +98,9 @@ class Looks:
         last, then = self._found.get(name, ([], 0.0))
         if data.ordinates > GROWN * then:
             last, then = [], data.ordinates
-        ratio, eta = native(data, p.h, p.n).null_test(last)
+        of_order, of_high_pass, eta = native(data, p.h, p.n).null_test(last)
         self._found[name] = eta, then
-        return max(ratio, 0.0)
+        return max(of_order, of_high_pass, 0.0)
 
 
 def examine(
@@ -216,11 +217,13 @@ def _slow(whole: Periodogram, from_hz: float, slow_hz: float, found: Bands) -> P
 
 
 def _highest(f: Frontier) -> Callable[[Array], Array]:
-    """Return the highest spectrum of the sentences that may be right."""
+    """Return the highest spectrum of the sentences that may be right, with what the record's ends leak."""
     possible = [f.plain] + ([f.ordered] if f.ordered is not None and f.lead > -APART else [])
 
+    leaks = [(one, LEAKS_AT_MOST * end_leak(f, one)) for one in possible]
+
     def spectrum(lam: Array) -> Array:
-        return np.asarray(np.max([one.spectrum(lam, f.h) for one in possible], axis=0))
+        return np.asarray(np.max([one.spectrum(lam, f.h) + leak for one, leak in leaks], axis=0))
 
     return spectrum
 

@@ -14,6 +14,7 @@ from fltea.records.fit import VerdictKind
 from fltea.spectrum import wording
 from fltea.spectrum.evidence import APART, Evidence
 from fltea.spectrum.frontier import BY_CHANCE, Sentence, order_of
+from fltea.spectrum.high_pass import stands_for_shape
 from fltea.spectrum.intervals import OrderFit, order_fit
 from fltea.spectrum.reading import ONE_POLE, SLOW, Reading
 from fltea.spectrum.residuals import kolmogorov
@@ -32,6 +33,7 @@ RISING = (Sharpening, Alternating, Quantisation, Rise)
 """An order beside one of these is not in its place."""
 NEXT_EITHER = "Record longer, or use the model without an order."
 NEXT_FILTER = "It is most likely the sensor's own: compare with its settings or its data sheet."
+NEXT_HIGH_PASS = "Record without it, as raw samples, to see how the sensor drifts."
 NEXT_PEAK = "Look for the cause: mains, a motor, a loose mount; --notch leaves a band out."
 
 
@@ -123,6 +125,8 @@ def decide(e: Evidence) -> Verdict:
     )
     if not coloured:
         return _white(e, q, wording.null_test(e))
+    if _is_but_a_high_pass(e):
+        return _high_pass(e, q)
     q.odds = e.odds
     if _claimed(e, q):
         return _fractional(e, q)
@@ -201,11 +205,12 @@ def _without_order(e: Evidence, q: _Questions) -> Verdict:
     """Return the verdict where no order is claimed, by what the best sentence without one says."""
     f = e.frontier
     found = e.reading
-    said = wording.sentence(f.plain.parts(f.h), e)
+    said = wording.sentence(f.plain.parts(f.h) if found.high_pass is None else found.high_pass.told, e)
     q.ask("Are there relaxations in the band?", bool(found.relaxations), said)
     if found.relaxations:
         return _both(e, q, "fractional or relaxations", said) if q.has_order else _relaxations(e, q, said)
-    if q.ask(f"Is there a walk, or a corner below {wording.hz(SLOW * e.from_hz)}?", found.drifts, said):
+    drifts = found.drifts and found.high_pass is None
+    if q.ask(f"Is there a walk, or a corner below {wording.hz(SLOW * e.from_hz)}?", drifts, said):
         if any(peak.kind != "resonance" and peak.frequency_hz < SLOW * e.from_hz for peak in e.peaks):
             return _white(e, q, "What is left at low frequencies is no more than what leaks from a slow line")
         if q.has_order and f.lead > 0:
@@ -219,6 +224,8 @@ def _without_order(e: Evidence, q: _Questions) -> Verdict:
     q.has_order = False
     if q.ask("Is there a resonance?", found.resonance is not None, said):
         return _resonance(e, q, found, said)
+    if found.high_pass is not None:
+        return _high_pass(e, q)
     if found.notch is not None:
         return q.say(
             "notch",
@@ -281,6 +288,27 @@ def _resonance(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict
     )
 
 
+def _is_but_a_high_pass(e: Evidence) -> bool:
+    """Return whether a high-pass leaves nothing to say, so that an order beside one is but its true shape."""
+    f, found = e.frontier, e.reading.high_pass
+    return found is not None and found.is_all and (
+        f.ordered is None or f.lead <= e.apart or stands_for_shape(f, f.ordered, e.from_hz)
+    )
+
+
+def _high_pass(e: Evidence, q: _Questions) -> Verdict:
+    f, found = e.frontier, e.reading.high_pass
+    assert found is not None
+    said = wording.sentence(found.told, e)
+    q.ask("Has a high-pass taken out what is slow?", True, said)
+    return q.say(
+        "high-pass",
+        f"{wording.capital(said)}.{wording.also_found(e)}",
+        f"It fits better than white noise (BIC lower by {-f.bic(f.plain):.0f}): {wording.UNDEFINED}.",
+        NEXT_HIGH_PASS,
+    )
+
+
 def _rising(e: Evidence, q: _Questions, said: str) -> Verdict:
     return q.say(
         "anti-persistent",
@@ -332,7 +360,7 @@ def _white(e: Evidence, q: _Questions, accepted: str) -> Verdict:
     if rejected:
         return q.say(
             "undecided",
-            f"Not quite white (p = {e.p_clean:.2g}), but too faint to say what it is.",
+            f"Not quite white (p = {e.p_clean:.2g}), but too faint to say what it is{wording.rejected_by(e)}.",
             "No model is clearly better than white noise.",
             "Record longer.",
         )

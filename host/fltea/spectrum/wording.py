@@ -8,6 +8,7 @@ from fltea.noise.parts import (
     Alternating,
     Arfima,
     Floor,
+    HighPass,
     LowPass,
     Mean,
     Notch,
@@ -30,6 +31,10 @@ NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 REGULAR = 3.0
 """Odds from which on it is said that regular relaxations look like an order."""
 UNDEFINED = "α and f are undefined"
+TAKEN_OUT = (
+    "AC coupling or an auto-zero: slow noise and the bias have been taken out, so nothing can be said of drift "
+    "(bias figures are the filter's)."
+)
 
 
 def hz(value: float) -> str:
@@ -85,6 +90,8 @@ def sentence(parts: Sequence[Part], e: Evidence, order: OrderFit | None = None) 
         found += f", {'all of it ' if sources else ''}through {listed(behind)}"
     if any(isinstance(part, Floor) for part in parts):
         found += ", and white noise behind that"
+        if any(isinstance(part, HighPass) for part in parts):
+            found += " or what the high-pass left of a random walk"
     return found
 
 
@@ -118,6 +125,8 @@ def _filter(part: Part, e: Evidence) -> str:
     match part:
         case LowPass():
             return low_pass(part, e)
+        case HighPass():
+            return f"a high-pass with its corner at {hz(part.corner_hz)} ({_steepness(part.poles)})"
         case Sharpening():
             return f"a short filter that {'sharpens' if part.s > 0 else 'smooths'}"
         case Notch():
@@ -153,14 +162,11 @@ def low_pass(found: LowPass, e: Evidence) -> str:
         where = f"near or beyond {hz(e.rate_hz / 2)}, half the sample rate"
     else:
         where = f"at {hz(found.corner_hz)}"
-    steep = (
-        "one pole"
-        if found.poles < ONE_POLE
-        else "steep"
-        if found.poles > 8
-        else f"about {found.poles:.0f} poles"
-    )
-    return f"a low-pass with its corner {where} ({steep})"
+    return f"a low-pass with its corner {where} ({_steepness(found.poles)})"
+
+
+def _steepness(poles: float) -> str:
+    return "one pole" if poles < ONE_POLE else "steep" if poles > 8 else f"about {poles:.0f} poles"
 
 
 def drift(e: Evidence) -> str:
@@ -176,6 +182,8 @@ def drift(e: Evidence) -> str:
 def also_found(e: Evidence, *, with_peaks: bool = True, with_drift: bool = True) -> str:
     """Return sentences on all else that was found, whatever the verdict."""
     parts = []
+    if e.reading.high_pass is not None:
+        parts.append(f" {TAKEN_OUT}")
     if with_peaks and e.peaks:
         parts.append(f" There is also {peaks(e.peaks)}.")
     if with_drift and e.drifts:
@@ -231,6 +239,13 @@ def null_test(e: Evidence) -> str:
     why = "" if e.level >= 0.01 else ", strict since it is repeated live"
     rejects = "rejects" if e.p_clean < e.level else "does not reject"
     return f"The null test {rejects} white noise (p = {e.p_clean:.2g}, level {level}{why})"
+
+
+def rejected_by(e: Evidence) -> str:
+    """Return what speaks against white noise, where it is missing power; nothing otherwise."""
+    if e.frontier.missing.nll >= e.frontier.null.nll:
+        return ""
+    return ": low frequencies have less power than the others, as behind AC coupling or an auto-zero"
 
 
 def names(kinds: Iterable[type[Part]]) -> str:

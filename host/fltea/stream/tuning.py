@@ -26,8 +26,8 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
     """s2 and R of a fit that has an order, and that order, to three digits; None where it is not known.
 
     s2 and R may each be open by a factor of ten where α is known: more white noise and less of the state
-    look nearly the same, and only the α and f of the same fit go with them. Behind a low-pass, whose output
-    no Q and R describe, nothing is handed over, nor is an order beyond what filters take. in_use: the
+    look nearly the same, and only the α and f of the same fit go with them. Behind a low-pass or a high-pass,
+    whose output no Q and R describe, nothing is handed over, nor is an order beyond what filters take. in_use: the
     variances that it handed over before, if any; None too where both are still the same.
     """
     s2, R = fit.s2.value, fit.R.value
@@ -43,8 +43,8 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
 
 def _belief(fit: AxisFit) -> Belief | None:
     alpha, F, f = _with_std(fit.alpha), _with_std(fit.F), _with_std(fit.f)
-    if fit.low_pass is not None or alpha is None or F is None or f is None:
-        return None  # a low-pass: these are of a filter's input, while the filters see its output
+    if fit.low_pass is not None or fit.high_pass is not None or alpha is None or F is None or f is None:
+        return None  # behind a filter: these are of a filter's input, while the filters see its output
     belief = Belief(*alpha, *F, *f)
     return belief if belief.is_sound and NORMAL_95 * belief.alpha_std <= TUNED_WITHIN else None
 

@@ -13,6 +13,7 @@ HEADS: dict[VerdictKind, str] = {
     "resonance": "Resonance",
     "line or resonance": "Line or narrow resonance",
     "low-pass": "White noise through a low-pass",
+    "high-pass": "White noise through a high-pass",
     "notch": "White noise through a notch",
     "relaxations": "Relaxations (Gauss-Markov)",
     "fractional": "Fractional",

@@ -1,0 +1,100 @@
+"""What a sentence with a high-pass says: AC coupling or an auto-zero, and what is but the filter's shape (pure).
+
+A filter that subtracts a running mean, the mean of each block, or what it has learned at rest, has not quite
+the spectrum of the high-pass that is fitted. Its density may swing beyond the corner, as that of a running
+mean does, by 1.48 at most. And the ends of a record leak into the frequencies that the filter stops: the
+samples of each end lack their neighbours, with which they would cancel.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fltea.noise.parts import Floor, HighPass, Part, Relaxation, Resonance, Walk, White, high_pass_of
+from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.octaves import WHOLE
+
+SWINGS, RINGS = 2.0, 2.5
+"""The largest density over that of the pass band that is the filter's own shape, as fitted by a relaxation,
+and by a resonance."""
+NEAR = 10.0
+"""Times the corner: the band in which the shape is looked at."""
+POINTS = 64
+LEAKS_AT_MOST = 15.0
+"""What leaks from the two ends hangs on one figure: it is at most so many times its mean, with 99.99 %."""
+
+
+class HighPassed(NamedTuple):
+    """What is left of the parts of a sentence behind a high-pass."""
+
+    high_pass: HighPass
+    parts: tuple[Part, ...]
+    """Without the filter, and without what is but its shape or a leak."""
+
+    @property
+    def is_all(self) -> bool:
+        """Whether nothing but white noise is left."""
+        return all(isinstance(part, White | Floor) for part in self.parts)
+
+    @property
+    def told(self) -> tuple[Part, ...]:
+        """What is told of the sentence: what is left, and the filter."""
+        return *self.parts, self.high_pass
+
+
+def high_passed(f: Frontier, sentence: Sentence, parts: Sequence[Part], from_hz: float) -> HighPassed | None:
+    """Return what is left of `parts`, which are of the sentence; None without a high-pass."""
+    high_pass = high_pass_of(parts)
+    if high_pass is None:
+        return None
+    crest = _crest(f, sentence, high_pass, from_hz)
+    leak = LEAKS_AT_MOST * end_leak(f, sentence)
+    return HighPassed(high_pass, tuple(one for one in parts if _is_left(one, high_pass, crest, leak)))
+
+
+def stands_for_shape(f: Frontier, sentence: Sentence, from_hz: float) -> bool:
+    """Return whether all that a sentence has beside a high-pass may be but the shape of another filter."""
+    high_pass = high_pass_of(sentence.parts(f.h))
+    return high_pass is not None and _crest(f, sentence, high_pass, from_hz) < SWINGS
+
+
+def end_leak(f: Frontier, sentence: Sentence) -> float:
+    """Return the mean density that leaks from the ends of the record into the lowest frequencies.
+
+    Without a high-pass it is 0: it counts only where a filter has left nothing. The octaves above the lowest
+    have windows, so that nothing leaks into them.
+    """
+    parts = sentence.parts(f.h)
+    if high_pass_of(parts) is None or not f.samples:
+        return 0.0
+    lam = np.geomspace(math.pi / f.samples, min(math.pi, math.pi * WHOLE / f.samples), POINTS)
+    floor = sum(part.R for part in parts if isinstance(part, Floor))
+    density = np.maximum(sentence.spectrum(lam, f.h) - floor, 0.0)
+    # The lobes of an end at λ are 1 / (2 sin²(λ/2)) / n, in the mean.
+    return float(np.trapezoid(density / np.sin(lam / 2) ** 2, lam)) / (2 * math.pi * f.samples)
+
+
+def _crest(f: Frontier, sentence: Sentence, high_pass: HighPass, from_hz: float) -> float:
+    """Return the largest density near the corner and above it, over that far above."""
+    far = min(NEAR * high_pass.corner_hz, 0.5 / f.h)
+    hz = np.geomspace(min(from_hz, far / 2), far, POINTS)
+    density = sentence.spectrum(2 * np.pi * hz * f.h, f.h)
+    return float(density.max() / density[-1])
+
+
+def _is_left(part: Part, high_pass: HighPass, crest: float, leak: float) -> bool:
+    most = RINGS if isinstance(part, Resonance) else SWINGS
+    near = high_pass.corner_hz * (NEAR if crest < most else 1.0)
+    match part:
+        case HighPass() | Walk():
+            return False
+        case Floor():
+            return part.R > leak
+        case Relaxation():
+            return 1 / (2 * math.pi * part.tau_s) > near
+        case Resonance():
+            return part.frequency_hz > near
+        case _:
+            return True
