@@ -168,9 +168,9 @@ inline Candidates filters_to_add(const Bins& bins) {
     const double lowest = std::log(bins.lowest), top = std::log(kPi);
     Candidates found;
     const auto add = [&](Word word, double a, double b) { found.push_back(candidate(bins, word, a, b, 0)); };
-    for (double corner = 2 * lowest + 2; corner < 4.3; corner += 0.6)
+    for (double corner = 2 * lowest + 2; corner < 4.3; corner += 0.9)
         for (const double poles : {-4.0, -2.6, -1.2, 0.5}) add(Word{kLowPass, 0}, corner, poles);
-    for (double corner = 2 * lowest + 0.5; corner < kHighestHighPass; corner += 1.0) {
+    for (double corner = 2 * lowest + 0.5; corner < kHighestHighPass; corner += 1.3) {
         add(Word{kHighPass, 0}, corner, kNearlyOnePole);
         found.push_back(leaking(bins, found.back()));
     }

@@ -216,7 +216,7 @@ TEST_CASE("sentence: on exact spectra the search finds what they are made of") {
         {{{kWhite, 0}, {kNotch, 0}}, {0, 0, -1}},
         {{{kWhite, 0}, {kSharp, 0}}, {0, 0.2}},
         {{{kWhite, 0}, {kHighPass, 0}}, {0, -6, -3}},
-        {{{kWhite, 0}, {kRelaxation, 0}, {kHighPass, 0}}, {0, 2, -2, -6, -3}},
+        {{{kWhite, 0}, {kHighPass, 0}, {kRelaxation, 0}}, {0, -6, -3, 2, -2}},
         {{{kWhite, 0}, {kMean, 4}}, {0}},
         {{{kWhite, 0}, {kQuantised, 0}, {kRelaxation, 0}}, {0, 0, 0, -3}},
     };

@@ -77,16 +77,17 @@ def end_leak(f: Frontier, sentence: Sentence) -> float:
 
 
 def _crest(f: Frontier, sentence: Sentence, high_pass: HighPass, from_hz: float) -> float:
-    """Return the largest density near the corner and above it, over that far above."""
+    """Return the largest density near the corner and above it, over that of white noise."""
     far = min(NEAR * high_pass.corner_hz, 0.5 / f.h)
     hz = np.geomspace(min(from_hz, far / 2), far, POINTS)
     density = sentence.spectrum(2 * np.pi * hz * f.h, f.h)
-    return float(density.max() / density[-1])
+    white = sum(part.R for part in sentence.parts(f.h) if isinstance(part, White | Floor))
+    return float(density.max()) / white
 
 
 def _is_left(part: Part, high_pass: HighPass, crest: float, leak: float) -> bool:
     most = RINGS if isinstance(part, Resonance) else SWINGS
-    near = high_pass.corner_hz * (NEAR if crest < most else 1.0)
+    near = NEAR * high_pass.corner_hz if crest < most else 0.0
     match part:
         case HighPass() | Walk():
             return False

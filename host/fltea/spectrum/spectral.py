@@ -12,6 +12,7 @@ from typing import Any, TypeVar, cast
 import msgspec
 import numpy as np
 
+from fltea.noise.parts import HighPass
 from fltea.records.arrays import Array
 from fltea.spectrum.drift import drift_hz, slow_power
 from fltea.spectrum.evidence import APART, LEVEL, Evidence, apart
@@ -40,6 +41,8 @@ SLOW_LINES = 4.0
 LARGEST_SHARE = 0.15
 """The largest share of peaks in a band's power for which changes of the band are looked for: two lines that
 have so much together beat by less than a change that matters."""
+EXPLAINED = 1.5
+"""The power of a peak over that of the model of all else, up to which it is none."""
 GROWN = 1.1
 """The growth of the record after which sentences, peaks and changes are looked for again."""
 
@@ -149,6 +152,7 @@ def examine(
         clean, kept = _clean(whole, clean_from_hz, found)
     peaks, found = peaks[:kept], found[:kept]
     frontier = looks.frontier("clean", clean, samples)
+    peaks = _unexplained(peaks, whole, frontier)
     p_clean = p_value(frontier.ratio_white, clean.ordinates)
     ratio = looks.null_ratio("all", whole)
     p_all = without = p_value(ratio, ordinates)
@@ -192,6 +196,25 @@ def examine(
 def null_ratio(p: Periodogram) -> float:
     """Return the null test's ratio on some ordinates, which is searched for from all starts."""
     return Looks().null_ratio("", p)
+
+
+def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: Frontier) -> tuple[Peak, ...]:
+    """Return the peaks without the humps of a band between a high-pass and what is faster.
+
+    The sentence of what is outside of such a hump has it inside, too.
+    """
+    if HighPass not in f.plain.kinds:
+        return peaks
+    hz = whole.lam / (2 * np.pi * whole.h)
+    found = []
+    for peak in peaks:
+        low, high = peak.notch_hz
+        inside = (hz >= low) & (hz <= high)
+        over = whole.power[inside] / f.plain.spectrum(whole.lam[inside], whole.h)
+        weight = None if whole.weight is None else whole.weight[inside]
+        if peak.kind == "line" or not inside.any() or float(np.average(over, weights=weight)) > EXPLAINED:
+            found.append(peak)
+    return tuple(found)
 
 
 def _above_slow_lines(peaks: tuple[Peak, ...], lowest_hz: float) -> float:
