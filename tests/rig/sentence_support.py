@@ -118,7 +118,8 @@ def samples(parts: Sequence[p.Part], n: int, h: float, seed: int) -> Array:
     waves[1:] = rng.standard_normal(circle // 2) + 1j * rng.standard_normal(circle // 2)
     waves[1:] *= np.sqrt(closed_form(parts, lam, h) * circle / 2)
     y = np.fft.irfft(waves, circle)[:n]
-    walks = [part.K for part in parts if isinstance(part, p.Walk)]
+    is_high_passed = any(isinstance(part, p.HighPass) for part in parts)
+    walks = [part.K for part in parts if isinstance(part, p.Walk) and not is_high_passed]
     # The mean of a walk's steps is the one wave that a circle does not have.
     return np.asarray(
         y + sum(K * math.sqrt(h / circle) * rng.standard_normal() for K in walks) * np.arange(n)

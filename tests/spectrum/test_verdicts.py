@@ -12,13 +12,16 @@ from fltea.identification.sums import examined
 from fltea.noise import parts as p
 from fltea.spectrum import wording
 from fltea.spectrum.drift import SlowPower
-from fltea.spectrum.evidence import ANYTIME_LEVEL, Evidence
+from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL, Evidence
+from fltea.spectrum.intervals import estimated
 from fltea.spectrum.lines import Peak
+from fltea.spectrum.noise_figures import level as level_of
 from fltea.spectrum.reading import Reading
 from fltea.spectrum.residuals import kolmogorov
 from fltea.spectrum.stationarity import Change
 from fltea.spectrum.verdict import Verdict, decide, winner
 from identify_support import H, white
+from scipy.signal import lfilter
 from sentence_support import samples, sound
 from tiers import slow
 
@@ -46,6 +49,7 @@ FAMILIES: dict[str, tuple[Sequence[p.Part], set[str]]] = {
     ),
     "a resonance": ([p.White(1.0), p.Resonance(10.0, 12.0, 4.0)], {"resonance"}),
     "a low-pass": ([p.White(1.0), p.LowPass(15.0, 4.0), p.Floor(1e-3)], {"low-pass"}),
+    "a high-pass": ([p.White(1.0), p.HighPass(0.5, 1.0)], {"high-pass"}),
     "the mean of four": ([p.White(1.0), p.Mean(4), p.Floor(1e-3)], {"low-pass"}),
     "quantisation": ([p.White(1.0), p.Quantisation(0.02)], {"anti-persistent"}),
 }
@@ -65,6 +69,7 @@ def test_families(name: str, n: int) -> None:
         sound(e, verdict)
         short = {"white", "undecided", "drift", "low-pass", "anti-persistent"} if n == 3_000 else set()
         assert verdict.kind in kinds | short, verdict.text
+        assert ("AC coupling or an auto-zero" in verdict.text) == (verdict.kind == "high-pass")
         assert not e.peaks or name == "a resonance"
 
 
@@ -134,6 +139,67 @@ def test_what_else_was_found_is_always_told(name: str) -> None:
     verdict = decide(e._replace(peaks=(LINE,), slow=DRIFT))
     assert "31.4 Hz" in verdict.text
     assert "drift" in verdict.text
+
+
+HUMP, EDGE = p.Resonance(0.28, 9.6, 7.1), p.Resonance(2.3, 44.6, 9.0)
+
+
+@pytest.mark.parametrize(("hump", "n"), [(HUMP, 60_000), (EDGE, 8_000)], ids=["broad", "at the end"])
+def test_what_is_clearly_there_is_never_too_faint(hump: p.Resonance, n: int) -> None:
+    """No maximum that stands out, and yet a resonance is far ahead of white noise."""
+    e, verdict = seen([p.White(1.0), hump], n, 1)
+    assert -e.frontier.bic(e.frontier.plain) > e.apart
+    assert verdict.kind == "resonance", verdict.text
+    assert p.Resonance in e.frontier.plain.kinds
+
+
+@pytest.mark.parametrize(
+    ("parts", "n", "kinds"),
+    [
+        ([p.Relaxation(0.7, 0.1), p.HighPass(0.2, 1.0)], 60_000, {"relaxations", "fractional or relaxations"}),
+        ([p.Walk(0.3), p.HighPass(1.0, 1.0)], 20_000, {"high-pass"}),
+        ([p.HighPass(0.1, 2.0)], 60_000, {"high-pass"}),
+        ([p.HighPass(1.0, 2.0), p.LowPass(20.0, 2.0)], 20_000, {"high-pass"}),
+    ],
+    ids=["relaxation", "walk", "two poles", "low-pass"],
+)
+def test_what_is_behind_a_high_pass_is_said_with_it(parts: list[p.Part], n: int, kinds: set[str]) -> None:
+    e, verdict = seen([p.White(1.0), *parts], n, 3)
+    sound(e, verdict)
+    assert verdict.kind in kinds, verdict.text
+    assert "through a high-pass" in verdict.text or "and a high-pass" in verdict.text
+    assert "nothing can be said of drift" in verdict.text
+    assert not e.drifts
+    assert p.Walk not in e.frontier.plain.kinds
+    assert level_of(estimated(e.frontier, e.frontier.plain), e.frontier, e.frontier.plain).K.value is None
+
+
+def running_mean_taken_off(n: int, taps: int, seed: int) -> np.ndarray:
+    y = np.random.default_rng((41, seed)).standard_normal(n + taps)
+    return np.asarray(y[taps:] - lfilter(np.full(taps, 1 / taps), [1.0], y)[taps:])
+
+
+def blocks_taken_off(n: int, size: int, seed: int) -> np.ndarray:
+    y = np.random.default_rng((42, seed)).standard_normal((n // size, size))
+    return np.asarray((y - y.mean(axis=1, keepdims=True)).ravel())
+
+
+@pytest.mark.parametrize("auto_zero", [running_mean_taken_off, blocks_taken_off])
+@pytest.mark.parametrize("level", [LEVEL, ANYTIME_LEVEL])
+def test_an_auto_zero_is_a_high_pass_whatever_its_shape(
+    auto_zero: Callable[[int, int, int], np.ndarray], level: float
+) -> None:
+    """Its swings beyond the corner are no resonance, and what its ends leak is no drift."""
+    for seed in range(3):
+        e = examined(auto_zero(200_000, 300, seed), H).evidence._replace(level=level)
+        assert decide(e).kind == "high-pass", decide(e).text
+
+
+def test_low_frequencies_that_are_missing_are_told_where_they_are_too_few() -> None:
+    e, verdict = seen([p.White(1.0), p.HighPass(0.1, 1.0)], 20_000, 1)
+    assert e.p_clean < 0.05
+    assert verdict.kind == "undecided"
+    assert "low frequencies have less power" in verdict.text
 
 
 NOTHING = Reading((), False, None, None, None, False, False)

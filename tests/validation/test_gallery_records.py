@@ -15,6 +15,7 @@ LOOKED_AT = (
     *("3 relaxations", "4 relaxations", "AR(.99) + AR(.5)", "slow relaxation", "ARFIMA d .4"),
     *("ARFIMA d -.3", "ARFIMA(1, .4, 1)", "state 0.8, -1, 3", "1/f, 1 Hz", "1/f, 10 Hz", "random walk"),
     *("ramp", "1 pole, 20 Hz", "2 poles, 20 Hz", "mean of 4", "MPU-9250, 20 Hz", "2 poles, 20 Hz, 1/f"),
+    *("AC, 0.1 Hz", "AC, 1 Hz, 2 poles", "auto-zero", "AC, relaxation"),
     *("state 0.35, -4, 3", "3 relaxations, angle", "3 relaxations, sharpened", "walk, angle", "notch"),
     *("resonance, Q 10", "line", "line at the end", "slow line", "hum", "differenced", "variance steps"),
     *("swing, 2,000 × 2", "swing, 250 × 1.5", "dead band", "telegraph"),

@@ -7,7 +7,7 @@ from typing import cast
 import msgspec
 import numpy as np
 
-from fltea.noise.parts import FILTERS, AnyPart, Floor, Part, Relaxation, Walk, White, spectrum
+from fltea.noise.parts import FILTERS, AnyPart, Floor, Part, Relaxation, Walk, White, high_pass_of, spectrum
 from fltea.records.arrays import Array
 from fltea.spectrum.frontier import Sentence
 from fltea.spectrum.lines import Peak
@@ -56,8 +56,9 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def walk(self) -> float:
-        """K² of the random walks."""
-        return self.offset_walk**2 + sum(part.K**2 for part in self.parts if isinstance(part, Walk))
+        """K² of the random walks that go on without end; behind a high-pass none does."""
+        endless = 0.0 if high_pass_of(self.parts) else sum(p.K**2 for p in self.parts if isinstance(p, Walk))
+        return self.offset_walk**2 + endless
 
 
 def modelled(sentence: Sentence, peaks: tuple[Peak, ...], std: float, h: float) -> AxisModel:

@@ -16,7 +16,7 @@ from fltea.noise.parts import Floor, HighPass, Part, Relaxation, Resonance, Walk
 from fltea.spectrum.frontier import Frontier, Sentence
 from fltea.spectrum.octaves import WHOLE
 
-SWINGS, RINGS = 2.0, 2.5
+SWINGS, RINGS = 2.0, 4.0
 """The largest density over that of the pass band that is the filter's own shape, as fitted by a relaxation,
 and by a resonance."""
 NEAR = 10.0

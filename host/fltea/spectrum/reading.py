@@ -89,7 +89,7 @@ def read(f: Frontier, from_hz: float, peaks: Sequence[Peak] = (), apart: float =
     from_hz: lowest fitted frequency. apart: in 2 log L, by which a slow relaxation has to differ from a walk.
     """
     sentence, h = f.plain, f.h
-    parts = [part for part in sentence.parts(h) if not _is_skirt(part, peaks)]
+    parts = [p for p in sentence.parts(h) if not (_is_skirt(p, peaks) or _is_left_out(p, f))]
     behind = high_passed(f, sentence, parts, from_hz)
     if behind is not None:
         parts = list(behind.parts)
@@ -199,6 +199,14 @@ def _lowest(part: Relaxation, h: float) -> float:
 def _highest(part: Relaxation, h: float) -> float:
     phi = math.exp(-h / part.tau_s)
     return part.sigma**2 * (1 - phi) / (1 + phi)
+
+
+def _is_left_out(part: Part, f: Frontier) -> bool:
+    """Return whether a resonance is where there are no data, as in the band of a peak."""
+    if not isinstance(part, Resonance):
+        return False
+    hz = f.data.lam / (2 * math.pi * f.h)
+    return not bool((np.abs(hz - part.frequency_hz) < part.width_hz).any())
 
 
 def _is_skirt(part: Part, peaks: Sequence[Peak]) -> bool:

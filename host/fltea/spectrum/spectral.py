@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 import msgspec
 import numpy as np
 
-from fltea.noise.parts import HighPass
+from fltea.noise.parts import HighPass, Resonance
 from fltea.records.arrays import Array
 from fltea.spectrum.drift import drift_hz, slow_power
 from fltea.spectrum.evidence import APART, LEVEL, Evidence, apart
@@ -205,12 +205,13 @@ def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: Frontier) -> tu
     """
     if HighPass not in f.plain.kinds:
         return peaks
+    model = f.plain.without(Resonance)
     hz = whole.lam / (2 * np.pi * whole.h)
     found = []
     for peak in peaks:
         low, high = peak.notch_hz
         inside = (hz >= low) & (hz <= high)
-        over = whole.power[inside] / f.plain.spectrum(whole.lam[inside], whole.h)
+        over = whole.power[inside] / model.spectrum(whole.lam[inside], whole.h)
         weight = None if whole.weight is None else whole.weight[inside]
         if peak.kind == "line" or not inside.any() or float(np.average(over, weights=weight)) > EXPLAINED:
             found.append(peak)

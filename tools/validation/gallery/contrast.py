@@ -128,6 +128,11 @@ def _low_pass(p: Array, lam: Array) -> Array:
     return _with_floor(1 / (1 + x ** p[1][:, np.newaxis]), p[2])
 
 
+def _high_passed_order(p: Array, lam: Array) -> Array:
+    x = np.exp(2 * p[3])[:, np.newaxis] / (2 * np.sin(lam / 2)) ** 2
+    return np.asarray(_state(p, lam) / (1 + x ** p[4][:, np.newaxis]))
+
+
 def _walk_and_relaxation(p: Array, lam: Array) -> Array:
     walk, relaxation = _scaled(1 / (4 * np.sin(lam / 2) ** 2)), _scaled(_ar1(p[1], lam))
     return np.asarray(np.exp(-p[0])[:, np.newaxis] * walk + np.exp(-p[2])[:, np.newaxis] * relaxation + 1)
@@ -148,6 +153,8 @@ order_and_rise = _nearest(
     lambda p, lam: _state(p, lam) + _rise(p[3], p[4], lam), ORDERS, RATES, WHITE, *RISES
 )
 """The same state, and a power of the frequency up to its fourth, in white noise."""
+high_passed_order = _nearest(_high_passed_order, ORDERS, RATES, WHITE, CORNERS, (1.0, 3.0))
+"""The same state in white noise, behind a high-pass of one to three poles."""
 one_relaxation = _nearest(lambda p, lam: _with_floor(_scaled(_ar1(p[0], lam)), p[1]), CORNERS, SIZES)
 """AR(1) in white noise."""
 walk = _nearest(_walk, WALKS)

@@ -21,6 +21,8 @@ Truth = Literal[
     "resonance",
     "walk",
     "low-pass",
+    "high-pass",
+    "high-passed relaxations",
     "notch",
     "filtered order",
     "held",

@@ -12,6 +12,7 @@ from tools.validation.gallery.filters import (
     mpu9250,
     windowed_sinc,
 )
+from tools.validation.gallery.high_passes import AutoZeroed, Coupled
 from tools.validation.gallery.noise import (
     Accepted,
     Drift,
@@ -175,6 +176,23 @@ LOW_PASSES = (
     ),
 )
 
+HIGH_PASSES = (
+    Noise("AC, 0.1 Hz", "white behind one pole at 0.1 Hz, as AC coupling", "high-pass", (Coupled(0.1),)),
+    Noise(
+        "AC, 1 Hz, 2 poles",
+        "white behind two poles at 1 Hz",
+        "high-pass",
+        (Coupled(1.0, 2),),
+        accepted=Accepted("notch", "of a fifth of the rate, 150 samples do not tell it from a notch", 200),
+    ),
+    Noise("auto-zero", "white less its mean of the last 5 s", "high-pass", (AutoZeroed(5.0),)),
+    Noise(
+        "AC, relaxation",
+        "one at 0.5 Hz in white, all of it behind one pole at 0.05 Hz",
+        "high-passed relaxations",
+        (Coupled(0.05, 1, (Relaxation(0.5, 10.0),)),),
+    ),
+)
 
 HUM = (Line(50.02, 0.5), Line(100.04, 0.25), Line(150.06, 0.15))
 PEAKS = (
@@ -248,5 +266,5 @@ RISING = (
     Noise("notch", "white through a notch of Q = 5 at 0.25 of the rate", "notch", (Notched(0.25, 5.0),)),
 )
 
-NOISES = {one.name: one for one in (*WHITE, *RELAXATIONS, *ORDERS, *SLOW, *LOW_PASSES, *PEAKS, *ODD, *RISING)}
+NOISES = {one.name: one for one in (*WHITE, *RELAXATIONS, *ORDERS, *SLOW, *LOW_PASSES, *HIGH_PASSES, *PEAKS, *ODD, *RISING)}
 """All, by name."""

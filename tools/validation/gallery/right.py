@@ -37,6 +37,8 @@ first with p = 1e-5; of less than the second nobody needs to know."""
 PEAK_ALARM = 3e-3
 NARROW, FEW_ORDINATES = 2.0, 10.0
 """Ordinates in the width of a peak that is as good as a line, and of one that is hardly more."""
+HIGH_CORNER = 0.2 * math.pi
+"""In rad a sample, above which a high-pass is a rise."""
 INSIDE_THE_FILTER = 0.5
 """Power gain, down to which what is in front of a filter can be seen."""
 
@@ -209,6 +211,20 @@ def _relaxation_or_order(notes: _Notes, bins: Bins) -> None:
         notes.may(EITHER, contrast.order(bins), "an order between 0.15 and 0.85")
 
 
+def _high_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
+    """Where nearly all that is seen is stopped, it is a rise."""
+    half = float(bins.lam[np.flatnonzero(bins.truth > bins.truth[-1] / 2)[0]])
+    if half > HIGH_CORNER:
+        notes.right.add("anti-persistent")
+
+
+def _high_passed_relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
+    """What is in front of it is named, or the filter; and both rise and fall may be an order's as well."""
+    notes.right.add("high-pass")
+    notes.may(EITHER, contrast.high_passed_order(bins), "an order behind a high-pass", MORE)
+    notes.may("drift", contrast.walk(bins), "a random walk")
+
+
 def _notch(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
     notes.may("low-pass", contrast.low_pass(bins), "a low-pass")
 
@@ -315,6 +331,8 @@ _RULES: dict[str, tuple[VerdictKind, Callable[[_Notes, Noise, Bins, float, int],
     "walk": ("drift", _walk),
     "resonance": ("resonance", _resonance),
     "low-pass": ("low-pass", _low_pass),
+    "high-pass": ("high-pass", _high_pass),
+    "high-passed relaxations": ("relaxations", _high_passed_relaxations),
     "notch": ("notch", _notch),
     "filtered order": ("fractional", _filtered_order),
     "held": ("low-pass", _held),
