@@ -3,7 +3,8 @@
 Ordinates of white noise are independent and exponential, so series need not be made. For each length the
 quantiles of the likelihood ratio are counted; over the lengths each is smoothed by a parabola (the rarest by
 a straight line) in the logarithm of the number of ordinates. The test has two alternatives; a board's has the
-first of them only, and its own quantiles. Takes a few minutes on one core. The figures of a machine may differ in the last digit: fits stop where the likelihood is flat.
+first of them only, and its own quantiles. Takes some minutes on one core. The figures of a machine may differ
+in the last digit: fits stop where the likelihood is flat.
 
 Usage: gen_null_constants.py [--series 6000] [--print]
 """
@@ -25,7 +26,7 @@ RARE = 0.02
 
 
 def white_ratios(n: int, series: int, rng: np.random.Generator) -> np.ndarray:
-    """Likelihood ratios of `series` white series of n samples: of a board's test, and of the host's; (2, n)."""
+    """Likelihood ratios of white series of n samples, of a board's test and of the host's; (2, series)."""
     lam = 2 * np.pi * used_ordinates(n, 1.0) / n
     layout = binned(Periodogram(lam, np.ones(len(lam)), 1.0, n))
     power = rng.gamma(layout.counts, size=(series, len(layout.lam))) / layout.counts

@@ -466,8 +466,8 @@ class Sentences:
         self, last: list[tuple[list[int], list[float], float]]
     ) -> list[tuple[list[int], list[float], float]]: ...
 
-    # The null test's ratios, of an order and of a high-pass in white noise, and the coordinates of both; last:
-    # those of an earlier test, or nothing.
+    # The null test's ratios, of an order in white noise and of white noise through a high-pass, and the
+    # coordinates of both; last: those of an earlier test, or nothing.
     def null_test(self, last: list[float]) -> tuple[float, float, list[float]]: ...
 
     # The end of an interval to one side, NaN if there is none before the limit, and by how much the

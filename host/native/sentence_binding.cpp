@@ -128,11 +128,9 @@ class Fitted {
         if (!before.empty() && before.size() != 7) refuse("a frontier has seven sentences");
         const nb::gil_scoped_release release;
         Search search(bins_);
-        const Frontier f =
-            before.empty()
-                ? search.whole()
-                : search.again(Frontier{before[0], before[1], before[2], before[3], before[4], before[5],
-                                        before[6]});
+        const Frontier f = before.empty() ? search.whole()
+                                          : search.again(Frontier{before[0], before[1], before[2], before[3],
+                                                                  before[4], before[5], before[6]});
         return {raw_of(f.white), raw_of(f.null),    raw_of(f.plain),  raw_of(f.rich),
                 raw_of(f.pure),  raw_of(f.ordered), raw_of(f.missing)};
     }

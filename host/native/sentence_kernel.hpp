@@ -42,8 +42,9 @@ constexpr double kMostPoles = 24;
 constexpr double kHighestOrder = 1.999;
 constexpr double kSmallest = 30, kLargest = 30;  // log of a power over the mean
 constexpr double kLogitEnd = 16;
-constexpr double kNoPole = 2.5;       // φ = 5e-6
-constexpr double kHighestHighPass = -0.96;  // log c of a corner at a tenth of the sample rate: above is a rise
+constexpr double kNoPole = 2.5;  // φ = 5e-6
+constexpr double kHighestHighPass =
+    -0.96;                            // log c of a corner at a tenth of the sample rate: above is a rise
 constexpr double kWidestPeak = -1.0;  // what is wider has no maximum to be seen
 
 inline bool filters(Part part) {

@@ -24,6 +24,7 @@ from fltea.identification.run import identify_all
 from fltea.identification.workers import Here
 from fltea.noise.parts import (
     AnyPart,
+    HighPass,
     LowPass,
     Notch,
     Order,
@@ -187,6 +188,7 @@ def random_parts(share: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[Any
     )
     filters = st.one_of(
         st.builds(LowPass, corner_hz=st.floats(10, 40), poles=st.floats(1.5, 4.0)),
+        st.builds(HighPass, corner_hz=st.floats(0.5, 3.0), poles=st.floats(1.0, 2.0)),
         st.builds(Sharpening, s=st.floats(-0.2, 0.2)),
         st.builds(Notch, frequency_hz=st.floats(5, 40), width_hz=st.floats(2, 8)),
     )

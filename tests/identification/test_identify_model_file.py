@@ -16,6 +16,7 @@ from fltea.identification.simulation_file import write_model_simulation
 from fltea.noise.parts import (
     Alternating,
     Floor,
+    HighPass,
     LowPass,
     Mean,
     Notch,
@@ -49,6 +50,7 @@ PARTS = {
     "quantised": (White(0.001), Relaxation(0.05, 0.1), Quantisation(3e-4)),
     "rise": (White(0.01), Rise(0.03, 0.7), Sharpening(0.1)),
     "filtered": (White(0.04), Relaxation(0.1, 0.5), LowPass(20.0, 2.0), Floor(0.001)),
+    "coupled": (White(0.04), Relaxation(0.1, 0.1), HighPass(0.5, 2.0)),
     "mean, notch": (White(0.04), Mean(3), Notch(10.0, 3.0), Floor(0.01)),
     "order": (White(0.02), Order(0.6, -3.0, 0.15)),
     "long memory": (White(0.0), Order(0.4, 0.0, 1.0)),
@@ -63,6 +65,7 @@ parts = st.one_of(
     st.builds(Walk, K=positive),
     st.builds(Quantisation, Q=positive),
     st.builds(LowPass, corner_hz=st.floats(0.1, 80), poles=st.floats(1.01, 20)),
+    st.builds(HighPass, corner_hz=st.floats(1e-3, 9), poles=st.floats(1.01, 8)),
     st.builds(Order, alpha=st.floats(0.01, 1.99), f=st.floats(-0.99, -1e-9), Q=positive),
 )
 lines = st.builds(

@@ -45,8 +45,9 @@ Numbers drawn(const Bins& bins, Numbers power, unsigned seed) {
     return power;
 }
 
-const Part kAll[] = {kRelaxation, kWalk, kOrder,       kResonance, kQuantised, kRise,     kLowPass, kSharp,
-                     kNotch,      kMean, kAlternating, kFloor,     kOrderByF,  kOrderByf, kArfima,  kHighPass};
+const Part kAll[] = {kRelaxation, kWalk,     kOrder,  kResonance, kQuantised,   kRise,
+                     kLowPass,    kSharp,    kNotch,  kMean,      kAlternating, kFloor,
+                     kOrderByF,   kOrderByf, kArfima, kHighPass};
 
 // White noise, a relaxation, and one more part, at a place well inside.
 struct Example {
@@ -58,10 +59,23 @@ struct Example {
         std::uniform_real_distribution<double> some(0.3, 0.9);
         const double a = some(random), b = some(random), c = some(random);
         const double places[kParts][3] = {
-            {a, 0, 0},     {a, -4 * b, 0}, {a - 4, 0, 0},   {a, -4 * b, c}, {a, -4 * b, -1 - c},
-            {a, 0, 0},     {a, b, 0},      {-3 * a, -b, 0}, {a, 0, 0},      {-b, -c, 0},
-            {0, 0, 0},     {a, -b, 0},     {a, 0, 0},       {a, -b, c},     {-2 - 8 * a, -3 - 2 * b, 0},
-            {a - 0.5, b - 0.5, c}, {a, 2 * b, c},
+            {a, 0, 0},
+            {a, -4 * b, 0},
+            {a - 4, 0, 0},
+            {a, -4 * b, c},
+            {a, -4 * b, -1 - c},
+            {a, 0, 0},
+            {a, b, 0},
+            {-3 * a, -b, 0},
+            {a, 0, 0},
+            {-b, -c, 0},
+            {0, 0, 0},
+            {a, -b, 0},
+            {a, 0, 0},
+            {a, -b, c},
+            {-2 - 8 * a, -3 - 2 * b, 0},
+            {a - 0.5, b - 0.5, c},
+            {a, 2 * b, c},
         };
         eta.insert(eta.end(), places[part], places[part] + kFree[part]);
     }

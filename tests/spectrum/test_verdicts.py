@@ -156,7 +156,11 @@ def test_what_is_clearly_there_is_never_too_faint(hump: p.Resonance, n: int) -> 
 @pytest.mark.parametrize(
     ("parts", "n", "kinds"),
     [
-        ([p.Relaxation(0.7, 0.1), p.HighPass(0.2, 1.0)], 60_000, {"relaxations", "fractional or relaxations"}),
+        (
+            [p.Relaxation(0.7, 0.1), p.HighPass(0.2, 1.0)],
+            60_000,
+            {"relaxations", "fractional or relaxations"},
+        ),
         ([p.Walk(0.3), p.HighPass(1.0, 1.0)], 20_000, {"high-pass"}),
         ([p.HighPass(0.1, 2.0)], 60_000, {"high-pass"}),
         ([p.HighPass(1.0, 2.0), p.LowPass(20.0, 2.0)], 20_000, {"high-pass"}),

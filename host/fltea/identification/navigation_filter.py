@@ -126,7 +126,14 @@ def navigation_filter(tracked: Learned, y: Array, h: float) -> NavigationFilter:
         tuple(FilterState(sigma, tau) for tau, sigma in states),
         origin + float(part @ x),
         bias_std,
-        tuple(map(HeadingStd, TOLD_S, ahead.tolist(), heading_stds(forecast, rested(forecast, len(y)), h, TOLD_S))),
+        tuple(
+            map(
+                HeadingStd,
+                TOLD_S,
+                ahead.tolist(),
+                heading_stds(forecast, rested(forecast, len(y)), h, TOLD_S),
+            )
+        ),
     )
 
 

@@ -137,7 +137,7 @@ class LowPass(Part, frozen=True, tag="low-pass"):
 
 
 class HighPass(Part, frozen=True, tag="high-pass"):
-    """A filter 1 / (1 + (s_c/s)^2n), s = 2 sin(ω h/2), which lets nothing slow pass: AC coupling, an auto-zero.
+    """A filter 1 / (1 + (s_c/s)^2n), s = 2 sin(ω h/2), which lets nothing slow pass, as AC coupling does.
 
     With one pole it is what is left of samples less their fading average. The corner is at most at a tenth of
     the sample rate: one above is a rise.

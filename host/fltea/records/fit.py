@@ -143,8 +143,8 @@ class FittedAxis(Curves, frozen=True):
     verdict: VerdictKind
     """What the noise is: `white`, `drift`, `line`, `resonance`, `line or resonance`, `low-pass`,
     `high-pass`, `notch`, `relaxations`, `fractional`, `fractional or relaxations`, `anti-persistent`,
-    `undecided`, `not stationary`, `constant`, `too few samples`; by the rules of `fltea identify`, at a level that holds for
-    all looks."""
+    `undecided`, `not stationary`, `constant`, `too few samples`; by the rules of `fltea identify`, at a level
+    that holds for all looks."""
     text: str
     """The verdict in sentences: what the noise is, how sure that is, what to do."""
     unit: str
@@ -180,7 +180,7 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     low_pass: FitLowPass | None = None
     """A low-pass filter that the noise has gone through; the parameters are those of the noise before it."""
     high_pass: FitHighPass | None = None
-    """A high-pass that the noise has gone through: nothing is known of drift, and the bias is the filter's."""
+    """A high-pass that it has gone through: nothing is known of drift, and the bias is the filter's."""
     until_s: Until | None = None
     """How long it takes until α is known well enough."""
     stable: bool = True

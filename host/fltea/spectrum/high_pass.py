@@ -1,4 +1,4 @@
-"""What a sentence with a high-pass says: AC coupling or an auto-zero, and what is but the filter's shape (pure).
+"""What a sentence with a high-pass says, and what is but the shape of the filter (pure).
 
 A filter that subtracts a running mean, the mean of each block, or what it has learned at rest, has not quite
 the spectrum of the high-pass that is fitted. Its density may swing beyond the corner, as that of a running
@@ -92,7 +92,7 @@ def _is_left(part: Part, high_pass: HighPass, crest: float, leak: float) -> bool
         case HighPass() | Walk():
             return False
         case Floor():
-            return part.R > leak
+            return leak < part.R
         case Relaxation():
             return 1 / (2 * math.pi * part.tau_s) > near
         case Resonance():

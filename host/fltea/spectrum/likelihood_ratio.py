@@ -2,8 +2,8 @@
 
 The statistic is the likelihood ratio of Whittle fits: white noise against the better of two alternatives. One
 is the fractional state in white noise with α <= 1, which has more power at low frequencies, or at high ones.
-The other is white noise through a high-pass of one pole, which has less at low frequencies. White noise has no
-α, g and s2, and no corner, so the ratio is not chi-squared: its distribution is simulated
+The other is white noise through a high-pass of one pole, which has less at low frequencies. White noise has
+no α, g and s2, and no corner, so the ratio is not chi-squared: its distribution is simulated
 (tools/gen_null_constants.py). It hardly depends on the length of the record.
 """
 
@@ -31,6 +31,6 @@ def p_value(likelihood_ratio: float, ordinates: float) -> float:
 
 
 def critical_values(ordinates: float) -> Array:
-    """Return the ratios that white noise exceeds with `PROBABILITIES`, the most frequent first; 0 at least."""
+    """Return the ratios that white noise exceeds with `PROBABILITIES`, the most frequent first."""
     x, (c, b, a) = math.log10(ordinates), _COEFFICIENTS
     return np.maximum.accumulate(np.maximum((a * x + b) * x + c, 0.0))

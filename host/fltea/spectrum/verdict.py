@@ -291,8 +291,10 @@ def _resonance(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict
 def _is_but_a_high_pass(e: Evidence) -> bool:
     """Return whether a high-pass leaves nothing to say, so that an order beside one is but its true shape."""
     f, found = e.frontier, e.reading.high_pass
-    return found is not None and found.is_all and (
-        f.ordered is None or f.lead <= e.apart or stands_for_shape(f, f.ordered, e.from_hz)
+    return (
+        found is not None
+        and found.is_all
+        and (f.ordered is None or f.lead <= e.apart or stands_for_shape(f, f.ordered, e.from_hz))
     )
 
 
@@ -360,7 +362,8 @@ def _white(e: Evidence, q: _Questions, accepted: str) -> Verdict:
     if rejected:
         return q.say(
             "undecided",
-            f"Not quite white (p = {e.p_clean:.2g}), but too faint to say what it is{wording.rejected_by(e)}.",
+            f"Not quite white (p = {e.p_clean:.2g}), but too faint to say what it is"
+            f"{wording.rejected_by(e)}.",
             "No model is clearly better than white noise.",
             "Record longer.",
         )

@@ -32,8 +32,8 @@ REGULAR = 3.0
 """Odds from which on it is said that regular relaxations look like an order."""
 UNDEFINED = "α and f are undefined"
 TAKEN_OUT = (
-    "AC coupling or an auto-zero: slow noise and the bias have been taken out, so nothing can be said of drift "
-    "(bias figures are the filter's)."
+    "AC coupling or an auto-zero: slow noise and the bias have been taken out, so nothing can be said of "
+    "drift (bias figures are the filter's)."
 )
 
 

@@ -27,8 +27,8 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
 
     s2 and R may each be open by a factor of ten where α is known: more white noise and less of the state
     look nearly the same, and only the α and f of the same fit go with them. Behind a low-pass or a high-pass,
-    whose output no Q and R describe, nothing is handed over, nor is an order beyond what filters take. in_use: the
-    variances that it handed over before, if any; None too where both are still the same.
+    whose output no Q and R describe, nothing is handed over, nor is an order beyond what filters take.
+    in_use: the variances that it handed over before, if any; None too where both are still the same.
     """
     s2, R = fit.s2.value, fit.R.value
     belief = _belief(fit)

@@ -1,4 +1,4 @@
-"""Noise of which slow waves have been taken out: by AC coupling, or by a program that subtracts a running mean."""
+"""Noise of which slow waves have been taken out, by AC coupling or by an auto-zero."""
 
 import math
 from typing import NamedTuple

@@ -266,5 +266,8 @@ RISING = (
     Noise("notch", "white through a notch of Q = 5 at 0.25 of the rate", "notch", (Notched(0.25, 5.0),)),
 )
 
-NOISES = {one.name: one for one in (*WHITE, *RELAXATIONS, *ORDERS, *SLOW, *LOW_PASSES, *HIGH_PASSES, *PEAKS, *ODD, *RISING)}
+NOISES = {
+    one.name: one
+    for one in (*WHITE, *RELAXATIONS, *ORDERS, *SLOW, *LOW_PASSES, *HIGH_PASSES, *PEAKS, *ODD, *RISING)
+}
 """All, by name."""

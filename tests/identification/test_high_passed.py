@@ -1,0 +1,68 @@
+"""A record of which slow waves have been taken out: what is said of bias, heading and walk."""
+
+import numpy as np
+import pytest
+from fltea.identification.axis import IdentifyOptions
+from fltea.identification.axis_report import AxisReport
+from fltea.identification.kalibr import axis_noise
+from fltea.identification.load import Series
+from fltea.identification.one_axis import identify_series
+from identify_support import H
+from scipy.signal import lfilter
+
+N, CORNER_HZ, SIGMA, K = 60_000, 0.1, 0.1, 1e-3
+OPTIONS = IdentifyOptions(shuffles=0)
+
+
+def coupled(n: int, seed: int) -> np.ndarray:
+    """White noise behind one pole, from a sensor with a bias of 1 that walks."""
+    rng, pole = np.random.default_rng((51, seed)), np.exp(-2 * np.pi * CORNER_HZ * H)
+    y = 1.0 + SIGMA * rng.standard_normal(n + 10_000)
+    y += K * np.sqrt(H) * np.cumsum(rng.standard_normal(len(y)))
+    return np.asarray(lfilter([1, -1], [1, -pole], y)[10_000:])
+
+
+@pytest.fixture(scope="module")
+def report() -> AxisReport:
+    return identify_series(Series(coupled(N, 1), "deg/s", None), H, OPTIONS, False, forecast=True)
+
+
+def test_nothing_is_said_of_a_walk(report: AxisReport) -> None:
+    assert report.result.verdict.kind == "high-pass"
+    assert report.walk is not None
+    assert report.walk.said == "taken out"
+    assert report.walk.at_most is None
+    found = axis_noise(report)
+    assert found.K.value is None
+    assert "the sensor may well have one" in found.K.remark
+    assert found.N.value == pytest.approx(0.01, rel=0.02)
+
+
+def test_the_forecast_holds_for_the_samples_and_says_so(report: AxisReport) -> None:
+    """The angle of white noise does not go on to walk: it is σ √(h / (4π f)), and not N √t.
+
+    What is left of the walk of the bias is white, K / (2π f) at low frequencies.
+    """
+    assert report.forecast is not None
+    assert not any(one.fails for one in (*report.forecast.judged, *report.forecast.bias))
+    assert "the sensor itself drifts more" in report.forecast.text
+    at = dict(zip(report.forecast.t_s, report.forecast.heading_std, strict=True))
+    expected = np.sqrt(SIGMA**2 * H / (4 * np.pi * CORNER_HZ) + (K / (2 * np.pi * CORNER_HZ)) ** 2 * 30)
+    assert 0.9 < at[30.0] / expected < 1.5
+
+
+def test_of_independent_records_the_heading_is_in_the_band(report: AxisReport) -> None:
+    assert report.forecast is not None
+    at = dict(zip(report.forecast.t_s, report.forecast.heading_std, strict=True))
+    off = [H * np.cumsum(coupled(6_000, seed)[:6_000])[[999, 5_999]] for seed in range(100, 160)]
+    rms = np.sqrt(np.mean(np.square(off), axis=0))
+    # 60 of them tell a deviation to a tenth; the bias of the filter is 0.
+    np.testing.assert_allclose(rms, [at[10.0], at[60.0]], rtol=0.4)
+
+
+def test_a_plain_filter_has_no_high_pass_and_takes_the_noise_for_white(report: AxisReport) -> None:
+    assert report.filter is not None
+    assert abs(report.filter.N / 0.01 - 1) < 0.02
+    assert report.filter.gauss_markov == ()
+    for one in report.filter.heading_std:
+        assert one.filter > one.forecast
