@@ -138,12 +138,12 @@ class Fitted {
     // 2 log L of the null test's two alternatives above white noise, an order and a high-pass, and the
     // coordinates of both; last: those of an earlier test, or nothing.
     std::tuple<double, double, std::vector<double>> null_test(const std::vector<double>& last) {
-        if (!last.empty() && last.size() != Search::kNullFree + 3)
+        if (!last.empty() && last.size() != NullFits::kOrderFree + 3)
             refuse("a null test has seven coordinates, of an order and of a high-pass in white noise");
         for (const double value : last)
             if (!std::isfinite(value)) refuse("parameters must be finite numbers");
         const nb::gil_scoped_release release;
-        const NullTest found = Search(bins_).null_test(last);
+        const NullTest found = fltea::sentence::null_test(bins_, last);
         std::vector<double> eta = found.order.eta;
         eta.insert(eta.end(), found.missing.eta.begin(), found.missing.eta.end());
         return {2 * (found.white.nll - found.order.nll), 2 * (found.white.nll - found.missing.nll), eta};

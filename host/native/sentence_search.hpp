@@ -10,49 +10,14 @@
 #include <utility>
 #include <vector>
 
-#include "sentence_gains.hpp"
+#include "sentence_null.hpp"
 
 namespace fltea {
 namespace sentence {
 
-struct Sentence {
-    Words words;
-    std::vector<double> eta;
-    double nll = std::numeric_limits<double>::infinity();
-
-    Sentence() = default;
-    Sentence(Words what, std::vector<double> at, double minus_log)
-        : words(std::move(what)), eta(std::move(at)), nll(minus_log) {}
-
-    bool known() const { return !words.empty(); }
-    bool has(Part part) const { return count(part) > 0; }
-    int count(Part part) const {
-        return static_cast<int>(std::count_if(words.begin(), words.end(),
-                                              [part](const Word& word) { return word.part == part; }));
-    }
-    bool filtered() const {
-        return std::any_of(words.begin(), words.end(), [](const Word& word) { return filters(word.part); });
-    }
-    bool ordered() const { return has(kOrder) || has(kArfima); }
-    bool same_words(const Sentence& other) const {
-        if (words.size() != other.words.size()) return false;
-        for (std::size_t i = 0; i < words.size(); ++i)
-            if (words[i].part != other.words[i].part || words[i].size != other.words[i].size) return false;
-        return true;
-    }
-    // As BIC counts them: m of a mean is a number that was sought, and so is the place of a notch, of which
-    // there are many.
-    int parameters() const { return free_of(words) + count(kMean) + count(kNotch); }
-};
-
 struct Frontier {
     Sentence white, null, plain, rich, pure, ordered;  // null: the null test's alternative, an order up to 1
     Sentence missing;  // the alternative on the other side: white noise through a high-pass of one pole
-};
-
-// What the null test compares.
-struct NullTest {
-    Sentence white, order, missing;
 };
 
 class Search {
@@ -65,10 +30,10 @@ class Search {
         filters_ = shared<filters_to_add>(bins_);
         orders_ = shared<orders_to_add>(bins_);
         Frontier f;
-        f.white = white();
-        Gains gains(bins_, f.white.words, f.white.eta.data());
-        f.null = alternative(f.white, gains);
-        f.missing = without_the_slow(f.white, gains);
+        const NullTest test = null_.from(*filters_, *orders_);
+        f.white = test.white;
+        f.null = test.order;
+        f.missing = test.missing;
         f.plain = grown(f.white, bic_, Allowed());
         find_orders(f);
         if (f.ordered.known()) {
@@ -86,26 +51,12 @@ class Search {
         return f;
     }
 
-    // White noise and the null test's alternatives; `last`: the coordinates of both of an earlier test, from
-    // which they begin, or nothing.
-    NullTest null_test(const std::vector<double>& last) {
-        const Sentence w = white();
-        if (!last.empty()) {
-            const auto second = last.begin() + kNullFree;
-            return {w, null_from({last.begin(), second}), missing_from({second, last.end()})};
-        }
-        filters_ = shared<filters_to_add>(bins_);
-        orders_ = shared<orders_to_add>(bins_);
-        Gains gains(bins_, w.words, w.eta.data());
-        return {w, alternative(w, gains), without_the_slow(w, gains)};
-    }
-
     // The same sentences as `last`, fitted to what the bins are now.
     Frontier again(const Frontier& last) {
         Frontier f;
-        f.white = white();
-        f.null = null_from(last.null.eta);
-        f.missing = missing_from(last.missing.eta);
+        f.white = null_.white();
+        f.null = null_.order(last.null.eta);
+        f.missing = null_.missing(last.missing.eta);
         const auto refit = [&](const Sentence& one) {
             return one.known() ? fitted(one.words, one.eta) : one;
         };
@@ -146,7 +97,6 @@ class Search {
     double cost(const Sentence& s, double price) const {
         return s.known() ? 2 * s.nll + price * s.parameters() : std::numeric_limits<double>::infinity();
     }
-    Sentence white() { return fitted({Word{kWhite, 0}}, {power_}); }
 
     bool fits_in(const Sentence& s, const Word& word, const Allowed& allowed) const {
         const auto few = [&](int most) { return s.count(word.part) < most; };
@@ -375,63 +325,13 @@ class Search {
         if (other.known()) keep_order(grown(other, bic_, Allowed()), f.ordered);
     }
 
-    // The alternative of the null test, from the best of all starts.
-    Sentence alternative(const Sentence& white, Gains& gains) {
-        Sentence found = null_from({white.eta[0], 0.5, 0.0, power_ - kSmallest});
-        std::size_t count = 0;
-        for (const Ranked& one : best(gains, white, *orders_, 100, 100, Allowed())) {
-            if (one.candidate->word.part != kOrder) continue;
-            const double* eta = one.candidate->eta;
-            keep(null_from({white.eta[0], eta[0], eta[1], one.gain.log_power}), 0, found);
-            if (++count == kNullStarts) break;
-        }
-        return found;
-    }
-    Sentence null_from(std::vector<double> eta) {
-        Patience patience;
-        patience.converged = kRough;
-        bins_.lowest_order = 0;
-        bins_.highest_order = 1;
-        Sentence found{{Word{kWhite, 0}, Word{kOrder, 0}}, std::move(eta), 0};
-        found.nll = score(room_, found.words, found.eta.data(), -1, patience);
-        return found;
-    }
-    static constexpr std::size_t kNullStarts = 5;
-
-    // The best high-pass of one pole, from its two best starts.
-    Sentence without_the_slow(const Sentence& white, Gains& gains) {
-        const double lowest = 2 * std::log(bins_.lowest);
-        double first = lowest, second = lowest, gained[2] = {0, 0};
-        for (const Candidate& one : *filters_) {
-            if (one.word.part != kHighPass || one.leaks) continue;
-            const double gain = gains.of(one).gain, corner = one.eta[0];
-            if (gain > gained[0]) {
-                second = first, gained[1] = gained[0];
-                first = corner, gained[0] = gain;
-            } else if (gain > gained[1]) {
-                second = corner, gained[1] = gain;
-            }
-        }
-        Sentence found = missing_from({white.eta[0], first, -kLogitEnd});
-        if (second != first) keep(missing_from({white.eta[0], second, -kLogitEnd}), 0, found);
-        return found;
-    }
-    Sentence missing_from(std::vector<double> eta) {
-        Patience patience;
-        patience.converged = kRough;
-        Sentence found{{Word{kWhite, 0}, Word{kHighPass, 0}}, std::move(eta), 0};
-        found.nll = score(room_, found.words, found.eta.data(), 2, patience);
-        return found;
-    }
-
     Bins& bins_;
     Room room_{bins_};
+    NullFits null_{bins_, room_};
     double bic_, power_;
     std::shared_ptr<const Candidates> parts_, filters_, orders_;
 
   public:
-    static constexpr int kNullFree = 4;  // coordinates of the null test's order in white noise
-
     // What is called an order: of less than the one nothing is left of it, and of more than the other it is a
     // relaxation.
     static constexpr double kLeastOrder = 0.15, kMostOrder = 0.85;

@@ -86,11 +86,12 @@ def corner_hz(part: Relaxation) -> float:
 def read(f: Frontier, from_hz: float, peaks: Sequence[Peak] = (), apart: float = math.inf) -> Reading:
     """Return what is left of the best sentence without an order, without the traces of `peaks`.
 
-    from_hz: lowest fitted frequency. apart: in 2 log L, by which a slow relaxation has to differ from a walk.
+    from_hz: lowest fitted frequency. apart: in 2 log L, by which a slow relaxation has to differ from a walk,
+    and a sentence with a high-pass from white noise.
     """
     sentence, h = f.plain, f.h
     parts = [p for p in sentence.parts(h) if not (_is_skirt(p, peaks) or _is_left_out(p, f))]
-    behind = high_passed(f, sentence, parts, from_hz)
+    behind = high_passed(f, sentence, parts, from_hz) if -f.bic(sentence) > apart else None
     if behind is not None:
         parts = list(behind.parts)
         sentence = sentence.without(HighPass)

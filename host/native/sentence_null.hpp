@@ -1,0 +1,140 @@
+// The null test: white noise against an order in white noise, and against white noise through a high-pass of
+// one pole, which has less at low frequencies. What the ratios mean: tools/gen_null_constants.py.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "sentence_gains.hpp"
+
+namespace fltea {
+namespace sentence {
+
+struct Sentence {
+    Words words;
+    std::vector<double> eta;
+    double nll = std::numeric_limits<double>::infinity();
+
+    Sentence() = default;
+    Sentence(Words what, std::vector<double> at, double minus_log)
+        : words(std::move(what)), eta(std::move(at)), nll(minus_log) {}
+
+    bool known() const { return !words.empty(); }
+    bool has(Part part) const { return count(part) > 0; }
+    int count(Part part) const {
+        return static_cast<int>(std::count_if(words.begin(), words.end(),
+                                              [part](const Word& word) { return word.part == part; }));
+    }
+    bool filtered() const {
+        return std::any_of(words.begin(), words.end(), [](const Word& word) { return filters(word.part); });
+    }
+    bool ordered() const { return has(kOrder) || has(kArfima); }
+    bool same_words(const Sentence& other) const {
+        if (words.size() != other.words.size()) return false;
+        for (std::size_t i = 0; i < words.size(); ++i)
+            if (words[i].part != other.words[i].part || words[i].size != other.words[i].size) return false;
+        return true;
+    }
+    // As BIC counts them: m of a mean is a number that was sought, and so is the place of a notch, of which
+    // there are many.
+    int parameters() const { return free_of(words) + count(kMean) + count(kNotch); }
+};
+
+// What the null test compares.
+struct NullTest {
+    Sentence white, order, missing;
+};
+
+class NullFits {
+  public:
+    static constexpr int kOrderFree = 4;  // coordinates of the order in white noise
+
+    NullFits(Bins& bins, Room& room)
+        : bins_(bins), room_(room), power_(std::log(bins.mean)), lowest_(2 * std::log(bins.lowest)) {}
+
+    NullTest from(const Candidates& filters, const Candidates& orders) {
+        const Sentence w = white();
+        Gains gains(bins_, w.words, w.eta.data());
+        return {w, best_order(w, gains, orders), best_high_pass(w, gains, filters)};
+    }
+
+    // From the coordinates `last` on, of the order and of the high-pass.
+    NullTest again(const std::vector<double>& last) {
+        const auto second = last.begin() + kOrderFree;
+        return {white(), order({last.begin(), second}), missing({second, last.end()})};
+    }
+
+    Sentence white() { return fitted({Word{kWhite, 0}}, {power_}, -1); }
+    Sentence order(std::vector<double> eta) {
+        bins_.lowest_order = 0;
+        bins_.highest_order = 1;
+        return fitted({Word{kWhite, 0}, Word{kOrder, 0}}, std::move(eta), -1);
+    }
+    Sentence missing(std::vector<double> eta) {
+        return fitted({Word{kWhite, 0}, Word{kHighPass, 0}}, std::move(eta), 2);
+    }
+
+  private:
+    static constexpr double kConverged = 1e-3;  // of -log L
+    static constexpr std::size_t kOrders = 5;   // starts
+
+    Sentence fitted(Words words, std::vector<double> eta, int held) {
+        Patience patience;
+        patience.converged = kConverged;
+        Sentence found{std::move(words), std::move(eta), 0};
+        found.nll = score(room_, found.words, found.eta.data(), held, patience);
+        return found;
+    }
+
+    static void keep(const Sentence& one, Sentence& into) {
+        if (one.nll < into.nll) into = one;
+    }
+
+    Sentence best_order(const Sentence& white, Gains& gains, const Candidates& orders) {
+        std::vector<std::pair<Gain, const Candidate*>> ranked;
+        for (const Candidate& one : orders) {
+            if (one.word.part != kOrder) continue;
+            const Gain gain = gains.of(one);
+            if (gain.gain > 1) ranked.push_back({gain, &one});
+        }
+        std::stable_sort(
+            ranked.begin(), ranked.end(),
+            [](const std::pair<Gain, const Candidate*>& a, const std::pair<Gain, const Candidate*>& b) {
+                return a.first.gain > b.first.gain;
+            });
+        Sentence found = order({white.eta[0], 0.5, 0.0, power_ - kSmallest});
+        for (std::size_t i = 0; i < ranked.size() && i < kOrders; ++i) {
+            const double* const eta = ranked[i].second->eta;
+            keep(order({white.eta[0], eta[0], eta[1], ranked[i].first.log_power}), found);
+        }
+        return found;
+    }
+
+    // From the best start: the likelihood has one maximum by the corner, but for chance.
+    Sentence best_high_pass(const Sentence& white, Gains& gains, const Candidates& filters) {
+        double corner = lowest_, gained = 0;
+        for (const Candidate& one : filters) {
+            if (one.word.part != kHighPass || one.leaks) continue;
+            const double gain = gains.of(one).gain;
+            if (gain > gained) corner = one.eta[0], gained = gain;
+        }
+        return missing({white.eta[0], corner, -kLogitEnd});
+    }
+
+    Bins& bins_;
+    Room& room_;
+    double power_, lowest_;
+};
+
+inline NullTest null_test(Bins& bins, const std::vector<double>& last) {
+    Room room(bins);
+    NullFits fits(bins, room);
+    if (!last.empty()) return fits.again(last);
+    return fits.from(*shared<filters_to_add>(bins), *shared<orders_to_add>(bins));
+}
+
+}  // namespace sentence
+}  // namespace fltea
