@@ -1,5 +1,5 @@
 // What the likelihood ratio of the null test exceeds by chance: the parabolas of
-// host/fltea/spectrum/null_constants.py for a test against an order alone, of which the device needs three.
+// host/fltea/spectrum/null_constants.py, of which the device needs three.
 #ifndef FLTEA_NULL_QUANTILES_HPP
 #define FLTEA_NULL_QUANTILES_HPP
 
