@@ -99,7 +99,7 @@ def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.Monke
     """The weakest stay in, and no more of them than need be."""
     y = white(1000, 1, 1)[0]
     found = peaks((5, 15), (20, 30), (35, 37), (38, 48))
-    monkeypatch.setattr("fltea.identification.sums.find_peaks", lambda p: found)
+    monkeypatch.setattr("fltea.identification.fine_peaks.find_peaks", lambda p: found)
     seen = examined(y, H)
     assert seen.evidence.peaks == found[:3]
     assert seen.band.notch_hz == tuple(peak.notch_hz for peak in found[:3])
@@ -108,7 +108,7 @@ def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.Monke
 
 def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     """More than half of them would be left, but fewer than a periodogram may have."""
-    monkeypatch.setattr("fltea.identification.sums.find_peaks", lambda p: peaks((10, 25)))
+    monkeypatch.setattr("fltea.identification.fine_peaks.find_peaks", lambda p: peaks((10, 25)))
     seen = examined(white(180, 1, 2)[0], H)
     assert FEWEST <= seen.band.ordinates == seen.ordinates - 6
     assert seen.evidence.peaks == ()

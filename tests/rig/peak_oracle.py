@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from fltea.noise.distributions import f_deviate
 from fltea.records.arrays import Array
-from fltea.spectrum.lines import FLANK, WIDEST_SHARE, continued
+from fltea.spectrum.lines import FLANK, WIDEST_SHARE
 from fltea.spectrum.octave_lines import SHORTEST_FLANK
 
 LEAST_FLANK, LEAST_ORDINATES, END_FLANK, CONTINUED, HOPELESS = 4, 16.0, 4, 5.0, 0.6
@@ -101,7 +101,8 @@ class Lines:
             return self.tried(at, at + width, max(levels), levels, [self.worth(*flank) for flank in flanks])
         near = self.below(at - width, FLANK // 2, LEAST_FLANK)
         far = self.below(near[0], FLANK // 2, LEAST_FLANK)
-        level = continued(max(self.mean(*near), self.least), self.mean(*far))
+        level, further = max(self.mean(*near), self.least), self.mean(*far)
+        level *= max(level / further, 1.0) if further > 0 else 1.0
         worth = self.worth(*near) / (CONTINUED if self.averaged[at] else 1)
         return self.tried(at, at + width, level, [level], [worth])
 

@@ -17,7 +17,7 @@ from tools.validation.recursions import FractionalState
 
 pytestmark = pytest.mark.slow  # they prove the referee of a proof: no part of the program
 
-GENERATORS = ("../recursions", "parts", "noise", "noises", "contrast")
+GENERATORS = ("../recursions", "parts", "noise", "noises", "periodic", "contrast")
 SAMPLES, SEGMENT = 1 << 16, 1 << 11
 RATE_HZ = 100.0
 PLAIN = [name for name, noise in NOISES.items() if noise.treatment is None]

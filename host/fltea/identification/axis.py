@@ -117,6 +117,7 @@ class Looked(NamedTuple):
     h: float
     gaps: Gaps
     stretches: Sequence[Stretch]
+    """Without a comb, if there is one."""
     summed: Summed
     verdict: Verdict
     figures: NoiseFigures
@@ -139,7 +140,7 @@ def look(y: ArrayLike, h: float, options: IdentifyOptions | None = None, gaps: G
     summed = examined_stretches(stretches, len(samples), h, o.from_hz, o.notch_hz)
     evidence = summed.seen.evidence
     verdict = decide(evidence)
-    return Looked(samples, h, gaps, stretches, summed, verdict, noise_figures(evidence, verdict))
+    return Looked(samples, h, gaps, summed.stretches, summed, verdict, noise_figures(evidence, verdict))
 
 
 def identified(looked: Looked, lsb: float | None, options: IdentifyOptions | None = None) -> AxisResult:

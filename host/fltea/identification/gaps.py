@@ -117,6 +117,17 @@ def bridged(y: Array, gaps: Gaps) -> list[Stretch]:
     return found
 
 
+def redrawn(stretches: Sequence[Stretch], masks: Sequence[Mask]) -> list[Stretch]:
+    """Return stretches whose samples in masks (n,) are drawn as lost ones are."""
+    spaced: list[tuple[Array, Mask | None]] = [
+        (np.where(mask, 0.0, one.y), mask) for one, mask in zip(stretches, masks, strict=True)
+    ]
+    drawn = _Drawn(spaced, _values(max((one.y for one in stretches), key=len)))
+    for (values, _), mask in zip(spaced, masks, strict=True):
+        drawn.fill(values, mask)
+    return [one._replace(y=values) for one, (values, _) in zip(stretches, spaced, strict=True)]
+
+
 def _values(y: Array) -> Array | None:
     """Return the values of y in order, if they were rounded."""
     values = np.unique(y)

@@ -21,6 +21,7 @@ from fltea.recording.reading import Answer
 from fltea.records.arrays import Array
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.records.units import STANDARD_GRAVITY_MS2
+from fltea.spectrum.median_filter import find_median_filter
 
 TURNS, TURN = 32, 12
 """Parts of a record whose spread gives the error of what recurs; samples that 2, 3 and 4 sensors divide."""
@@ -135,8 +136,15 @@ def held(
 
     names: the axes, for the trap.
     """
-    seen = repeats((axis, one or step(axis)) for axis, one in zip(y, lsb, strict=True))
-    if seen is None or not seen.found:
+    filtered = []
+
+    def each() -> Iterator[tuple[Array, float | None]]:
+        for axis, one in zip(y, lsb, strict=True):
+            filtered.append(find_median_filter(axis) is not None)
+            yield axis, one or step(axis)
+
+    seen = repeats(each())
+    if seen is None or not seen.found or all(filtered):  # a median filter repeats values by itself
         return ()
     share = (seen.same - seen.expected) / seen.pairs
     every = seen.change_every if share > HELD_SHARE else None

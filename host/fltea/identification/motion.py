@@ -13,10 +13,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.identification.fine_peaks import CHUNK, MOST_DEVIATIONS
 from fltea.identification.gaps import bridge, cut
 from fltea.identification.left_out import LeftOut
 from fltea.identification.load import Series
-from fltea.identification.sums import CHUNK, MOST_DEVIATIONS
 from fltea.records.arrays import Array
 
 KNOCK, IN_A_ROW = 16.0, 8

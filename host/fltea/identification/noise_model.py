@@ -36,7 +36,7 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     parts: tuple[AnyPart, ...]
     resonances: tuple[Lorentzian, ...] = ()
-    """Lines and resonances that were left out of the fit."""
+    """Lines and resonances that were left out of the fit; nothing that happens at equal intervals."""
     offset_walk: float = 0.0
     """K of a random walk of the offset beside the parts, per √s, as the forecast has it; 0 where a part
     walks."""
@@ -71,6 +71,7 @@ def modelled(sentence: Sentence, peaks: tuple[Peak, ...], std: float, h: float) 
         tuple(
             Lorentzian(peak.frequency_hz, peak.width_hz, float(max(peak.power_share, 0.0) * std**2))
             for peak in peaks
+            if peak.repeats is None
         ),
     )
 

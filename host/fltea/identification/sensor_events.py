@@ -14,13 +14,13 @@ import msgspec
 import numpy as np
 
 from fltea.estimator.tracker import EventKind, Tracker, TrackerEvent
+from fltea.identification.fine_peaks import CHUNK
 from fltea.identification.forecast import BiasAtEnd
 from fltea.identification.forecast_judge import Learned
 from fltea.identification.gaps import LONGEST_PREDICTION, cut
 from fltea.identification.left_out import NOTHING, LeftOut
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.motion import IN_A_ROW, is_smooth
-from fltea.identification.sums import CHUNK
 from fltea.identification.telegraph import without_levels
 from fltea.noise.parts import Arfima, Order, Part, Relaxation, Walk, White
 from fltea.noise.system import System, system

@@ -7,10 +7,13 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from fltea.identification.fine_peaks import fine_peaks, limited
+from fltea.identification.folded_line import folded_line
 from fltea.identification.gaps import LONGEST_BRIDGE, Gaps, Stretch, bridged, no_gaps
 from fltea.identification.swing_period import with_period
 from fltea.records.arrays import Array
-from fltea.spectrum.lines import Peak, find_peaks
+from fltea.spectrum.lines import Peak
+from fltea.spectrum.median_filter import MedianFilter, find_median_filter
 from fltea.spectrum.octave_lines import around
 from fltea.spectrum.octaves import SHORTEST, Drift, Lines, Octaves, Parts, in_order, put_together
 from fltea.spectrum.periodogram import Periodogram, check_enough, periodogram
@@ -18,8 +21,6 @@ from fltea.spectrum.spectral import Spectral, examine
 
 Bands = tuple[tuple[float, float], ...]
 
-CHUNK, MOST_DEVIATIONS = 128, 12.0
-"""The same numbers as in firmware/core/engine/gate.hpp."""
 AT_ONCE = 1 << 18
 """Samples, so that of a long file little is in memory."""
 LEAST_SHARE = 0.5
@@ -127,21 +128,6 @@ def on_one_grid(parts: Sequence[Lines]) -> Lines:
     return np.bincount(place, weight * lam) / total, np.bincount(place, weight * power) / total, total
 
 
-def limited(y: Array) -> Array:
-    """Take the outliers off y (n,): samples far from the mean of their chunk are moved nearer, as live.
-
-    A few large samples that stand close together have a spectrum of their own.
-    """
-    chunks = len(y) // CHUNK
-    if not chunks:
-        return y
-    whole = y[: chunks * CHUNK].reshape(chunks, CHUNK)
-    mean = whole.mean(axis=1, keepdims=True)
-    most = MOST_DEVIATIONS * math.sqrt(float(np.median(whole.var(axis=1))))
-    inside = np.clip(whole, mean - most, mean + most).ravel() if most > 0 else whole.ravel()
-    return np.concatenate([inside, y[chunks * CHUNK :]])
-
-
 def left_in(whole: Periodogram, from_hz: float, notch: Bands) -> Periodogram:
     """Return the lines above from_hz and outside of the bands (low, high), in Hz.
 
@@ -158,6 +144,8 @@ class Summed(NamedTuple):
     octaves: Octaves
     lines: Periodogram
     """All of them, those that the user left out, too."""
+    stretches: Sequence[Stretch]
+    """What they are of: the samples, without a comb if there is one."""
 
 
 def examined(
@@ -186,15 +174,27 @@ def examined_stretches(
     lines, drift = lines_of_stretches(stretches, sums, h)
     longest = max((one.y for one in stretches), key=len)
     _check_noise(lines, longest)
+    median = find_median_filter(longest)
     peaks: tuple[Peak, ...] | None = None
+    before: Periodogram | None = None
     if len(stretches) == 1 or len(longest) >= LEAST_SHARE * samples:
         # At the full resolution.
-        peaks = find_peaks(periodogram(limited(longest), h, from_hz=from_hz, notch=notch))
-    seen = examined_sums(lines, drift, sums, samples, h, from_hz, notch, peaks)
+        fine = periodogram(limited(longest), h, from_hz=from_hz, notch=notch)
+        peaks, rest = fine_peaks(fine, stretches, from_hz, notch)
+        if rest is not None:
+            stretches, before = rest, lines
+            sums = octaves_of_stretches(stretches)
+            lines, drift = lines_of_stretches(stretches, sums, h)
+    seen = examined_sums(lines, drift, sums, samples, h, from_hz, notch, peaks, before, median)
+    folded = folded_line(longest, h, seen.evidence.frontier) if peaks is not None else None
+    if folded is not None and peaks is not None:
+        peaks = (*peaks, folded)
+        from_hz = max(from_hz, folded.notch_hz[1])
+        seen = examined_sums(lines, None, sums, samples, h, from_hz, notch, peaks, before, median)
     if (change := seen.evidence.change) is not None:
         evidence = seen.evidence._replace(change=with_period(change, np.asarray(longest), h))
         seen = msgspec.structs.replace(seen, evidence=evidence)
-    return Summed(seen, sums, lines)
+    return Summed(seen, sums, lines, stretches)
 
 
 def _check_noise(lines: Periodogram, y: Array) -> None:
@@ -219,10 +219,13 @@ def examined_sums(
     from_hz: float = 0.0,
     notch: Bands = (),
     peaks: tuple[Peak, ...] | None = None,
+    before: Periodogram | None = None,
+    median: MedianFilter | None = None,
 ) -> Spectral:
     """Return the same of the spectrum and the drift of so many samples, and their sums.
 
-    peaks: those found in the samples; None: they are searched for in the spectrum.
+    peaks: those found in the samples; None: they are searched for in the spectrum. before: the spectrum
+    before a comb was taken out of the samples. median: the median filter that was seen in them.
 
     Raises:
         ValueError: as `examined`.
@@ -235,6 +238,8 @@ def examined_sums(
         cells=sums.cells(0, h),
         drift=drift,
         peaks=peaks,
+        before=None if before is None else left_in(before, from_hz, notch),
+        median=median,
         from_hz=from_hz,
         notch=notch,
     )

@@ -16,7 +16,9 @@ from fltea.identification.gaps import Gaps, cut, no_gaps
 from fltea.identification.resolution import LONG, decimals, step, thin
 from fltea.records.arrays import Array
 from fltea.records.kinds import ERROR_KINDS
+from fltea.spectrum import comb_words
 from fltea.spectrum.lines import Peak
+from fltea.spectrum.median_filter import find_median_filter
 
 Severity = Literal["note", "warning", "bad"]
 
@@ -97,7 +99,7 @@ def axis_traps(
         *short,
         *_offset_and_drift(_unbroken(samples, gaps), h, unit),
         *_quantisation(samples, lsb, unit),
-        *_outliers(samples, h, lsb, unit, gaps),
+        *_median_or_outliers(samples, h, lsb, unit, gaps),
         *_saturation(samples, lsb),
         *_stuck(samples),
         *_peaks(peaks),
@@ -245,6 +247,21 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> I
         )
 
 
+def _median_or_outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> Iterator[Trap]:
+    found = find_median_filter(y)
+    if found is None or found.replaces_outliers:
+        yield from _outliers(y, h, lsb, unit, gaps)
+    # A median filter lets no outlier through, and repeats so many values that the usual difference is small.
+    if found is not None:
+        yield Trap(
+            "median filter",
+            "warning",
+            f"The samples have been through {found.words}: {found.share:.0%} of them are the same as the one "
+            "before, beyond what rounding explains.",
+            "Record without that filter: it is not linear, and corners and fast parts describe its shape.",
+        )
+
+
 def _saturation(y: Array, lsb: float | None) -> Iterator[Trap]:
     ends = 0 if lsb is None else int((np.abs(y) / lsb >= FULL_SCALE_COUNTS - 0.5).sum())
     if ends:
@@ -281,9 +298,14 @@ def _stuck(y: Array) -> Iterator[Trap]:
 
 def _peaks(peaks: Sequence[Peak]) -> Iterator[Trap]:
     for peak in peaks:
+        severity: Severity = "warning" if peak.power_share > LINE_SHARE else "note"
+        if peak.repeats is not None:
+            text = f"{comb_words.happens(peak.repeats, peak.power_share)}."
+            yield Trap(peak.kind, severity, text, comb_words.next_step(peak.repeats))
+            continue
         yield Trap(
             peak.kind,
-            "warning" if peak.power_share > LINE_SHARE else "note",
+            severity,
             f"A {'narrow line' if peak.kind == 'line' else 'broad resonance'} at {peak.frequency_hz:.4g} Hz, "
             f"{peak.width_hz:.2g} Hz wide, has {peak.power_share:.2%} of the power.",
             "The fits leave it out. Look for a fan, mains or a resonance of the mounting; "

@@ -2,7 +2,10 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from fltea.identification.axis import AxisResult, Looked
+from fltea.identification.gaps import Gaps
 from fltea.identification.load import Series
 from fltea.identification.telegraph import Telegraph, telegraph_words
 from fltea.identification.traps import Trap, axis_traps
@@ -19,13 +22,20 @@ def traps_of(
 
     series: what was looked at, with the levels of `telegraph` in it, if there are any.
     """
+    y, gaps = looked.y, looked.gaps
+    if any(peak.repeats is not None for peak in result.peaks):
+        # Glitches of a comb are told as such, and not as outliers too.
+        ends = np.cumsum([len(one.y) for one in looked.stretches])
+        missing = [one.missing for one in looked.stretches]
+        y = np.concatenate([one.y for one in looked.stretches])
+        gaps = Gaps(ends[:-1].astype(np.int64), np.array(missing[1:], dtype=np.int64))
     of_samples = axis_traps(
-        looked.y,
+        y,
         looked.h,
         series.lsb,
         result.peaks,
         series.unit,
-        looked.gaps,
+        gaps,
         longer="as long as can be" if result.verdict.has_order else "ten minutes or more",
     )
     values = value_traps(series.y, series.unit)

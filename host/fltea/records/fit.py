@@ -10,6 +10,7 @@ VerdictKind = Literal[
     "line",
     "resonance",
     "line or resonance",
+    "comb",
     "low-pass",
     "high-pass",
     "notch",
@@ -141,7 +142,7 @@ class FittedAxis(Curves, frozen=True):
     """What the noise of one axis is, and what it was fitted with."""
 
     verdict: VerdictKind
-    """What the noise is: `white`, `drift`, `line`, `resonance`, `line or resonance`, `low-pass`,
+    """What the noise is: `white`, `drift`, `line`, `resonance`, `line or resonance`, `comb`, `low-pass`,
     `high-pass`, `notch`, `relaxations`, `fractional`, `fractional or relaxations`, `anti-persistent`,
     `undecided`, `not stationary`, `constant`, `too few samples`; by the rules of `fltea identify`, at a level
     that holds for all looks."""

@@ -8,6 +8,7 @@ import numpy as np
 from fltea.spectrum.drift import FALSE_ALARM, SlowPower
 from fltea.spectrum.frontier import Frontier, Sentence
 from fltea.spectrum.lines import Peak
+from fltea.spectrum.median_filter import MedianFilter
 from fltea.spectrum.order_odds import odds_of
 from fltea.spectrum.periodogram import AT_ONCE, Periodogram
 from fltea.spectrum.reading import Reading
@@ -49,6 +50,8 @@ class Evidence(NamedTuple):
     """The clean ordinates."""
     level: float = LEVEL
     """The level at which the null test rejects."""
+    median: MedianFilter | None = None
+    """The median filter that the samples have been through, if that was seen in them."""
 
     def residual_ks(self, sentence: Sentence) -> float:
         """Return the distance of the cumulative periodogram over a sentence from a line (`residuals`)."""

@@ -9,10 +9,13 @@ At the ends of the band only lines are searched for. Near 0 the lower flank is a
 Nyquist's frequency there is a lower one only: its level is continued as it rises from one half to the other.
 """
 
+import functools
 import math
+from typing import Literal
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from fltea.noise.distributions import f_log_tail
 from fltea.records.arrays import Array
@@ -33,8 +36,13 @@ SHORTEST_FLANK = 4
 """Near frequency 0."""
 END_WIDTHS = (1, 2, 4)
 """Widths of stretches at the ends of the band."""
+SURELY_NOT = 4.0
+"""What a logarithm of a probability is below that of a known level at most."""
 WIDEST_SHARE = 0.08
 """The widest stretch, as a share of all ordinates."""
+FOLDED_SHARE, FOLDED_HEIGHT, FLAT = 0.04, 5.0, 1.3
+"""The widest hump at Nyquist's frequency, as a share of all ordinates; its least mean over the level below
+it; and the largest ratio of the halves of that: noise that alternates in sign falls off slowly."""
 LEAST_LEVEL = 1e-12
 """The least level over the mean, which stands for a level of 0, as made-up noise may have it."""
 LINE_ORDINATES = 6
@@ -43,11 +51,26 @@ IN_A_LINE = 0.7
 """Share of the power: the rest is the noise about it."""
 
 
+class Repeats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What happens at equal intervals, and makes a comb of lines."""
+
+    period_s: float
+    harmonics: int
+    """The number of lines that it has in the spectrum, about."""
+    shape: Literal["glitch", "wave", "unknown"] = "unknown"
+    """A glitch is much shorter than the period; of sums alone, as live, the shape is unknown."""
+    duration_s: float | None = None
+    """The length of a glitch."""
+    deviations: float | None = None
+    """The largest deviation over the standard deviation of the noise."""
+
+
 class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A line, or a resonance."""
+    """A line, a resonance, or a comb of lines."""
 
     kind: str
-    """Line or resonance; peak, where the resolution cannot tell."""
+    """Line or resonance; peak, where the resolution cannot tell; comb, for lines at all multiples of one
+    frequency, which is `frequency_hz`."""
     frequency_hz: float
     """Where it is highest, the resonance after smoothing."""
     width_hz: float
@@ -57,7 +80,9 @@ class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     height: float
     """Its mean over the level around it."""
     notch_hz: tuple[float, float]
-    """The band to leave out to be rid of it."""
+    """The band to leave out to be rid of it; of a comb the band of its lowest line."""
+    repeats: Repeats | None = None
+    """Only of a comb."""
 
 
 def find_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, ...]:
@@ -109,7 +134,10 @@ def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | Non
     np.cumsum(power, out=sums[1:])
     widths = [1 << i for i in range(int(math.log2(max(WIDEST_SHARE * m, 1))) + 1)]
     best = _at_the_ends(sums, false_alarm / 2)
-    false_alarm /= 2
+    folded = _at_nyquist(sums, false_alarm / 4)
+    if folded is not None and (best is None or folded[0] > best[0]):
+        best = folded
+    false_alarm /= 4
     for width in widths:
         flank, guard = max(FLANK, 2 * width), width
         first, last = flank + guard, m - flank - guard - width
@@ -141,6 +169,61 @@ def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | Non
 def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
     """Return gain, begin, end and surrounding level of the likeliest line that is too near to an end."""
     m = len(sums) - 1
+    at, width = _end_tries(m)
+    if not len(at):
+        return None
+    least = LEAST_LEVEL * sums[-1] / m
+    one_sided = at >= m - FLANK - 2 * width
+    half = np.where(one_sided, FLANK // 2, FLANK)
+    begin = np.maximum(at - width - half, 0)
+    below = np.maximum((sums[at - width] - sums[begin]) / (at - width - begin), least)
+    further = np.where(one_sided, (sums[begin] - sums[np.maximum(begin - half, 0)]) / half, 0.0)
+    rising = np.where(further > 0, below / np.where(further > 0, further, 1.0), 1.0)
+    next_ = np.minimum(at + 2 * width, m)
+    above = np.maximum((sums[np.minimum(next_ + FLANK, m)] - sums[next_]) / FLANK, least)
+    above[one_sided] = 0.0
+    below *= np.maximum(rising, 1.0)
+    level = np.maximum(below, above)
+    ratio = np.maximum((sums[at + width] - sums[at]) / width / level, 1.0)
+    gain = width * (ratio - 1 - np.log(ratio))
+    needed = math.log(len(at) / false_alarm)
+    for i in np.argsort(-gain)[: np.count_nonzero(gain > needed - SURELY_NOT)].tolist():
+        mean, wide = float(ratio[i] * level[i]), int(width[i])
+        # Each flank by itself: a short one is low by luck more often.
+        flanks = [(float(below[i]), int(at[i] - width[i] - begin[i])), (float(above[i]), FLANK)]
+        log_p = max(f_log_tail(mean / one, 2 * wide, 2 * many) for one, many in flanks if one > 0)
+        if log_p < -needed:
+            return float(gain[i]), int(at[i]), int(at[i]) + wide, float(level[i])
+    return None
+
+
+def _at_nyquist(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
+    """Return the same of the likeliest hump that ends at Nyquist's frequency, as mains does at 100 Hz.
+
+    Noise that rises up to there changes by less over so few ordinates.
+    """
+    m, best = len(sums) - 1, None
+    widths = [1 << i for i in range(2, int(math.log2(max(FOLDED_SHARE * m, 1))) + 1)]
+    for width in widths:
+        flank, begin = max(FLANK, 2 * width), m - width
+        end = begin - width
+        if end - flank < FLANK:
+            break
+        level = max(float(sums[end] - sums[end - flank]) / flank, LEAST_LEVEL * sums[-1] / m)
+        further = float(sums[end - flank // 2] - sums[end - flank]) / (flank // 2)
+        ratio = float(sums[m] - sums[begin]) / width / level
+        if ratio < FOLDED_HEIGHT or 2 * level - further > FLAT * further:
+            continue
+        gain = width * (ratio - 1 - math.log(ratio))
+        log_p = f_log_tail(ratio, 2 * width, 2 * flank) + math.log(len(widths))
+        if log_p < math.log(false_alarm) and (best is None or gain > best[0]):
+            best = gain, begin, m, level
+    return best
+
+
+@functools.lru_cache(maxsize=8)
+def _end_tries(m: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return where stretches near the ends of m ordinates begin, and their widths."""
     tries = [
         (at, width)
         for width in END_WIDTHS
@@ -149,35 +232,8 @@ def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, floa
             *range(max(m - FLANK - 2 * width, FLANK + width), m - width + 1),
         )
     ]
-    best = None
-    for at, width in tries:
-        mean = float(sums[at + width] - sums[at]) / width
-        one_sided = at >= m - FLANK - 2 * width
-        half = FLANK // 2 if one_sided else FLANK
-        flanks = [(max(at - width - half, 0), at - width)]
-        if not one_sided:
-            flanks.append((at + 2 * width, at + 2 * width + FLANK))
-        levels = [max(float(sums[b] - sums[a]) / (b - a), LEAST_LEVEL * sums[-1] / m) for a, b in flanks]
-        if one_sided:
-            begin = flanks[0][0]
-            levels = [continued(levels[0], float(sums[begin] - sums[begin - half]) / half)]
-        ratio = mean / max(levels)
-        gain = width * (ratio - 1 - math.log(ratio)) if ratio > 1 else -math.inf
-        if ratio <= 1 or (best is not None and gain <= best[0]):
-            continue
-        # Each of them by itself: a short one is low by luck more often.
-        log_p = max(
-            f_log_tail(mean / level, 2 * width, 2 * (b - a))
-            for (a, b), level in zip(flanks, levels, strict=True)
-        )
-        if log_p + math.log(len(tries)) < math.log(false_alarm):
-            best = gain, at, at + width, max(levels)
-    return best
-
-
-def continued(near: float, far: float) -> float:
-    """Return the level that goes on to rise as it does from far to near."""
-    return near * max(near / far, 1.0) if far > 0 else near
+    at, width = np.array(tries, dtype=np.intp).reshape(-1, 2).T
+    return at, width
 
 
 def _extent(power: Array, start: int, stop: int, level: float) -> tuple[int, int]:

@@ -7,7 +7,7 @@ The same for a recording and for a sensor that is looked at every second; only t
 """
 
 from collections.abc import Callable, Iterable
-from typing import Any, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 import msgspec
 import numpy as np
@@ -20,6 +20,8 @@ from fltea.spectrum.frontier import Frontier, native
 from fltea.spectrum.high_pass import LEAKS_AT_MOST, end_leak
 from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.lines import Peak, find_peaks
+from fltea.spectrum.median_filter import MedianFilter
+from fltea.spectrum.octave_comb import find_octave_comb
 from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.octaves import BandCells, Drift
 from fltea.spectrum.periodogram import FEWEST, Periodogram, binned
@@ -32,6 +34,8 @@ T = TypeVar("T")
 FALSE_PEAK = 0.01
 """Probability to find one where there is none, at `LEVEL`; the bins of octaves do not show lines so well that
 less would leave those of real sensors."""
+FALSE_COMB = 1e-3
+"""The same probability for a comb."""
 FALSE_CHANGE = 1e-3
 """The same probability for a change during the record."""
 LEAKS = 3.0
@@ -114,6 +118,8 @@ def examine(
     cells: Iterable[BandCells] = (),
     drift: Drift | None = None,
     peaks: tuple[Peak, ...] | None = None,
+    before: Periodogram | None = None,
+    median: MedianFilter | None = None,
     level: float = LEVEL,
     looks: Looks | None = None,
     from_hz: float = 0.0,
@@ -124,8 +130,9 @@ def examine(
     whole: all ordinates that the user left in, which are those above from_hz and outside the bands (low,
     high) of `notch`, in Hz. duration_s, samples: what they are of. cells: for the test of stationarity;
     none: no test. drift: what was taken out of `whole`. peaks: those found elsewhere, with a finer
-    resolution; None: they are searched for in `whole`. level: of each test. looks: those before, where
-    the searches begin.
+    resolution; None: they are searched for in `whole`. before: the ordinates before a comb among these peaks
+    was taken out; None: it was not. median: the median filter that was seen in the samples. level: of each
+    test. looks: those before, where the searches begin.
 
     Raises:
         ValueError: too few ordinates are left, or there is no power in any.
@@ -134,35 +141,31 @@ def examine(
         raise ValueError("the samples repeat themselves exactly: there is no noise in them")
     looks = looks or Looks()
     ordinates = whole.ordinates
-    if peaks is None:
-        false_alarm = FALSE_PEAK * level / LEVEL
-        find = find_peaks if whole.weight is None else find_octave_peaks
-        peaks = looks.looked("peaks", ordinates, lambda: find(whole, false_alarm))
-        found = tuple(peak.notch_hz for peak in peaks)
-    else:
-        found = around(whole, tuple(peak.notch_hz for peak in peaks))
+    seen = _seen(whole, duration_s, peaks, median, FALSE_PEAK * level / LEVEL, looks)
+    peaks, found, rest = seen.peaks, seen.bands, seen.rest
     slow_hz = drift_hz(duration_s, samples)
     clean_from_hz = max(from_hz, slow_hz)
     above_lines_hz = _above_slow_lines(peaks, clean_from_hz)
     slow_line = above_lines_hz > clean_from_hz
     try:
-        clean, kept = _clean(whole, above_lines_hz, found)
+        clean, kept = _clean(rest, above_lines_hz, found)
         clean_from_hz = above_lines_hz
     except ValueError:
-        clean, kept = _clean(whole, clean_from_hz, found)
+        clean, kept = _clean(rest, clean_from_hz, found)
     peaks, found = peaks[:kept], found[:kept]
     frontier = looks.frontier("clean", clean, samples)
     peaks = _unexplained(peaks, whole, frontier)
     p_clean = p_value(frontier.ratio_white, clean.ordinates)
-    ratio = looks.null_ratio("all", whole)
-    p_all = without = p_value(ratio, ordinates)
-    if peaks:
-        rest = whole.without(from_hz, found)
-        without = p_value(looks.null_ratio("without peaks", rest), rest.ordinates)
+    everything = whole if before is None else before
+    ratio = looks.null_ratio("all", everything)
+    p_all = without = p_value(ratio, everything.ordinates)
+    if peaks or seen.combs:
+        left = rest.without(from_hz, found)
+        without = p_value(looks.null_ratio("without peaks", left), left.ordinates)
 
     def change() -> Change | None:
         # Where a sharp resonance rules, neighbouring blocks are alike: parts of the record differ for that.
-        compared = [one for one in cells if _share_of_peaks(whole, one, found) < LARGEST_SHARE]
+        compared = [one for one in cells if _share_of_peaks(whole, one, seen.of_comb + found) < LARGEST_SHARE]
         return find_change(compared, clean.h, FALSE_CHANGE * level / LEVEL, from_hz, notch)
 
     to_hz = float(clean.lam[-1]) / (2 * np.pi * clean.h)
@@ -173,14 +176,14 @@ def examine(
         p_all=p_all,
         p_without_peaks=without,
         p_clean=p_clean,
-        peaks=peaks,
+        peaks=seen.combs + peaks,
         frontier=frontier,
         reading=read(frontier, clean_from_hz, peaks, apart(level)),
         from_hz=clean_from_hz,
         to_hz=to_hz,
         slow=slow_power(
             slow_hz,
-            None if slow_line else _slow(whole, from_hz, slow_hz, found),
+            None if slow_line else _slow(rest, from_hz, slow_hz, found),
             _highest(frontier),
             whole.h,
             None if slow_line else drift,
@@ -188,14 +191,75 @@ def examine(
         change=looks.looked("change", ordinates, change),
         clean=clean,
         level=level,
+        median=median,
     )
-    band = Band(clean_from_hz, to_hz, notch + found, round(clean.ordinates))
+    band = Band(clean_from_hz, to_hz, notch + seen.of_comb + seen.of_median + found, round(clean.ordinates))
     return Spectral(evidence, ratio, round(ordinates), band)
 
 
 def null_ratio(p: Periodogram) -> float:
     """Return the null test's ratio on some ordinates, which is searched for from all starts."""
     return Looks().null_ratio("", p)
+
+
+class _Seen(NamedTuple):
+    """What stands out of a spectrum, and the bands (low, high) in Hz that are left out for it."""
+
+    combs: tuple[Peak, ...]
+    of_comb: Bands
+    """Only live: of a file a comb was taken out of the samples."""
+    of_median: Bands
+    peaks: tuple[Peak, ...]
+    """All others."""
+    bands: Bands
+    """One for each of these."""
+    rest: Periodogram
+    """The ordinates outside of the bands of the comb and the median filter."""
+
+
+def _seen(
+    whole: Periodogram,
+    duration_s: float,
+    peaks: tuple[Peak, ...] | None,
+    median: MedianFilter | None,
+    false_alarm: float,
+    looks: Looks,
+) -> _Seen:
+    """Return what stands out; arguments as of `examine`."""
+    of_comb: Bands = ()
+    is_fine = peaks is not None
+    if peaks is None:
+        peaks, of_comb = looks.looked("peaks", whole.ordinates, lambda: _peaks(whole, false_alarm))
+    of_median = () if median is None else (median.shaped_hz(whole.h, duration_s),)
+    try:
+        rest = whole.without(0.0, of_comb + of_median) if of_comb or of_median else whole
+    except ValueError:  # too few are left
+        rest, of_comb, of_median = whole, (), ()
+    others = [peak for peak in peaks if peak.repeats is None]
+    if of_median:  # humps up there are of the filter
+        others = [peak for peak in others if peak.kind != "resonance" or peak.frequency_hz < of_median[0][0]]
+    bands = tuple(peak.notch_hz for peak in others)
+    return _Seen(
+        tuple(peak for peak in peaks if peak.repeats is not None),
+        of_comb,
+        of_median,
+        tuple(others),
+        around(whole, bands) if is_fine else bands,
+        rest,
+    )
+
+
+def _peaks(whole: Periodogram, false_alarm: float) -> tuple[tuple[Peak, ...], Bands]:
+    """Return the peaks, a comb first, and the bands that are left out to be rid of the comb."""
+    if whole.weight is None:
+        return find_peaks(whole, false_alarm), ()
+    comb = find_octave_comb(whole, false_alarm * FALSE_COMB / FALSE_PEAK)
+    if comb is None:
+        return find_octave_peaks(whole, false_alarm), ()
+    try:
+        return (comb.peak, *find_octave_peaks(whole.without(0.0, comb.bands), false_alarm)), comb.bands
+    except ValueError:  # too few lines are left between the teeth
+        return (comb.peak,), ()
 
 
 def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: Frontier) -> tuple[Peak, ...]:

@@ -11,7 +11,7 @@ import msgspec
 
 from fltea.noise.parts import Alternating, Quantisation, Rise, Sharpening
 from fltea.records.fit import VerdictKind
-from fltea.spectrum import wording
+from fltea.spectrum import comb_words, median_words, wording
 from fltea.spectrum.evidence import APART, Evidence
 from fltea.spectrum.frontier import BY_CHANCE, Sentence, order_of
 from fltea.spectrum.high_pass import stands_for_shape
@@ -27,14 +27,24 @@ LEAST_RESIDUAL_LEVEL = 0.01
 """The level of the test of residuals, which speaks against a claim and not for one."""
 SHORT_S = 580.0
 """About ten minutes: a claim on less is a claim about what so short a record shows."""
-PEAKS: dict[str, VerdictKind] = {"line": "line", "resonance": "resonance", "peak": "line or resonance"}
+PEAKS: dict[str, VerdictKind] = {
+    "line": "line",
+    "resonance": "resonance",
+    "peak": "line or resonance",
+    "comb": "comb",
+}
 """What a peak is called; live, narrow ones cannot be distinguished."""
 RISING = (Sharpening, Alternating, Quantisation, Rise)
 """An order beside one of these is not in its place."""
 NEXT_EITHER = "Record longer, or use the model without an order."
-NEXT_FILTER = "It is most likely the sensor's own: compare with its settings or its data sheet."
+NEXT_FILTER = (
+    "It is the sensor's own, or of the program that wrote the file (a flight controller, a logger): compare "
+    "with their settings."
+)
 NEXT_HIGH_PASS = "Record without it, as raw samples, to see how the sensor drifts."
-NEXT_PEAK = "Look for the cause: mains, a motor, a loose mount; --notch leaves a band out."
+NEXT_PEAK = (
+    "Look for the cause: mains (its frequency wanders), a motor, a loose mount; --notch leaves a band out."
+)
 
 
 class Rule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -123,6 +133,12 @@ def decide(e: Evidence) -> Verdict:
         -f.bic(best) > e.apart,
         f"{wording.names(best.kinds)}: {-f.bic(best):+.1f}",
     )
+    if e.median is not None and q.ask(
+        "Is there nothing but a median filter, behind which values come again?",
+        not coloured or median_words.explains(e, e.reading),
+        f"{e.median.share:.1%}",
+    ):
+        return q.say("low-pass", *median_words.verdict(e, e.median))
     if not coloured:
         return _white(e, q, wording.null_test(e))
     if _is_but_a_high_pass(e):
@@ -211,7 +227,10 @@ def _without_order(e: Evidence, q: _Questions) -> Verdict:
         return _both(e, q, "fractional or relaxations", said) if q.has_order else _relaxations(e, q, said)
     drifts = found.drifts and found.high_pass is None
     if q.ask(f"Is there a walk, or a corner below {wording.hz(SLOW * e.from_hz)}?", drifts, said):
-        if any(peak.kind != "resonance" and peak.frequency_hz < SLOW * e.from_hz for peak in e.peaks):
+        if any(
+            peak.kind not in ("resonance", "comb") and peak.frequency_hz < SLOW * e.from_hz
+            for peak in e.peaks
+        ):
             return _white(e, q, "What is left at low frequencies is no more than what leaks from a slow line")
         if q.has_order and f.lead > 0:
             return _both(e, q, "fractional or relaxations", said)
@@ -352,12 +371,16 @@ def _white(e: Evidence, q: _Questions, accepted: str) -> Verdict:
             "what the drift is.",
         )
     if e.peaks:
+        first = e.peaks[0]
+        found = f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
+        if first.repeats is not None:
+            others = f" There is also {wording.peaks(e.peaks[1:])}." if e.peaks[1:] else ""
+            found = f"{comb_words.happens(first.repeats, first.power_share)}, in white noise.{others}"
         return q.say(
-            PEAKS[e.peaks[0].kind],
-            f"{wording.capital(wording.peaks(e.peaks))}, in white noise."
-            f"{wording.also_found(e, with_peaks=False)}",
+            PEAKS[first.kind],
+            f"{found}{wording.also_found(e, with_peaks=False)}",
             f"{accepted} apart from that: {wording.UNDEFINED}.",
-            NEXT_PEAK,
+            NEXT_PEAK if first.repeats is None else comb_words.next_step(first.repeats),
         )
     if rejected:
         return q.say(

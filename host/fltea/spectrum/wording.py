@@ -21,6 +21,7 @@ from fltea.noise.parts import (
     Sharpening,
     Walk,
 )
+from fltea.spectrum import comb_words
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.intervals import OrderFit
 from fltea.spectrum.lines import Peak
@@ -62,13 +63,22 @@ def capital(text: str) -> str:
 
 def peaks(found: tuple[Peak, ...]) -> str:
     """Return the strongest few."""
-    parts = [
-        f"a {peak.kind} at {peak_hz(peak.frequency_hz)} ({peak.power_share:.1%} of the power)"
-        for peak in found[:3]
-    ]
+    parts = [_peak(peak) for peak in found[:3]]
     if len(found) > 3:
         parts.append(f"{len(found) - 3} more")
     return listed(parts)
+
+
+def _peak(peak: Peak) -> str:
+    if peak.repeats is not None:
+        return comb_words.what(peak.repeats, peak.power_share)
+    name = f"a {peak.kind} at {peak_hz(peak.frequency_hz)}"
+    if peak.notch_hz[0] == 0.0 and peak.kind == "resonance":
+        name = (
+            "a line whose frequency wanders about a multiple of the sample rate, and is seen below "
+            f"{hz(peak.notch_hz[1])}"
+        )
+    return f"{name} ({peak.power_share:.1%} of the power)"
 
 
 def peak_hz(frequency_hz: float) -> str:
@@ -179,7 +189,9 @@ def drift(e: Evidence) -> str:
     )
 
 
-def also_found(e: Evidence, *, with_peaks: bool = True, with_drift: bool = True) -> str:
+def also_found(
+    e: Evidence, *, with_peaks: bool = True, with_drift: bool = True, with_median: bool = True
+) -> str:
     """Return sentences on all else that was found, whatever the verdict."""
     parts = []
     if e.reading.high_pass is not None:
@@ -188,6 +200,8 @@ def also_found(e: Evidence, *, with_peaks: bool = True, with_drift: bool = True)
         parts.append(f" There is also {peaks(e.peaks)}.")
     if with_drift and e.drifts:
         parts.append(f" There is also {drift(e)}.")
+    if with_median and e.median is not None:
+        parts.append(f" The samples have been through {e.median.words}.")
     return "".join(parts)
 
 

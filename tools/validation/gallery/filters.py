@@ -2,11 +2,13 @@
 
 import cmath
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from fltea.records.arrays import Array
-from scipy.signal import firwin, freqz
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.signal import firwin, freqz, iirnotch
 
 from tools.validation.gallery.parts import Relaxation
 from tools.validation.recursions import Stream
@@ -67,6 +69,39 @@ def windowed_sinc(cut: float, taps: int = 31) -> LowPass:
 def mpu9250(bandwidth_hz: int) -> LowPass:
     """Return the sensor's own, as its delays say; within it runs at 1 kHz, or at 8 kHz with 250 Hz."""
     return LowPass(bandwidth_hz, 1, 8_000.0 if bandwidth_hz == 250 else 1_000.0)
+
+
+class FlightFilter(LowPass):
+    """A flight controller's: a Butterworth of two poles, and a notch of Q = 3 at four times its corner."""
+
+    def coefficients(self, inner_hz: float) -> tuple[list[float], list[float]]:
+        """Return b and a."""
+        b, a = super().coefficients(inner_hz)
+        notch_b, notch_a = iirnotch(4 * self.hz, 3.0, fs=inner_hz)
+        return np.convolve(b, notch_b).tolist(), np.convolve(a, notch_a).tolist()
+
+
+class Median(NamedTuple):
+    """White noise of which each sample is the median of the last few."""
+
+    samples: int
+
+    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
+        windows = sliding_window_view(rng.standard_normal(n + self.samples - 1), self.samples)
+        return np.asarray(np.median(windows, axis=1))
+
+    def spectrum(self, lam: Array, rate_hz: float) -> Array:
+        """See `Part`; from the autocovariance of a long draw, which is 0 from the length of the window on."""
+        found = np.full_like(lam, (covariance := _covariance(self))[0])
+        for lag in range(1, self.samples):
+            found += 2 * covariance[lag] * np.cos(lag * lam)
+        return found
+
+
+@cache
+def _covariance(median: Median) -> list[float]:
+    y = median.draw(1 << 20, 1.0, np.random.default_rng(0))
+    return [float(y[lag:] @ y[: len(y) - lag]) / len(y) for lag in range(median.samples)]
 
 
 class Through(NamedTuple):

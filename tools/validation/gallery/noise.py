@@ -9,6 +9,7 @@ from fltea.records.arrays import Array
 from fltea.records.fit import VerdictKind
 
 from tools.validation.gallery.parts import Arfima, Flicker, Fractional, Part
+from tools.validation.gallery.periodic import Glitches, WanderingLine
 
 Treatment = Callable[[Array, np.random.Generator], Array]
 """Something done to the samples, which are returned."""
@@ -133,7 +134,7 @@ class Noise(NamedTuple):
     """its truth in a line"""
     truth: Truth
     parts: tuple[Part, ...]
-    lines: tuple[Line, ...] = ()
+    lines: tuple[Line | Glitches | WanderingLine, ...] = ()
     drift: Drift | None = None
     treatment: Treatment | None = None
     changes: bool = False

@@ -4,9 +4,11 @@ from typing import Any
 
 from tools.validation.gallery.filters import (
     MPU9250_DLPF,
+    FlightFilter,
     Held,
     Jittered,
     LowPass,
+    Median,
     Through,
     moving_average,
     mpu9250,
@@ -43,6 +45,7 @@ from tools.validation.gallery.parts import (
     White,
     ladder,
 )
+from tools.validation.gallery.periodic import Glitches, WanderingLine
 
 W = White()
 RAMP = Drift(3.0)
@@ -266,8 +269,27 @@ RISING = (
     Noise("notch", "white through a notch of Q = 5 at 0.25 of the rate", "notch", (Notched(0.25, 5.0),)),
 )
 
+FROM_PRACTICE = (
+    _white("comb, 1 s", "a sample of 5 σ each second", lines=(Glitches(1.0, 5.0),)),
+    _white(
+        "comb, .37 s",
+        "two samples of 4 σ each 0.371 s, up to a sample early or late",
+        lines=(Glitches(0.37123, 4.0, 2, 1),),
+    ),
+    _white(
+        "wandering hum",
+        "a sine of 3 σ about 50 Hz, whose frequency wanders by 0.1 Hz in 5 s",
+        lines=(WanderingLine(50.0, 3.0, 0.1, 5.0),),
+    ),
+    _filtered("flight controller", "white through two poles at 20 Hz and a notch", FlightFilter(20.0, 2)),
+    Noise("median of 5", "white through the median of 5 samples", "held", (Median(5),)),
+)
+
 NOISES = {
     one.name: one
-    for one in (*WHITE, *RELAXATIONS, *ORDERS, *SLOW, *LOW_PASSES, *HIGH_PASSES, *PEAKS, *ODD, *RISING)
+    for one in (
+        *(*WHITE, *RELAXATIONS, *ORDERS, *SLOW, *LOW_PASSES, *HIGH_PASSES),
+        *(*PEAKS, *ODD, *RISING, *FROM_PRACTICE),
+    )
 }
 """All, by name."""

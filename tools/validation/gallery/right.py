@@ -16,8 +16,9 @@ from fltea.records.fit import VerdictKind
 from tools.validation.gallery import contrast
 from tools.validation.gallery.contrast import Bins
 from tools.validation.gallery.filters import Through
-from tools.validation.gallery.noise import Noise
+from tools.validation.gallery.noise import Line, Noise
 from tools.validation.gallery.parts import Differenced, Notched, Resonance, White
+from tools.validation.gallery.periodic import right_periodic
 
 SAME = 6.0
 """In expected 2 log L, below which two spectra are the same for everybody."""
@@ -267,6 +268,11 @@ def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
     notes.accepted.clear()
     surely = False
     for line in noise.lines:
+        if not isinstance(line, Line):
+            right, accepted = right_periodic(line, rate_hz, n)
+            notes.right |= right
+            notes.accepted |= accepted
+            return
         at_hz = line.folded(rate_hz)
         density = float(noise.spectrum(np.array([2 * np.pi * at_hz / rate_hz]), rate_hz)[0])
         over = line.amplitude**2 * n / 4 / density

@@ -12,6 +12,7 @@ HEADS: dict[VerdictKind, str] = {
     "line": "Line in white noise",
     "resonance": "Resonance",
     "line or resonance": "Line or narrow resonance",
+    "comb": "Something happens at equal intervals",
     "low-pass": "White noise through a low-pass",
     "high-pass": "White noise through a high-pass",
     "notch": "White noise through a notch",

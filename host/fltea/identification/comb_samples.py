@@ -1,0 +1,157 @@
+"""The samples of a comb: what happens in each period, and the record without it (pure).
+
+The record is folded at the period: the mean at each phase is what repeats itself. If that is a short glitch,
+its samples say nothing of the noise and are drawn anew as lost ones are (`gaps`), so that it does not matter
+whether all glitches are alike. If it fills much of the period, it is a wave: its harmonics are taken off.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.identification.gaps import LONGEST_BRIDGE, Stretch, redrawn
+from fltea.records.arrays import Array, Mask
+from fltea.spectrum.comb import FEWEST_PERIODS, Comb
+
+MOST_OF_A_PERIOD = 0.25
+"""The longest glitch; what takes a larger share of the period is a wave."""
+STANDS_OUT = 4.0
+"""Standard errors from which on the mean at a phase is of the glitch."""
+MARGIN = 1
+"""Phases on each side of a glitch that are left out with it: it may begin between two samples."""
+LEAST_SIGN, NEARLY_ALL = 3.3, 0.85
+"""Standard deviations by which more than half of the periods must have what all of them have on the average;
+with few periods this share of those by which all of them would."""
+SEEN = 12.0
+"""Power over that of noise from which on a harmonic belongs to a wave; noise has it once in 160,000."""
+
+
+class WithoutComb(NamedTuple):
+    """A record whose comb was taken out."""
+
+    stretches: list[Stretch]
+    shape: Literal["glitch", "wave"]
+    share: float
+    """The comb's share of all power."""
+    samples: int
+    """Length of the glitch; 0 for a wave."""
+    size: float
+    """The largest deviation over the standard deviation of the noise."""
+
+
+class _Folded(NamedTuple):
+    """What repeats itself in a stretch."""
+
+    phase: NDArray[np.intp]
+    """The phase of each sample (n,), a whole number below that of the phases."""
+    period: NDArray[np.intp]
+    """The number of the period of each sample (n,)."""
+    values: Array
+    """The samples (n,) over the usual level of their period."""
+    profile: Array
+    """The mean of these at each phase, (phases,)."""
+    spread: float
+    """The standard deviation of the samples about the profile."""
+
+
+def without_comb(stretches: Sequence[Stretch], comb: Comb) -> WithoutComb | None:
+    """Return the stretches without what repeats itself.
+
+    None: what repeats itself on the average happens in a few periods only.
+    """
+    longest = max(range(len(stretches)), key=lambda i: len(stretches[i].y))
+    y, found = stretches[longest].y, _folded(stretches[longest].y, comb.period)
+    core = _glitch(found)
+    if not _in_most_periods(found, np.ones(len(found.profile), dtype=bool) if core is None else core):
+        return None
+    size = float(np.abs(found.profile).max()) / max(found.spread, 1e-300)
+    if core is None:
+        parts = [_without_wave(one, comb.period, found) for one in stretches]
+        share = 1 - float(parts[longest].y.var()) / float(y.var())
+        return WithoutComb(parts, "wave", max(share, 0.0), 0, size)
+    masks = [np.zeros(len(one.y), dtype=bool) for one in stretches]
+    for i, one in enumerate(stretches):
+        if len(one.y) >= FEWEST_PERIODS * comb.period:
+            own = found if i == longest else _folded(one.y, comb.period)
+            window = core if i == longest else _glitch(own)
+            if window is not None:
+                masks[i] = _widened(window)[own.phase]
+    if _longest_run(masks[longest]) <= LONGEST_BRIDGE:
+        parts = redrawn(stretches, masks)
+    else:
+        parts = [_without_profile(*both, comb.period) for both in zip(stretches, masks, strict=True)]
+    inside = found.values[masks[longest]]
+    excess = float(inside @ inside) - len(inside) * found.spread**2
+    share = min(max(excess / float(found.values @ found.values), 0.0), 1.0)
+    return WithoutComb(parts, "glitch", share, int(core.sum()), size)
+
+
+def _folded(y: Array, period: float) -> _Folded:
+    phases = int(period)
+    turns = np.arange(len(y)) / period
+    number = turns.astype(np.intp)
+    phase = np.minimum(((turns - number) * phases).astype(np.intp), phases - 1)
+    level = np.bincount(number, y) / np.maximum(np.bincount(number), 1)
+    values = y - level[number]
+    profile = np.bincount(phase, values, phases) / np.maximum(np.bincount(phase, minlength=phases), 1)
+    usual = float(np.median(profile))
+    values -= usual
+    profile -= usual
+    return _Folded(phase, number, values, profile, _scale(values - profile[phase]))
+
+
+def _scale(values: Array) -> float:
+    return 1.4826 * float(np.median(np.abs(values)))
+
+
+def _glitch(found: _Folded) -> Mask | None:
+    """Return the phases (phases,) of a short glitch; None if what repeats itself is a wave."""
+    error = max(_scale(found.profile), found.spread / math.sqrt(len(found.values) / len(found.profile)))
+    core = np.abs(found.profile) > STANDS_OUT * error
+    if not core.any() or _widened(core).mean() > MOST_OF_A_PERIOD:
+        return None
+    return core
+
+
+def _widened(core: Mask) -> Mask:
+    return np.asarray(np.any([np.roll(core, by) for by in range(-MARGIN, MARGIN + 1)], axis=0))
+
+
+def _in_most_periods(found: _Folded, window: Mask) -> bool:
+    """Return whether most periods have what repeats itself, each compared with the mean of the others."""
+    periods = int(found.period[-1])  # the last one is not whole
+    inside = window[found.phase]
+    values = np.where(inside, found.values, 0.0)
+    alike = np.bincount(found.period, values * (found.profile[found.phase] - values / max(periods, 1)))
+    positive = int((alike[:periods] > 0).sum())
+    root = math.sqrt(periods)
+    return positive - periods / 2 > min(LEAST_SIGN, NEARLY_ALL * root) * root / 2
+
+
+def _longest_run(mask: Mask) -> int:
+    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
+    return int((edges[:, 1] - edges[:, 0]).max(initial=0))
+
+
+def _without_profile(one: Stretch, mask: Mask, period: float) -> Stretch:
+    """Return a stretch without the mean of each phase at the samples of `mask`."""
+    if not mask.any():
+        return one
+    own = _folded(one.y, period)
+    return one._replace(y=one.y - np.where(mask, own.profile[own.phase], 0.0))
+
+
+def _without_wave(one: Stretch, period: float, found: _Folded) -> Stretch:
+    """Return a stretch without the harmonics that a wave has in the longest one."""
+    amplitudes = np.fft.rfft(found.profile)
+    noise = found.spread**2 * len(found.profile) ** 2 / len(found.values)
+    orders = np.flatnonzero(np.abs(amplitudes[1:]) ** 2 > SEEN * noise) + 1
+    y, mean = one.y.copy(), float(one.y.mean())
+    turn = 2 * np.pi / period * np.arange(len(y))
+    for order in orders.tolist():
+        wave = np.exp(1j * order * turn)
+        y -= 2 * np.real(np.vdot(wave, one.y - mean) / len(y) * wave)
+    return one._replace(y=y)

@@ -1,0 +1,69 @@
+"""Peaks and combs at the full resolution of a record, which only a file has (pure)."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from fltea.identification.comb_samples import WithoutComb, without_comb
+from fltea.identification.gaps import Stretch
+from fltea.records.arrays import Array
+from fltea.spectrum.comb import Comb, find_comb
+from fltea.spectrum.lines import Peak, Repeats, find_peaks
+from fltea.spectrum.periodogram import Periodogram, periodogram
+
+CHUNK, MOST_DEVIATIONS = 128, 12.0
+"""The same numbers as in firmware/core/engine/gate.hpp."""
+Bands = tuple[tuple[float, float], ...]
+
+
+def fine_peaks(
+    p: Periodogram, stretches: Sequence[Stretch], from_hz: float, notch: Bands
+) -> tuple[tuple[Peak, ...], Sequence[Stretch] | None]:
+    """Return the peaks of p, and the stretches without a comb if there is one; else None.
+
+    p: periodogram of the longest of the stretches, above from_hz and outside of the bands (low, high) of
+    `notch`, in Hz.
+    """
+    comb = find_comb(p)
+    peaks: tuple[Peak, ...] = ()
+    if comb is None:
+        peaks = find_peaks(p)
+        lines_hz = tuple(peak.frequency_hz for peak in peaks if peak.kind == "line")
+        comb = find_comb(p, lines_hz) if lines_hz else None
+    if comb is None:
+        return peaks, None
+    found = without_comb(stretches, comb)
+    if found is None:
+        return peaks or find_peaks(p), None
+    rest = max((one.y for one in found.stretches), key=len)
+    others = find_peaks(periodogram(limited(rest), p.h, from_hz=from_hz, notch=notch))
+    return (_peak(comb, found, p), *others), found.stretches
+
+
+def _peak(comb: Comb, found: WithoutComb, p: Periodogram) -> Peak:
+    hz, width = 1 / (comb.period * p.h), 1 / (p.n * p.h)
+    return Peak(
+        kind="comb",
+        frequency_hz=hz,
+        width_hz=width,
+        power_share=found.share,
+        height=comb.height,
+        notch_hz=(hz - width, hz + width),
+        repeats=Repeats(comb.period * p.h, comb.teeth, found.shape, found.samples * p.h or None, found.size),
+    )
+
+
+def limited(y: Array) -> Array:
+    """Take the outliers off y (n,): samples far from the mean of their chunk are moved nearer, as live.
+
+    A few large samples that stand close together have a spectrum of their own.
+    """
+    chunks = len(y) // CHUNK
+    if not chunks:
+        return y
+    whole = y[: chunks * CHUNK].reshape(chunks, CHUNK)
+    mean = whole.mean(axis=1, keepdims=True)
+    most = MOST_DEVIATIONS * math.sqrt(float(np.median(whole.var(axis=1))))
+    inside = np.clip(whole, mean - most, mean + most).ravel() if most > 0 else whole.ravel()
+    return np.concatenate([inside, y[chunks * CHUNK :]])

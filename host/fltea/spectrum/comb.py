@@ -1,0 +1,248 @@
+"""A comb in a periodogram: lines at all multiples of one frequency, with a known rate of false alarms (pure).
+
+Something that happens again and again at equal intervals, such as a glitch each second, has its power in
+many lines, each too weak to be seen. They are found together. Candidates for the period are the lags at
+which the autocorrelation of the whitened record is highest, and those at which the strongest single lines
+are all multiples of one frequency. Each candidate is judged by the ordinates at its multiples, the teeth:
+over the mean of m neighbours an ordinate of noise has the ratio r with the probability (1 + r/m)^-m, so that
+the sum of m log(1 + r/m) over H teeth has a gamma distribution of shape H. Single strong lines count for
+little, since each term is limited. The rate of false alarms is shared out among all fundamental frequencies
+that could have been found (Bonferroni).
+"""
+
+import functools
+import math
+from collections.abc import Sequence
+from statistics import NormalDist
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.records.arrays import Array
+from fltea.spectrum.periodogram import Periodogram, bin_starts
+
+FALSE_ALARM = 1e-3
+"""Probability to find a comb in noise without one."""
+FEWEST_TEETH = 5
+"""A comb has more lines than mains hum with its second and third harmonic."""
+FEWEST_PERIODS = 8
+"""Periods in the record: the teeth are so many ordinates apart, between which noise can be seen."""
+SHORTEST_PERIOD = 2 * FEWEST_TEETH
+"""In samples, of which half a sample rate has `FEWEST_TEETH` multiples."""
+LOOKED_AT = 0.01
+"""The probability to look at a candidate in noise without a comb."""
+LEAST_LIMIT, LIMIT_SHARE = 10.0, 0.25
+"""The largest ratio of an ordinate to its surroundings that counts for candidates: at least the first, and
+the second times the root of the number of ordinates, for then one line is a quarter of a deviation."""
+LEVEL_BINS = 5
+"""Bins on each side whose median is the level of a bin; few of them can hold a tooth."""
+TOGETHER = 4
+"""Ordinates that are added up first, which leaves two thirds of the autocorrelation at the longest lag."""
+WIDTHS = (1, 3, 5)
+"""Lags that are averaged: a period need not be a whole number of samples, and may have some jitter."""
+GUARD = 2
+"""Ordinates on each side of a tooth into which it leaks."""
+WIDEST_FLANK = 24
+"""Ordinates on each side beyond these, to which a tooth is compared."""
+MOST_A_TOOTH = 8.0
+"""The largest term of a tooth, which noise exceeds once in 3,000 ordinates."""
+CLEAR = 4.0
+"""The term from which on a tooth is seen by itself; `FEWEST_TEETH` of them are a comb."""
+FIRST_SHARE = 0.6
+"""Share of the highest autocorrelation that the first multiple of the period surely has."""
+NEAR = 2.0
+"""Samples by which the period may differ from a candidate."""
+MOST_DIVISOR = 6
+"""The period may be the candidate over a whole number up to this."""
+NEARLY = 0.8
+"""Share of the most evidence that the true period has, if a multiple of it has the most."""
+AT_ONCE = 1 << 18
+"""Teeth that are looked up at a time."""
+PREFIXES = (5, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
+"""Numbers of teeth, from the first on, that are tried: a smooth wave has only a few."""
+
+
+class Comb(NamedTuple):
+    """A comb: what happens again and again at equal intervals."""
+
+    period: float
+    """In samples."""
+    teeth: int
+    """Multiples of its frequency that are in the band up to the highest that belongs to it."""
+    height: float
+    """The mean ratio of these teeth to what is around them."""
+
+
+class _Ordinates:
+    """All ordinates of a record, with sums by which the mean of any stretch is known."""
+
+    def __init__(self, p: Periodogram) -> None:
+        place = np.rint(p.lam * (p.n / (2 * np.pi))).astype(np.intp)
+        self.n, self.count = p.n, (p.n - 1) // 2
+        self.power = np.zeros(self.count + 1)
+        self.power[place] = p.power
+        there = np.zeros(self.count + 2)
+        there[place + 1] = 1.0
+        self.sums = np.concatenate([[0.0], np.cumsum(self.power)])
+        self.seen = np.cumsum(there)
+        self.first = int(place[0])
+
+    def terms(self, fundamental: Array, teeth: int) -> Array:
+        """Return what each tooth says (f, teeth) for fundamental frequencies (f,) in ordinates.
+
+        A tooth that is not in use, or has too few neighbours, says nothing: 0.
+        """
+        at = np.rint(np.outer(fundamental, np.arange(1, teeth + 1))).astype(np.intp)
+        flank = max(2, min(WIDEST_FLANK, int(fundamental.min() / 2) - GUARD))
+        inside = at <= self.count - GUARD - 1
+        np.minimum(at, self.count, out=at)
+        low, high = np.maximum(at - GUARD - flank, 0), np.minimum(at + GUARD + 1 + flank, self.count + 1)
+        left, right = np.maximum(at - GUARD, 0), np.minimum(at + GUARD + 1, self.count + 1)
+        total = self.sums[left] - self.sums[low] + self.sums[high] - self.sums[right]
+        many = self.seen[left] - self.seen[low] + self.seen[high] - self.seen[right]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = many * np.log1p(self.power[at] / total)
+        found[~(inside & (many >= 4) & (total > 0))] = 0.0
+        return np.asarray(found)
+
+    def heights(self, fundamental: float, teeth: int) -> Array:
+        """Return the ratios of the teeth to what is around them, (teeth,)."""
+        e = self.terms(np.array([fundamental]), teeth)[0]
+        many = 2 * max(2, min(WIDEST_FLANK, int(fundamental / 2) - GUARD))
+        return np.asarray(many * np.expm1(e / many))
+
+
+def find_comb(
+    p: Periodogram, lines_hz: Sequence[float] = (), false_alarm: float = FALSE_ALARM
+) -> Comb | None:
+    """Return the comb of one series, or None without any.
+
+    lines_hz: the frequencies of lines that were found, which may belong to one.
+    """
+    candidates = _lags(p) if not lines_hz else _periods_of(lines_hz, p)
+    if not candidates:
+        return None
+    ordinates = _Ordinates(p)
+    longest = p.n / FEWEST_PERIODS
+    tried = 2 * ordinates.count * math.log(longest / SHORTEST_PERIOD) * len(PREFIXES)
+    needed = math.log(max(tried, 1.0) / false_alarm)
+    found = [
+        judged
+        for lag in candidates
+        for divisor in range(1, MOST_DIVISOR + 1)
+        if SHORTEST_PERIOD <= lag / divisor <= longest
+        if (judged := _judged(ordinates, lag / divisor, NEAR / divisor)) is not None
+    ]
+    best = max((evidence for evidence, _, _ in found), default=0.0)
+    if best < needed:
+        return None
+    # What returns after a second returns after two; half of its period has half of its teeth and evidence.
+    _, fundamental, teeth = max(
+        (one for one in found if one[0] >= max(NEARLY * best, needed)), key=lambda one: one[1]
+    )
+    return Comb(p.n / fundamental, teeth, float(ordinates.heights(fundamental, teeth).mean()))
+
+
+def _lags(p: Periodogram) -> tuple[float, ...]:
+    """Return the lag, in samples, at which the whitened record is most like itself, if it is at all."""
+    longest = p.n // FEWEST_PERIODS
+    if longest <= SHORTEST_PERIOD + max(WIDTHS):
+        return ()
+    ratio = p.power / _level(p)
+    np.minimum(ratio, max(LEAST_LIMIT, LIMIT_SHARE * math.sqrt(len(ratio))), out=ratio)
+    ratio -= ratio.mean()
+    first, last = np.rint(p.lam[[0, -1]] * (p.n / (2 * np.pi))).astype(np.intp).tolist()
+    # No longer lags than those of means of a few ordinates are asked for.
+    size = -(-p.n // TOGETHER)
+    whole = np.zeros((size // 2 + 1) * TOGETHER)
+    if last - first + 1 == len(ratio):
+        whole[first + TOGETHER // 2 : last + 1 + TOGETHER // 2] = ratio
+    else:
+        whole[np.rint(p.lam * (p.n / (2 * np.pi))).astype(np.intp) + TOGETHER // 2] = ratio
+    means = whole.reshape(-1, TOGETHER).sum(axis=1)
+    scale = math.sqrt(2 * float(ratio @ ratio)) / size
+    likeness = np.fft.irfft(means, size)[SHORTEST_PERIOD - 1 : longest + 2]
+    found = []
+    for width in WIDTHS:
+        values = np.convolve(likeness, np.ones(width), "valid") if width > 1 else likeness
+        top = int(values.argmax())
+        if values[top] > _stands_out(len(values)) * scale * math.sqrt(width):
+            # The record is as much like itself at all multiples of the period: the first counts.
+            first = int((values > FIRST_SHARE * values[top]).argmax())
+            first += int(values[first : first + width].argmax())
+            at = SHORTEST_PERIOD - 1 + width // 2
+            found += [float(at + first), float(at + top)]
+    return tuple(dict.fromkeys(found))
+
+
+@functools.cache
+def _stands_out(lags: int) -> float:
+    """Return the deviate that one of so many lags of noise exceeds with the probability LOOKED_AT."""
+    return NormalDist().inv_cdf(1 - LOOKED_AT / (len(WIDTHS) * lags))
+
+
+def _level(p: Periodogram) -> Array:
+    """Return what is around each ordinate (m,), without what stands out."""
+    starts = bin_starts(p.lam, p.n)
+    count = np.diff(np.append(starts, len(p.lam)))
+    means = np.add.reduceat(p.power, starts) / count
+    padded = np.pad(means, LEVEL_BINS, mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * LEVEL_BINS + 1)
+    level = np.partition(around, LEVEL_BINS, axis=1)[:, LEVEL_BINS]
+    return np.repeat(np.maximum(level, 1e-12 * means.mean()), count)
+
+
+def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
+    """Return periods, in samples, of which most of the lines are multiples."""
+    if len(lines_hz) < FEWEST_TEETH:
+        return ()
+    lines = np.array(lines_hz) * (p.n * p.h)
+    found: list[tuple[int, float]] = []
+    for line in lines.tolist():
+        for order in range(1, 2 * FEWEST_TEETH + 1):
+            fundamental = line / order
+            if fundamental < FEWEST_PERIODS:
+                break
+            number = np.rint(lines / fundamental)
+            # An ordinate is the resolution, and the error of the fundamental grows with the multiple.
+            off = np.abs(lines - number * fundamental) <= 0.6 * (1 + number / order)
+            found.append((int((off & (number > 0)).sum()), fundamental))
+    most = max((count for count, _ in found), default=0)
+    if most < FEWEST_TEETH:
+        return ()
+    fundamentals = [fundamental for count, fundamental in found if count == most]
+    return (p.n / max(fundamentals),)
+
+
+def _judged(ordinates: _Ordinates, period: float, within: float) -> tuple[float, float, int] | None:
+    """Return evidence, fundamental frequency in ordinates and teeth of the best period near to one.
+
+    period, within: in samples; the evidence is minus the logarithm of a bound of the probability.
+    """
+    n = ordinates.n
+    most = int((ordinates.count - GUARD - 1) / (n / period))
+    if most < FEWEST_TEETH:
+        return None
+    low, high = n / (period + within), n / max(period - within, SHORTEST_PERIOD / 2)
+    teeth = min(most, PREFIXES[-1])
+    grid = np.arange(low, high, 1 / (2 * teeth))
+    prefixes = np.array([h for h in PREFIXES if h < teeth] + [teeth])
+    best: tuple[float, float, int] | None = None
+    rows = max(1, AT_ONCE // teeth)
+    for begin in range(0, len(grid), rows):
+        some = grid[begin : begin + rows]
+        terms = ordinates.terms(some, teeth)
+        clear = np.cumsum(terms > CLEAR, axis=1)[:, prefixes - 1]
+        sums = np.cumsum(np.minimum(terms, MOST_A_TOOTH), axis=1)[:, prefixes - 1]
+        evidence = np.where(clear >= FEWEST_TEETH, _evidence(sums, prefixes), 0.0)
+        i, k = np.unravel_index(int(evidence.argmax()), evidence.shape)
+        if evidence[i, k] > (best[0] if best is not None else 0.0):
+            best = float(evidence[i, k]), float(some[i]), int(prefixes[k])
+    return best
+
+
+def _evidence(sums: Array, teeth: NDArray[np.intp]) -> Array:
+    """Return minus the logarithm of Chernoff's bound of a gamma variable of shape `teeth` above sums."""
+    above = np.maximum(sums / teeth, 1.0)
+    return np.asarray(teeth * (above - 1 - np.log(above)))

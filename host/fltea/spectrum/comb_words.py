@@ -1,0 +1,43 @@
+"""What is said of something that happens at equal intervals (pure)."""
+
+from fltea.spectrum.lines import Repeats
+
+MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
+SAME_FREQUENCY = 3e-3
+"""The relative difference up to which a frequency is that of mains, which itself is kept within 0.4 %."""
+NEXT = (
+    "Look for what runs with that period: a logger that writes its buffer, a GPS pulse, a heater, a radio. "
+    "No figure of the noise has it in it."
+)
+NEXT_MAINS = (
+    "That is the period of mains hum with its harmonics: look for a power supply, a transformer or a lamp. "
+    "No figure of the noise has it in it."
+)
+
+
+def happens(found: Repeats, share: float) -> str:
+    """Return the beginning of a sentence on what happens and how often; share: of all power."""
+    return f"Something happens every {every(found.period_s)}: {_looks(found, share)}"
+
+
+def what(found: Repeats, share: float) -> str:
+    """Return the same as a part of a sentence."""
+    return f"something that happens every {every(found.period_s)} ({_looks(found, share)})"
+
+
+def _looks(found: Repeats, share: float) -> str:
+    part = f"{share:.1%} of the power in {found.harmonics} multiples of {1 / found.period_s:.3g} Hz"
+    if found.shape == "glitch" and found.duration_s is not None:
+        return f"a glitch of {every(found.duration_s)} and {found.deviations:.2g} σ on the average, {part}"
+    return f"a wave, {part}" if found.shape == "wave" else part
+
+
+def every(seconds: float) -> str:
+    """Return a period with three digits, in the unit that a person would choose."""
+    return f"{seconds:#.3g} s".replace(". s", " s") if seconds >= 0.1 else f"{seconds * 1e3:.3g} ms"
+
+
+def next_step(found: Repeats) -> str:
+    """Return what to do about it."""
+    mains = any(abs(found.period_s * hz - 1) < SAME_FREQUENCY for hz in MAINS_HZ)
+    return NEXT_MAINS if mains else NEXT

@@ -1,0 +1,116 @@
+"""Whether samples have been through a median filter, which no other part of the grammar describes (pure).
+
+The median of the last w samples is one of them, and often the same as that of the samples before, or as one
+of up to w - 1 values ago with others in between. White noise through a linear filter never does that, if its
+numbers are not rounded; and if they are, a difference of 0 is about as frequent as one of a step, since the
+differences have a smooth distribution.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fltea.records.arrays import Array
+
+GLIMPSE, LEAST_SHARE = 8192, 0.01
+"""Samples that are looked at first, and the share of them that is the same as the one before, at least."""
+MOST = 1 << 17
+"""Samples that are looked at, at most."""
+LONGEST = 31
+"""The longest window that is looked for."""
+SURE = 6.0
+"""Standard deviations of the number of repeated values over what rounding explains."""
+ROUNDED, ROUNDED_BETWEEN = 1.5, 1.25
+"""The largest ratio of differences of 0 to those of one step on either side, if a distribution is smooth; and
+with another value in between, which a difference of 0 makes less likely."""
+FINE = 1.5
+"""Steps that half of all differences have at least: coarser numbers are the same for no other reason."""
+ONE_VALUE = 0.5
+"""Share of the repeated values that have the commonest one in a dead band, or where a value is stuck."""
+REPLACES = 0.2
+"""Share of values that are the same as the one before, below which only outliers were replaced."""
+
+SHAPED, ENOUGH = 0.1, 128
+"""The frequency times the length of the window, up to which the power behind the filter falls by a twentieth,
+and the ordinates below that are fitted, if the record is long enough for so many."""
+
+
+class MedianFilter(NamedTuple):
+    """A median filter."""
+
+    samples: int
+    """The length of its window, about."""
+    share: float
+    """The samples that are the same as the one before beyond what rounding explains, over all."""
+
+    @property
+    def replaces_outliers(self) -> bool:
+        """Whether only some samples were replaced by medians, as Hampel's filter does it."""
+        return self.share < REPLACES
+
+    def shaped_hz(self, h: float, duration_s: float) -> tuple[float, float]:
+        """Return the band (low, high) in which the spectrum is of the filter; h: sampling period in s."""
+        return max(SHAPED / (self.samples * h), ENOUGH / duration_s), 1 / h
+
+    @property
+    def words(self) -> str:
+        """What the filter is, as a part of a sentence."""
+        if self.replaces_outliers:
+            return f"a filter that replaces outliers by the median of about {self.samples} samples (Hampel's)"
+        return f"a median filter of about {self.samples} samples"
+
+
+def find_median_filter(y: Array) -> MedianFilter | None:
+    """Return the median filter that y (n,) has been through, if it has."""
+    y = np.asarray(y, dtype=np.float64)
+    some = y[:GLIMPSE]
+    if len(some) < 2 * LONGEST or np.count_nonzero(some[1:] == some[:-1]) < LEAST_SHARE * len(some):
+        return None
+    quantum = _smallest(np.abs(np.diff(some)))
+    if not (_excess(some, 1, quantum)[1] or _excess(some, 2, quantum)[1]) or _of_one_value(some):
+        return None
+    values = y[:MOST]
+    quantum = _smallest(np.abs(np.diff(values)))
+    if not _returns(values, quantum):
+        return None
+    excess = [_excess(values, lag, quantum) for lag in range(1, LONGEST)]
+    # Up to the length of the window values are repeated at all lags.
+    longest = 0
+    while longest < len(excess) and (excess[longest][1] or longest == 0):
+        longest += 1
+    return MedianFilter((longest + 1) | 1, excess[0][0])
+
+
+def _smallest(apart: Array) -> float:
+    """Return the smallest difference other than 0: the step of numbers that are rounded."""
+    return float(np.min(apart, where=apart > 0, initial=np.inf))
+
+
+def _of_one_value(y: Array) -> bool:
+    repeated = y[1:][y[1:] == y[:-1]]
+    return bool(np.unique(repeated, return_counts=True)[1].max(initial=0) > ONE_VALUE * len(repeated))
+
+
+def _excess(y: Array, lag: int, quantum: float) -> tuple[float, bool]:
+    """Return the share of values that are the same `lag` later beyond rounding, and whether that is sure."""
+    apart = np.abs(y[lag:] - y[:-lag])
+    same = apart == 0
+    others = apart[~same]
+    near = int(np.count_nonzero(others < FINE * quantum))
+    if 2 * near > len(others):
+        return 0.0, False
+    return _over(len(apart) - len(others), ROUNDED * near / 2, len(apart))
+
+
+def _over(same: int, by_rounding: float, count: int) -> tuple[float, bool]:
+    over = same - by_rounding
+    return over / count, over > SURE * max(same + by_rounding, SURE**2) ** 0.5
+
+
+def _returns(y: Array, quantum: float) -> bool:
+    """Return whether values come again with another one in between: held ones never do."""
+    between = y[1:-1] != y[2:]
+    apart = np.abs(y[2:] - y[:-2])[between]
+    same = int(np.count_nonzero(apart == 0))
+    near = int(np.count_nonzero(apart < FINE * quantum)) - same
+    return _over(same, ROUNDED_BETWEEN * near / 2, len(apart))[1]

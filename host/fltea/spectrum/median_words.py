@@ -1,0 +1,33 @@
+"""What is said of noise that has been through a median filter (pure)."""
+
+from fltea.spectrum import wording
+from fltea.spectrum.evidence import Evidence
+from fltea.spectrum.median_filter import MedianFilter
+from fltea.spectrum.reading import Reading, corner_hz
+
+FLAT = 0.1
+"""The frequency times the length of the window, below which a median filter does nearly nothing."""
+NEXT = (
+    "Switch the filter off in the program that wrote the file, or take N for that of the filtered noise: "
+    "what was in front of the filter cannot be known."
+)
+
+
+def explains(e: Evidence, found: Reading) -> bool:
+    """Return whether the filter alone may have made all parts that were found besides white noise."""
+    assert e.median is not None
+    flat_hz = FLAT * e.rate_hz / e.median.samples
+    if e.from_hz > flat_hz:
+        return True  # the record is too short for anything else
+    return not found.drifts and all(corner_hz(part) > flat_hz for part in found.relaxations)
+
+
+def verdict(e: Evidence, median: MedianFilter) -> tuple[str, str, str]:
+    """Return what, why and next."""
+    shaped_hz, _ = median.shaped_hz(1 / e.rate_hz, e.duration_s)
+    return (
+        f"White noise through {median.words}.{wording.also_found(e, with_median=False)}",
+        f"{median.share:.0%} of the values are the same as the one before, as no linear filter makes them: "
+        f"what is faster than {wording.hz(shaped_hz)} is of its shape, and {wording.UNDEFINED}.",
+        NEXT,
+    )

@@ -1,0 +1,197 @@
+"""A comb among the lines of octaves, of which only the lowest teeth are told apart (pure).
+
+Lines of octaves are about as far apart as a constant share of their frequency, so that of a comb the first
+ten to twenty teeth are seen one by one, and above them all run together. The former are found as in `comb`:
+each line gets the normal deviate of its ratio to the level around it, and the sums of these over the
+multiples of a frequency are compared for all frequencies, limited so that a few strong lines are no comb.
+What is above is left out together with the teeth.
+"""
+
+import functools
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fltea.noise.distributions import f_deviate
+from fltea.records.arrays import Array
+from fltea.spectrum.comb import FALSE_ALARM, FEWEST_TEETH, find_comb
+from fltea.spectrum.lines import Peak, Repeats
+from fltea.spectrum.periodogram import LOWEST, Periodogram
+
+FEWEST_LINES = 5.0
+"""Lines from tooth to tooth, of which Hann's window takes up to four."""
+LOBES = 2.75
+"""Lines on each side of a tooth that are left out with it under Hann's window."""
+LEAKS = 0.05
+"""Leaked power over that of noise, down to which the skirts of a tooth are left out without a window."""
+AROUND, ASIDE = 12, 3
+"""Lines on each side whose median is the level of a line, and the distance of two that are not higher than
+an average: a lobe of a filter is no tooth."""
+FEWEST_CLEAR, CLEAR_BY_CHANCE = 5, 0.0062
+"""Clear lines, and the share of all lines that are clear by chance: with fewer than both together no comb is
+looked for, which saves time."""
+CLEAR, MOST = 2.5, 4.0
+"""The deviate from which on a tooth is seen by itself, and the largest that counts."""
+NOTCH, LEAST_WEIGHT, LOBE = 0.4, 16.0, 10
+"""Share of the level that averages over at least so many ordinates hardly ever have, but notches do, and the
+lines on each side among which there is one beside a lobe."""
+NEARLY, SAME = 0.8, 0.02
+"""Share of the most evidence that the lowest fundamental frequency has, and its relative error."""
+MOST_LEFT_OUT = 0.42
+"""Share of the distance to the next tooth, on each side of one."""
+STEP = 1 / 160
+"""The relative step of fundamental frequencies: half a line where they are closest together."""
+MOST_TEETH = 32
+PREFIXES = np.array([5, 8, 12, 20, 32])
+"""Numbers of teeth, from the first on, that are tried."""
+
+
+class OctaveComb(NamedTuple):
+    """A comb, and the bands (low, high) in Hz that are left out to be rid of it."""
+
+    peak: Peak
+    bands: tuple[tuple[float, float], ...]
+
+
+def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> OctaveComb | None:
+    """Return the comb of one series of which `p` are the lines of octaves, or None without any."""
+    weight = np.ones_like(p.lam) if p.weight is None else p.weight
+    if len(p.lam) == p.n // 2 + (p.n % 2) - LOWEST:  # the periodogram of the whole
+        return _of_the_whole(p, false_alarm)
+    if _nothing_stands_out(p.power, weight):
+        return None
+    spread = np.gradient(p.lam)
+    level = _level(p.power, weight)
+    aside = np.pad(p.power, ASIDE, mode="reflect")
+    around = np.maximum(level, np.where(_is_whole(weight), 0.0, aside[: -2 * ASIDE] + aside[2 * ASIDE :]) / 2)
+    deviate = f_deviate(p.power / around, 2 * weight, 2 * weight * AROUND)
+    deviate = np.where(_beside_a_notch(p.power, level, weight), 0.0, np.minimum(deviate, MOST))
+    fundamentals = _fundamentals(float(p.lam[0]), float(p.lam[-1]))
+    order = np.arange(1, MOST_TEETH + 1)
+    teeth = np.outer(fundamentals, order)
+    line = _nearest(p.lam, teeth)
+    # Above the highest frequency at which its teeth are told apart they say nothing.
+    end = _ends(fundamentals, p.lam, spread)
+    seen = teeth < end[:, np.newaxis]
+    terms = np.where(seen, deviate[line], 0.0)
+    many = np.minimum(PREFIXES, np.maximum(seen.sum(axis=1), 1)[:, np.newaxis])
+    clear = np.cumsum(terms > CLEAR, axis=1)[:, PREFIXES - 1] >= FEWEST_TEETH
+    evidence = np.where(clear, np.cumsum(terms, axis=1)[:, PREFIXES - 1] / np.sqrt(many), 0.0)
+    strongest = evidence.max(axis=1)
+    if not strongest.max() ** 2 / 2 > math.log(evidence.size / false_alarm):
+        return None
+    # What has multiples of 1 Hz has those of 2 Hz, and not the other way round.
+    lowest = int((strongest > NEARLY * strongest.max()).argmax())
+    near = fundamentals < fundamentals[lowest] * (1 + SAME)
+    i = int(np.where(near, strongest, 0.0).argmax())
+    used = int(many[i, int(evidence[i].argmax())])
+    fundamental = _refined(p, level, line[i, :used], order[:used])
+    return _described(p, level, weight, fundamental, used, float(end[i]))
+
+
+def _nothing_stands_out(power: Array, weight: Array) -> bool:
+    """Return, in little time, whether too few lines are far above the median of those around them."""
+    blocks = len(power) // (2 * AROUND)
+    parts = power[: blocks * 2 * AROUND].reshape(blocks, 2 * AROUND)
+    level = np.repeat(np.partition(parts, AROUND, axis=1)[:, AROUND], 2 * AROUND)
+    thin = 1 / (9 * weight[: len(level)])
+    # Wilson and Hilferty's deviate of a mean of so many ordinates.
+    least = (1 - thin + CLEAR * np.sqrt(thin)) ** 3 / (1 - thin) ** 3
+    few = FEWEST_CLEAR + CLEAR_BY_CHANCE * len(level)
+    return int(np.count_nonzero(power[: len(level)] > least * level)) < few
+
+
+def _of_the_whole(p: Periodogram, false_alarm: float) -> OctaveComb | None:
+    comb = find_comb(p._replace(weight=None), false_alarm=false_alarm)
+    if comb is None:
+        return None
+    fundamental = 2 * np.pi / comb.period
+    weight = np.ones_like(p.lam)
+    return _described(p, _level(p.power, weight), weight, fundamental, comb.teeth, math.pi)
+
+
+def _ends(fundamentals: Array, lam: Array, spread: Array) -> Array:
+    """Return below which frequency the teeth of each fundamental frequency are told apart; 0: nowhere."""
+    needed = np.maximum.accumulate(spread) * FEWEST_LINES
+    place = np.searchsorted(needed, fundamentals, "right") - 1
+    return np.where(place >= 0, lam[np.maximum(place, 0)] * (1 + 1e-9), 0.0)
+
+
+@functools.lru_cache(maxsize=16)
+def _fundamentals(first: float, last: float) -> Array:
+    """Return frequencies whose first FEWEST_TEETH multiples may be among lines from first to last."""
+    lowest = 2 * first
+    count = int(math.log(last / FEWEST_TEETH / lowest) / STEP)
+    return np.asarray(lowest * np.exp(STEP * np.arange(max(count, 1))))
+
+
+def _level(power: Array, weight: Array) -> Array:
+    """Return the mean around each line (m,), from the median, by which a tooth does not raise it."""
+    padded = np.pad(power, AROUND, mode="reflect")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
+    level = np.partition(around, AROUND, axis=1)[:, AROUND]
+    # Of averages over w ordinates the median is that part of the mean (Wilson and Hilferty).
+    return np.asarray(np.maximum(level / (1 - 1 / (9 * weight)) ** 3, 1e-12 * power.mean()))
+
+
+def _beside_a_notch(power: Array, level: Array, weight: Array) -> NDArray[np.bool_]:
+    """Return which lines (m,) have one near them that is far below the level, as between a filter's lobes."""
+    padded = np.pad(power / level, LOBE, mode="reflect")
+    lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * LOBE + 1).min(axis=1)
+    return np.asarray((lowest < NOTCH) & (weight > LEAST_WEIGHT))
+
+
+def _nearest(lam: Array, at: ArrayLike) -> NDArray[np.intp]:
+    at = np.asarray(at, dtype=np.float64)
+    place = np.searchsorted(lam, at).clip(1, len(lam) - 1)
+    return np.asarray(place - (at - lam[place - 1] < lam[place] - at), dtype=np.intp)
+
+
+def _refined(p: Periodogram, level: Array, line: NDArray[np.intp], order: NDArray[np.intp]) -> float:
+    """Return the fundamental frequency by the centres of the teeth."""
+    near = line[:, np.newaxis] + np.arange(-1, 2)
+    near = near.clip(0, len(p.lam) - 1)
+    above = np.maximum(p.power[near] - level[near], 1e-300 * level[near])
+    centre = (above * p.lam[near]).sum(axis=1) / above.sum(axis=1) / order
+    # The error of a centre is about that of a line, of the fundamental frequency less by its order.
+    precision = (order / np.gradient(p.lam)[line]) ** 2
+    return float((centre * precision).sum() / precision.sum())
+
+
+def _described(
+    p: Periodogram, level: Array, weight: Array, fundamental: float, teeth: int, end: float
+) -> OctaveComb:
+    to_hz, spread = 1 / (2 * math.pi * p.h), np.gradient(p.lam)
+    at = np.arange(1, int(end / fundamental) + 1) * fundamental
+    line = _nearest(p.lam, at)
+    near = (line[:, np.newaxis] + np.arange(-2, 3)).clip(0, len(p.lam) - 1)
+    excess = ((p.power - level)[near] * spread[near]).sum(axis=1)
+    height = np.maximum((p.power / level)[near].max(axis=1), 1.0)
+    # Ordinates of the whole have no window: a tooth falls off as 1 / (π d)².
+    skirts = np.sqrt(height / (2 * LEAKS)) / math.pi
+    reach = np.where(_is_whole(weight[line]), np.maximum(skirts, LOBES), LOBES) * spread[line]
+    reach = np.minimum(reach, fundamental * MOST_LEFT_OUT)
+    bands = [((a - r) * to_hz, (a + r) * to_hz) for a, r in zip(at.tolist(), reach.tolist(), strict=True)]
+    if end < p.lam[-1]:
+        bands.append((end * to_hz, 1 / p.h))
+    # As if the teeth that run together were like those that are told apart.
+    share = float(excess.mean()) * (math.pi / fundamental) / float(p.power @ spread)
+    return OctaveComb(
+        Peak(
+            kind="comb",
+            frequency_hz=fundamental * to_hz,
+            width_hz=float(spread[line[0]]) * to_hz,
+            power_share=min(max(share, 0.0), 1.0),
+            height=float(height[:teeth].mean()),
+            notch_hz=bands[0],
+            repeats=Repeats(2 * math.pi * p.h / fundamental, teeth),
+        ),
+        tuple(bands),
+    )
+
+
+def _is_whole(weight: Array) -> NDArray[np.bool_]:
+    """Return whether lines are ordinates of the record, and no averages over blocks."""
+    return np.asarray(weight == np.rint(weight))

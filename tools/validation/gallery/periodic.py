@@ -1,0 +1,97 @@
+"""What is added to a noise again and again: glitches at equal intervals, and hum whose frequency wanders."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from fltea.records.arrays import Array
+from fltea.records.fit import VerdictKind
+from scipy.signal import lfilter
+
+FEWEST_SAMPLES, FEWEST_PERIODS, SURELY_ALIKE = 10, 10, 8.0
+"""Samples in a period, periods in a record, and deviations by which it is like itself a period later, of a
+comb that has to be found."""
+FAR, FEW_ORDINATES, MANY_ORDINATES = 5.0, 10.0, 100.0
+"""Distance from frequency 0 over the spread, and ordinates in it, of a line that wanders."""
+
+
+class Glitches(NamedTuple):
+    """The same few samples disturbed in each period, which need not be a whole number of samples.
+
+    late: each of them up to that many samples early or late.
+    """
+
+    period_s: float
+    size: float
+    samples: int = 1
+    late: int = 0
+
+    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
+        """Return n samples, of any phase."""
+        period = self.period_s * rate_hz
+        at = np.floor(np.arange(rng.uniform(0, period), n, period)).astype(int)
+        at += rng.integers(-self.late, self.late + 1, len(at))
+        y = np.zeros(n)
+        for i in range(self.samples):
+            y[at[(at + i >= 0) & (at + i < n)] + i] += self.size
+        return y
+
+
+class WanderingLine(NamedTuple):
+    """A sine whose frequency is a Gauss-Markov process about `hz`, of this spread and correlation time."""
+
+    hz: float
+    amplitude: float
+    spread_hz: float
+    tau_s: float
+
+    def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
+        """Return n samples, of any phase."""
+        pole = math.exp(-1 / (rate_hz * self.tau_s))
+        steps = self.spread_hz * math.sqrt(1 - pole**2) * rng.standard_normal(n)
+        start = [pole * self.spread_hz * rng.standard_normal()]
+        frequency, _ = lfilter([1.0], [1.0, -pole], steps, zi=start)
+        phase = 2 * math.pi * (rng.uniform() + np.cumsum(self.hz + frequency) / rate_hz)
+        return np.asarray(self.amplitude * np.sin(phase))
+
+
+Said = tuple[set[VerdictKind], dict[VerdictKind, str]]
+"""Verdicts that are right, and those that are accepted, with the reason."""
+
+
+def right_periodic(one: Glitches | WanderingLine, rate_hz: float, n: int) -> Said:
+    """Return the right verdicts on `one` in white noise of variance 1, and the accepted ones."""
+    return _glitches(one, rate_hz, n) if isinstance(one, Glitches) else _wandering(one, rate_hz, n)
+
+
+def _glitches(one: Glitches, rate_hz: float, n: int) -> Said:
+    period = one.period_s * rate_hz
+    if period < FEWEST_SAMPLES:
+        why = f"{period:.3g} samples in a period: a line or a few"
+        kinds: list[VerdictKind] = ["line or resonance", "white", "undecided", "resonance"]
+        if 2 * one.late + one.samples >= period:
+            kinds += ["low-pass", "anti-persistent"]
+            why = "late by as much as a period: noise of its own"
+        return {"comb", "line"}, dict.fromkeys(kinds, why)
+    share = one.samples * one.size**2 / (period + one.samples * one.size**2)
+    alike = share * math.sqrt(n / (one.late * 2 + 1 + (period % 1 > 0)))
+    if n / period > FEWEST_PERIODS and alike > SURELY_ALIKE:
+        return {"comb"}, {}
+    why = f"{n / period:.3g} periods, the record is like itself by {alike:.2g} standard deviations"
+    return {"comb"}, {"line": why, "line or resonance": why, "white": why, "undecided": why}
+
+
+def _wandering(one: WanderingLine, rate_hz: float, n: int) -> Said:
+    wide = one.spread_hz * n / rate_hz
+    away = one.hz % rate_hz
+    if min(away, rate_hz - away) > FAR * one.spread_hz:
+        if wide > FEW_ORDINATES:
+            return {"resonance"}, {}
+        why = f"the line is {wide:.2g} ordinates wide"
+        return {"resonance"}, {"line": why, "line or resonance": why}
+    if wide > MANY_ORDINATES:
+        return {"resonance"}, {}
+    why = f"about frequency 0 the line is {wide:.2g} ordinates wide: relaxations look the same"
+    alike: list[VerdictKind] = ["low-pass", "drift", "relaxations", "fractional or relaxations"]
+    alike += ["white", "undecided"]
+    return {"resonance"}, dict.fromkeys(alike, why)
