@@ -246,6 +246,15 @@ def test_wandering_hum_is_no_filter(rate_hz: float) -> None:
     assert ("wanders about a multiple" in found.verdict.what) == (rate_hz <= 50)
 
 
+@pytest.mark.parametrize("slowness", [0.03, 0.1, 1.0])
+def test_a_walk_is_no_line(slowness: float) -> None:
+    """Its few slow waves have a flat distribution, too."""
+    for seed in range(6):
+        walk = slowness * np.cumsum(white(20_000, 1, seed + 50)[0])
+        found = look(white(20_000, 1, seed)[0] + walk, H)
+        assert "wanders about" not in found.verdict.text
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_behind_a_slow_low_pass_is_no_line(seed: int) -> None:
     y = 10 * lfilter(*butter(2, 0.02), white(20_000, 1, seed)[0]) + 0.3 * white(20_000, 1, seed + 50)[0]

@@ -26,7 +26,8 @@ AVERAGED = 6
 """Averages in a period of these."""
 PARTS = 16
 """Parts of the record, whose spread gives the error of the ratio of moments."""
-FEWEST_PERIODS = 40
+FEWEST_PERIODS = 100
+"""Periods of the fastest oscillations in the record: a walk has its power in fewer."""
 BETWEEN, SURE = (1.2, 2.3), 5.0
 """Where the ratio of moments is, and the standard errors by which it is below that of noise: two values
 between which noise jumps have a ratio of 1."""
@@ -67,8 +68,8 @@ def _moments(y: Array, averaged: int) -> tuple[float, float]:
     """Return the fourth moment of means over the squared second one, and its standard error."""
     count = len(y) // averaged
     means = y[: count * averaged].reshape(count, averaged).mean(axis=1)
-    means = means - means.mean()
-    parts = np.array_split(means, PARTS)
+    # What is slower than a part is drift, which is of few values.
+    parts = [one - one.mean() for one in np.array_split(means, PARTS)]
     second = np.array([np.mean(one**2) for one in parts])
     fourth = np.array([np.mean(one**4) for one in parts])
     left_out = np.array(
