@@ -32,6 +32,9 @@ def test_nothing_is_said_of_a_walk(report: AxisReport) -> None:
     assert report.walk is not None
     assert report.walk.said == "taken out"
     assert report.walk.at_most is None
+    assert report.allan is not None
+    assert report.allan.K.at_most is None
+    assert "nothing is known of K" in report.allan.K.reason
     found = axis_noise(report)
     assert found.K.value is None
     assert "the sensor may well have one" in found.K.remark

@@ -91,6 +91,8 @@ def said_of_K(walk: OffsetWalkFound, unit: str) -> str:
     if walk.K.value is not None:
         low, high = (f"{(end or 0.0) * scale.factor:.3g}" for end in (walk.K.low, walk.K.high))
         return f"The offset walks: K is {walk.K.value * scale.factor:.3g} ({low}…{high}) {scale.unit}."
+    if walk.said == "taken out":
+        return "A high-pass has taken the walk of the sensor's bias out: nothing is known of K."
     if walk.at_most is None:
         return "Whether the offset walks cannot be told, and K has no bound."
     return f"If the offset walks, K is at most {walk.at_most * scale.factor:.3g} {scale.unit} (95 %)."
