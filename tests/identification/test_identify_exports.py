@@ -164,7 +164,8 @@ def assert_one_result(found: AxisReport) -> None:
     if r.level.K.value is not None and not slope_of(found.tracked.system).any():
         assert noise.K.value == r.level.K.value
     if r.level.N.value is not None and not {"resonance", "alternating"} & set(named):
-        assert r.level.N.value**2 / H == pytest.approx(named["white"].R)
+        level = sum(named[kind].R for kind in ("white", "floor") if kind in named)
+        assert r.level.N.value**2 / H == pytest.approx(level)
     if not r.verdict.has_order:
         assert {value.value for value in (r.order.alpha, r.order.f, r.order.F, r.order.R)} == {None}
     elif r.order.alpha.value is not None:
