@@ -213,6 +213,9 @@ NO_MEDIAN: dict[str, Callable[[Array], Array]] = {
     "slow, rounded": lambda y: np.rint(lfilter([1.0], [1.0, -0.99], y) / 0.3),
     "held": lambda y: np.repeat(y, 2)[: len(y)],
     "each tenth held": lambda y: np.where(np.arange(len(y)) % 10 == 9, np.roll(y, 1), y),
+    "rounded, moved by two offsets": lambda y: (
+        np.rint(3 * y) + np.where(np.arange(len(y)) % 400 < 200, 0.0, 0.3)
+    ),
     "dead band": lambda y: np.where(np.abs(y) < 1.5, 0.0, y),
     "mean of 5": lambda y: np.convolve(y, np.ones(5) / 5, "valid"),
 }

@@ -78,6 +78,8 @@ def find_median_filter(y: Array) -> MedianFilter | None:
     longest = 0
     while longest < len(excess) and (excess[longest][1] or longest == 0):
         longest += 1
+    if longest == len(excess):
+        return None  # values that were rounded and moved since, by two offsets, are the same at any distance
     return MedianFilter((longest + 1) | 1, excess[0][0])
 
 
