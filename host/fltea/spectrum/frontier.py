@@ -99,13 +99,14 @@ class Fits:
 
     raw: of the sentences. elsewhere: fits of the reported order that belong to its interval, near or far;
     None: not looked for yet. ends: how the fit at an end of a coordinate's interval differs from the
-    best, by codes, place and side.
+    best, by codes, place and side. relaxing: fits with one more relaxation, by their codes.
     """
 
     def __init__(self, raw: list[Raw], last: "Fits | None" = None) -> None:
         self.raw = raw
         self.elsewhere: list[list[float]] | None = None if last is None else last.elsewhere
         self.ends: dict[tuple[tuple[int, ...], int, int], list[float]] = {} if last is None else last.ends
+        self.relaxing: dict[tuple[int, ...], list[float]] = {} if last is None else last.relaxing
 
 
 class Frontier:

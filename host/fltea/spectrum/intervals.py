@@ -21,30 +21,19 @@ import numpy as np
 
 from fltea.noise.parts import (
     CODES,
-    FILTERS,
     Arfima,
-    LowPass,
-    Mean,
     Order,
-    Part,
-    Quantisation,
-    Relaxation,
-    Resonance,
-    Rise,
     Walk,
-    White,
     free_of,
     g_of_eta,
     kind_of,
     part_of,
-    spectrum_of,
 )
 from fltea.noise.spectra import f_of
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
 from fltea.spectrum.frontier import AT_A_LIMIT, LEAK_OF_CUBIC, Frontier, Sentence, leaking
-from fltea.spectrum.reading import NO_WHITE
 
 CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
@@ -64,9 +53,6 @@ WIDEST_ORDER = 0.9
 """Width of the interval from which on an order is undefined."""
 NOTHING = 1e-4
 """Information about a coordinate that is as good as none."""
-HARDLY_KNOWN = 2.0
-"""Half the width of the interval of a density's logarithm, from which on it is not known."""
-SLOW_PARTS = (Relaxation, Walk, Order, Arfima)
 BY_F, BY_PARAMETER = len(CODES), len(CODES) + 1
 """Numbers of the order by other coordinates: F and log -g, α and log -f, in place of α and logit(-g /
 2^α)."""
@@ -137,7 +123,7 @@ def estimated(f: Frontier, sentence: Sentence) -> tuple[Estimated, ...]:
                 values[name] = Interval(value, value, value)
                 continue
             low, high = (
-                _end(f, sentence, at + k, side, *_limits(f, code, k, sentence.eta[at + k], side))
+                interval_end(f, sentence, at + k, side, *_limits(f, code, k, sentence.eta[at + k], side))
                 for side in (-1, 1)
             )
             ends = [
@@ -162,8 +148,8 @@ def order_fit(f: Frontier, sentence: Sentence) -> OrderFit:
     if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:  # it stands for what is beyond
         return OrderFit()
     alpha = _interval(f, sentence, at, "alpha", s2_at, (0.0, 1.0 if arfima else HIGHEST_ORDER), 0.03)
-    s2 = _interval(f, sentence, s2_at, "s2", s2_at, _around(f, here[s2_at])).exp()
-    R = _interval(f, sentence, 0, "R", -1, _around(f, here[0])).exp()
+    s2 = _interval(f, sentence, s2_at, "s2", s2_at, around(f, here[s2_at])).exp()
+    R = _interval(f, sentence, 0, "R", -1, around(f, here[0])).exp()
     if arfima:
         return OrderFit(_if_known(alpha), s2=Interval(*s2), R=Interval(*R), arfima=True)
     g = g_of_eta(here[at : at + 2])
@@ -189,59 +175,17 @@ def order_fit(f: Frontier, sentence: Sentence) -> OrderFit:
     return OrderFit(order, parameter, Interval(*F), Interval(*s2), Interval(*R))
 
 
-def angle_walk(f: Frontier, sentence: Sentence) -> Interval:
-    """Return N, per root second: by what the angle walks at random, with its interval by the curvature.
-
-    It is of the density at low frequencies of all that is neither slow nor an order: white noise, and
-    whatever stands beside it there. All is null where that is as good as nothing beside a fast relaxation,
-    which may have taken the white noise in.
-    """
-    words = list(sentence.words())
-    # Beside a filter a hump is of the filter's shape, and its foot is of the pass band.
-    filtered = any(_is(code, LowPass, Mean) for code, _ in words)
-    others = (*SLOW_PARTS, *FILTERS, Quantisation, Rise) + (() if filtered else (Resonance,))
-    fast = [(code, at) for code, at in words if not _is(code, *others)]
-    relaxing = [(code, at) for code, at in words if _is(code, White, Relaxation)]
-    places = [at + k for code, at in fast for k in range(free_of(code))]
-    total, rows = _slopes(f, [code for code, _ in fast], [sentence.eta[i] for i in places])
-    value = float(total[0])
-    if value < NO_WHITE * _density(f, sentence.eta, relaxing, math.pi):
-        return Interval()
-    slope = np.zeros(len(sentence.eta))
-    slope[places] = rows[:, 0]
-    whole = rows if len(fast) == len(words) else _slopes(f, sentence.codes, sentence.eta)[1]
-    information = (whole * f.data.counts) @ whole.T + 1e-9 * np.eye(len(slope))
-    deviation = NORMAL_95 * math.sqrt(max(float(slope @ np.linalg.solve(information, slope)), 0.0))
-    if not deviation < HARDLY_KNOWN:
-        return Interval()
-    low, here, high = (math.sqrt(value * f.h) * math.exp(one / 2) for one in (-deviation, 0.0, deviation))
-    return Interval(here, low, high)
-
-
 def information_of(f: Frontier, sentence: Sentence) -> Array:
     """Return Fisher's information of a sentence's coordinates, (p, p)."""
-    _, rows = _slopes(f, sentence.codes, sentence.eta)
+    _, rows = slopes(f, sentence.codes, sentence.eta)
     return np.asarray((rows * f.data.counts) @ rows.T)
 
 
-def _slopes(f: Frontier, codes: Sequence[int], eta: Sequence[float]) -> tuple[Array, Array]:
+def slopes(f: Frontier, codes: Sequence[int], eta: Sequence[float]) -> tuple[Array, Array]:
     """Return a spectrum (bins,) and the slopes of its logarithm by the coordinates, (p, bins)."""
     total, rows = np.empty(len(f.data.lam)), np.empty((len(eta), len(f.data.lam)))
     f.native.slopes(list(codes), list(eta), total, rows)
     return total, rows
-
-
-def _is(code: int, *kinds: type[Part]) -> bool:
-    return kind_of(code) in kinds
-
-
-def _density(
-    f: Frontier, eta: Sequence[float] | Array, words: Sequence[tuple[int, int]], lam: float
-) -> float:
-    """Return the density of some parts at one frequency."""
-    codes = [code for code, _ in words]
-    those = [float(eta[at + k]) for code, at in words for k in range(free_of(code))]
-    return float(spectrum_of(codes, those, np.array([lam]), f.h)[0])
 
 
 def order_deviation(f: Frontier, sentence: Sentence) -> float | None:
@@ -271,7 +215,8 @@ def _interval(
     """Return coordinate i with its interval; an end beyond the limits is the limit."""
     bound = (AT_BOUND[name], s2_at) if name in AT_BOUND else NO_BOUND
     ends = [
-        _end(f, sentence, i, side, limit, step, bound) for side, limit in zip((-1, 1), limits, strict=True)
+        interval_end(f, sentence, i, side, limit, step, bound)
+        for side, limit in zip((-1, 1), limits, strict=True)
     ]
     low, high = (limit if end is None else end for end, limit in zip(ends, limits, strict=True))
     return Ends(sentence.eta[i], low, high)
@@ -305,11 +250,11 @@ def _limits(f: Frontier, code: int, k: int, here: float, side: int) -> tuple[flo
         ]
         return ends[side > 0], 0.03
     if name == "R":
-        return _around(f, here)[side > 0], 0.1
+        return around(f, here)[side > 0], 0.1
     return here + side * LEAST, 0.1
 
 
-def _end(
+def interval_end(
     f: Frontier,
     sentence: Sentence,
     i: int,
@@ -344,7 +289,7 @@ def _wider(f: Frontier, sentence: Sentence, at: int, value: float, end: float | 
     """Return an end of K: what leaks of a walk hangs on one step, and is the same at all frequencies."""
     if end is None:
         return None
-    own = _slopes(f, sentence.codes, sentence.eta)[1][at] ** 2 * f.data.counts
+    own = slopes(f, sentence.codes, sentence.eta)[1][at] ** 2 * f.data.counts
     leaks = leaking(f.data.lam, f.samples)
     share = float(own[leaks].sum() / own.sum())
     # χ² of one degree has √2 for standard deviation; K goes with the root of the variance.
@@ -360,7 +305,7 @@ def _other(sentence: Sentence, at: int, code: int, two: list[float]) -> Sentence
     return sentence._replace(codes=tuple(codes), eta=tuple(eta))
 
 
-def _around(f: Frontier, here: float) -> tuple[float, float]:
+def around(f: Frontier, here: float) -> tuple[float, float]:
     """Return where the search for a variance's ends stops; one that is as good as 0 may be of any size."""
     return here - LEAST, max(here, f.white.eta[0]) + LEAST
 

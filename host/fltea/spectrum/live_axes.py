@@ -15,10 +15,10 @@ from fltea.records.arrays import Array
 from fltea.records.fit import AxisFit, FitHighPass, FitLowPass, FitSpectrum, Interval, Until
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.allan_curve import fit_allan
+from fltea.spectrum.angle_walk import angle_walk
 from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
 from fltea.spectrum.frontier import Sentence
 from fltea.spectrum.how_long import seconds_more
-from fltea.spectrum.intervals import angle_walk
 from fltea.spectrum.octaves import BandCells, Counts, Octaves
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram, binned
 from fltea.spectrum.spectral import Looks, Spectral, examine

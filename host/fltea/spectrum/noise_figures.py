@@ -15,9 +15,10 @@ import numpy as np
 from fltea.noise.parts import AnyPart, Relaxation
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval, Level
+from fltea.spectrum.angle_walk import angle_walk
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.frontier import Frontier, Sentence
-from fltea.spectrum.intervals import Estimated, angle_walk, estimated
+from fltea.spectrum.intervals import Estimated, estimated
 from fltea.spectrum.reading import corner_hz
 from fltea.spectrum.verdict import Verdict, winner
 from fltea.spectrum.wording import names

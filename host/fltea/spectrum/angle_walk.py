@@ -1,0 +1,160 @@
+"""N of a model with its 95 % interval, which holds what the data cannot exclude (pure).
+
+The model that stands for the noise may lack a part that is too weak to be found. Most parts do little to N. A
+relaxation whose corner is near the sample rate is different: it looks much like white noise, so that the
+white noise takes it in, and N comes out too large by many standard deviations. So other models are tried
+beside the one that stands: the best model with an order or the best without one, the same parts and one more
+relaxation, and relaxations in place of filters and rises. The interval reaches over those of all models that
+describe the data as well.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from fltea.noise.distributions import NORMAL_95
+from fltea.noise.parts import (
+    CODES,
+    FILTERS,
+    Alternating,
+    Arfima,
+    Floor,
+    LowPass,
+    Mean,
+    Order,
+    Part,
+    Quantisation,
+    Relaxation,
+    Resonance,
+    Rise,
+    Walk,
+    White,
+    free_of,
+    kind_of,
+    spectrum_of,
+)
+from fltea.records.fit import Interval
+from fltea.spectrum.evidence import APART
+from fltea.spectrum.frontier import BY_CHANCE, Frontier, Sentence
+from fltea.spectrum.intervals import around, interval_end, slopes
+from fltea.spectrum.reading import NO_WHITE
+
+HARDLY_KNOWN = 2.0
+"""Half the width of the interval of a density's logarithm, from which on it is not known."""
+SLOW_PARTS = (Relaxation, Walk, Order, Arfima)
+SHAPES = (*FILTERS, Floor, Alternating, Quantisation, Rise, Resonance)
+"""Parts that shape the high frequencies, where a relaxation may stand in their place."""
+SEEN = 2.706
+"""2 log L by which a model with one more relaxation has to be better, to count: 95 % of the law of a variance
+that cannot be below 0, which is half 0 and half χ² with one degree (Self & Liang, *JASA* 82, 1987)."""
+FAST = (0.15, 0.3), (0.6, 0.4), (1.8, 0.5)
+"""Where the search for one more relaxation begins: its rate in rad a sample, and its density at low
+frequencies over that of the white noise."""
+
+
+def angle_walk(f: Frontier, sentence: Sentence) -> Interval:
+    """Return N, per root second: by what the angle walks at random, with its interval.
+
+    N is of the density at low frequencies of all that is neither slow nor an order: white noise, and whatever
+    stands beside it there. All is null where that is as good as nothing beside a fast relaxation, which may
+    have taken the white noise in. The value is that of `sentence`, which stands for the noise.
+    """
+    found = _of_one(f, sentence)
+    if found.value is None or found.low is None or found.high is None:
+        return found
+    low, high = found.low, found.high
+    for other in _as_good(f, sentence):
+        from_, to = _profile(f, other)
+        low, high = min(low, from_), max(high, to)
+    return Interval(found.value, low, high)
+
+
+def _of_one(f: Frontier, sentence: Sentence) -> Interval:
+    """Return N with its interval if the sentence is right."""
+    words = list(sentence.words())
+    # Beside a filter a hump is of the filter's shape, and its foot is of the pass band.
+    filtered = any(_is(code, LowPass, Mean) for code, _ in words)
+    others = (*SLOW_PARTS, *FILTERS, Quantisation, Rise) + (() if filtered else (Resonance,))
+    fast = [(code, at) for code, at in words if not _is(code, *others)]
+    relaxing = [(code, at) for code, at in words if _is(code, White, Relaxation)]
+    places = [at + k for code, at in fast for k in range(free_of(code))]
+    total, rows = slopes(f, [code for code, _ in fast], [sentence.eta[i] for i in places])
+    value = float(total[0])
+    codes = [code for code, _ in relaxing]
+    those = [sentence.eta[at + k] for code, at in relaxing for k in range(free_of(code))]
+    if value < NO_WHITE * float(spectrum_of(codes, those, np.array([math.pi]), f.h)[0]):
+        return Interval()
+    slope = np.zeros(len(sentence.eta))
+    slope[places] = rows[:, 0]
+    whole = rows if len(fast) == len(words) else slopes(f, sentence.codes, sentence.eta)[1]
+    information = (whole * f.data.counts) @ whole.T + 1e-9 * np.eye(len(slope))
+    deviation = NORMAL_95 * math.sqrt(max(float(slope @ np.linalg.solve(information, slope)), 0.0))
+    if not deviation < HARDLY_KNOWN:
+        return Interval()
+    here = _walk_of(math.log(value), f.h)
+    if len(fast) == 1 < len(words):
+        # Of white noise alone it is the interval of its R, which is lopsided where other parts hide it.
+        return Interval(here, *_profile(f, sentence))
+    return Interval(here, *(_walk_of(math.log(value) + one, f.h) for one in (-deviation, deviation)))
+
+
+def _as_good(f: Frontier, sentence: Sentence) -> Iterator[Sentence]:
+    """Yield the other sentences that describe the data as well as this one."""
+    if sentence is not f.plain and _stands_beside(f.plain, sentence):
+        yield f.plain
+    if sentence is f.plain and f.ordered is not None and _stands_beside(f.ordered, sentence):
+        assert f.order is not None
+        yield f.order
+    more = _with_relaxation(f, sentence, ())
+    if 2 * (sentence.nll - more.nll) > SEEN:
+        yield more
+    if any(kind in SHAPES for kind in sentence.kinds):
+        instead = _with_relaxation(f, sentence, SHAPES)
+        if 2 * (instead.nll - sentence.nll) < APART:
+            yield instead
+
+
+def _stands_beside(other: Sentence, sentence: Sentence) -> bool:
+    """Return whether its 2 log L is near, at the price of what chance gains with a parameter."""
+    dearer = BY_CHANCE * (other.parameters - sentence.parameters)
+    return 2 * (other.nll - sentence.nll) + dearer < APART
+
+
+def _with_relaxation(f: Frontier, sentence: Sentence, left_out: tuple[type[Part], ...]) -> Sentence:
+    """Return the best fit with a further, fast relaxation and without the kinds `left_out`.
+
+    It begins where the last one of the same parts was found.
+    """
+    kept = [(code, at) for code, at in sentence.words() if not _is(code, *left_out)]
+    codes = [*(code for code, _ in kept), CODES.index(Relaxation)]
+    rest = [sentence.eta[at + k] for code, at in kept for k in range(free_of(code))]
+    last = f.fits.relaxing.get(tuple(codes))
+    starts = [_start(rest, *one) for one in FAST] if last is None else [last]
+    fitted = (f.native.fit(codes, start, converged=1e-3, steps=40) for start in starts)
+    eta, nll = min(fitted, key=lambda one: one[1])
+    f.fits.relaxing[tuple(codes)] = eta
+    return Sentence(tuple(codes), tuple(eta), nll)
+
+
+def _start(rest: list[float], rate: float, share: float) -> list[float]:
+    """Return coordinates at which a part of the white noise is a relaxation."""
+    variance = rest[0] + math.log(share * math.tanh(rate / 2))
+    return [rest[0] + math.log1p(-share / 2), *rest[1:], variance, math.log(rate)]
+
+
+def _profile(f: Frontier, sentence: Sentence) -> tuple[float, float]:
+    """Return the ends of N of the sentence's white noise by the profile of the likelihood."""
+    limits = around(f, sentence.eta[0])
+    low, high = (
+        interval_end(f, sentence, 0, side, limit, 0.1) for side, limit in zip((-1, 1), limits, strict=True)
+    )
+    return 0.0 if low is None else _walk_of(low, f.h), _walk_of(limits[1] if high is None else high, f.h)
+
+
+def _walk_of(log_density: float, h: float) -> float:
+    return math.sqrt(math.exp(log_density) * h)
+
+
+def _is(code: int, *kinds: type[Part]) -> bool:
+    return kind_of(code) in kinds
