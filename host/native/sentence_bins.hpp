@@ -2,6 +2,7 @@
 // (sentence_kernel.hpp).
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -28,10 +29,12 @@ inline unsigned read_by(Part part) {
         case kOrder:
         case kOrderByF:
         case kOrderByf:
+        case kOrderByQ:
         case kRise:
         case kHighPass:
             return kLogSize;
         case kArfima:
+        case kArfimaByStep:
             return kLogSize | kSquare;
         case kLowPass:
             return kBranch;
@@ -133,6 +136,15 @@ struct Bins {
                 if (read & kBranch) branch.push_back(2 * std::log(std::fabs(2 * kPi * turns + l)));
     }
 };
+
+// The median power of the highest tenth of the bins, or of the lowest.
+inline double end_power(const Bins& bins, bool highest) {
+    const std::size_t size = bins.size(), count = std::min(std::max<std::size_t>(size / 10, 3), size);
+    const auto first = bins.power.begin() + static_cast<std::ptrdiff_t>(highest ? size - count : 0);
+    std::vector<double> some(first, first + static_cast<std::ptrdiff_t>(count));
+    std::sort(some.begin(), some.end());
+    return some[count / 2];
+}
 
 }  // namespace sentence
 }  // namespace fltea

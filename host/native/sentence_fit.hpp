@@ -44,13 +44,17 @@ inline void bounds_of(const Word& word, const Bins& bins, double slowest, double
         case kOrder:
         case kOrderByF:
         case kOrderByf:
+        case kOrderByQ:
             set(0, bins.lowest_order, bins.highest_order);
             set(1, -kLogitEnd, kLogitEnd);
             if (word.part == kOrderByF) set(0, -2.0, kHighestOrder), set(1, -kLogitEnd, 2 * kLn2);
             if (word.part == kOrderByf) set(1, -kLogitEnd, 2 * kLn2 - 2 * std::fmin(bins.log_h, 0.0));
             set(2, least, most);
+            if (word.part == kOrderByQ)
+                set(2, least - 4 * std::fabs(bins.log_h), most + 4 * std::fabs(bins.log_h));
             break;
         case kArfima:
+        case kArfimaByStep:
             set(0, bins.lowest_order, std::fmin(bins.highest_order, 1.0));
             set(1, slow, kNoPole);
             set(2, least, most);

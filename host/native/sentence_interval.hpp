@@ -43,6 +43,8 @@ inline double direction(const Bins& bins, const Words& words, const std::vector<
 
 constexpr double kNear = 3e-3;  // of the distance to an end, to which it is found
 
+constexpr double kLittle = 4;  // log of the power at the highest frequencies over that of little white noise
+
 // A step of a coordinate, no longer than slopes are to be trusted.
 inline double near(double step) { return std::fmin(std::fmax(step, -1.0), 1.0); }
 
@@ -68,7 +70,11 @@ inline double interval_end(const Bins& bins, const Words& words, const std::vect
         for (std::size_t k = 0; k < eta.size(); ++k) eta[k] += near(by[k] * (trial - middle));
     }
     end.clear();
+    // White noise that is as good as none has no slope by its logarithm: a fit would never find that there is
+    // some beside another value of the parameter.
+    const double some_white = std::log(std::fmax(end_power(bins, true), 1e-9 * bins.mean)) - kLittle;
     for (int look = 0; look < 40; ++look) {
+        if (i != 0) eta[0] = std::fmax(eta[0], some_white);
         eta[at] = trial;
         const double found = score(room, words, eta.data(), i, patience);
         double excess = std::isfinite(found) ? 2 * (found - nll) : 1e6;

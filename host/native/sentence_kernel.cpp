@@ -94,7 +94,7 @@ struct Order {
 };
 
 bool order_of(Part part, const Columns& b, const double* eta, Order& o) {
-    if (part == kOrder) {
+    if (part == kOrder || part == kOrderByQ) {
         const double share = share_of(eta[1]), most = exp(kLn2 * eta[0]);
         o = Order{eta[0], -most * share, {{1, 0}, {-most * share * kLn2, -most * share * (1 - share)}}};
     } else if (part == kOrderByF) {
@@ -110,7 +110,8 @@ bool order_of(Part part, const Columns& b, const double* eta, Order& o) {
 bool order(Part which, const Columns& b, const double* eta, double* part, double* const* slope) {
     Order o;
     if (!order_of(which, b, eta, o)) return false;
-    const double s2 = exp(eta[2]), alpha = o.alpha, g = o.g;
+    const double ln_by_alpha = which == kOrderByQ ? 2 * b.log_h : 0.0;
+    const double s2 = exp(eta[2] + ln_by_alpha * o.alpha), alpha = o.alpha, g = o.g;
     each(b.size, [=](auto one, std::size_t i) {
         typedef decltype(one) T;
         const T ln_size = from<T>(b.ln_size + i), quarter = from<T>(b.quarter + i);
@@ -120,7 +121,8 @@ bool order(Part which, const Columns& b, const double* eta, double* part, double
         const T distance = max(size * size - T(2 * g) * real + T(g * g), T(1e-200));
         const T value = T(s2) / distance;
         const T by_alpha =
-            T(-2.0) * (size * size * ln_size - T(g) * (ln_size * real - quarter * imaginary)) / distance;
+            T(-2.0) * (size * size * ln_size - T(g) * (ln_size * real - quarter * imaginary)) / distance +
+            T(ln_by_alpha);
         const T by_g = T(2.0) * (real - T(g)) / distance;
         to(part + i, value);
         to(slope[0] + i, value * (by_alpha * T(o.by[0][0]) + by_g * T(o.by[1][0])));
@@ -130,9 +132,9 @@ bool order(Part which, const Columns& b, const double* eta, double* part, double
     return true;
 }
 
-void arfima(const Columns& b, const double* eta, double* part, double* const* slope) {
+void arfima(const Columns& b, bool by_step, const double* eta, double* part, double* const* slope) {
     const double rate = exp(eta[1]), phi = exp(-rate), left = -::expm1(-rate);
-    const double level = exp(eta[2]) * left * left;
+    const double level = exp(eta[2]) * (by_step ? 1.0 : left * left), by_left = by_step ? 0.0 : 2 / left;
     each(b.size, [=](auto one, std::size_t i) {
         typedef decltype(one) T;
         const T ln_size = from<T>(b.ln_size + i), square = from<T>(b.square + i);
@@ -140,7 +142,7 @@ void arfima(const Columns& b, const double* eta, double* part, double* const* sl
         const T value = T(level) * exp(T(-2 * eta[0]) * ln_size) / distance;
         to(part + i, value);
         to(slope[0] + i, T(-2.0) * ln_size * value);
-        to(slope[1] + i, value * T(rate) * T(phi) * (T(2 / left) - (T(2 * left) - square) / distance));
+        to(slope[1] + i, value * T(rate) * T(phi) * (T(by_left) - (T(2 * left) - square) / distance));
         to(slope[2] + i, value);
     });
 }
@@ -262,9 +264,11 @@ bool word_at(const Columns& b, Word word, const double* eta, double* part, doubl
         case kOrder:
         case kOrderByF:
         case kOrderByf:
+        case kOrderByQ:
             return order(word.part, b, eta, part, slope);
         case kArfima:
-            arfima(b, eta, part, slope);
+        case kArfimaByStep:
+            arfima(b, word.part == kArfimaByStep, eta, part, slope);
             return true;
         case kResonance:
             resonance(b, eta, part, slope);

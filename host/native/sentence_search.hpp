@@ -166,19 +166,10 @@ class Search {
         if ((low || high) && !s.has(kFloor)) {
             // Rounding behind the filter, without which a steep one fits nothing.
             words.push_back(Word{kFloor, 0});
-            eta.push_back(std::log(std::fmax(end_power(low), 1e-9 * bins_.mean) / 2));
+            eta.push_back(std::log(std::fmax(end_power(bins_, low), 1e-9 * bins_.mean) / 2));
             return taken_away(fitted(words, eta, true), bic_, {kFloor});
         }
         return fitted(words, eta, true);
-    }
-
-    // The median power of the highest tenth of the bins, or of the lowest.
-    double end_power(bool highest) const {
-        const std::size_t size = bins_.size(), count = std::min(std::max<std::size_t>(size / 10, 3), size);
-        const auto first = bins_.power.begin() + static_cast<std::ptrdiff_t>(highest ? size - count : 0);
-        std::vector<double> some(first, first + static_cast<std::ptrdiff_t>(count));
-        std::sort(some.begin(), some.end());
-        return some[count / 2];
     }
 
     Sentence grown(Sentence s, double price, const Allowed& allowed) {

@@ -23,6 +23,13 @@ class Lines(NamedTuple):
     blocks: tuple[int, ...]
 
 
+def _correlated(later: int) -> float:
+    """The sum of the squares of a line's correlations with all lines of a block that begins `later`."""
+    both = np.zeros(256)
+    both[: 256 - later] = WINDOW[later:] * WINDOW[: 256 - later]
+    return float((np.abs(np.fft.fft(both)) ** 2).sum() / (WINDOW**2).sum() ** 2)
+
+
 def lines(stretches: list[Array], made_up: list[Array] | None = None) -> Lines:
     """The spectrum of stretches without a break; made_up: True where a sample was not measured."""
     lam, power, weight, all_blocks, level = [], [], [], [], 0
@@ -39,7 +46,7 @@ def lines(stretches: list[Array], made_up: list[Array] | None = None) -> Lines:
             lam.append(2 * np.pi * bins / 256 / 2**level)
             power.append(found.mean(axis=0) * 2**level / passed(lam[-1], level))
             k = len(blocks)
-            weight.append(np.full(len(bins), k / (1 + 2 / 36 * (1 - 1 / k)) / (1 + 8 / 9 + 2 / 36)))
+            weight.append(np.full(len(bins), k / (_correlated(0) + 2 * _correlated(128) * (1 - 1 / k))))
         all_blocks.append(len(blocks))
         stretches = [np.convolve(x, TAPS, "valid")[::2] for x in stretches if len(x) >= len(TAPS)]
         level += 1

@@ -121,8 +121,8 @@ class FitBins {
         float power[Ladder::kTopLines], blocks = 0, effective = 0;
         spectrum.ladder().sums(level, 0, power, &blocks, &effective);
         if (!(blocks > 0)) return;
-        const float weight =
-            blocks / ((1.0f + 2.0f / 36.0f * (1.0f - 1.0f / blocks)) * (1.0f + 17.0f / 18.0f));
+        // As many lines of Hann's window as count as one, and more where blocks overlap by half.
+        const float weight = blocks / (1.0f + 17.0f / 18.0f + 2.0f / 12.0f * (1.0f - 1.0f / blocks));
         const float scale = two_to(spectrum.exponent(level) + level) / (96.0f * blocks);
         const float step = kTurn / static_cast<float>(kBlock) * two_to(-level);
         for (int i = 0; i < Ladder::lines(level); ++i) {

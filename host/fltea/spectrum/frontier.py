@@ -40,6 +40,9 @@ LEAST_ORDER, MOST_ORDER = 0.15, 0.85
 AT_A_LIMIT = 0.01
 ABOVE_ONE = 1.2, 1.6
 """Orders at which the search for those up to 2 begins, too."""
+WITHOUT_WHITE, NO_WHITE = (0.25, 0.5), 12.0
+"""Orders at which the fit of the reported one begins once more, without white noise: with so much less of it,
+in the logarithm."""
 AHEAD = 6.0
 """In 2 log L, by which ARFIMA has to be ahead of the state."""
 LEAK_OF_CUBIC = 1 / 9
@@ -139,12 +142,25 @@ class Frontier:
         """
         if self.ordered is None:
             return None
-        found = self._unlimited(self.ordered)
+        found = min(self._starts(self._unlimited(self.ordered)), key=lambda one: one.nll)
         if found.place(Order) is None:
             state = self._unlimited(self.null)
             if 2 * (state.nll - found.nll) < AHEAD:
                 return state
         return found
+
+    def _starts(self, found: Sentence) -> Iterator[Sentence]:
+        """Yield the fit of an order, and those that are reached from where it has no white noise, if it has.
+
+        An order in white noise and another one without have the same spectrum, very nearly.
+        """
+        yield found
+        at = found.place(Order)
+        if at is None or self.fits.elsewhere is not None:
+            return
+        for order in WITHOUT_WHITE:
+            eta = [found.eta[0] - NO_WHITE, *found.eta[1:at], order, *found.eta[at + 1 :]]
+            yield self._unlimited(found._replace(eta=tuple(eta)))
 
     def _unlimited(self, one: Sentence) -> Sentence:
         eta, nll = self.native.fit(list(one.codes), list(one.eta))

@@ -47,15 +47,18 @@ the first is held: 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (
 NO_BOUND = CRITICAL, -1
 LEAST = 7.0
 """Below this power of e under its best value a variance is 0."""
+LITTLE = 4.0
+"""Logarithm of the power at the highest frequencies over that of little white noise."""
 SLOWEST = 300.0
 """Correlation times are tried up to so many times the longest that the data can show."""
 WIDEST_ORDER = 0.9
 """Width of the interval from which on an order is undefined."""
 NOTHING = 1e-4
 """Information about a coordinate that is as good as none."""
-BY_F, BY_PARAMETER = len(CODES), len(CODES) + 1
-"""Numbers of the order by other coordinates: F and log -g, α and log -f, in place of α and logit(-g /
-2^α)."""
+BY_F, BY_PARAMETER, BY_NOISE, BY_STEP = range(len(CODES), len(CODES) + 4)
+"""Numbers of parts by other coordinates, to hold what those of `fltea.noise.parts` do not hold. Of the order:
+F and log -g, or α and log -f, in place of α and logit(-g / 2^α); log Q in place of log s2. Of ARFIMA: log s2
+in place of log s2 / (1 - φ)²."""
 HIGHEST_ORDER = 1.999
 LOOKED_AT = np.arange(0.04, 1.3, 0.08)
 """Orders at which a second maximum is looked for."""
@@ -80,6 +83,10 @@ class Ends(NamedTuple):
     def including(self, value: float) -> "Ends":
         """Return the interval that reaches as far as to this value."""
         return Ends(self.value, min(self.low, value), max(self.high, value))
+
+    def with_another(self, other: "Ends") -> "Ends":
+        """Return the interval that reaches as far as both."""
+        return Ends(self.value, min(self.low, other.low), max(self.high, other.high))
 
 
 class Estimated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -116,9 +123,11 @@ def estimated(f: Frontier, sentence: Sentence) -> tuple[Estimated, ...]:
     for code, at in sentence.words():
         free = free_of(code)
         part = part_of(code, sentence.eta[at : at + free], f.h)
-        values = {}
+        values = _of_order(f, sentence, code, at)
         for k, name in enumerate(part.__struct_fields__):
             value = float(getattr(part, name))
+            if name in values:
+                continue
             if k >= free:  # the number of samples of a mean
                 values[name] = Interval(value, value, value)
                 continue
@@ -135,8 +144,51 @@ def estimated(f: Frontier, sentence: Sentence) -> tuple[Estimated, ...]:
             if _falls(ends, value):
                 ends.reverse()
             values[name] = Interval(value, *ends)
-        found.append(Estimated(str(part.__struct_config__.tag), values))
+        in_order = {name: values[name] for name in part.__struct_fields__}
+        found.append(Estimated(str(part.__struct_config__.tag), in_order))
     return tuple(found)
+
+
+def _of_order(f: Frontier, sentence: Sentence, code: int, at: int) -> dict[str, Interval]:
+    """Return the parameters of an order, or of ARFIMA, that are no coordinates or have maxima elsewhere.
+
+    Of any other part it is nothing.
+    """
+    if kind_of(code) not in (Order, Arfima):
+        return {}
+    part, order = part_of(code, sentence.eta[at : at + free_of(code)], f.h), order_fit(f, sentence)
+    if isinstance(part, Arfima):
+        return {"d": _with_value(order.alpha, part.d), "s2": _step(f, sentence, at)}
+    assert isinstance(part, Order)
+    known = {"alpha": _with_value(order.alpha, part.alpha), "f": _with_value(order.f, part.f)}
+    return known | {"Q": _noise(f, sentence, at, part.Q)}
+
+
+def _with_value(found: Interval, value: float) -> Interval:
+    """Return an interval, of which the ends are not known where there is none."""
+    return found if found.value is not None else Interval(value)
+
+
+def _step(f: Frontier, sentence: Sentence, at: int) -> Interval:
+    """Return s2 of ARFIMA."""
+    d, rate, level = sentence.eta[at : at + 3]
+    log_s2 = level + 2 * math.log(-math.expm1(-math.exp(rate)))
+    by_step = _other(sentence, at, BY_STEP, [d, rate, log_s2])
+    return Interval(*_interval(f, by_step, at + 2, "", -1, around(f, log_s2)).exp())
+
+
+def _noise(f: Frontier, sentence: Sentence, at: int, Q: float) -> Interval:
+    """Return Q of an order."""
+    alpha, logit, log_s2 = sentence.eta[at : at + 3]
+    by_noise = _other(sentence, at, BY_NOISE, [alpha, logit, math.log(Q)])
+    # Q and s2 are as tightly tied to white noise that is at its bound.
+    critical = AT_BOUND["s2"] if sentence.eta[0] < log_s2 - LEAST else CRITICAL
+    reach = LEAST + 4 * abs(math.log(f.h))
+    ends = [
+        interval_end(f, by_noise, at + 2, side, math.log(Q) + side * reach, 0.1, critical=critical)
+        for side in (-1, 1)
+    ]
+    return Interval(Q, *(None if one is None else math.exp(one) for one in ends))
 
 
 def order_fit(f: Frontier, sentence: Sentence) -> OrderFit:
@@ -147,32 +199,56 @@ def order_fit(f: Frontier, sentence: Sentence) -> OrderFit:
     s2_at, here = at + 2, list(sentence.eta)
     if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:  # it stands for what is beyond
         return OrderFit()
-    alpha = _interval(f, sentence, at, "alpha", s2_at, (0.0, 1.0 if arfima else HIGHEST_ORDER), 0.03)
-    s2 = _interval(f, sentence, s2_at, "s2", s2_at, around(f, here[s2_at])).exp()
-    R = _interval(f, sentence, 0, "R", -1, around(f, here[0])).exp()
     if arfima:
-        return OrderFit(_if_known(alpha), s2=Interval(*s2), R=Interval(*R), arfima=True)
-    g = g_of_eta(here[at : at + 2])
-    by_F = _other(sentence, at, BY_F, [here[at] + g, math.log(-g)])
-    F = _interval(f, by_F, at, "F", s2_at, (-2.0, HIGHEST_ORDER), 0.03)
-    log_f = math.log(-f_of(here[at], g, f.h))
-    by_f = _other(sentence, at, BY_PARAMETER, [here[at], log_f])
-    highest = 2 * math.log(2) - 2 * min(math.log(f.h), 0.0)
-    minus_f = _interval(f, by_f, at + 1, "f", s2_at, (log_f - LEAST, highest)).exp()
-    found = [alpha, F, minus_f, s2, R]
-    second = _second_maxima(f, sentence, at)
+        alpha = _interval(f, sentence, at, "alpha", s2_at, (0.0, 1.0), 0.03)
+        R = _interval(f, sentence, 0, "R", -1, around(f, here[0])).exp()
+        return OrderFit(_if_known(alpha), s2=_step(f, sentence, at), R=Interval(*R), arfima=True)
+    found = _of_maximum(f, sentence, at)
+    starts = _elsewhere(f, sentence, at)
     f.fits.elsewhere = []
-    for eta in second:
-        g = g_of_eta(eta[at : at + 2])
-        there = eta[at], eta[at] + g, -f_of(eta[at], g, f.h), math.exp(eta[s2_at]), math.exp(eta[0])
-        wider = [one.including(value) for one, value in zip(found, there, strict=True)]
-        if wider != found:
-            f.fits.elsewhere.append(eta)
-        found = wider
+    for eta in starts:
+        if all(one.low <= value <= one.high for one, value in zip(found, _values(f, eta, at), strict=True)):
+            continue
+        f.fits.elsewhere.append(eta)
+        there, _ = f.native.fit(list(sentence.codes), eta)
+        other = sentence._replace(eta=tuple(there))
+        wider = [
+            one.with_another(two) for one, two in zip(found, _of_maximum(f, other, at, False), strict=True)
+        ]
+        found = [one.including(value) for one, value in zip(wider, _values(f, eta, at), strict=True)]
     alpha, F, minus_f, s2, R = found
     order = _if_known(alpha)
     parameter = Interval() if order.value is None else Interval(*minus_f.negative())
     return OrderFit(order, parameter, Interval(*F), Interval(*s2), Interval(*R))
+
+
+def _of_maximum(f: Frontier, sentence: Sentence, at: int, first: bool = True) -> list[Ends]:
+    """Return α, F, -f, s2 and R with what belongs to their intervals around one maximum.
+
+    first: whether it is that of `sentence.nll`. Else it may be lower, and its ends are not kept.
+    """
+    here, s2_at = list(sentence.eta), at + 2
+
+    def interval(one: Sentence, i: int, name: str, limits: tuple[float, float], step: float = 0.1) -> Ends:
+        return _interval(f, one, i, name, s2_at, limits, step, keep=first)
+
+    alpha = interval(sentence, at, "alpha", (0.0, HIGHEST_ORDER), 0.03)
+    s2 = interval(sentence, s2_at, "s2", around(f, here[s2_at])).exp()
+    R = interval(sentence, 0, "R", around(f, here[0])).exp()
+    g = g_of_eta(here[at : at + 2])
+    by_F = _other(sentence, at, BY_F, [here[at] + g, math.log(-g)])
+    F = interval(by_F, at, "F", (-2.0, HIGHEST_ORDER), 0.03)
+    log_f = math.log(-f_of(here[at], g, f.h))
+    by_f = _other(sentence, at, BY_PARAMETER, [here[at], log_f])
+    highest = 2 * math.log(2) - 2 * min(math.log(f.h), 0.0)
+    minus_f = interval(by_f, at + 1, "f", (log_f - LEAST, highest)).exp()
+    return [alpha, F, minus_f, s2, R]
+
+
+def _values(f: Frontier, eta: Sequence[float], at: int) -> tuple[float, ...]:
+    """Return α, F, -f, s2 and R of coordinates."""
+    g = g_of_eta(eta[at : at + 2])
+    return eta[at], eta[at] + g, -f_of(eta[at], g, f.h), math.exp(eta[at + 2]), math.exp(eta[0])
 
 
 def information_of(f: Frontier, sentence: Sentence) -> Array:
@@ -211,26 +287,29 @@ def _interval(
     s2_at: int,
     limits: tuple[float, float],
     step: float = 0.1,
+    keep: bool = True,
 ) -> Ends:
-    """Return coordinate i with its interval; an end beyond the limits is the limit."""
+    """Return coordinate i with its interval; an end beyond the limits is the limit. keep: as there."""
     bound = (AT_BOUND[name], s2_at) if name in AT_BOUND else NO_BOUND
     ends = [
-        interval_end(f, sentence, i, side, limit, step, bound)
+        interval_end(f, sentence, i, side, limit, step, bound, keep=keep)
         for side, limit in zip((-1, 1), limits, strict=True)
     ]
     low, high = (limit if end is None else end for end, limit in zip(ends, limits, strict=True))
     return Ends(sentence.eta[i], low, high)
 
 
-def _second_maxima(f: Frontier, sentence: Sentence, at: int) -> list[list[float]]:
+def _elsewhere(f: Frontier, sentence: Sentence, at: int) -> list[list[float]]:
     """Return the coordinates of fits with the order held that belong to the interval, wherever they are.
 
     All orders are looked at once for each search; after that those again that made an interval wider.
     """
     starts = f.fits.elsewhere
     if starts is None:
+        # White noise that is as good as none would not be found.
+        little = math.log(max(float(np.median(f.data.power[0][-10:])), 1e-300)) - LITTLE
         starts = [
-            [*sentence.eta[:at], float(order), logit, *sentence.eta[at + 2 :]]
+            [max(sentence.eta[0], little), *sentence.eta[1:at], float(order), logit, *sentence.eta[at + 2 :]]
             for order in LOOKED_AT
             for logit in (-6.0, 0.0)
         ]
@@ -262,14 +341,22 @@ def interval_end(
     limit: float,
     step: float,
     bound: tuple[float, int] = NO_BOUND,
+    critical: float = CRITICAL,
+    keep: bool = True,
 ) -> float | None:
-    """Return an end of coordinate i; bound: as `at_bound` and `white_over` of the native search for it."""
+    """Return an end of coordinate i; None: all values as far as to the limit are in the interval.
+
+    bound: as `at_bound` and `white_over` of the native search for it. keep: whether a later look begins
+    there.
+    """
     if side * (limit - sentence.eta[i]) <= 0:
         return None
-    last = f.fits.ends.get((sentence.codes, i, side), [])
-    end, f.fits.ends[sentence.codes, i, side] = f.native.end(
-        list(sentence.codes), list(sentence.eta), sentence.nll, i, side, limit, step, CRITICAL, *bound, last
+    last = f.fits.ends.get((sentence.codes, i, side), []) if keep else []
+    end, there = f.native.end(
+        list(sentence.codes), list(sentence.eta), sentence.nll, i, side, limit, step, critical, *bound, last
     )
+    if keep:
+        f.fits.ends[sentence.codes, i, side] = there
     return None if math.isnan(end) else end
 
 
@@ -298,10 +385,10 @@ def _wider(f: Frontier, sentence: Sentence, at: int, value: float, end: float | 
     return value * math.exp(math.copysign(math.hypot(distance, more), distance))
 
 
-def _other(sentence: Sentence, at: int, code: int, two: list[float]) -> Sentence:
-    """Return the same spectrum with the order's first two coordinates given by others."""
-    codes = [code if kind_of(one) is Order else one for one in sentence.codes]
-    eta = [*sentence.eta[:at], *two, *sentence.eta[at + 2 :]]
+def _other(sentence: Sentence, at: int, code: int, first: list[float]) -> Sentence:
+    """Return the same spectrum with the first coordinates of the part at place `at` given by others."""
+    codes = [code if place == at else one for one, place in sentence.words()]
+    eta = [*sentence.eta[:at], *first, *sentence.eta[at + len(first) :]]
     return sentence._replace(codes=tuple(codes), eta=tuple(eta))
 
 

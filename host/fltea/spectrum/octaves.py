@@ -42,8 +42,9 @@ JOIN = (_FIRST_LINE - 0.5) * 2 * 2 * math.pi / BLOCK
 _HANN_POWER = 0.375 * BLOCK
 _HANN_LINES = 1 + 2 * (4 / 9 + 1 / 36)
 """Neighbouring lines of Hann's window are correlated: so many count as one."""
-_HALF_OVERLAP = 2 / 36
-"""Blocks that overlap by half are correlated: so many count as one."""
+_HALF_OVERLAP = 2 / 12
+"""So many more of them count as one where blocks overlap by half: the squares of the correlations of a line
+with all lines of the block before and of the one after it, summed up."""
 
 
 class Counts(NamedTuple):
@@ -307,7 +308,7 @@ def put_together(parts: Sequence[Lines], h: float, n: int) -> Periodogram:
 
 def _welch_lines(level: int, power: Array, blocks: float, effective: float) -> Lines:
     lam, gain = _welch_gain(level, len(power))
-    weight = effective / (1 + _HALF_OVERLAP * (1 - 1 / max(effective, 1))) / _HANN_LINES
+    weight = effective / (_HANN_LINES + _HALF_OVERLAP * (1 - 1 / max(effective, 1)))
     return lam, power * (gain / blocks), np.full(len(power), weight)
 
 
