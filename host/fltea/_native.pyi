@@ -471,9 +471,8 @@ class Sentences:
     def null_test(self, last: list[float]) -> tuple[float, float, list[float]]: ...
 
     # The end of an interval to one side, NaN if there is none before the limit, and by how much the
-    # coordinates there differ from eta. usual, at_bound: the fall of 2 log L there, and where white noise is
-    # nothing beside coordinate white_over (-1: never asked). last: these differences of an earlier look, or
-    # nothing.
+    # coordinates there differ from eta. usual, at_bound: the fall of 2 log L there, and where there is no white
+    # noise. last: these differences of an earlier look, or nothing.
     def end(
         self,
         codes: list[int],
@@ -485,7 +484,6 @@ class Sentences:
         step: float,
         usual: float,
         at_bound: float,
-        white_over: int,
         last: list[float],
     ) -> tuple[float, list[float]]: ...
 

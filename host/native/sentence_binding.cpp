@@ -153,20 +153,18 @@ class Fitted {
     // differ from the best; last: of an earlier look, or nothing.
     std::pair<double, std::vector<double>> end(const std::vector<int>& codes, const std::vector<double>& eta,
                                                double nll, int index, int side, double limit, double step,
-                                               double usual, double at_bound, int white_over,
-                                               std::vector<double> last) {
+                                               double usual, double at_bound, std::vector<double> last) {
         const Words words = words_of(codes);
         check(words, eta);
         if (!last.empty()) check(words, last);
         const int free = free_of(words);
-        if (index < 0 || index >= free || white_over >= free || !(step > 0) || (side != 1 && side != -1) ||
-            !std::isfinite(limit))
+        if (index < 0 || index >= free || !(step > 0) || (side != 1 && side != -1) || !std::isfinite(limit))
             refuse("no such parameter, or no such end");
         const nb::gil_scoped_release release;
         set_orders(0, kHighestOrder);
         const Patience patience{60, 1e-5, kSlowest};
         const double found = interval_end(bins_, words, eta, nll, index, side, limit, step,
-                                          Critical{usual, at_bound, white_over}, patience, last);
+                                          Critical{usual, at_bound}, patience, last);
         return {found, std::move(last)};
     }
 
@@ -226,7 +224,7 @@ void bind_sentences(nb::module_& m) {
         .def("null_test", &Fitted::null_test, nb::arg("last"))
         .def("end", &Fitted::end, nb::arg("codes"), nb::arg("eta"), nb::arg("nll"), nb::arg("index"),
              nb::arg("side"), nb::arg("limit"), nb::arg("step"), nb::arg("usual"), nb::arg("at_bound"),
-             nb::arg("white_over"), nb::arg("last"))
+             nb::arg("last"))
         .def("slopes", &Fitted::slopes, nb::arg("codes"), nb::arg("eta"), nb::arg("total"), nb::arg("rows"));
     m.def("sentence_spectrum", &spectrum, nb::arg("codes"), nb::arg("eta"), nb::arg("lam"), nb::arg("h"),
           nb::arg("total"));

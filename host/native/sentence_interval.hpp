@@ -10,12 +10,19 @@
 namespace fltea {
 namespace sentence {
 
+constexpr double kNoWhite = 0.01;  // of -log L, by which white noise is needed that is as good as none
+
+// -log L of the same without white noise.
+inline double without_white(Room& room, const Words& words, std::vector<double> eta) {
+    eta[0] = std::log(room.bins.mean) - kSmallest;
+    return room.here.at(words, eta.data());
+}
+
 // The end of the interval of parameter i to one side (-1, 1): where the best fit that has the value is as far
 // below the best of all as `critical` says, in 2 log L; of those without white noise, as `at_bound` says.
 // NaN: the profile does not fall so far before `limit`.
 struct Critical {
-    double usual, at_bound;
-    int white_over;  // the parameter that white noise is compared with, or -1
+    double usual, at_bound;  // the same: it does not matter whether there is white noise
 };
 
 // A value that was tried, with the coordinates of the best fit that has it.
@@ -78,7 +85,7 @@ inline double interval_end(const Bins& bins, const Words& words, const std::vect
         eta[at] = trial;
         const double found = score(room, words, eta.data(), i, patience);
         double excess = std::isfinite(found) ? 2 * (found - nll) : 1e6;
-        if (critical.white_over >= 0 && eta[0] < eta[static_cast<std::size_t>(critical.white_over)] - 6.9)
+        if (critical.at_bound != critical.usual && without_white(room, words, eta) - found < kNoWhite)
             excess *= critical.usual / critical.at_bound;
         const bool close = std::fabs(excess - critical.usual) < 0.02;
         if (!close && excess < critical.usual) {

@@ -44,7 +44,6 @@ That of two normal estimates with the correlation ρ, of which the second cannot
 the first is held: 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (the law is Self & Liang's,
 *JASA* 82, 1987). Nine tenths of 35 noises with R = 0 have, by the information, up to 0.9 between f and R,
 0.95 between α and R, 0.99 for F and 1 for s2 (tools/validation/bound.py)."""
-NO_BOUND = CRITICAL, -1
 LEAST = 7.0
 """Below this power of e under its best value a variance is 0."""
 LITTLE = 4.0
@@ -174,18 +173,16 @@ def _step(f: Frontier, sentence: Sentence, at: int) -> Interval:
     d, rate, level = sentence.eta[at : at + 3]
     log_s2 = level + 2 * math.log(-math.expm1(-math.exp(rate)))
     by_step = _other(sentence, at, BY_STEP, [d, rate, log_s2])
-    return Interval(*_interval(f, by_step, at + 2, "", -1, around(f, log_s2)).exp())
+    return Interval(*_interval(f, by_step, at + 2, "s2", around(f, log_s2)).exp())
 
 
 def _noise(f: Frontier, sentence: Sentence, at: int, Q: float) -> Interval:
     """Return Q of an order."""
-    alpha, logit, log_s2 = sentence.eta[at : at + 3]
+    alpha, logit = sentence.eta[at : at + 2]
     by_noise = _other(sentence, at, BY_NOISE, [alpha, logit, math.log(Q)])
-    # Q and s2 are as tightly tied to white noise that is at its bound.
-    critical = AT_BOUND["s2"] if sentence.eta[0] < log_s2 - LEAST else CRITICAL
     reach = LEAST + 4 * abs(math.log(f.h))
     ends = [
-        interval_end(f, by_noise, at + 2, side, math.log(Q) + side * reach, 0.1, critical=critical)
+        interval_end(f, by_noise, at + 2, side, math.log(Q) + side * reach, 0.1, AT_BOUND["s2"])
         for side in (-1, 1)
     ]
     return Interval(Q, *(None if one is None else math.exp(one) for one in ends))
@@ -196,12 +193,12 @@ def order_fit(f: Frontier, sentence: Sentence) -> OrderFit:
     arfima = sentence.place(Order) is None
     at = sentence.place(Order, Arfima)
     assert at is not None
-    s2_at, here = at + 2, list(sentence.eta)
+    here = sentence.eta
     if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:  # it stands for what is beyond
         return OrderFit()
     if arfima:
-        alpha = _interval(f, sentence, at, "alpha", s2_at, (0.0, 1.0), 0.03)
-        R = _interval(f, sentence, 0, "R", -1, around(f, here[0])).exp()
+        alpha = _interval(f, sentence, at, "alpha", (0.0, 1.0), 0.03)
+        R = _interval(f, sentence, 0, "R", around(f, here[0])).exp()
         return OrderFit(_if_known(alpha), s2=_step(f, sentence, at), R=Interval(*R), arfima=True)
     found = _of_maximum(f, sentence, at)
     starts = _elsewhere(f, sentence, at)
@@ -227,10 +224,10 @@ def _of_maximum(f: Frontier, sentence: Sentence, at: int, first: bool = True) ->
 
     first: whether it is that of `sentence.nll`. Else it may be lower, and its ends are not kept.
     """
-    here, s2_at = list(sentence.eta), at + 2
+    here, s2_at = sentence.eta, at + 2
 
     def interval(one: Sentence, i: int, name: str, limits: tuple[float, float], step: float = 0.1) -> Ends:
-        return _interval(f, one, i, name, s2_at, limits, step, keep=first)
+        return _interval(f, one, i, name, limits, step, keep=first)
 
     alpha = interval(sentence, at, "alpha", (0.0, HIGHEST_ORDER), 0.03)
     s2 = interval(sentence, s2_at, "s2", around(f, here[s2_at])).exp()
@@ -284,13 +281,12 @@ def _interval(
     sentence: Sentence,
     i: int,
     name: str,
-    s2_at: int,
     limits: tuple[float, float],
     step: float = 0.1,
     keep: bool = True,
 ) -> Ends:
     """Return coordinate i with its interval; an end beyond the limits is the limit. keep: as there."""
-    bound = (AT_BOUND[name], s2_at) if name in AT_BOUND else NO_BOUND
+    bound = AT_BOUND.get(name, CRITICAL)
     ends = [
         interval_end(f, sentence, i, side, limit, step, bound, keep=keep)
         for side, limit in zip((-1, 1), limits, strict=True)
@@ -340,20 +336,18 @@ def interval_end(
     side: int,
     limit: float,
     step: float,
-    bound: tuple[float, int] = NO_BOUND,
-    critical: float = CRITICAL,
+    bound: float = CRITICAL,
     keep: bool = True,
 ) -> float | None:
     """Return an end of coordinate i; None: all values as far as to the limit are in the interval.
 
-    bound: as `at_bound` and `white_over` of the native search for it. keep: whether a later look begins
-    there.
+    bound: in place of CRITICAL where the best fit has no white noise. keep: a later look begins there.
     """
     if side * (limit - sentence.eta[i]) <= 0:
         return None
     last = f.fits.ends.get((sentence.codes, i, side), []) if keep else []
     end, there = f.native.end(
-        list(sentence.codes), list(sentence.eta), sentence.nll, i, side, limit, step, critical, *bound, last
+        list(sentence.codes), list(sentence.eta), sentence.nll, i, side, limit, step, CRITICAL, bound, last
     )
     if keep:
         f.fits.ends[sentence.codes, i, side] = there

@@ -22,6 +22,8 @@ class Population(NamedTuple):
     draw: Callable[[Rng], Parts]
     shortest: int = SHORTEST
     """Least number of samples of a record."""
+    steady: bool = False
+    """Whether the Allan deviation, the drift and forecasts are judged, too."""
 
 
 def between(rng: Rng, low: float, high: float) -> float:
@@ -87,25 +89,42 @@ def _resonance(rng: Rng, R: float) -> p.Part:
 
 def _low_pass(rng: Rng) -> Parts:
     w = white(rng)
-    return w, p.LowPass(between(rng, 8.0, 35.0), between(rng, 1.3, 5.0)), p.Floor(w.R * between(rng, 1e-3, 0.05))
+    low_pass = p.LowPass(between(rng, 8.0, 35.0), between(rng, 1.3, 5.0))
+    return w, low_pass, p.Floor(w.R * between(rng, 1e-3, 0.05))
+
+
+def _quantisation(rng: Rng, R: float) -> p.Part:
+    return p.Quantisation(H * math.sqrt(R * between(rng, 0.3, 3.0)))
+
+
+def _rise(rng: Rng, R: float) -> p.Part:
+    return p.Rise(R * between(rng, 2.0, 8.0), rng.uniform(0.3, 1.8))
+
+
+def _sharpening(rng: Rng, _: float) -> p.Part:
+    return p.Sharpening(rng.uniform(0.04, 0.3) if rng.random() < 0.5 else rng.uniform(-0.2, -0.04))
+
+
+def _notch(rng: Rng, _: float) -> p.Part:
+    return p.Notch(rng.uniform(10.0, 40.0), rng.uniform(3.0, 8.0))
 
 
 POPULATIONS: dict[str, Population] = {
-    "white": Population(lambda rng: (white(rng),)),
-    "relaxation": Population(_relaxations((0.3, 5.0, 2.0, 100.0))),
+    "white": Population(lambda rng: (white(rng),), steady=True),
+    "relaxation": Population(_relaxations((0.3, 5.0, 2.0, 100.0)), steady=True),
     "fast relaxation": Population(_relaxations((5.0, 50.0, 0.1, 10.0))),
     "weak fast relaxation": Population(_relaxations((5.0, 60.0, 0.02, 0.4))),
     "two relaxations": Population(_relaxations((0.1, 0.3, 30.0, 300.0), (2.0, 6.0, 2.0, 30.0)), 40_000),
     "slow and weak fast relaxation": Population(_relaxations((0.2, 2.0, 5.0, 100.0), (8.0, 60.0, 0.02, 0.4))),
     "walk": Population(_in_white(_walk), 20_000),
-    "order": Population(_in_white(lambda rng, R: _order(rng, R, 0.3, 30.0)), 30_000),
+    "order": Population(_in_white(lambda rng, R: _order(rng, R, 0.3, 30.0)), 30_000, steady=True),
     "order, no white": Population(lambda rng: (p.White(0.0), _order(rng, 0.0, 0.1, 10.0)), 10_000),
     "ARFIMA": Population(_in_white(_arfima), 30_000),
     "resonance": Population(_in_white(_resonance)),
-    "quantisation": Population(_in_white(lambda rng, R: p.Quantisation(H * math.sqrt(R * between(rng, 0.3, 3.0))))),
-    "rise": Population(_in_white(lambda rng, R: p.Rise(R * between(rng, 2.0, 8.0), rng.uniform(0.3, 1.8)))),
+    "quantisation": Population(_in_white(_quantisation)),
+    "rise": Population(_in_white(_rise)),
     "alternating": Population(_in_white(_alternating)),
     "low-pass": Population(_low_pass),
-    "sharpening": Population(_in_white(lambda rng, R: p.Sharpening(float(rng.choice([rng.uniform(-0.2, -0.04), rng.uniform(0.04, 0.3)]))))),
-    "notch": Population(_in_white(lambda rng, R: p.Notch(rng.uniform(10.0, 40.0), rng.uniform(3.0, 8.0)))),
+    "sharpening": Population(_in_white(_sharpening)),
+    "notch": Population(_in_white(_notch)),
 }

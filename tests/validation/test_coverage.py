@@ -1,0 +1,72 @@
+"""Every interval that is published is measured, and counted for what it says."""
+
+import numpy as np
+import pytest
+from fltea.noise import parts as p
+from fltea.records.fit import Interval
+
+from tools.validation.coverage import measure, published, run
+from tools.validation.coverage.populations import POPULATIONS
+from tools.validation.coverage.published import ALLAN, FIGURES, Elsewhere, Field
+from tools.validation.runner import Options
+from tools.validation.tables import Table
+
+
+def test_each_published_interval_has_a_row_or_a_reason() -> None:
+    """A new field of a record fails here: say in `FIGURES` what is measured for it."""
+    fields = list(published.fields())
+    assert {one.name for one in fields} == FIGURES.keys()
+    assert Field("tau_s", "identification/navigation_file.GaussMarkovState") in fields
+    assert Field("bias_std", "records/stats.TrackerStats") in fields
+    assert all(one.why for one in FIGURES.values() if isinstance(one, Elsewhere))
+
+
+def test_each_row_is_measured() -> None:
+    """One axis of each population; a new part of the grammar fails here until it has a population."""
+    rows = [row for name in POPULATIONS for row in run.count(name, 1)]
+    measured = {row["quantity"] for row in rows}
+    wanted = {one for one in FIGURES.values() if isinstance(one, str)}
+    assert measured == wanted | {ALLAN, *published.parameters()}
+    assert [one.name for one in run.tasks(Options(5))] == list(POPULATIONS)
+    assert len(run.tasks(Options(5, only=("walk",)))) == 1
+    for table in run.tables(rows):
+        assert isinstance(table, Table)
+        assert {len(row) for row in table.rows} == {len(table.headings)}
+
+
+@pytest.mark.parametrize(
+    ("interval", "expected"),
+    [
+        (Interval(2.0, 1.0, 3.0), (True, 0.0, 0.0, 1.0)),
+        (Interval(2.0, 2.1, 3.0), (True, 1.0, 0.0, 0.45)),
+        (Interval(2.0, 1.0, 1.9), (True, 0.0, 1.0, 0.45)),
+        (Interval(2.0, None, 1.9), (True, 0.0, 1.0, None)),
+        (Interval(2.0), (False, 0.0, 0.0, None)),
+        (Interval(), (False, 0.0, 0.0, None)),
+    ],
+)
+def test_what_holds_a_truth_of_2(
+    interval: Interval, expected: tuple[bool, float, float, float | None]
+) -> None:
+    found = measure._seen("N", interval, 2.0)
+    assert found == ("N", *expected[:3], None if expected[3] is None else pytest.approx(expected[3]))
+
+
+def test_coverage_has_its_error() -> None:
+    """Of 100 intervals 4 miss: 96 % with the error of a share."""
+    row = {"population": "white", "quantity": "N", "intervals": 120, "published": 100}
+    row |= {"below": 1.0, "above": 3.0, "squares": 4.0, "width": 0.1}
+    whole, single = run.tables([row])
+    assert isinstance(whole, Table)
+    assert isinstance(single, Table)
+    assert whole.rows == [("N", "100 of 120", "96.0 ± 2.0 %", "1.0 %", "3.0 %", "0.1")]
+    assert single.rows[0][:2] == ("white", "N")
+
+
+def test_true_figures() -> None:
+    """White noise of R = 4 at 100 Hz: N = 0.2, and the Allan deviation falls with the root of the time."""
+    white = (p.White(4.0), p.Relaxation(3.0, 0.2), p.Quantisation(0.1))
+    assert measure.true_N(white) == pytest.approx(0.2)
+    np.testing.assert_allclose(
+        measure.true_allan(white[:1], np.array([1.0, 10.0, 100.0])), 2 / np.sqrt([1, 10, 100]), rtol=2e-3
+    )

@@ -1,0 +1,157 @@
+"""Whether the intervals of one axis hold the truth (pure)."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from fltea.identification.allan import allan
+from fltea.identification.forecast_judge import judged, learned
+from fltea.identification.sums import examined
+from fltea.noise import parts as p
+from fltea.records.arrays import Array
+from fltea.records.fit import Interval
+from fltea.spectrum.drift_rate import drift_rate
+from fltea.spectrum.intervals import Estimated
+from fltea.spectrum.noise_figures import NoiseFigures, noise_figures
+from fltea.spectrum.verdict import Verdict, decide
+
+from tools.validation.closed_form import closed_form
+from tools.validation.coverage.populations import H, Parts
+from tools.validation.coverage.published import ALLAN, FIGURES, of_part
+
+STEADY = p.Relaxation, p.Walk, p.Order, p.Arfima, p.Resonance, p.Quantisation, p.Rise
+"""Parts that N has nothing of."""
+FREQUENCIES = 40_000
+"""At so many frequencies the Allan deviation of a spectrum is added up."""
+SECONDS = 10.0
+"""Of the forecasts that are judged."""
+
+
+class Seen(NamedTuple):
+    """An interval and what it should hold."""
+
+    quantity: str
+    published: bool
+    below: float = 0.0
+    """share of its figures of which the truth is below the interval"""
+    above: float = 0.0
+    width: float | None = None
+
+
+class Axis(NamedTuple):
+    """What is said of an axis whose parts are known."""
+
+    parts: Parts
+    verdict: Verdict
+    figures: NoiseFigures
+
+
+def look(parts: Parts, y: Array) -> Axis:
+    """Identify y (n,)."""
+    e = examined(y, H).evidence
+    verdict = decide(e)
+    return Axis(parts, verdict, noise_figures(e, verdict))
+
+
+def of_fit(axis: Axis) -> Iterator[Seen]:
+    """Yield N, what the fit says of an order, and of each part if the parts are those of the truth."""
+    yield _seen("N", axis.figures.level.N, true_N(axis.parts))
+    for name, true in _order(axis).items():
+        yield _seen(str(FIGURES[name]), getattr(axis.verdict.order, name), true)
+    truth = sorted(axis.parts, key=_place)
+    found = sorted(_without_nothing(axis.figures.parts), key=_at)
+    if any(isinstance(one, p.White) and one.R == 0 for one in truth):
+        truth, found = ([one for one in all_ if _tag(one) != "white"] for all_ in (truth, found))
+    same = [one.part for one in found] == [_tag(one) for one in truth]
+    for one in truth:
+        for name in one.__struct_fields__:
+            if name != "samples" and not same:
+                yield Seen(of_part(_tag(one), name), False)
+    for estimate, one in zip(found, truth, strict=True) if same else ():
+        for name, interval in estimate.values.items():
+            yield _seen(of_part(estimate.part, name), interval, float(getattr(one, name)))
+
+
+def of_drift(axis: Axis, y: Array) -> Iterator[Seen]:
+    """Yield what is said of the drift, of which there is none."""
+    yield _seen("drift rate", drift_rate(y, H, axis.figures.spectrum(H)), 0.0)
+
+
+def of_allan(axis: Axis, y: Array) -> Iterator[Seen]:
+    """Yield which share of the points of the Allan deviation is beside its band."""
+    found = allan([y], H)
+    true = true_allan(axis.parts, np.rint(np.array(found.tau_s) / H))
+    below, above = (float(np.mean(one)) for one in (true < found.low, true > found.high))
+    width = float(np.median((np.array(found.high) - np.array(found.low)) / np.array(found.deviation)))
+    yield Seen(ALLAN, True, below, above, width)
+
+
+def of_forecast(axis: Axis, y: Array) -> Iterator[Seen]:
+    """Yield which share of the pieces of the second half is beside the band that the first half tells."""
+    half = len(y) // 2
+    parts = look(axis.parts, y[:half]).figures.sentence.parts(H)
+    judgement = judged(learned(parts, np.ascontiguousarray(y[:half]), H), y, half, H)
+    for name, pieces in (("heading_std", judgement.heading), ("bias_std", judgement.bias)):
+        for one in pieces:
+            if one.t_s == SECONDS:
+                yield Seen(str(FIGURES[name]), True, above=1 - one.within, width=2 * 1.96 * one.said)
+
+
+def true_N(parts: Sequence[p.Part]) -> float:
+    """Return N: of the density at low frequencies of all that is neither slow nor an order nor rises."""
+    kept = [one for one in parts if not isinstance(one, (*STEADY, *p.FILTERS))]
+    return math.sqrt(float(closed_form(kept, np.array([1e-6]), H)[0]) * H)
+
+
+def true_allan(parts: Sequence[p.Part], factors: Array) -> Array:
+    """Return the Allan deviation at averaging times of so many samples, (k,), from the spectrum."""
+    # Slow parts rise without end, so the frequencies are closer there.
+    edges = np.geomspace(1e-7, np.pi, FREQUENCIES + 1)
+    lam, width = np.sqrt(edges[1:] * edges[:-1]), np.diff(edges)
+    S = closed_form(parts, lam, H)
+    found = []
+    for m in factors.tolist():
+        gain = 2 * np.sin(m * lam / 2) ** 4 / (m * np.sin(lam / 2)) ** 2
+        found.append(math.sqrt(float((S * gain * width).sum() / np.pi)))
+    return np.array(found)
+
+
+def _order(axis: Axis) -> dict[str, float]:
+    """Return the true parameters of an order by their fields, if it is of the kind that is published."""
+    R = sum(one.R for one in axis.parts if isinstance(one, p.White))
+    for one in axis.parts:
+        if isinstance(one, p.Order):
+            s2 = H ** (2 * one.alpha) * one.Q
+            found = {"alpha": one.alpha, "f": one.f, "F": one.alpha + H**one.alpha * one.f, "s2": s2, "R": R}
+            return {} if axis.verdict.order.arfima else found
+        if isinstance(one, p.Arfima):
+            return {"alpha": one.d, "s2": one.s2, "R": R} if axis.verdict.order.arfima else {}
+    return {}
+
+
+def _seen(quantity: str, interval: Interval, true: float) -> Seen:
+    """Compare; where an end is not known, none is beyond it."""
+    low, value, high = interval.low, interval.value, interval.high
+    if value is None or (low is None and high is None):
+        return Seen(quantity, False)
+    below, above = low is not None and true < low, high is not None and true > high
+    width = None if low is None or high is None else (high - low) / abs(true or 1.0)
+    return Seen(quantity, True, float(below), float(above), width)
+
+
+def _without_nothing(found: Sequence[Estimated]) -> list[Estimated]:
+    """Return all parts but white noise of which there may be none."""
+    return [one for one in found if one.part != "white" or one.values["R"].low not in (None, 0.0)]
+
+
+def _tag(part: p.Part | Estimated) -> str:
+    return part.part if isinstance(part, Estimated) else str(part.__struct_config__.tag)
+
+
+def _place(part: p.Part) -> tuple[str, float]:
+    return _tag(part), getattr(part, "tau_s", 0.0)
+
+
+def _at(one: Estimated) -> tuple[str, float]:
+    return one.part, one.value("tau_s") if "tau_s" in one.values else 0.0

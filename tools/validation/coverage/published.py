@@ -1,0 +1,103 @@
+"""Every interval and every ± that the program publishes, as its classes declare them.
+
+The classes are read, not imported: a field whose type is an interval, or one named after a standard
+deviation, is published until `FIGURES` says otherwise. A test fails for a field, or for a parameter of a
+part, that has no row here.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import fltea
+from fltea.noise.parts import CODES
+
+OF_INTERVALS = re.compile(r"\b(Interval|Coefficient)\b")
+"""Types with a lower and an upper end."""
+OF_DEVIATIONS = re.compile(r"_std$")
+"""Names of standard deviations."""
+
+
+class Field(NamedTuple):
+    """A field of a class."""
+
+    name: str
+    owner: str
+    """module and class"""
+
+
+class Elsewhere(NamedTuple):
+    """A figure that this measurement leaves out, and why."""
+
+    why: str
+
+
+FIGURES: dict[str, str | Elsewhere] = {
+    "alpha": "α of an order",
+    "f": "f of an order",
+    "F": "F of an order",
+    "s2": "s2 of an order",
+    "R": "R beside an order",
+    "N": "N",
+    "density": "N",
+    "K": "K of walk",
+    "Q": "Q of quantisation",
+    "sigma": "sigma of relaxation",
+    "tau_s": "tau_s of relaxation",
+    "values": "R of white",
+    "drift_rate": "drift rate",
+    "B": Elsewhere("read from the Allan curve, whose band is measured"),
+    "bias_std": "bias over 10 s, 1.96 σ",
+    "heading_std": "heading after 10 s, 1.96 σ",
+    "tracker_bias_std": Elsewhere("of the board's tracker, which is the host's: `states`"),
+    "tracker_state_std": Elsewhere("of the board's tracker, which is the host's: `states`"),
+    "state_std": Elsewhere("of the state of the tracker, of which the bias is a mean: `states`"),
+    "rate_std": Elsewhere("of the tracker's bias and the noise about it: `states`"),
+    "size_std": Elsewhere("of a step of the bias: `bias`"),
+    "alpha_std": Elsewhere(
+        "of the filters, which is no interval of 95 %: `evaluate`; of the board: `device`"
+    ),
+    "f_std": Elsewhere("of the filters, which is no interval of 95 %: `evaluate`"),
+    "F_std": Elsewhere("of the filters, which is no interval of 95 %: `evaluate`"),
+    "innovation_std": Elsewhere("a deviation of samples, and no uncertainty"),
+    "noise_std": Elsewhere("a deviation of samples, and no uncertainty"),
+}
+"""What is measured for a field of this name, which stands for the same figure wherever it is; or why not."""
+ALLAN = "Allan deviation"
+
+
+def of_part(tag: str, parameter: str) -> str:
+    """Return the name of a parameter of a part."""
+    return f"{parameter} of {tag}"
+
+
+def parameters() -> list[str]:
+    """Return the names of all parameters of all parts that a fit has intervals of."""
+    return [
+        of_part(str(kind.__struct_config__.tag), name)
+        for kind in CODES
+        for name in kind.__struct_fields__
+        if name != "samples"  # a whole number
+    ]
+
+
+def fields() -> Iterator[Field]:
+    """Yield all fields that are published with an interval or a standard deviation."""
+    root = Path(fltea.__file__).parent
+    for file in sorted(root.rglob("*.py")):
+        text = file.read_text(encoding="utf-8")
+        if not (OF_INTERVALS.search(text) or "_std" in text):
+            continue
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.ClassDef):
+                for name, kind in _declared(node):
+                    if OF_INTERVALS.search(kind) or OF_DEVIATIONS.search(name):
+                        yield Field(name, f"{file.relative_to(root).with_suffix('')}.{node.name}")
+
+
+def _declared(node: ast.ClassDef) -> Iterator[tuple[str, str]]:
+    for one in node.body:
+        if isinstance(one, ast.AnnAssign) and isinstance(one.target, ast.Name):
+            yield one.target.id, ast.unparse(one.annotation)

@@ -1,0 +1,98 @@
+"""How often each interval that is published holds the truth, on noises of random parameters.
+
+An interval of a parameter of a part counts where the model that stands for the noise has all parts of the
+truth, and no other: else the parameter is of something else. N counts wherever it is published. Of the Allan
+deviation and of forecasts an axis counts with the share of its points, or of its pieces, that are inside.
+"""
+
+import math
+import zlib
+from typing import Any
+
+import numpy as np
+
+from tools.validation.closed_form import samples
+from tools.validation.coverage import measure
+from tools.validation.coverage.populations import LONGEST, POPULATIONS, H, Population, between
+from tools.validation.runner import Options, Row, Task
+from tools.validation.tables import NONE, Table, grouped, number
+
+SEEDS, QUICK_SEEDS = 400, 20
+"""Axes of each population."""
+FORECAST, FORECAST_SHARE = "forecast", 2
+"""A forecast costs more: it has one axis for so many others."""
+
+
+def tasks(options: Options) -> list[Task]:
+    """Return a task for each population."""
+    return [Task(name, count, (name, options.seeds), LONGEST) for name in POPULATIONS if options.wanted(name)]
+
+
+def count(name: str, axes: int) -> list[Row]:
+    """Count what holds the truth; a row for each quantity."""
+    population = POPULATIONS[name]
+    rng = np.random.default_rng([45, zlib.crc32(name.encode())])
+    seen = [one for number in range(axes) for one in _axis(population, rng, number)]
+    rows: list[Row] = []
+    for quantity, those in grouped(seen, lambda one: one.quantity).items():
+        published = [one for one in those if one.published]
+        misses = np.array([one.below + one.above for one in published])
+        widths = [one.width for one in published if one.width is not None]
+        rows.append(
+            {
+                "population": name,
+                "quantity": quantity,
+                "intervals": len(those),
+                "published": len(published),
+                "below": sum(one.below for one in published),
+                "above": sum(one.above for one in published),
+                "squares": float((misses**2).sum()),
+                "width": float(np.median(widths)) if widths else None,
+            }
+        )
+    return rows
+
+
+def _axis(population: Population, rng: np.random.Generator, number: int) -> list[measure.Seen]:
+    parts = population.draw(rng)
+    n = round(between(rng, population.shortest, LONGEST))
+    y = samples(parts, n, H, rng)
+    axis = measure.look(parts, y)
+    found = list(measure.of_fit(axis))
+    if population.steady:
+        found += [*measure.of_drift(axis, y), *measure.of_allan(axis, y)]
+        if number % FORECAST_SHARE == 0:
+            found += measure.of_forecast(axis, y)
+    return found
+
+
+def tables(rows: list[Row]) -> list[Table | str]:
+    """Return the coverage of each quantity over all populations, and by population."""
+    whole = [
+        (str(quantity), *_cells(those))
+        for quantity, those in sorted(grouped(rows, lambda row: row["quantity"]).items())
+    ]
+    single = [(row["population"], row["quantity"], *_cells([row])) for row in rows]
+    columns = "published", "hold the truth", "truth below", "truth above", "width"
+    return [
+        Table("Intervals of 95 % that hold the truth", ("interval of", *columns), whole),
+        Table("By population", ("population", "interval of", *columns), single, brief=False),
+    ]
+
+
+def _cells(rows: list[Row]) -> tuple[str, ...]:
+    total, published, below, above, squares = (
+        sum(row[name] for row in rows) for name in ("intervals", "published", "below", "above", "squares")
+    )
+    if not published:
+        return f"0 of {total}", *([NONE] * 4)
+    missed = (below + above) / published
+    error = math.sqrt(max(squares / published - missed**2, 0.0) / published)
+    widths: list[Any] = [row["width"] for row in rows if row["width"] is not None]
+    return (
+        f"{published} of {total}",
+        f"{100 * (1 - missed):.1f} ± {100 * error:.1f} %",
+        f"{100 * below / published:.1f} %",
+        f"{100 * above / published:.1f} %",
+        number(float(np.median(widths)) if widths else None, ".2g"),
+    )
