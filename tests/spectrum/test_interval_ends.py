@@ -1,0 +1,61 @@
+"""Ends of intervals of an order whose white noise is as good as none, and parts by other coordinates."""
+
+import math
+
+import numpy as np
+import pytest
+from fltea.noise import parts as p
+from fltea.noise.parts import CODES
+from fltea.spectrum.frontier import Frontier, native
+from fltea.spectrum.intervals import AT_BOUND, BY_F, BY_NOISE, BY_PARAMETER, BY_STEP, CRITICAL, order_fit
+from identify_support import H
+from sentence_support import bins
+
+ORDER, ARFIMA = CODES.index(p.Order), CODES.index(p.Arfima)
+ALPHA, LOGIT, LOG_S2 = 0.5, -2.0, 0.3
+G = -(2**ALPHA) / (1 + math.exp(-LOGIT))
+LEVEL = LOG_S2 - 2 * math.log(-math.expm1(-math.exp(-1.0)))
+OTHERS = {
+    BY_F: (ORDER, [ALPHA, LOGIT, LOG_S2], [ALPHA + G, math.log(-G), LOG_S2]),
+    BY_PARAMETER: (ORDER, [ALPHA, LOGIT, LOG_S2], [ALPHA, math.log(-G / H**ALPHA), LOG_S2]),
+    BY_NOISE: (ORDER, [ALPHA, LOGIT, LOG_S2], [ALPHA, LOGIT, LOG_S2 - 2 * ALPHA * math.log(H)]),
+    BY_STEP: (ARFIMA, [0.3, -1.0, LEVEL], [0.3, -1.0, LOG_S2]),
+}
+"""Part, its coordinates, and those by which another number gives the same."""
+
+
+@pytest.mark.parametrize("code", list(OTHERS))
+def test_other_coordinates_give_the_same_spectrum_with_their_own_slopes(code: int) -> None:
+    data = bins((p.White(1.0),), 20_000, H, None)
+    fits, size = native(data, H, 20_000), len(data.lam)
+
+    def spectrum(number: int, eta: list[float]) -> tuple[np.ndarray, np.ndarray]:
+        total, rows = np.empty(size), np.empty((4, size))
+        fits.slopes([0, number], [0.0, *eta], total, rows)
+        return total, rows
+
+    own, eta, other = OTHERS[code]
+    total, rows = spectrum(code, other)
+    np.testing.assert_allclose(total, spectrum(own, eta)[0], rtol=1e-9)
+    for k in range(3):
+        step = np.eye(3)[k] * 1e-5
+        higher, lower = (spectrum(code, (other + sign * step).tolist())[0] for sign in (1, -1))
+        np.testing.assert_allclose(rows[k + 1], (np.log(higher) - np.log(lower)) / 2e-5, rtol=1e-4, atol=1e-6)
+
+
+def test_an_end_is_found_though_the_best_fit_has_no_white_noise() -> None:
+    """There may be some at another value of s2, so that 2 log L falls no further there than it should."""
+    compared = 0
+    for seed in range(12):
+        truth = (p.White(0.05), p.Order(0.5, -2.0, 1 / H))
+        f = Frontier(bins(truth, 40_000, H, seed), H, 40_000)
+        best = f.order
+        if best is None or best.codes != (0, ORDER) or best.eta[0] > best.eta[3] - 12:
+            continue
+        s2 = order_fit(f, best).s2
+        assert s2.low is not None
+        start = [best.eta[3] - 3, *best.eta[1:3], math.log(s2.low)]
+        _, nll = f.native.fit(list(best.codes), start, held=3)
+        assert CRITICAL - 0.1 < 2 * (nll - best.nll) < AT_BOUND["s2"] + 0.1
+        compared += 1
+    assert compared >= 3
