@@ -435,14 +435,15 @@ class Octaves:
 
 # Fits of sentences of noise to the bins of one spectrum; parts are numbers, as in fltea.noise.parts.
 class Sentences:
-    # lam, counts, power and walk, the spectrum of a walk of unit steps: (bins,). ValueError for what cannot
-    # be fitted.
+    # lam, counts, power, walk, the spectrum of a walk of unit steps, and window, the mean square of the
+    # frequencies that a line sees around its own: (bins,). ValueError for what cannot be fitted.
     def __init__(
         self,
         lam: NDArray[np.float64],
         counts: NDArray[np.float64],
         power: NDArray[np.float64],
         walk: NDArray[np.float64],
+        window: NDArray[np.float64],
         h: float,
     ) -> None: ...
 
@@ -471,8 +472,8 @@ class Sentences:
     def null_test(self, last: list[float]) -> tuple[float, float, list[float]]: ...
 
     # The end of an interval to one side, NaN if there is none before the limit, and by how much the
-    # coordinates there differ from eta. usual, at_bound: the fall of 2 log L there, and where there is no white
-    # noise. last: these differences of an earlier look, or nothing.
+    # coordinates there differ from eta. usual, at_bound: the fall of 2 log L there, and where there is no
+    # white noise. last: these differences of an earlier look, or nothing.
     def end(
         self,
         codes: list[int],

@@ -74,10 +74,11 @@ void check(const Words& words, const std::vector<double>& eta) {
 
 class Fitted {
   public:
-    Fitted(Column lam, Column counts, Column power, Column walk, double h) {
+    Fitted(Column lam, Column counts, Column power, Column walk, Column window, double h) {
         const std::size_t size = lam.shape(0);
-        if (counts.shape(0) != size || power.shape(0) != size || walk.shape(0) != size)
-            refuse("lam, counts, power and walk must have one number a bin");
+        if (counts.shape(0) != size || power.shape(0) != size || walk.shape(0) != size ||
+            window.shape(0) != size)
+            refuse("lam, counts, power, walk and window must have one number a bin");
         if (size < 2)
             refuse("a spectrum of " + std::to_string(size) + " bins says nothing: 2 or more are needed");
         double before = 0, ordinates = 0, sum = 0;
@@ -88,6 +89,8 @@ class Fitted {
             if (!(p >= 0 && p <= kLargestPower)) refuse("power must be finite numbers, 0 or more");
             if (!(walk.data()[i] >= 0 && std::isfinite(walk.data()[i])))
                 refuse("walk must be finite numbers");
+            if (!(window.data()[i] >= 0 && window.data()[i] <= kPi * kPi))
+                refuse("window must be mean squares of frequencies");
             before = l;
             ordinates += count;
             sum += count * p;
@@ -96,7 +99,7 @@ class Fitted {
         if (!(sum / ordinates >= 1 / kLargestPower)) refuse("the power is 0: there is no noise in it");
         if (!(std::isfinite(h) && h > 0)) refuse("h must be finite and above 0");
         const auto column = [size](const Column& one) { return Numbers(one.data(), one.data() + size); };
-        bins_ = Bins(fastest(), column(lam), column(counts), column(power), column(walk), h);
+        bins_ = Bins(fastest(), column(lam), column(counts), column(power), column(walk), column(window), h);
     }
 
     std::pair<std::vector<double>, double> fit(const std::vector<int>& codes, std::vector<double> eta,
@@ -215,8 +218,8 @@ void spectrum(const std::vector<int>& codes, const std::vector<double>& eta, Col
 
 void bind_sentences(nb::module_& m) {
     nb::class_<Fitted>(m, "Sentences")
-        .def(nb::init<Column, Column, Column, Column, double>(), nb::arg("lam"), nb::arg("counts"),
-             nb::arg("power"), nb::arg("walk"), nb::arg("h"))
+        .def(nb::init<Column, Column, Column, Column, Column, double>(), nb::arg("lam"), nb::arg("counts"),
+             nb::arg("power"), nb::arg("walk"), nb::arg("window"), nb::arg("h"))
         .def("fit", &Fitted::fit, nb::arg("codes"), nb::arg("eta"), nb::arg("held") = -1,
              nb::arg("steps") = 60, nb::arg("converged") = 1e-5, nb::arg("slowest") = 1.0,
              nb::arg("lowest_order") = 0.0, nb::arg("highest_order") = kHighestOrder)

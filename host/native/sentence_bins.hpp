@@ -80,8 +80,9 @@ struct Bins {
 
     Bins() = default;
     // `lam` rises from above 0 to π; `walk`: the spectrum of a walk of unit steps.
+    // windows: mean square of the frequencies that a line sees around its own.
     Bins(const Kernel& used, Numbers frequencies, Numbers ordinates_of, Numbers powers, Numbers walks,
-         double h)
+         const Numbers& windows, double h)
         : kernel(&used),
           counts(std::move(ordinates_of)),
           power(std::move(powers)),
@@ -89,6 +90,7 @@ struct Bins {
           walk(std::move(walks)),
           log_h(std::log(h)) {
         fill(kAllColumns);
+        for (std::size_t i = 0; i < size(); ++i) spread[i] += windows[i];
         for (std::size_t i = 0; i < size(); ++i) {
             ordinates += counts[i];
             mean += counts[i] * power[i];

@@ -205,7 +205,7 @@ void high_pass(const Columns& b, const double* eta, double* gain, double* const*
     });
 }
 
-// The bilinear transform of an analog notch, as digital ones are; the mean over each bin, at its bottom.
+// The bilinear transform of an analog notch, as digital ones are; the mean over each bin.
 void notch(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double at = exp(eta[0]), centre = ::tan(at / 2), square = centre * centre;
     const double width = centre * exp(eta[1]);
@@ -213,12 +213,17 @@ void notch(const Columns& b, const double* eta, double* gain, double* const* slo
         typedef decltype(one) T;
         const T sine = from<T>(b.square + i) / T(4.0), cosine = T(1.0) - sine, step = from<T>(b.spread + i);
         const T away = sine - T(square) * cosine, flat = sine * cosine;
-        const T stopped = away * away + flat * T(1 + square) * T(1 + square) * step;
-        const T skirt = T(width * width) * flat, whole = stopped + skirt;
+        // Of A / (A + K) the mean over small distances from the bin's centre, by which A is B larger.
+        const T A = away * away, B = flat * T(1 + square) * T(1 + square) * step;
+        const T K = T(width * width) * flat, W = A + B + K;
+        const T both = T(4.0) * A * B * K / (W * W * W), value = (A + B) / W - both, more = T(3.0) * both / W;
+        const T by_A = K / (W * W) - T(4.0) * B * K / (W * W * W) + more;
+        const T by_B = K / (W * W) - T(4.0) * A * K / (W * W * W) + more;
+        const T by_K = more - (A + B) / (W * W) - T(4.0) * A * B / (W * W * W);
         const T by_square =
-            (T(-2.0) * away * cosine + T(2.0) * flat * T(1 + square) * step) / stopped * skirt / whole;
-        const T by_width = T(-2.0) * skirt / whole;
-        to(gain + i, stopped / whole);
+            (by_B * T(2.0) * flat * T(1 + square) * step - by_A * T(2.0) * away * cosine) / value;
+        const T by_width = by_K * T(2.0) * K / value;
+        to(gain + i, value);
         to(slope[0] + i, (by_square * T(2.0) * T(square) + by_width) * T(at) * T(1 + square) / T(2 * centre));
         to(slope[1] + i, by_width);
     });

@@ -127,7 +127,7 @@ def test_white_noise_is_flat_across_the_joints() -> None:
     # The weights say how far the power of a whole record is from the truth.
     total = (power * weight).sum(axis=1) / weight.sum()
     assert total.var() * weight.sum() == pytest.approx(1, abs=4 * np.sqrt(2 / lanes))
-    assert weight.sum() > 0.95 * n / 2
+    assert weight.sum() > 0.94 * n / 2
 
 
 @pytest.mark.slow

@@ -109,4 +109,4 @@ def _ordinates(samples: int) -> tuple[Array, Array]:
 
 
 def _fits(lam: Array, counts: Array, power: Array, h: float) -> _native.Sentences:
-    return _native.Sentences(lam, counts, power, 1 / (4 * np.sin(lam / 2) ** 2), h)
+    return _native.Sentences(lam, counts, power, 1 / (4 * np.sin(lam / 2) ** 2), np.zeros_like(lam), h)

@@ -4,8 +4,8 @@ The model that stands for the noise may lack a part that is too weak to be found
 relaxation whose corner is near the sample rate is different: it looks much like white noise, so that the
 white noise takes it in, and N comes out too large by many standard deviations. So other models are tried
 beside the one that stands: the best model with an order or the best without one, the same parts and one more
-relaxation, and relaxations in place of filters and rises. The interval reaches over those of all models that
-describe the data as well.
+relaxation, and a relaxation, or a rise, in place of filters and of all else that shapes the high frequencies.
+The interval reaches over those of all models that describe the data as well.
 """
 
 import math
@@ -44,13 +44,15 @@ HARDLY_KNOWN = 2.0
 """Half the width of the interval of a density's logarithm, from which on it is not known."""
 SLOW_PARTS = (Relaxation, Walk, Order, Arfima)
 SHAPES = (*FILTERS, Floor, Alternating, Quantisation, Rise, Resonance)
-"""Parts that shape the high frequencies, where a relaxation may stand in their place."""
+"""Parts that shape the high frequencies, where a relaxation or a rise may stand in their place."""
 SEEN = 2.706
 """2 log L by which a model with one more relaxation has to be better, to count: 95 % of the law of a variance
 that cannot be below 0, which is half 0 and half χ² with one degree (Self & Liang, *JASA* 82, 1987)."""
 FAST = (0.15, 0.3), (0.6, 0.4), (1.8, 0.5)
 """Where the search for one more relaxation begins: its rate in rad a sample, and its density at low
 frequencies over that of the white noise."""
+RISING = (0.4, 1.0), (1.0, 1.0)
+"""The same of a rise: δ, and its density at half the rate."""
 
 
 def angle_walk(f: Frontier, sentence: Sentence) -> Interval:
@@ -106,13 +108,14 @@ def _as_good(f: Frontier, sentence: Sentence) -> Iterator[Sentence]:
     if sentence is f.plain and f.ordered is not None and _stands_beside(f.ordered, sentence):
         assert f.order is not None
         yield f.order
-    more = _with_relaxation(f, sentence, ())
+    more = _with(f, sentence, Relaxation, ())
     if 2 * (sentence.nll - more.nll) > SEEN:
         yield more
     if any(kind in SHAPES for kind in sentence.kinds):
-        instead = _with_relaxation(f, sentence, SHAPES)
-        if 2 * (instead.nll - sentence.nll) < APART:
-            yield instead
+        for kind in (Relaxation, Rise):
+            instead = _with(f, sentence, kind, SHAPES)
+            if 2 * (instead.nll - sentence.nll) < APART:
+                yield instead
 
 
 def _stands_beside(other: Sentence, sentence: Sentence) -> bool:
@@ -121,23 +124,33 @@ def _stands_beside(other: Sentence, sentence: Sentence) -> bool:
     return 2 * (other.nll - sentence.nll) + dearer < APART
 
 
-def _with_relaxation(f: Frontier, sentence: Sentence, left_out: tuple[type[Part], ...]) -> Sentence:
-    """Return the best fit with a further, fast relaxation and without the kinds `left_out`.
+def _with(f: Frontier, sentence: Sentence, kind: type[Part], left_out: tuple[type[Part], ...]) -> Sentence:
+    """Return the best fit with one more part, a fast relaxation or a rise, and without the kinds `left_out`.
 
     It begins where the last one of the same parts was found.
     """
     kept = [(code, at) for code, at in sentence.words() if not _is(code, *left_out)]
-    codes = [*(code for code, _ in kept), CODES.index(Relaxation)]
+    codes = [*(code for code, _ in kept), CODES.index(kind)]
     rest = [sentence.eta[at + k] for code, at in kept for k in range(free_of(code))]
-    last = f.fits.relaxing.get(tuple(codes))
-    starts = [_start(rest, *one) for one in FAST] if last is None else [last]
+    last = f.fits.beside.get(tuple(codes))
+    first = (
+        (_relaxing(rest, *one) for one in FAST)
+        if kind is Relaxation
+        else (_rising(rest, *one) for one in RISING)
+    )
+    starts = list(first) if last is None else [last]
     fitted = (f.native.fit(codes, start, converged=1e-3, steps=40) for start in starts)
     eta, nll = min(fitted, key=lambda one: one[1])
-    f.fits.relaxing[tuple(codes)] = eta
+    f.fits.beside[tuple(codes)] = eta
     return Sentence(tuple(codes), tuple(eta), nll)
 
 
-def _start(rest: list[float], rate: float, share: float) -> list[float]:
+def _rising(rest: list[float], delta: float, share: float) -> list[float]:
+    """Return coordinates at which there is a rise beside the white noise."""
+    return [*rest, rest[0] + math.log(share), delta]
+
+
+def _relaxing(rest: list[float], rate: float, share: float) -> list[float]:
     """Return coordinates at which a part of the white noise is a relaxation."""
     variance = rest[0] + math.log(share * math.tanh(rate / 2))
     return [rest[0] + math.log1p(-share / 2), *rest[1:], variance, math.log(rate)]

@@ -30,7 +30,7 @@ from fltea.noise.parts import (
     spectrum_of,
 )
 from fltea.records.arrays import Array
-from fltea.spectrum.octaves import JOIN, WHOLE
+from fltea.spectrum.octaves import BLOCK, JOIN, WHOLE
 from fltea.spectrum.periodogram import Binned
 
 BY_CHANCE = 4.0
@@ -102,14 +102,14 @@ class Fits:
 
     raw: of the sentences. elsewhere: fits of the reported order that belong to its interval, near or far;
     None: not looked for yet. ends: how the fit at an end of a coordinate's interval differs from the
-    best, by codes, place and side. relaxing: fits with one more relaxation, by their codes.
+    best, by codes, place and side. beside: fits with one more part for the interval of N, by their codes.
     """
 
     def __init__(self, raw: list[Raw], last: "Fits | None" = None) -> None:
         self.raw = raw
         self.elsewhere: list[list[float]] | None = None if last is None else last.elsewhere
         self.ends: dict[tuple[tuple[int, ...], int, int], list[float]] = {} if last is None else last.ends
-        self.relaxing: dict[tuple[int, ...], list[float]] = {} if last is None else last.relaxing
+        self.beside: dict[tuple[int, ...], list[float]] = {} if last is None else last.beside
 
 
 class Frontier:
@@ -199,7 +199,19 @@ def native(data: Binned, h: float, samples: int) -> _native.Sentences:
     lam = np.ascontiguousarray(data.lam, dtype=np.float64)
     walk = walk_column(lam, samples)
     counts, power = (np.ascontiguousarray(a, dtype=np.float64) for a in (data.counts, data.power[0]))
-    return _native.Sentences(lam, counts, power, walk, h)
+    return _native.Sentences(lam, counts, power, walk, windows(lam, samples), h)
+
+
+def windows(lam: Array, samples: int) -> Array:
+    """Return the mean square of the frequencies that a line sees around its own, (bins,), by Hann's window.
+
+    That of a block of m samples is (2π / m)² / 3. A twelfth of (2π / m)² is left out, since lines are taken
+    to fill the space between them. What is below the octaves of a record of so many samples is of no blocks.
+    """
+    level = np.maximum(np.ceil(np.log2(JOIN / 2 / lam)), 0.0)
+    depth = max(0, math.ceil(math.log2(max(samples, 1) / WHOLE)))
+    step = 2 * np.pi / BLOCK / 2**level
+    return np.where(level < depth, step**2 / 4, 0.0)
 
 
 def walk_column(lam: Array, samples: int) -> Array:
