@@ -11,6 +11,8 @@ H = 0.01
 """Sampling period in s."""
 SHORTEST, LONGEST = 6_000, 60_000
 """Samples of a record: a minute to ten minutes."""
+SHORT = 3_000
+"""Samples of half a minute."""
 
 Parts = tuple[p.Part, ...]
 Rng = np.random.Generator
@@ -22,6 +24,8 @@ class Population(NamedTuple):
     draw: Callable[[Rng], Parts]
     shortest: int = SHORTEST
     """Least number of samples of a record."""
+    longest: int = LONGEST
+    """Greatest number of samples."""
     steady: bool = False
     """Whether the Allan deviation, the drift and forecasts are judged, too."""
 
@@ -118,6 +122,7 @@ POPULATIONS: dict[str, Population] = {
     "slow and weak fast relaxation": Population(_relaxations((0.2, 2.0, 5.0, 100.0), (8.0, 60.0, 0.02, 0.4))),
     "walk": Population(_in_white(_walk), 20_000),
     "order": Population(_in_white(lambda rng, R: _order(rng, R, 0.3, 30.0)), 30_000, steady=True),
+    "order, short record": Population(_in_white(lambda rng, R: _order(rng, R, 0.3, 30.0)), SHORT, 4 * SHORT),
     "order, no white": Population(lambda rng: (p.White(0.0), _order(rng, 0.0, 0.1, 10.0)), 10_000),
     "ARFIMA": Population(_in_white(_arfima), 30_000),
     "resonance": Population(_in_white(_resonance)),

@@ -13,7 +13,7 @@ import numpy as np
 
 from tools.validation.closed_form import samples
 from tools.validation.coverage import measure
-from tools.validation.coverage.populations import LONGEST, POPULATIONS, H, Population, between
+from tools.validation.coverage.populations import POPULATIONS, H, Population, between
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import NONE, Table, grouped, number
 
@@ -25,7 +25,11 @@ FORECAST, FORECAST_SHARE = "forecast", 2
 
 def tasks(options: Options) -> list[Task]:
     """Return a task for each population."""
-    return [Task(name, count, (name, options.seeds), LONGEST) for name in POPULATIONS if options.wanted(name)]
+    return [
+        Task(name, count, (name, options.seeds), one.longest)
+        for name, one in POPULATIONS.items()
+        if options.wanted(name)
+    ]
 
 
 def count(name: str, axes: int) -> list[Row]:
@@ -55,7 +59,7 @@ def count(name: str, axes: int) -> list[Row]:
 
 def _axis(population: Population, rng: np.random.Generator, number: int) -> list[measure.Seen]:
     parts = population.draw(rng)
-    n = round(between(rng, population.shortest, LONGEST))
+    n = round(between(rng, population.shortest, population.longest))
     y = samples(parts, n, H, rng)
     axis = measure.look(parts, y)
     found = list(measure.of_fit(axis))
