@@ -49,6 +49,14 @@ def test_what_a_low_pass_lets_through_is_counted(
     assert word in found.text
 
 
+def test_what_a_fast_relaxation_may_be_of_it_makes_no_sensor_better() -> None:
+    """N may be as good as nothing behind one pole, but a sheet's density has what is fast in it, too."""
+    N = 0.02 / math.sqrt(2)
+    found = compare("MPU-9250", Level(Interval(N, 0.0, 1.01 * N)), RATE_HZ)
+    assert found.kind == "noisier"
+    assert found.density.low == pytest.approx(0.02 / 1.01)
+
+
 def test_counts_that_are_too_coarse_are_told() -> None:
     assert "finer range" in compare("ICM-42688-P", level(0.004), RATE_HZ, lsb=1 / 16.4).text
     assert "finer range" not in compare("ICM-42688-P", level(0.004), RATE_HZ, lsb=1 / 131).text

@@ -95,6 +95,9 @@ def compare(
             part, sheet.source, sheet.density, Interval(), None, "not known", f"not compared. {level.reason}"
         )
     value, low, high = (math.sqrt(2) * one for one in (N.value, N.low, N.high))
+    # A fast relaxation that N may not have is in a sheet's density, and in the value, so that it says nothing
+    # of how much lower the density may be: that is as far as it may be higher.
+    low = min(value, max(low, value**2 / high))
     ratio = value / sheet.density
     half = rate_hz / 2
     folded = max((low_pass_hz or half) / half, 1.0) ** 0.5
