@@ -7,7 +7,7 @@ import pytest
 from fltea.noise import parts as p
 from fltea.noise.parts import CODES
 from fltea.spectrum.frontier import Frontier, native
-from fltea.spectrum.intervals import AT_BOUND, BY_F, BY_NOISE, BY_PARAMETER, BY_STEP, CRITICAL, order_fit
+from fltea.spectrum.intervals import AT_BOUND, BY_F, BY_NOISE, BY_PARAMETER, BY_STEP, CRITICAL, interval_end
 from identify_support import H
 from sentence_support import bins
 
@@ -54,9 +54,9 @@ def test_an_end_is_found_though_the_best_fit_has_no_white_noise() -> None:
             continue
         none = f.native.fit(list(best.codes), [best.eta[3] - 27, *best.eta[1:]], held=0)
         best = best._replace(eta=tuple(none[0]), nll=none[1])
-        s2 = order_fit(f, best).s2
-        assert s2.low is not None
-        start = [best.eta[3] - 3, *best.eta[1:3], math.log(s2.low)]
+        low = interval_end(f, best, 3, -1, best.eta[3] - 7, 0.1, AT_BOUND["s2"])
+        assert low is not None
+        start = [best.eta[3] - 3, *best.eta[1:3], low]
         _, nll = f.native.fit(list(best.codes), start, held=3)
         assert CRITICAL - 0.1 < 2 * (nll - best.nll) < AT_BOUND["s2"] + 0.1
         compared += 1

@@ -17,6 +17,7 @@ from fltea.noise.parts import Arfima, Order
 from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.frontier import Frontier
+from fltea.spectrum.intervals import little_white
 from fltea.spectrum.periodogram import binned
 
 COPIES = 60
@@ -92,7 +93,7 @@ def profile(f: Frontier, orders: Array) -> Array:
     for way in (range(first, len(orders)), range(first - 1, -1, -1)):
         eta = list(best.eta)
         for i in way:
-            eta[at] = float(orders[i])
+            eta[0], eta[at] = max(eta[0], little_white(f)), float(orders[i])
             eta, nll[i] = f.native.fit(list(best.codes), eta, held=at)
     return np.asarray(np.maximum(2 * (nll - min(best.nll, float(nll.min()))), 0.0))
 

@@ -302,10 +302,14 @@ def _elsewhere(f: Frontier, sentence: Sentence, at: int) -> list[list[float]]:
     """
     starts = f.fits.elsewhere
     if starts is None:
-        # White noise that is as good as none would not be found.
-        little = math.log(max(float(np.median(f.data.power[0][-10:])), 1e-300)) - LITTLE
         starts = [
-            [max(sentence.eta[0], little), *sentence.eta[1:at], float(order), logit, *sentence.eta[at + 2 :]]
+            [
+                max(sentence.eta[0], little_white(f)),
+                *sentence.eta[1:at],
+                float(order),
+                logit,
+                *sentence.eta[at + 2 :],
+            ]
             for order in LOOKED_AT
             for logit in (-6.0, 0.0)
         ]
@@ -384,6 +388,14 @@ def _other(sentence: Sentence, at: int, code: int, first: list[float]) -> Senten
     codes = [code if place == at else one for one, place in sentence.words()]
     eta = [*sentence.eta[:at], *first, *sentence.eta[at + len(first) :]]
     return sentence._replace(codes=tuple(codes), eta=tuple(eta))
+
+
+def little_white(f: Frontier) -> float:
+    """Return the logarithm of the R of little white noise, from which a fit finds how much there is.
+
+    Where it is as good as none it has no slope, and no fit that begins there would find any.
+    """
+    return math.log(max(float(np.median(f.data.power[0][-10:])), 1e-300)) - LITTLE
 
 
 def around(f: Frontier, here: float) -> tuple[float, float]:
