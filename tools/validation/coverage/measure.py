@@ -62,7 +62,8 @@ def of_fit(axis: Axis) -> Iterator[Seen]:
     truth = sorted(axis.parts, key=_place)
     found = sorted(_without_nothing(axis.figures.parts), key=_at)
     if any(isinstance(one, p.White) and one.R == 0 for one in truth):
-        truth, found = ([one for one in all_ if _tag(one) != "white"] for all_ in (truth, found))
+        truth = [one for one in truth if not isinstance(one, p.White)]
+        found = [one for one in found if one.part != "white"]
     same = [one.part for one in found] == [_tag(one) for one in truth]
     for one in truth:
         for name in one.__struct_fields__:
@@ -145,8 +146,8 @@ def _without_nothing(found: Sequence[Estimated]) -> list[Estimated]:
     return [one for one in found if one.part != "white" or one.values["R"].low not in (None, 0.0)]
 
 
-def _tag(part: p.Part | Estimated) -> str:
-    return part.part if isinstance(part, Estimated) else str(part.__struct_config__.tag)
+def _tag(part: p.Part) -> str:
+    return str(part.__struct_config__.tag)
 
 
 def _place(part: p.Part) -> tuple[str, float]:
