@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "3562f4bb";
+constexpr char kBuildId[] = "0e44ce6d";
 
 }  // namespace fltea

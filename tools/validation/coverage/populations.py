@@ -109,6 +109,10 @@ def _sharpening(rng: Rng, _: float) -> p.Part:
     return p.Sharpening(rng.uniform(0.04, 0.3) if rng.random() < 0.5 else rng.uniform(-0.2, -0.04))
 
 
+def _high_pass(rng: Rng, _: float) -> p.Part:
+    return p.HighPass(between(rng, 0.2, 2.0), 1.0)
+
+
 def _notch(rng: Rng, _: float) -> p.Part:
     return p.Notch(rng.uniform(10.0, 40.0), rng.uniform(3.0, 8.0))
 
@@ -131,5 +135,6 @@ POPULATIONS: dict[str, Population] = {
     "alternating": Population(_in_white(_alternating)),
     "low-pass": Population(_low_pass),
     "sharpening": Population(_in_white(_sharpening)),
+    "high-pass": Population(_in_white(_high_pass), 20_000),
     "notch": Population(_in_white(_notch)),
 }
