@@ -13,7 +13,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fltea.noise.distributions import NORMAL_95
 from fltea.noise.parts import (
     CODES,
     FILTERS,
@@ -35,6 +34,7 @@ from fltea.noise.parts import (
     spectrum_of,
 )
 from fltea.records.fit import Interval
+from fltea.records.plus_minus import NORMAL_95
 from fltea.spectrum.evidence import APART
 from fltea.spectrum.frontier import BY_CHANCE, Frontier, Sentence
 from fltea.spectrum.intervals import around, interval_end, slopes

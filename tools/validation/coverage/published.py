@@ -48,7 +48,7 @@ FIGURES: dict[str, str | Elsewhere] = {
     "tau_s": "tau_s of relaxation",
     "values": "R of white",
     "drift_rate": "drift rate",
-    "B": Elsewhere("read from the Allan curve, whose band is measured"),
+    "B": Elsewhere("of 1/f noise in the spectrum, or of the Allan curve, whose band is measured"),
     "bias_std": "bias over 10 s, 1.96 σ",
     "heading_std": "heading after 10 s, 1.96 σ",
     "tracker_bias_std": Elsewhere("of the board's tracker, which is the host's: `states`"),
