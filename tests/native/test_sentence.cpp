@@ -23,12 +23,12 @@ Bins bins_of(std::size_t size, double samples = 60000) {
         counts.push_back(std::fmax(1.0, (end - begin) * samples / (2 * kPi)));
         walk.push_back(1 / std::pow(2 * std::sin(lam.back() / 2), 2));
     }
-    return Bins(kernel_baseline, lam, counts, Numbers(size, 1.0), walk, 0.01);
+    return Bins(kernel_baseline, lam, counts, Numbers(size, 1.0), walk, Numbers(size), 0.01);
 }
 
 // The same with these powers.
 Bins with_power(const Bins& bins, const Numbers& power) {
-    return Bins(kernel_baseline, bins.lam, bins.counts, power, bins.walk, 0.01);
+    return Bins(kernel_baseline, bins.lam, bins.counts, power, bins.walk, Numbers(bins.size()), 0.01);
 }
 
 Numbers spectrum(const Bins& bins, const Words& words, const std::vector<double>& eta) {
@@ -264,7 +264,7 @@ TEST_CASE("sentence: an order is found beside none, and its interval holds it") 
             std::vector<double> away;
             const auto end = [&] {
                 return interval_end(bins, words, found.ordered.eta, found.ordered.nll, 1, side,
-                                    side > 0 ? 1.9 : 0, 0.03, Critical{3.841, 3.841, -1}, Patience(), away);
+                                    side > 0 ? 1.9 : 0, 0.03, Critical{3.841, 3.841}, Patience(), away);
             };
             ends[side > 0] = end();
             CHECK(away[1] == ends[side > 0] - found.ordered.eta[1]);

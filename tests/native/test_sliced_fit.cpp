@@ -29,7 +29,8 @@ sentence::Bins on_host(const Any& bins) {
         counts.push_back(static_cast<double>(bins.counts(i)));
         power.push_back(static_cast<double>(bins.power(i)));
     }
-    return sentence::Bins(sentence::kernel_baseline, lam, counts, power, sentence::Numbers(lam.size()), 1);
+    const sentence::Numbers none(lam.size());
+    return sentence::Bins(sentence::kernel_baseline, lam, counts, power, none, none, 1);
 }
 
 // The host's answer, from many starts: white noise and one part.
