@@ -4,8 +4,8 @@ ORDINATES = (1489, 473352)
 """The least and the most ordinates of these; beyond the odds are those at the ends."""
 
 COEFFICIENTS = (
-    (0.867, -0.648),
-    (3.778, 1.305),
-    (0.850, 2.101),
+    (0.929, -0.761),
+    (6.476, 0.216),
+    (0.331, 2.567),
 )
 """of log odds: constant, by the lead, by the lead over the richest; each at the fewest, and a decade"""

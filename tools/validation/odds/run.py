@@ -171,8 +171,8 @@ def _draw_found(axes: "Axes", rows: list[Row]) -> None:
     axes.set(
         xlabel="share of noises without an order above a bound of the odds",
         ylabel="share of orders above it",
-        xscale="symlog",
+        xscale="log",
+        xlim=(2e-3, 1.0),
         title=f"{rows[0]['samples']:,} samples",
     )
-    axes.set_xscale("symlog", linthresh=0.005)
     axes.legend(frameon=False)
