@@ -119,6 +119,14 @@ def test_a_line_near_a_part_of_the_rate_is_none(hz: float) -> None:
     assert "alternates" not in judged(gyro(y))
 
 
+@pytest.mark.parametrize("every", [100, 50, 33])
+def test_a_glitch_in_each_period_is_no_sensor_by_turns(every: int) -> None:
+    """All are at the same turn of four, two or three."""
+    y = white(60_000, 3, 1)
+    y[:, ::every] += 5.0 * float(y.std())
+    assert "alternates" not in judged(gyro(y))
+
+
 def test_held_values_of_an_accelerometer() -> None:
     """Accelerations that are held at 62.5 Hz in a record at 200 Hz were "low-pass, the sensor's own"."""
     n, h = 24_000, 1 / 200

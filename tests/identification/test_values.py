@@ -38,7 +38,9 @@ def test_what_is_said_and_that_nothing_is_built_on_it() -> None:
     assert "87% of the samples are exactly 0 deg/s" in found.withheld
     assert "nearer to it than 0.15 deg/s: a dead band" in found.withheld
     assert found.now is None
-    assert "repeated" not in [trap.kind for trap in found.traps], "no sample came twice"
+    told = {trap.kind for trap in found.traps}
+    assert "repeated" not in told, "no sample came twice"
+    assert "outliers" not in told, "what is outside of the band is the noise"
 
 
 def test_one_value_in_place_of_others() -> None:

@@ -29,6 +29,8 @@ ALTERNATES = {2: 50.0, 3: 25.0, 4: 25.0}
 """The mean over its error, squared, that chance exceeds less than once in ten million, by sensors."""
 ALTERNATES_SHARE, SCATTER_SHARE = 0.01, 0.1
 """Shares of the noise's power, and of its mean size, below which what alternates does little harm."""
+GLITCH, GLITCHES = 4.5, 0.05
+"""A glitch over the median size, which is three standard deviations; the most samples that may be glitches."""
 ALTERNATES_S = 20.0
 """Mains at nearly half the rate looks like two sensors for less."""
 GROUP_SHARE, GROUP_WIDTH = 0.005, 0.2
@@ -188,6 +190,7 @@ def _turns(against: Array, noise: float, unit: str) -> Turns | None:
     size = len(against) // TURNS // TURN
     if not size:
         return None
+    against = _without_glitches(against)
     for values, share, most in (
         (against, ALTERNATES_SHARE, noise**2),
         (np.abs(against), SCATTER_SHARE**2, float(np.abs(against).mean()) ** 2),
@@ -210,6 +213,20 @@ def _turns(against: Array, noise: float, unit: str) -> Turns | None:
             )
             return Turns(sensors, power > most * share, what)
     return None
+
+
+def _without_glitches(against: Array) -> Array:
+    """Return the same with 0 for a few samples that stand out, and for their neighbours.
+
+    A glitch each second is at the same turn each time; of sensors by turns more samples stand out.
+    """
+    far = np.abs(against) > GLITCH * np.median(np.abs(against))
+    if not 0 < far.mean() < GLITCHES:
+        return against
+    near = far.copy()
+    near[1:] |= far[:-1]
+    near[:-1] |= far[1:]
+    return np.where(near, 0.0, against)
 
 
 def _alternating(seen: Mapping[str, Axis], h: float) -> Iterator[Trap]:

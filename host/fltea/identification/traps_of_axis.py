@@ -38,7 +38,10 @@ def traps_of(
         gaps,
         longer="as long as can be" if result.verdict.has_order else "ten minutes or more",
     )
-    values = value_traps(series.y, series.unit)
+    values = tuple(value_traps(series.y, series.unit))
+    if any(trap.kind == "dead band" for trap in values):
+        # What is outside of the band stands out from the one value inside.
+        of_samples = tuple(trap for trap in of_samples if trap.kind != "outliers")
     return (*values, *_steps_between(telegraph, series.unit), *of_samples)
 
 
