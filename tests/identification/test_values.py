@@ -3,6 +3,7 @@
 import fltea
 import numpy as np
 import pytest
+from fltea.identification.advice import CURE_FIRST
 from fltea.identification.values import value_traps
 from fltea.records.arrays import Array
 from identify_support import ar, long_recursion, white
@@ -38,6 +39,7 @@ def test_what_is_said_and_that_nothing_is_built_on_it() -> None:
     assert "87% of the samples are exactly 0 deg/s" in found.withheld
     assert "nearer to it than 0.15 deg/s: a dead band" in found.withheld
     assert found.now is None
+    assert found.text.endswith(CURE_FIRST)
     told = {trap.kind for trap in found.traps}
     assert "repeated" not in told, "no sample came twice"
     assert "outliers" not in told, "what is outside of the band is the noise"

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from fltea.api._check import in_python, one_axis, period_s, python_words, scale
 from fltea.api.identified import Identified
 from fltea.identification.about_levels import look_at
+from fltea.identification.advice import doubted
 from fltea.identification.allan import allan_of
 from fltea.identification.axis import AxisResult, IdentifyOptions, Looked, identified
 from fltea.identification.conclusions import conclude, in_agreement, tracked_of
@@ -149,7 +150,7 @@ def of_series(
     is_left_out = out.is_like(events.left_out)
     traps = (*event_traps(events, series.unit, is_left_out=is_left_out), *traps)
     if why := withheld(traps):
-        tracked = None
+        tracked, found = None, doubted(found)
     h = looked.h
     curve = None
     with contextlib.suppress(ValueError):  # all stretches are too short for one

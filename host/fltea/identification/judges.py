@@ -30,7 +30,7 @@ ALTERNATES = {2: 50.0, 3: 25.0, 4: 25.0}
 ALTERNATES_SHARE, SCATTER_SHARE = 0.01, 0.1
 """Shares of the noise's power, and of its mean size, below which what alternates does little harm."""
 GLITCH, GLITCHES = 4.5, 0.05
-"""A glitch over the median size, which is three standard deviations; the most samples that may be glitches."""
+"""A glitch over the median size, which is three standard deviations; the largest share of such samples."""
 ALTERNATES_S = 20.0
 """Mains at nearly half the rate looks like two sensors for less."""
 GROUP_SHARE, GROUP_WIDTH = 0.005, 0.2

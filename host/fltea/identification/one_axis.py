@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from fltea.identification.about_levels import look_at
+from fltea.identification.advice import doubted
 from fltea.identification.allan import allan_of
 from fltea.identification.axis import IdentifyOptions, identified
 from fltea.identification.axis_report import AxisReport
@@ -94,7 +95,7 @@ def with_events(axis: AxisReport, found: AxisEvents) -> AxisReport:
     if axis.withheld or not (why := withheld(traps)):
         return axis
     nothing = dict.fromkeys(("now", "forecast", "filter", "walk", "tracked"))
-    return msgspec.structs.replace(axis, withheld=why, **nothing)
+    return msgspec.structs.replace(axis, withheld=why, result=doubted(axis.result), **nothing)
 
 
 def examine(
@@ -126,7 +127,7 @@ def examine(
     return AxisReport(
         series.unit,
         series.lsb,
-        result,
+        doubted(result) if why else result,
         model,
         curve,
         drawn,

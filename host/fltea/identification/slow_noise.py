@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
+from fltea.identification.advice import with_next
 from fltea.identification.allan import scales
 from fltea.identification.axis import AxisResult
 from fltea.identification.tracked_system import OffsetWalkFound
@@ -15,7 +16,6 @@ from fltea.noise.distributions import chi2_tail
 from fltea.records.fit import Interval
 from fltea.spectrum.allan_coefficients import Coefficient
 from fltea.spectrum.allan_curve import CONFIDENCE, Allan
-from fltea.spectrum.verdict import Verdict
 from fltea.spectrum.wording import duration
 
 
@@ -40,7 +40,7 @@ def with_slow_noise(
     verdict = result.verdict
     if allan is not None:
         if verdict.kind == "white":
-            verdict = _with_next(verdict, next_of_white(allan, walk, unit))
+            verdict = with_next(verdict, next_of_white(allan, walk, unit))
         allan = replace(allan, K=_coefficient(walk, unit))
     return replace(result, level=level, drift_rate=drift_rate, verdict=verdict), allan
 
@@ -104,7 +104,3 @@ def _coefficient(walk: OffsetWalkFound, unit: str) -> Coefficient:
         reason += f" A record of {duration(walk.tells_s)} would tell."
     K = walk.K
     return Coefficient(K.value, K.low, K.high, reason=reason, of="tracker", at_most=walk.at_most)
-
-
-def _with_next(verdict: Verdict, then: str) -> Verdict:
-    return replace(verdict, text=f"{verdict.what} {verdict.why} {then}", next=then)
