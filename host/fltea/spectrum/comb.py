@@ -57,6 +57,12 @@ MOST_DIVISOR = 6
 """The period may be the candidate over a whole number up to this."""
 NEARLY = 0.8
 """Share of the most evidence that the true period has, if a multiple of it has the most."""
+MOST_SOONER, FIRST_TEETH = 12, 8
+"""How often something may happen in a period that was found, and by how many of its lowest lines that is
+seen."""
+NO_TOOTH, SHAPED = 1.5, 0.08
+"""The mean height up to which lines between these are noise, of which it is 1, or are made by rounding to the
+nearest sample; the second over the height of the lines."""
 AT_ONCE = 1 << 18
 """Teeth that are looked up at a time."""
 PREFIXES = (5, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
@@ -141,7 +147,24 @@ def find_comb(
     _, fundamental, teeth = max(
         (one for one in found if one[0] >= max(NEARLY * best, needed)), key=lambda one: one[1]
     )
+    while (sooner := _happens_sooner(ordinates, fundamental)) > 1:
+        fundamental, teeth = fundamental * sooner, max(teeth // sooner, FEWEST_TEETH)
     return Comb(p.n / fundamental, teeth, float(ordinates.heights(fundamental, teeth).mean()))
+
+
+def _happens_sooner(ordinates: _Ordinates, fundamental: float) -> int:
+    """Return how often something happens in a period that was found.
+
+    What happens each 103.7 samples, at the nearest sample, comes again exactly after ten times that, but
+    nearly all power of the lowest lines is in multiples of the true frequency.
+    """
+    for times in range(MOST_SOONER, 1, -1):
+        heights = ordinates.heights(fundamental, FIRST_TEETH * times)
+        own = float(heights[times - 1 :: times].mean())
+        others = float(np.delete(heights, slice(times - 1, None, times)).mean())
+        if own > CLEAR and others < max(NO_TOOTH, SHAPED * own):
+            return times
+    return 1
 
 
 def _lags(p: Periodogram) -> tuple[float, ...]:
