@@ -107,6 +107,16 @@ def test_torn_reads(sign: int) -> None:
     assert "torn reads" not in kinds(y, None)
 
 
+@pytest.mark.parametrize("width", [100, 20])
+@pytest.mark.parametrize("tails", ["laplace", "standard_cauchy"])
+def test_heavy_tails_are_no_torn_reads(tails: str, width: float) -> None:
+    """Of wide noise any outlier may be near 256 counts from its neighbours."""
+    rng = np.random.default_rng(3)
+    y = counts(width * LSB * np.clip(getattr(rng, tails)(size=20_000), -50, 50))
+    assert "torn reads" not in kinds(y, LSB)
+    assert ("outliers" in kinds(y, LSB)) == (tails == "standard_cauchy" or width > 50)
+
+
 @pytest.mark.parametrize("end", [32767, -32768])
 def test_saturation(end: int) -> None:
     near = counts(white(3000, 1, 1)[0] + (end - 100 * np.sign(end)) * LSB)

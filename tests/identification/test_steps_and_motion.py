@@ -1,10 +1,12 @@
 """What `fltea identify` says of steps of the bias and of motion, and that neither falsifies the noise."""
 
+import math
 from pathlib import Path
 
 import fltea
 import numpy as np
 import pytest
+from fltea.identification.advice import EXPECT_STEPS
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.event_traps import EVENT_TRAPS, popcorn_noise
@@ -202,6 +204,17 @@ def test_the_api_tells_the_same_as_the_command(tmp_path: Path) -> None:
         assert len(found.bias_steps) == (name == "gyro_y")
     assert "step of +0." in by_api["gyro_y"]._repr_html_()
     assert "Bias(1 s) at the end: 0." in by_api["gyro_y"]._repr_html_()
+
+
+def test_a_filter_of_white_noise_with_steps_needs_more_than_N() -> None:
+    """The filter said that its bias was known exactly."""
+    rng = np.random.default_rng(1)
+    y = np.cumsum(rng.random(30_000) < 0.0005) % 2 * 3 * SIGMA + SIGMA * rng.standard_normal(30_000)
+    found = identified(y)
+    assert found.result.verdict.kind == "white"
+    assert found.result.verdict.next == EXPECT_STEPS
+    assert found.filter is not None
+    assert found.filter.bias_std > SIGMA / math.sqrt(30_000)
 
 
 def test_too_many_steps_for_a_spectrum_between_them_are_told_beside_the_first_look() -> None:

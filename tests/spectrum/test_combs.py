@@ -148,6 +148,14 @@ def test_a_period_is_not_a_multiple_of_it() -> None:
         assert comb.period == pytest.approx(37.123, rel=1e-3)
 
 
+@pytest.mark.parametrize("period_s", [1.037, 0.4819, 0.555])
+def test_a_period_that_is_no_number_of_samples_is_not_ten_periods(period_s: float) -> None:
+    """Rounded to samples it comes again exactly after ten times that, or two, or four."""
+    comb = find_comb(periodogram(noisy(60_000, period_s, 1, 5.0), H))
+    assert comb is not None
+    assert comb.period == pytest.approx(period_s / H, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("period_s", "said", "then"),
     [

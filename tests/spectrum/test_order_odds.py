@@ -2,9 +2,11 @@
 
 import math
 
+import fltea
 import pytest
 from fltea.spectrum.order_odds import FARTHEST, MOST, order_odds
 from fltea.spectrum.order_odds_constants import ORDINATES
+from fltea.spectrum.wording import either
 from fltea.spectrum.wording import odds as said
 from hypothesis import given
 from hypothesis import strategies as st
@@ -46,6 +48,27 @@ def test_more_data_make_odds_that_tell() -> None:
 )
 def test_odds_in_words(odds: float, words: str) -> None:
     assert said(odds) == words
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (None, "This record cannot separate an order from a sum"),
+        (9.9, "This record cannot separate an order from a sum"),
+        (10.1, "Most likely an order; a sum is possible, too"),
+        (0.05, "Most likely a sum; an order is possible, too"),
+    ],
+)
+def test_what_is_most_likely_is_said_first(value: float | None, words: str) -> None:
+    assert either("an order", "a sum", value) == words
+
+
+def test_the_odds_are_one_figure() -> None:
+    found = fltea.simulate(20_000, rate_hz=100, alpha=0.6, f=-0.5, Q=10.0, R=0.01, unit="deg/s", seed=2)
+    axis = found.identify()
+    assert axis.odds is not None
+    assert axis.odds == axis.details.verdict.odds
+    assert said(max(axis.odds, 1 / axis.odds)) in axis.text
 
 
 @pytest.mark.slow

@@ -45,6 +45,8 @@ LEAST_WHITE = 0.01
 """Variance of the white noise of a sample, over that of a state, below which the state counts as white."""
 FOLDED_S, FOLDED = 0.1, 10.0
 """Correlation times, in s and in samples, up to which it may."""
+NOTHING_LEFT = 0.1
+"""Variance of the bias over that of the tracked system, below which the latter counts."""
 LEAST_OF_ALL = 1e-4
 """The same, over the variance of all states: no filter can do without any white noise."""
 
@@ -117,6 +119,9 @@ def navigation_filter(tracked: Learned, y: Array, h: float) -> NavigationFilter:
     heading = _heading_variance(model, part, always, P, h, times_s)
     target = _Target(lam, _power(model, always, lam, len(y)), times_s, heading)
     found, tau_s = _folded(*_fitted(target, tau_s, h), h)
+    known = float(part @ P @ part)
+    if found[2] < NOTHING_LEFT * known:  # the fit gave the error of the bias to the states
+        found[2] = known
     N, K, bias_std, *sigmas = np.sqrt(found).tolist()
     ahead = np.sqrt(_headings(tau_s, h, np.array(TOLD_S)) @ found)
     states = sorted(zip(tau_s, sigmas, strict=True), reverse=True)

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from fltea.identification.about_levels import look_at
-from fltea.identification.advice import doubted
+from fltea.identification.advice import doubted, with_steps
 from fltea.identification.allan import allan_of
 from fltea.identification.axis import IdentifyOptions, identified
 from fltea.identification.axis_report import AxisReport
@@ -90,7 +90,12 @@ def with_events(axis: AxisReport, found: AxisEvents) -> AxisReport:
     is_left_out = axis.left_out.is_like(found.left_out)
     traps = (*event_traps(found, axis.unit, is_left_out=is_left_out), *axis.traps)
     axis = msgspec.structs.replace(
-        axis, traps=traps, bias_steps=found.steps, motion=found.motion, course=found.course
+        axis,
+        result=with_steps(axis.result, found.steps),
+        traps=traps,
+        bias_steps=found.steps,
+        motion=found.motion,
+        course=found.course,
     )
     if axis.withheld or not (why := withheld(traps)):
         return axis

@@ -72,10 +72,10 @@ def next_of_white(allan: Allan, walk: OffsetWalkFound, unit: str) -> str:
             if found.is_more
             else "there is less slow noise than white noise has, as behind a high-pass"
         )
-        until = f" up to {duration(found.to_s)}" if found.to_s > 0 else ""
+        until = f" up to {duration(found.to_s)}" if found.to_s >= 1 else ""
         return (
             f"A filter needs its density N{until}. The Allan deviation is not that of "
-            f"white noise at {duration(found.leaves_at_s)}: {what}. {of_K}"
+            f"white noise at {_time(found.leaves_at_s)}: {what}. {of_K}"
         )
     if walk.said == "walks":
         return f"A filter needs its density N and the walk of its offset. {of_K}"
@@ -83,6 +83,10 @@ def next_of_white(allan: Allan, walk: OffsetWalkFound, unit: str) -> str:
         "A filter needs only its density N: the Allan deviation is that of white noise up to its end, "
         f"{duration(found.ends_s)}. {of_K}"
     )
+
+
+def _time(seconds: float) -> str:
+    return duration(seconds) if seconds >= 1 else f"{seconds:.2g} s"
 
 
 def said_of_K(walk: OffsetWalkFound, unit: str) -> str:

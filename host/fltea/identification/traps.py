@@ -34,6 +34,8 @@ OUTLIER = 6.0
 """Robust standard deviations: of Gaussian noise one sample in 500 million."""
 TORN_COUNTS = 256.0
 """The high byte of one sample with the low byte of another."""
+TORN_WITHIN = 0.5
+"""The share of these counts to which a jump has to be known to be one."""
 COARSE_LSB, TOO_COARSE_LSB = 2.0, 0.5
 """σ in LSB. From 2 on rounding is 2 % of the variance; below 0.5 it is no longer white."""
 FULL_SCALE_COUNTS = 32767.0
@@ -226,8 +228,10 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> I
         return
     first = f"the first at {gaps.place(int(at[0])) * h:.4g} s"
     torn = 0
-    if lsb is not None:
-        torn = int((np.abs(size[at - 1] / lsb - TORN_COUNTS) < 4 * scale / lsb).sum())
+    if lsb is not None and 4 * scale < TORN_WITHIN * TORN_COUNTS * lsb:
+        off = np.abs(size[at - 1] - TORN_COUNTS * lsb)
+        # Heavy tails have jumps of any size; of torn reads nearly all are of this one.
+        torn = int((off < 4 * scale).sum()) if 2 * int((off < 2 * scale).sum()) >= at.size else 0
     if torn:
         yield Trap(
             "torn reads",

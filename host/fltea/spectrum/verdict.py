@@ -264,7 +264,7 @@ def _both(e: Evidence, q: _Questions, kind: VerdictKind, said: str) -> Verdict:
     ordered = wording.sentence(f.order.parts(f.h), e, q.order)
     return q.say(
         kind,
-        f"This record cannot separate {ordered} from {said}.{wording.also_found(e)}",
+        f"{wording.either(ordered, said, e.odds)}.{wording.also_found(e)}",
         f"{wording.odds_of_order(e)} Both describe the spectrum from {wording.band(e)}.",
         NEXT_EITHER,
     )

@@ -29,6 +29,8 @@ from fltea.spectrum.order_odds import MOST
 from fltea.spectrum.reading import ONE_POLE, corner_hz
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
+LIKELY = 10.0
+"""Odds, one way or the other, from which on it is said what a noise most likely is."""
 REGULAR = 3.0
 """Odds from which on it is said that regular relaxations look like an order."""
 UNDEFINED = "α and f are undefined"
@@ -236,6 +238,14 @@ def odds(value: float) -> str:
     if value >= MOST:
         return f"more than {MOST:.0f} : 1"
     return f"{value:.1f} : 1" if value < 3 else f"{value:.0f} : 1"
+
+
+def either(ordered: str, said: str, value: float | None) -> str:
+    """Return a sentence on an order and what looks like it; value: the odds of the order, if known."""
+    if value is None or 1 / LIKELY < value < LIKELY:
+        return f"This record cannot separate {ordered} from {said}"
+    likely, other = (ordered, said) if value > 1 else (said, ordered)
+    return f"Most likely {likely}; {other} is possible, too"
 
 
 def odds_of_order(e: Evidence) -> str:
