@@ -18,7 +18,7 @@ from fltea.records.plus_minus import plus_minus, within
 from fltea.records.stats import CAUSE_WORDS
 from fltea.records.units import HOUR
 from fltea.spectrum.allan_curve import Allan
-from fltea.spectrum.wording import duration
+from fltea.spectrum.wording import duration, odds
 
 UNDEFINED = "undefined"
 NONE = "–"
@@ -168,6 +168,8 @@ def rows(axis: AxisReport) -> list[Row]:
         for how, name in (("without", "plain"), ("with", "order"))
         if (one := r.sentences.get(name)) is not None
     ]
+    if r.verdict.odds is not None:
+        found.append(("odds of an order", odds(r.verdict.odds)))
     if r.fltea is not None and (innovations := r.innovations.get(r.fltea.variant)):
         found += [
             ("innovations' NIS", f"{innovations.nis:.3g}"),

@@ -37,6 +37,7 @@ PEAKS: dict[str, VerdictKind] = {
 RISING = (Sharpening, Alternating, Quantisation, Rise)
 """An order beside one of these is not in its place."""
 NEXT_EITHER = "Record longer, or use the model without an order."
+NEXT_LIKELY = "Record longer to be sure; a navigation filter takes the model without an order."
 NEXT_FILTER = (
     "It is the sensor's own, or of the program that wrote the file (a flight controller, a logger): compare "
     "with their settings."
@@ -266,7 +267,7 @@ def _both(e: Evidence, q: _Questions, kind: VerdictKind, said: str) -> Verdict:
         kind,
         f"{wording.either(ordered, said, e.odds)}.{wording.also_found(e)}",
         f"{wording.odds_of_order(e)} Both describe the spectrum from {wording.band(e)}.",
-        NEXT_EITHER,
+        NEXT_LIKELY if e.odds is not None and e.odds >= wording.LIKELY else NEXT_EITHER,
     )
 
 
