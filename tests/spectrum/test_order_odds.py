@@ -81,7 +81,7 @@ def test_odds_come_true() -> None:
     assert len(found) >= 4
     for _, expected, seen, error in found:
         assert abs(seen - expected) < 3 * error + 0.02
-    assert [seen for *_, seen, _ in found] == pytest.approx(sorted(seen for *_, seen, _ in found), abs=0.15)
+    assert [seen for *_, seen, _ in found] == pytest.approx(sorted(seen for *_, seen, _ in found), abs=0.25)
     false, true = operating(rows, "random sum")
     assert max(t for f, t in zip(false, true, strict=True) if f <= 0.1) > 0.3
     assert not [row for row in rows if row["kind"] == "fractional" and row["population"] != "order"]
