@@ -151,6 +151,9 @@ def test_what_is_left_out_is_said_in_a_line() -> None:
 
 def test_an_order_that_is_not_yet_claimed_stands_under_its_condition() -> None:
     assert answer(UNDECIDED).condition == "if the noise is of fractional order"
+    likely = answer(replace(UNDECIDED, odds=8.0))
+    assert likely.condition == "if the noise is of fractional order (odds 8 : 1)"
+    assert "(odds 8 : 1)" in sentence(likely, "")[1]
     assert answer(FRACTIONAL).condition == ""
     assert answer(replace(UNDECIDED, alpha=Interval(0.6))).condition == ""
 

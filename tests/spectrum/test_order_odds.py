@@ -4,10 +4,11 @@ import math
 
 import fltea
 import pytest
-from fltea.spectrum.order_odds import FARTHEST, MOST, order_odds
+from fltea.records.odds import MOST
+from fltea.records.odds import odds as said
+from fltea.spectrum.order_odds import FARTHEST, order_odds
 from fltea.spectrum.order_odds_constants import ORDINATES
 from fltea.spectrum.wording import either
-from fltea.spectrum.wording import odds as said
 from hypothesis import given
 from hypothesis import strategies as st
 

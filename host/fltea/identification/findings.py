@@ -14,11 +14,12 @@ from fltea.identification.load import GYRO_UNIT
 from fltea.identification.shuffled import ShuffledBand
 from fltea.identification.traps import Trap
 from fltea.records.fit import Interval
+from fltea.records.odds import odds
 from fltea.records.plus_minus import plus_minus, within
 from fltea.records.stats import CAUSE_WORDS
 from fltea.records.units import HOUR
 from fltea.spectrum.allan_curve import Allan
-from fltea.spectrum.wording import duration, odds
+from fltea.spectrum.wording import duration
 
 UNDEFINED = "undefined"
 NONE = "–"

@@ -9,11 +9,10 @@ made of relaxations (tools/validation/odds/populations.py, host/docs/evaluation/
 
 import math
 
+from fltea.records.odds import MOST
 from fltea.spectrum.frontier import Frontier
 from fltea.spectrum.order_odds_constants import COEFFICIENTS, ORDINATES
 
-MOST = 50.0
-"""Odds beyond are told as these: so few noises have them that the calibration was not checked there."""
 FARTHEST = 40.0
 """Differences in 2 log L beyond are as good as this."""
 

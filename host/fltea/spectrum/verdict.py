@@ -11,6 +11,7 @@ import msgspec
 
 from fltea.noise.parts import Alternating, Quantisation, Rise, Sharpening
 from fltea.records.fit import VerdictKind
+from fltea.records.odds import odds
 from fltea.spectrum import comb_words, median_words, wording
 from fltea.spectrum.evidence import APART, Evidence
 from fltea.spectrum.frontier import BY_CHANCE, Sentence, order_of
@@ -156,11 +157,11 @@ def _claimed(e: Evidence, q: _Questions) -> bool:
     f = e.frontier
     if f.ordered is None:
         return False
-    odds, richer = e.odds or 0.0, LEAST_OVER_RICH + e.apart - APART
+    of_order, richer = e.odds or 0.0, LEAST_OVER_RICH + e.apart - APART
     ahead = q.ask(
         f"Are the odds of an order over {CLAIMED:.0f} : 1, and its BIC lower by more than {e.apart:.0f}?",
-        odds > CLAIMED and f.lead > e.apart,
-        f"{wording.odds(odds)}, {f.lead:+.1f}, of {wording.names(f.plain.kinds)}",
+        of_order > CLAIMED and f.lead > e.apart,
+        f"{odds(of_order)}, {f.lead:+.1f}, of {wording.names(f.plain.kinds)}",
     )
     rich = q.ask(
         f"Is it better than the richest model without one, 2 log L higher by more than {richer:.0f}?",
@@ -212,7 +213,7 @@ def _fractional(e: Evidence, q: _Questions) -> Verdict:
     return q.say(
         "fractional",
         f"{wording.capital(what)}: the noise is fractional.{wording.also_found(e)}",
-        f"The odds are {wording.odds(e.odds or 0.0)} for it. Every model without an order fits worse, by "
+        f"The odds are {odds(e.odds or 0.0)} for it. Every model without an order fits worse, by "
         f"{f.lead_over_rich:.0f} or more in 2 log L.",
         "Use α and f with their intervals.",
     )

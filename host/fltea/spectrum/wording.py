@@ -21,11 +21,11 @@ from fltea.noise.parts import (
     Sharpening,
     Walk,
 )
+from fltea.records.odds import odds
 from fltea.spectrum import comb_words
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.intervals import OrderFit
 from fltea.spectrum.lines import Peak
-from fltea.spectrum.order_odds import MOST
 from fltea.spectrum.reading import ONE_POLE, corner_hz
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
@@ -229,15 +229,6 @@ def band(e: Evidence) -> str:
     """Return the band of the data in words."""
     decades = math.log10(e.to_hz / e.from_hz)
     return f"{hz(e.from_hz)} to {hz(e.to_hz)}, {decades:.1f} decades"
-
-
-def odds(value: float) -> str:
-    """Return odds of 1 or more, which are told up to MOST; below 1 as those of the contrary."""
-    if value < 1:
-        return f"1 : {odds(1 / value).split(' : ')[0]}" if value > 0 else "none"
-    if value >= MOST:
-        return f"more than {MOST:.0f} : 1"
-    return f"{value:.1f} : 1" if value < 3 else f"{value:.0f} : 1"
 
 
 def either(ordered: str, said: str, value: float | None) -> str:

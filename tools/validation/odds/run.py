@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from fltea.spectrum.order_odds import MOST
+from fltea.records.odds import MOST
 
 from tools.validation.odds.counts import count
 from tools.validation.odds.populations import POPULATIONS

@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from fltea.records.fit import AxisFit, Interval, VerdictKind
+from fltea.records.odds import odds
 from fltea.sinks.words import about
 
 HEADS: dict[VerdictKind, str] = {
@@ -100,10 +101,18 @@ def answer(fit: AxisFit | None, left_s: float | None = None, *, off: bool = Fals
         fit.text,
         _figure(alpha, 2, 0.3),
         _figure(f, 1, max(0.5, abs(f.value or 0.0) / 2) if f else 0.0),
-        "if the noise is of fractional order" if fit.verdict in WITH_ORDER[1:] and alpha else "",
+        _condition(fit) if alpha else "",
         _until(fit, left_s),
         _left_out(fit),
     )
+
+
+def _condition(fit: AxisFit) -> str:
+    """Return under which condition the order stands, with its odds; nothing if it is claimed."""
+    if fit.verdict not in WITH_ORDER[1:]:
+        return ""
+    known = "" if fit.odds is None else f" (odds {odds(fit.odds)})"
+    return f"if the noise is of fractional order{known}"
 
 
 def sentence(found: Answer, bias: str) -> tuple[str, str]:
