@@ -44,9 +44,8 @@ def tasks(series: int) -> list[Task]:
 
 def fitted(rows: list[Row]) -> tuple[tuple[float, float], list[list[float]]]:
     """Return the range of ordinates, and the coefficients of the log odds."""
-    rows = [
-        row for row in rows if row["odds"] is not None
-    ]  # of noises that are as good as white none are told
+    # Of noises that are as good as white no odds are told.
+    rows = [row for row in rows if row["odds"] is not None]
     drawn = Counter((row["population"], row["samples"]) for row in rows)
     weight = np.array([POPULATIONS[r["population"]][1] / drawn[r["population"], r["samples"]] for r in rows])
     ordinates = np.array([row["ordinates"] for row in rows])

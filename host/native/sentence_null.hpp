@@ -4,44 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 #include <vector>
 
+#include "sentence.hpp"
 #include "sentence_gains.hpp"
 
 namespace fltea {
 namespace sentence {
-
-struct Sentence {
-    Words words;
-    std::vector<double> eta;
-    double nll = std::numeric_limits<double>::infinity();
-
-    Sentence() = default;
-    Sentence(Words what, std::vector<double> at, double minus_log)
-        : words(std::move(what)), eta(std::move(at)), nll(minus_log) {}
-
-    bool known() const { return !words.empty(); }
-    bool has(Part part) const { return count(part) > 0; }
-    int count(Part part) const {
-        return static_cast<int>(std::count_if(words.begin(), words.end(),
-                                              [part](const Word& word) { return word.part == part; }));
-    }
-    bool filtered() const {
-        return std::any_of(words.begin(), words.end(), [](const Word& word) { return filters(word.part); });
-    }
-    bool ordered() const { return has(kOrder) || has(kArfima); }
-    bool same_words(const Sentence& other) const {
-        if (words.size() != other.words.size()) return false;
-        for (std::size_t i = 0; i < words.size(); ++i)
-            if (words[i].part != other.words[i].part || words[i].size != other.words[i].size) return false;
-        return true;
-    }
-    // As BIC counts them: m of a mean is a number that was sought, and so is the place of a notch, of which
-    // there are many.
-    int parameters() const { return free_of(words) + count(kMean) + count(kNotch); }
-};
 
 // What the null test compares.
 struct NullTest {

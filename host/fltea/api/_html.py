@@ -51,7 +51,7 @@ def _coefficient(fitted: FittedAxis, name: str) -> str:
         return "not known" if value is None else f"{value:.3g}"
     one = getattr(curve, name)
     if one.value is not None:
-        return _interval(Interval(one.value, one.low, one.high))
+        return _interval(one.interval)
     return "not known" if one.at_most is None else f"at most {one.at_most:.3g}"
 
 

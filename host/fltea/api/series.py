@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from fltea.api._check import in_python, one_axis, period_s, python_words, scale
 from fltea.api.identified import Identified
 from fltea.identification.about_levels import look_at
-from fltea.identification.advice import doubted, with_steps
+from fltea.identification.advice import doubted, expecting_steps
 from fltea.identification.allan import allan_of
 from fltea.identification.axis import AxisResult, IdentifyOptions, Looked, identified
 from fltea.identification.conclusions import conclude, in_agreement, tracked_of
@@ -160,7 +160,7 @@ def of_series(
     )
     if follows is not None:
         found, curve = with_slow_noise(found, curve, follows.walk, follows.drift_rate, series.unit)
-    found = found if why else with_steps(found, events.steps)
+    found = found if why else expecting_steps(found, events.steps)
     return Identified(
         axis=axis,
         unit=series.unit,

@@ -64,5 +64,4 @@ def _with_levels(verdict: Verdict, telegraph: Telegraph, unit: str) -> Verdict:
         f"correlation time {telegraph.tau_s:.2g} s."
     )
     kind: VerdictKind = "relaxations" if verdict.kind in NO_MEMORY else verdict.kind
-    text = f"{what} {verdict.why} {then}"
-    return msgspec.structs.replace(verdict, kind=kind, what=what, next=then, text=text)
+    return msgspec.structs.replace(verdict, kind=kind).saying(what=what, next=then)

@@ -6,25 +6,19 @@ from msgspec.structs import replace
 
 from fltea.identification.axis import AxisResult
 from fltea.identification.sensor_events import BiasStep
-from fltea.spectrum.verdict import Verdict
 
 CURE_FIRST = "The data are bad: cure that first; no figure counts before."
 
 EXPECT_STEPS = "A filter needs its density N, and has to expect steps of the bias such as were found."
 
 
-def with_next(verdict: Verdict, then: str) -> Verdict:
-    """Return a verdict that says what to do next in other words."""
-    return replace(verdict, text=f"{verdict.what} {verdict.why} {then}", next=then)
-
-
 def doubted(result: AxisResult) -> AxisResult:
     """Return the result of bad data, whose verdict advises nothing that is built on its figures."""
-    return replace(result, verdict=with_next(result.verdict, CURE_FIRST))
+    return replace(result, verdict=result.verdict.saying(next=CURE_FIRST))
 
 
-def with_steps(result: AxisResult, steps: Sequence[BiasStep]) -> AxisResult:
+def expecting_steps(result: AxisResult, steps: Sequence[BiasStep]) -> AxisResult:
     """Return the result of an axis whose bias has stepped, for which N alone is not enough."""
     if not steps or result.verdict.kind != "white":
         return result
-    return replace(result, verdict=with_next(result.verdict, EXPECT_STEPS))
+    return replace(result, verdict=result.verdict.saying(next=EXPECT_STEPS))

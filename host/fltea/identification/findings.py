@@ -248,7 +248,7 @@ def _walk(axis: AxisReport, factor: float) -> str:
 def _bias_instability(curve: Allan | None, factor: float) -> str:
     if curve is None or curve.B.value is None:
         return _bound(None if curve is None else curve.B.at_most, factor)
-    return _estimate(Interval(curve.B.value, curve.B.low, curve.B.high), factor)
+    return _estimate(curve.B.interval, factor)
 
 
 def _bound(at_most: float | None, factor: float) -> str:

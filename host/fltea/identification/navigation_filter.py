@@ -103,14 +103,15 @@ def navigation_filter(tracked: Learned, y: Array, h: float) -> NavigationFilter:
         ValueError: no filter can work with the noise.
     """
     forecast = tracked.system
+    P = of_forecast = rested(forecast, len(y))
     if high_pass_of(tracked.parts) is not None:
         tracked = learned([part for part in tracked.parts if not isinstance(part, HighPass)], y, h)
+        P = rested(tracked.system, len(y))
     model, length_s = tracked.system, len(y) * h
     tau_s = _grid(tracked, h, length_s)
     part = _of_bias(model, SLOWEST * length_s / h)
     times_s = np.geomspace(FROM_S, max(length_s, 2 * FROM_S), _count(length_s / FROM_S, HEADINGS_A_DECADE))
     lam = _frequencies(tracked, h, len(y))
-    P = rested(model, len(y))
     tracker = Tracker([None])
     tracker.set(0, model)
     tracker.run(y[:, None])
@@ -123,7 +124,7 @@ def navigation_filter(tracked: Learned, y: Array, h: float) -> NavigationFilter:
     if found[2] < NOTHING_LEFT * known:  # the fit gave the error of the bias to the states
         found[2] = known
     N, K, bias_std, *sigmas = np.sqrt(found).tolist()
-    ahead = np.sqrt(_headings(tau_s, h, np.array(TOLD_S)) @ found)
+    ahead = np.sqrt(_headings(tau_s, h, np.array(TOLD_S)) @ found).tolist()
     states = sorted(zip(tau_s, sigmas, strict=True), reverse=True)
     return NavigationFilter(
         N,
@@ -131,14 +132,7 @@ def navigation_filter(tracked: Learned, y: Array, h: float) -> NavigationFilter:
         tuple(FilterState(sigma, tau) for tau, sigma in states),
         origin + float(part @ x),
         bias_std,
-        tuple(
-            map(
-                HeadingStd,
-                TOLD_S,
-                ahead.tolist(),
-                heading_stds(forecast, rested(forecast, len(y)), h, TOLD_S),
-            )
-        ),
+        tuple(map(HeadingStd, TOLD_S, ahead, heading_stds(forecast, of_forecast, h, TOLD_S))),
     )
 
 

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from fltea.identification.about_levels import look_at
-from fltea.identification.advice import doubted, with_steps
+from fltea.identification.advice import doubted, expecting_steps
 from fltea.identification.allan import allan_of
 from fltea.identification.axis import IdentifyOptions, identified
 from fltea.identification.axis_report import AxisReport
@@ -91,7 +91,7 @@ def with_events(axis: AxisReport, found: AxisEvents) -> AxisReport:
     traps = (*event_traps(found, axis.unit, is_left_out=is_left_out), *axis.traps)
     axis = msgspec.structs.replace(
         axis,
-        result=with_steps(axis.result, found.steps),
+        result=expecting_steps(axis.result, found.steps),
         traps=traps,
         bias_steps=found.steps,
         motion=found.motion,

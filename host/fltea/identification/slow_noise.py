@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from fltea.identification.advice import with_next
 from fltea.identification.allan import scales
 from fltea.identification.axis import AxisResult
 from fltea.identification.tracked_system import OffsetWalkFound
@@ -40,7 +39,7 @@ def with_slow_noise(
     verdict = result.verdict
     if allan is not None:
         if verdict.kind == "white":
-            verdict = with_next(verdict, next_of_white(allan, walk, unit))
+            verdict = verdict.saying(next=next_of_white(allan, walk, unit))
         allan = replace(allan, K=_coefficient(walk, unit))
     return replace(result, level=level, drift_rate=drift_rate, verdict=verdict), allan
 

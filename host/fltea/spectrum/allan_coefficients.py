@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from fltea.records.arrays import Array
+from fltea.records.fit import Interval
 from fltea.records.units import FLICKER, HOUR
 
 FEWEST_DOF = 6.0
@@ -49,6 +50,11 @@ class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What it was read from."""
     at_most: float | None = None
     """Where it is not known: it is smaller with 95 % probability; None where there is no bound."""
+
+    @property
+    def interval(self) -> Interval:
+        """The value and the ends."""
+        return Interval(self.value, self.low, self.high)
 
 
 class Coefficients(NamedTuple):

@@ -127,10 +127,12 @@ def fit_allan(
         found = live_allan(factors, avar, terms, samples, h, unit)
     except ValueError:
         return None
-    B = bias_instability(found.B, f, noise, unit).value
-    model = _of_model(found.tau_s, noise, h)
-    tau, deviation, low, high = map(list, (found.tau_s, found.deviation, found.low, found.high))
-    return FitAllan(tau, deviation, low, high, list(model), N, B, found.K.value)
+    return msgspec.structs.replace(
+        found,
+        N=msgspec.structs.replace(found.N, value=N),
+        B=bias_instability(found.B, f, noise, unit),
+        model=_of_model(found.tau_s, noise, h),
+    ).of_fit
 
 
 def _of_model(tau_s: Sequence[float], noise: Sentence, h: float) -> tuple[float, ...]:

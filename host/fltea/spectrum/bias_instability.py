@@ -14,8 +14,9 @@ from msgspec.structs import replace
 from fltea.noise.parts import Arfima, Order, Relaxation, Walk, White, free_of, kind_of
 from fltea.spectrum.allan_coefficients import Coefficient, not_known
 from fltea.spectrum.evidence import APART
-from fltea.spectrum.flicker import CHI2_95, Flicker, flicker
+from fltea.spectrum.flicker import Flicker, flicker
 from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.intervals import CRITICAL
 
 SLOW_KINDS = (White, Relaxation, Walk, Order, Arfima)
 """Parts that describe the frequencies to which the three terms are fitted."""
@@ -31,18 +32,18 @@ def bias_instability(of_curve: Coefficient, f: Frontier, stands: Sentence, unit:
     if of_curve.value is None or of_curve.at_most is None:
         return of_curve
     why = "the curve has no flat stretch: at its lowest, white noise meets a random walk"
-    if fit.gain_of_walk < CHI2_95:
+    if fit.gain_of_walk < CRITICAL:
         why = "this record cannot tell 1/f noise from a random walk"
     return replace(not_known(why, of_curve.at_most, unit), of="spectrum")
 
 
 def _needed(fit: Flicker) -> bool:
     """Whether the 1/f noise is needed; beside a walk it pays BIC's price, for that may be a relaxation."""
-    return fit.gain > (math.log(fit.ordinates) if fit.gain_of_walk > CHI2_95 else CHI2_95)
+    return fit.gain > (math.log(fit.ordinates) if fit.gain_of_walk > CRITICAL else CRITICAL)
 
 
 def _describes(fit: Flicker, stands: Sentence) -> bool:
     """Whether the three terms are as good as the model, by BIC and but for what counts as no difference."""
-    needed = 1 + (fit.gain > CHI2_95) + (fit.gain_of_walk > CHI2_95)
+    needed = 1 + (fit.gain > CRITICAL) + (fit.gain_of_walk > CRITICAL)
     others = sum(free_of(code) for code in stands.codes if kind_of(code) in SLOW_KINDS)
     return fit.behind < APART + math.log(fit.ordinates) * (others - needed)

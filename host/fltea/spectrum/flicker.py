@@ -14,6 +14,7 @@ import numpy as np
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 from fltea.spectrum.frontier import Frontier, Sentence, walk_column
+from fltea.spectrum.intervals import CRITICAL
 
 SLOW = 1 / 20
 """Frequencies over the sample rate up to which is fitted: a sensor's own filter is nearly always faster."""
@@ -25,7 +26,6 @@ LEAST_GAIN = 1e-5
 DAMPING = 1e-3
 LEAST = 1e-12
 """What an amplitude can be at least, over the largest that it could be."""
-CHI2_95 = 3.841
 NEAR = 0.05
 """In 2 log L, within which an end of an interval is found."""
 SEARCHES = 12
@@ -88,10 +88,10 @@ def flicker(f: Frontier, stands: Sentence) -> Flicker | None:
     stood = float(counts @ (np.log(model) + power / model))
     gain, of_walk = (max(2 * (one[1] - nll), 0.0) for one in (no_flicker, no_walk))
     B = Interval()
-    if gain > CHI2_95:
+    if gain > CRITICAL:
         low, high = (_end(data, best, nll, side) for side in (-1, 1))
         B = Interval(math.exp(best[1] / 2), low, high)
-        if of_walk < CHI2_95:
+        if of_walk < CRITICAL:
             alone = _end(data.only([0, 1]), *no_walk, 1)
             B = Interval(math.exp(no_walk[0][1] / 2), low, max(high, alone))
     return Flicker(B, gain, of_walk, 2 * (nll - stood), float(counts.sum()))
@@ -136,10 +136,10 @@ def _end(data: _Data, best: Array, nll: float, side: int) -> float:
         fixed = data.columns[:, 1] * math.exp(best[1] + side * step)
         start, found = _fit(others, np.maximum(start, free - 10), fixed)
         deviance = 2 * (found - nll)
-        if abs(deviance - CHI2_95) < NEAR:
+        if abs(deviance - CRITICAL) < NEAR:
             break
-        near, far = (step, far) if deviance < CHI2_95 else (near, step)
+        near, far = (step, far) if deviance < CRITICAL else (near, step)
         # The deviance grows about as the square of the distance.
-        guess = step * math.sqrt(CHI2_95 / max(deviance, 1e-3))
+        guess = step * math.sqrt(CRITICAL / max(deviance, 1e-3))
         step = guess if near < guess < far else (near + far) / 2
     return math.exp((best[1] + side * step) / 2)

@@ -79,6 +79,11 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     order: OrderFit = OrderFit()
     """Its order with the intervals; all is null where there is none, or where the data do not define it."""
 
+    def saying(self, **words: str) -> "Verdict":
+        """Return it with other `what`, `why` or `next`, and the text that these make."""
+        found = msgspec.structs.replace(self, **words)
+        return msgspec.structs.replace(found, text=f"{found.what} {found.why} {found.next}")
+
 
 class _Questions:
     def __init__(self) -> None:
@@ -92,9 +97,9 @@ class _Questions:
         return answer
 
     def say(self, kind: VerdictKind, what: str, why: str, then: str) -> Verdict:
-        text = f"{what} {why} {then}"
         order = self.order if self.has_order else OrderFit()
-        return Verdict(kind, text, what, why, then, tuple(self.asked), self.odds, self.has_order, order)
+        found = Verdict(kind, "", what, why, then, tuple(self.asked), self.odds, self.has_order, order)
+        return found.saying()
 
 
 def winner(e: Evidence, verdict: Verdict) -> Sentence:

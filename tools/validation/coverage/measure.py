@@ -11,14 +11,15 @@ from fltea.identification.sums import examined
 from fltea.noise import parts as p
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
+from fltea.records.plus_minus import NORMAL_95
 from fltea.spectrum.drift_rate import drift_rate
-from fltea.spectrum.intervals import Estimated
 from fltea.spectrum.noise_figures import NoiseFigures, noise_figures
 from fltea.spectrum.verdict import Verdict, decide
 
 from tools.validation.closed_form import closed_form
 from tools.validation.coverage.populations import H, Parts
 from tools.validation.coverage.published import ALLAN, FIGURES, of_part
+from tools.validation.same_parts import found_in_order, in_order, tag
 
 STEADY = p.Relaxation, p.Walk, p.Order, p.Arfima, p.Resonance, p.Quantisation, p.Rise
 """Parts that N has nothing of."""
@@ -59,16 +60,16 @@ def of_fit(axis: Axis) -> Iterator[Seen]:
     yield _seen("N", axis.figures.level.N, true_N(axis.parts))
     for name, true in _order(axis).items():
         yield _seen(str(FIGURES[name]), getattr(axis.verdict.order, name), true)
-    truth = sorted(axis.parts, key=_place)
-    found = sorted(_without_nothing(axis.figures.parts), key=_at)
+    truth = in_order(axis.parts)
+    found = found_in_order(axis.figures.parts)
     if any(isinstance(one, p.White) and one.R == 0 for one in truth):
         truth = [one for one in truth if not isinstance(one, p.White)]
         found = [one for one in found if one.part != "white"]
-    same = [one.part for one in found] == [_tag(one) for one in truth]
+    same = [one.part for one in found] == [tag(one) for one in truth]
     for one in truth:
         for name in one.__struct_fields__:
             if name != "samples" and not same:
-                yield Seen(of_part(_tag(one), name), False)
+                yield Seen(of_part(tag(one), name), False)
     for estimate, one in zip(found, truth, strict=True) if same else ():
         for name, interval in estimate.values.items():
             yield _seen(of_part(estimate.part, name), interval, float(getattr(one, name)))
@@ -96,7 +97,7 @@ def of_forecast(axis: Axis, y: Array) -> Iterator[Seen]:
     for name, pieces in (("heading_std", judgement.heading), ("bias_std", judgement.bias)):
         for one in pieces:
             if one.t_s == SECONDS:
-                yield Seen(str(FIGURES[name]), True, above=1 - one.within, width=2 * 1.96 * one.said)
+                yield Seen(str(FIGURES[name]), True, above=1 - one.within, width=2 * NORMAL_95 * one.said)
 
 
 def true_N(parts: Sequence[p.Part]) -> float:
@@ -139,20 +140,3 @@ def _seen(quantity: str, interval: Interval, true: float) -> Seen:
     below, above = low is not None and true < low, high is not None and true > high
     width = None if low is None or high is None else (high - low) / abs(true or 1.0)
     return Seen(quantity, True, float(below), float(above), width)
-
-
-def _without_nothing(found: Sequence[Estimated]) -> list[Estimated]:
-    """Return all parts but white noise of which there may be none."""
-    return [one for one in found if one.part != "white" or one.values["R"].low not in (None, 0.0)]
-
-
-def _tag(part: p.Part) -> str:
-    return str(part.__struct_config__.tag)
-
-
-def _place(part: p.Part) -> tuple[str, float]:
-    return _tag(part), getattr(part, "tau_s", 0.0)
-
-
-def _at(one: Estimated) -> tuple[str, float]:
-    return one.part, one.value("tau_s") if "tau_s" in one.values else 0.0

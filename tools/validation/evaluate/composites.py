@@ -13,13 +13,14 @@ import numpy as np
 from fltea.identification.sums import examined
 from fltea.noise import parts as grammar
 from fltea.records.arrays import Array
-from fltea.spectrum.intervals import Estimated, estimated
+from fltea.spectrum.intervals import estimated
 from fltea.spectrum.verdict import decide, winner
 
 from tools.validation.evaluate.cases import H
 from tools.validation.gallery.filters import LowPass, Through
 from tools.validation.gallery.parts import AR1, Differenced, Part, Relaxation, Walk, White
 from tools.validation.runner import Row
+from tools.validation.same_parts import found_in_order, in_order, tag
 
 RATE_HZ = 1 / H
 LENGTHS = (3_000, 8_000, 20_000, 60_000)
@@ -60,14 +61,14 @@ def drawn(parts: Sequence[Part], n: int, rng: np.random.Generator) -> Array:
 def count_composite(name: str, series: int) -> list[Row]:
     """Count the intervals of each parameter that hold the truth; an end that is not known holds all."""
     rng = np.random.default_rng([OF_INTERVALS, *name.encode()])
-    truth = sorted(truth_of(COMPOSITES[name]), key=_place)
+    truth = in_order(truth_of(COMPOSITES[name]))
     held: Counter[str] = Counter()
     told: Counter[str] = Counter()
     same = 0
     for _ in range(series):
         e = examined(drawn(COMPOSITES[name], OF_INTERVALS, rng), H).evidence
-        found = sorted(_without_nothing(estimated(e.frontier, winner(e, decide(e)))), key=_at)
-        if [one.part for one in found] != [str(one.__struct_config__.tag) for one in truth]:
+        found = found_in_order(estimated(e.frontier, winner(e, decide(e))))
+        if [one.part for one in found] != [tag(one) for one in truth]:
             continue
         same += 1
         for number, (one, true) in enumerate(zip(found, truth, strict=True)):
@@ -102,16 +103,3 @@ def mixture(rng: np.random.Generator) -> tuple[Part, ...]:
         lambda: (Through(LowPass(taps=(-sharp, 1 + 2 * sharp, -sharp)), slow),),
     )
     return rises[rng.integers(len(rises))]()
-
-
-def _without_nothing(found: Sequence[Estimated]) -> list[Estimated]:
-    """All parts but white noise of which there may be none."""
-    return [one for one in found if one.part != "white" or one.values["R"].low not in (None, 0.0)]
-
-
-def _place(part: grammar.Part) -> tuple[str, float]:
-    return str(part.__struct_config__.tag), getattr(part, "tau_s", 0.0)
-
-
-def _at(one: Estimated) -> tuple[str, float]:
-    return one.part, one.value("tau_s") if "tau_s" in one.values else 0.0

@@ -6,15 +6,9 @@ the one before if that was right and it is not, or if it is white and that was n
 
 import itertools
 from collections import Counter
-from functools import cache
-
-from fltea.identification.sums import examined
-from fltea.records.fit import VerdictKind
-from fltea.spectrum.verdict import decide
 
 from tools.validation.gallery.noises import NOISES
-from tools.validation.gallery.records import draw
-from tools.validation.gallery.right import Right, right_verdicts
+from tools.validation.gallery.records import draw, judged
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped
 
@@ -40,20 +34,7 @@ def tasks(options: Options) -> list[Task]:
 def grow(name: str, number: int) -> list[Row]:
     """Return the verdict on each beginning of a record."""
     y = draw(name, RATE_HZ, LENGTHS[-1] / RATE_HZ, number)
-    rows: list[Row] = []
-    for n in LENGTHS:
-        begun = y[:n]
-        kind: VerdictKind = "constant"
-        if not (begun == begun[0]).all():
-            kind = decide(examined(begun, 1 / RATE_HZ).evidence).kind
-        outcome = _right(name, n).outcome(kind)
-        rows.append({"noise": name, "record": number, "samples": n, "kind": kind, "outcome": outcome})
-    return rows
-
-
-@cache
-def _right(name: str, samples: int) -> Right:
-    return right_verdicts(NOISES[name], RATE_HZ, samples)
+    return [{"noise": name, "record": number, "samples": n} | judged(name, RATE_HZ, y[:n]) for n in LENGTHS]
 
 
 def says_less(rows: list[Row]) -> list[Row]:

@@ -71,16 +71,20 @@ def draw(name: str, rate_hz: float, duration_s: float, number: int) -> Array:
 
 def look(name: str, rate_hz: float, duration_s: float, number: int) -> list[Row]:
     """Draw one record and ask for the verdict on it, the order with its 95 % interval, and the lines."""
-    y = draw(name, rate_hz, duration_s, number)
-    noise, truth = NOISES[name], _right(name, rate_hz, len(y))
-    seen = _seen(y, 1 / rate_hz)
+    y, noise = draw(name, rate_hz, duration_s, number), NOISES[name]
+    cell: Row = {"noise": name, "rate_hz": rate_hz, "duration_s": duration_s, "record": number}
+    known = {"truth": noise.truth, "has_order": noise.has_order, "true_alpha": noise.alpha}
+    return [cell | known | judged(name, rate_hz, y)]
+
+
+def judged(name: str, rate_hz: float, y: Array) -> Row:
+    """Return all that the program says of a record of a noise, and whether the verdict is right."""
+    noise, truth, seen = NOISES[name], _right(name, rate_hz, len(y)), _seen(y, 1 / rate_hz)
     outcome = truth.outcome(seen["kind"])
     if noise.check or seen["checks"]:  # of what is withheld no verdict counts
         outcome = "right" if noise.check in seen["checks"] else "wrong"
-    cell: Row = {"noise": name, "rate_hz": rate_hz, "duration_s": duration_s, "record": number}
-    known = {"truth": noise.truth, "has_order": noise.has_order, "true_alpha": noise.alpha}
     reason = truth.accepted.get(seen["kind"], "") if outcome == "cannot be told" else ""
-    return [cell | known | seen | {"outcome": outcome, "right": sorted(truth.right), "reason": reason}]
+    return seen | {"outcome": outcome, "right": sorted(truth.right), "reason": reason}
 
 
 def _seen(y: Array, h: float) -> Row:

@@ -1,0 +1,22 @@
+"""The parts of a fit beside those of the truth, in one order (pure)."""
+
+from collections.abc import Sequence
+
+from fltea.noise.parts import Part
+from fltea.spectrum.intervals import Estimated
+
+
+def tag(part: Part) -> str:
+    """Return the name of a part's kind, as `Estimated.part` has it."""
+    return str(part.__struct_config__.tag)
+
+
+def in_order(truth: Sequence[Part]) -> list[Part]:
+    """Return the true parts by kind, the fastest relaxation first."""
+    return sorted(truth, key=lambda part: (tag(part), getattr(part, "tau_s", 0.0)))
+
+
+def found_in_order(found: Sequence[Estimated]) -> list[Estimated]:
+    """Return the parts of a fit likewise, without white noise of which there may be none."""
+    some = [one for one in found if one.part != "white" or one.values["R"].low not in (None, 0.0)]
+    return sorted(some, key=lambda one: (one.part, one.value("tau_s") if "tau_s" in one.values else 0.0))
