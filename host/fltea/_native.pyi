@@ -330,31 +330,62 @@ class Remembered:
 
 # Whether the axes are the accelerometer's, their columns, what takes the samples (sums, and samples of the
 # longest motion; estimates), and which axes wait to be settled.
-SteadySensor = tuple[bool, list[int], Tracker, Octaves | None, int, Bank | None, list[bool]]
+CLOCK_TOLERANCE: float
 
-class Steady:
-    # rule (4), scales (4) and line (7) as of FollowRule, Scales and Line.
-    def __init__(
+# Is an accelerometer; columns of its axes; tracker; sums; the longest motion [samples]; filters; samples until
+# their start-up window is full; axes that are not settled.
+DeviceSensor = tuple[bool, list[int], Tracker, Octaves | None, int, Bank | None, int, list[bool]]
+
+class Device:
+    stats_due_ns: int
+    fit_due: int
+    fit_counts: int
+
+    def __init__(self) -> None: ...
+
+    # scales: as of Scales.
+    def on_hello(
         self,
-        rule: tuple[float, ...],
-        scale: tuple[float | None, ...],
-        line: tuple[float, ...],
-        sensors: list[SteadySensor],
+        rate_hz: float,
+        longest_gap: int,
+        is_another_boot: bool,
+        is_another_sensor: bool,
+        scales: tuple[float, float | None, float, float],
     ) -> None: ...
+    def forget_hello(self) -> None: ...
+    @property
+    def knows_hello(self) -> bool: ...
+    def on_break(self, reason: str) -> None: ...
+    def begin(self, offset_ns: int, sensors: list[DeviceSensor]) -> None: ...
+    def set_waits(self, sensor: int, waits: list[bool]) -> None: ...
+    def window_left(self, sensor: int) -> int: ...
 
-    # Of the first samples, up to one with which more is to be done: the columns of a block but for flags; of
-    # each sensor those of Tracks and of AxisColumns, and losses; Newest; OpenSecond. Or the time of the first
-    # sample, if the line's second ends before it. None: more is to be done with the first.
-    def run(
-        self,
-        raw: tuple[Any, ...],
-        newest: tuple[int, ...],
-        stop: int,
-        until_ns: int,
-        last_ns: int,
-        earliest: tuple[float, float] | None,
-    ) -> Any: ...
-    def time_by(self, line: tuple[float, ...]) -> None: ...
+    # raw: as of RawBlock. Why it stopped (`Stop`), which sample comes next, what was taken (`Rows`), and what
+    # is told. ValueError for columns of other types, and for numbers that no filter can work with.
+    def advance(self, raw: tuple[Any, ...], next: int) -> tuple[int, int, Any, Any]: ...
+
+    # Delivered, lost, gaps, duplicates, before HELLO.
+    @property
+    def counts(self) -> tuple[int, int, int, int, int]: ...
+    def note_lost(self, count: int) -> None: ...
+
+    # Sequence, device_us and host_ns as they came; number and device_us in the epoch.
+    @property
+    def newest(self) -> tuple[int, int, int, int, int]: ...
+    @property
+    def rate_hz(self) -> float | None: ...
+    @property
+    def clock_ppm(self) -> float | None: ...
+
+class Timebase:
+    def __init__(self, offset_ns: int) -> None: ...
+
+    # Unix times of samples, by their arrivals [ns].
+    def add(self, seq: list[int], device_us: list[int], host_ns: list[int]) -> list[int]: ...
+    @property
+    def rate_hz(self) -> float | None: ...
+    @property
+    def clock_ppm(self) -> float | None: ...
 
 class Tracker:
     # ValueError for no lanes, and for rules that are none.

@@ -14,7 +14,7 @@
 #include "axis_bank.hpp"
 #include "engine_binding.hpp"
 #include "number_io.hpp"
-#include "sensor_binding.hpp"
+#include "sensor.hpp"
 
 namespace nb = nanobind;
 
@@ -47,7 +47,7 @@ std::vector<Moments> moments(Rows y, double resolution) {
     return result;
 }
 
-class Bank : public SensorBank {
+class Bank : public fltea::BankPart {
   public:
     explicit Bank(size_t axes) : bank_(checked(axes)) {}
 
@@ -61,7 +61,7 @@ class Bank : public SensorBank {
             throw nb::value_error(
                 "y, valid and white must have shape (rows, axes), out (columns, rows, axes)");
         }
-        check_numbers("y", y.data(), rows, axes, nullptr, kLargestSample);
+        check_numbers("y", y.data(), rows, axes, nullptr, fltea::kLargestSample);
         fltea::BankBlock block;
         for (size_t i = 0; i < columns; ++i) block.columns[i] = out.data() + i * rows * axes;
         block.valid = valid.data();
@@ -84,10 +84,14 @@ class Bank : public SensorBank {
         std::vector<Lost> lost;
         {
             nb::gil_scoped_release release;
-            const std::lock_guard<std::mutex> alone(mutex_);
-            bank_.skip(count, lost);
+            skip_rows(count, lost);
         }
         return as_list(lost);
+    }
+
+    void skip_rows(uint64_t count, std::vector<Lost>& lost) override {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        bank_.skip(count, lost);
     }
 
     std::vector<Moments> window(double resolution) const {
@@ -107,7 +111,7 @@ class Bank : public SensorBank {
             throw nb::value_error("settings, bias and live must have one entry an axis");
         }
         for (size_t axis = 0; axis < axes; ++axis) {
-            if (!(std::fabs(bias.data()[axis]) <= kLargestSample)) {
+            if (!(std::fabs(bias.data()[axis]) <= fltea::kLargestSample)) {
                 throw nb::value_error("a bias must be finite and within 5e99");
             }
         }
@@ -233,9 +237,9 @@ class Bank : public SensorBank {
 }  // namespace
 
 void bind_bank(nb::module_& m) {
-    m.attr("LARGEST_OFFSET") = kLargestSample;
+    m.attr("LARGEST_OFFSET") = fltea::kLargestSample;
     m.def("moments", &moments, nb::arg("y"), nb::arg("resolution"));
-    nb::class_<Bank, SensorBank>(m, "Bank")
+    nb::class_<Bank, fltea::BankPart>(m, "Bank")
         .def(nb::init<size_t>(), nb::arg("axes"))
         .def("run", nb::overload_cast<Rows, Results, Places, Places>(&Bank::run), nb::arg("y"),
              nb::arg("out"), nb::arg("valid"), nb::arg("white"))

@@ -8,6 +8,10 @@
 #include <cstdint>
 
 namespace fltea {
+
+// Squares of larger numbers, and sums of thousands of them, would leave the range of doubles.
+constexpr double kLargestInput = 1e100;
+
 namespace engine {
 
 // What all lanes of an engine have in common. Numbers for the enumerations, which belong to the instruction

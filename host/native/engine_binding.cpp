@@ -129,8 +129,8 @@ class Engine {
         for (int column = 0; column < fltea::engine::kColumns; ++column) {
             block.out[column] = out.data() + static_cast<size_t>(column) * block.samples * engine_.lanes();
         }
-        check_numbers("y", block.y, block.samples, engine_.lanes(), block.missing, kLargestInput);
-        if (block.u) check_numbers("u", block.u, block.samples, engine_.lanes(), nullptr, kLargestInput);
+        check_numbers("y", block.y, block.samples, engine_.lanes(), block.missing, fltea::kLargestInput);
+        if (block.u) check_numbers("u", block.u, block.samples, engine_.lanes(), nullptr, fltea::kLargestInput);
         nb::gil_scoped_release release;
         const std::lock_guard<std::mutex> alone(mutex_);
         engine_.run(block);
@@ -177,7 +177,7 @@ void bind_engine(nb::module_& m) {
         for (const Backend* backend : usable()) names.emplace_back(backend->name);
         return names;
     });
-    m.attr("LARGEST_INPUT") = kLargestInput;
+    m.attr("LARGEST_INPUT") = fltea::kLargestInput;
     nb::class_<Engine>(m, "Engine")
         .def(nb::init<const std::string&, bool, int, bool, int, size_t, Rows>(), nb::arg("instruction_set"),
              nb::arg("joint"), nb::arg("guard"), nb::arg("compressed"), nb::arg("accuracy"),

@@ -29,9 +29,6 @@ class LockGivenAway {
     std::optional<nanobind::gil_scoped_release> release_;
 };
 
-// Squares of larger numbers, and sums of thousands of them, would leave the range of doubles.
-constexpr double kLargestInput = 1e100;
-
 // ValueError, with those that are, if the set is not usable here.
 const fltea::engine::Backend& find_backend(const std::string& instruction_set);
 
@@ -60,10 +57,10 @@ nanobind::list as_list(const std::vector<fltea::Lost>& lost);
 void bind_engine(nanobind::module_& m);
 void bind_lanes(nanobind::module_& m);
 void bind_bank(nanobind::module_& m);
+void bind_device(nanobind::module_& m);
 void bind_allan(nanobind::module_& m);
 void bind_lines(nanobind::module_& m);
 void bind_mcap(nanobind::module_& m);
 void bind_octaves(nanobind::module_& m);
 void bind_rows(nanobind::module_& m);
-void bind_steady(nanobind::module_& m);
 void bind_tracker(nanobind::module_& m);

@@ -37,7 +37,7 @@ class Lanes {
                 "y, missing and valid must have shape (rows, lanes), out (columns, rows, lanes)");
         }
         const uint8_t* const gone = missing ? missing->data() : nullptr;
-        check_numbers("y", y.data(), rows, lanes, gone, kLargestInput);
+        check_numbers("y", y.data(), rows, lanes, gone, fltea::kLargestInput);
         double* columns[fltea::kLaneColumns];
         for (size_t i = 0; i < fltea::kLaneColumns; ++i) columns[i] = out.data() + i * rows * lanes;
         std::vector<Lost> lost;

@@ -153,7 +153,7 @@ NB_MODULE(_native, m) {
     bind_decoder(m);
     bind_engine(m);
     bind_lanes(m);
-    bind_steady(m);
+    bind_device(m);
     bind_bank(m);
     bind_sentences(m);
     bind_allan(m);

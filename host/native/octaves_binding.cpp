@@ -13,7 +13,7 @@
 #include "number_io.hpp"
 #include "octave_peak.hpp"
 #include "octaves.hpp"
-#include "sensor_binding.hpp"
+#include "sensor.hpp"
 
 namespace nb = nanobind;
 
@@ -30,7 +30,7 @@ nb::bytes bytes_of(const T* values, size_t n) {
     return nb::bytes(values, n * sizeof(T));
 }
 
-class Octaves : public SensorSums {
+class Octaves : public fltea::SumsPart {
   public:
     Octaves(size_t lanes, double memory) : memory_(memory) {
         if (lanes == 0) throw nb::value_error("there must be at least one lane");
@@ -45,7 +45,7 @@ class Octaves : public SensorSums {
     void add(Rows y) {
         const size_t rows = y.shape(0), lanes = lanes_.size();
         if (y.shape(1) != lanes) throw nb::value_error("y must have shape (rows, lanes)");
-        check_numbers("y", y.data(), rows, lanes, nullptr, kLargestSample);
+        check_numbers("y", y.data(), rows, lanes, nullptr, fltea::kLargestSample);
         const LockGivenAway given(rows);
         const std::lock_guard<std::mutex> alone(mutex_);
         for (size_t i = 0; i < lanes; ++i) lanes_[i].add(y.data() + i, rows, lanes);
@@ -55,7 +55,7 @@ class Octaves : public SensorSums {
         const size_t rows = y.shape(0), lanes = lanes_.size();
         if (y.shape(1) != lanes || moving.shape(0) != rows || moving.shape(1) != lanes)
             throw nb::value_error("y and moving must have shape (rows, lanes)");
-        check_numbers("y", y.data(), rows, lanes, nullptr, kLargestSample);
+        check_numbers("y", y.data(), rows, lanes, nullptr, fltea::kLargestSample);
         if (!(longest >= 0 && longest <= kMostSamples)) throw nb::value_error("no motion lasts so long");
         const LockGivenAway given(rows);
         add(y.data(), moving.data(), rows, static_cast<uint64_t>(longest));
@@ -70,8 +70,12 @@ class Octaves : public SensorSums {
     void skip(double count) {
         if (!(count >= 0 && count <= kMostSamples))
             throw nb::value_error("no such number of samples can be lost");
+        skip_rows(static_cast<uint64_t>(count));
+    }
+
+    void skip_rows(uint64_t count) override {
         const std::lock_guard<std::mutex> alone(mutex_);
-        for (Lane& lane : lanes_) lane.skip(static_cast<uint64_t>(count));
+        for (Lane& lane : lanes_) lane.skip(count);
     }
 
     void merge(const Octaves& other) {
@@ -236,7 +240,7 @@ void bind_octaves(nb::module_& m) {
     m.def("strongest_octave_peak", &strongest_octave_peak, nb::arg("power"), nb::arg("weight"),
           nb::arg("false_alarm"));
     m.def("half_band_gains", &half_band_gains, nb::arg("angles"));
-    nb::class_<Octaves, SensorSums>(m, "Octaves")
+    nb::class_<Octaves, fltea::SumsPart>(m, "Octaves")
         .def(nb::init<size_t, double>(), nb::arg("lanes"), nb::arg("memory"))
         .def("add", nb::overload_cast<Rows>(&Octaves::add), nb::arg("y"))
         .def("add_at_rest", &Octaves::add_at_rest, nb::arg("y"), nb::arg("moving"), nb::arg("longest"))

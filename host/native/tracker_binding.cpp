@@ -13,7 +13,7 @@
 
 #include "engine_binding.hpp"
 #include "number_io.hpp"
-#include "sensor_binding.hpp"
+#include "sensor.hpp"
 #include "sensor_tracker.hpp"
 
 namespace nb = nanobind;
@@ -87,7 +87,7 @@ class Remembered {
 // Kind, row, axis, samples since then, size and its deviation, samples of motion: as of TrackerEvent.
 using EventTuple = std::tuple<int, size_t, int, std::int64_t, double, double, std::int64_t>;
 
-class Tracker : public SensorTracker {
+class Tracker : public fltea::TrackerPart {
   public:
     Tracker(const std::vector<std::optional<double>>& offsets, std::int64_t ahead,
             const std::vector<std::int64_t>& checked, double largest_step, double largest_gravity_step,
@@ -114,7 +114,7 @@ class Tracker : public SensorTracker {
     // out: (columns, rows, lanes); moving: (rows, lanes); accel: (rows, 1 to 3). rest: as of Rest.
     std::vector<EventTuple> run(Rows y, Results out, Places moving, std::optional<Rows> accel, int rest) {
         const size_t rows = y.shape(0), lanes = offsets_.size();
-        if (y.shape(1) != lanes || out.shape(0) != static_cast<size_t>(kTrackedColumns) ||
+        if (y.shape(1) != lanes || out.shape(0) != static_cast<size_t>(fltea::kTrackedColumns) ||
             out.shape(1) != rows || out.shape(2) != lanes || moving.shape(0) != rows ||
             moving.shape(1) != lanes)
             throw nb::value_error("y must have shape (rows, lanes)");
@@ -122,8 +122,8 @@ class Tracker : public SensorTracker {
             throw nb::value_error("accel must have shape (rows, 1 to 3)");
         if (rest < fltea::track::kUnknown || rest > fltea::track::kMoving)
             throw nb::value_error("rest is 0, 1 or 2");
-        check_numbers("y", y.data(), rows, lanes, nullptr, kLargestSample);
-        if (accel) check_numbers("accel", accel->data(), rows, accel->shape(1), nullptr, kLargestSample);
+        check_numbers("y", y.data(), rows, lanes, nullptr, fltea::kLargestSample);
+        if (accel) check_numbers("accel", accel->data(), rows, accel->shape(1), nullptr, fltea::kLargestSample);
         std::vector<Event> events;
         {
             const LockGivenAway given(rows);
@@ -143,8 +143,12 @@ class Tracker : public SensorTracker {
 
     void skip(double count) {
         if (!(count >= 0 && count <= 1e15)) throw nb::value_error("no such number of samples can be lost");
+        skip_rows(static_cast<uint64_t>(count));
+    }
+
+    void skip_rows(uint64_t count) override {
         const std::lock_guard<std::mutex> alone(mutex_);
-        sensor_->skip(static_cast<uint64_t>(count));
+        sensor_->skip(count);
     }
 
     using Numbers = std::tuple<int, Vector, Vector, Matrix, Vector, Vector, Vector, Matrix, double>;
@@ -274,7 +278,7 @@ void bind_tracker(nb::module_& m) {
     nb::class_<Remembered>(m, "Remembered")
         .def("likelihood", &Remembered::likelihood)
         .def("of_walks", &Remembered::of_walks);
-    nb::class_<Tracker, SensorTracker>(m, "Tracker")
+    nb::class_<Tracker, fltea::TrackerPart>(m, "Tracker")
         .def(nb::init<const std::vector<std::optional<double>>&, std::int64_t,
                       const std::vector<std::int64_t>&, double, double, std::int64_t, std::int64_t, bool>(),
              nb::arg("offsets"), nb::arg("ahead"), nb::arg("checked"), nb::arg("largest_step"),

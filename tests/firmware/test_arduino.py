@@ -11,7 +11,7 @@ import pytest
 from blocks import place_one
 from built import make
 from fltea.records.events import RawSample
-from fltea.stream.place import Place
+from fltea.stream.decode import Decoder
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from fltea.wire.message_events import hello_event
@@ -62,7 +62,7 @@ def run(build: Path, *arguments: str, mode: str = "timer") -> Run:
 
 def lost(run: Run) -> tuple[list[str], int, int]:
     """Reasons of the host's epochs, samples that the host takes as lost, and epochs' samples delivered."""
-    place = Place(max_gap=10**6)
+    place = Decoder(lambda: 0, max_gap=10**6)
     reasons: list[str] = []
     for frame in run.frames:
         match frame.message:
@@ -74,8 +74,9 @@ def lost(run: Run) -> tuple[list[str], int, int]:
                 placed = place_one(place, raw)
                 if placed.new_epoch:
                     reasons.append(placed.new_epoch)
-    assert place.before_hello == place.duplicates == 0
-    return reasons, place.lost, place.delivered
+    counts = place.counts
+    assert counts.before_hello == counts.duplicates == 0
+    return reasons, counts.lost, counts.delivered
 
 
 @pytest.mark.timeout(300)  # a first build with sanitizers on a small machine

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple, TypeVar
 import msgspec
 import numpy as np
 from fltea.records.block import AxisColumns, Block, TrackedColumns
-from fltea.records.events import LinkDown, RawBlock, RawSample, block_of
-from fltea.records.records import AnyRecord, AxisEstimate, EpochReason, Estimate, Hello, Sample
-from fltea.stream.place import Piece, Place
+from fltea.records.events import Event, RawBlock, RawSample, block_of
+from fltea.records.records import AnyRecord, AxisEstimate, EpochReason, Estimate, Sample
+from fltea.records.stats import SampleStats
+from fltea.stream.decode import Decoded, Decoder
 from hypothesis import strategies as st
 
 T = TypeVar("T")
@@ -168,32 +169,25 @@ class Placed(NamedTuple):
     new_epoch: EpochReason | None = None
 
 
-def place_all(place: Place, samples: Sequence[RawSample]) -> list[Placed | None]:
+def place_all(decoder: Decoder, samples: Sequence[RawSample]) -> list[Placed | None]:
     """Where each sample of a block stands; None for one that was left out."""
     numbered = block_of(samples)._replace(temperature=np.arange(float(len(samples))))
     found: list[Placed | None] = [None] * len(samples)
-    for piece in place.on_block(numbered):
+    for piece in of(Decoded, decoder.feed(numbered)):
         assert piece.raw.temperature is not None
-        rows = piece.raw.temperature.astype(int).tolist()
-        for row, seq, device_us in zip(rows, piece.seq.tolist(), piece.device_us.tolist(), strict=True):
+        rows, block = piece.raw.temperature.astype(int).tolist(), piece.block
+        for row, seq, device_us in zip(rows, block.seq.tolist(), block.device_us.tolist(), strict=True):
             broken = (piece.missing, piece.new_epoch) if row == rows[0] else (0, None)
             found[row] = Placed(samples[row], seq, device_us, *broken)
     return found
 
 
-def place_events(events: Iterable[object]) -> tuple[Place, list[Piece]]:
-    """Where the samples of a source stand: the place after all of its events, and their pieces."""
-    place, found = Place(max_gap=100), list[Piece]()
-    for event in events:
-        match event:
-            case Hello():
-                place.on_hello(event)
-            case LinkDown():
-                place.on_link_down()
-            case RawBlock():
-                found += place.on_block(event)
-    return place, found
+def place_events(events: Iterable[Event]) -> tuple[SampleStats, list[Decoded]]:
+    """Where the samples of a source stand: the counts after all of its events, and their pieces."""
+    decoder = Decoder(lambda: 0, max_gap=100)
+    found = [piece for event in events for piece in of(Decoded, decoder.feed(event))]
+    return decoder.counts, found
 
 
-def place_one(place: Place, raw: RawSample) -> Placed | None:
-    return place_all(place, [raw])[0]
+def place_one(decoder: Decoder, raw: RawSample) -> Placed | None:
+    return place_all(decoder, [raw])[0]

@@ -1,9 +1,9 @@
-"""The oracle of fltea.stream.time: the same regression, an arrival at a time."""
+"""The oracle of host/native/timebase.hpp: the same regression, an arrival at a time."""
 
 from collections import deque
-from operator import itemgetter
-
-import numpy as np
+from collections.abc import Iterable
+from functools import reduce
+from operator import add, itemgetter, mul
 
 BLOCK_US = 1_000_000
 BLOCKS_KEPT = 600
@@ -12,6 +12,11 @@ DELAY_STD_S = 1e-3
 CLOCK_STD = 1e-2
 
 DELAY = itemgetter(1)
+
+
+def total(values: Iterable[float]) -> float:
+    """Their sum, one after the other: to the bit what any such loop gives."""
+    return reduce(add, values, 0.0)
 
 
 class Timebase:
@@ -47,10 +52,11 @@ class Timebase:
         return self._last_ns
 
     def _fit(self) -> None:
-        device_s, delay_s = np.array(self._blocks).T
-        x, y = device_s - device_s.mean(), delay_s - delay_s.mean()
-        self._slope_error = float(x @ y / (x @ x + (DELAY_STD_S / CLOCK_STD) ** 2))
-        self._centre = (float(device_s.mean()), float(delay_s.mean()))
+        device_s, delay_s = zip(*self._blocks, strict=True)
+        self._centre = x0, y0 = total(device_s) / len(device_s), total(delay_s) / len(delay_s)
+        x, y = [one - x0 for one in device_s], [one - y0 for one in delay_s]
+        squares, products = total(map(mul, x, x)), total(map(mul, x, y))
+        self._slope_error = products / (squares + (DELAY_STD_S / CLOCK_STD) ** 2)
 
     @property
     def clock_ppm(self) -> float | None:

@@ -12,8 +12,7 @@ from fltea.records.records import Error, Hello, Sample
 from fltea.sources.i2c import bus as i2c_bus
 from fltea.sources.i2c import source as i2c
 from fltea.sources.i2c.source import I2cSource, SystemClock, parse_url
-from fltea.stream.place import Place
-from fltea.stream.time import Timebase
+from fltea.stream.decode import Decoded, Decoder
 from fltea.wire import layout as wire
 from fltea.wire.layout import SampleFlags
 from fltea.wire.permission import Group, User
@@ -123,24 +122,24 @@ def test_a_long_time(ppm: float, until_s: int, monkeypatch: pytest.MonkeyPatch) 
     """With fewer looks than usual, for the test's sake. The sequence wraps twice."""
     monkeypatch.setattr(i2c, "POLL_S", (0.15, 0.2))
     pi = Pi(clock_ppm=ppm)
-    place, timebase = Place(100), Timebase(0)
+    decoder = Decoder(lambda: 0, 100)
     worst_ns = 0
     for event in pi.source.events():
-        if isinstance(event, Hello):
-            place.on_hello(event)
-        elif isinstance(event, RawBlock):
-            for raw, seq, device_us, missing, _ in place.on_block(event):
-                assert missing == 0
-                times_ns = timebase.add(seq, device_us, raw.host_ns).tolist()
-                for k, one, host_ns in zip(seq.tolist(), raw.samples(), times_ns, strict=True):
-                    if k > 6000:
-                        worst_ns = max(worst_ns, abs(host_ns - taken_ns(one.gyro, one.accel)))
+        for found in decoder.feed(event):
+            if not isinstance(found, Decoded):
+                continue
+            assert found.missing == 0
+            numbers, times_ns = found.block.seq.tolist(), found.block.host_ns.tolist()
+            for k, one, host_ns in zip(numbers, found.raw.samples(), times_ns, strict=True):
+                if k > 6000:
+                    worst_ns = max(worst_ns, abs(host_ns - taken_ns(one.gyro, one.accel)))
         if pi.host.now_ns > until_s * S:
             break
-    assert (place.lost, place.duplicates) == (0, 0)
-    assert place.delivered == pytest.approx((until_s - 0.15) * 100 * (1 + ppm * 1e-6), abs=30)
-    assert timebase.clock_ppm == pytest.approx(ppm, abs=20)
-    assert timebase.rate_hz == pytest.approx(100 * (1 + ppm * 1e-6), rel=2e-5)
+    counts, clock = decoder.counts, decoder.native
+    assert (counts.lost, counts.duplicates) == (0, 0)
+    assert counts.delivered == pytest.approx((until_s - 0.15) * 100 * (1 + ppm * 1e-6), abs=30)
+    assert clock.clock_ppm == pytest.approx(ppm, abs=20)
+    assert clock.rate_hz == pytest.approx(100 * (1 + ppm * 1e-6), rel=2e-5)
     assert worst_ns < 4 * MS
 
 

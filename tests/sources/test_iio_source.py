@@ -15,7 +15,7 @@ from fltea.records.events import Event, LinkDown, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
 from fltea.sources.iio import buffer, source
 from fltea.sources.iio.source import IioSource
-from fltea.stream.place import Place
+from fltea.stream.decode import Decoder
 from host_support import fltea
 
 MS = 10**6
@@ -94,18 +94,18 @@ def test_samples_with_scale_mount_matrix_rate_and_gaps(tmp_path: Path) -> None:
     assert block.sequence.tolist() == list(range(500))
     assert block.gyro[1].tolist() == [49.0, -1.0, 3.0]  # y, -x, z, by the mount matrix
     assert block.accel[1].tolist() == [100.0, -200.0, 16001.0]
-    place = Place(max_gap=10)
+    place = Decoder(lambda: 0, max_gap=10)
     place.on_hello(hello)
-    list(place.on_block(block))
+    list(place.feed(block))
     data = scans(500, 510) + scans(513, 520)  # three are lost
     pieces = [*player.play(data[:37]), *player.play(data[37:])]
     for piece in pieces:
-        list(place.on_block(piece))
+        list(place.feed(piece))
     assert np.concatenate([piece.sequence for piece in pieces]).tolist() == [
         *range(500, 510),
         *range(513, 520),
     ]
-    assert (place.lost, player.source.link_stats().frames) == (3, 517)
+    assert (place.counts.lost, player.source.link_stats().frames) == (3, 517)
     player.close()
     assert device.settings() == before
 

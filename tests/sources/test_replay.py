@@ -21,7 +21,7 @@ from fltea.sources.as_wire import AsWire
 from fltea.sources.replay import ReplaySource
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
-from fltea.stream.place import Place
+from fltea.stream.decode import Decoder
 from host_support import QUICK, fltea_here, hello, strict_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -76,11 +76,11 @@ def test_sequence_and_time_wrap_as_a_devices_do(tmp_path: Path) -> None:
     assert (found[65536].sequence, found[-1].sequence) == (0, n - 1 - 65536)
     assert max(raw.device_us for raw in found) < 2**32
     assert found[-1].device_us == (n - 1) * 100_000 - 2**32
-    place = Place(0)
+    place = Decoder(lambda: 0, 0)
     place.on_hello(Hello("", 0, rate_hz, ""))
     placed = place_all(place, found)
     assert [p.seq for p in placed if p] == list(range(n))
-    assert place.lost == 0
+    assert place.counts.lost == 0
 
 
 # --- times of a CSV file: gaps are gaps, and no sample is ever disbelieved ---

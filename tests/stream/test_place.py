@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import pytest
 from blocks import Placed, cuts, place_all, place_one
-from fltea.records.events import RawSample
-from fltea.stream.place import MAX_HOST_DISAGREEMENT_US, Place
+from fltea.records.events import Break, LinkDown, RawSample
+from fltea.stream.decode import Decoder
 from host_support import hello
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -16,6 +16,7 @@ HALF_HOUR = 30 * 60 * 100
 """30 minutes in samples."""
 
 ANY_GAP = 10**9
+MAX_HOST_DISAGREEMENT_US = 5 * 60 * 10**6
 
 
 class Device(NamedTuple):
@@ -36,14 +37,14 @@ class Device(NamedTuple):
         )
 
 
-def heard(max_gap: int = ANY_GAP, **changes: object) -> Place:
-    place = Place(max_gap)
-    place.on_hello(hello(**changes))
-    return place
+def heard(max_gap: int = ANY_GAP, **changes: object) -> Decoder:
+    decoder = Decoder(lambda: 0, max_gap)
+    decoder.on_hello(hello(**changes))
+    return decoder
 
 
-def deliver(place: Place, device: Device, indices: list[int]) -> list[Placed | None]:
-    return place_all(place, [device.sample(k) for k in indices])
+def deliver(decoder: Decoder, device: Device, indices: list[int]) -> list[Placed | None]:
+    return place_all(decoder, [device.sample(k) for k in indices])
 
 
 devices = st.builds(
@@ -57,10 +58,10 @@ deliveries = st.lists(steps, max_size=60).map(lambda some: list(accumulate(some,
 @settings(max_examples=300)
 def test_delivered_and_lost_are_all_that_were_due(device: Device, indices: list[int], data: st.DataObject):
     jitters = data.draw(st.lists(st.integers(-3000, 3000), min_size=len(indices), max_size=len(indices)))
-    place = heard()
+    decoder = heard()
     first_us = device.true_us(0, jitters[0])
     for before, k, jitter_us in zip([None, *indices], indices, jitters, strict=False):
-        placed = place_one(place, device.sample(k, jitter_us))
+        placed = place_one(decoder, device.sample(k, jitter_us))
         assert placed is not None
         # the unwrapped values begin with what the first sample says, and then never wrap
         assert placed.seq - device.first_sequence == k
@@ -68,46 +69,46 @@ def test_delivered_and_lost_are_all_that_were_due(device: Device, indices: list[
         assert placed.missing == (0 if before is None else k - before - 1)
         assert placed.new_epoch == ("start" if before is None else None)
     due = indices[-1] - indices[0] + 1
-    assert place.delivered == len(indices)
-    assert place.delivered + place.lost == due
-    assert place.gaps == sum(b - a > 1 for a, b in pairwise(indices))
-    assert place.duplicates == place.before_hello == 0
+    assert decoder.counts.delivered == len(indices)
+    assert decoder.counts.delivered + decoder.counts.lost == due
+    assert decoder.counts.gaps == sum(b - a > 1 for a, b in pairwise(indices))
+    assert decoder.counts.duplicates == decoder.counts.before_hello == 0
 
 
 @given(devices, deliveries, st.integers(0, 2000))
 @settings(max_examples=100)
 def test_long_gap_begins_an_epoch_and_is_counted(device: Device, indices: list[int], max_gap: int):
-    place = heard(max_gap)
-    placed = deliver(place, device, indices)
+    decoder = heard(max_gap)
+    placed = deliver(decoder, device, indices)
     for before, after in pairwise(placed):
         assert before is not None
         assert after is not None
         assert after.new_epoch == ("gap" if after.missing > max_gap else None)
         assert after.seq > before.seq
         assert after.device_us > before.device_us
-    assert place.delivered + place.lost == indices[-1] + 1
+    assert decoder.counts.delivered + decoder.counts.lost == indices[-1] + 1
 
 
 @given(devices, st.integers(0, HALF_HOUR), st.integers(1, 5))
 @settings(max_examples=50)
 def test_duplicates_are_dropped_and_counted(device: Device, k: int, copies: int):
-    place = heard()
-    placed = deliver(place, device, [0, k + 1, *[k + 1] * copies, k + 2])
+    decoder = heard()
+    placed = deliver(decoder, device, [0, k + 1, *[k + 1] * copies, k + 2])
     assert placed[2:-1] == [None] * copies
     assert placed[-1] is not None
     assert placed[-1].missing == 0
-    assert (place.duplicates, place.delivered) == (copies, 3)
+    assert (decoder.counts.duplicates, decoder.counts.delivered) == (copies, 3)
 
 
 def test_only_a_hello_that_tells_something_is_news():
-    place = Place(ANY_GAP)
-    assert place.on_hello(hello())
-    assert not place.on_hello(hello())
-    assert place.on_hello(hello(boot_id=8))
-    assert not place.on_hello(hello(boot_id=8))
-    assert place.on_hello(hello(boot_id=8, device_id="b1"))
-    place.on_link_down()
-    assert place.on_hello(hello(boot_id=8, device_id="b1"))
+    decoder = Decoder(lambda: 0, ANY_GAP)
+    assert decoder.on_hello(hello())
+    assert not decoder.on_hello(hello())
+    assert decoder.on_hello(hello(boot_id=8))
+    assert not decoder.on_hello(hello(boot_id=8))
+    assert decoder.on_hello(hello(boot_id=8, device_id="b1"))
+    decoder.on_other(LinkDown(0))
+    assert decoder.on_hello(hello(boot_id=8, device_id="b1"))
 
 
 BOOT, SENSOR, DOWN = {"boot_id": 8}, {"sensor_starts": 2}, None
@@ -182,43 +183,43 @@ def test_what_begins_an_epoch_and_what_is_lost_before(
     scenario: tuple[list[Any], str, str, tuple[int, int, int]],
 ) -> None:
     happens, epochs, last, totals = scenario
-    place, placed = Place(100), []
+    decoder, placed = Decoder(lambda: 0, 100), []
     for one in happens:
         if one is DOWN:
-            place.on_link_down()
+            decoder.on_other(LinkDown(0))
         elif isinstance(one, dict):
-            place.on_hello(hello(**one))
+            decoder.on_hello(hello(**one))
         else:
             device, k = one if isinstance(one, tuple) else (Device(), one)
-            placed.append(place_one(place, device.sample(k)))
+            placed.append(place_one(decoder, device.sample(k)))
     used = [one for one in placed if one is not None]
     assert " ".join(one.new_epoch for one in used if one.new_epoch) == epochs
     assert f"{used[-1].seq} after {used[-1].missing}" == last
     assert used[-1].device_us == device.true_us(k)
-    assert (place.delivered, place.lost, place.gaps) == totals
-    assert place.before_hello == len(placed) - len(used)
+    assert (decoder.counts.delivered, decoder.counts.lost, decoder.counts.gaps) == totals
+    assert decoder.counts.before_hello == len(placed) - len(used)
 
 
-def after_lost_reset(k_before: int, k_after: int) -> tuple[Place, RawSample, Placed | None]:
+def after_lost_reset(k_before: int, k_after: int) -> tuple[Decoder, RawSample, Placed | None]:
     """A reset whose HELLO was lost: the counters begin again, the host's clock goes on."""
-    place = heard(max_gap=100)
-    deliver(place, Device(), [k_before - 1, k_before])
+    decoder = heard(max_gap=100)
+    deliver(decoder, Device(), [k_before - 1, k_before])
     now_ns = (k_before + 30) * PERIOD_US * 1000
     raw = Device().sample(k_after)._replace(host_ns=now_ns)
-    return place, raw, place_one(place, raw)
+    return decoder, raw, place_one(decoder, raw)
 
 
 @pytest.mark.parametrize(("boot_id", "reason"), [(7, "discontinuity"), (8, "restart")])
 def test_reset_whose_hello_was_lost(boot_id: int, reason: str):
-    place, raw, placed = after_lost_reset(50_000, 5)
+    decoder, raw, placed = after_lost_reset(50_000, 5)
     assert placed is None
-    assert place_one(place, raw) is None
-    assert place.before_hello == 2
-    assert place.on_hello(hello(boot_id=boot_id))
-    again = place_one(place, Device().sample(7)._replace(host_ns=raw.host_ns))
+    assert place_one(decoder, raw) is None
+    assert decoder.counts.before_hello == 2
+    assert decoder.on_hello(hello(boot_id=boot_id))
+    again = place_one(decoder, Device().sample(7)._replace(host_ns=raw.host_ns))
     assert again is not None
     assert (again.new_epoch, again.seq, again.device_us) == (reason, 7, 70_000)
-    assert (place.delivered, place.lost) == (3, 0)
+    assert (decoder.counts.delivered, decoder.counts.lost) == (3, 0)
 
 
 @given(st.integers(200, 10 * 3600 * 100), st.integers(0, 100))
@@ -237,14 +238,14 @@ def test_reset_never_goes_on_in_the_same_epoch(k_before: int, k_after: int):
 @settings(max_examples=300)
 def test_time_that_disagrees_with_the_sequence_is_not_believed(device: Device, step: int, off_us: int):
     """Beyond 2 % and one period nothing is believed, whatever the wraps make of it."""
-    place = heard(max_gap=50)
-    place_one(place, device.sample(0))
+    decoder = heard(max_gap=50)
+    place_one(decoder, device.sample(0))
     raw = device.sample(step)
     time_us = (raw.device_us - device.first_us + off_us) % 2**32
     possible = range(raw.sequence - device.first_sequence, 2**32 // PERIOD_US + 65536, 65536)
     nearest_us = min(abs(time_us - n * PERIOD_US) - 0.02 * n * PERIOD_US for n in possible if n > 0)
     assume(abs(nearest_us - PERIOD_US) > 1)
-    placed = place_one(place, raw._replace(device_us=(raw.device_us + off_us) % 2**32))
+    placed = place_one(decoder, raw._replace(device_us=(raw.device_us + off_us) % 2**32))
     host_agrees = abs(time_us - step * PERIOD_US) <= MAX_HOST_DISAGREEMENT_US
     assert (placed is not None) == (nearest_us < PERIOD_US and host_agrees)
 
@@ -289,14 +290,14 @@ happenings = st.lists(
 )
 
 
-def say(place: Place, what: str, boot: int, starts: int) -> object:
+def say(decoder: Decoder, what: str, boot: int, starts: int) -> object:
     match what:
         case "link_down":
-            return place.on_link_down()
+            return decoder.on_other(LinkDown(0))
         case "break":
-            return place.on_break("restart")
+            return decoder.on_other(Break("restart", 0))
         case "hello" | "boot" | "sensor":
-            return place.on_hello(hello(boot_id=boot, sensor_starts=starts))
+            return decoder.on_hello(hello(boot_id=boot, sensor_starts=starts))
     return None
 
 
@@ -306,9 +307,9 @@ def test_blocks_of_any_cut_are_placed_as_one_by_one(
     device: Device, some: list[Happening], max_gap: int, known: bool, data: st.DataObject
 ):
     """Wraps, gaps, duplicates, resets, jitter, silence and everything that may be said in between."""
-    place, single = Place(max_gap), Place(max_gap)
+    decoder, single = Decoder(lambda: 0, max_gap), Decoder(lambda: 0, max_gap)
     if known:
-        place.on_hello(hello())
+        decoder.on_hello(hello())
         single.on_hello(hello())
     boot, starts = 7, 1
     waiting: list[RawSample] = []
@@ -320,7 +321,7 @@ def test_blocks_of_any_cut_are_placed_as_one_by_one(
             places = data.draw(cuts(len(waiting)))
             begin = 0
             for end in [*sorted({cut for cut in places if 0 < cut < len(waiting)}), len(waiting)]:
-                got.extend(place_all(place, waiting[begin:end]))
+                got.extend(place_all(decoder, waiting[begin:end]))
                 begin = end
             waiting.clear()
 
@@ -331,8 +332,7 @@ def test_blocks_of_any_cut_are_placed_as_one_by_one(
             continue
         deliver_waiting()
         boot, starts = boot + (item == "boot"), starts + (item == "sensor")
-        assert say(place, item, boot, starts) == say(single, item, boot, starts)
+        assert say(decoder, item, boot, starts) == say(single, item, boot, starts)
     deliver_waiting()
     assert got == wanted
-    for count in ("delivered", "lost", "gaps", "duplicates", "before_hello", "hello"):
-        assert getattr(place, count) == getattr(single, count)
+    assert (decoder.counts, decoder.hello) == (single.counts, single.hello)

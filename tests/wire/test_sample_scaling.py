@@ -1,12 +1,11 @@
 """Counts to units, by hand-worked figures."""
 
-import numpy as np
 import pytest
 from blocks import as_block, raw_samples
 from fltea.records.events import RawSample
 from fltea.records.records import Sample
 from fltea.stream.decode import Decoder
-from fltea.wire.sample_scaling import accel_ms2, gyro_dps, resolution_dps, temperatures_c, to_counts
+from fltea.wire.sample_scaling import resolution_dps, to_counts
 from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
@@ -83,16 +82,3 @@ def test_counts_come_back_from_units(raw: RawSample, lsb: int, per_g: int, who_a
     changes = {"gyro_lsb_per_dps": lsb / 10, "accel_lsb_per_g": float(per_g), "who_am_i": who_am_i}
     sample = scaled(raw, **changes)
     assert next(to_counts([sample, sample], hello(**changes)).samples()) == raw
-
-
-def test_a_block_is_scaled_as_its_samples() -> None:
-    some = [
-        raw(sequence=k, device_us=k * 10_000, gyro=(k, -7 * k, 1), accel=(k, 3, 5), temperature=k)
-        for k in range(9)
-    ]
-    whole, known = as_block(*some), hello()
-    for k, one in enumerate(some):
-        alone = as_block(one)
-        assert (gyro_dps(whole, known)[k] == gyro_dps(alone, known)[0]).all()
-        assert np.array_equal(np.array(accel_ms2(whole, known))[k], np.array(accel_ms2(alone, known))[0])
-        assert np.array(temperatures_c(whole, known))[k] == np.array(temperatures_c(alone, known))[0]

@@ -3,7 +3,8 @@
 from typing import Any
 
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US, RawSample, block_of
-from fltea.stream.place import Place
+from fltea.records.stats import SampleStats
+from fltea.stream.decode import Decoded, Decoder
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from fltea.wire.message_events import hello_event
@@ -28,7 +29,7 @@ class HostView:
         self.boots = [Boot(ResetType.POWER_UP, 0)]
         self._heard_boot = self.boots[0]
         self.reader = FrameReader()
-        self.place = Place(MAX_GAP)
+        self._decoder = Decoder(lambda: 0, MAX_GAP)
         self.hello: wire.Hello | None = None
         self.hello_count = self.boot_count = 0
         """HELLOs, and boots, that were heard."""
@@ -97,7 +98,7 @@ class HostView:
                     self._new_boot = True
                     self._heard_boot = self.boots[-1]
                 self.hello = hello
-                self.place.on_hello(hello_event(hello, "emulator", host_ns))
+                self._decoder.on_hello(hello_event(hello, "emulator", host_ns))
             case wire.Sample() as sample:
                 self._on_sample(sample, frame, host_ns)
             case wire.Status() as status:
@@ -128,8 +129,9 @@ class HostView:
                 self.flags[name] = self.flags.get(name, 0) + 1
         gyro = (sample.gyro_x, sample.gyro_y, sample.gyro_z)
         raw = RawSample(frame.sequence % SEQUENCE_WRAP, frame.device_us % TIME_WRAP_US, host_ns, gyro)
-        for piece in self.place.on_block(block_of([raw])):
-            seq, device_us = int(piece.seq[0]), int(piece.device_us[0])
+        for piece in self._decoder.feed(block_of([raw])):
+            assert isinstance(piece, Decoded)
+            seq, device_us = int(piece.block.seq[0]), int(piece.block.device_us[0])
             if piece.new_epoch is None and self._last is not None:
                 step_us = device_us - self._last[1]
                 self._steps += seq - self._last[0]
@@ -140,6 +142,11 @@ class HostView:
             self._last = seq, device_us
             boot = self._heard_boot
             boot.heard = (boot.heard[0] if boot.heard else seq, seq)
+
+    @property
+    def counts(self) -> SampleStats:
+        """What became of the samples."""
+        return self._decoder.counts
 
     @property
     def due(self) -> int | None:

@@ -22,7 +22,7 @@ def make_report(
     wall_s: how long it took; None if it was paced. error: why the run ended early; None if it did not.
     """
     host.stop()
-    machine, counts, bridge, due = board.machine, host.place, board.bridge, host.due
+    machine, counts, bridge, due = board.machine, host.counts, board.bridge, host.due
     heard = sum(last - first + 1 for first, last in (boot.heard for boot in host.boots if boot.heard))
     elapsed_ps = machine.now_ps or 1
     touched = board.memory.ram_touched_bytes()

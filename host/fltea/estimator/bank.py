@@ -94,9 +94,13 @@ class Bank:
         if fills:
             self.startup_remaining -= n
             if not self.startup_remaining:
-                window = [Moments(*axis) for axis in self.native.window(self._rule.resolution)]
-                self._begin(self._rule.baseline_of(window))
+                self.fill()
         return LaneBlock._make((*out, valid, [Lost(*one) for one in lost], white))
+
+    def fill(self) -> None:
+        """Begin to estimate with the next sample: the native bank has taken the start-up window."""
+        window = [Moments(*axis) for axis in self.native.window(self._rule.resolution)]
+        self._begin(self._rule.baseline_of(window))
 
     def on_missing(self, count: int) -> list[Lost]:
         """Bridge lost samples by prediction alone; within the start-up window they do not matter.

@@ -29,7 +29,6 @@ from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, open_mcap
 from fltea.stream.decode import Decoded, Decoder
-from fltea.stream.time import Timebase
 from fltea.wire.layout import SampleFlags
 from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
@@ -165,7 +164,7 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     used = groups.largest()
     if used.hello is None:
         raise UsageError(f"{request.name}: holds no samples that can be used.")
-    c = decoder.place
+    c = decoder.counts
     lost = c.lost, c.gaps, c.duplicates, c.before_hello
     gaps = used.gaps()
     bridged = gaps.lost_up_to(bridge(len(used), gaps))
@@ -280,8 +279,7 @@ class _Group:
         self._samples = 0
         self._at: list[int] = []
         self._missing: list[int] = []
-        self._clock: Timebase | None = None
-        self._of_clock = self._most_of_clock = 0
+        self._epoch = self._of_epoch = self._most_of_epoch = 0
 
     def __len__(self) -> int:
         return self._samples
@@ -307,7 +305,7 @@ class _Group:
                 self.flagged[i] += int(np.count_nonzero(block.flags & flag))
         # Of a recording without arrival times the device's are given out for them.
         self.no_clock = self.no_clock and bool((found.raw.host_ns == block.device_us * 1000).all())
-        self._ask(decoder.timebase, len(block))
+        self._ask(decoder, len(block))
 
     def axis(self, name: str) -> Array:
         """Return one axis as an array in memory, (n,)."""
@@ -331,11 +329,9 @@ class _Group:
         """Forget the samples."""
         self._spool.remove()
 
-    def _ask(self, clock: Timebase | None, samples: int) -> None:
+    def _ask(self, decoder: Decoder, samples: int) -> None:
         """Return how the device's clock goes against the host's in the longest epoch."""
-        if clock is None:
-            return
-        self._of_clock = self._of_clock + samples if clock is self._clock else samples
-        self._clock = clock
-        if self._of_clock > self._most_of_clock:
-            self._most_of_clock, self.ppm = self._of_clock, clock.clock_ppm
+        self._of_epoch = self._of_epoch + samples if decoder.epoch == self._epoch else samples
+        self._epoch = decoder.epoch
+        if self._of_epoch > self._most_of_epoch:
+            self._most_of_epoch, self.ppm = self._of_epoch, decoder.native.clock_ppm

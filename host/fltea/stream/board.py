@@ -1,4 +1,4 @@
-"""The stage for what a board estimates by itself: to which sample it belongs, and how far it is from ours.
+"""What a board estimates by itself: to which sample it belongs, and how far it is from ours.
 
 An estimate comes after its sample, by as much as the board is behind. One whose sample is not among the
 newest of this epoch is dropped and counted.
@@ -27,13 +27,13 @@ from fltea.stream.board_notices import BoardNotices
 from fltea.stream.board_samples import RecentSample, RecentSamples
 from fltea.stream.board_settings import host_settings, info_of
 from fltea.stream.live import LiveFits, settled_by
-from fltea.stream.stages import Beginning, Item, Notice, Stage, Standing
+from fltea.stream.epoch import Beginning, Item, Notice, Standing
 
 AS_STATED = "begun", "every", "queue", "skipped", "longest_axis_us", "fit_every", "longest_slice_us"
 """Of the board's estimator: what its statistics have as it came."""
 
 
-class BoardEstimates(Stage):
+class BoardEstimates:
     """Follows the board's own estimates.
 
     Where it alone estimates, they become `Estimate` records; else `DeviceEstimates` compare them with this
@@ -81,8 +81,8 @@ class BoardEstimates(Stage):
         self._newest.clear()
         self._sequence = None
 
-    def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
-        """Remember samples; their estimates come later."""
+    def on_block(self, block: Block, host_ns: Ints) -> Iterator[Item]:
+        """Remember samples, whose estimates come later; host_ns (n,): their arrival, monotonic."""
         yield from self._notices.unused(int(host_ns[0]))
         self._samples.add(block)
         late = self._notices.silent_from(host_ns) if self.stated is None else None

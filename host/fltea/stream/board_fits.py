@@ -19,7 +19,7 @@ from fltea.records.records import DeviceFits
 from fltea.spectrum.frontier import native, order_in_white
 from fltea.spectrum.periodogram import Binned
 from fltea.stream.live import SettledFit
-from fltea.stream.stages import Moment
+from fltea.stream.epoch import Moment
 
 MOST_ORDER = 2.0
 """Of the model that the board fits."""

@@ -8,7 +8,7 @@ from fltea.records.events import DeviceAxis, DeviceEstimator, Ints
 from fltea.records.repeat import REPEAT_NS, OnceAMinute
 from fltea.settings.estimator import EstimatorConfig
 from fltea.stream.board_settings import unused_settings
-from fltea.stream.stages import Notice
+from fltea.stream.epoch import Notice
 
 PATIENCE_NS = 5 * 10**9
 """A board that sends samples states its estimator within this time."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from fltea.records.block import Block
 from fltea.records.events import SEQUENCE_WRAP
 from fltea.records.records import GYRO_UNIT, AxisEstimate
-from fltea.stream.stages import Moment
+from fltea.stream.epoch import Moment
 
 REMEMBERED = 256
 """Samples for which an estimate may still come; the board drops samples when it is further behind."""

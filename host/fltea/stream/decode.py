@@ -1,19 +1,52 @@
-"""The first half of a sample's walk: source → place → time → units.
+"""From what a source gives to samples in physical units, with their place in the epoch and their time.
 
-`fltea.stream.pipeline` goes on from here to the estimators; recordings are exported without any.
+All of it is native (host/native/device.hpp), with the sensors' estimators if there are any:
+`fltea.stream.pipeline` gives them. Recordings are exported without.
 """
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from enum import IntEnum
+from typing import Any, NamedTuple
 
+from fltea import _native
 from fltea.records.block import Block
 from fltea.records.events import Break, Event, LinkDown, RawBlock
 from fltea.records.records import EpochReason, Hello
-from fltea.settings.duration import Duration
+from fltea.records.stats import SampleStats
+from fltea.settings.duration import Duration, in_samples
+from fltea.settings.estimator import LONGEST_GAP
 from fltea.settings.outputs import OutputConfig
-from fltea.stream.place import Piece, Place
-from fltea.stream.time import Timebase
-from fltea.wire.sample_scaling import accel_ms2, gyro_dps, temperatures_c
+from fltea.wire.sample_scaling import Scales
+
+
+class Stop(IntEnum):
+    """Why samples are not taken any further, as of host/native/device.hpp; what is told then."""
+
+    END = 0
+    """All are taken."""
+    MORE = 1
+    """Nothing has happened, and there is more."""
+    STATS_DUE = 2
+    """Before a sample: it arrived when statistics were due."""
+    GAP = 3
+    """Before a sample: others are missing. Told: how many, its number and time, lost axes of each sensor."""
+    EPOCH = 4
+    """Before a sample: an epoch begins with it. Told: why, samples missing, its number and device time."""
+    HAPPENED = 5
+    """After a sample. Told: for each event its sensor, and either losses or a step or motion."""
+    WINDOW_FULL = 6
+    """After a sample: the start-up window of a sensor is full."""
+    FIT_COUNTS = 7
+    """After a sample: from the next one on a fit counts."""
+    FIT_DUE = 8
+    """After a sample: a fit is to begin."""
+
+
+OfSensors = list[tuple[list[Any], list[Any] | None] | None]
+"""Of each sensor the columns of its tracker, and of its filters or None; None for one without samples."""
+
+Rows = tuple[int, tuple[Any, ...], OfSensors]
+"""Samples that were taken: which of the source's is the first, their columns as of `COLUMNS`, the sensors'."""
 
 
 class Decoded(NamedTuple):
@@ -29,8 +62,8 @@ class Decoded(NamedTuple):
 class Decoder:
     """Turns the events of a source into samples.
 
-    unix_offset_ns: the source's. max_gap: as `link.max_gap` of the settings. device, output: as
-    `Block` has them.
+    unix_offset_ns: the source's. max_gap: longest gap that an epoch survives, in samples or as a time.
+    device, output: as `Block` has them. `epoch` counts from 1; 0 before the first.
     """
 
     def __init__(
@@ -40,43 +73,97 @@ class Decoder:
         device: str | None = None,
         output: OutputConfig | None = None,
     ) -> None:
-        self.place = Place(max_gap)
-        self.timebase: Timebase | None = None
+        self.native = _native.Device()
         self.epoch = 0
-        self._unix_offset_ns = unix_offset_ns
-        self._device, self._output = device, output or OutputConfig()
+        self._unix_offset_ns, self._max_gap = unix_offset_ns, max_gap
+        self._hello: Hello | None = None
+        nothing, output = Any, output or OutputConfig()
+        self._template = Block(
+            device, 0, *[nothing] * 4, every=output.every, corrected=output.corrected  # type: ignore[arg-type]
+        )
+
+    @property
+    def hello(self) -> Hello | None:
+        """The newest HELLO; None where it is not known which device it is."""
+        return self._hello if self.native.knows_hello else None
+
+    @property
+    def counts(self) -> SampleStats:
+        """What became of the samples until now."""
+        return SampleStats(*self.native.counts)
+
+    def on_hello(self, hello: Hello) -> bool:
+        """Take note of a HELLO; True if it states something new (the first, or another boot or sensor)."""
+        before = self._hello
+        another_boot = before is None or _boot(hello) != _boot(before)
+        another_sensor = before is None or hello.sensor_starts != before.sensor_starts
+        news = another_boot or another_sensor or not self.native.knows_hello
+        self._hello = hello
+        longest = min(in_samples(self._max_gap, hello.rate_hz, 1), LONGEST_GAP)
+        self.native.on_hello(hello.rate_hz, longest, another_boot, another_sensor, Scales.of(hello))
+        return news
+
+    def on_other(self, event: Event) -> None:
+        """Take note of an event that is neither a HELLO nor samples."""
+        if isinstance(event, LinkDown):
+            self.native.forget_hello()  # what follows may come from another device
+        elif isinstance(event, Break):
+            self.native.on_break(event.reason)
 
     def feed(self, event: Event) -> Iterator[Decoded | Hello]:
         """Take one event; samples that can be used, and a HELLO that states something new."""
-        match event:
-            case RawBlock():
-                for piece in self.place.on_block(event):
-                    yield self._decoded(piece)
-            case Hello() if self.place.on_hello(event):
-                yield event
-            case LinkDown():
-                self.place.on_link_down()
-            case Break():
-                self.place.on_break(event.reason)
+        if isinstance(event, RawBlock):
+            yield from self._decoded(event)
+        elif not isinstance(event, Hello):
+            self.on_other(event)
+        elif self.on_hello(event):
+            yield event
 
-    def _decoded(self, piece: Piece) -> Decoded:
-        raw, seq, device_us, missing, new_epoch = piece
-        hello = self.place.hello
-        assert hello is not None
-        if new_epoch is not None or self.timebase is None:
-            self.epoch += 1
-            self.timebase = Timebase(self._unix_offset_ns())
-        block = Block(
-            self._device,
-            self.epoch,
-            seq,
-            device_us,
-            self.timebase.add(seq, device_us, raw.host_ns),
-            gyro_dps(raw, hello),
-            accel_ms2(raw, hello),
-            temperatures_c(raw, hello),
-            raw.flags,
-            every=self._output.every,
-            corrected=self._output.corrected,
+    def advance(self, raw: RawBlock) -> Iterator[tuple[Stop, int, Rows | None, Any]]:
+        """Yield each stop: why, which sample comes next, what was taken until then, and what is told.
+
+        Whoever takes a stop does what it leads to before the next one; for `EPOCH` that is `begin`.
+        """
+        stop, place = -1, 0
+        while stop != Stop.END:
+            stop, place, rows, told = self.native.advance(raw, place)
+            yield stop, place, rows, told  # type: ignore[misc]
+
+    def begin(self, sensors: list[Any]) -> None:
+        """Begin an epoch. sensors: as `_native.Device.begin` takes them."""
+        self.epoch += 1
+        self._template = self._template.but(epoch=self.epoch)
+        self.native.begin(self._unix_offset_ns(), sensors)
+
+    def block(self, samples: tuple[Any, ...]) -> Block:
+        """Return samples as a block."""
+        seq, device_us, host_ns, gyro_dps, accel_ms2, temperature_c, flags = samples
+        return self._template.but(
+            seq=seq,
+            device_us=device_us,
+            host_ns=host_ns,
+            gyro_dps=gyro_dps,
+            accel_ms2=accel_ms2,
+            temperature_c=temperature_c,
+            flags=flags,
         )
-        return Decoded(block, raw, hello, missing, new_epoch)
+
+    def _decoded(self, raw: RawBlock) -> Iterator[Decoded]:
+        missing, reason = 0, None
+        for stop, _, rows, told in self.advance(raw):
+            if stop == Stop.EPOCH:
+                reason, missing, *_ = told
+                self.begin([])
+            elif stop == Stop.GAP:
+                missing, *_ = told
+            if rows is None:
+                continue
+            first, samples, _ = rows
+            own = raw.rows(first, first + len(samples[0]))
+            assert self._hello is not None
+            yield Decoded(self.block(samples), own, self._hello, missing, reason)
+            missing, reason = 0, None
+
+
+def _boot(hello: Hello) -> tuple[int | None, str | None]:
+    return hello.boot_id, hello.device_id

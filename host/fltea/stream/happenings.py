@@ -5,34 +5,24 @@ which they are known, and state the time at which they began.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 from fltea.estimator.tracker import BY_ACCEL, BY_CALLER, EventKind, TrackerEvent
 from fltea.records.arrays import Mask
 from fltea.records.block import Block
 from fltea.records.clock import SECOND_NS
 from fltea.records.records import Motion, Step
-from fltea.stream.stages import Item
 
 BY = {BY_ACCEL: "accel", BY_CALLER: "caller"}
 """Who has shown motion, where that is no axis of the sensor."""
 
 
-class Happened(NamedTuple):
-    """A record, and the number of the sample with which it is known."""
-
-    found_seq: int
-    record: Step | Motion
-
-
 def records_of(
     events: Sequence[TrackerEvent], block: Block, axes: Sequence[str], unit: str, h: float, device: str | None
-) -> list[Happened]:
-    """Return the records of what has happened with samples of a block; h: sampling period in s.
+) -> Iterator[Step | Motion]:
+    """Yield the records of what has happened with samples of a block; h: sampling period in s.
 
     Times of samples before are found by the rate, so that they do not depend on how blocks are cut.
     """
-    found = []
     for event in events:
         before = max(event.ago - 1, 0)
         seq, device_us, host_ns = (
@@ -44,8 +34,7 @@ def records_of(
             device_us - round(before * h * 1e6),
             host_ns - round(before * h * SECOND_NS),
         )
-        found.append(Happened(seq, _record(event, place, axes, unit, device)))
-    return found
+        yield _record(event, place, axes, unit, device)
 
 
 def _record(
@@ -79,16 +68,3 @@ def left_out(moving: Mask, events: Sequence[TrackerEvent]) -> Mask:
     for event in steps:
         result[event.row, event.axis] = True
     return result
-
-
-def after_rows(block: Block, happened: Sequence[Happened]) -> Iterator[Item]:
-    """Yield a block, cut after the samples with which something is known, and the records there."""
-    begin, first, n = 0, int(block.seq[0]), len(block)
-    for one in sorted(happened, key=lambda one: one.found_seq):
-        end = one.found_seq - first + 1
-        if end > begin:
-            yield block.rows(begin, end)
-            begin = end
-        yield one.record
-    if begin < n:
-        yield block.rows(begin, n) if begin else block

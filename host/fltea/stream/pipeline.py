@@ -1,34 +1,37 @@
-"""The walk of a block: source → decode (place, time, units) → stages (host, board) → records.
+"""The walk of a device's samples: what can happen to them, and what each leads to.
 
-The sources stand before it (transport, framing and messages inside the serial one), the sinks behind it.
-Nothing that comes out depends on how the samples were put together into blocks, nor on how the bytes behind
-them were read: statistics go out at the first event of each new second, and count what stands before it. Of
-many devices each has its own place in the second (`fit_times.turn`): no sample waits for those of all.
+A source gives events. Samples go through the native device (`fltea.stream.decode`), which stops where more is
+to be done than to estimate: `HANDLERS` says what. Whatever comes out goes to the outputs, in order. It does not
+depend on how samples were put together into blocks, nor on how the bytes behind them were read. Statistics go
+out at the first event of each new second, and count what stands before it; of many devices each has its own
+place in the second (`fit_times.turn`), so that no sample waits for those of all.
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from itertools import chain
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 import msgspec
 
+from fltea.estimator.lanes import Reason
 from fltea.records.block import Block
 from fltea.records.clock import SECOND_NS
 from fltea.records.errors import UsageError
-from fltea.records.events import Break, Event, LinkDown, RawBlock, Trouble, host_ns_of
+from fltea.records.events import Event, LinkDown, RawBlock, Trouble, host_ns_of
 from fltea.records.ports import Source
 from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, Epoch, EpochReason, Error, Gap, Hello, Stats
-from fltea.records.stats import DeviceStatus, OutputStats, SampleStats
+from fltea.records.repeat import OnceAMinute
+from fltea.records.stats import DeviceStatus, OutputStats
 from fltea.settings.config import Config
-from fltea.settings.estimator import BY_DEVICE
+from fltea.settings.estimator import BY_DEVICE, EstimatorConfig
 from fltea.settings.ingest import is_partitioned
 from fltea.stream.beside import Beside
 from fltea.stream.board import BoardEstimates
-from fltea.stream.decode import Decoded, Decoder
+from fltea.stream.channels import explain_lost
+from fltea.stream.decode import Decoder, Stop
+from fltea.stream.epoch import NEVER, Beginning, Item, Moment, Notice, Standing
 from fltea.stream.fit_times import turn
-from fltea.stream.gathering import Gathering, by_period
-from fltea.stream.happenings import after_rows
-from fltea.stream.host import HostEstimates
 from fltea.stream.live import LiveFits
+from fltea.stream.sensors import Sensors
 from fltea.stream.snapshot import (
     DeviceState,
     LastSample,
@@ -37,15 +40,9 @@ from fltea.stream.snapshot import (
     sensor_of,
     why_unused,
 )
-from fltea.stream.stages import NEVER, Beginning, Item, Notice, Stage, Standing, through
-from fltea.stream.steady import Steady, Taken
-from fltea.stream.tracking import Tracking
+from fltea.wire.sample_scaling import Scales
 
 Output = AnyRecord | Block
-
-
-MOST_STEADY = 256
-"""Samples of a block: of more, the stages cost less than their estimates."""
 
 
 class Pipeline:
@@ -76,198 +73,165 @@ class Pipeline:
         self._decoder = Decoder(
             lambda: self._source_offset_ns, config.link.max_gap, config.name, config.output
         )
-        gathers = not (watched or source.prompt or config.estimator.estimate_on in BY_DEVICE)
-        self._gathering = Gathering(self._decoder.place) if gathers else None
+        self._device = self._decoder.native
         self._refuse, self._watched = refuse, watched
         fits = LiveFits(config, prompt=source.prompt, watched=watched, beside=beside, number=number)
         self._fits = fits if config.live.on else None
-        self._tracking = Tracking(config, self._fits)
-        self._host, board = _estimates_of(config, self._fits)
-        stages = self._fits, self._tracking, self._host, board
-        self._stages: list[Stage] = [stage for stage in stages if stage is not None]
-        self._board_estimates = board is not None
-        self._board: DeviceStatus | None = None
+        self._board = BoardEstimates(config, self._fits) if config.estimator.estimate_on in BY_DEVICE else None
+        self._sensors = Sensors(config, _settings_of(config, self._board), self._fits)
+        self._status: DeviceStatus | None = None
         self._now_ns = 0
-        self._stats_due_ns: int | None = None if watched else NEVER
-        self._sample_ns: int | None = None
-        self._last: LastSample | None = None
-        self._no_axis_reported = False
-        self._offset_ns = self._source_offset_ns = source.unix_offset_ns
+        self._knows_time = not watched
+        self._boot_id: int | None = None
         self._block: Block | None = None
-        self._steady: Steady | None = None
+        self._no_axis_reported = False
+        self._lost_reported = OnceAMinute()
+        self._offset_ns = self._source_offset_ns = source.unix_offset_ns
 
-    def feed(self, event: Event) -> Iterable[Output]:
-        """Return what one event leads to, which has to be taken before the next one.
+    def feed(self, event: Event) -> Iterator[Output]:
+        """Yield what one event leads to, which has to be taken before the next one.
 
         Raises:
             UsageError: a fixed bias or R that does not fit the axes.
         """
-        offset_ns = self._source.unix_offset_ns
-        if self._gathering is not None:
-            gathered = self._gathering.take(event, offset_ns)
-            return chain.from_iterable(self._in_stages(*taken) for taken in gathered)
-        found = self._steadily(event)
-        return self._in_stages(event, offset_ns) if found is None else found
+        self._source_offset_ns = self._source.unix_offset_ns
+        if isinstance(event, RawBlock):
+            yield from self._on_samples(event)
+            return
+        yield from self._on_time(host_ns_of(event))
+        if isinstance(event, Hello):
+            if self._decoder.on_hello(event):
+                self._forget()
+                yield msgspec.structs.replace(event, host_ns=self._unix_ns(), device=self._config.name)
+        else:
+            self._decoder.on_other(event)
+        yield from self._on_event(event)
 
-    def _steadily(self, event: Event) -> Iterable[Output] | None:
-        """Take samples by the short way, and what is behind them; None if the first is for the stages."""
-        if not isinstance(event, RawBlock) or len(event.sequence) > MOST_STEADY:
-            return None
-        taken = self._taken(event)
-        if taken is None:
-            return None
-        if taken.lost or taken.happened or len(taken.block) < len(event.sequence):
-            return self._of_pieces(event, taken)
-        return (taken.block,)
-
-    def _taken(self, raw: RawBlock) -> Taken | None:
-        """Take samples by the short way, up to one with which more is to be done."""
-        if self._steady is None or self._stats_due_ns is None:
-            return None
-        taken = self._steady.take(raw, self._stats_due_ns)
-        if taken is not None:
-            newest = taken.newest
-            self._came_to(newest.host_ns, newest.sequence, newest.device_us)
-        return taken
-
-    def _of_pieces(self, raw: RawBlock, taken: Taken | None) -> Iterator[Output]:
-        """Yield what was taken of these samples, and what comes of those behind it."""
-        while taken is not None:
-            block, lost = taken.block, taken.lost
-            begin = 0
-            for item in after_rows(block, taken.happened):
-                if not isinstance(item, Block):
-                    yield from self._records((item,))
-                    continue
-                end = begin + len(item)
-                own = [(row - begin, axis, why) for row, axis, why in lost if begin <= row < end]
-                yield from self._records(self._host.with_notices(item, own, raw.host_ns[begin:end]))
-                begin = end
-            raw = raw.rows(len(block), len(raw.sequence))
-            if not len(raw.sequence):
-                return
-            taken = self._taken(raw)
-        yield from self._in_stages(raw, self._source_offset_ns)
-
-    def _in_stages(self, event: Event, offset_ns: int) -> Iterator[Output]:
-        self._source_offset_ns = offset_ns
-        parts = by_period(event, self._stats_ns, self._stats_offset_ns) if self._watched else (event,)
-        for part in parts:
-            yield from self._on_time(part)
-            taken = self._steadily(part)
-            if taken is not None:
-                yield from taken
-                continue
-            self._steady = None if isinstance(part, RawBlock | LinkDown | Break) else self._steady
-            for found in self._decoder.feed(part):
-                if isinstance(found, Hello):
-                    self._steady = None
-                    self._forget()
-                    yield msgspec.structs.replace(found, host_ns=self._unix_ns(), device=self._config.name)
+    def _on_samples(self, raw: RawBlock) -> Iterator[Output]:
+        """Take samples, stop for stop."""
+        if not self._knows_time:
+            yield from self._on_time(int(raw.host_ns[0]))
+        self._note_offset()
+        for stop, row, rows, told in self._decoder.advance(raw):
+            if rows is not None:
+                block = self._sensors.block(self._decoder.block(rows[1]), rows[2])
+                self._block, host_ns = block, raw.host_ns[rows[0] : rows[0] + len(block)]
+                if self._board is None:
+                    yield block
                 else:
-                    yield from self._on_samples(found)
-            if isinstance(part, RawBlock):
-                self._now_ns = int(part.host_ns[-1])  # also where its last samples could not be used
+                    yield from self._records(self._board.on_block(block, host_ns))
+                self._now_ns = int(host_ns[-1])
+            if stop in HANDLERS:
+                if stop in BEFORE_SAMPLE:
+                    self._now_ns = int(raw.host_ns[row])
+                yield from HANDLERS[stop](self, raw, row, told)
+        self._now_ns = int(raw.host_ns[-1])  # also where its last samples could not be used
+
+    def _on_gap(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
+        """Samples are missing before this one: say so, and which axes became invalid meanwhile."""
+        missing, seq, unix_ns, lost = told
+        yield Gap(seq - missing, missing, self._decoder.epoch, unix_ns, device=self._config.name)
+        for number, losses in enumerate(lost):
+            yield from self._on_lost(self._sensors.lost(number, losses))
+
+    def _on_epoch(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
+        """An epoch begins with this sample, from a snapshot if there is one that fits."""
+        reason, missing, seq, device_us = told
+        hello = self._decoder.hello
+        assert hello is not None
+        name, epoch = self._config.name, self._decoder.epoch + 1
+        self._offset_ns, self._boot_id = self._source_offset_ns, hello.boot_id
+        first = int(raw.sequence[row]), int(raw.device_us[row])
+        unix_ns = self._unix_ns()
+        beginning = Beginning(hello, raw.gyro.shape[1], _has_accel(raw, hello), missing=missing)
+        notices, reason, resumed_after_s, between = self._begin(beginning, reason, first)
+        yield from self._records(notices)
+        if self._fits is not None:
+            self._fits.begin_numbers(seq)
+            self._set_looks()
+        if missing:
+            yield Gap(seq - missing, missing, epoch - 1, unix_ns, device=name)
+        standing = self._standing()
+        infos = standing.gyro, standing.accel
+        yield Epoch(
+            epoch, reason, seq, device_us, unix_ns, hello.boot_id, *infos, resumed_after_s, device=name
+        )
+        if between:
+            self._device.note_lost(between)
+            yield Gap(seq - between, between, epoch, unix_ns, device=name)
+
+    def _on_stats_due(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
+        """This sample is the first of a new second."""
+        return self._on_time(int(raw.host_ns[row]))
+
+    def _on_happened(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
+        """With the last sample axes became invalid, a bias has stepped, or motion has begun or ended."""
+        assert self._block is not None
+        for number, losses, event in told:
+            if losses is not None:
+                yield from self._on_lost(self._sensors.lost(number, losses))
             else:
-                yield from self._on_event(part)
-            if self._steady is None and isinstance(part, RawBlock) and len(part.sequence) <= MOST_STEADY:
-                self._steady = self._steady_now()
+                yield from self._sensors.happened(number, event, self._block)
 
-    def _steady_now(self) -> Steady | None:
-        """Return what takes the next samples, if nothing else is to be done with them."""
-        if self._board_estimates or self._block is None:
-            return None
-        return Steady.after(self._block, self._decoder, self._tracking, self._fits, self._host)
+    def _on_window_full(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
+        """The filters of a sensor can begin."""
+        for channels in self._sensors.fill(self._device):
+            yield from self._records(channels.notices(self._now_ns))
 
-    def save(self) -> DeviceState | None:
-        """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
-        if self._state is not None:  # of an earlier run, and still to be used
-            return self._state
-        hello, sample_ns = self._decoder.place.hello, self._sample_ns
-        saved = {name: one for stage in self._stages for name, one in stage.save().items()}
-        if hello is None or sample_ns is None or not saved.keys() & {"gyro", "accel"}:
-            return None
-        unix_ns = sample_ns + self._source.unix_offset_ns  # the epoch's own would keep a date set since
-        return DeviceState(sensor=sensor_of(hello, self._config), unix_ns=unix_ns, last=self._last, **saved)
+    def _on_fit_counts(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
+        """The fit that was begun counts from here on."""
+        assert self._fits is not None
+        yield from self._fits.counted()
+        self._sensors.go_by_fits(self._device)
+        self._set_looks()
 
-    @property
-    def hello(self) -> Hello | None:
-        """The newest HELLO; None where it is not known which device it is."""
-        return self._decoder.place.hello
+    def _on_fit_due(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
+        """A fit of the samples until now begins, beside the walk."""
+        moment = self._moment()
+        assert self._fits is not None and moment is not None
+        self._fits.look(moment, self._sensors.learner)
+        self._set_looks()
+        return iter(())
 
-    def _on_time(self, event: Event) -> Iterator[Output]:
+    def _set_looks(self) -> None:
+        assert self._fits is not None
+        self._device.fit_due, self._device.fit_counts = self._fits.due, self._fits.counts
+
+    def _on_lost(self, losses: Sequence[tuple[str, Reason]]) -> Iterator[Output]:
+        for axis, why in losses:
+            if self._lost_reported.is_due(axis, self._now_ns):
+                yield self._error(*explain_lost(axis, why))
+
+    def _on_time(self, host_ns: int | None) -> Iterator[Output]:
         """Let the statistics of a second go out before the first event of the next."""
-        host_ns = int(event.host_ns[0]) if isinstance(event, RawBlock) else host_ns_of(event)
         if host_ns is not None:
             self._now_ns = host_ns
-        if self._decoder.timebase is None:  # the source may not have known the date before
-            self._offset_ns = self._source_offset_ns
-        due_ns = self._stats_due_ns
-        if due_ns is not None and self._now_ns < due_ns:
+        self._note_offset()
+        if not self._watched or (self._knows_time and self._now_ns < self._device.stats_due_ns):
             return
-        if due_ns is not None:
+        if self._knows_time:
             yield self.stats()
+        self._knows_time = True
         begun = (self._now_ns - self._stats_offset_ns) // self._stats_ns
-        self._stats_due_ns = (begun + 1) * self._stats_ns + self._stats_offset_ns
+        self._device.stats_due_ns = (begun + 1) * self._stats_ns + self._stats_offset_ns
+
+    def _note_offset(self) -> None:
+        """Take the source's offset until the first epoch: it may not have known the date before."""
+        if not self._decoder.epoch:
+            self._offset_ns = self._source_offset_ns
 
     def _on_event(self, event: Event) -> Iterator[Output]:
         match event:
             case DeviceStatus():
-                self._board = event
+                self._status = event
             case LinkDown():
-                self._board = None
+                self._status = None
             case Trouble(kind, message):
                 yield self._error(kind, message)
-        if self._decoder.place.hello is None:
+        if self._decoder.hello is None:
             self._forget()
-        yield from self._records(item for stage in self._stages for item in stage.on_event(event))
-
-    def _on_samples(self, decoded: Decoded) -> Iterator[Output]:
-        block, raw, hello, missing, reason = decoded
-        name, resumed_after_s, between = self._config.name, None, 0
-        self._now_ns = int(raw.host_ns[0])
-        if reason is not None:
-            self._offset_ns = self._source_offset_ns
-            notices, reason, resumed_after_s, between = self._begin(decoded, reason)
-            yield from self._records(notices)
-        first = int(block.seq[0])
-        if missing:
-            epoch = block.epoch - (reason is not None)
-            yield Gap(first - missing, missing, epoch, int(block.host_ns[0]), device=name)
-        if reason is not None:
-            standing = self._standing()
-            times = int(block.device_us[0]), int(block.host_ns[0])
-            yield Epoch(
-                block.epoch,
-                reason,
-                first,
-                *times,
-                hello.boot_id,
-                standing.gyro,
-                standing.accel,
-                resumed_after_s,
-                device=name,
-            )
-            missing = 0
-            if between:
-                place = self._decoder.place
-                place.lost, place.gaps = place.lost + between, place.gaps + 1
-                yield Gap(first - between, between, block.epoch, int(block.host_ns[0]), device=name)
-        items: Iterable[Item] = [block]
-        for stage in self._stages:
-            items = through(stage, items, raw, missing)
-        self._came_to(*(int(column[-1]) for column in (raw.host_ns, raw.sequence, raw.device_us)))
-        for item in self._records(items):
-            if isinstance(item, Block):
-                self._block = item
-            yield item
-
-    def _came_to(self, host_ns: int, sequence: int, device_us: int) -> None:
-        """Take note of the newest sample that was used."""
-        self._now_ns = self._sample_ns = host_ns
-        hello = self._decoder.place.hello
-        if hello is not None and hello.boot_id is not None:
-            self._last = LastSample(hello.boot_id, sequence, device_us)
+        if self._board is not None:
+            yield from self._records(self._board.on_event(event))
 
     def _records(self, items: Iterable[Item]) -> Iterator[Output]:
         for item in items:
@@ -277,24 +241,39 @@ class Pipeline:
             else:
                 yield item
 
+    def save(self) -> DeviceState | None:
+        """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
+        if self._state is not None:  # of an earlier run, and still to be used
+            return self._state
+        hello, saved = self._decoder.hello, self._sensors.save()
+        if hello is None or self._block is None or not saved:
+            return None
+        sequence, device_us, host_ns, *_ = self._device.newest
+        unix_ns = host_ns + self._source.unix_offset_ns  # the epoch's own would keep a date set since
+        last = None if self._boot_id is None else LastSample(self._boot_id, sequence, device_us)
+        return DeviceState(sensor=sensor_of(hello, self._config), unix_ns=unix_ns, last=last, **saved)
+
+    @property
+    def hello(self) -> Hello | None:
+        """The newest HELLO; None where it is not known which device it is."""
+        return self._decoder.hello
+
     def stats(self) -> Stats:
         """Sum up the whole walk so far."""
-        place, timebase, standing = self._decoder.place, self._decoder.timebase, self._standing()
+        device, standing = self._device, self._standing()
         return Stats(
             epoch=self._decoder.epoch,
             host_ns=self._unix_ns(),
-            rate_hz=timebase.rate_hz if timebase else None,
-            clock_ppm=timebase.clock_ppm if timebase else None,
+            rate_hz=device.rate_hz,
+            clock_ppm=device.clock_ppm,
             startup_remaining=standing.startup_remaining,
             link=self._source.link_stats(),
-            sample_counts=SampleStats(
-                place.delivered, place.lost, place.gaps, place.duplicates, place.before_hello
-            ),
+            sample_counts=self._decoder.counts,
             axes={
                 axis: msgspec.structs.replace(one, tracker=standing.tracker.get(axis))
                 for axis, one in standing.axes.items()
             },
-            board=self._board,
+            board=self._status,
             outputs=self._outputs() if self._source.prompt else {},
             device_estimator=standing.device,
             fit_period_s=standing.fit_period_s,
@@ -303,10 +282,8 @@ class Pipeline:
 
     def finish(self, *, last_fit: bool = True, whole: bool = False) -> Iterator[Output]:
         """What comes at the end: a fit of everything, and the statistics; whole: the source has no more."""
-        for taken in self._gathering.rest() if self._gathering is not None else ():
-            yield from self._in_stages(*taken)
         if self._fits is not None and last_fit:
-            yield from self._records(self._fits.last())
+            yield from self._fits.last(self._moment())
         stats = self.stats()
         if whole and stats.sample_counts.delivered and stats.startup_remaining:
             yield self._error(
@@ -316,63 +293,66 @@ class Pipeline:
             )
         yield stats
 
+    def _moment(self) -> Moment | None:
+        """Return number and times of the last sample; None before the first."""
+        if self._block is None:
+            return None
+        block = self._block
+        seq, device_us, host_ns = (int(one[-1]) for one in (block.seq, block.device_us, block.host_ns))
+        return Moment(seq, block.epoch, device_us, host_ns)
+
     def _standing(self) -> Standing:
-        """Return all stages' standings as one; of several that state an axis the first one counts."""
-        whole = Standing()
-        for one in (stage.standing() for stage in self._stages):
-            whole = Standing(
-                max(whole.startup_remaining, one.startup_remaining),
-                one.axes | whole.axes,
-                whole.gyro or one.gyro,
-                whole.accel or one.accel,
-                whole.device or one.device,
-                whole.fit_period_s or one.fit_period_s,
-                one.tracker | whole.tracker,
-            )
+        """Return how all estimators get on; where the board alone estimates an axis, as it says."""
+        whole = self._sensors.standing(self._device)
+        if self._board is not None:
+            of_board = self._board.standing()
+            whole.startup_remaining = max(whole.startup_remaining, of_board.startup_remaining)
+            whole.axes = of_board.axes | whole.axes
+            whole.gyro, whole.device = whole.gyro or of_board.gyro, of_board.device
         return whole
 
     def _begin(
-        self, decoded: Decoded, reason: EpochReason
+        self, beginning: Beginning, reason: EpochReason, first: tuple[int, int]
     ) -> tuple[list[Item], EpochReason, float | None, int]:
         """Begin an epoch, from the snapshot if there is one that fits.
 
-        Returns what is to be reported, why the epoch begins, how old the snapshot is, and how many samples
-        since then are lost: of devices that another process had before, which nobody else would count.
+        first: sequence and device time of its first sample. Returns what is to be reported, why the epoch
+        begins, how old the snapshot is, and how many samples since then are lost: of devices that another
+        process had before, which nobody else would count.
         """
         notices: list[Item] = []
-        raw, hello = decoded.raw, decoded.hello
-        has_accel = decoded.block.accel_ms2 is not None
-        beginning = Beginning(hello, raw.gyro.shape[1], has_accel, missing=decoded.missing)
+        hello = beginning.hello
         if absent := self._absent(beginning):
             notices.append(Notice("no_axis", absent, self._now_ns))
         state, self._state = self._state, None
         if state is not None:
-            now_unix_ns = self._now_ns + self._offset_ns
+            now_unix_ns = self._unix_ns()
             problem = why_unused(state, hello, self._config, now_unix_ns)
             if problem is None:
                 try:
-                    for stage in self._stages:
-                        stage.begin(beginning._replace(saved=state))
+                    self._begin_sensors(beginning._replace(saved=state))
                 except ValueError as error:
                     problem = str(error)
                     self._refuse()
                 else:
                     age_s = (now_unix_ns - state.unix_ns) * 1e-9
-                    first = int(raw.sequence[0]), int(raw.device_us[0])
-                    missing = missing_since(state, hello, *first, age_s)
-                    for stage in self._stages:
-                        stage.bridge(missing)
+                    self._sensors.bridge(missing_since(state, hello, *first, age_s))
                     handed_over = is_partitioned(self._config.source)
                     lost = missing_by_number(state, hello, *first, age_s) if handed_over else None
                     return notices, "resumed", age_s, lost or 0
             text = f"the snapshot is not used, so the start-up window begins: {problem}."
             notices.append(Notice("state_unused", text, self._now_ns))
         try:
-            for stage in self._stages:
-                stage.begin(beginning)
+            self._begin_sensors(beginning)
         except ValueError as error:
             raise UsageError(f"estimator: {error}.") from error
         return notices, reason, None, 0
+
+    def _begin_sensors(self, beginning: Beginning) -> None:
+        sensors = self._sensors.begin(beginning)
+        if self._board is not None:
+            self._board.begin(beginning)
+        self._decoder.begin(sensors)
 
     def _absent(self, beginning: Beginning) -> str | None:
         """Return once which of the requested channels the source does not have."""
@@ -384,8 +364,9 @@ class Pipeline:
         return f"channels names {', '.join(absent)}, which this source does not have, or has no scale for."
 
     def _forget(self) -> None:
-        for stage in self._stages:
-            stage.forget()
+        """Believe nothing of a board's samples until now: it, its boot or its sensor may be another."""
+        if self._board is not None:
+            self._board.forget()
 
     def _error(self, kind: str, message: str) -> Error:
         return Error(kind, message, self._unix_ns(), device=self._config.name)
@@ -394,9 +375,28 @@ class Pipeline:
         return self._now_ns + self._offset_ns
 
 
-def _estimates_of(config: Config, fits: LiveFits | None) -> tuple[HostEstimates, BoardEstimates | None]:
-    """Return what estimates: this computer, the board, or both."""
-    if config.estimator.estimate_on not in BY_DEVICE:
-        return HostEstimates(config, lambda: config.estimator, fits), None
-    board = BoardEstimates(config, fits)
-    return HostEstimates(config, None if board.alone else board.host_settings, fits), board
+HANDLERS: dict[Stop, Callable[[Pipeline, RawBlock, int, Any], Iterator[Output]]] = {
+    Stop.STATS_DUE: Pipeline._on_stats_due,
+    Stop.GAP: Pipeline._on_gap,
+    Stop.EPOCH: Pipeline._on_epoch,
+    Stop.HAPPENED: Pipeline._on_happened,
+    Stop.WINDOW_FULL: Pipeline._on_window_full,
+    Stop.FIT_COUNTS: Pipeline._on_fit_counts,
+    Stop.FIT_DUE: Pipeline._on_fit_due,
+}
+"""What each stop of the native device leads to; nothing at `END` and `MORE`."""
+
+BEFORE_SAMPLE = {Stop.STATS_DUE, Stop.GAP, Stop.EPOCH}
+"""Stops before the next sample; the others are behind the last one."""
+
+
+def _settings_of(config: Config, board: BoardEstimates | None) -> Callable[[], EstimatorConfig] | None:
+    """Return what gives the settings of the gyroscope's filters here; None if the board alone estimates."""
+    if board is None:
+        return lambda: config.estimator
+    return None if board.alone else board.host_settings
+
+
+def _has_accel(raw: RawBlock, hello: Hello) -> bool:
+    """Return whether samples have an accelerometer whose scale is known."""
+    return raw.accel is not None and Scales.of(hello).accel_ms2_per_lsb is not None

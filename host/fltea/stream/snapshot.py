@@ -9,12 +9,12 @@ was reset in between (opening its port resets a Due) does not matter: its sensor
 
 import msgspec
 
+from fltea._native import CLOCK_TOLERANCE
 from fltea.recording.session import Whole
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US
 from fltea.records.records import Hello
 from fltea.settings.config import Config
-from fltea.stream.place import CLOCK_TOLERANCE
-from fltea.stream.stages import Saved
+from fltea.stream.epoch import Saved
 
 LONGEST_WRAP_S = 30 * 60.0
 """Beyond it the wraps of device time (71.6 minutes) cannot be counted."""

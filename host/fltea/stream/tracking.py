@@ -1,31 +1,26 @@
-"""The stage that says what the bias of each axis is now, by the noise that the live fit has found.
+"""What the bias of each axis is now, by the noise that the live fit has found.
 
-It takes samples in the walk of the live fit, whose settled answers count from the sample with which they are
-there and which leaves out what is motion here. It has estimates from the first samples on: until an answer is
-stable, or half a minute long, a bank of random walks stands for the noise.
+There are estimates from the first samples on: until an answer is stable, or half a minute long, a bank of
+random walks stands for the noise.
 """
 
 import contextlib
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from fltea.estimator.tracker import Checked, Rest, Tracker, TrackerEvent, TrackerRules
 from fltea.records.arrays import Array, Mask
-from fltea.records.block import Block, Tracked, TrackedColumns, with_tracked
-from fltea.records.events import Ints
+from fltea.records.block import TrackedColumns
 from fltea.records.fit import Interval
-from fltea.records.records import ACCEL_UNIT, GYRO_UNIT
+from fltea.records.records import GYRO_UNIT
 from fltea.records.stats import BiasCheck, TrackerStats
-from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.innovation_whiteness import describes
 from fltea.spectrum.live_axes import LONGEST_MOTION_S
-from fltea.stream.happenings import Happened, after_rows, left_out, records_of
 from fltea.stream.learning import Learned, Learner
-from fltea.stream.live import LiveFits, SettledFit, settled_by
-from fltea.stream.stages import Beginning, Item, Saved, Stage, Standing
+from fltea.stream.live import SettledFit
 
 UNDEFINED = Interval()
 CHECKED_S = 1, 10, 60
@@ -161,97 +156,6 @@ class SensorTracks:
     def load(self, saved: bytes) -> None:
         """Go on from there; ValueError for what cannot be one's own."""
         self.tracker.load(saved)
-
-
-class TrackedBlock(NamedTuple):
-    """What is known of the samples of a block, and what is left out of sums of noise, by sensor."""
-
-    tracked: Tracked
-    left_out: dict[str, Mask]
-    """Samples of the units' axes, (n, axes)."""
-
-
-class Tracking(Stage):
-    """Tracks the biases of both sensors. fits: the live fits; without them the bank of walks goes on."""
-
-    def __init__(self, config: Config, fits: LiveFits | None) -> None:
-        self._config, self._fits, self._settled = config, fits, settled_by(fits)
-        self.sensors: dict[str, SensorTracks] = {}
-        self._happened: list[Happened] = []
-
-    def begin(self, beginning: Beginning) -> None:
-        """Begin an epoch, from what was saved if it fits."""
-        hello, saved = beginning.hello, beginning.saved or Saved()
-        gyro, accel = beginning.axes(self._config.channels)
-        h, self.sensors = 1 / hello.rate_hz, {}
-        for name, axes, config, unit, data in (
-            ("gyro", gyro, self._config.estimator, GYRO_UNIT, saved.gyro_track),
-            ("accel", accel, self._config.accel, ACCEL_UNIT, saved.accel_track),
-        ):
-            if axes:
-                self.sensors[name] = sensor = SensorTracks(axes, config, self._config.live, h, unit)
-                if data is not None:
-                    sensor.load(data)
-
-    def bridge(self, count: int) -> None:
-        """Predict over the time for which the program stood still."""
-        for sensor in self.sensors.values():
-            sensor.skip(count)
-
-    def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
-        """Give the samples on with their biases, and between them the fits, steps and motion."""
-        if missing:
-            self.bridge(missing)
-        if self._fits is not None:
-            return self._between(self._fits.walk(block, missing, self))
-        return self._between((with_tracked(block, [self.track(block).tracked]),))
-
-    def track(self, block: Block) -> TrackedBlock:
-        """Take samples, by the fits that count by now."""
-        tracked = []
-        rest: dict[str, Mask] = {}
-        for name, values in (("gyro", block.gyro_dps), ("accel", block.accel_ms2)):
-            if (sensor := self.sensors.get(name)) is not None and values is not None:
-                for axis in sensor.names:
-                    sensor.go_by(axis, self._settled(axis))
-                accel = block.accel_ms2 if name == "gyro" else None
-                tracked.append(sensor.run(values, accel))
-                rest[sensor.unit] = left_out(tracked[-1].moving, sensor.events)
-                self._happened += self.records_of(name, sensor.events, block)
-        return TrackedBlock(tuple(tracked), rest)
-
-    def records_of(self, name: str, events: Sequence[TrackerEvent], block: Block) -> list[Happened]:
-        """Return the records of what has happened with the samples of a block."""
-        sensor = self.sensors[name]
-        return records_of(events, block, sensor.names, sensor.unit, sensor.h, self._config.name)
-
-    def _between(self, items: Iterable[Item]) -> Iterator[Item]:
-        """Yield the items, and after the sample with which it was found each record of what has happened."""
-        for item in items:
-            if isinstance(item, Block) and self._happened:
-                happened = [one for one in self._happened if one.found_seq <= int(item.seq[-1])]
-                self._happened = self._happened[len(happened) :]
-                yield from after_rows(item, happened)
-            else:
-                yield item
-
-    def learner(self, axis: str) -> Learner:
-        """Return what is to learn from the samples of an axis until now."""
-        return next(one for one in self.sensors.values() if axis in one.names).learner(axis)
-
-    @property
-    def is_steady(self) -> bool:
-        """Whether no fit is news."""
-        sensors = self.sensors.values()
-        return all(one.knows(axis, self._settled(axis)) for one in sensors for axis in one.names)
-
-    def standing(self) -> Standing:
-        """How the trackers get on."""
-        return Standing(tracker={axis: one for s in self.sensors.values() for axis, one in s.stats()})
-
-    def save(self) -> dict[str, Any]:
-        """What the trackers of both sensors know."""
-        return {f"{name}_track": sensor.save() for name, sensor in self.sensors.items()}
 
 
 def _checks(checked: Sequence[Checked]) -> dict[int, BiasCheck]:

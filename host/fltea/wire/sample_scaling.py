@@ -4,14 +4,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fltea.records.events import RawBlock
 from fltea.records.records import Hello, Sample
 from fltea.records.units import STANDARD_GRAVITY_MS2
-from fltea.wire.sensors import temperature_c, temperature_counts, temperature_scale
-
-Array = NDArray[np.float64]
+from fltea.wire.sensors import temperature_counts, temperature_scale
 
 
 class Scales(NamedTuple):
@@ -30,24 +27,6 @@ class Scales(NamedTuple):
         lsb, per_g = hello.gyro_lsb_per_dps, hello.accel_lsb_per_g
         accel = 1.0 if per_g is None else STANDARD_GRAVITY_MS2 / per_g if per_g else None
         return cls(1.0 if lsb is None else lsb, accel, *temperature_scale(hello.who_am_i))
-
-
-def gyro_dps(raw: RawBlock, hello: Hello) -> Array:
-    """Return rates in deg/s, (n, axes)."""
-    return raw.gyro / Scales.of(hello).gyro_lsb_per_dps
-
-
-def accel_ms2(raw: RawBlock, hello: Hello) -> Array | None:
-    """Return specific forces in m/s², (n, 3); None where there are none, or no scale of them."""
-    factor = Scales.of(hello).accel_ms2_per_lsb
-    if raw.accel is None or factor is None:
-        return None
-    return np.asarray(raw.accel * factor, dtype=np.float64)
-
-
-def temperatures_c(raw: RawBlock, hello: Hello) -> Array | None:
-    """Return die temperatures in °C, (n,); None where there are none."""
-    return None if raw.temperature is None else temperature_c(raw.temperature, hello.who_am_i)
 
 
 def to_counts(samples: Sequence[Sample], hello: Hello) -> RawBlock:

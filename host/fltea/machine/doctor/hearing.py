@@ -12,7 +12,7 @@ from fltea.records.records import Hello
 from fltea.records.stats import DeviceStatus, LinkStats
 from fltea.sources.serial import SerialSource
 from fltea.sources.wire_events import SILENCE_S
-from fltea.stream.place import Place
+from fltea.stream.decode import Decoded, Decoder
 from fltea.wire import layout as wire
 
 HEAR_S = 4.0
@@ -69,7 +69,7 @@ def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
         UsageError: an unknown kind of URL, or 1200 baud.
     """
     heard, source = Heard(), SerialSource(url, baud)
-    place = Place(max_gap=wire.BAUD)  # no gap is too long for a look
+    decoder = Decoder(lambda: 0, max_gap=wire.BAUD)  # no gap is too long for a look
     arrivals: list[tuple[int, int]] = []
     begin_ns = clock.host_ns()
     hello_ns: int | None = None
@@ -83,14 +83,15 @@ def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
             now_ns = clock.host_ns()
             match event:
                 case Hello():
-                    place.on_hello(event)
+                    decoder.on_hello(event)
                     heard.hello, hello_ns = event, hello_ns or now_ns
                 case LinkDown():
-                    place.on_link_down()
+                    decoder.on_other(event)
                 case RawBlock():
-                    for piece in place.on_block(event):
-                        host_ns = piece.raw.host_ns.tolist()
-                        arrivals += zip(piece.device_us.tolist(), host_ns, strict=True)
+                    for found in decoder.feed(event):
+                        if isinstance(found, Decoded):
+                            host_ns = found.raw.host_ns.tolist()
+                            arrivals += zip(found.block.device_us.tolist(), host_ns, strict=True)
                 case DeviceStatus():
                     heard.status = event
                 case Trouble():
@@ -101,7 +102,8 @@ def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
     finally:
         source.close()
     heard.link = source.link_stats()
-    heard.delivered, heard.lost = place.delivered, place.lost
+    counts = decoder.counts
+    heard.delivered, heard.lost = counts.delivered, counts.lost
     if len(arrivals) > 1:
         heard.seconds = (arrivals[-1][0] - arrivals[0][0]) * 1e-6
         heard.drift = drift(arrivals)

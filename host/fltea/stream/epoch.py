@@ -1,19 +1,18 @@
-"""What a stage of the pipeline is, and what it gets when an epoch begins."""
+"""What an epoch of a device begins with, what comes out of it, and how it stands."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
 from fltea.estimator.snapshot import OnlineState
 from fltea.records.block import Block
-from fltea.records.events import Event, Ints, RawBlock
 from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, EstimatorInfo, Hello
 from fltea.records.stats import AxisStats, DeviceEstimatorStats, TrackerStats
 
 NEVER = 2**62
-"""No sample has this number, and none comes at this time."""
+"""No sample has this number, and none comes at this time; as of host/native/device.hpp."""
 
 
 class Moment(NamedTuple):
@@ -34,11 +33,11 @@ class Notice(NamedTuple):
 
 
 Item = AnyRecord | Block | Notice
-"""What a stage gives."""
+"""What goes on to the outputs, but for a notice, which becomes an `error` record."""
 
 
 class Beginning(NamedTuple):
-    """What a stage gets when an epoch begins.
+    """What is known of the samples of an epoch when it begins.
 
     gyro_axes, accel: what its samples hold. saved: what to go on from. missing: samples lost just before, as
     far as anybody knows.
@@ -60,7 +59,7 @@ class Beginning(NamedTuple):
 
 
 class Saved(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What the stages of a device need to go on; None where there is none.
+    """What the sensors of a device need to go on; None where there is none.
 
     gyro, accel: the filters. gyro_fit, accel_fit: sums of the live fits. gyro_track, accel_track: what the
     trackers know.
@@ -76,7 +75,7 @@ class Saved(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 @dataclass
 class Standing:
-    """How a stage gets on; the pipeline puts the stages' together for `Stats` and `Epoch`."""
+    """How the estimators of a device get on, for `Stats` and `Epoch`."""
 
     startup_remaining: int = 0
     axes: dict[str, AxisStats] = field(default_factory=dict)
@@ -85,48 +84,3 @@ class Standing:
     device: DeviceEstimatorStats | None = None
     fit_period_s: float | None = None
     tracker: dict[str, TrackerStats] = field(default_factory=dict)
-
-
-class Stage:
-    """Takes samples in blocks, and gives them on with what it makes of them."""
-
-    def begin(self, beginning: Beginning) -> None:
-        """Begin an epoch.
-
-        Raises:
-            ValueError: settings, or a snapshot, that it cannot begin with.
-        """
-
-    def bridge(self, count: int) -> None:
-        """Bridge the samples for which the program stood still, at the beginning of an epoch that goes on."""
-
-    def on_block(self, block: Block, host_ns: Ints, missing: int) -> Iterator[Item]:
-        """Take samples; host_ns (n,): their arrival, monotonic. missing: how many were lost just before."""
-        raise NotImplementedError
-
-    def on_event(self, event: Event) -> Iterator[Item]:
-        """Take anything else that the source says; most stages need nothing of it."""
-        return iter(())
-
-    def forget(self) -> None:
-        """Believe nothing of samples until now: the device, its boot or its sensor may be another."""
-
-    def standing(self) -> Standing:
-        """Return how the stage gets on."""
-        return Standing()
-
-    def save(self) -> dict[str, Any]:
-        """Return what the stage needs to go on, by the fields of `Saved`."""
-        return {}
-
-
-def through(stage: Stage, items: Iterable[Item], raw: RawBlock, missing: int) -> Iterator[Item]:
-    """Let a stage take the blocks among what the one before it gives."""
-    begin = 0
-    for item in items:
-        if isinstance(item, Block):
-            end = begin + len(item)
-            yield from stage.on_block(item, raw.host_ns[begin:end], missing if begin == 0 else 0)
-            begin = end
-        else:
-            yield item

@@ -1,0 +1,184 @@
+"""FLTEA's filters of the axes of one sensor, as this computer runs them."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+from fltea.estimator.bank import Bank
+from fltea.estimator.lanes import Reason
+from fltea.estimator.snapshot import OnlineState
+from fltea.records.arrays import Array
+from fltea.records.block import AxisColumns, Bools
+from fltea.records.records import ACCEL_AXES, EstimatorInfo
+from fltea.records.stats import AxisStats
+from fltea.settings.estimator import EstimatorConfig
+from fltea.spectrum.innovation_whiteness import describes_order
+from fltea.stream.epoch import Notice
+from fltea.stream.live import NO_FIT, SettledFit
+from fltea.stream.tuning import HandedOver, handed_over
+
+LONGEST_BRIDGE = 30_000
+"""Missing samples that an estimator of unlimited memory predicts: half a second's work."""
+
+
+class Channels:
+    """The filters of the axes of one sensor, in its unit; the native device gives them the samples.
+
+    axes: names, and the columns of the sensor's samples that they are. h: sampling period in s. resolution:
+    one LSB in the sensor's unit, None where unknown. state: what `save` returned, to go on from there.
+
+    Raises:
+        ValueError: settings that no filter can work with, or a state that does not fit them.
+    """
+
+    def __init__(
+        self,
+        axes: Mapping[str, int],
+        config: EstimatorConfig,
+        h: float,
+        resolution: float | None,
+        unit: str,
+        state: OnlineState | None = None,
+    ) -> None:
+        self.config = config
+        self._tuned = config.tuned_by == "live"
+        self._names, self._unit = tuple(axes), unit
+        self._fits: tuple[SettledFit, ...] = (NO_FIT,) * len(self._names)
+        self._said: tuple[Any, ...] = self._words()
+        self._known: dict[str, SettledFit] = {}
+        self.bank = Bank(self._names, config, h, resolution, state)
+
+    def columns(self, found: Sequence[Array | Bools]) -> AxisColumns:
+        """Return what the bank has found of samples as columns."""
+        return AxisColumns._make((self._names, self._unit, *self._said, *found))
+
+    def losses(self, lost: Iterable[tuple[int, int, Reason]]) -> list[tuple[str, Reason]]:
+        """Return which axes became invalid, by name."""
+        return [(self._names[lane], why) for _, lane, why in lost]
+
+    @property
+    def waiting(self) -> list[bool]:
+        """Which axes wait for a fit to tune them."""
+        return [self._tuned and axis not in self.bank.tuned for axis in self._names]
+
+    def go_by(self, settled: Sequence[SettledFit]) -> None:
+        """Take the fits of the axes that count from the next sample on."""
+        self._fits = tuple(settled)
+        self._said = self._words()
+        self._tune()
+
+    def fill(self) -> None:
+        """Begin to estimate: the start-up window is full."""
+        self.bank.fill()
+        self._tune()
+
+    def _words(self) -> tuple[Any, ...]:
+        """What stands in all columns until the next fit: null_p and whiteness of each axis."""
+        return tuple(one.null_p for one in self._fits), tuple(one.whiteness for one in self._fits)
+
+    def _tune(self) -> None:
+        """Hand what the fits know of the noise to the filters."""
+        if not self._tuned or self.bank.baseline is None:
+            return
+        new: dict[str, HandedOver] = {}
+        for axis, settled in zip(self._names, self._fits, strict=True):
+            if settled is self._known.get(axis):
+                continue
+            self._known[axis] = settled
+            if settled.fit is None or settled.whiteness != "rejected" or self._is_constant(axis):
+                continue
+            before = self.bank.variances[axis] if axis in self.bank.tuned else None
+            handed = handed_over(settled.fit, before)
+            if handed is not None:
+                new[axis] = handed
+        if new:
+            self.bank.retune(
+                {axis: one.variances for axis, one in new.items()},
+                {axis: one.belief for axis, one in new.items()},
+            )
+
+    def _is_constant(self, axis: str) -> bool:
+        return self.bank.baseline is None or axis in self.bank.baseline.constant_axes
+
+    def bridge(self, count: int) -> None:
+        """Bridge the time for which the program stood still, as far as the memory reaches."""
+        self.bank.on_missing(min(count, self.config.window_samples or LONGEST_BRIDGE))
+
+    def notices(self, host_ns: int) -> Iterator[Notice]:
+        """Return what is to be reported once the window is full."""
+        baseline = self.bank.baseline
+        for axis in baseline.constant_axes if baseline else ():
+            remedy = "--set accel.R=9e-4" if axis in ACCEL_AXES else "--r 0.02"
+            text = (
+                f"{axis} did not change over the start-up window, so R is not known, and the axis "
+                f"stays invalid. Is the sensor alive? If such data are meant, give R: {remedy}."
+            )
+            yield Notice("constant_axis", text, host_ns)
+
+    def save(self) -> OnlineState | None:
+        """What a later run needs to go on; None while the start-up window fills."""
+        return self.bank.save()
+
+    @cached_property
+    def info(self) -> EstimatorInfo:
+        """What they are estimated with."""
+        c = self.config
+        return EstimatorInfo(
+            c.variant,
+            c.estimate_on,
+            c.memory,
+            c.guard,
+            c.window_samples,
+            c.startup_needed,
+            _numbers(c.bias),
+            _numbers(c.R),
+            c.tuned_by,
+        )
+
+    def stats(self) -> Iterator[tuple[str, AxisStats]]:
+        """Statistics of every axis."""
+        bank = self.bank
+        baseline, restarts, interventions = bank.baseline, bank.restarts, bank.interventions
+        lag1, nis, is_white = bank.lag1, bank.nis, bank.is_white
+        for i, (name, fit) in enumerate(zip(self._names, self._fits, strict=True)):
+            if baseline is None:
+                yield name, AxisStats(None, None, 0, {}, unit=self._unit)
+                continue
+            Q, R = bank.variances[name]
+            constant = name in baseline.constant_axes
+            stands = fit.stands
+            yield (
+                name,
+                AxisStats(
+                    baseline.bias_dps[i],
+                    None if constant else R,
+                    restarts[name],
+                    interventions[name],
+                    lag1[name],
+                    nis[name],
+                    self._unit,
+                    None if constant else Q,
+                    name in bank.tuned,
+                    describes_order(is_white[name], *bank.found(name), stands.alpha if stands else None),
+                ),
+            )
+
+
+def _numbers(setting: str | float | list[float]) -> tuple[float, ...]:
+    """Return what bias or R is set to; nothing where the start-up window gives it."""
+    if isinstance(setting, str):
+        return (0.0,) if setting == "none" else ()
+    return tuple(setting) if isinstance(setting, list) else (setting,)
+
+
+def explain_lost(axis: str, reason: Reason) -> tuple[str, str]:
+    """Kind and text of the error that an axis has become invalid."""
+    if reason == "runaway":
+        return "axis_runaway", (
+            f"{axis} ran away (order or parameter beyond all bounds) and begins again: an offset, a wrong R "
+            "or a moving sensor does this to the unguarded algorithm. Use --guard consistent."
+        )
+    return "axis_bound", (
+        f"{axis} needs the guard in more than a quarter of its samples, so it is not valid until that ends: "
+        "is the sensor at rest, and does R (see stats) fit it?"
+    )

@@ -1,0 +1,322 @@
+// One device: place, clock and scales of its samples, and its sensors. There is one way through it, sample by
+// sample, whoever has read them (host/README.md, "The way of a sample").
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <stdexcept>
+#include <vector>
+
+#include "place.hpp"
+#include "sample_columns.hpp"
+#include "sensor.hpp"
+#include "timebase.hpp"
+
+namespace fltea {
+
+// Why `advance` came back. What is to be done is the caller's; then it is called again.
+enum class Stop : int {
+    kEnd,         // all samples are taken
+    kMore,        // nothing has happened; there is more
+    kStatsDue,    // before a sample: it arrived when statistics were due
+    kGap,         // before a sample: others are missing, over which the sensors have predicted
+    kEpoch,       // before a sample: an epoch begins with it, and waits for `begin`
+    kHappened,    // after a sample: a bias has stepped, motion has begun or ended, an axis was lost
+    kWindowFull,  // after a sample: the start-up window of a sensor is full
+    kFitCounts,   // after a sample: from the next one on a fit counts
+    kFitDue,      // after a sample: a fit is to begin
+};
+
+// What has happened with a sample: `lost` says that an axis became invalid, else `event` counts.
+struct Happening {
+    std::size_t row;  // of the run
+    std::size_t sensor;
+    bool is_lost;
+    Lost lost;
+    track::TrackerEvent event;
+};
+
+// Columns of the samples of a run: n rows, each (n,) or (n, width).
+struct RunColumns {
+    std::size_t n = 0, first = 0;  // rows; which of the source's samples is the first
+    std::int64_t *seq = nullptr, *device_us = nullptr, *host_ns = nullptr, *flags = nullptr;
+    double *gyro_dps = nullptr, *accel_ms2 = nullptr, *temperature_c = nullptr;
+    std::size_t gyro_width = 0, accel_width = 0;
+    std::vector<SensorColumns> sensors;
+};
+
+struct Advanced {
+    Stop stop;
+    std::size_t next;        // which of the source's samples comes next
+    std::size_t begin, end;  // rows of the run that are news, and go out before what has happened
+};
+
+class Device {
+  public:
+    static constexpr std::int64_t kNever = std::int64_t(1) << 62;
+
+    Place place;
+    Timebase timebase;
+    Scales scales = {};
+    std::vector<Sensor> sensors;
+    std::int64_t stats_due_ns = kNever;
+    // Numbers of samples; each is told once, and has to be set again then.
+    std::int64_t fit_due = kNever, fit_counts = kNever;
+
+    // An epoch begins with the sample at which `advance` stopped.
+    void begin(std::int64_t offset_ns, std::vector<Sensor> of_epoch) {
+        timebase = Timebase(offset_ns);
+        sensors = std::move(of_epoch);
+        fit_due = fit_counts = kNever;
+        is_ready_ = true;
+    }
+
+    const RunColumns& run() const { return run_; }
+    const std::vector<Happening>& happened() const { return happened_; }
+    // What stopped `advance` at kGap and kEpoch, and its Unix time (kGap).
+    const Judged& judged() const { return judged_; }
+    std::int64_t judged_ns() const { return judged_ns_; }
+    // Which axes were lost while samples were missing (kGap).
+    const std::vector<std::vector<Lost>>& lost_meanwhile() const { return lost_; }
+
+    // Takes samples from `at` on, up to one with which something is to be done. room(bytes) gives memory for
+    // the columns of a run, which has to last until all its rows have been given. Throws std::domain_error
+    // for numbers that no filter can work with.
+    template <typename Room>
+    Advanced advance(const SampleColumns& from, std::size_t at, Room room) {
+        happened_.clear();
+        if (given_ < run_.n) return more_of_run(from, at);
+        if (const Stop after = due_after(); after != Stop::kEnd) return {after, at, 0, 0};
+        while (at < from.n) {
+            if (from.host_ns[at] >= stats_due_ns) return {Stop::kStatsDue, at, 0, 0};
+            if (!place.knows_hello()) {
+                place.note_before_hello(1);
+                ++at;
+                continue;
+            }
+            const bool goes_on = !is_judged_ && place.goes_on() &&
+                                 place.follows(from.sequence[at], from.device_us[at], from.host_ns[at]);
+            if (!goes_on) {
+                const Stop before = judge(from, at);
+                if (before != Stop::kEnd) return {before, at, 0, 0};
+                if (judged_.kind != Judged::kTaken) {
+                    ++at;
+                    continue;
+                }
+            }
+            take(from, at, goes_on, room);
+            return more_of_run(from, at + run_.n);
+        }
+        return {Stop::kEnd, at, 0, 0};
+    }
+
+  private:
+    // Rows of a run: so many keep what one part leaves near for the next.
+    static constexpr std::size_t kMostRows = 2048;
+
+    // kEnd: the sample is either left out, or to be taken now.
+    Stop judge(const SampleColumns& from, std::size_t at) {
+        if (!is_judged_) {
+            judged_ = place.judge(from.sequence[at], from.device_us[at], from.host_ns[at]);
+            if (judged_.kind != Judged::kTaken) return Stop::kEnd;
+            is_judged_ = true;
+            is_ready_ = false;
+            judged_ns_ = kNever;
+        }
+        if (is_ready_) return Stop::kEnd;
+        if (judged_.reason != EpochReason::kNone) return Stop::kEpoch;
+        is_ready_ = true;
+        judged_ns_ = timebase.add(judged_.seq, judged_.epoch_us, from.host_ns[at]);
+        if (judged_.missing == 0) return Stop::kEnd;
+        lost_.assign(sensors.size(), {});
+        for (std::size_t k = 0; k < sensors.size(); ++k)
+            sensors[k].skip(static_cast<std::uint64_t>(judged_.missing), lost_[k]);
+        return Stop::kGap;
+    }
+
+    Stop due_after() {
+        if (window_is_full_) {
+            window_is_full_ = false;
+            return Stop::kWindowFull;
+        }
+        const std::int64_t seq = place.newest().seq;
+        if (seq >= fit_counts) {
+            fit_counts = kNever;
+            return Stop::kFitCounts;
+        }
+        if (seq >= fit_due) {
+            fit_due = kNever;
+            return Stop::kFitDue;
+        }
+        return Stop::kEnd;
+    }
+
+    // The rows of the run up to the next with which something has happened.
+    Advanced more_of_run(const SampleColumns& from, std::size_t next) {
+        const std::size_t begin = given_;
+        std::size_t end = run_.n;
+        if (told_ < pending_.size()) end = pending_[told_].row + 1;
+        while (told_ < pending_.size() && pending_[told_].row + 1 == end)
+            happened_.push_back(pending_[told_++]);
+        given_ = end;
+        Stop stop = Stop::kMore;
+        if (!happened_.empty()) stop = Stop::kHappened;
+        const std::int64_t seq = place.newest().seq;
+        const bool is_over = given_ == run_.n && next == from.n && !window_is_full_ && seq < fit_counts &&
+                             seq < fit_due;
+        return {stop == Stop::kMore && is_over ? Stop::kEnd : stop, next, begin, end};
+    }
+
+    template <typename Room>
+    void take(const SampleColumns& from, std::size_t at, bool goes_on, Room room) {
+        place_rows(from, at, goes_on);
+        run_.n = seq_.size();
+        run_.first = at;
+        given_ = told_ = 0;
+        pending_.clear();
+        lay_out(from, room);
+        scale(from, at);
+        const double* const accel = run_.accel_ms2;
+        values_.resize(sensors.size());
+        for (std::size_t k = 0; k < sensors.size(); ++k) {
+            const bool is_accel = sensors[k].is_accel;
+            const double* const values = is_accel ? accel : run_.gyro_dps;
+            const std::size_t width = is_accel ? run_.accel_width : run_.gyro_width;
+            if (has_values(k) && !sensors[k].choose(values, run_.n, width, values_[k]))
+                throw std::domain_error("samples have to be finite, and as many axes as their epoch began with");
+        }
+        for (std::size_t k = 0; k < sensors.size(); ++k) {
+            if (has_values(k)) run_sensor(k, accel);
+        }
+        std::stable_sort(pending_.begin(), pending_.end(), [](const Happening& a, const Happening& b) {
+            return a.row != b.row ? a.row < b.row : a.is_lost > b.is_lost;
+        });
+    }
+
+    // A source may leave the accelerometer out.
+    bool has_values(std::size_t k) const { return !sensors[k].is_accel || run_.accel_ms2 != nullptr; }
+
+    void run_sensor(std::size_t k, const double* accel) {
+        Sensor& one = sensors[k];
+        std::vector<track::TrackerEvent> events;
+        std::vector<Lost> lost;
+        const std::size_t left = one.window_left;
+        // The accelerometer's own axes show motion by themselves.
+        one.run(values_[k], one.is_accel ? nullptr : accel, accel == nullptr ? 0 : run_.accel_width, run_.n,
+                run_.sensors[k], events, lost);
+        window_is_full_ |= left > 0 && one.window_left == 0;
+        for (const Lost& each : lost) pending_.push_back({each.row, k, true, each, {}});
+        for (const track::TrackerEvent& each : events) pending_.push_back({each.row, k, false, {}, each});
+    }
+
+    // Places and times of the rows of a run.
+    void place_rows(const SampleColumns& from, std::size_t at, bool goes_on) {
+        seq_.clear();
+        device_us_.clear();
+        host_ns_.clear();
+        std::size_t most = std::min(from.n - at, kMostRows);
+        for (const Sensor& one : sensors) {
+            if (one.window_left > 0) most = std::min(most, one.window_left);
+        }
+        for (std::size_t i = at; i < at + most; ++i) {
+            const std::int64_t sequence = from.sequence[i], us = from.device_us[i], ns = from.host_ns[i];
+            if (i > at && (ns >= stats_due_ns || !place.follows(sequence, us, ns))) break;
+            const bool was_judged = i == at && !goes_on;
+            if (was_judged) {
+                place.take(judged_, sequence, us, ns);
+                is_judged_ = is_ready_ = false;
+            } else {
+                place.go_on(sequence, us, ns);
+            }
+            const Newest& now = place.newest();
+            const bool is_timed = was_judged && judged_ns_ != kNever;
+            seq_.push_back(now.seq);
+            device_us_.push_back(now.epoch_us);
+            host_ns_.push_back(is_timed ? judged_ns_ : timebase.add(now.seq, now.epoch_us, ns));
+            if (now.seq >= fit_counts || now.seq >= fit_due) break;
+        }
+    }
+
+    template <typename Room>
+    void lay_out(const SampleColumns& from, Room room) {
+        const std::size_t n = run_.n;
+        run_.gyro_width = from.gyro.width();
+        const bool has_accel = from.accel && scales.has_accel;
+        run_.accel_width = has_accel ? from.accel.width() : 0;
+        std::size_t numbers = n * (3 + run_.gyro_width + run_.accel_width) + (from.temperature ? n : 0) +
+                              (from.flags != nullptr ? n : 0);
+        std::size_t flags = 0;
+        for (const Sensor& one : sensors) {  // room for all, with values or without
+            const std::size_t size = n * one.places.size();
+            numbers += size * (kTrackedColumns + (one.bank != nullptr ? kLaneColumns : 0));
+            flags += size * (one.bank != nullptr ? 3 : 1);
+        }
+        char* next = static_cast<char*>(room(numbers * 8 + flags));
+        const auto whole = [&next](std::size_t count) { return taken<std::int64_t>(next, count); };
+        const auto real = [&next](std::size_t count) { return taken<double>(next, count); };
+        run_.seq = whole(n);
+        run_.device_us = whole(n);
+        run_.host_ns = whole(n);
+        run_.flags = from.flags != nullptr ? whole(n) : nullptr;
+        run_.gyro_dps = real(n * run_.gyro_width);
+        run_.accel_ms2 = has_accel ? real(n * run_.accel_width) : nullptr;
+        run_.temperature_c = from.temperature ? real(n) : nullptr;
+        run_.sensors.assign(sensors.size(), {});
+        for (std::size_t k = 0; k < sensors.size(); ++k) {
+            if (!has_values(k)) continue;
+            const std::size_t size = n * sensors[k].places.size();
+            run_.sensors[k].tracked = real(kTrackedColumns * size);
+            run_.sensors[k].has_estimates = sensors[k].bank != nullptr && sensors[k].window_left == 0;
+            if (sensors[k].bank == nullptr) continue;
+            for (double*& column : run_.sensors[k].bank.columns) column = real(size);
+        }
+        for (std::size_t k = 0; k < sensors.size(); ++k) {  // wider types came first: all are aligned
+            if (!has_values(k)) continue;
+            const std::size_t size = n * sensors[k].places.size();
+            run_.sensors[k].moving = taken<std::uint8_t>(next, size);
+            if (sensors[k].bank == nullptr) continue;
+            run_.sensors[k].bank.valid = taken<std::uint8_t>(next, size);
+            run_.sensors[k].bank.white = taken<std::uint8_t>(next, size);
+        }
+    }
+
+    template <typename T>
+    static T* taken(char*& next, std::size_t count) {
+        T* const found = reinterpret_cast<T*>(next);
+        next += count * sizeof(T);
+        return found;
+    }
+
+    void scale(const SampleColumns& from, std::size_t at) {
+        const std::size_t n = run_.n, bytes = n * sizeof(std::int64_t);
+        std::memcpy(run_.seq, seq_.data(), bytes);
+        std::memcpy(run_.device_us, device_us_.data(), bytes);
+        std::memcpy(run_.host_ns, host_ns_.data(), bytes);
+        if (run_.flags != nullptr) std::memcpy(run_.flags, from.flags + at, bytes);
+        const std::size_t gyro = run_.gyro_width, accel = run_.accel_width;
+        for (std::size_t i = 0; i < n * gyro; ++i)
+            run_.gyro_dps[i] = from.gyro[at * gyro + i] / scales.gyro_lsb_per_dps;
+        for (std::size_t i = 0; i < n * accel; ++i)
+            run_.accel_ms2[i] = from.accel[at * accel + i] * scales.accel_ms2_per_lsb;
+        for (std::size_t i = 0; run_.temperature_c != nullptr && i < n; ++i)
+            run_.temperature_c[i] =
+                from.temperature[at + i] / scales.temperature_lsb_per_c + scales.temperature_zero_c;
+    }
+
+    RunColumns run_;
+    std::vector<std::int64_t> seq_, device_us_, host_ns_;
+    std::vector<std::vector<double>> values_;  // of each sensor's axes
+    std::size_t given_ = 0, told_ = 0;         // rows, and happenings, of the run that have been given
+    std::vector<Happening> pending_, happened_;
+    std::vector<std::vector<Lost>> lost_;
+    Judged judged_ = {};
+    std::int64_t judged_ns_ = kNever;
+    bool is_judged_ = false;  // the next sample is, and not taken yet
+    bool is_ready_ = false;   // what has to be done before it is taken is done
+    bool window_is_full_ = false;
+};
+
+}  // namespace fltea

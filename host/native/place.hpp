@@ -1,0 +1,174 @@
+// Where a sample stands in its epoch: number and device time without the wire's wraps, and what is missing
+// before it. The rules are those of protocol/README.md: SAMPLE's sequence numbers the sampling instants, so
+// within a boot delivered + lost = due, also where the sensor was set up again; where sequence and time
+// disagree the device was restarted or exchanged, and nothing is believed until its next HELLO.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+
+namespace fltea {
+
+// Why an epoch begins; the names are those of the record `epoch` (reason_names). kNone: none begins.
+enum class EpochReason : int { kNone, kStart, kRestart, kSensorRestart, kDiscontinuity, kGap, kSilence };
+constexpr const char* kEpochReasons[] = {"",       "start", "restart", "sensor_restart", "discontinuity",
+                                         "gap",    "silence"};
+
+struct PlaceCounts {
+    std::int64_t delivered, lost, gaps, duplicates, before_hello;
+};
+
+// The newest sample: as it came, and its number and time in the epoch.
+struct Newest {
+    std::int64_t sequence, device_us, host_ns, seq, epoch_us;
+};
+
+// What a sample is beside the one before it.
+struct Judged {
+    enum Kind { kTaken, kDuplicate, kUnusable };
+    Kind kind;
+    EpochReason reason;        // of the epoch that begins with it
+    std::int64_t missing;      // samples lost just before it, numbers seq - missing to seq - 1
+    std::int64_t seq, epoch_us;
+};
+
+class Place {
+  public:
+    // After half an hour without a sample the wraps of device time (71.6 minutes) cannot be counted.
+    static constexpr std::int64_t kMaxSilenceNs = std::int64_t(30) * 60 * 1'000'000'000;
+    // A reset can look like a gap of up to 71 minutes; the host's clock, late as it may be, knows better.
+    static constexpr std::int64_t kMaxHostDisagreementUs = std::int64_t(5) * 60 * 1'000'000;
+    // Sequence and time may differ by twice the ±1 % of the sensor's own clock, plus one period.
+    static constexpr double kClockTolerance = 0.02;
+    static constexpr std::int64_t kSequenceWrap = 1 << 16, kTimeWrapUs = std::int64_t(1) << 32;
+
+    // A HELLO was heard. longest_gap: samples that may be missing within an epoch.
+    void on_hello(double rate_hz, std::int64_t longest_gap, bool is_another_boot, bool is_another_sensor) {
+        if (is_another_boot && has_boot_) {
+            pending_ = EpochReason::kRestart;
+        } else if (is_another_sensor && pending_ == EpochReason::kNone) {
+            pending_ = EpochReason::kSensorRestart;
+        }
+        has_boot_ = knows_hello_ = true;
+        period_us_ = 1e6 / rate_hz;
+        longest_gap_ = longest_gap;
+    }
+
+    // No sample is believed until the next HELLO: it may come from another device.
+    void forget_hello() { knows_hello_ = false; }
+    bool knows_hello() const { return knows_hello_; }
+
+    // A new epoch begins with the next sample, where a recording states that one began.
+    void on_break(EpochReason reason) {
+        if (pending_ == EpochReason::kNone || pending_ == EpochReason::kSensorRestart) pending_ = reason;
+    }
+
+    // Whether a sample is the next one by number, the device's and the host's clock; most are.
+    bool follows(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) const {
+        const std::int64_t step_us = time_step_us(device_us), step_ns = host_ns - newest_.host_ns;
+        return sequence_step(sequence) == 1 &&
+               std::fabs(double(step_us) - period_us_) <= (kClockTolerance + 1) * period_us_ &&
+               std::llabs(step_us * 1000 - step_ns) <= kMaxHostDisagreementUs * 1000 &&
+               step_ns <= kMaxSilenceNs;
+    }
+
+    // What a sample is, with a HELLO known. One that is not taken is counted, and nothing is to be done.
+    Judged judge(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) {
+        const bool must_begin = !any_ || !(pending_ == EpochReason::kNone ||
+                                           pending_ == EpochReason::kSensorRestart);
+        if (must_begin) {
+            return begins(sequence, device_us, pending_ == EpochReason::kNone ? EpochReason::kStart : pending_);
+        }
+        if (host_ns - newest_.host_ns > kMaxSilenceNs) {
+            return begins(sequence, device_us, pending_ == EpochReason::kNone ? EpochReason::kSilence : pending_);
+        }
+        const std::int64_t step_us = time_step_us(device_us);
+        if (pending_ == EpochReason::kNone && follows(sequence, device_us, host_ns)) {
+            return {Judged::kTaken, EpochReason::kNone, 0, newest_.seq + 1, newest_.epoch_us + step_us};
+        }
+        const std::int64_t step_of_sequence = sequence_step(sequence);
+        if (step_of_sequence == 0 && step_us == 0) {
+            ++counts_.duplicates;
+            return {Judged::kDuplicate, EpochReason::kNone, 0, 0, 0};
+        }
+        const double wraps = std::nearbyint((double(step_us) / period_us_ - double(step_of_sequence)) /
+                                            double(kSequenceWrap));
+        const std::int64_t step = step_of_sequence + std::int64_t(wraps) * kSequenceWrap;
+        const double disagreement_us = std::fabs(double(step_us) - double(step) * period_us_);
+        const double host_step_us = double(host_ns - newest_.host_ns) / 1000;
+        if (step < 1 || disagreement_us > kClockTolerance * double(step) * period_us_ + period_us_ ||
+            std::fabs(double(step_us) - host_step_us) > double(kMaxHostDisagreementUs)) {
+            pending_ = EpochReason::kDiscontinuity;
+            forget_hello();
+            ++counts_.before_hello;
+            return {Judged::kUnusable, EpochReason::kNone, 0, 0, 0};
+        }
+        const std::int64_t missing = step - 1;
+        note_lost(missing);
+        EpochReason reason = pending_;
+        if (reason == EpochReason::kNone && missing > longest_gap_) reason = EpochReason::kGap;
+        return {Judged::kTaken, reason, missing, newest_.seq + step, newest_.epoch_us + step_us};
+    }
+
+    // The next sample, which `follows`, is taken.
+    void go_on(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) {
+        newest_.epoch_us += time_step_us(device_us);
+        ++newest_.seq;
+        come_to(sequence, device_us, host_ns);
+    }
+
+    // A sample that was judged is taken.
+    void take(const Judged& judged, std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) {
+        newest_.seq = judged.seq;
+        newest_.epoch_us = judged.epoch_us;
+        pending_ = EpochReason::kNone;
+        any_ = true;
+        come_to(sequence, device_us, host_ns);
+    }
+
+    void note_lost(std::int64_t count) {
+        counts_.lost += count;
+        counts_.gaps += count > 0;
+    }
+    void note_before_hello(std::int64_t count) { counts_.before_hello += count; }
+
+    // Whether the next sample may follow on the newest one.
+    bool goes_on() const { return any_ && knows_hello_ && pending_ == EpochReason::kNone; }
+    const Newest& newest() const { return newest_; }
+    const PlaceCounts& counts() const { return counts_; }
+
+  private:
+    static Judged begins(std::int64_t sequence, std::int64_t device_us, EpochReason reason) {
+        return {Judged::kTaken, reason, 0, sequence, device_us};
+    }
+    std::int64_t sequence_step(std::int64_t sequence) const {
+        return (sequence - newest_.sequence) & (kSequenceWrap - 1);
+    }
+    std::int64_t time_step_us(std::int64_t device_us) const {
+        return (device_us - newest_.device_us) & (kTimeWrapUs - 1);
+    }
+    void come_to(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) {
+        newest_.sequence = sequence;
+        newest_.device_us = device_us;
+        newest_.host_ns = host_ns;
+        ++counts_.delivered;
+    }
+
+    Newest newest_ = {};
+    PlaceCounts counts_ = {};
+    EpochReason pending_ = EpochReason::kStart;
+    double period_us_ = 0;
+    std::int64_t longest_gap_ = 0;
+    bool any_ = false, has_boot_ = false, knows_hello_ = false;
+};
+
+inline EpochReason epoch_reason_of(const char* name) {
+    for (int i = 1; i < int(sizeof kEpochReasons / sizeof *kEpochReasons); ++i) {
+        if (std::strcmp(kEpochReasons[i], name) == 0) return static_cast<EpochReason>(i);
+    }
+    return EpochReason::kNone;
+}
+
+}  // namespace fltea

@@ -1,0 +1,48 @@
+// Successive samples of a source as columns, which stay whoever's they are.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace fltea {
+
+// Numbers of n rows, counts of the wire or numbers of a file.
+class NumberColumn {
+  public:
+    enum Type { kNone, kCounts, kWhole, kReal };  // int16, int64, double
+
+    NumberColumn() = default;
+    NumberColumn(const void* data, Type type, std::size_t width) : data_(data), type_(type), width_(width) {}
+
+    explicit operator bool() const { return type_ != kNone; }
+    std::size_t width() const { return width_; }
+    // i: of all numbers, row after row.
+    double operator[](std::size_t i) const {
+        if (type_ == kCounts) return static_cast<const std::int16_t*>(data_)[i];
+        if (type_ == kReal) return static_cast<const double*>(data_)[i];
+        return static_cast<double>(static_cast<const std::int64_t*>(data_)[i]);
+    }
+
+  private:
+    const void* data_ = nullptr;
+    Type type_ = kNone;
+    std::size_t width_ = 0;
+};
+
+// n samples; what each column means, RawSample of host/fltea/records/events.py says.
+struct SampleColumns {
+    std::size_t n;
+    const std::int64_t *sequence, *device_us, *host_ns;
+    NumberColumn gyro, accel, temperature;
+    const std::int64_t* flags;  // null: there are none
+};
+
+// How counts become units.
+struct Scales {
+    double gyro_lsb_per_dps;
+    bool has_accel;  // else there is no scale of it
+    double accel_ms2_per_lsb;
+    double temperature_lsb_per_c, temperature_zero_c;
+};
+
+}  // namespace fltea

@@ -1,0 +1,105 @@
+// One sensor of a device: tracker of its biases, sums of its noise, and the bank of its filters.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "axis_bank.hpp"
+#include "sensor_tracker.hpp"
+
+namespace fltea {
+
+// Half of what the engine takes, so that a number stays within that when a bias is taken off.
+constexpr double kLargestSample = kLargestInput / 2;
+enum { kTrackedColumns = 5 };
+
+// The parts take rows of y (rows, axes).
+struct TrackerPart {
+    virtual ~TrackerPart() = default;
+    // accel: (rows, accel_axes), or none. out: (kTrackedColumns, rows, axes); moving: (rows, axes).
+    virtual void run(const double* y, const double* accel, std::size_t accel_axes, std::size_t rows,
+                     double* out, std::uint8_t* moving, std::vector<track::TrackerEvent>& events) = 0;
+    virtual void skip_rows(std::uint64_t count) = 0;
+};
+
+struct SumsPart {
+    virtual ~SumsPart() = default;
+    virtual void add(const double* y, const std::uint8_t* moving, std::size_t rows,
+                     std::uint64_t longest) = 0;
+    virtual void skip_rows(std::uint64_t count) = 0;
+};
+
+struct BankPart {
+    virtual ~BankPart() = default;
+    virtual void run(const double* y, std::size_t rows, const BankBlock& out, std::vector<Lost>& lost) = 0;
+    virtual void skip_rows(std::uint64_t count, std::vector<Lost>& lost) = 0;
+};
+
+// What the samples of some rows have become: columns (rows, axes) each.
+struct SensorColumns {
+    double* tracked = nullptr;       // kTrackedColumns of them
+    std::uint8_t* moving = nullptr;
+    BankBlock bank = {};
+    bool has_estimates = false;      // not while the start-up window fills
+};
+
+struct Sensor {
+    bool is_accel = false;
+    std::vector<std::size_t> places;  // columns of the samples
+    TrackerPart* tracker = nullptr;
+    SumsPart* sums = nullptr;         // null: nothing is fitted
+    std::uint64_t longest_motion = 0;
+    BankPart* bank = nullptr;         // null: nothing is estimated
+    std::vector<bool> waits;          // axes that are not settled, whatever their innovations are
+    std::size_t window_left = 0;      // rows until the bank's start-up window is full
+
+    // The columns `places` of n rows; false for numbers beyond all measure.
+    bool choose(const double* from, std::size_t n, std::size_t width, std::vector<double>& y) const {
+        y.clear();
+        for (std::size_t i = 0; i < n; ++i) {
+            for (const std::size_t axis : places) {
+                if (axis >= width || !(std::fabs(from[i * width + axis]) <= kLargestSample)) return false;
+                y.push_back(from[i * width + axis]);
+            }
+        }
+        return true;
+    }
+
+    void run(const std::vector<double>& y, const double* accel, std::size_t accel_axes, std::size_t n,
+             const SensorColumns& to, std::vector<track::TrackerEvent>& events, std::vector<Lost>& lost) {
+        tracker->run(y.data(), accel, accel_axes, n, to.tracked, to.moving, events);
+        if (sums != nullptr) add_at_rest(y, n, to, events);
+        if (bank == nullptr) return;
+        bank->run(y.data(), n, to.bank, lost);
+        if (window_left > 0) {
+            window_left -= n;
+            return;
+        }
+        for (std::size_t i = 0; i < n * places.size(); ++i) {
+            if (waits[i % places.size()]) to.bank.white[i] = 0;
+        }
+    }
+
+    void skip(std::uint64_t count, std::vector<Lost>& lost) {
+        tracker->skip_rows(count);
+        if (sums != nullptr) sums->skip_rows(count);
+        if (bank != nullptr) bank->skip_rows(count, lost);
+    }
+
+  private:
+    // With a sample that is left out a stretch of samples ends, so no spectrum goes across a step.
+    void add_at_rest(const std::vector<double>& y, std::size_t n, const SensorColumns& from,
+                     const std::vector<track::TrackerEvent>& events) {
+        const std::size_t axes = places.size();
+        std::vector<std::uint8_t> left_out;
+        for (const track::TrackerEvent& event : events) {
+            if (event.kind != track::TrackerEvent::kStep) continue;
+            if (left_out.empty()) left_out.assign(from.moving, from.moving + n * axes);
+            left_out[event.row * axes + static_cast<std::size_t>(event.axis)] = 1;
+        }
+        sums->add(y.data(), left_out.empty() ? from.moving : left_out.data(), n, longest_motion);
+    }
+};
+
+}  // namespace fltea

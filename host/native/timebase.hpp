@@ -1,0 +1,110 @@
+// The device's clock against the host's, by regression, within one epoch.
+//
+// Delay between sampling and arrival is never negative but often large and in bursts (USB bridges,
+// schedulers), so of every second only the earliest arrival counts; a straight line through those of the last
+// ten minutes gives the host time of any sample, free of jitter.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <limits>
+
+namespace fltea {
+
+class Timebase {
+  public:
+    // offset_ns is added to the host's monotonic clock and stays fixed for the epoch, so that a step of the
+    // wall clock does not tear the time stamps.
+    explicit Timebase(std::int64_t offset_ns = 0) : offset_ns_(offset_ns) {}
+
+    // Learns from an arrival, and returns the sample's Unix time [ns]. It never runs backwards: where a new
+    // line would, it goes on by one nanosecond.
+    std::int64_t add(std::int64_t seq, std::int64_t device_us, std::int64_t host_ns) {
+        if (!begun_) begin(seq, device_us, host_ns);
+        if (device_us >= second_end_us_) {
+            close_second();
+            second_end_us_ = device_us + kSecondUs;
+        }
+        latest_seq_ = seq;
+        latest_us_ = device_us;
+        const double device_s = double(device_us - origin_us_) * 1e-6;
+        const double delay_s = double(host_ns - origin_ns_) * 1e-9 - device_s;
+        if (!any_ || delay_s < earliest_.delay_s) earliest_ = {device_s, delay_s};
+        any_ = true;
+        // In the first second there is no line yet: every earlier arrival moves all that follow.
+        const double estimate_s =
+            seconds_.empty() ? device_s + earliest_.delay_s
+                             : device_s + centre_.delay_s + slope_ * (device_s - centre_.device_s);
+        const std::int64_t now_ns =
+            origin_ns_ + offset_ns_ + static_cast<std::int64_t>(std::nearbyint(estimate_s * 1e9));
+        last_ns_ = now_ns > last_ns_ ? now_ns : last_ns_ + 1;
+        return last_ns_;
+    }
+
+    // How much faster the device's clock runs than the host's, in 1e-6; NaN in the first ten seconds, and
+    // where delays are 0 to the nanosecond: those are times of arrival that were made from the device's.
+    double clock_ppm() const {
+        bool any = false;
+        for (const Arrival& one : seconds_) any |= one.delay_s != 0;
+        return seconds_.size() >= kSecondsForPpm && any ? (1.0 / (1.0 + slope_) - 1.0) * 1e6 : kUnknown;
+    }
+
+    // Samples per second of host time; NaN before the second sample.
+    double rate_hz() const {
+        if (!begun_ || latest_us_ == origin_us_) return kUnknown;
+        return double(latest_seq_ - first_seq_) / (double(latest_us_ - origin_us_) * 1e-6) / (1.0 + slope_);
+    }
+
+  private:
+    static constexpr std::int64_t kSecondUs = 1'000'000;
+    static constexpr std::size_t kSecondsKept = 600, kSecondsForPpm = 10;
+    static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+    // Prior spread of the clocks' ratio: a sensor's own oscillator is within 1 %.
+    static constexpr double kDelayStdS = 1e-3, kClockStd = 1e-2;
+
+    struct Arrival {
+        double device_s, delay_s;
+    };
+
+    void begin(std::int64_t seq, std::int64_t device_us, std::int64_t host_ns) {
+        begun_ = true;
+        first_seq_ = seq;
+        origin_us_ = device_us;
+        origin_ns_ = host_ns;
+        second_end_us_ = device_us + kSecondUs;
+    }
+
+    void close_second() {
+        if (!any_) return;
+        if (seconds_.size() == kSecondsKept) seconds_.pop_front();
+        seconds_.push_back(earliest_);
+        any_ = false;
+        const double n = double(seconds_.size());
+        centre_ = {};
+        for (const Arrival& one : seconds_) {
+            centre_.device_s += one.device_s;
+            centre_.delay_s += one.delay_s;
+        }
+        centre_ = {centre_.device_s / n, centre_.delay_s / n};
+        double xx = 0, xy = 0;
+        for (const Arrival& one : seconds_) {
+            const double x = one.device_s - centre_.device_s, y = one.delay_s - centre_.delay_s;
+            xx += x * x;
+            xy += x * y;
+        }
+        const double ratio = kDelayStdS / kClockStd;
+        slope_ = xy / (xx + ratio * ratio);
+    }
+
+    std::int64_t offset_ns_, first_seq_ = 0, latest_seq_ = 0, latest_us_ = 0;
+    std::int64_t origin_us_ = 0, origin_ns_ = 0, second_end_us_ = 0;
+    std::int64_t last_ns_ = std::numeric_limits<std::int64_t>::min();
+    std::deque<Arrival> seconds_;  // the earliest arrival of every second that is over
+    Arrival earliest_ = {}, centre_ = {};
+    double slope_ = 0;
+    bool begun_ = false, any_ = false;
+};
+
+}  // namespace fltea
