@@ -332,8 +332,8 @@ class Remembered:
 # longest motion; estimates), and which axes wait to be settled.
 CLOCK_TOLERANCE: float
 
-# Is an accelerometer; columns of its axes; tracker; sums; the longest motion [samples]; filters; samples until
-# their start-up window is full; axes that are not settled.
+# Is an accelerometer; columns of its axes; tracker; sums; the longest motion [samples]; filters; samples
+# until their start-up window is full; axes that are not settled.
 DeviceSensor = tuple[bool, list[int], Tracker, Octaves | None, int, Bank | None, int, list[bool]]
 
 class Device:

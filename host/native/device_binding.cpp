@@ -150,7 +150,7 @@ class Device {
         }
         nb::object columns = nb::none();
         if (found.begin < found.end) columns = columns_of(found.begin, found.end);
-        return nb::make_tuple(static_cast<int>(found.stop), found.next, columns, told(found));
+        return nb::make_tuple(static_cast<int>(found.stop), found.next, columns, told(from, found));
     }
 
     std::tuple<std::int64_t, std::int64_t, std::int64_t, std::int64_t, std::int64_t> counts() const {
@@ -174,11 +174,13 @@ class Device {
         return device_.sensors[sensor];
     }
 
-    nb::object told(const Advanced& found) {
+    nb::object told(const fltea::SampleColumns& from, const Advanced& found) {
         const fltea::Judged& judged = device_.judged();
         if (found.stop == Stop::kEpoch) {
+            const bool has_accel = from.accel && device_.scales.has_accel;
             return nb::make_tuple(fltea::kEpochReasons[static_cast<int>(judged.reason)], judged.missing,
-                                  judged.seq, judged.epoch_us);
+                                  judged.seq, judged.epoch_us, from.sequence[found.next],
+                                  from.device_us[found.next], from.gyro.width(), has_accel);
         }
         if (found.stop == Stop::kGap) {
             nb::list lost;

@@ -7,8 +7,8 @@ from itertools import count, pairwise
 import pytest
 from fake_smbus import MS, UNIX_OFFSET_NS, FakeHost, Pi, S, taken_ns
 from fltea.records.errors import UsageError
-from fltea.records.events import LinkDown, RawBlock, Trouble
-from fltea.records.records import Error, Hello, Sample
+from fltea.records.events import LinkDown, Trouble
+from fltea.records.records import Error, Sample
 from fltea.sources.i2c import bus as i2c_bus
 from fltea.sources.i2c import source as i2c
 from fltea.sources.i2c.source import I2cSource, SystemClock, parse_url

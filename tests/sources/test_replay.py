@@ -12,6 +12,7 @@ from blocks import in_samples, of, of_samples, place_all, place_events, records_
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawSample
 from fltea.records.records import AnyRecord, Epoch, Estimate, Gap, Hello, Sample
+from fltea.records.stats import SampleStats
 from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
 from fltea.settings.how import How
@@ -20,8 +21,8 @@ from fltea.sources import pacing
 from fltea.sources.as_wire import AsWire
 from fltea.sources.replay import ReplaySource
 from fltea.sources.synthetic import SyntheticSource
-from fltea.stream.pipeline import Pipeline
 from fltea.stream.decode import Decoder
+from fltea.stream.pipeline import Pipeline
 from host_support import QUICK, fltea_here, hello, strict_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -93,7 +94,7 @@ def csv_file(tmp_path: Path, times_s: list[float]) -> Path:
     return path
 
 
-def walked(source: ReplaySource) -> tuple[Place, list[str]]:
+def walked(source: ReplaySource) -> tuple[SampleStats, list[str]]:
     place, found = place_events(source.events())
     return place, [piece.new_epoch for piece in found if piece.new_epoch]
 

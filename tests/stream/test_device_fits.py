@@ -19,8 +19,8 @@ from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.table import DeviceView
 from fltea.stream import board_fits
 from fltea.stream.board_fits import BoardFits
-from fltea.stream.live import SettledFit
 from fltea.stream.epoch import Moment
+from fltea.stream.live import SettledFit
 from fltea.wire import layout as wire
 from fltea.wire.message_events import bins_event, fit_event
 from hypothesis import given

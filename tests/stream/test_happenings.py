@@ -1,4 +1,4 @@
-"""Steps of the bias and motion of the sensor as records: when, how large, and the same however samples are cut."""
+"""Steps of the bias and motion of the sensor as records: when, how large, and the same in any cut."""
 
 from collections.abc import Sequence
 

@@ -120,7 +120,7 @@ def summarise(
             hello = msgspec.structs.replace(event, host_ns=unix_ns, device=device)
             boots.add((event.boot_id, event.device_id))
         for found in decoder.feed(event):
-            if not isinstance(found, Decoded) or decoder.timebase is None:
+            if not isinstance(found, Decoded):
                 continue
             if found.new_epoch is not None:
                 epochs[found.new_epoch] += 1
@@ -129,10 +129,10 @@ def summarise(
             # Of a recording without arrival times the device's are given out for them.
             has_clock = has_clock or bool((found.raw.host_ns != found.block.device_us * 1000).any())
             if of_epoch >= longest[0]:
-                longest = of_epoch, decoder.timebase.rate_hz, decoder.timebase.clock_ppm
+                longest = of_epoch, decoder.native.rate_hz, decoder.native.clock_ppm
             first_ns = int(found.block.host_ns[0]) if first_ns is None else first_ns
             last_ns = int(found.block.host_ns[-1])
-    count, unread = decoder.place, mcap.unread if mcap else []
+    count, unread = decoder.counts, mcap.unread if mcap else []
     return Summary(
         name=name,
         device=device,

@@ -97,9 +97,7 @@ class _Recorder:
 
     def summary(self) -> str:
         """Return one line: how much there is, and what is missing."""
-        count, rate_hz = self._decoder.place, None
-        if self._decoder.timebase is not None:
-            rate_hz = self._decoder.timebase.rate_hz
+        count, rate_hz = self._decoder.counts, self._decoder.native.rate_hz
         at = "" if rate_hz is None else f" at {rate_hz:.2f} Hz"
         lost = f"{count.lost} lost in {count.gaps} gaps"
         stopped = f", {self._sink.lost} items NOT recorded" if self._sink.lost else ""

@@ -26,8 +26,8 @@ from fltea.stream.board_fits import BoardFits
 from fltea.stream.board_notices import BoardNotices
 from fltea.stream.board_samples import RecentSample, RecentSamples
 from fltea.stream.board_settings import host_settings, info_of
-from fltea.stream.live import LiveFits, settled_by
 from fltea.stream.epoch import Beginning, Item, Notice, Standing
+from fltea.stream.live import LiveFits, settled_by
 
 AS_STATED = "begun", "every", "queue", "skipped", "longest_axis_us", "fit_every", "longest_slice_us"
 """Of the board's estimator: what its statistics have as it came."""

@@ -18,8 +18,8 @@ from fltea.records.plus_minus import NORMAL_95
 from fltea.records.records import DeviceFits
 from fltea.spectrum.frontier import native, order_in_white
 from fltea.spectrum.periodogram import Binned
-from fltea.stream.live import SettledFit
 from fltea.stream.epoch import Moment
+from fltea.stream.live import SettledFit
 
 MOST_ORDER = 2.0
 """Of the model that the board fits."""

@@ -8,10 +8,12 @@ from collections.abc import Callable, Iterator
 from enum import IntEnum
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from fltea import _native
 from fltea.records.block import Block
 from fltea.records.events import Break, Event, LinkDown, RawBlock
-from fltea.records.records import EpochReason, Hello
+from fltea.records.records import AXES, EpochReason, Hello
 from fltea.records.stats import SampleStats
 from fltea.settings.duration import Duration, in_samples
 from fltea.settings.estimator import LONGEST_GAP
@@ -31,7 +33,7 @@ class Stop(IntEnum):
     GAP = 3
     """Before a sample: others are missing. Told: how many, its number and time, lost axes of each sensor."""
     EPOCH = 4
-    """Before a sample: an epoch begins with it. Told: why, samples missing, its number and device time."""
+    """Before a sample: an epoch begins with it. Told: as of `FirstSample`."""
     HAPPENED = 5
     """After a sample. Told: for each event its sensor, and either losses or a step or motion."""
     WINDOW_FULL = 6
@@ -46,7 +48,23 @@ OfSensors = list[tuple[list[Any], list[Any] | None] | None]
 """Of each sensor the columns of its tracker, and of its filters or None; None for one without samples."""
 
 Rows = tuple[int, tuple[Any, ...], OfSensors]
-"""Samples that were taken: which of the source's is the first, their columns as of `COLUMNS`, the sensors'."""
+"""Samples that were taken: which of the source's is the first, their columns (`COLUMNS`), the sensors'."""
+
+
+class FirstSample(NamedTuple):
+    """The first sample of an epoch. missing: samples lost just before it; seq, epoch_us: its place in it.
+
+    sequence, device_us: as they came. gyro_axes, has_accel: what it holds, and is scaled.
+    """
+
+    reason: EpochReason
+    missing: int
+    seq: int
+    epoch_us: int
+    sequence: int
+    device_us: int
+    gyro_axes: int
+    has_accel: bool
 
 
 class Decoded(NamedTuple):
@@ -77,10 +95,7 @@ class Decoder:
         self.epoch = 0
         self._unix_offset_ns, self._max_gap = unix_offset_ns, max_gap
         self._hello: Hello | None = None
-        nothing, output = Any, output or OutputConfig()
-        self._template = Block(
-            device, 0, *[nothing] * 4, every=output.every, corrected=output.corrected  # type: ignore[arg-type]
-        )
+        self._template = _empty(device, output or OutputConfig())
 
     @property
     def hello(self) -> Hello | None:
@@ -152,7 +167,7 @@ class Decoder:
         missing, reason = 0, None
         for stop, _, rows, told in self.advance(raw):
             if stop == Stop.EPOCH:
-                reason, missing, *_ = told
+                reason, missing, *_ = told  # as of FirstSample
                 self.begin([])
             elif stop == Stop.GAP:
                 missing, *_ = told
@@ -163,6 +178,13 @@ class Decoder:
             assert self._hello is not None
             yield Decoded(self.block(samples), own, self._hello, missing, reason)
             missing, reason = 0, None
+
+
+def _empty(device: str | None, output: OutputConfig) -> Block:
+    """Return a block without samples, of which others are made."""
+    whole = np.empty(0, dtype=np.int64)
+    rates = np.empty((0, len(AXES)))
+    return Block(device, 0, whole, whole, whole, rates, every=output.every, corrected=output.corrected)
 
 
 def _boot(hello: Hello) -> tuple[int | None, str | None]:

@@ -24,9 +24,9 @@ from fltea.settings.config import Config
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes, Looked
 from fltea.stream.beside import Beside
+from fltea.stream.epoch import NEVER, Beginning, Moment, Saved
 from fltea.stream.fit_times import Look, LookTimes, period_s, turn
 from fltea.stream.learning import Learned, Learner
-from fltea.stream.epoch import NEVER, Beginning, Moment, Saved
 
 NO_VERDICT = ("too few samples",)
 """Kinds that say nothing of the noise."""

@@ -1,10 +1,10 @@
 """The walk of a device's samples: what can happen to them, and what each leads to.
 
-A source gives events. Samples go through the native device (`fltea.stream.decode`), which stops where more is
-to be done than to estimate: `HANDLERS` says what. Whatever comes out goes to the outputs, in order. It does not
-depend on how samples were put together into blocks, nor on how the bytes behind them were read. Statistics go
-out at the first event of each new second, and count what stands before it; of many devices each has its own
-place in the second (`fit_times.turn`), so that no sample waits for those of all.
+A source gives events. Samples go through the native device (`fltea.stream.decode`), which stops where more
+is to be done than to estimate: `HANDLERS` says what. Whatever comes out goes to the outputs, in order. It
+does not depend on how samples were put together into blocks, nor on how the bytes behind them were read.
+Statistics go out at the first event of each new second, and count what stands before it; of many devices each
+has its own place in the second (`fit_times.turn`), so that no sample waits for those of all.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -27,8 +27,8 @@ from fltea.settings.ingest import is_partitioned
 from fltea.stream.beside import Beside
 from fltea.stream.board import BoardEstimates
 from fltea.stream.channels import explain_lost
-from fltea.stream.decode import Decoder, Stop
-from fltea.stream.epoch import NEVER, Beginning, Item, Moment, Notice, Standing
+from fltea.stream.decode import Decoder, FirstSample, Stop
+from fltea.stream.epoch import Beginning, Item, Moment, Notice, Standing
 from fltea.stream.fit_times import turn
 from fltea.stream.live import LiveFits
 from fltea.stream.sensors import Sensors
@@ -40,7 +40,6 @@ from fltea.stream.snapshot import (
     sensor_of,
     why_unused,
 )
-from fltea.wire.sample_scaling import Scales
 
 Output = AnyRecord | Block
 
@@ -77,7 +76,9 @@ class Pipeline:
         self._refuse, self._watched = refuse, watched
         fits = LiveFits(config, prompt=source.prompt, watched=watched, beside=beside, number=number)
         self._fits = fits if config.live.on else None
-        self._board = BoardEstimates(config, self._fits) if config.estimator.estimate_on in BY_DEVICE else None
+        self._board = (
+            BoardEstimates(config, self._fits) if config.estimator.estimate_on in BY_DEVICE else None
+        )
         self._sensors = Sensors(config, _settings_of(config, self._board), self._fits)
         self._status: DeviceStatus | None = None
         self._now_ns = 0
@@ -124,47 +125,45 @@ class Pipeline:
             if stop in HANDLERS:
                 if stop in BEFORE_SAMPLE:
                     self._now_ns = int(raw.host_ns[row])
-                yield from HANDLERS[stop](self, raw, row, told)
+                yield from HANDLERS[stop](self, told)
         self._now_ns = int(raw.host_ns[-1])  # also where its last samples could not be used
 
-    def _on_gap(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
-        """Samples are missing before this one: say so, and which axes became invalid meanwhile."""
+    def _on_stats_due(self, told: None) -> Iterator[Output]:
+        """The next sample is the first of a new second."""
+        return self._on_time(self._now_ns)
+
+    def _on_gap(self, told: Any) -> Iterator[Output]:
+        """Samples are missing before the next one: say so, and which axes became invalid meanwhile."""
         missing, seq, unix_ns, lost = told
         yield Gap(seq - missing, missing, self._decoder.epoch, unix_ns, device=self._config.name)
         for number, losses in enumerate(lost):
             yield from self._on_lost(self._sensors.lost(number, losses))
 
-    def _on_epoch(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
-        """An epoch begins with this sample, from a snapshot if there is one that fits."""
-        reason, missing, seq, device_us = told
+    def _on_epoch(self, told: Any) -> Iterator[Output]:
+        """An epoch begins with the next sample, from a snapshot if there is one that fits."""
+        first = FirstSample._make(told)
         hello = self._decoder.hello
         assert hello is not None
-        name, epoch = self._config.name, self._decoder.epoch + 1
+        name, missing = self._config.name, first.missing
         self._offset_ns, self._boot_id = self._source_offset_ns, hello.boot_id
-        first = int(raw.sequence[row]), int(raw.device_us[row])
         unix_ns = self._unix_ns()
-        beginning = Beginning(hello, raw.gyro.shape[1], _has_accel(raw, hello), missing=missing)
-        notices, reason, resumed_after_s, between = self._begin(beginning, reason, first)
+        beginning = Beginning(hello, first.gyro_axes, first.has_accel, missing=missing)
+        notices, reason, resumed_after_s, between = self._begin(beginning, first)
         yield from self._records(notices)
         if self._fits is not None:
-            self._fits.begin_numbers(seq)
+            self._fits.begin_numbers(first.seq)
             self._set_looks()
+        epoch = self._decoder.epoch
         if missing:
-            yield Gap(seq - missing, missing, epoch - 1, unix_ns, device=name)
+            yield Gap(first.seq - missing, missing, epoch - 1, unix_ns, device=name)
         standing = self._standing()
-        infos = standing.gyro, standing.accel
-        yield Epoch(
-            epoch, reason, seq, device_us, unix_ns, hello.boot_id, *infos, resumed_after_s, device=name
-        )
+        place, infos = (first.seq, first.epoch_us, unix_ns), (standing.gyro, standing.accel)
+        yield Epoch(epoch, reason, *place, hello.boot_id, *infos, resumed_after_s, device=name)
         if between:
             self._device.note_lost(between)
-            yield Gap(seq - between, between, epoch, unix_ns, device=name)
+            yield Gap(first.seq - between, between, epoch, unix_ns, device=name)
 
-    def _on_stats_due(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
-        """This sample is the first of a new second."""
-        return self._on_time(int(raw.host_ns[row]))
-
-    def _on_happened(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
+    def _on_happened(self, told: Any) -> Iterator[Output]:
         """With the last sample axes became invalid, a bias has stepped, or motion has begun or ended."""
         assert self._block is not None
         for number, losses, event in told:
@@ -173,22 +172,23 @@ class Pipeline:
             else:
                 yield from self._sensors.happened(number, event, self._block)
 
-    def _on_window_full(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
+    def _on_window_full(self, told: None) -> Iterator[Output]:
         """The filters of a sensor can begin."""
         for channels in self._sensors.fill(self._device):
             yield from self._records(channels.notices(self._now_ns))
 
-    def _on_fit_counts(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
+    def _on_fit_counts(self, told: None) -> Iterator[Output]:
         """The fit that was begun counts from here on."""
         assert self._fits is not None
         yield from self._fits.counted()
         self._sensors.go_by_fits(self._device)
         self._set_looks()
 
-    def _on_fit_due(self, raw: RawBlock, row: int, told: Any) -> Iterator[Output]:
+    def _on_fit_due(self, told: None) -> Iterator[Output]:
         """A fit of the samples until now begins, beside the walk."""
         moment = self._moment()
-        assert self._fits is not None and moment is not None
+        assert self._fits is not None
+        assert moment is not None
         self._fits.look(moment, self._sensors.learner)
         self._set_looks()
         return iter(())
@@ -312,13 +312,12 @@ class Pipeline:
         return whole
 
     def _begin(
-        self, beginning: Beginning, reason: EpochReason, first: tuple[int, int]
+        self, beginning: Beginning, first: FirstSample
     ) -> tuple[list[Item], EpochReason, float | None, int]:
         """Begin an epoch, from the snapshot if there is one that fits.
 
-        first: sequence and device time of its first sample. Returns what is to be reported, why the epoch
-        begins, how old the snapshot is, and how many samples since then are lost: of devices that another
-        process had before, which nobody else would count.
+        Returns what is to be reported, why the epoch begins, how old the snapshot is, and how many samples
+        since then are lost: of devices that another process had before, which nobody else would count.
         """
         notices: list[Item] = []
         hello = beginning.hello
@@ -336,9 +335,10 @@ class Pipeline:
                     self._refuse()
                 else:
                     age_s = (now_unix_ns - state.unix_ns) * 1e-9
-                    self._sensors.bridge(missing_since(state, hello, *first, age_s))
+                    place = first.sequence, first.device_us
+                    self._sensors.bridge(missing_since(state, hello, *place, age_s))
                     handed_over = is_partitioned(self._config.source)
-                    lost = missing_by_number(state, hello, *first, age_s) if handed_over else None
+                    lost = missing_by_number(state, hello, *place, age_s) if handed_over else None
                     return notices, "resumed", age_s, lost or 0
             text = f"the snapshot is not used, so the start-up window begins: {problem}."
             notices.append(Notice("state_unused", text, self._now_ns))
@@ -346,7 +346,7 @@ class Pipeline:
             self._begin_sensors(beginning)
         except ValueError as error:
             raise UsageError(f"estimator: {error}.") from error
-        return notices, reason, None, 0
+        return notices, first.reason, None, 0
 
     def _begin_sensors(self, beginning: Beginning) -> None:
         sensors = self._sensors.begin(beginning)
@@ -375,7 +375,7 @@ class Pipeline:
         return self._now_ns + self._offset_ns
 
 
-HANDLERS: dict[Stop, Callable[[Pipeline, RawBlock, int, Any], Iterator[Output]]] = {
+HANDLERS: dict[Stop, Callable[[Pipeline, Any], Iterator[Output]]] = {
     Stop.STATS_DUE: Pipeline._on_stats_due,
     Stop.GAP: Pipeline._on_gap,
     Stop.EPOCH: Pipeline._on_epoch,
@@ -395,8 +395,3 @@ def _settings_of(config: Config, board: BoardEstimates | None) -> Callable[[], E
     if board is None:
         return lambda: config.estimator
     return None if board.alone else board.host_settings
-
-
-def _has_accel(raw: RawBlock, hello: Hello) -> bool:
-    """Return whether samples have an accelerometer whose scale is known."""
-    return raw.accel is not None and Scales.of(hello).accel_ms2_per_lsb is not None

@@ -1,13 +1,13 @@
 """The sensors of a device in one epoch: what tracks their biases, sums their noise and filters their axes."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 from fltea.estimator.lanes import Reason
 from fltea.estimator.tracker import events_of
 from fltea.records.block import Block
 from fltea.records.errors import UsageError
-from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Hello, Motion, Step
+from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Motion, Step
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.live_axes import LiveAxes
@@ -33,7 +33,7 @@ class Sensor(NamedTuple):
         """Return what `_native.Device.begin` takes of it."""
         sums, channels = self.sums, self.channels
         of_sums = (None, 0) if sums is None else (sums.octaves.native, sums.longest_motion)
-        of_bank = (None, 0, [False] * len(self.tracks.names))
+        of_bank: tuple[Any, int, list[bool]] = (None, 0, [False] * len(self.tracks.names))
         if channels is not None:
             of_bank = channels.bank.native, channels.bank.startup_remaining, channels.waiting
         return self.name == "accel", self.tracks.places, self.tracks.tracker.native, *of_sums, *of_bank
