@@ -48,6 +48,11 @@ struct RunColumns {
     std::vector<SensorColumns> sensors;
 };
 
+// Number, device's time and Unix time of a sample.
+struct Moment {
+    std::int64_t seq, device_us, host_ns;
+};
+
 struct Advanced {
     Stop stop;
     std::size_t next;        // which of the source's samples comes next
@@ -75,6 +80,9 @@ class Device {
     }
 
     const RunColumns& run() const { return run_; }
+    // Of the last sample that was given out, if there is one.
+    bool has_moment() const { return has_moment_; }
+    const Moment& moment() const { return moment_; }
     const std::vector<Happening>& happened() const { return happened_; }
     // What stopped `advance` at kGap and kEpoch, and its Unix time (kGap).
     const Judged& judged() const { return judged_; }
@@ -162,6 +170,8 @@ class Device {
         while (told_ < pending_.size() && pending_[told_].row + 1 == end)
             happened_.push_back(pending_[told_++]);
         given_ = end;
+        moment_ = {run_.seq[end - 1], run_.device_us[end - 1], run_.host_ns[end - 1]};
+        has_moment_ = true;
         Stop stop = Stop::kMore;
         if (!happened_.empty()) stop = Stop::kHappened;
         const std::int64_t seq = place.newest().seq;
@@ -312,6 +322,8 @@ class Device {
     std::size_t given_ = 0, told_ = 0;         // rows, and happenings, of the run that have been given
     std::vector<Happening> pending_, happened_;
     std::vector<std::vector<Lost>> lost_;
+    Moment moment_ = {};
+    bool has_moment_ = false;
     Judged judged_ = {};
     std::int64_t judged_ns_ = kNever;
     bool is_judged_ = false;  // the next sample is, and not taken yet

@@ -163,6 +163,11 @@ class Device {
         const fltea::Newest& one = device_.place.newest();
         return {one.sequence, one.device_us, one.host_ns, one.seq, one.epoch_us};
     }
+    std::optional<std::tuple<std::int64_t, std::int64_t, std::int64_t>> moment() const {
+        if (!device_.has_moment()) return {};
+        const fltea::Moment& one = device_.moment();
+        return std::make_tuple(one.seq, one.device_us, one.host_ns);
+    }
     std::optional<double> rate_hz() const { return known(device_.timebase.rate_hz()); }
     std::optional<double> clock_ppm() const { return known(device_.timebase.clock_ppm()); }
 
@@ -195,7 +200,7 @@ class Device {
                 happened.append(nb::make_tuple(one.sensor, as_list({one.lost}), nb::none()));
             } else {
                 const nb::tuple of_event =
-                    nb::make_tuple(static_cast<int>(event.kind), found.end - found.begin - 1, event.axis,
+                    nb::make_tuple(static_cast<int>(event.kind), 0, event.axis,
                                    event.ago, event.size, event.size_std, event.samples);
                 happened.append(nb::make_tuple(one.sensor, nb::none(), of_event));
             }
@@ -279,6 +284,7 @@ void bind_device(nb::module_& m) {
         .def_prop_ro("counts", &Device::counts)
         .def("note_lost", &Device::note_lost, nb::arg("count"))
         .def_prop_ro("newest", &Device::newest)
+        .def_prop_ro("moment", &Device::moment)
         .def_prop_ro("rate_hz", &Device::rate_hz)
         .def_prop_ro("clock_ppm", &Device::clock_ppm)
         .def_prop_rw("stats_due_ns", [](Device& self) { return self.native().stats_due_ns; },

@@ -108,6 +108,9 @@ class Tracker : public fltea::TrackerPart {
         rules_.still = still;
         rules_.patience = patience;
         rules_.settles = settles;
+        fltea::track::Tracked nothing = {};
+        nothing.bias = nothing.bias_std = __builtin_nan("");
+        newest_.assign(offsets.size(), nothing);
         make(sensor_);
     }
 
@@ -183,9 +186,11 @@ class Tracker : public fltea::TrackerPart {
     }
 
     // Of each lane: samples in motion, how often it began again, steps, lag1, nis, Ljung and Box's statistic
-    // and of how many innovations it is; pieces and rms of each time over which the bias is checked.
+    // and of how many innovations it is; pieces and rms of each time over which the bias is checked; bias and
+    // its deviation after the newest sample, NaN before the first.
     using Check = std::tuple<uint64_t, double>;
-    using Stats = std::tuple<uint64_t, uint64_t, uint64_t, double, double, double, int, std::vector<Check>>;
+    using Stats = std::tuple<uint64_t, uint64_t, uint64_t, double, double, double, int, std::vector<Check>,
+                             double, double>;
     std::vector<Stats> stats() const {
         const std::lock_guard<std::mutex> alone(mutex_);
         std::vector<Stats> all;
@@ -199,7 +204,7 @@ class Tracker : public fltea::TrackerPart {
                 checks.emplace_back(one.pieces, one.rms);
             }
             all.emplace_back(counts.moved, counts.begun, counts.steps, white.lag1(), white.nis(), test.value,
-                             test.n, std::move(checks));
+                             test.n, std::move(checks), newest_[all.size()].bias, newest_[all.size()].bias_std);
         }
         return all;
     }
@@ -238,7 +243,7 @@ class Tracker : public fltea::TrackerPart {
               double* out, uint8_t* moving, std::vector<Event>& events) {
         const size_t lanes = offsets_.size(), all = rows * lanes;
         const std::lock_guard<std::mutex> alone(mutex_);
-        std::vector<fltea::track::Tracked> now(lanes);
+        std::vector<fltea::track::Tracked>& now = newest_;
         for (size_t row = 0; row < rows; ++row) {
             sensor_->next(y + row * lanes, accel == nullptr ? nullptr : accel + row * accel_axes,
                           static_cast<int>(accel_axes), rest, row, now.data(), events);
@@ -268,6 +273,7 @@ class Tracker : public fltea::TrackerPart {
     double largest_gravity_step_;
     fltea::track::TrackerRules rules_;
     std::unique_ptr<Sensor> sensor_;
+    std::vector<fltea::track::Tracked> newest_;  // of each lane, after the newest sample
     mutable std::mutex mutex_;
 };
 

@@ -110,6 +110,9 @@ class TrackerFigures(NamedTuple):
     ljung_box: float | None
     innovations: int
     checked: tuple[Checked, ...]
+    bias: float | None
+    """after the newest sample; None where nothing is known yet"""
+    bias_std: float | None
 
 
 class Remembered:
@@ -198,11 +201,11 @@ class Tracker:
     def figures(self) -> list[TrackerFigures]:
         """Tell how each axis gets on."""
         found = []
-        for moved, begun, steps, lag1, nis, ljung_box, n, checks in self.native.stats():
+        for moved, begun, steps, lag1, nis, ljung_box, n, checks, *biases in self.native.stats():
             known = checks[: self._checks]
             checked = tuple(Checked(pieces, rms if pieces else None) for pieces, rms in known)
             whiteness = _finite(lag1), _finite(nis), _finite(ljung_box)
-            found.append(TrackerFigures(moved, begun, steps, *whiteness, n, checked))
+            found.append(TrackerFigures(moved, begun, steps, *whiteness, n, checked, *map(_finite, biases)))
         return found
 
     def save(self) -> bytes:

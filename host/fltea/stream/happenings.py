@@ -4,42 +4,32 @@ A step and a motion are known some samples after they have begun. Their records 
 which they are known, and state the time at which they began.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from fltea.estimator.tracker import BY_ACCEL, BY_CALLER, EventKind, TrackerEvent
 from fltea.records.arrays import Mask
-from fltea.records.block import Block
 from fltea.records.clock import SECOND_NS
 from fltea.records.records import Motion, Step
+from fltea.stream.epoch import Moment
 
 BY = {BY_ACCEL: "accel", BY_CALLER: "caller"}
 """Who has shown motion, where that is no axis of the sensor."""
 
 
-def records_of(
-    events: Sequence[TrackerEvent], block: Block, axes: Sequence[str], unit: str, h: float, device: str | None
-) -> Iterator[Step | Motion]:
-    """Yield the records of what has happened with samples of a block; h: sampling period in s.
+def record_of(
+    event: TrackerEvent, moment: Moment, axes: Sequence[str], unit: str, h: float, device: str | None
+) -> Step | Motion:
+    """Return the record of what is known since a sample. moment: of that sample; h: sampling period in s.
 
     Times of samples before are found by the rate, so that they do not depend on how blocks are cut.
     """
-    for event in events:
-        before = max(event.ago - 1, 0)
-        seq, device_us, host_ns = (
-            int(column[event.row]) for column in (block.seq, block.device_us, block.host_ns)
-        )
-        place = (
-            seq - before,
-            block.epoch,
-            device_us - round(before * h * 1e6),
-            host_ns - round(before * h * SECOND_NS),
-        )
-        yield _record(event, place, axes, unit, device)
-
-
-def _record(
-    event: TrackerEvent, place: tuple[int, int, int, int], axes: Sequence[str], unit: str, device: str | None
-) -> Step | Motion:
+    before = max(event.ago - 1, 0)
+    place = (
+        moment.seq - before,
+        moment.epoch,
+        moment.device_us - round(before * h * 1e6),
+        moment.host_ns - round(before * h * SECOND_NS),
+    )
     if event.kind == EventKind.STEP:
         return Step(
             *place,

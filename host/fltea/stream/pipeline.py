@@ -84,7 +84,6 @@ class Pipeline:
         self._now_ns = 0
         self._knows_time = not watched
         self._boot_id: int | None = None
-        self._block: Block | None = None
         self._no_axis_reported = False
         self._lost_reported = OnceAMinute()
         self._offset_ns = self._source_offset_ns = source.unix_offset_ns
@@ -116,7 +115,7 @@ class Pipeline:
         for stop, row, rows, told in self._decoder.advance(raw):
             if rows is not None:
                 block = self._sensors.block(self._decoder.block(rows[1]), rows[2])
-                self._block, host_ns = block, raw.host_ns[rows[0] : rows[0] + len(block)]
+                host_ns = raw.host_ns[rows[0] : rows[0] + len(block)]
                 if self._board is None:
                     yield block
                 else:
@@ -165,12 +164,13 @@ class Pipeline:
 
     def _on_happened(self, told: Any) -> Iterator[Output]:
         """With the last sample axes became invalid, a bias has stepped, or motion has begun or ended."""
-        assert self._block is not None
+        moment = self._moment()
+        assert moment is not None
         for number, losses, event in told:
             if losses is not None:
                 yield from self._on_lost(self._sensors.lost(number, losses))
             else:
-                yield from self._sensors.happened(number, event, self._block)
+                yield self._sensors.happened(number, event, moment)
 
     def _on_window_full(self, told: None) -> Iterator[Output]:
         """The filters of a sensor can begin."""
@@ -246,7 +246,7 @@ class Pipeline:
         if self._state is not None:  # of an earlier run, and still to be used
             return self._state
         hello, saved = self._decoder.hello, self._sensors.save()
-        if hello is None or self._block is None or not saved:
+        if hello is None or not saved:
             return None
         sequence, device_us, host_ns, *_ = self._device.newest
         unix_ns = host_ns + self._source.unix_offset_ns  # the epoch's own would keep a date set since
@@ -295,11 +295,11 @@ class Pipeline:
 
     def _moment(self) -> Moment | None:
         """Return number and times of the last sample; None before the first."""
-        if self._block is None:
+        moment = self._device.moment
+        if moment is None:
             return None
-        block = self._block
-        seq, device_us, host_ns = (int(one[-1]) for one in (block.seq, block.device_us, block.host_ns))
-        return Moment(seq, block.epoch, device_us, host_ns)
+        seq, device_us, host_ns = moment
+        return Moment(seq, self._decoder.epoch, device_us, host_ns)
 
     def _standing(self) -> Standing:
         """Return how all estimators get on; where the board alone estimates an axis, as it says."""

@@ -13,8 +13,8 @@ from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream.channels import Channels
 from fltea.stream.decode import OfSensors
-from fltea.stream.epoch import Beginning, Saved, Standing
-from fltea.stream.happenings import records_of
+from fltea.stream.epoch import Beginning, Moment, Saved, Standing
+from fltea.stream.happenings import record_of
 from fltea.stream.live import LiveFits
 from fltea.stream.tracking import SensorTracks
 from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
@@ -145,11 +145,11 @@ class Sensors:
         channels = self._all[number].channels
         return [] if channels is None else channels.losses(losses)
 
-    def happened(self, number: int, event: Any, block: Block) -> Iterator[Step | Motion]:
-        """Yield the record of what has happened to a sensor with the last sample of a block."""
+    def happened(self, number: int, event: Any, moment: Moment) -> Step | Motion:
+        """Return the record of what has happened to a sensor with a sample; event: as of `events_of`."""
         tracks = self._all[number].tracks
-        events = events_of([event])
-        return records_of(events, block, tracks.names, tracks.unit, tracks.h, self._config.name)
+        (found,) = events_of([event])
+        return record_of(found, moment, tracks.names, tracks.unit, tracks.h, self._config.name)
 
     def learner(self, axis: str) -> Any:
         """Return what is to learn from the samples of an axis until now."""

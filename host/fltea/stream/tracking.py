@@ -57,7 +57,6 @@ class SensorTracks:
         self._offsets = _offsets(config, len(self.names))
         self._bias_s = live.bias_s
         self.tracker = Tracker(self._offsets, rules_of(live, h, unit))
-        self._newest: TrackedColumns | None = None
         self._said = self._words()
         self._learned: dict[str, Learned] = {}
 
@@ -76,8 +75,7 @@ class SensorTracks:
 
     def columns(self, found: Sequence[Array | Mask]) -> TrackedColumns:
         """Return what the tracker has found of samples, of which there is one at least, as columns."""
-        self._newest = TrackedColumns._make((self.names, self.unit, *found, *self._said))
-        return self._newest
+        return TrackedColumns._make((self.names, self.unit, *found, *self._said))
 
     def _words(self) -> tuple[tuple[Any, ...], ...]:
         """What stands in all columns until the next fit: verdict, alpha and f of each axis."""
@@ -120,15 +118,11 @@ class SensorTracks:
 
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
         """Yield how each axis gets on."""
-        newest = [(math.nan, math.nan)] * len(self.names)
-        if self._newest is not None:
-            newest = [*zip(self._newest.bias[-1].tolist(), self._newest.bias_std[-1].tolist(), strict=True)]
-        for axis, one, biases in zip(self.names, self.tracker.figures(), newest, strict=True):
+        for axis, one in zip(self.names, self.tracker.figures(), strict=True):
             holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
             words, K, headings = "walks", UNDEFINED, dict[int, float]()
             if (learned := self._learned.get(axis)) is not None:
                 words, K, headings = learned.model, learned.K, learned.headings
-            bias, std = (x if math.isfinite(x) else None for x in biases)
             yield (
                 axis,
                 TrackerStats(
@@ -140,8 +134,8 @@ class SensorTracks:
                     one.begun,
                     K,
                     headings,
-                    bias,
-                    std,
+                    one.bias,
+                    one.bias_std,
                     one.steps,
                     self.tracker.moving,
                     _checks(one.checked),
