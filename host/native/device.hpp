@@ -77,6 +77,7 @@ class Device {
         sensors = std::move(of_epoch);
         fit_due = fit_counts = kNever;
         is_ready_ = true;
+        is_new_ = true;
     }
 
     const RunColumns& run() const { return run_; }
@@ -150,6 +151,7 @@ class Device {
             window_is_full_ = false;
             return Stop::kWindowFull;
         }
+        if (is_new_) return Stop::kEnd;  // numbers are of the epoch before
         const std::int64_t seq = place.newest().seq;
         if (seq >= fit_counts) {
             fit_counts = kNever;
@@ -183,6 +185,7 @@ class Device {
     template <typename Room>
     void take(const SampleColumns& from, std::size_t at, bool goes_on, Room room) {
         place_rows(from, at, goes_on);
+        is_new_ = false;
         run_.n = seq_.size();
         run_.first = at;
         given_ = told_ = 0;
@@ -328,6 +331,7 @@ class Device {
     std::int64_t judged_ns_ = kNever;
     bool is_judged_ = false;  // the next sample is, and not taken yet
     bool is_ready_ = false;   // what has to be done before it is taken is done
+    bool is_new_ = false;     // no sample of the epoch has been taken
     bool window_is_full_ = false;
 };
 

@@ -137,10 +137,10 @@ def test_an_empty_field_is_a_gap_that_is_told(tmp_path: Path) -> None:
     assert (place.delivered, place.lost, place.gaps, reasons) == (18, 2, 1, ["start"])
 
 
-def test_half_an_hour_of_nothing_is_silence(tmp_path: Path) -> None:
+def test_half_an_hour_of_nothing_begins_an_epoch(tmp_path: Path) -> None:
     times_s = [k * 0.01 + (10_000 if k >= 20 else 0) for k in range(40)]
     place, reasons = walked(ReplaySource(csv_file(tmp_path, times_s)))
-    assert (place.delivered, place.lost, reasons) == (40, 0, ["start", "silence"])
+    assert (place.delivered, place.lost, reasons) == (40, 0, ["start", "restart"])
 
 
 @given(st.lists(st.floats(2e-6, 5.0), min_size=1, max_size=50), st.sampled_from([1.0, 100.0, 1000.0]))

@@ -99,3 +99,22 @@ def test_numbers_beyond_all_measure_change_nothing() -> None:
 
 def test_each_stop_but_the_ends_has_a_handler() -> None:
     assert set(Stop) - set(HANDLERS) == {Stop.END, Stop.MORE}
+
+
+def test_fits_of_an_epoch_count_its_own_samples() -> None:
+    """Also where numbers begin again at 0, below those of the epoch before."""
+    events: list[Event] = [hello(), raw(range(500, 700)), hello(boot_id=8), raw(range(300))]
+    single: list[Event] = [
+        one
+        for event in events
+        for one in (
+            [event]
+            if not isinstance(event, RawBlock)
+            else [event.rows(k, k + 1) for k in range(len(event.sequence))]
+        )
+    ]
+    records = walk(events, {"live.period_s": 0.7})
+    assert walk(single, {"live.period_s": 0.7}) == records
+    numbers = [line.split(b'"seq":')[1].split(b",")[0] for line in records if b'"class":"fit"' in line]
+    assert numbers == [b"569", b"639", b"69", b"139", b"209", b"279"][: len(numbers)]
+    assert len(numbers) >= 5
