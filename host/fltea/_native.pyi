@@ -360,6 +360,9 @@ class Device:
     def set_waits(self, sensor: int, waits: list[bool]) -> None: ...
     def window_left(self, sensor: int) -> int: ...
 
+    # These print what is taken from now on.
+    def set_printers(self, printers: list[RunPrinter]) -> None: ...
+
     # raw: as of RawBlock. Why it stopped (`Stop`), which sample comes next, what was taken (`Rows`), and what
     # is told. ValueError for columns of other types, and for numbers that no filter can work with.
     def advance(self, raw: tuple[Any, ...], next: int) -> tuple[int, int, Any, Any]: ...
@@ -562,3 +565,14 @@ class Lines:
 
     # Adds rows begin, begin + step, … below end; a column without a hole may be anything.
     def add(self, into: bytearray, columns: list[Any], begin: int, end: int, step: int) -> None: ...
+
+# Prints what a Device takes. every: samples whose number is a multiple of it; weight: records that each stands
+# for. shape: which rows the lines are of. Numbers a row of the gyroscope, and of the accelerometer or 0;
+# whether there are temperatures and flags; of each sensor its axes, whether it is the accelerometer, and
+# whether it has estimates. ValueError if there are holes without a column.
+class RunPrinter:
+    def __init__(self, lines: Lines, every: int, weight: int, shape: list[int]) -> None: ...
+
+    # Since the last call: what was printed, how many records it stands for, and how many rows behind it were
+    # not printed, since they or one before them have another shape.
+    def take(self) -> tuple[bytes, int, int]: ...

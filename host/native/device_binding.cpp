@@ -13,6 +13,7 @@
 
 #include "engine_binding.hpp"
 #include "numpy_binding.hpp"
+#include "run_printer.hpp"
 
 namespace nb = nanobind;
 
@@ -147,6 +148,7 @@ class Device {
                 table_.emplace(bytes);
                 return table_->room<char>(bytes);
             });
+            for (fltea::RunPrinter* printer : printers_) printer->append(device_, found.begin, found.end);
         }
         nb::object columns = nb::none();
         if (found.begin < found.end) columns = columns_of(found.begin, found.end);
@@ -170,6 +172,14 @@ class Device {
     }
     std::optional<double> rate_hz() const { return known(device_.timebase.rate_hz()); }
     std::optional<double> clock_ppm() const { return known(device_.timebase.clock_ppm()); }
+
+    // Print what is taken from now on.
+    void set_printers(nb::list printers) {
+        std::vector<fltea::RunPrinter*> found;
+        for (nb::handle one : printers) found.push_back(&nb::cast<fltea::RunPrinter&>(one));
+        printers_ = found;
+        kept_printers_ = nb::tuple(printers);
+    }
 
     fltea::Device& native() { return device_; }
 
@@ -254,6 +264,8 @@ class Device {
     fltea::Device device_;
     std::optional<NumpyTable> table_;  // of the columns of a run
     nb::object kept_;                  // what the sensors point to
+    std::vector<fltea::RunPrinter*> printers_;
+    nb::object kept_printers_;
 };
 
 std::vector<std::int64_t> unix_times(const std::vector<std::int64_t>& seq, const std::vector<std::int64_t>& us,
@@ -280,6 +292,7 @@ void bind_device(nb::module_& m) {
         .def("begin", &Device::begin, nb::arg("offset_ns"), nb::arg("sensors"))
         .def("set_waits", &Device::set_waits, nb::arg("sensor"), nb::arg("waits"))
         .def("window_left", &Device::window_left, nb::arg("sensor"))
+        .def("set_printers", &Device::set_printers, nb::arg("printers"))
         .def("advance", &Device::advance, nb::arg("raw"), nb::arg("next"))
         .def_prop_ro("counts", &Device::counts)
         .def("note_lost", &Device::note_lost, nb::arg("count"))

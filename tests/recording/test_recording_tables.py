@@ -16,9 +16,10 @@ from fltea.recording.recovery import recover
 from fltea.records.block import AxisColumns, Block
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Failed
+from fltea.records.ports import Wanted
 from fltea.records.records import Corrected, Epoch, Estimate, Fit, Gap, Hello, Sample
 from fltea.sinks import record as record_module
-from fltea.sinks.lines import BlockLines, Wanted
+from fltea.sinks.lines import BlockLines
 from fltea.stream.decode import Decoded, Decoder
 from mcap.reader import make_reader
 from mcap_support import files, kill, record, replay, transport

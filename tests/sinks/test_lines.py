@@ -9,8 +9,9 @@ from fltea._native import Lines
 from fltea.recording.schema import encode_message
 from fltea.records.block import AxisColumns, Block, TrackedColumns
 from fltea.records.fit import Interval
+from fltea.records.ports import Wanted
 from fltea.records.records import ACCEL_AXES, AXES
-from fltea.sinks.lines import BlockLines, Wanted
+from fltea.sinks.lines import BlockLines
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -175,7 +175,12 @@ class Block:
     @cached_property
     def weight(self) -> int:
         """The number of records that it stands for."""
-        return len(self.due_rows) * (1 + bool(self.estimates) + (self.corrected_dps is not None))
+        return len(self.due_rows) * self.weight_of_row
+
+    @property
+    def weight_of_row(self) -> int:
+        """The number of records of each sample that is due."""
+        return 1 + bool(self.estimates) + (self.corrected_dps is not None)
 
     @property
     def due_rows(self) -> range:

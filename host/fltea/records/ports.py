@@ -71,7 +71,26 @@ class Departed(NamedTuple):
     moved: bool
 
 
-Item = AnyRecord | Block | TransportEvent | Reads
+class Wanted(NamedTuple):
+    """Which records of a block are printed. nulls: else what is null is left out."""
+
+    samples: bool = False
+    estimates: bool = False
+    corrected: bool = False
+    nulls: bool = True
+
+
+class Printed(NamedTuple):
+    """Records of samples as lines, for sinks whose `prints` says what is in them.
+
+    records: the number that they stand for, as of `Block.weight`.
+    """
+
+    data: bytes
+    records: int
+
+
+Item = AnyRecord | Block | Printed | TransportEvent | Reads
 """What a sink may be given; what came over the wire, uninterpreted, only where `takes_wire`."""
 
 Report = Callable[[str, str], None]
@@ -92,6 +111,7 @@ class Sink:
     lossless: a recording that is replayed faster than it was made waits for this sink.
     takes_wire: it is also given `Opened`, `Chunk`, `Reads` and `Failed`, before anything interprets them.
     together: one thread writes to all of its name, and not one each; so none may wait for long.
+    prints: which records of samples it takes as `Printed`, in place of blocks; None: it takes blocks alone.
     capacity: items that may wait in the queue before newer ones are dropped. rest_s: between two batches, so
     that records of many devices go out together, not with a change of threads each.
     """
@@ -102,6 +122,7 @@ class Sink:
     together: ClassVar[bool] = False
     capacity: ClassVar[int] = 10_000
     rest_s: ClassVar[float] = 0.002
+    prints: Wanted | None = None
     lost: int = 0
 
     def write(self, item: Item) -> None:

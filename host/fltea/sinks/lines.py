@@ -6,29 +6,22 @@ and what stands between its holes is kept for the blocks that say the same.
 
 import re
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 from numpy.typing import NDArray
 
-from fltea._native import Lines
+from fltea._native import Lines, RunPrinter
 from fltea.recording.schema import NULL
 from fltea.records.block import Block, Values
+from fltea.records.ports import Wanted
+from fltea.records.records import ACCEL_UNIT
 
 MOST = 4096
 """Texts that are kept; where devices come and go by the thousand they are made again."""
 
 HOLE = re.compile(rb"\0(\d+) (\d+)\0")
 _encode = msgspec.json.Encoder().encode
-
-
-class Wanted(NamedTuple):
-    """Which records of a block are printed. nulls: else what is null is left out."""
-
-    samples: bool = False
-    estimates: bool = False
-    corrected: bool = False
-    nulls: bool = True
 
 
 class BlockLines:
@@ -52,6 +45,24 @@ class BlockLines:
                 self._known.clear()
             known = self._known[place] = said, _lines(block, wanted)
         known[1].add(into, _columns(block), rows.start, rows.stop, rows.step)
+
+
+def run_printer(block: Block, wanted: Wanted) -> RunPrinter:
+    """Return what prints rows that the native device takes, as long as all but their columns is as here.
+
+    block: of rows that a device has taken, as they came.
+    """
+    return RunPrinter(_lines(block, wanted), block.every, block.weight_of_row, _shape(block))
+
+
+def _shape(block: Block) -> list[int]:
+    """Which columns there are, as of `_native.RunPrinter`."""
+    accel_axes = 0 if block.accel_ms2 is None else block.accel_ms2.shape[1]
+    shape = [block.gyro_dps.shape[1], accel_axes, block.temperature_c is not None, block.flags is not None]
+    estimated = [one.unit for one in block.estimates]
+    for one in block.tracked:
+        shape += [len(one.axes), one.unit == ACCEL_UNIT, one.unit in estimated]
+    return shape
 
 
 def _said(block: Block) -> object:

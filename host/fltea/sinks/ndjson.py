@@ -4,8 +4,8 @@ import time
 from typing import BinaryIO
 
 from fltea.records.block import Block
-from fltea.records.ports import Item, Sink, SinkClosed
-from fltea.sinks.lines import BlockLines, Wanted
+from fltea.records.ports import Item, Printed, Sink, SinkClosed, Wanted
+from fltea.sinks.lines import BlockLines
 from fltea.sinks.record_json import record_json
 
 BUFFER = 1 << 18
@@ -21,17 +21,20 @@ class NdjsonSink(Sink):
     name = "stdout"
     lossless = True
     capacity = 50_000
+    prints: Wanted
 
     def __init__(self, stream: BinaryIO, *, samples: bool) -> None:
         self._stream = stream
-        self._wanted = Wanted(samples=samples, estimates=True, corrected=True)
+        self.prints = Wanted(samples=samples, estimates=True, corrected=True)
         self._lines = BlockLines()
         self._pending = bytearray()
 
     def write(self, item: Item) -> None:
         """Add a line a record."""
-        if isinstance(item, Block):
-            self._lines.add(self._pending, item, self._wanted, item.due_rows)
+        if isinstance(item, Printed):
+            self._pending += item.data
+        elif isinstance(item, Block):
+            self._lines.add(self._pending, item, self.prints, item.due_rows)
         else:
             self._pending += record_json(item) + b"\n"
         if len(self._pending) >= BUFFER:

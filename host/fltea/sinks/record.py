@@ -11,10 +11,10 @@ from fltea.recording.session import OVERFLOW, WIRE_WRAP, LinkMessage
 from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.events import Chunk, Failed, Opened, Reads
-from fltea.records.ports import Item, Report, Sink
+from fltea.records.ports import Item, Printed, Report, Sink, Wanted
 from fltea.records.records import AnyRecord, Error, Hello
 from fltea.settings.outputs import RecordConfig
-from fltea.sinks.lines import BlockLines, Wanted
+from fltea.sinks.lines import BlockLines
 from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer
 from fltea.sources.as_wire import as_stated
 
@@ -101,6 +101,8 @@ class RecordSink(Sink):
                 self._on_link(item)
             case Block():
                 self._on_block(item)
+            case Printed():  # never given to a sink that prints nothing
+                pass
             case _:
                 self._on_record(item)
 

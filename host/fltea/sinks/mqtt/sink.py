@@ -7,10 +7,10 @@ from collections import deque
 from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.identities import MOST, FewIdentities
-from fltea.records.ports import Item, Report, Sink
+from fltea.records.ports import Item, Report, Sink, Wanted
 from fltea.records.records import AnyRecord, DeviceEstimates, DeviceFits, Estimate, Fit, Hello, Record, Stats
 from fltea.settings.outputs import MqttConfig
-from fltea.sinks.lines import BlockLines, Wanted
+from fltea.sinks.lines import BlockLines
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.delivery import BACKLOG, Delivery, Message
 from fltea.sinks.mqtt.discovery import discovery, discovery_topic

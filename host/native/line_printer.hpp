@@ -1,0 +1,141 @@
+// Rows of columns as lines of JSON, as msgspec writes them: texts, and numbers in the holes between them.
+#pragma once
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace fltea {
+
+// One column of rows: (rows,) or (rows, width).
+struct Cells {
+    enum Kind { kReal, kWhole, kFlag };  // double, int64, 0 or 1 in a byte
+
+    const void* first;
+    std::ptrdiff_t row, place;  // bytes from a row to the next, and from a place in it to the next
+    Kind kind;
+};
+
+class LinePrinter {
+  public:
+    struct Hole {
+        std::size_t column, place;
+    };
+
+    // texts: what stands before each hole, and after the last one. nulls: numbers that are not finite are
+    // null; else they are left out with their key. Throws std::invalid_argument.
+    LinePrinter(std::vector<std::string> texts, std::vector<Hole> holes, bool nulls)
+        : texts_(std::move(texts)), holes_(std::move(holes)), nulls_(nulls) {
+        if (texts_.size() != holes_.size() + 1)
+            throw std::invalid_argument("a text stands before and after each hole");
+        for (const std::string& text : texts_) room_ += text.size() + kLongest;
+    }
+
+    const std::vector<Hole>& holes() const { return holes_; }
+    bool uses(std::size_t column) const {
+        return std::any_of(holes_.begin(), holes_.end(),
+                           [&](const Hole& one) { return one.column == column; });
+    }
+    // Bytes that so many rows take at most.
+    std::size_t room(std::size_t rows) const { return rows * room_; }
+
+    // Prints rows begin, begin + step, … below end, for which there is `room`; the end of what was printed.
+    // Columns without a hole may be anything; the others have these rows and the places of their holes.
+    char* print(const Cells* columns, std::size_t begin, std::size_t end, std::size_t step, char* out) const {
+        std::vector<Cell> cells;
+        cells.reserve(holes_.size());
+        for (const Hole& hole : holes_) {
+            const Cells& one = columns[hole.column];
+            const std::ptrdiff_t place = static_cast<std::ptrdiff_t>(hole.place) * one.place;
+            cells.push_back({static_cast<const char*>(one.first) + place, one.row, one.kind});
+        }
+        for (std::size_t row = begin; row < end; row += step)
+            out = print_row(cells, static_cast<std::ptrdiff_t>(row), out);
+        return out;
+    }
+
+  private:
+    // No number takes more, its sign and exponent included.
+    static constexpr std::size_t kLongest = 32;
+
+    struct Cell {
+        const char* first;
+        std::ptrdiff_t stride;
+        Cells::Kind kind;
+    };
+
+    char* print_row(const std::vector<Cell>& cells, std::ptrdiff_t row, char* out) const {
+        bool first = false;  // of its object: the one before it was left out
+        for (std::size_t i = 0; i <= cells.size(); ++i) {
+            const std::string& text = texts_[i];
+            const std::size_t skipped = first && text.front() == ',' ? 1 : 0;
+            out = std::copy(text.begin() + static_cast<std::ptrdiff_t>(skipped), text.end(), out);
+            first = false;
+            if (i == cells.size()) break;
+            const char* const at = cells[i].first + row * cells[i].stride;
+            if (cells[i].kind == Cells::kFlag) {
+                out = put(*at ? "true" : "false", out);
+            } else if (cells[i].kind == Cells::kWhole) {
+                out = std::to_chars(out, out + kLongest, *reinterpret_cast<const std::int64_t*>(at)).ptr;
+            } else if (const double value = *reinterpret_cast<const double*>(at); std::isfinite(value)) {
+                out = put_real(value, out);
+            } else if (nulls_ || out[-1] != ':') {
+                out = put("null", out);
+            } else {
+                for (out -= 2; out[-1] != '"';) --out;
+                --out;
+                first = out[-1] == '{';
+                if (!first) --out;
+            }
+        }
+        return out;
+    }
+
+    // The shortest digits that give the number back; positional from 1e-5 to below 1e16, as msgspec has it.
+    static char* put_real(double value, char* out) {
+        char text[kLongest], digits[kLongest];
+        const char* end = std::to_chars(text, text + kLongest, value, std::chars_format::scientific).ptr;
+        const char* from = text;
+        if (*from == '-') *out++ = *from++;
+        int n = 0;
+        for (; *from != 'e'; ++from)
+            if (*from != '.') digits[n++] = *from;
+        int exponent = 0;
+        std::from_chars(from + (from[1] == '+' ? 2 : 1), end, exponent);
+        const int whole = exponent + 1;  // digits before the point
+        if (exponent < -5 || exponent > 15) {
+            *out++ = digits[0];
+            if (n > 1) *out++ = '.';
+            out = std::copy(digits + 1, digits + n, out);
+            *out++ = 'e';
+            return std::to_chars(out, out + kLongest, exponent).ptr;
+        }
+        if (whole <= 0) {
+            *out++ = '0';
+            *out++ = '.';
+            out = std::fill_n(out, -whole, '0');
+            return std::copy(digits, digits + n, out);
+        }
+        out = std::copy(digits, digits + std::min(n, whole), out);
+        out = std::fill_n(out, std::max(0, whole - n), '0');
+        *out++ = '.';
+        if (n <= whole) *out++ = '0';
+        return std::copy(digits + std::min(n, whole), digits + n, out);
+    }
+
+    static char* put(const char* word, char* out) { return std::copy(word, word + std::strlen(word), out); }
+
+    std::vector<std::string> texts_;
+    std::vector<Hole> holes_;
+    bool nulls_;
+    std::size_t room_ = 0;
+};
+
+}  // namespace fltea

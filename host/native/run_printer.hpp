@@ -1,0 +1,171 @@
+// The samples of a device's runs as lines of JSON: columns are counted as host/fltea/sinks/lines.py has them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "device.hpp"
+#include "line_printer.hpp"
+
+namespace fltea {
+
+class RunPrinter {
+  public:
+    // Numbers a row of the gyroscope, and of the accelerometer or 0; whether there are temperatures and
+    // flags; of each sensor that has samples its axes, whether it is the accelerometer, and whether it has
+    // estimates.
+    using Shape = std::vector<std::size_t>;
+
+    // every: samples are printed whose number is a multiple of it. weight: records that one stands for. The
+    // text is of rows of this shape alone. Throws std::invalid_argument.
+    RunPrinter(std::shared_ptr<const LinePrinter> lines, std::int64_t every, std::size_t weight, Shape shape)
+        : lines_(std::move(lines)), every_(every), weight_(weight), shape_(std::move(shape)) {
+        if (every < 1) throw std::invalid_argument("there are records of every n-th sample");
+        if (shape_.size() < kOfSensors || (shape_.size() - kOfSensors) % kOfSensor != 0)
+            throw std::invalid_argument("a shape is of samples, and of sensors");
+        is_corrected_ = lines_->uses(kCorrected);
+        const std::vector<std::size_t> widths = widths_of(shape_);
+        for (const LinePrinter::Hole& hole : lines_->holes()) {
+            if (hole.column >= widths.size() || hole.place >= widths[hole.column])
+                throw std::invalid_argument("a hole without a column");
+        }
+    }
+
+    // Prints rows of the newest run; they are only counted where their shape is another one, as are all that
+    // follow until they are taken.
+    void append(const Device& device, std::size_t begin, std::size_t end) {
+        if (begin >= end) return;
+        if (missed_ > 0 || shape_of(device) != shape_) {
+            missed_ += end - begin;
+            return;
+        }
+        const auto every = static_cast<std::size_t>(every_);
+        const std::int64_t over = device.run().seq[begin] % every_;
+        const std::size_t first = begin + (over == 0 ? 0 : static_cast<std::size_t>(every_ - over));
+        if (first >= end) return;
+        const std::size_t rows = (end - first - 1) / every + 1, room = lines_->room(rows);
+        if (data_.size() - used_ < room) data_.resize(std::max(used_ + room, 2 * data_.size()));
+        lay_out(device, first, end, every);
+        char* const out = data_.data() + used_;
+        used_ += static_cast<std::size_t>(lines_->print(columns_.data(), first, end, every, out) - out);
+        records_ += rows * weight_;
+    }
+
+    const char* data() const { return data_.data(); }
+    std::size_t size() const { return used_; }
+    std::size_t records() const { return records_; }
+    // Rows that were not printed, the newest.
+    std::size_t missed() const { return missed_; }
+
+    // Begins anew, once what is there has been taken.
+    void clear() {
+        if (data_.size() > kKept && used_ < data_.size() / 8) std::vector<char>().swap(data_);
+        used_ = records_ = missed_ = 0;
+    }
+
+  private:
+    enum : std::size_t { kCorrected = 7, kOfSensors = 4, kOfSensor = 3 };
+    // Of a bank, columns before its flags that are printed; of a tracker, which one the bias is.
+    enum : std::size_t { kNumbers = kLaneInnovationStd, kBias = 2 };
+    // Bytes that are kept while few are used: devices are many, and what waits for one comes at once.
+    static constexpr std::size_t kKept = 1 << 16;
+
+    static bool has_samples(const SensorColumns& one) { return one.tracked != nullptr; }
+
+    static Shape shape_of(const Device& device) {
+        const RunColumns& run = device.run();
+        Shape shape = {run.gyro_width, run.accel_ms2 == nullptr ? 0 : run.accel_width,
+                       run.temperature_c != nullptr, run.flags != nullptr};
+        for (std::size_t k = 0; k < run.sensors.size(); ++k) {
+            if (!has_samples(run.sensors[k])) continue;
+            shape.push_back(device.sensors[k].places.size());
+            shape.push_back(device.sensors[k].is_accel);
+            shape.push_back(run.sensors[k].has_estimates);
+        }
+        return shape;
+    }
+
+    // Of each column the numbers in a row; 0 where there is no such column.
+    static std::vector<std::size_t> widths_of(const Shape& shape) {
+        std::vector<std::size_t> widths = {1, 1, 1, shape[0], shape[1], shape[2], shape[3], 0};
+        for (std::size_t i = kOfSensors; i < shape.size(); i += kOfSensor) {
+            if (!shape[i + 1] && widths[kCorrected] == 0) widths[kCorrected] = shape[i];
+            if (shape[i + 2]) widths.insert(widths.end(), kNumbers + 2, shape[i]);
+        }
+        for (std::size_t i = kOfSensors; i < shape.size(); i += kOfSensor)
+            widths.insert(widths.end(), kTrackedColumns + 1, shape[i]);
+        return widths;
+    }
+
+    void lay_out(const Device& device, std::size_t first, std::size_t end, std::size_t every) {
+        const RunColumns& run = device.run();
+        columns_.clear();
+        add(run.seq, 1);
+        add(run.device_us, 1);
+        add(run.host_ns, 1);
+        add(run.gyro_dps, run.gyro_width);
+        add(run.accel_ms2, run.accel_width);
+        add(run.temperature_c, 1);
+        add(run.flags, 1);
+        columns_.push_back({});
+        if (is_corrected_) correct(device, first, end, every);
+        for (std::size_t k = 0; k < run.sensors.size(); ++k) {
+            if (!has_samples(run.sensors[k]) || !run.sensors[k].has_estimates) continue;
+            const BankBlock& bank = run.sensors[k].bank;
+            const std::size_t axes = device.sensors[k].places.size();
+            for (std::size_t c = 0; c < kNumbers; ++c) add(bank.columns[c], axes);
+            add(bank.valid, axes);
+            add(bank.white, axes);
+        }
+        for (std::size_t k = 0; k < run.sensors.size(); ++k) {
+            if (!has_samples(run.sensors[k])) continue;
+            const std::size_t axes = device.sensors[k].places.size();
+            for (std::size_t c = 0; c < kTrackedColumns; ++c)
+                add(run.sensors[k].tracked + c * run.n * axes, axes);
+            add(run.sensors[k].moving, axes);
+        }
+    }
+
+    // The rates of the gyroscope's tracked axes less their biases.
+    void correct(const Device& device, std::size_t first, std::size_t end, std::size_t every) {
+        const RunColumns& run = device.run();
+        std::size_t k = 0;
+        while (device.sensors[k].is_accel || !has_samples(run.sensors[k])) ++k;
+        const std::vector<std::size_t>& places = device.sensors[k].places;
+        const std::size_t axes = places.size();
+        const double* const bias = run.sensors[k].tracked + kBias * run.n * axes;
+        corrected_dps_.resize(run.n * axes);
+        for (std::size_t row = first; row < end; row += every) {
+            for (std::size_t a = 0; a < axes; ++a)
+                corrected_dps_[row * axes + a] =
+                    run.gyro_dps[row * run.gyro_width + places[a]] - bias[row * axes + a];
+        }
+        columns_.pop_back();
+        add(corrected_dps_.data(), axes);
+    }
+
+    static Cells::Kind kind_of(const double*) { return Cells::kReal; }
+    static Cells::Kind kind_of(const std::int64_t*) { return Cells::kWhole; }
+    static Cells::Kind kind_of(const std::uint8_t*) { return Cells::kFlag; }
+    template <typename T>
+    void add(const T* first, std::size_t width) {
+        const auto row = static_cast<std::ptrdiff_t>(width * sizeof(T));
+        columns_.push_back({first, row, static_cast<std::ptrdiff_t>(sizeof(T)), kind_of(first)});
+    }
+
+    std::shared_ptr<const LinePrinter> lines_;
+    std::int64_t every_;
+    std::size_t weight_;
+    Shape shape_;
+    bool is_corrected_ = false;
+    std::vector<char> data_;  // of which `used_` are printed: what is beyond is not cleared each time
+    std::size_t used_ = 0, records_ = 0, missed_ = 0;
+    std::vector<Cells> columns_;
+    std::vector<double> corrected_dps_;
+};
+
+}  // namespace fltea
