@@ -5,7 +5,7 @@ from unittest.mock import Mock
 
 import pytest
 from fltea.records.events import Chunk
-from fltea.records.ports import LATENCY_BOUNDS_MS, Latency, Sink, SinkClosed
+from fltea.records.ports import LATENCY_BOUNDS_MS, Latency, Printed, Sink, SinkClosed, Wanted
 from fltea.records.records import AnyRecord, Error, Gap
 from fltea.service.bell import Bell
 from fltea.service.hub import Hub, Tap
@@ -214,6 +214,29 @@ def test_each_output_gets_what_concerns_it() -> None:
     assert all_outputs.stats("left").keys() == {"stdout", "mqtt"}
     assert all_outputs.stats("left")["mqtt"].written == 2
     assert [device for device, _ in all_outputs.outlets()] == [None, "left", "right"]
+
+
+def test_outputs_that_print_the_same_are_given_the_same_lines() -> None:
+    all_outputs, _ = hub()
+    some, others = Wanted(samples=True), Wanted(estimates=True)
+    shared, left, right, plain = (Memory(name) for name in ("stdout", "left", "right", "plain"))
+    shared.prints = left.prints = some
+    right.prints = others
+    outlets = [all_outputs.add(shared), all_outputs.add(left, "left")]
+    all_outputs.add(right, "right")
+    all_outputs.add(plain)
+    assert all_outputs.printing("left") == {some: outlets}
+    assert all_outputs.printing("right").keys() == {some, others}
+    assert all_outputs.printing("other") == {some: outlets[:1]}
+    printed: list[AnyRecord | Printed] = [gap(1), Printed(b"lines", 8)]
+    all_outputs.publish("left", [gap(1)], printed={some: printed})
+    all_outputs.publish("right", [gap(2)], printed={some: printed})
+    assert closed(all_outputs)
+    assert left.items == printed
+    assert shared.items == printed * 2
+    assert right.items == [gap(2)], "of its text nothing was printed"
+    assert plain.items == [gap(1), gap(2)]
+    assert all_outputs.stats("left")["left"].written == 9
 
 
 def test_outputs_that_are_not_told_can_be_told_later() -> None:

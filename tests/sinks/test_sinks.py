@@ -15,7 +15,7 @@ import pytest
 from blocks import as_items
 from example_records import GOOD, INVALID, axis_estimate
 from fit_support import FRACTIONAL, UNDECIDED, WHITE
-from fltea.records.ports import SinkClosed
+from fltea.records.ports import Printed, SinkClosed, Wanted
 from fltea.records.records import (
     ACCEL_UNIT,
     AnyRecord,
@@ -157,6 +157,21 @@ def test_lines_go_out_together_at_a_flush_and_at_once_when_many() -> None:
     for _ in range(BUFFER // 100):
         sink.write(ERROR)
     assert stream.calls > 1
+
+
+def test_what_was_printed_elsewhere_stands_between_the_records_around_it() -> None:
+    stream = Stream()
+    sink = NdjsonSink(stream, samples=True)
+    sample, lines = Sample(1, 2, 3, 4, (0.5, -0.25), None, 21.5, 3), b'{"class":"sample"}\n'
+    (block,) = as_items([sample])
+    for item in (ERROR, Printed(lines * 2, 5), block, Printed(b"", 0), ERROR):
+        sink.write(item)
+    sink.flush()
+    assert stream.data == written(ERROR) + lines * 2 + written(sample) + written(ERROR)
+    sink.write(Printed(lines * BUFFER, 5))
+    assert stream.data.endswith(lines * BUFFER)
+    assert sink.prints == Wanted(samples=True, estimates=True, corrected=True)
+    assert not NdjsonSink(stream, samples=False).prints.samples
 
 
 @given(st.integers(1, 500))

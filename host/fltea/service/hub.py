@@ -1,11 +1,12 @@
 """All outputs of a running program: who gets which record, what each has lost, and what they report."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 from fltea.records.block import Block
 from fltea.records.events import Reads, TransportEvent
-from fltea.records.ports import Departed, Item, Sink
+from fltea.records.ports import Departed, Item, Printed, Sink, Wanted
 from fltea.records.records import AnyRecord, Error
 from fltea.records.stats import OutputStats
 from fltea.service.bell import Bell
@@ -14,6 +15,11 @@ from fltea.service.outlet import Outlet, OutletThread
 
 ESSENTIAL = "stdout"
 """The output without which a program that has no other need not go on; its failure is then the program's."""
+
+ByText = Mapping[Wanted | None, Sequence[AnyRecord | Block | Printed]]
+"""What outputs that print the same are given of a device, samples as lines as far as they were printed."""
+
+NOTHING_PRINTED: ByText = MappingProxyType({})
 
 
 class Hub:
@@ -64,18 +70,29 @@ class Hub:
         wait: bool = False,
         log: bool = True,
         tell: bool = True,
+        printed: ByText = NOTHING_PRINTED,
     ) -> None:
         """Queue a device's records.
 
-        wait: hold the caller up for outputs that must not lose any. tell: the outputs' threads at once; else
-        the caller rings the bells of `untold`, when it can do without Python's lock.
+        printed: the same for outputs of these texts (`printing`). wait: hold the caller up for outputs that
+        must not lose any. tell: the outputs' threads at once; else the caller rings the bells of `untold`,
+        when it can do without Python's lock.
         """
         for outlet in (*self._shared, *self._of.get(device, ())):
-            outlet.put(records, arrived_ns, wait=wait, tell=tell)
+            own = printed.get(outlet.sink.prints, records)
+            outlet.put(own, arrived_ns, wait=wait, tell=tell)
         if log and self._log is not None:
             errors = [record for record in records if isinstance(record, Error)]
             if errors:
                 self._log.put(errors)
+
+    def printing(self, device: str) -> dict[Wanted, list[Outlet]]:
+        """Return a device's outputs that take its samples printed, by what they print."""
+        found: dict[Wanted, list[Outlet]] = {}
+        for outlet in (*self._shared, *self._of.get(device, ())):
+            if outlet.sink.prints is not None:
+                found.setdefault(outlet.sink.prints, []).append(outlet)
+        return found
 
     def untold(self) -> list[Bell]:
         """Return the bells of threads that know nothing yet of what was published without telling."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.events import Reads
-from fltea.records.ports import Departed, Item, Latency, Sink, SinkClosed
+from fltea.records.ports import Departed, Item, Latency, Printed, Sink, SinkClosed
 from fltea.records.stats import OutputStats
 from fltea.service.bell import Bell
 
@@ -24,6 +24,8 @@ def weight(item: Item | Departed) -> int:
         return 0
     if isinstance(item, Reads):
         return len(item.end)
+    if isinstance(item, Printed):
+        return item.records
     return item.weight if isinstance(item, Block) else 1
 
 

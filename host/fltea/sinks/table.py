@@ -15,7 +15,7 @@ from fltea.records.device_fit import DeviceAxisFit
 from fltea.records.events import Reads, TransportEvent
 from fltea.records.fit import AxisFit
 from fltea.records.plus_minus import angle_within, plus_minus
-from fltea.records.ports import Item, Sink, SinkClosed
+from fltea.records.ports import Item, Printed, Sink, SinkClosed
 from fltea.records.records import (
     AnyRecord,
     AxisEstimate,
@@ -95,7 +95,7 @@ class TableSink(Sink):
 
     def write(self, item: Item) -> None:
         """Remember the record and redraw a few times a second."""
-        if isinstance(item, TransportEvent | Reads):
+        if isinstance(item, Printed | TransportEvent | Reads):
             return
         if isinstance(item, Block) and not (item.estimates and item.due_rows):
             return
