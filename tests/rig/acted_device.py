@@ -1,0 +1,192 @@
+"""A device that does what is acted, and all that can happen to it, as the events of a source."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+from blocks import in_blocks
+from fltea.records.events import Break, Event, LinkDown, RawSample, Tick, Trouble, block_of
+from fltea.records.records import Hello
+from fltea.records.stats import DeviceStatus
+from host_support import hello
+from hypothesis import strategies as st
+from walk_support import Source
+
+SECOND_NS = 10**9
+
+
+class Act(NamedTuple):
+    """Something happens, then some samples come. amount: how much of it, from 0 to 1. cuts: of the block."""
+
+    what: str = "goes on"
+    amount: float = 0.0
+    samples: int = 1
+    cuts: tuple[int, ...] = ()
+
+
+SAID = (
+    "boot",
+    "sensor",
+    "other device",
+    "link down",
+    "link down, HELLO",
+    "break",
+    "date",
+    "scale",
+    "rate",
+    "HELLO",
+    "tick",
+    "status",
+    "trouble",
+    "no accelerometer",
+)
+"""What comes between two blocks."""
+ACTS = (
+    *SAID,
+    "goes on",
+    "gap",
+    "long gap",  # the number wraps once, twice, …
+    "twice",
+    "reset",  # whose HELLO is lost
+    "jump",  # of device time
+    "late",  # on the host's clock
+    "silence",  # about half an hour
+    "knock",
+    "still",
+)
+
+
+class Birth(NamedTuple):
+    """Number and time of the first sample, a seed of the noise, and whether HELLO comes before it."""
+
+    sequence: int
+    device_us: int
+    seed: int = 0
+    greets: bool = True
+
+
+class Device:
+    """Events as a source gives them. news: what its HELLO says other than that of `host_support`."""
+
+    def __init__(self, source: Source, birth: Birth, **news: Any) -> None:
+        self._source, self._greets, self._rng = source, birth.greets, np.random.default_rng(birth.seed)
+        self._sequence, self._device_us, self._host_ns = (
+            birth.sequence,
+            birth.device_us,
+            SECOND_NS + birth.seed,
+        )
+        self.hello = hello(**news)
+        self._noise, self._accel = 8.0, True
+
+    def does(self, acts: Iterable[Act]) -> Iterator[Event]:
+        """Samples are one block for as long as nothing is said between them, but for the acts' cuts."""
+        if self._greets:
+            yield self._says()
+        waiting: list[RawSample] = []
+        cuts: list[int] = []
+        for act in acts:
+            if act.what in SAID and waiting:
+                yield from in_blocks(block_of(waiting), cuts)
+                waiting, cuts = [], []
+            yield from self._happens(act)
+            cuts += [len(waiting) + cut for cut in act.cuts]
+            waiting += [self._sample() for _ in range(act.samples)]
+            if act.what == "twice":
+                waiting.append(waiting[-1]._replace(host_ns=waiting[-1].host_ns + 100))
+        yield from in_blocks(block_of(waiting), cuts)
+
+    def _says(self, **news: Any) -> Hello:
+        self.hello = msgspec.structs.replace(self.hello, host_ns=self._host_ns, **news)
+        return self.hello
+
+    def _happens(self, act: Act) -> Iterator[Event]:
+        known, amount = self.hello, act.amount
+        match act.what:
+            case "gap":
+                self._pass(round(1 + 120 * amount))
+            case "long gap":
+                self._pass(round(60_000 + 140_000 * amount))
+            case "silence":
+                self._pass(round(179_990 + 20 * amount))
+            case "boot" | "reset":
+                self._sequence, self._device_us = round(3 * amount), round(1e4 * amount)
+                if act.what == "boot":
+                    yield self._says(boot_id=(known.boot_id or 0) + 1)
+                else:
+                    self.hello = msgspec.structs.replace(known, boot_id=(known.boot_id or 0) + 1)
+            case "sensor":
+                self._pass(round(50 * amount))
+                yield self._says(sensor_starts=(known.sensor_starts or 0) + 1)
+            case "other device":
+                yield self._says(device_id=f"b{round(9 * amount)}")
+            case "link down" | "link down, HELLO":
+                yield LinkDown(self._host_ns)
+                self._pass(round(100 * amount))
+                if act.what == "link down, HELLO":
+                    yield self._says()
+            case "break":
+                yield Break("gap" if amount > 0.5 else "discontinuity", self._host_ns)
+            case "date":
+                self._source.unix_offset_ns += round(7200 * SECOND_NS * (amount - 0.5))
+            case "scale":
+                lsb, per_g = (
+                    (None, None) if amount > 0.9 else (131.0 * amount + 1, 0.0 if amount < 0.1 else 2048.0)
+                )
+                yield self._says(gyro_lsb_per_dps=lsb, accel_lsb_per_g=per_g)
+            case "rate":
+                yield self._says(rate_hz=round(25 + 175 * amount, 1))
+            case "HELLO":
+                yield self._says()
+            case "jump":
+                self._device_us += round(40_000 * (amount - 0.5)) if amount < 0.8 else 2**31
+            case "late":
+                self._host_ns += round(610 * SECOND_NS * (amount - 0.2) ** 3)
+            case "tick":
+                self._host_ns += round(3 * SECOND_NS * amount)
+                yield Tick(self._host_ns)
+            case "status":
+                yield DeviceStatus(round(9 * amount), 0, 0, 0, 0, "watchdog")
+            case "trouble":
+                yield Trouble("device_fault", f"{amount}", self._host_ns, fatal=False)
+            case "no accelerometer":
+                self._accel = not self._accel
+            case "knock":
+                self._noise = 8.0 if self._noise != 8.0 else 2000 * amount
+            case "still":
+                self._noise = 0.0 if self._noise else 8.0
+
+    def _pass(self, samples: int) -> None:
+        """Nothing is heard for so long."""
+        period_us = 1e6 / self.hello.rate_hz
+        self._sequence += samples
+        self._device_us += round(samples * period_us * (1 + 1e-4))
+        self._host_ns += round(samples * period_us * 1000)
+
+    def _sample(self) -> RawSample:
+        self._pass(1)
+        gyro = tuple(np.rint([3, -40, 0] + self._noise * self._rng.standard_normal(3)).tolist())
+        late_ns = int(self._rng.exponential(2e6))
+        place = self._sequence % 2**16, self._device_us % 2**32, self._host_ns + late_ns
+        accel = tuple(np.rint([0, 0, 16384] + 20 * self._rng.standard_normal(3)).tolist())
+        return RawSample(*place, gyro, accel if self._accel else None, 300.0, int(late_ns % 4))
+
+
+def acts(most: int, samples: int) -> st.SearchStrategy[list[Act]]:
+    one = st.builds(
+        Act,
+        st.sampled_from(ACTS),
+        st.floats(0, 1),
+        st.integers(1, samples),
+        st.lists(st.integers(0, samples), max_size=4).map(tuple),
+    )
+    return st.lists(one, min_size=most // 4, max_size=most)
+
+
+births = st.builds(
+    Birth,
+    st.integers(0, 65535) | st.integers(65_400, 65535),
+    st.integers(0, 2**32 - 1) | st.integers(2**32 - 2 * 10**6, 2**32 - 1),
+    st.integers(0, 999),
+    st.sampled_from([True, True, True, False]),
+)

@@ -1,0 +1,107 @@
+"""Where a sample stands: its number and its device time, which do not wrap, and what was lost before it.
+
+The rules are those of protocol/README.md. `plain_walk` tells what comes before and behind.
+"""
+
+from typing import NamedTuple
+
+from fltea.records.events import RawSample
+from fltea.records.records import EpochReason, Hello
+from fltea.settings.config import Config
+from fltea.settings.duration import in_samples
+
+LONGEST_SILENCE_NS = 30 * 60 * 10**9
+"""Device time wraps every 71.6 minutes, so after a longer silence nobody knows how often it has."""
+LONGEST_DISAGREEMENT_US = 5 * 60 * 10**6
+"""Of device's and host's clock since the sample before: by chance a reset looks like a gap of an hour."""
+CLOCK_TOLERANCE = 0.02
+"""Sequence and time may differ by twice the ±1 % of a sensor's own clock, and by one period."""
+LONGEST_GAP = 1_000_000
+"""Samples that are bridged at most, whatever `link.max_gap` says."""
+
+
+class Placed(NamedTuple):
+    """A sample's number, its device time, the samples lost just before it, and why it begins an epoch."""
+
+    seq: int
+    device_us: int
+    missing: int
+    reason: EpochReason | None
+
+
+def steps_between(last: RawSample, raw: RawSample, hello: Hello) -> int | None:
+    """How many sampling periods a sample is behind another; None where its number and its time disagree."""
+    elapsed_us, period_us = (raw.device_us - last.device_us) % 2**32, 1e6 / hello.rate_hz
+    numbers = (raw.sequence - last.sequence) % 2**16
+    # The time that has passed tells how often the number has wrapped.
+    steps = numbers + 2**16 * round((elapsed_us / period_us - numbers) / 2**16)
+    tolerance_us = CLOCK_TOLERANCE * steps * period_us + period_us
+    return steps if steps >= 1 and abs(elapsed_us - steps * period_us) <= tolerance_us else None
+
+
+class Place:
+    """Finds where samples stand, and counts what became of all that came (protocol/README.md)."""
+
+    def __init__(self, config: Config) -> None:
+        self._max_gap = config.link.max_gap
+        self.hello: Hello | None = None
+        self.delivered = self.lost = self.gaps = self.duplicates = self.before_hello = 0
+        self._boot: tuple[int | None, str | None] | None = None
+        self._sensor_starts: int | None = None
+        self._reason: EpochReason | None = "start"  # why the next sample begins an epoch
+        self._last: RawSample | None = None
+        self._seq = self._device_us = 0
+
+    def on_hello(self, hello: Hello) -> bool:
+        """Believe the samples that follow; whether it is news: the first, another boot, or another sensor."""
+        boot, before = (hello.boot_id, hello.device_id), self._boot
+        sensor_began = hello.sensor_starts != self._sensor_starts
+        is_news = boot != before or sensor_began or self.hello is None
+        if before is not None and boot != before:
+            self._reason = "restart"
+        elif sensor_began and self._reason is None:
+            self._reason = "sensor_restart"
+        self._boot, self._sensor_starts, self.hello = boot, hello.sensor_starts, hello
+        return is_news
+
+    def on_link_down(self) -> None:
+        """Believe no sample until the next HELLO: it may be another device's."""
+        self.hello = None
+
+    def on_break(self, reason: EpochReason) -> None:
+        """A recording says that its next sample begins an epoch; what is known of it already counts more."""
+        if self._reason in (None, "sensor_restart"):
+            self._reason = reason
+
+    def place(self, raw: RawSample) -> Placed | None:
+        """Where a sample stands; None for one that cannot be used."""
+        last, hello, reason = self._last, self.hello, self._reason
+        if hello is None:
+            self.before_hello += 1
+            return None
+        if last is None or reason not in (None, "sensor_restart"):  # nothing of before counts any more
+            return self._used(raw, Placed(raw.sequence, raw.device_us, 0, reason))
+        if raw.host_ns - last.host_ns > LONGEST_SILENCE_NS:
+            return self._used(raw, Placed(raw.sequence, raw.device_us, 0, reason or "silence"))
+
+        elapsed_us = (raw.device_us - last.device_us) % 2**32
+        if elapsed_us == 0 and raw.sequence == last.sequence:
+            self.duplicates += 1
+            return None
+        steps, elapsed_on_host_us = steps_between(last, raw, hello), (raw.host_ns - last.host_ns) / 1000
+        if steps is None or abs(elapsed_us - elapsed_on_host_us) > LONGEST_DISAGREEMENT_US:
+            self._reason, self.hello = "discontinuity", None  # a restart, or another device: who is it?
+            self.before_hello += 1
+            return None
+        missing = steps - 1
+        self.lost += missing
+        self.gaps += missing > 0
+        if reason is None and missing > min(in_samples(self._max_gap, hello.rate_hz, 1), LONGEST_GAP):
+            reason = "gap"
+        return self._used(raw, Placed(self._seq + steps, self._device_us + elapsed_us, missing, reason))
+
+    def _used(self, raw: RawSample, placed: Placed) -> Placed:
+        self.delivered += 1
+        self._last, self._reason = raw, None
+        self._seq, self._device_us = placed.seq, placed.device_us
+        return placed

@@ -1,0 +1,328 @@
+"""The walk of a sample through the host in plain Python: one sample at a time, from top to bottom.
+
+It is the oracle of `fltea.stream.pipeline`, and the page on which to read what that does. A sample comes into
+`PlainWalk.feed`, and on its way
+
+1. `plain_place.Place` gives it its number and its device time, which do not wrap, and tells what was lost;
+2. `one_by_one.Timebase` gives it its host time, by a line through the earliest arrivals of ten minutes;
+3. `in_units` makes deg/s, m/s² and °C of its counts, by the scales of the newest HELLO;
+4. `plain_sensor.Sensor` finds bias and R by the first ones, and lets the filters take all others;
+5. `PlainWalk` says what has come of it: the records, in their order, and once a second statistics.
+
+Left out are live fits, the trackers of biases, and boards that estimate by themselves.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import msgspec
+from fltea.records.events import Break, Event, LinkDown, RawBlock, RawSample, Trouble, host_ns_of
+from fltea.records.ports import Source
+from fltea.records.records import (
+    ACCEL_AXES,
+    ACCEL_UNIT,
+    AXES,
+    GYRO_UNIT,
+    AnyRecord,
+    AxisEstimate,
+    Epoch,
+    EpochReason,
+    Error,
+    Estimate,
+    Gap,
+    Hello,
+    Sample,
+    Stats,
+)
+from fltea.records.stats import DeviceStatus, SampleStats
+from fltea.settings.config import Config
+from one_by_one import Timebase
+from plain_place import LONGEST_SILENCE_NS, Place, steps_between
+from plain_sensor import Loss, Sensor, Vector
+
+SECOND_NS = 10**9
+MINUTE_NS = 60 * SECOND_NS
+
+
+def in_units(raw: RawSample, hello: Hello) -> tuple[Vector, Vector | None, float | None]:
+    """Return rates in deg/s, specific forces in m/s², and °C; a scale that is null means units already."""
+    lsb, per_g = hello.gyro_lsb_per_dps, hello.accel_lsb_per_g
+    gyro_dps = tuple(counts / (1.0 if lsb is None else lsb) for counts in raw.gyro)
+    accel_ms2 = temperature_c = None
+    if raw.accel is not None and per_g != 0:  # 0: nobody knows the scale
+        ms2 = 1.0 if per_g is None else 9.80665 / per_g
+        accel_ms2 = tuple(counts * ms2 for counts in raw.accel)
+    if raw.temperature is not None:
+        lsb_per_c, zero_c = (340.0, 36.53) if hello.who_am_i == 0x68 else (333.87, 21.0)
+        temperature_c = raw.temperature / lsb_per_c + zero_c
+    return gyro_dps, accel_ms2, temperature_c
+
+
+class Saved(NamedTuple):
+    """What a later walk goes on from. The filters are handed over, not copied: the walk ends there.
+
+    sample: the last one; unix_ns: when it came, by the date as of the snapshot. made_with: what must be the
+    same.
+    """
+
+    made_with: dict[str, object]
+    unix_ns: int
+    boot_id: int | None
+    sample: RawSample
+    sensors: list[Sensor]
+
+
+class PlainWalk:
+    """Turns the events of one source into records.
+
+    stats_s: seconds from one statistics to the next. watched: somebody reads on; else statistics come at the
+    end alone.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        config: Config,
+        saved: Saved | None = None,
+        *,
+        stats_s: int = 1,
+        watched: bool = True,
+    ) -> None:
+        self._source, self._config, self._saved, self._watched = source, config, saved, watched
+        self._stats_ns, self._stats_due_ns = stats_s * SECOND_NS, -1
+        self._place = Place(config)
+        self._timebase: Timebase | None = None
+        self._epoch = self._now_ns = 0
+        self._offset_ns = source.unix_offset_ns  # of this epoch: a date set since does not tear its times
+        self._sensors: list[Sensor] = []
+        self._board: DeviceStatus | None = None
+        self._newest: RawSample | None = None  # that was used
+        self._lost_told_ns: dict[str, int] = {}
+        self._absent_told = False
+
+    def feed(self, event: Event) -> Iterator[AnyRecord]:
+        """What one event leads to. Statistics go out before the first event of a new second."""
+        if isinstance(event, RawBlock):
+            for raw in event.samples():
+                yield from self._on_time(raw.host_ns)
+                yield from self._on_sample(raw)
+            return
+        yield from self._on_time(host_ns_of(event))
+        match event:
+            case Hello() if self._place.on_hello(event):
+                yield msgspec.structs.replace(event, host_ns=self._unix_ns, device=self._config.name)
+            case LinkDown():
+                self._place.on_link_down()
+                self._board = None
+            case Break(reason):
+                self._place.on_break(reason)
+            case DeviceStatus():
+                self._board = event
+            case Trouble(kind, message):
+                yield self._error(kind, message)
+
+    def finish(self) -> Stats:
+        """What comes at the end."""
+        return self.stats()
+
+    def _on_time(self, host_ns: int | None) -> Iterator[AnyRecord]:
+        self._now_ns = self._now_ns if host_ns is None else host_ns
+        if self._timebase is None:  # the source may not have known the date before
+            self._offset_ns = self._source.unix_offset_ns
+        if self._now_ns < self._stats_due_ns:
+            return
+        if self._stats_due_ns >= 0 and self._watched:
+            yield self.stats()
+        self._stats_due_ns = (self._now_ns // self._stats_ns + 1) * self._stats_ns
+
+    def _on_sample(self, raw: RawSample) -> Iterator[AnyRecord]:
+        placed, hello = self._place.place(raw), self._place.hello
+        if placed is None or hello is None:
+            return
+        seq, device_us, missing, reason = placed
+        gyro_dps, accel_ms2, temperature_c = in_units(raw, hello)
+        resumed_after_s = None
+        if reason is not None:
+            self._offset_ns = self._source.unix_offset_ns
+            self._timebase = Timebase(self._offset_ns)
+            self._epoch += 1
+            yield from self._absent(raw, accel_ms2)
+            reason, resumed_after_s, why_not = self._begin(raw, hello, reason, accel_ms2)
+            if why_not:
+                text = f"the snapshot is not used, so the start-up window begins: {why_not}."
+                yield self._error("state_unused", text)
+        assert self._timebase is not None
+        host_ns, device = self._timebase.add(seq, device_us, raw.host_ns), self._config.name
+        if missing:  # told in the epoch in which they are missing, which may end with them
+            of_epoch = self._epoch - (reason is not None)
+            yield Gap(seq - missing, missing, of_epoch, host_ns, device=device)
+        place = seq, self._epoch, device_us, host_ns
+        if reason is not None:
+            info = {sensor.unit: sensor.info() for sensor in self._sensors}
+            of_both = info.get(GYRO_UNIT), info.get(ACCEL_UNIT)
+            yield Epoch(
+                self._epoch,
+                reason,
+                seq,
+                device_us,
+                host_ns,
+                hello.boot_id,
+                *of_both,
+                resumed_after_s,
+                device=device,
+            )
+        elif missing:
+            for sensor in self._sensors:
+                yield from self._lost(sensor.miss(missing))
+        self._newest = raw
+        is_due = seq % self._config.output.every == 0
+        if is_due:
+            yield Sample(*place, gyro_dps, accel_ms2, temperature_c, raw.flags, device=device)
+        yield from self._estimate(place, gyro_dps, accel_ms2, is_due=is_due)
+
+    def _estimate(
+        self, place: tuple[int, int, int, int], gyro_dps: Vector, accel_ms2: Vector | None, *, is_due: bool
+    ) -> Iterator[AnyRecord]:
+        """Let the filters take a sample; what they make of it, who was lost, and whose window was empty."""
+        axes: dict[str, AxisEstimate] = {}
+        lost: list[Loss] = []
+        full: list[Sensor] = []
+        variant = ""
+        for sensor in self._sensors:
+            values = gyro_dps if sensor.unit == GYRO_UNIT else accel_ms2
+            if values is None:
+                continue
+            filled = sensor.startup_remaining == 1
+            found, lost_of_sensor = sensor.take(values)
+            variant = variant or (sensor.config.variant if found else "")
+            axes, lost = axes | found, lost + lost_of_sensor
+            full += [sensor] if filled else []
+        if axes and is_due:
+            yield Estimate(*place, variant, axes, device=self._config.name)
+        yield from self._lost(sorted(lost))
+        for axis in (axis for sensor in full for axis in sensor.constant_axes):
+            yield self._error("constant_axis", axis)
+
+    def _begin(
+        self, raw: RawSample, hello: Hello, reason: EpochReason, accel_ms2: Vector | None
+    ) -> tuple[EpochReason, float | None, str | None]:
+        """Begin an epoch, from the snapshot if it fits.
+
+        Returns why it begins, how old the snapshot is, and why it was not used.
+        """
+        saved, self._saved = self._saved, None
+        self._sensors = list(self._sensors_of(raw, hello, accel_ms2))
+        if saved is None:
+            return reason, None, None
+        now_unix_ns = raw.host_ns + self._offset_ns
+        if why_not := why_unused(saved, hello, self._config, now_unix_ns):
+            return reason, None, why_not
+        age_s = (now_unix_ns - saved.unix_ns) * 1e-9
+        known = {sensor.unit: sensor for sensor in saved.sensors}
+        self._sensors = [known.get(sensor.unit, sensor) for sensor in self._sensors]
+        for sensor in self._sensors:
+            sensor.bridge(missing_since(saved, hello, raw, age_s))
+        return "resumed", age_s, None
+
+    def _sensors_of(self, raw: RawSample, hello: Hello, accel_ms2: Vector | None) -> Iterator[Sensor]:
+        """Yield those of which axes are wanted: by default the gyroscope."""
+        config, wanted, rate_hz = self._config, self._config.channels, hello.rate_hz
+        lsb, per_g = hello.gyro_lsb_per_dps, hello.accel_lsb_per_g
+        gyro = {axis: k for k, axis in enumerate(AXES[: len(raw.gyro)]) if wanted is None or axis in wanted}
+        if gyro:
+            yield Sensor(gyro, GYRO_UNIT, config.estimator, rate_hz, 0.0 if lsb is None else 1 / lsb)
+        accel = {axis: k for k, axis in enumerate(ACCEL_AXES) if accel_ms2 and axis in (wanted or ())}
+        if accel:
+            yield Sensor(accel, ACCEL_UNIT, config.accel, rate_hz, 9.80665 / per_g if per_g else 0.0)
+
+    def _absent(self, raw: RawSample, accel_ms2: Vector | None) -> Iterator[Error]:
+        """Tell once which of the wanted channels are not there."""
+        there = AXES[: len(raw.gyro)] + (ACCEL_AXES if accel_ms2 else ())
+        absent = [axis for axis in self._config.channels or () if axis not in there]
+        if absent and not self._absent_told:
+            self._absent_told = True
+            yield self._error("no_axis", ", ".join(absent))
+
+    def _lost(self, lost: list[Loss]) -> Iterator[Error]:
+        """Tell which axes became invalid: of each once a minute."""
+        for axis, why in lost:
+            told_ns = self._lost_told_ns.get(axis)
+            if told_ns is None or self._now_ns - told_ns >= MINUTE_NS:
+                self._lost_told_ns[axis] = self._now_ns
+                yield self._error(f"axis_{why}", axis)
+
+    def stats(self) -> Stats:
+        """Sum up the walk so far."""
+        place, timebase = self._place, self._timebase
+        return Stats(
+            epoch=self._epoch,
+            host_ns=self._unix_ns,
+            rate_hz=timebase.rate_hz if timebase else None,
+            clock_ppm=timebase.clock_ppm if timebase else None,
+            startup_remaining=max((one.startup_remaining for one in self._sensors), default=0),
+            link=self._source.link_stats(),
+            sample_counts=SampleStats(
+                place.delivered, place.lost, place.gaps, place.duplicates, place.before_hello
+            ),
+            axes={axis: stats for one in self._sensors for axis, stats in one.stats()},
+            board=self._board,
+            device=self._config.name,
+        )
+
+    def save(self) -> Saved | None:
+        """A snapshot; None while a start-up window fills, with a constant axis, or for an unknown device."""
+        if self._saved is not None:  # of an earlier walk, and still to be used
+            return self._saved
+        hello, newest = self._place.hello, self._newest
+        if hello is None or newest is None or not self._sensors:
+            return None
+        if any(one.baseline is None or one.constant_axes for one in self._sensors):
+            return None
+        unix_ns = newest.host_ns + self._source.unix_offset_ns
+        return Saved(made_with(hello, self._config), unix_ns, hello.boot_id, newest, self._sensors)
+
+    @property
+    def _unix_ns(self) -> int:
+        return self._now_ns + self._offset_ns
+
+    def _error(self, kind: str, message: str) -> Error:
+        return Error(kind, message, self._unix_ns, device=self._config.name)
+
+
+def made_with(hello: Hello, config: Config) -> dict[str, object]:
+    """What must be the same for a snapshot to be used, by the words for it."""
+    return {
+        "device_id": hello.device_id,
+        "who_am_i": hello.who_am_i,
+        "scales": (hello.gyro_lsb_per_dps, hello.accel_lsb_per_g),
+        "filter_hz": hello.gyro_dlpf_hz,
+        "rate_hz": hello.rate_hz,
+        "channels": config.channels,
+        "live.memory": config.live.memory,
+        "settings": (config.estimator, config.accel),
+    }
+
+
+def why_unused(saved: Saved, hello: Hello, config: Config, now_unix_ns: int) -> str | None:
+    """Why a snapshot cannot be used; None if it can."""
+    age_s, longest_s = (now_unix_ns - saved.unix_ns) * 1e-9, config.state.max_age_s
+    if age_s < 0:
+        return "it is from the future: was the clock set?"
+    if age_s > longest_s:
+        return f"it is {age_s:.0f} s old (state.max_age_s is {longest_s:g})"
+    other = [key for key, value in made_with(hello, config).items() if saved.made_with[key] != value]
+    if other:
+        return f"it differs in: {', '.join(other)}"
+    # A HELLO of the same boot may have stated another rate: the filters keep that of their epoch's beginning.
+    is_other_rate = any(sensor.rate_hz != hello.rate_hz for sensor in saved.sensors)
+    return "it was saved with other settings" if is_other_rate else None
+
+
+def missing_since(saved: Saved, hello: Hello, raw: RawSample, age_s: float) -> int:
+    """Samples between a snapshot and this one: by their numbers if these agree with the time, else by it."""
+    is_same_boot = saved.boot_id is not None and saved.boot_id == hello.boot_id
+    if is_same_boot and age_s <= LONGEST_SILENCE_NS * 1e-9:
+        steps = steps_between(saved.sample, raw, hello)
+        if steps is not None:
+            return steps - 1
+    return max(0, round(age_s * hello.rate_hz) - 1)

@@ -1,0 +1,236 @@
+"""The pipeline against the walk in plain Python: whatever happens, and in whatever blocks samples come."""
+
+import math
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import msgspec
+import pytest
+from acted_device import Act, Birth, Device, acts, births
+from blocks import of, records_of
+from fltea.records.block import Block
+from fltea.records.events import Event, RawBlock
+from fltea.records.records import AnyRecord, AxisEstimate, Epoch, Error, Estimate, Motion, Stats, Step
+from fltea.settings.config import Config, load_config
+from fltea.stream.pipeline import Pipeline
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plain_walk import PlainWalk
+from tiers import slow
+from walk_support import SMALL, Source
+
+PLAIN = SMALL | {"live.on": False}
+NO_FILTERS = PLAIN | {"estimator.startup": 10**6}
+
+HOST_NS = 1
+"""So much host times may differ. The line through the arrivals is made of sums over ten minutes, whose order
+is free: another one moves a time by less than 1e-10 s, and now and then it is rounded to the other side."""
+OF_AN_AXIS = ("constant_axis", "axis_runaway", "axis_bound")
+
+
+class Comparable(NamedTuple):
+    """A record without what may differ, and that."""
+
+    exact: Any
+    host_ns: int
+    rounded: list[float]
+
+
+def comparable(record: AnyRecord) -> Comparable:
+    if isinstance(record, Estimate):
+        axes = {axis: without_tracker(one) for axis, one in record.axes.items()}
+        record = msgspec.structs.replace(record, axes=axes)
+    if isinstance(record, Error):
+        record = msgspec.structs.replace(record, message=words_of(record))
+    host_ns, rounded = record.host_ns, list[float]()
+    if isinstance(record, Stats):
+        figures = [record.rate_hz, record.clock_ppm]
+        for axis in record.axes.values():
+            figures += [axis.innovation_lag1, axis.innovation_nis]
+        rounded = [math.nan if one is None else one for one in figures]
+        nothing = {"innovation_lag1": None, "innovation_nis": None, "tracker": None}
+        axes_ = {name: msgspec.structs.replace(one, **nothing) for name, one in record.axes.items()}
+        record = msgspec.structs.replace(record, rate_hz=None, clock_ppm=None, axes=axes_)
+    return Comparable(msgspec.structs.replace(record, host_ns=0), host_ns, rounded)
+
+
+def without_tracker(axis: AxisEstimate) -> AxisEstimate:
+    nothing = dict.fromkeys(("bias", "bias_std", "state", "state_std", "innovation"), None)
+    return msgspec.structs.replace(axis, moving=False, **nothing)
+
+
+def words_of(error: Error) -> str:
+    """Of an axis its name, of several their names: the rest is for a person."""
+    if error.kind in OF_AN_AXIS:
+        return error.message.split()[0]
+    if error.kind == "no_axis":
+        return error.message.removeprefix("channels names ").partition(", which")[0]
+    return error.message
+
+
+def assert_same(found: Iterable[AnyRecord], expected: Iterable[AnyRecord]) -> None:
+    """Both walks' records: to the bit, but for host times and figures of many samples."""
+    mine = [comparable(one) for one in found if not isinstance(one, Step | Motion)]
+    plain = [comparable(one) for one in expected]
+    for a, b in zip(mine, plain, strict=False):
+        assert a.exact == b.exact
+        assert abs(a.host_ns - b.host_ns) <= (HOST_NS if hasattr(b.exact, "seq") else 0), b.exact
+        assert a.rounded == pytest.approx(b.rounded, rel=1e-9, abs=1e-9, nan_ok=True), b.exact
+    assert len(mine) == len(plain)
+
+
+def both(
+    source: Source, events: Iterable[Event], chosen: Config, **how: Any
+) -> tuple[list[AnyRecord], list[AnyRecord]]:
+    pipeline, plain = Pipeline(source, chosen, **how), PlainWalk(source, chosen, **how)
+    found: list[AnyRecord | Block] = []
+    expected: list[AnyRecord] = []
+    for event in events:
+        found += pipeline.feed(event)
+        expected += plain.feed(event)
+    return records_of([*found, *pipeline.finish()]), [*expected, plain.finish()]
+
+
+@pytest.mark.parametrize("examples", [40, slow(400)])
+def test_place_time_units_and_counts_are_those_of_the_plain_walk(examples: int) -> None:
+    @given(births, acts(32, 60), st.integers(1, 3))
+    @settings(max_examples=examples)
+    def holds(birth: Birth, some: list[Act], stats_s: int) -> None:
+        source = Source(unix_offset_ns=10**18)
+        events = Device(source, birth).does(some)
+        assert_same(*both(source, events, load_config(None, NO_FILTERS), stats_s=stats_s))
+
+    holds()
+
+
+def test_a_line_through_ten_minutes_gives_the_times_of_the_plain_one() -> None:
+    """Longer than it remembers, with some gaps in it."""
+    source = Source()
+    device = Device(source, Birth(65_000, 2**32 - 10**7), rate_hz=4.0)
+    some = [Act("gap" if k % 7 == 6 else "goes on", 0.1, 100, (k, 50)) for k in range(31)]
+    found, expected = both(source, device.does(some), load_config(None, NO_FILTERS), stats_s=20)
+    assert_same(found, expected)
+    last = found[-1]
+    assert isinstance(last, Stats)
+    assert last.clock_ppm == pytest.approx(100, abs=20)
+
+
+PRINTED = {"estimator.variant": "triple", "estimator.guard": "off"}
+SETTINGS: list[dict[str, Any]] = [
+    {},
+    {"estimator.tuning": "startup", "output.every": 7},
+    {"channels": ["gyro_z", "accel_x", "accel_z"], "accel.startup": 35, "accel.window": 50},
+    PRINTED | {"estimator.R": 1e-4, "estimator.bias": "none"},  # runs away
+    {"estimator.R": 1e-4},  # is held
+    {
+        "estimator.bias": [0.5, 0.0, -0.1],
+        "estimator.memory": "direct",
+        "channels": ["gyro_x", "gyro_y", "gyro_z"],
+    },
+    {"estimator.window": 0, "estimator.variant": "triple", "estimator.guard": "faithful"},
+    {"channels": ["accel_y"], "accel.startup": "0.3 s", "accel.window": "1 s"},
+]
+
+
+@pytest.mark.parametrize("examples", [40, slow(400)])
+def test_estimates_are_those_of_the_plain_walk(examples: int) -> None:
+    @given(births, acts(16, 60), st.sampled_from(SETTINGS))
+    @settings(max_examples=examples)
+    def holds(birth: Birth, some: list[Act], changes: dict[str, Any]) -> None:
+        source = Source(unix_offset_ns=10**18)
+        events = Device(source, birth).does(some)
+        assert_same(*both(source, events, load_config(None, PLAIN | changes)))
+
+    holds()
+
+
+# Snapshots
+
+
+class Resumed(NamedTuple):
+    """Records behind a snapshot: of a pipeline and a plain walk that resumed, and of one that went on."""
+
+    pipeline: list[AnyRecord]
+    plain: list[AnyRecord]
+    went_on: list[AnyRecord]
+
+
+def with_snapshot(
+    source: Source, device: Device, some: list[Act], chosen: Config, at: int, lost: int
+) -> Resumed | None:
+    """Take a snapshot after sample `at`, and resume `lost` samples later; None if there are too few."""
+    first, plain = Pipeline(source, chosen), PlainWalk(source, chosen)
+    pipeline = first
+    found = Resumed([], [], [])
+    came = 0
+    for event in device.does(some):
+        parts = [event]
+        if isinstance(event, RawBlock):
+            n, came = len(event.sequence), came + len(event.sequence)
+            if pipeline is first and came >= at:
+                cut = at - (came - n)
+                before, after = [event.rows(0, cut)] if cut else [], min(cut + lost, n)
+                for one in before:
+                    list(first.feed(one)), list(plain.feed(one))
+                state, saved = first.save(), plain.save()
+                assert (state is None) == (saved is None)
+                pipeline, plain = Pipeline(source, chosen, state=state), PlainWalk(source, chosen, saved)
+                now_ns = int(event.host_ns[min(after, n - 1)])
+                greeting = msgspec.structs.replace(device.hello, host_ns=now_ns)
+                parts = [greeting, *([event.rows(after, n)] if after < n else [])]
+        for part in parts:
+            records = records_of(first.feed(part))
+            if pipeline is first:
+                list(plain.feed(part))
+                continue
+            found.went_on.extend(records)
+            found.pipeline.extend(records_of(pipeline.feed(part)))
+            found.plain.extend(plain.feed(part))
+    if pipeline is first:
+        return None
+    found.pipeline.extend(records_of(pipeline.finish()))
+    found.plain.append(plain.finish())
+    return found
+
+
+def of_first_epoch(records: list[AnyRecord], *, begins: int) -> dict[int, dict[str, AxisEstimate]]:
+    """Estimates by their numbers on the wire, until an epoch begins but the first `begins`."""
+    found = {}
+    for record in records:
+        begins -= isinstance(record, Epoch)
+        if begins < 0:
+            break
+        if isinstance(record, Estimate):
+            found[record.seq % 2**16] = record.axes
+    return found
+
+
+@pytest.mark.parametrize("examples", [40, slow(400)])
+def test_a_snapshot_at_any_sample_goes_on_as_the_plain_walk_and_as_if_nothing_had_been(examples: int) -> None:
+    """Estimates, and biases with all that is known of them, go on; host time is regressed anew."""
+    resumed = []
+
+    @given(births, acts(12, 60), st.sampled_from(SNAPSHOT_SETTINGS), st.integers(1, 400), lost_meanwhile)
+    @settings(max_examples=examples)
+    def holds(birth: Birth, some: list[Act], changes: dict[str, Any], at: int, lost: int) -> None:
+        source = Source(unix_offset_ns=10**18)
+        found = with_snapshot(
+            source, Device(source, birth), some, load_config(None, PLAIN | changes), at, lost
+        )
+        if found is None:
+            return
+        assert_same(found.pipeline, found.plain)
+        begun = next(iter(of(Epoch, found.pipeline)), None)
+        if begun is None or begun.reason != "resumed":
+            return
+        mine, others = of_first_epoch(found.pipeline, begins=1), of_first_epoch(found.went_on, begins=0)
+        both_have = mine.keys() & others.keys()
+        assert [mine[k] for k in both_have] == [others[k] for k in both_have]
+        resumed.append(len(both_have))
+
+    holds()
+    assert sum(n > 20 for n in resumed) > examples / 10
+
+
+SNAPSHOT_SETTINGS = [{}, *SETTINGS]
+lost_meanwhile = st.just(0) | st.integers(0, 50)
