@@ -46,6 +46,8 @@ ACTS = (
     *SAID,
     "goes on",
     "gap",
+    "longest gap",  # that an epoch survives with `walk_support.SMALL`, or one more
+    "odd gap",  # in which the device's clock runs off, up to more than is believed
     "long gap",  # the number wraps once, twice, …
     "twice",
     "reset",  # whose HELLO is lost
@@ -53,7 +55,7 @@ ACTS = (
     "late",  # on the host's clock
     "silence",  # about half an hour
     "knock",
-    "still",
+    "still",  # all the time, or hardly ever a count
 )
 
 
@@ -78,6 +80,7 @@ class Device:
         )
         self.hello = hello(**news)
         self._noise, self._accel = 8.0, True
+        self._pace = 1.0001 if birth.seed % 2 else 0.9999  # of its clock
 
     def does(self, acts: Iterable[Act]) -> Iterator[Event]:
         """Samples are one block for as long as nothing is said between them, but for the acts' cuts."""
@@ -105,6 +108,11 @@ class Device:
         match act.what:
             case "gap":
                 self._pass(round(1 + 120 * amount))
+            case "longest gap":
+                self._pass(round(60 + amount))
+            case "odd gap":
+                self._pass(40)
+                self._device_us += round(3.2 * amount * 1e6 / known.rate_hz)
             case "long gap":
                 self._pass(round(60_000 + 140_000 * amount))
             case "silence":
@@ -141,7 +149,7 @@ class Device:
             case "jump":
                 self._device_us += round(40_000 * (amount - 0.5)) if amount < 0.8 else 2**31
             case "late":
-                self._host_ns += round(610 * SECOND_NS * (amount - 0.2) ** 3)
+                self._host_ns += round(500 * SECOND_NS * (amount - 0.2))
             case "tick":
                 self._host_ns += round(3 * SECOND_NS * amount)
                 yield Tick(self._host_ns)
@@ -154,13 +162,13 @@ class Device:
             case "knock":
                 self._noise = 8.0 if self._noise != 8.0 else 2000 * amount
             case "still":
-                self._noise = 0.0 if self._noise else 8.0
+                self._noise = 8.0 if self._noise < 1 else 0.25 * (amount > 0.5)
 
     def _pass(self, samples: int) -> None:
         """Nothing is heard for so long."""
         period_us = 1e6 / self.hello.rate_hz
         self._sequence += samples
-        self._device_us += round(samples * period_us * (1 + 1e-4))
+        self._device_us += round(samples * period_us * self._pace)
         self._host_ns += round(samples * period_us * 1000)
 
     def _sample(self) -> RawSample:

@@ -6,7 +6,7 @@ and behind.
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from fltea.estimator.engine import CAUSES
@@ -20,6 +20,9 @@ from sample_by_sample import LanesBySample, whiteness
 
 LONGEST_BRIDGE = 30_000
 """Samples that filters of unlimited memory predict at most after a snapshot."""
+
+COLUMNS = ("alpha", "alpha_std", "f", "f_std", "state", "innovation")
+"""Of an estimate, in the order of the lanes' columns."""
 
 Vector = tuple[float, ...]
 Loss = tuple[str, Reason]
@@ -124,8 +127,8 @@ class Sensor:
         settled = self._white[axis] and self.config.tuned_by != "live"
         if columns is None:
             return FlteaEstimate(settled=settled)
-        numbers: list[Any] = [one if math.isfinite(one) else None for one in columns[:6]]
-        return FlteaEstimate(*numbers, True, settled)
+        numbers = (one if math.isfinite(one) else None for one in columns[:6])
+        return FlteaEstimate(**dict(zip(COLUMNS, numbers, strict=True)), valid=True, settled=settled)
 
     def miss(self, count: int) -> list[Loss]:
         """Predict over lost samples; who was lost meanwhile. In the start-up window they do not matter."""

@@ -89,7 +89,8 @@ class PlainWalk:
         watched: bool = True,
     ) -> None:
         self._source, self._config, self._saved, self._watched = source, config, saved, watched
-        self._stats_ns, self._stats_due_ns = stats_s * SECOND_NS, -1
+        self._stats_ns = stats_s * SECOND_NS
+        self._stats_due_ns: int | None = None
         self._place = Place(config)
         self._timebase: Timebase | None = None
         self._epoch = self._now_ns = 0
@@ -129,10 +130,11 @@ class PlainWalk:
         self._now_ns = self._now_ns if host_ns is None else host_ns
         if self._timebase is None:  # the source may not have known the date before
             self._offset_ns = self._source.unix_offset_ns
-        if self._now_ns < self._stats_due_ns:
-            return
-        if self._stats_due_ns >= 0 and self._watched:
-            yield self.stats()
+        if self._stats_due_ns is not None:
+            if self._now_ns < self._stats_due_ns:
+                return
+            if self._watched:
+                yield self.stats()
         self._stats_due_ns = (self._now_ns // self._stats_ns + 1) * self._stats_ns
 
     def _on_sample(self, raw: RawSample) -> Iterator[AnyRecord]:
