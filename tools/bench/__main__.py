@@ -32,9 +32,9 @@ MODES = {
         ("tools.bench.device_cost", "tools.bench.spectrum_cost"),
     ),
     "chain": Mode(
-        "only recordings and devices, the chain beside its engine: eight minutes",
+        "only recordings and devices, from file or port to output: six minutes",
         ("tools.bench.bench_chain",),
-        ("long",),
+        ("long", "rows", "against", "rounds"),
     ),
     "ports": Mode(
         "only devices on ports, recorded: is anything lost?",
@@ -66,7 +66,12 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     for name, mode in MODES.items():
         parser.add_argument(f"--{name}", action="store_true", help=mode.help)
-    parser.add_argument("--long", action="store_true", help="with --chain: 24 hours, half an hour")
+    parser.add_argument("--against", metavar="COMMIT", help="of --chain: that commit's program too, in turns")
+    parser.add_argument("--rows", help="of --chain: names with commas between, or hour, day, live, all")
+    parser.add_argument("--rounds", type=int, help="of --chain (default 3, of long rows 1)")
+    parser.add_argument(
+        "--long", action="store_true", help="of --chain: long rows too (24 hours, ten minutes)"
+    )
     devices = "of --ports (default 300), --ingest (200) and --fleet (500)"
     parser.add_argument("--devices", type=int, help=devices)
     parser.add_argument("--seconds", type=int, help="of --ports (default 60) and --ingest (15)")

@@ -6,6 +6,7 @@ many open files, and compares what was recorded with what was sent.
 
 import contextlib
 import json
+import os
 import resource
 import subprocess
 import tempfile
@@ -16,18 +17,24 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import psutil
 from fltea.recording.scan import BEGIN, END
 from fltea.recording.session import WIRE
 from fltea.sources.mcap import Batch, find_sessions, read_batches
 from numpy.typing import NDArray
 
 from tools.bench.feeder import RATE_HZ
-from tools.bench.measured import Share, Watch, started
-from tools.validation.tables import Table
+from tools.bench.measured import Share, Watch, allow_open_files, started, started_command
+from tools.bench.programs import PRESENT, Program
+from tools.validation.tables import Table, number
 
 SETTLE_S = 8.0
 """Until memory, start-up windows and imports have settled."""
+OPEN_WITHIN_S = 60.0
+"""All ports of a daemon, from its start; after that it is measured as it is."""
 LOST = ("lost", "overflow_bytes", "dropped", "port_full", "missing", "unrecorded_bytes", "errors")
+OTHER_FILES = 100
+"""Open ones, beside the two of each port."""
 LOOKS = 10
 """At the memory, in a run."""
 
@@ -74,59 +81,102 @@ class Reader(threading.Thread):
                     self.errors.append(f"{record['kind']}: {record['message']}")
 
 
-def run_once(of: Setting) -> dict[str, Any]:
-    """Run the daemon on so many devices for a while, and measure it from outside."""
+def run_once(of: Setting, program: Program = PRESENT) -> dict[str, Any]:
+    """Run a daemon on so many devices for a while, and measure it from outside.
+
+    RuntimeError: it ended early, or so many ports may not be open.
+    """
+    allow_open_files(2 * of.devices + OTHER_FILES)
     with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
         folder, pipe, total_s = Path(name), subprocess.PIPE, of.settle_s + of.seconds
         feeding = folder, of.devices, total_s, *(["coloured"] if of.coloured else [])
         feeder = started(stack, "tools.bench.feeder", *feeding, stdin=pipe, stdout=pipe, text=True)
         feeder.stdout.readline()
-        arguments = [part for k in range(of.devices) for part in ("-s", f"serial:{folder / f'd{k}'}")]
-        if of.latency_ms is not None:
-            arguments += ["--set", f"link.latency={of.latency_ms} ms"]
-        if of.record:
-            arguments += ["--record", str(folder / "records")]
-        options: dict[str, Any] = {"stderr": subprocess.DEVNULL, "bufsize": 1 << 20}
-        if of.open_files is not None:
-            limit = of.open_files, of.open_files
-            options["preexec_fn"] = partial(resource.setrlimit, resource.RLIMIT_NOFILE, limit)
-        daemon = started(stack, "fltea", "run", *arguments, "--format", "ndjson", stdout=pipe, **options)
+        daemon = _daemon(stack, of, folder, program)
         reader = Reader(daemon.stdout, of.devices, int(total_s * RATE_HZ))
         reader.start()
-        time.sleep(2.0 + of.devices / 150)  # a device that is silent for 5 s is reported
+        _wait_until_open(daemon, of.devices, folder)
         feeder.stdin.write("go\n")
         feeder.stdin.flush()
         time.sleep(of.settle_s)
-        watch, looks = Watch({"daemon": daemon.pid}), list[Share]()
+        _still_runs(daemon, folder)
+        watch = Watch({"daemon": daemon.pid, "feeder": feeder.pid, "reader": os.getpid()})
+        looks: list[dict[str, Share]] = []
         while len(looks) < LOOKS:
             time.sleep(max(1.0, of.seconds - 1.0) / LOOKS)
-            looks.append(watch.end()["daemon"])
+            _still_runs(daemon, folder)
+            looks.append(watch.end())
         while not (folder / "fed.npz").exists():
             time.sleep(0.1)
         time.sleep(0.5)
         daemon.terminate()
         daemon.wait(30)
         reader.join(30)
-        fed = np.load(folder / "fed.npz")
+        fed = dict(np.load(folder / "fed.npz"))
         recorded = _recorded_bytes(folder / "records", of.devices) if of.record else fed["bytes"]
-    written_ns, stats = fed["times"], reader.stats.values()
-    after = written_ns > watch.begin_ns
-    latency_ms = (reader.seen_ns - written_ns)[after & (reader.seen_ns > 0)] * 1e-6
-    p50, p99, most = np.percentile(latency_ms, [50, 99, 100]).tolist()
     return {
         **of._asdict(),
-        **looks[-1]._asdict(),
-        "memory_mb": [round(one.rss_mb, 1) for one in looks],
+        **looks[-1]["daemon"]._asdict(),
+        **{f"{name}_percent": looks[-1][name].cpu_percent for name in ("feeder", "reader")},
+        "memory_mb": [round(look["daemon"].rss_mb, 1) for look in looks],
+        **_arrived(reader, fed, watch.begin_ns),
+        "unrecorded_bytes": int((fed["bytes"] - recorded).sum()),
+    }
+
+
+def _daemon(stack: contextlib.ExitStack, of: Setting, folder: Path, program: Program) -> Any:
+    """Start `fltea run` on all ports; what it says goes to FOLDER/said."""
+    arguments = [part for k in range(of.devices) for part in ("-s", f"serial:{folder / f'd{k}'}")]
+    if of.latency_ms is not None:
+        arguments += ["--set", f"link.latency={of.latency_ms} ms"]
+    if of.record:
+        arguments += ["--record", str(folder / "records")]
+    options: dict[str, Any] = {"stdout": subprocess.PIPE, "bufsize": 1 << 20}
+    if of.open_files is not None:
+        limit = of.open_files, of.open_files
+        options["preexec_fn"] = partial(resource.setrlimit, resource.RLIMIT_NOFILE, limit)
+    with (folder / "said").open("wb") as said:
+        command = program.command("run", *arguments, "--format", "ndjson")
+        return started_command(stack, command, stderr=said, **options)
+
+
+def _wait_until_open(daemon: Any, devices: int, folder: Path) -> None:
+    """Return a second after all ports are open: a device that is silent for 5 s is reported."""
+    files, until_s = psutil.Process(daemon.pid), time.monotonic() + OPEN_WITHIN_S
+    with contextlib.suppress(psutil.Error):  # it has ended
+        while daemon.poll() is None and files.num_fds() < devices and time.monotonic() < until_s:
+            time.sleep(0.1)
+    time.sleep(1.0)
+    _still_runs(daemon, folder)
+
+
+def _still_runs(daemon: Any, folder: Path) -> None:
+    if daemon.poll() is not None:
+        said = (folder / "said").read_text(encoding="utf-8", errors="replace").strip()
+        raise RuntimeError(f"the daemon ended early: {said[-300:]}")
+
+
+def _arrived(reader: Reader, fed: dict[str, Any], begin_ns: int) -> dict[str, Any]:
+    """Return how late lines are, of samples written since then, and what is missing of what was sent.
+
+    Statistics of 068f73c8, which others are compared with, call the counts of samples `samples`.
+    """
+    written_ns, stats = fed["times"], reader.stats.values()
+    after = written_ns > begin_ns
+    latency_ms = (reader.seen_ns - written_ns)[after & (reader.seen_ns > 0)] * 1e-6
+    none = [None, None, None]
+    p50, p99, most = np.percentile(latency_ms, [50, 99, 100]).tolist() if len(latency_ms) else none
+    return {
         "estimates": len(latency_ms),
         "p50_ms": p50,
         "p99_ms": p99,
         "max_ms": most,
+        "feeder_late_ms": float(np.percentile((written_ns - fed["due"])[after], 99)) * 1e-6,
         "missing": int(after.sum()) - len(latency_ms),
-        "lost": sum(s["sample_counts"]["lost"] for s in stats),
+        "lost": sum(s.get("sample_counts", s.get("samples"))["lost"] for s in stats),
         "overflow_bytes": sum(s["link"]["overflow_bytes"] for s in stats),
         "dropped": sum(o["dropped"] for s in stats for o in s["outputs"].values()),
         "port_full": int((written_ns == 0).sum()),
-        "unrecorded_bytes": int((fed["bytes"] - recorded).sum()),
         "errors": len(reader.errors),
         "first_errors": reader.errors[:3],
     }
@@ -142,11 +192,6 @@ def _recorded_bytes(folder: Path, devices: int) -> NDArray[np.int64]:
                 table = item.messages.of_channels(of_wire).table
                 found[int(part.info.device.removeprefix("d"))] += int((table[:, END] - table[:, BEGIN]).sum())
     return found
-
-
-def is_whole(run: dict[str, Any]) -> bool:
-    """Whether nothing was lost."""
-    return not any(run[key] for key in LOST)
 
 
 def measure(devices: int = 300, seconds: float = 60.0, open_files: int | None = None) -> dict[str, Any]:
@@ -169,22 +214,20 @@ def text(run: dict[str, Any]) -> str:
 
 
 def table(runs: list[dict[str, Any]]) -> Table:
-    """Some runs; times the engine: where it is known what the engine alone takes."""
+    """Return a run as a table."""
     cells = [
         (
             f"{run['devices']}, {'coloured' if run['coloured'] else 'white'}",
             "" if run["latency_ms"] is None else f"{run['latency_ms']}",
             f"{run['settle_s']:.0f}",
-            *(f"{run[key]:.2f}" for key in ("p50_ms", "p99_ms")),
-            f"{run['max_ms']:.1f}",
+            *(number(run[key], ".2f") for key in ("p50_ms", "p99_ms")),
+            number(run["max_ms"], ".1f"),
             f"{run['cpu_percent']:.1f}",
-            *([f"{run['chain_over_engine']:.1f}"] if "chain_over_engine" in run else []),
             f"{run['rss_mb']:.0f}",
             f"{sum(run[key] for key in LOST)}",
         )
         for run in runs
     ]
-    engine = ["times the engine"] if runs and "chain_over_engine" in runs[0] else []
     headings = [
         "devices",
         "latency",
@@ -193,7 +236,6 @@ def table(runs: list[dict[str, Any]]) -> Table:
         "p99 ms",
         "max ms",
         "core %",
-        *engine,
         "MB",
         "lost, errors",
     ]

@@ -3,7 +3,8 @@
 The ports are FOLDER/d0, d1, …; their samples are spread evenly over the period, and what they say of
 themselves over the second, as of devices that were switched on one after the other. In FOLDER/fed.npz it
 notes when the last byte of each sample's frame was written (`times`, (devices, samples) in ns of the
-monotonic clock, 0 where the port took no more), and the `bytes` that each port took. It ends by itself.
+monotonic clock, 0 where the port took no more), when it was `due`, and the `bytes` that each port took. It
+ends by itself.
 """
 
 import os
@@ -11,7 +12,7 @@ import sys
 import time
 import tty
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import accumulate
+from itertools import accumulate, groupby
 from pathlib import Path
 
 import numpy as np
@@ -64,47 +65,81 @@ def relaxation(seed: int, samples: int, seconds: float = 0.5) -> NDArray[np.floa
     return np.array([list(accumulate(axis.tolist(), lambda x, e: a * x + e)) for axis in noise]).T
 
 
-def main() -> None:
-    """Write until the time is over."""
-    folder, n, seconds = Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
-    samples, coloured = int(seconds * RATE_HZ), "coloured" in sys.argv[4:]
-    masters, keep = [], []
+def ports(folder: Path, n: int) -> tuple[list[int], list[int]]:
+    """Return the descriptors that the devices write to, and those of the other side.
+
+    The latter stay open, so that a port that nobody listens to yet is no error.
+    """
+    masters, slaves = [], []
     for k in range(n):
         master, slave = os.openpty()
         tty.setraw(slave)
         os.set_blocking(master, False)
         (folder / f"d{k}").symlink_to(os.ttyname(slave))
         masters.append(master)
-        keep.append(slave)  # open, so that a port that nobody listens to yet is no error
-    voices = []
+        slaves.append(slave)
+    return masters, slaves
+
+
+def noises(n: int, samples: int, *, coloured: bool) -> list[list[bytes]]:
+    """Return the frames of each noise, one a sample."""
+    found = []
     for k in range(min(n, VOICES)):
         noise = np.random.default_rng(k).normal(0, 3, (samples, 3))
         noise += relaxation(k, samples) if coloured else 0
         rows = enumerate(noise.round().astype(int).tolist())
-        voices.append([sample(i, gyro, i * PERIOD_NS // 1000) for i, gyro in rows])
+        found.append([sample(i, gyro, i * PERIOD_NS // 1000) for i, gyro in rows])
+    return found
+
+
+def offsets_ns(n: int) -> list[int]:
+    """Return when within the period each device's samples come; those within a frame of USB come together."""
+    return [k * PERIOD_NS // n // FRAME_NS * FRAME_NS for k in range(n)]
+
+
+def send(masters: list[int], samples: int, voices: list[list[bytes]]) -> tuple[NDArray[np.int64], ...]:
+    """Write all samples when they are due; times, due times and bytes, as FOLDER/fed.npz has them."""
+    n, offsets = len(masters), offsets_ns(len(masters))
+    together = [(at_ns, list(ks)) for at_ns, ks in groupby(range(n), offsets.__getitem__)]
+    greets = [-(k * RATE_HZ // n) % RATE_HZ for k in range(n)]
     times, taken = np.zeros((n, samples), dtype=np.int64), [0] * n
-    print("ready", flush=True)
-    sys.stdin.readline()
     begin_ns = time.monotonic_ns()
     for i in range(samples):
-        for k, master in enumerate(masters):
-            data = voices[k % VOICES][i]
-            if i == 0 or (i + k * RATE_HZ // n) % RATE_HZ == 0:
-                data = greeting(k, i // RATE_HZ, i * PERIOD_NS // 1000) + data
-            due_ns = begin_ns + i * PERIOD_NS + k * PERIOD_NS // n // FRAME_NS * FRAME_NS
-            left_ns = due_ns - time.monotonic_ns()
+        frames_now, of_second, ended_ns = [voice[i] for voice in voices], i % RATE_HZ, [0] * n
+        for at_ns, ks in together:
+            left_ns = begin_ns + i * PERIOD_NS + at_ns - time.monotonic_ns()
             if left_ns > 0:
                 time.sleep(left_ns * 1e-9)
-            try:
-                count = os.write(master, data)
-            except BlockingIOError:
-                continue
-            taken[k] += count
-            if count == len(data):
-                times[k, i] = time.monotonic_ns()
-    np.savez(folder / "fed.tmp.npz", times=times, bytes=taken)
+            for k in ks:
+                data = frames_now[k % VOICES]
+                if of_second == greets[k] or not i:
+                    data = greeting(k, i // RATE_HZ, i * PERIOD_NS // 1000) + data
+                try:
+                    count = os.write(masters[k], data)
+                except BlockingIOError:
+                    continue
+                taken[k] += count
+                if count == len(data):
+                    ended_ns[k] = time.monotonic_ns()
+        times[:, i] = ended_ns
+    due = begin_ns + np.add.outer(np.array(offsets), np.arange(samples) * PERIOD_NS)
+    return times, due, np.array(taken)
+
+
+def main() -> None:
+    """Write until the time is over."""
+    folder, n, seconds = Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
+    samples = int(seconds * RATE_HZ)
+    masters, slaves = ports(folder, n)
+    voices = noises(n, samples, coloured="coloured" in sys.argv[4:])
+    print("ready", flush=True)
+    sys.stdin.readline()
+    times, due, taken = send(masters, samples, voices)
+    np.savez(folder / "fed.tmp.npz", times=times, due=due, bytes=taken)
     (folder / "fed.tmp.npz").rename(folder / "fed.npz")
     sys.stdin.readline()  # the ports stay until the daemon has read them
+    for port in masters + slaves:
+        os.close(port)
 
 
 if __name__ == "__main__":

@@ -1,16 +1,18 @@
 """What the benchmarks share: works in turns, and what programs cost."""
 
 import contextlib
+import resource
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import psutil
 
 T = TypeVar("T")
+K = TypeVar("K", bound=Hashable)
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -22,9 +24,9 @@ def cpu_seconds(work: Callable[[], object]) -> float:
     return time.process_time() - begin
 
 
-def in_turns(works: Mapping[str, Callable[[], T]], rounds: int) -> dict[str, list[T]]:
+def in_turns(works: Mapping[K, Callable[[], T]], rounds: int) -> dict[K, list[T]]:
     """Return what each work gives, round by round, so that a busy machine is busy for all of them."""
-    found: dict[str, list[T]] = {name: [] for name in works}
+    found: dict[K, list[T]] = {name: [] for name in works}
     for _ in range(rounds):
         for name, work in works.items():
             found[name].append(work())
@@ -73,10 +75,31 @@ def rounded(shares: Mapping[str, Share]) -> dict[str, dict[str, float]]:
     }
 
 
+def allow_open_files(count: int) -> None:
+    """Raise this process's limit of open files, which its programs take over.
+
+    RuntimeError: the system allows fewer.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and count > hard:
+        raise RuntimeError(
+            f"{count} open files are needed, and {hard} are allowed: 'ulimit -Hn {count}' as root"
+        )
+    if soft != resource.RLIM_INFINITY and count > soft:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (count, hard))
+
+
 def started(stack: contextlib.ExitStack, module: str, *arguments: object, **options: Any) -> Any:
-    """Start a module of Python, which is killed with the stack if it has not ended by then."""
-    command = [sys.executable, "-m", module, *map(str, arguments)]
+    """Start a module of Python as `started_command` does a command."""
+    return started_command(stack, [sys.executable, "-m", module, *map(str, arguments)], **options)
+
+
+def started_command(stack: contextlib.ExitStack, command: list[str], **options: Any) -> Any:
+    """Start a program, which is killed with the stack if it has not ended by then."""
     program = subprocess.Popen(command, cwd=ROOT, **options)
+    for pipe in (program.stdin, program.stdout, program.stderr):
+        if pipe is not None:
+            stack.callback(pipe.close)
     stack.callback(program.wait)
     stack.callback(program.kill)
     return program

@@ -1,0 +1,152 @@
+"""What `make bench ARGS=--chain` does with a program: recordings through it, and live devices.
+
+The program may be another commit's (`tools.bench.programs`); files, devices and stop-watch are the present
+one's.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fltea.estimator.engine import Engine
+from fltea.estimator.lane_settings import LaneSettings
+from fltea.settings.estimator import EstimatorConfig
+from numpy.typing import NDArray
+
+from tools.bench import bench_daemon, day_files
+from tools.bench.bench_daemon import Setting
+from tools.bench.feeder import RATE_HZ, relaxation
+from tools.bench.programs import Program
+
+AT_ONCE = 8192
+
+Figures = dict[str, Any]
+
+
+class Files:
+    """Recordings of the same samples in all forms, each written when it is first asked for."""
+
+    def __init__(self, folder: Path, seconds: int) -> None:
+        folder.mkdir(exist_ok=True)
+        self.folder, self._seconds = folder, seconds
+
+    @cached_property
+    def gyro(self) -> NDArray[np.int16]:
+        """Counts of three axes, (samples, 3)."""
+        return day_files.counts(self._seconds * RATE_HZ)
+
+    @cached_property
+    def npz(self) -> Path:
+        """White noise."""
+        return self._written("white.npz", day_files.write_npz, self.gyro)
+
+    @cached_property
+    def coloured(self) -> Path:
+        """White noise and an AR(1)."""
+        noise = np.rint(relaxation(1, len(self.gyro))).astype(np.int16)
+        return self._written("coloured.npz", day_files.write_npz, self.gyro + noise)
+
+    @cached_property
+    def csv(self) -> Path:
+        """In deg/s."""
+        return self._written("white.csv", day_files.write_csv, self.gyro)
+
+    @cached_property
+    def mcap(self) -> Path:
+        """As the recorder writes it."""
+        return self._written("mcap", day_files.write_mcap, self.gyro)
+
+    def _written(self, name: str, write: Callable[[Path, Any], object], gyro: NDArray[np.int16]) -> Path:
+        write(self.folder / name, gyro)
+        return self.folder / name
+
+
+Work = Callable[[Files, Program], Figures]
+
+
+def run_program(command: Sequence[str], out: Path | None = None) -> Figures:
+    """Return what a program costs with all its processes, whose output goes to `out`.
+
+    RuntimeError: it failed.
+    """
+    with open(out or os.devnull, "wb") as stream:
+        measure = [sys.executable, "-c", _MEASURE, *command]
+        done = subprocess.run(measure, stdout=stream, stderr=subprocess.PIPE, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command[2:])}: {done.stderr[-300:]}")
+    return dict(zip(("wall_s", "cpu_s", "rss_mb"), json.loads(done.stderr.splitlines()[-1]), strict=True))
+
+
+_MEASURE = """
+import contextlib, ctypes, json, os, subprocess, sys, time
+ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)  # PR_SET_CHILD_SUBREAPER: its workers are waited for, too
+begin_s = time.monotonic()
+program = subprocess.Popen(sys.argv[1:])
+cpu_s = rss_kb = code = 0
+with contextlib.suppress(ChildProcessError):
+    while True:
+        pid, status, usage = os.wait4(-1, 0)
+        if pid == program.pid:
+            wall_s, code = time.monotonic() - begin_s, os.waitstatus_to_exitcode(status)
+        cpu_s += usage.ru_utime + usage.ru_stime
+        rss_kb = max(rss_kb, usage.ru_maxrss)
+print(json.dumps([wall_s, cpu_s, rss_kb / 1024]), file=sys.stderr)
+os._exit(code % 256)
+"""
+"""A process of its own, and a small one: a program has the peak of whoever has started it."""
+
+
+def replay(
+    form: str, files: Files, program: Program, *, output: str = "none", more: Sequence[str] = ()
+) -> Figures:
+    """Replay a form of the recording into nothing, or as lines into a file; more: of `fltea run`."""
+    path = getattr(files, form)
+    command = program.command("run", "-s", f"replay:{path}", "--once", "--format", output, *more)
+    return run_program(command, None if output == "none" else files.folder / "lines")
+
+
+def start(files: Files, program: Program) -> Figures:
+    """Start the program, which ends at once."""
+    return run_program(program.command("run", "--help"))
+
+
+def export(suffix: str, files: Files, program: Program) -> Figures:
+    """Export the MCAP into another form."""
+    return run_program(program.command("export", files.mcap, "--to", files.folder / f"exported{suffix}"))
+
+
+def identify(files: Files, program: Program) -> Figures:
+    """Identify the recording."""
+    return run_program(program.command("identify", files.npz, "--json"))
+
+
+def code(text: str, form: str, files: Files, program: Program) -> Figures:
+    """Run Python beside the program's packages, with the path of a form of the recording as argument."""
+    return run_program([program.python, "-c", text, str(getattr(files, form))])
+
+
+def engine_alone(files: Files) -> Figures:
+    """Return what this process's engine costs on the same samples, in blocks."""
+    y = np.asarray(files.gyro[200:], dtype=np.float64) / day_files.LSB_PER_DPS
+    engine = Engine(3, LaneSettings(EstimatorConfig(), 1 / RATE_HZ, y[:1000].var(axis=0)))
+    begin_s, begin_cpu_s = time.monotonic(), time.process_time()
+    for begin in range(0, len(y), AT_ONCE):
+        engine.run(y[begin : begin + AT_ONCE])
+    return {
+        "wall_s": time.monotonic() - begin_s,
+        "cpu_s": time.process_time() - begin_cpu_s,
+        "rss_mb": None,
+    }
+
+
+def live(setting: Setting, files: Files, program: Program) -> Figures:
+    """Run a daemon on devices; what is lost of any kind is added up."""
+    run = bench_daemon.run_once(setting, program)
+    return run | {"lost_or_errors": sum(run[key] for key in bench_daemon.LOST)}

@@ -1,0 +1,119 @@
+"""The program as it is, and as it was at another commit, for benchmarks that set both side by side.
+
+A commit is built once, into build/against/COMMIT: its Python files and its native module in a virtual
+environment of their own, which takes all other packages from .venv. So both programs differ in nothing but
+fltea.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import venv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tools.bench.measured import ROOT
+
+BUILT = ROOT / "build/against"
+READY = "ready"
+"""A file, written last: what was cut off is built again."""
+
+
+class Program(NamedTuple):
+    """A version of fltea: what tables call it, and the interpreter that imports it."""
+
+    name: str
+    python: str
+
+    def command(self, *arguments: object) -> list[str]:
+        """Return the command line of `fltea` with these arguments."""
+        return [self.python, "-m", "fltea", *map(str, arguments)]
+
+
+PRESENT = Program("present", sys.executable)
+"""The working tree, with what is not committed."""
+
+
+def commit_of(revision: str, root: Path = ROOT) -> str:
+    """Return the commit that a revision names, as 40 digits; SystemExit: there is none."""
+    command = ["git", "-C", str(root), "rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}"]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    if found.returncode:
+        raise SystemExit(f"{revision} is no commit of this repository: git log --oneline shows them.")
+    return found.stdout.strip()
+
+
+def at_commit(revision: str, root: Path = ROOT, built: Path = BUILT) -> Program:
+    """Return the program of a commit, built if it is not there yet; it is called as it was asked for."""
+    commit = commit_of(revision, root)
+    folder = built / commit
+    program = Program(revision, str(folder / "bin/python"))
+    if not (folder / READY).exists() or not _is_own(program, folder):
+        print(f"bench: building {revision} in {folder}, a minute or two", file=sys.stderr, flush=True)
+        _build(commit, root, folder)
+        if not _is_own(program, folder):
+            raise SystemExit(f"{folder}: this interpreter does not import the program that was built there.")
+        (folder / READY).touch()
+    return program
+
+
+def imported_from(program: Program) -> list[Path]:
+    """Return where a program's package and its native module lie; none: it does not start."""
+    code = "import json, fltea, fltea._native as n; print(json.dumps([fltea.__file__, n.__file__]))"
+    command = [program.python, "-c", code]
+    try:
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return []
+    return [Path(name) for name in json.loads(done.stdout)]
+
+
+def _is_own(program: Program, folder: Path) -> bool:
+    found = imported_from(program)
+    return bool(found) and all(path.is_relative_to(folder) for path in found)
+
+
+def _build(commit: str, root: Path, folder: Path) -> None:
+    """Fill the folder with a virtual environment that has this commit's fltea."""
+    with tempfile.TemporaryDirectory() as name:
+        source, wheels = Path(name, "source"), Path(name, "wheels")
+        source.mkdir()
+        # Not a worktree: if this is cut off, nothing of it is left in .git.
+        archive = _done(["git", "-C", str(root), "archive", commit])
+        _done(["tar", "-x", "-C", str(source)], input=archive)
+        # By the tools of .venv, which cmake and ninja are among.
+        _pip("wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(wheels), str(source))
+        _make_environment(folder)
+        python = str(folder / "bin/python")
+        _pip("--python", python, "install", "--no-deps", "--no-index", *map(str, wheels.glob("*.whl")))
+        # After fltea is in, or pip takes that of .venv for it. What a .pth file names is searched last, and
+        # .pth files in there, that of the clone's own fltea among them, are not followed.
+        (_packages(folder) / "of_the_clone.pth").write_text(
+            sysconfig.get_path("purelib") + "\n", encoding="utf-8"
+        )
+
+
+def _make_environment(folder: Path) -> None:
+    venv.create(folder, clear=True, symlinks=True)
+
+
+def _packages(folder: Path) -> Path:
+    return Path(sysconfig.get_path("purelib", "venv", {"base": str(folder)}))
+
+
+def _pip(*arguments: str) -> None:
+    paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+    environment = os.environ | {"PATH": paths, "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
+    _done([sys.executable, "-m", "pip", "-q", *arguments], env=environment)
+
+
+def _done(command: Sequence[str], **options: Any) -> bytes:
+    """Return what a command prints; SystemExit with what it says: it failed."""
+    done = subprocess.run(command, capture_output=True, check=False, **options)
+    if done.returncode:
+        raise SystemExit(f"{' '.join(command[:6])} …: {done.stderr.decode(errors='replace')[-2000:]}")
+    return bytes(done.stdout)
