@@ -96,7 +96,13 @@ def test_a_row_shows_median_and_spread_of_both_programs_and_their_ratio() -> Non
     runs = {"300": {"old": old, PRESENT.name: new}}
     missed = bench.not_reached(runs)
     assert missed == ["300: core % 54.0, goal 45", "300: lost, errors 7, goal 0"]
-    found = {"programs": ["old", "present"], "engine_cpu_s": 0.2, "runs": runs, "not_reached": missed}
+    found = {
+        "programs": ["old", "present"],
+        "engine_cpu_s": 0.2,
+        "load_average": [0.1, 9.0],
+        "runs": runs,
+        "not_reached": missed,
+    }
     lines = bench.text(found).splitlines()
     first = next(i for i, line in enumerate(lines) if line.startswith("| 300 |"))
     cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines[first : first + 3]]
@@ -119,7 +125,13 @@ def test_devices_of_whom_nothing_came_have_no_latency_and_miss_its_goal() -> Non
     silent = device(p50_ms=None, p99_ms=None, max_ms=None, cpu_percent=1.0, lost_or_errors=9)
     runs = {"300": {"old": [silent], PRESENT.name: [silent]}}
     assert bench.not_reached(runs) == ["300: p99 ms –, goal 60", "300: lost, errors 9, goal 0"]
-    found = {"programs": ["old", "present"], "engine_cpu_s": 0.2, "runs": runs, "not_reached": []}
+    found = {
+        "programs": ["old", "present"],
+        "engine_cpu_s": 0.2,
+        "load_average": [0.1, 9.0],
+        "runs": runs,
+        "not_reached": [],
+    }
     assert "| ratio | **1.00** | – | – | – |" in bench.text(found)
 
 

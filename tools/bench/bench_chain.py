@@ -8,6 +8,7 @@ or coloured noise, which is fitted at greater length. The engine alone on the sa
 processor time, what the chain adds to it.
 """
 
+import os
 import statistics
 import subprocess
 import sys
@@ -75,6 +76,7 @@ def measure(
     """
     picked = chosen([name for name in rows.split(",") if name], long=long)
     programs = [*([at_commit(against)] if against else []), PRESENT]
+    load = [os.getloadavg()[0]]
     with tempfile.TemporaryDirectory() as name:
         files = {kind: Files(Path(name, kind), seconds) for kind, seconds in SECONDS.items()}
         engine_s = statistics.median(engine_alone(files["hour"])["cpu_s"] for _ in range(ROUNDS))
@@ -92,17 +94,22 @@ def measure(
         "programs": [one.name for one in programs],
         "engine_cpu_s": engine_s,
         "runs": runs,
+        "load_average": [*load, os.getloadavg()[0]],
         "not_reached": not_reached(runs),
     }
 
 
 def _measured(row: Row, files: Files, program: Program, engine_s: float) -> Figures:
-    """Measure once; a program that cannot do it ends nothing else."""
-    print(f"bench: {row.name}, {program.name}", file=sys.stderr, flush=True)
+    """Measure once, and say what came out; a program that cannot do it ends nothing else."""
     try:
         found = row.work(files, program)
     except FAILED as error:
-        return {"failed": " ".join(str(error).split())}
+        found = {"failed": " ".join(str(error).split())}
+    columns = [(column.heading, column.form, found.get(key)) for key, column in COLUMNS[row.kind].items()]
+    said = [f"{heading} {value:{form}}" for heading, form, value in columns if value is not None]
+    print(f"bench: {row.name}, {program.name}: {', '.join(said)}", file=sys.stderr, flush=True)
+    if "failed" in found:
+        return found
     if row.kind == "live":
         share = found["devices"] * engine_s / SECONDS["hour"]
         return found | {"times_engine": found["cpu_percent"] / 100 / share}
@@ -140,6 +147,8 @@ def text(found: dict[str, Any]) -> str:
             lines.append(Table(f"{title}; medians (from, to) of runs in turns", headings, cells).markdown())
     lines += _memory(found["runs"])
     lines.append(f"The engine alone takes {found['engine_cpu_s']:.2f} s of processor time for an hour.")
+    before, after = found["load_average"]
+    lines.append(f"Load average of the machine: {before:.1f} before, {after:.1f} after.")
     missed = found["not_reached"]
     lines.append(
         "Not reached: " + "; ".join(missed) + "." if missed else "All goals measured here are reached."
