@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 _V = NDArray[np.float64]
 _Ints = NDArray[np.int64]
+_Counts = NDArray[np.int16]
 
 SCHEMA_HASH: int
 
@@ -129,6 +130,61 @@ class PortReader:
     ]: ...
     def wake(self) -> None: ...
     def close(self) -> None: ...
+
+# What came over one wire, one by one: see fltea.sources.wire_events. Times are int64; silence_ns, tick_ns and
+# repeat_ns: after how long a silence, a tick, and the same trouble again are told.
+class WireLine:
+    def __init__(self, silence_ns: int, tick_ns: int, repeat_ns: int) -> None: ...
+
+    # Of what was given last, as far as it was handed on.
+    unix_offset_ns: int
+
+    # These say what happened. What was not taken of what happened before is left out.
+    def opened(self, host_ns: int, unix_offset_ns: int) -> None: ...
+
+    # Whether it is news.
+    def failed(self, kind: str, host_ns: int, unix_offset_ns: int) -> bool: ...
+
+    # Bytes of successive reads, with ticks where nothing came. ValueError unless they end where the bytes do.
+    def feed(
+        self,
+        data: bytes | bytearray | memoryview,
+        end: _Ints,
+        host_ns: _Ints,
+        unix_offset_ns: _Ints,
+        now_ns: int,
+    ) -> None: ...
+
+    # Bytes of one read, without ticks before it.
+    def feed_one(
+        self, data: bytes | bytearray | memoryview, host_ns: int, unix_offset_ns: int, now_ns: int
+    ) -> None: ...
+    def silent(self, now_ns: int) -> None: ...
+    def pass_time(self, until_ns: int) -> None: ...
+    def forgive(self, now_ns: int) -> None: ...
+    def resume(self, now_ns: int) -> None: ...
+
+    # After a HELLO, before the next item: what becomes of what stands behind it. Whether a refusal is news.
+    def accept_hello(self) -> None: ...
+    def refuse_hello(self) -> bool: ...
+
+    # The next item, with its host_ns: columns as of RawBlock; type, sequence, device_us and payload; payload
+    # and whether it is news; reason and block; kind and bytes that could not be read. None: no more.
+    def next(
+        self,
+    ) -> (
+        tuple[Literal["samples"], tuple[_Ints, _Ints, _Ints, _Counts, _Counts, _Counts, _Ints]]
+        | tuple[Literal["frame"], int, int, int, int, bytes]
+        | tuple[Literal["same_hello"], int]
+        | tuple[Literal["refused_version"], int, bytes, bool]
+        | tuple[Literal["bad"], int, str, bytes]
+        | tuple[Literal["tick"], int]
+        | tuple[Literal["trouble"], int, str, int]
+        | None
+    ): ...
+
+    # Bytes, frames, refused frames, times that the port was opened, and bad blocks by reason.
+    def counts(self) -> tuple[int, int, int, int, dict[str, int]]: ...
 
 # Measurements and inputs beyond ± this are refused.
 LARGEST_INPUT: float

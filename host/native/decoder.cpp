@@ -81,13 +81,9 @@ bool least_payload(std::uint8_t type, std::size_t& least) {
     }
 }
 
-bool other_version(const std::uint8_t* payload, std::size_t n) {
-    return n >= kVersion && !can_read(payload[0], payload[1], load_u32(payload + 2));
-}
-
 // Why an intact frame cannot be used.
 Reason judge_payload(std::uint8_t type, const std::uint8_t* payload, std::size_t n) {
-    if (type == Hello::type() && other_version(payload, n)) return Reason::none;
+    if (type == Hello::type() && is_other_version(payload, n)) return Reason::none;
     std::size_t least = 0;
     if (!least_payload(type, least)) return Reason::unknown_type;
     return n >= least ? Reason::none : Reason::length;
@@ -121,6 +117,10 @@ const char* reason_name(Reason reason) {
             return "length";
     }
     return nullptr;
+}
+
+bool is_other_version(const std::uint8_t* payload, std::size_t n) {
+    return n >= kVersion && !can_read(payload[0], payload[1], load_u32(payload + 2));
 }
 
 void Decoder::bad(Reason reason, const std::uint8_t* block, std::size_t n, std::int64_t end,

@@ -48,6 +48,9 @@ struct Decoded {
     std::vector<std::uint8_t> bytes;
 };
 
+// Whether the payload of an intact HELLO is one of another version, of which nothing may be interpreted.
+bool is_other_version(const std::uint8_t* payload, std::size_t n);
+
 class Decoder {
   public:
     // A frame after COBS, without the 0x00 [bytes].

@@ -6,6 +6,7 @@
 #include <mutex>
 #include <optional>
 
+#include "buffer_view.hpp"
 #include "decoder.hpp"
 #include "numpy_binding.hpp"
 
@@ -22,23 +23,6 @@ using fltea::SampleRow;
 // taken over, and to ask for the lock back can cost milliseconds.
 constexpr std::size_t kWorthReleasing = 16384;
 
-// Holds the buffer of a bytes-like object.
-class View {
-  public:
-    explicit View(nb::handle object) {
-        if (PyObject_GetBuffer(object.ptr(), &view_, PyBUF_SIMPLE) != 0) nb::raise_python_error();
-    }
-    ~View() { PyBuffer_Release(&view_); }
-    View(const View&) = delete;
-    View& operator=(const View&) = delete;
-
-    const std::uint8_t* data() const { return static_cast<const std::uint8_t*>(view_.buf); }
-    std::size_t size() const { return static_cast<std::size_t>(view_.len); }
-
-  private:
-    Py_buffer view_;
-};
-
 class Decoder {
   public:
     Decoder() {
@@ -49,7 +33,7 @@ class Decoder {
     }
 
     nb::tuple feed(nb::handle bytes) {
-        const View view(bytes);
+        const BufferView view(bytes);
         Decoded found;
         {
             std::optional<nb::gil_scoped_release> release;

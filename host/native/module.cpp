@@ -163,4 +163,5 @@ NB_MODULE(_native, m) {
     bind_rows(m);
     bind_mcap(m);
     bind_port_reader(m);
+    bind_wire_line(m);
 }

@@ -14,21 +14,11 @@
 
 #include "bell.hpp"
 #include "descriptor.hpp"
+#include "port_read.hpp"
 
 namespace fltea {
 
-struct Stamp {
-    std::int64_t host_ns;         // of the clock that fltea.records.clock reads
-    std::int64_t unix_offset_ns;  // to be added to it to get Unix time
-};
-
 Stamp stamp_now();
-
-// One successful read of a port: where it ends in the bytes taken together with it, and when it came.
-struct PortRead {
-    std::int64_t end;
-    Stamp stamp;
-};
 
 // What came from one port since it was last taken.
 struct PortNews {

@@ -16,6 +16,8 @@ class NumberColumn {
 
     explicit operator bool() const { return type_ != kNone; }
     std::size_t width() const { return width_; }
+    // Of the wire (kCounts) only.
+    const std::int16_t* counts() const { return static_cast<const std::int16_t*>(data_); }
     // i: of all numbers, row after row.
     double operator[](std::size_t i) const {
         if (type_ == kCounts) return static_cast<const std::int16_t*>(data_)[i];

@@ -1,0 +1,374 @@
+// What came over one wire, one by one in its order: samples, other frames, ticks of a silent line, troubles.
+//
+// What comes out, and how much is counted at each moment, depends on the bytes and on when they came, never
+// on how many reads are given at once. Once its memory has grown, it allocates none.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "decoder.hpp"
+#include "line_item.hpp"
+#include "line_watch.hpp"
+#include "port_read.hpp"
+#include "wire_samples.hpp"
+
+namespace fltea {
+
+// Give it what happened, then take items until kDone; what was not taken by the next call is left out.
+class WireLine {
+  public:
+    // If the program itself was held up for this long, by whatever, silence proves nothing.
+    static constexpr std::int64_t kStallNs = 2 * kSecondNs;
+    // Of one silence, which in a recording may be one of days.
+    static constexpr std::int64_t kMostTicks = 120;
+
+    explicit WireLine(const LineTimes& times) : times_(times), watch_(times) {}
+
+    const LineCounts& counts() const { return counts_; }
+    // Of what was given last, as far as it was handed on.
+    std::int64_t unix_offset_ns = 0;
+
+    // The port is open, perhaps again.
+    void opened(const Stamp& at) {
+        drop();
+        unix_offset_ns = at.unix_offset_ns;
+        watch_.on_opened(at.host_ns);
+        ++counts_.connections;
+        decoder_.reset();
+        set_last(at.host_ns);
+    }
+
+    // It could not be opened, or was lost; whether that is news. Nothing else comes of it.
+    bool failed(const char* kind, const Stamp& at) {
+        drop();
+        unix_offset_ns = at.unix_offset_ns;
+        watch_.on_failed();
+        set_last(at.host_ns);
+        return watch_.is_news(kind, at.host_ns);
+    }
+
+    // Bytes of successive reads, the last of which ends where they end, with ticks where nothing came.
+    void feed(const std::uint8_t* data, const PortRead* reads, std::size_t n, std::int64_t now_ns) {
+        begin(data, reads, n, now_ns);
+        tells_time_ = true;
+    }
+
+    // Bytes of one read, by who looks after the time before it.
+    void feed_one(const std::uint8_t* data, const PortRead& read, std::int64_t now_ns) {
+        begin(data, &read, 1, now_ns);
+        tells_time_ = false;
+    }
+
+    // Nothing came for a while, until now.
+    void silent(std::int64_t now_ns) {
+        drop();
+        forgive_stall(now_ns);
+        if (!has_last_ || time_between(last_ns_, now_ns) < times_.tick_ns) {
+            next_tick_ns_ = now_ns;
+            ticks_left_ = 1;
+        } else {
+            begin_ticks(now_ns);
+        }
+    }
+
+    // The line says nothing before a moment.
+    void pass_time(std::int64_t until_ns) {
+        drop();
+        begin_ticks_before(until_ns);
+    }
+
+    // Begins all waiting again: nobody could have been heard until now.
+    void forgive(std::int64_t now_ns) {
+        watch_.forgive(now_ns);
+        has_last_ = false;
+    }
+
+    // When the program came back: to tell a stall of its own from a silence.
+    void resume(std::int64_t now_ns) {
+        has_before_ = true;
+        before_ns_ = now_ns;
+    }
+
+    // After a kFrame that is a HELLO, before anything else is taken: what becomes of what stands behind it.
+    void accept_hello() {
+        accepted_.assign(hello_, hello_ + hello_size_);
+        watch_.on_hello(true);
+    }
+    // Whether it is news that such a HELLO cannot be used.
+    bool refuse_hello() {
+        watch_.on_hello(false);
+        return watch_.is_news("bad_hello", hello_ns_);
+    }
+
+    LineItem next() {
+        count_handed();
+        LineItem item;
+        for (;;) {
+            if (look_is_due_ && look(item)) return item;
+            if (ticks_left_ > 0) return tick();
+            if (in_part_) {
+                if (next_of_part(item)) return item;
+                end_part();
+            } else if (at_ < reads_.size()) {
+                next_part();
+            } else {
+                return item;
+            }
+        }
+    }
+
+  private:
+    // What was given to the caller, and is counted when he comes back.
+    struct Handed {
+        bool is_any = false;
+        std::int64_t end = 0, frames = 0;
+        Reason reason = Reason::none;
+    };
+
+    void set_last(std::int64_t host_ns) {
+        has_last_ = true;
+        last_ns_ = host_ns;
+    }
+
+    void forgive_stall(std::int64_t now_ns) {
+        if (has_before_ && time_between(before_ns_, now_ns) > kStallNs) forgive(now_ns);
+    }
+
+    void drop() {
+        count_handed();
+        reads_.clear();
+        at_ = group_end_ = 0;
+        ticks_left_ = 0;
+        in_part_ = look_is_due_ = false;
+    }
+
+    void begin(const std::uint8_t* data, const PortRead* reads, std::size_t n, std::int64_t now_ns) {
+        drop();
+        forgive_stall(now_ns);
+        bytes_.assign(data, data + reads[n - 1].end);
+        reads_.assign(reads, reads + n);
+    }
+
+    // Up to this moment, from what happened last.
+    void begin_ticks(std::int64_t now_ns) {
+        if (!has_last_ || time_between(last_ns_, now_ns) < times_.tick_ns) return;
+        ticks_left_ = std::min(kMostTicks, time_between(last_ns_, now_ns) / times_.tick_ns);
+        next_tick_ns_ = last_ns_ + times_.tick_ns;
+    }
+    void begin_ticks_before(std::int64_t until_ns) {
+        if (until_ns > std::numeric_limits<std::int64_t>::min()) begin_ticks(until_ns - 1);
+    }
+
+    LineItem tick() {
+        LineItem item;
+        item.kind = LineItem::kTick;
+        item.host_ns = next_tick_ns_;
+        set_last(next_tick_ns_);
+        look_is_due_ = true;
+        if (--ticks_left_ > 0) next_tick_ns_ += times_.tick_ns;
+        return item;
+    }
+
+    bool look(LineItem& item) {
+        look_is_due_ = false;
+        item.trouble = watch_.look(last_ns_);
+        if (item.trouble == LineTrouble::none) return false;
+        item.kind = LineItem::kTrouble;
+        item.host_ns = last_ns_;
+        item.unread_bytes = watch_.unread_bytes();
+        return true;
+    }
+
+    std::int64_t end_before(std::size_t read) const { return read == 0 ? 0 : reads_[read - 1].end; }
+
+    // Goes on to the next reads that are taken together: all of one second that came close to each other, or
+    // one by one where a trouble may be due between them. Ticks come first.
+    void next_part() {
+        if (at_ == group_end_) {
+            group_end_ = end_of_group();
+            is_judged_ = false;
+            if (tells_time_) begin_ticks_before(reads_[at_].stamp.host_ns);
+            if (ticks_left_ > 0) return;
+        }
+        if (!is_judged_) {
+            is_settled_ = watch_.is_settled(reads_[group_end_ - 1].stamp.host_ns);
+            is_judged_ = true;
+        }
+        begin_part(is_settled_ ? group_end_ : at_ + 1);
+    }
+
+    std::size_t end_of_group() const {
+        const auto second = [](std::int64_t ns) { return ns / kSecondNs - (ns % kSecondNs < 0); };
+        std::size_t end = at_ + 1;
+        for (; end < reads_.size(); ++end) {
+            const std::int64_t before_ns = reads_[end - 1].stamp.host_ns, ns = reads_[end].stamp.host_ns;
+            if (time_between(before_ns, ns) > times_.tick_ns || second(before_ns) != second(ns)) break;
+        }
+        return end;
+    }
+
+    void begin_part(std::size_t end) {
+        part_begin_ = at_;
+        at_ = end;
+        base_ = end_before(part_begin_);
+        const std::int64_t size = end_before(end) - base_, last_ns = reads_[end - 1].stamp.host_ns;
+        watch_.on_bytes(reads_[part_begin_].stamp.host_ns, last_ns, size);
+        set_last(last_ns);
+        bytes_before_ = bytes_in_;
+        bytes_in_ += size;
+        found_.samples.clear();
+        found_.others.clear();
+        found_.bytes.clear();
+        decoder_.feed(bytes_.data() + base_, static_cast<std::size_t>(size), found_);
+        samples_.lay_out(found_.samples, reads_.data() + part_begin_, base_);
+        row_ = other_ = 0;
+        in_part_ = true;
+    }
+
+    void end_part() {
+        in_part_ = false;
+        unix_offset_ns = reads_[at_ - 1].stamp.unix_offset_ns;
+        look_is_due_ = true;
+    }
+
+    // The read of this part in which a frame ended.
+    const PortRead* read_of(std::int64_t end) const {
+        return std::lower_bound(reads_.data() + part_begin_, reads_.data() + at_, base_ + end,
+                                [](const PortRead& read, std::int64_t at) { return read.end < at; });
+    }
+
+    // False at the end of the part.
+    bool next_of_part(LineItem& item) {
+        for (;;) {
+            const bool is_last = other_ == found_.others.size();
+            const std::size_t stop = is_last ? found_.samples.size() : found_.others[other_].row;
+            if (row_ < stop && !watch_.is_refused()) {
+                give_samples(stop, item);
+                return true;
+            }
+            if (row_ < stop) {
+                counts_.refused += static_cast<std::int64_t>(stop - row_);
+                hand_run(stop);
+                row_ = stop;
+                count_handed();
+            }
+            if (is_last) return false;
+            if (give_other(found_.others[other_++], item)) return true;
+        }
+    }
+
+    // Samples up to the next whose sequence does not follow, as an epoch may begin with it.
+    void give_samples(std::size_t stop, LineItem& item) {
+        const std::size_t from = row_;
+        row_ = samples_.end_of_sequence(from, stop);
+        item.kind = LineItem::kSamples;
+        item.samples = samples_.rows(from, row_);
+        item.host_ns = item.samples.host_ns[0];
+        unix_offset_ns = read_of(found_.samples[from].end)->stamp.unix_offset_ns;
+        if (row_ == stop) hand_run(stop);
+    }
+
+    // All samples before `stop` that stand behind the last other frame are handed on.
+    void hand_run(std::size_t stop) {
+        const std::size_t begin = other_ == 0 ? 0 : found_.others[other_ - 1].row;
+        handed_ = {true, found_.samples[stop - 1].end, static_cast<std::int64_t>(stop - begin), Reason::none};
+    }
+
+    // False if nothing is to be given: the frame of a device that was refused.
+    bool give_other(const OtherRow& other, LineItem& item) {
+        const PortRead& read = *read_of(other.end);
+        unix_offset_ns = read.stamp.unix_offset_ns;
+        handed_ = {true, other.end, 1, other.reason};
+        item.host_ns = read.stamp.host_ns;
+        item.type = other.type;
+        item.sequence = other.sequence;
+        item.device_us = other.device_us;
+        item.bytes = found_.bytes.data() + other.offset;
+        item.size = other.size;
+        item.reason = other.reason;
+        if (other.reason != Reason::none) {
+            item.kind = LineItem::kBad;
+        } else if (other.type == Hello::type()) {
+            give_hello(item);
+        } else if (watch_.is_refused()) {
+            ++counts_.refused;
+            count_handed();
+            return false;
+        } else {
+            item.kind = LineItem::kFrame;
+        }
+        return true;
+    }
+
+    void give_hello(LineItem& item) {
+        hello_ = item.bytes;
+        hello_size_ = item.size;
+        hello_ns_ = item.host_ns;
+        if (is_other_version(item.bytes, item.size)) {
+            item.kind = LineItem::kRefusedVersion;
+            handed_.frames = 0;
+            ++counts_.refused;
+            watch_.on_hello(false);
+            item.is_news = watch_.is_news("version", item.host_ns);
+        } else if (std::equal(accepted_.begin(), accepted_.end(), hello_, hello_ + hello_size_)) {
+            item.kind = LineItem::kSameHello;
+            watch_.on_hello(true);
+        } else {
+            item.kind = LineItem::kFrame;
+        }
+    }
+
+    // Only what was handed on counts, so that counts do not depend on how the bytes were read.
+    void count_handed() {
+        hello_size_ = 0;
+        if (!handed_.is_any) return;
+        handed_.is_any = false;
+        counts_.bytes = bytes_before_ + handed_.end;
+        if (handed_.reason != Reason::none) {
+            counts_.add_bad(handed_.reason);
+            return;
+        }
+        counts_.frames += handed_.frames;
+        const PortRead* const read = read_of(handed_.end);
+        if (read + 1 >= reads_.data() + at_) {
+            watch_.on_all_read();
+        } else {
+            watch_.on_read_but(end_before(at_) - read->end, read[1].stamp.host_ns);
+        }
+    }
+
+    LineTimes times_;
+    LineWatch watch_;
+    Decoder decoder_;
+    LineCounts counts_;
+    Handed handed_;
+    bool has_before_ = false, has_last_ = false;
+    std::int64_t before_ns_ = 0;  // when the program came back
+    std::int64_t last_ns_ = 0;    // when something happened, or a tick
+    std::int64_t ticks_left_ = 0, next_tick_ns_ = 0;
+    bool look_is_due_ = false;  // at last_ns_
+
+    // What was given. Reads before `at_` have been begun with, a group goes to `group_end_`.
+    std::vector<std::uint8_t> bytes_;
+    std::vector<PortRead> reads_;
+    std::size_t at_ = 0, group_end_ = 0;
+    bool tells_time_ = false, is_judged_ = false, is_settled_ = false;
+
+    // The part that is being handed on: reads from `part_begin_` to `at_`, whose bytes begin at `base_`.
+    bool in_part_ = false;
+    std::size_t part_begin_ = 0, row_ = 0, other_ = 0;
+    std::int64_t base_ = 0, bytes_in_ = 0, bytes_before_ = 0;
+    Decoded found_;
+    WireSamples samples_;
+
+    std::vector<std::uint8_t> accepted_;  // payload of the HELLO that was accepted last
+    const std::uint8_t* hello_ = nullptr;
+    std::size_t hello_size_ = 0;
+    std::int64_t hello_ns_ = 0;
+};
+
+}  // namespace fltea
