@@ -167,6 +167,22 @@ TEST_CASE("wire line: samples have the time of the read in which they ended") {
     CHECK(line.line.next().kind == LineItem::kDone);
 }
 
+TEST_CASE("wire line: any other frame has the time of its read, too") {
+    Line line;
+    line.one(hello(), 1);
+    Reads reads;
+    reads.add(fault(), 20).add(Bytes{5, 1, 0}, 30).add(fault() + sample(0), 40).add(Bytes{1}, 50);
+    line.line.feed(reads.bytes.data(), reads.reads.data(), 4, 20);
+    for (std::int64_t at = 20; at <= 40; at += 10) {
+        CHECK(line.line.next().host_ns == at);
+        CHECK(line.line.unix_offset_ns == at + 1);
+    }
+    CHECK(line.line.next().kind == LineItem::kSamples);
+    CHECK(line.line.unix_offset_ns == 41);
+    CHECK(line.line.next().kind == LineItem::kDone);
+    CHECK(line.line.unix_offset_ns == 51);
+}
+
 TEST_CASE("wire line: a known device's reads of one second are taken at once") {
     Line line;
     CHECK(line.one(hello(), 1) == Words{"frame 1"});
@@ -181,6 +197,15 @@ TEST_CASE("wire line: a known device's reads of one second are taken at once") {
     seconds.add(sample(5), kSecondNs - 1).add(sample(6), kSecondNs).add(sample(7), kSecondNs + 1);
     seconds.add(sample(8), kSecondNs + kSecondNs / 2 + 2);
     CHECK(line.feed(seconds) == Words{"tick 833", "1 samples", "2 samples", "tick 1500", "1 samples"});
+}
+
+TEST_CASE("wire line: seconds before 0 are as long as others") {
+    Line line;
+    line.line.opened({-kSecondNs, 0});
+    line.one(hello(), -kSecondNs);
+    Reads reads;
+    reads.add(sample(1), -kSecondNs * 6 / 10).add(sample(2), -kSecondNs / 10).add(sample(3), kSecondNs / 10);
+    CHECK(line.feed(reads) == Words{"2 samples", "1 samples"});
 }
 
 TEST_CASE("wire line: samples are cut where their sequence does not follow") {
@@ -245,12 +270,24 @@ TEST_CASE("wire line: a silence is told, again after a minute, and anew after a 
     CHECK(line.troubles(75 * kSecondNs) == Words{"silent 75000"});
 }
 
+TEST_CASE("wire line: a silence between reads is told before what broke it") {
+    Line line;
+    line.one(hello(), 1);
+    Reads reads;
+    const Words found = line.feed(reads.add(sample(1), 2).add(sample(2), 6 * kSecondNs + 2));
+    REQUIRE(found.size() == 1 + 11 + 1 + 1);
+    CHECK(found[10] == "tick 5000");
+    CHECK(found[11] == "silent 5000");
+    CHECK(found[12] == "tick 5500");
+}
+
 TEST_CASE("wire line: a long silence has at most so many ticks") {
     Line line;
     CHECK(line.silent(kSecondNs) == Words{"tick 500", "tick 1000"});
     line.line.pass_time(2 * kSecondNs);
     CHECK(line.all() == Words{"tick 1500"});
     line.line.failed("unplugged", {3 * kSecondNs, 1});
+    CHECK(line.silent(7 * kSecondNs / 2) == Words{"tick 3500"});
     CHECK(line.silent(3000 * kSecondNs).size() == 120);
 }
 
@@ -290,8 +327,11 @@ TEST_CASE("wire line: a stall of the program proves nothing") {
     for (const std::int64_t stall : {2 * kSecondNs, 2 * kSecondNs + 1}) {
         Line line;
         line.line.resume(4 * kSecondNs);
-        const bool is_told = !line.troubles(4 * kSecondNs + stall).empty();
-        CHECK(is_told == (stall == 2 * kSecondNs));
+        // Twelve ticks of the whole silence, and the trouble; or the moment of coming back alone.
+        CHECK(line.silent(4 * kSecondNs + stall).size() == (stall > 2 * kSecondNs ? 1 : 13));
+        line.line.resume(7 * kSecondNs);
+        Reads reads;
+        CHECK(line.feed(reads.add(sample(1), 9 * kSecondNs + 1)) == Words{"1 samples"});
     }
 }
 
@@ -304,6 +344,7 @@ TEST_CASE("wire line: a port that is not open is neither silent nor read") {
     CHECK_FALSE(line.line.failed("unplugged", {3, 5}));
     CHECK(line.line.failed("no_port", {4, 5}));
     line.line.opened({30 * kSecondNs, 6});
+    CHECK(line.line.unix_offset_ns == 6);
     CHECK(line.one(hello() + sample(0), 30 * kSecondNs) == Words{"same hello", "1 samples"});
 }
 
@@ -313,10 +354,19 @@ TEST_CASE("wire line: what was not taken is left out") {
     line.line.feed_one(bytes.data(), {size_of(bytes), {1, 0}}, 1);
     CHECK(line.line.next().type == Hello::type());
     line.line.accept_hello();
-    CHECK(line.silent(2) == Words{"tick 0"});
+    line.line.silent(2);
     CHECK(line.line.counts().frames == 1);
+    CHECK(line.all() == Words{"tick 0"});
     line.line.accept_hello();  // of nothing
     CHECK(line.one(hello(), 3) == Words{"frame 1"});
+    line.line.silent(5 * kSecondNs + 3);
+    for (int k = 0; k < 9; ++k) CHECK(line.line.next().kind == LineItem::kTick);
+    line.line.pass_time(0);
+    CHECK(line.line.next().kind == LineItem::kDone);  // nine of ten ticks
+    line.line.silent(5 * kSecondNs + 3);
+    CHECK(line.line.next().kind == LineItem::kTick);
+    line.line.pass_time(0);
+    CHECK(line.line.next().kind == LineItem::kDone);  // the tick before the trouble
 }
 
 TEST_CASE("wire line: times at the ends of their range") {
