@@ -348,6 +348,98 @@ TEST_CASE("wire line: a port that is not open is neither silent nor read") {
     CHECK(line.one(hello() + sample(0), 30 * kSecondNs) == Words{"same hello", "1 samples"});
 }
 
+TEST_CASE("wire line: on a port that was opened again all begins anew") {
+    Line line;
+    line.one(hello() + sample(0), 1);
+    line.line.opened({100 * kSecondNs, 0});
+    CHECK(line.troubles(105 * kSecondNs - 1) == Words{});
+    // The old HELLO is not known to be this device's.
+    Line waits;
+    waits.one(hello(), 1);
+    waits.line.opened({100 * kSecondNs, 0});
+    for (std::int64_t k = 200; k < 210; ++k) waits.one(sample(0), k * kSecondNs / 2);
+    CHECK(waits.one(sample(1), 105 * kSecondNs) == Words{"1 samples", "no_hello 105000"});
+    // Nor is the old refusal.
+    Line refused;
+    refused.one(hello(13), 1);
+    refused.line.opened({2, 0});
+    CHECK(refused.one(sample(0), 3) == Words{"1 samples"});
+    // Unread bytes of before do not count.
+    Line unread;
+    unread.one(Bytes(9, 1), 1);
+    unread.line.opened({4 * kSecondNs, 0});
+    CHECK(unread.one(Bytes(9, 1), 5 * kSecondNs + 1) == Words{});
+    CHECK(unread.troubles(8 * kSecondNs) == Words{});
+}
+
+TEST_CASE("wire line: reads between which a trouble may be due are taken one by one") {
+    const auto given = [](Line& line, std::int64_t first_ns) {
+        Reads reads;
+        return line.feed(reads.add(sample(1), first_ns).add(sample(2), first_ns + 1)).size();
+    };
+    Line closed;
+    closed.one(hello(), 1);
+    CHECK(given(closed, 2) == 1);
+    closed.line.failed("unplugged", {3, 0});
+    CHECK(given(closed, 4) == 2);
+    Line refused;
+    refused.one(hello(), 1);
+    refused.one(hello(13), 2);
+    Reads healed;
+    CHECK(refused.feed(healed.add(hello() + sample(1), 3).add(sample(2), 4)) ==
+          Words{"same hello", "1 samples", "1 samples"});
+    for (const std::int64_t left : {0, 1}) {  // four seconds after the first unread byte, and just before
+        Line unread;
+        unread.one(hello(), 1);
+        unread.one(Bytes{9}, kSecondNs);
+        for (std::int64_t k = 3; k < 10; ++k) unread.one(Bytes{9}, k * kSecondNs / 2);
+        const std::int64_t at = 5 * kSecondNs - left;
+        Reads reads;
+        reads.add(Bytes{0} + sample(1), at).add(sample(2), at);
+        CHECK(unread.feed(reads).size() == (left == 1 ? 2 : 3));  // the bad block, and all samples or each
+    }
+}
+
+TEST_CASE("wire line: the first byte after a silence is not five seconds of rubbish") {
+    Line line;
+    line.one(Bytes(9, 1), 1);
+    CHECK(line.one(Bytes(4, 1), 5 * kSecondNs + 1) == Words{});
+    for (std::int64_t k = 11; k < 21; ++k) CHECK(line.one(Bytes(1, 1), k * kSecondNs / 2) == Words{});
+    const Bytes last(1, 1);
+    line.line.feed_one(last.data(), {1, {10 * kSecondNs + 1, 0}}, 10 * kSecondNs + 1);
+    CHECK(line.line.next().unread_bytes == 4 + 10 + 1);
+}
+
+TEST_CASE("wire line: a device that was refused did say HELLO") {
+    Line line;
+    line.one(hello(13), 1);
+    for (std::int64_t k = 1; k < 12; ++k) CHECK(line.one(sample(0), k * kSecondNs / 2) == Words{});
+}
+
+TEST_CASE("wire line: columns of a later second, and of later samples of a run") {
+    Line line;
+    line.one(hello(), 1);
+    Reads reads;
+    reads.add(sample(1), kSecondNs / 3).add(sample(2), kSecondNs / 2).add(sample(3), kSecondNs);
+    reads.add(sample(4) + sample(7), kSecondNs + 1).add(sample(8), kSecondNs + 2);
+    line.line.feed(reads.bytes.data(), reads.reads.data(), reads.reads.size(), kSecondNs / 3);
+    CHECK(line.line.next().samples.n == 2);
+    LineItem item = line.line.next();
+    REQUIRE(item.samples.n == 2);
+    CHECK(item.samples.host_ns[0] == kSecondNs);
+    CHECK(item.samples.host_ns[1] == kSecondNs + 1);
+    CHECK(line.line.counts().frames == 3);
+    item = line.line.next();
+    CHECK(line.line.counts().frames == 3);  // a run counts as a whole
+    REQUIRE(item.samples.n == 2);
+    CHECK(item.samples.host_ns[1] == kSecondNs + 2);
+    CHECK(item.samples.gyro[3] == 8.0);
+    CHECK(item.samples.accel[2] == 9.0);
+    CHECK(item.samples.temperature[1] == -3.0);
+    CHECK(line.line.next().kind == LineItem::kDone);
+    CHECK(line.line.counts().frames == 7);
+}
+
 TEST_CASE("wire line: what was not taken is left out") {
     Line line;
     const Bytes bytes = hello() + sample(0) + fault();

@@ -16,7 +16,7 @@ WIRE, LINK = "wire", "link"
 OVERFLOW = "overflow"
 """Kind of a gap that the recorder itself made, being too slow: it did not see what it missed."""
 
-LATEST_NS = 1 << 62
+LATEST_NS = (1 << 62) - 1
 """In the year 2116; sums and differences of such times fit into 64 bits."""
 
 Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
