@@ -308,12 +308,13 @@ TEST_CASE("wire line: unread bytes count from the read behind the last good fram
     reads.add(sample(1), 2).add(Bytes(7, 1), 3).add(Bytes(5, 1), 4);
     CHECK(line.feed(reads) == Words{"1 samples"});
     for (std::int64_t k = 1; k < 10; ++k) line.one(Bytes(1, 1), k * kSecondNs / 2);
+    CHECK(line.one(Bytes(1, 1), 5 * kSecondNs + 2) == Words{});
     const Bytes last(1, 1);
     line.line.feed_one(last.data(), {1, {5 * kSecondNs + 3, 0}}, 5 * kSecondNs + 3);
     const LineItem item = line.line.next();
     REQUIRE(item.kind == LineItem::kTrouble);
     CHECK(item.trouble == LineTrouble::no_valid_frame);
-    CHECK(item.unread_bytes == 7 + 5 + 9 + 1);
+    CHECK(item.unread_bytes == 7 + 5 + 9 + 1 + 1);
 }
 
 TEST_CASE("wire line: frames without a HELLO for five seconds") {
