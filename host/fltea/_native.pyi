@@ -104,6 +104,40 @@ class Bell:
     # From now on it has not been rung.
     def clear(self) -> None: ...
 
+class Round:
+    # capacity: as of PortReader. tick_ns: after which a silent line is looked at. texts: so many are printed.
+    def __init__(self, capacity: int, tick_ns: int, texts: int) -> None: ...
+
+    # The device on the next port, from 0.
+    def add(self, wire: WireLine, device: Device, latency_ns: int) -> None: ...
+
+    # As PortReader.add.
+    def open(self, port: int, descriptor: int, closes: bool, latency_ns: int) -> None: ...
+    def touch(self, port: int, now_ns: int) -> None: ...
+    def end(self, port: int) -> None: ...
+
+    # Whether somebody takes rows, printed lines, and bytes as they came; rows and bytes wait for more.
+    def wants(self, port: int, rows: bool, text: bool, reads: bool, patience_ns: int) -> None: ...
+
+    # When the newest of what was taken arrived.
+    def now_ns(self, port: int) -> int: ...
+    def overflow_bytes(self, port: int) -> int: ...
+
+    # Waits until something is due and takes it. The time; of each text bytes, and of each device when its
+    # newest bytes arrived and how many records are its; and port, kind (`LineStop`) and what is told of what
+    # has happened.
+    def run(
+        self, timeout_s: float
+    ) -> tuple[int, list[tuple[bytes, list[tuple[int, int]]]], list[tuple[int, int, Any]]]: ...
+
+    # The longest that bytes have waited beyond their latency, since this was asked last.
+    def waited_ns(self) -> int: ...
+    def wake(self) -> None: ...
+    def close(self) -> None: ...
+
+# Is added to what the system says of the difference from the monotonic clock to Unix time.
+def shift_unix_clock(ns: int) -> None: ...
+
 # See fltea.wire.ports. capacity: bytes that may wait of one port, 24 of each read included.
 class PortReader:
     def __init__(self, capacity: int) -> None: ...
@@ -111,11 +145,11 @@ class PortReader:
     # OSError if the descriptor cannot be waited for. closes: an empty read means that the other side closed.
     def add(self, port: int, descriptor: int, closes: bool, latency_ns: int) -> None: ...
 
-    # Rings the bells, and waits until something is due; the time, and for each port with news: its number,
+    # Waits until something is due; the time, and for each port with news: its number,
     # bytes, of each read end, host_ns and unix_offset_ns, bytes thrown away, and errno, host_ns and
     # unix_offset_ns of its loss.
     def take(
-        self, timeout_s: float, bells: Sequence[Bell]
+        self, timeout_s: float
     ) -> tuple[
         int,
         list[
@@ -622,8 +656,8 @@ class Lines:
     # Adds rows begin, begin + step, … below end; a column without a hole may be anything.
     def add(self, into: bytearray, columns: list[Any], begin: int, end: int, step: int) -> None: ...
 
-# Prints what a Device takes. every: samples whose number is a multiple of it; weight: records that each stands
-# for. shape: which rows the lines are of. Numbers a row of the gyroscope, and of the accelerometer or 0;
+# Prints what a Device takes. every: samples whose number is a multiple of it; weight: records that each
+# stands for. shape: which rows the lines are of. Numbers a row of the gyroscope, and of the accelerometer or 0;
 # whether there are temperatures and flags; of each sensor its axes, whether it is the accelerometer, and
 # whether it has estimates. ValueError if there are holes without a column.
 class RunPrinter:

@@ -62,5 +62,6 @@ void bind_allan(nanobind::module_& m);
 void bind_lines(nanobind::module_& m);
 void bind_mcap(nanobind::module_& m);
 void bind_octaves(nanobind::module_& m);
+void bind_round(nanobind::module_& m);
 void bind_rows(nanobind::module_& m);
 void bind_tracker(nanobind::module_& m);

@@ -163,5 +163,6 @@ NB_MODULE(_native, m) {
     bind_rows(m);
     bind_mcap(m);
     bind_port_reader(m);
+    bind_round(m);
     bind_wire_line(m);
 }

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
@@ -14,6 +15,8 @@
 namespace fltea {
 
 namespace {
+
+std::atomic<std::int64_t> unix_shift_ns{0};
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 constexpr std::size_t kMostBytes = 1 << 16;  // of one read
@@ -55,8 +58,10 @@ class SignalsBlocked {
 
 Stamp stamp_now() {
     const std::int64_t host_ns = now_ns(kClock);
-    return {host_ns, now_ns(CLOCK_REALTIME) - host_ns};
+    return {host_ns, now_ns(CLOCK_REALTIME) + unix_shift_ns.load() - host_ns};
 }
+
+void shift_unix_clock(std::int64_t ns) { unix_shift_ns = ns; }
 
 PortReader::PortReader(std::size_t capacity)
     : capacity_(capacity), owner_(getpid()), epoll_(epoll_create1(EPOLL_CLOEXEC)), due_ns_(kNever) {

@@ -20,6 +20,9 @@ namespace fltea {
 
 Stamp stamp_now();
 
+// Is added to what the system says of Unix time: for tests of a clock that is set.
+void shift_unix_clock(std::int64_t ns);
+
 // What came from one port since it was last taken.
 struct PortNews {
     int port = 0;

@@ -26,15 +26,14 @@ class PortReader {
         reader_.add(port, descriptor, closes, latency_ns);
     }
 
-    // Rings the bells first. The time, and for each port with news: its number, bytes, columns of its reads
+    // The time, and for each port with news: its number, bytes, columns of its reads
     // (end, host_ns, unix_offset_ns), how many bytes were thrown away, and None or errno and time of its
     // loss.
-    nb::tuple take(double timeout_s, const std::vector<const fltea::Bell*>& bells) {
+    nb::tuple take(double timeout_s) {
         std::int64_t now_ns = 0;
         std::vector<PortNews> news;
         {
             const nb::gil_scoped_release release;
-            for (const fltea::Bell* const bell : bells) bell->ring();
             now_ns = reader_.take(timeout_s, news);
         }
         nb::list found;
@@ -85,6 +84,7 @@ void bind_port_reader(nb::module_& m) {
             PyErr_SetFromErrno(PyExc_OSError);
         }
     });
+    m.def("shift_unix_clock", &fltea::shift_unix_clock, nb::arg("ns"));
     nb::class_<fltea::Bell>(m, "Bell")
         .def(nb::init<>())
         .def("fileno", &fltea::Bell::number)
@@ -94,7 +94,7 @@ void bind_port_reader(nb::module_& m) {
         .def(nb::init<std::size_t>(), nb::arg("capacity"))
         .def("add", &PortReader::add, nb::arg("port"), nb::arg("descriptor"), nb::arg("closes"),
              nb::arg("latency_ns"))
-        .def("take", &PortReader::take, nb::arg("timeout_s"), nb::arg("bells"))
+        .def("take", &PortReader::take, nb::arg("timeout_s"))
         .def("wake", &PortReader::wake)
         .def("close", &PortReader::close);
 }

@@ -35,6 +35,9 @@ class RunPrinter {
         }
     }
 
+    // Whether rows of the newest run are of its shape.
+    bool prints(const Device& device) const { return missed_ == 0 && shape_of(device) == shape_; }
+
     // Prints rows of the newest run; they are only counted where their shape is another one, as are all that
     // follow until they are taken.
     void append(const Device& device, std::size_t begin, std::size_t end) {

@@ -173,7 +173,7 @@ def _arrived(reader: Reader, fed: dict[str, Any], begin_ns: int) -> dict[str, An
         "max_ms": most,
         "feeder_late_ms": float(np.percentile((written_ns - fed["due"])[after], 99)) * 1e-6,
         "missing": int(after.sum()) - len(latency_ms),
-        "lost": sum(s.get("sample_counts", s.get("samples"))["lost"] for s in stats),
+        "lost": sum((s.get("sample_counts") or s["samples"])["lost"] for s in stats),
         "overflow_bytes": sum(s["link"]["overflow_bytes"] for s in stats),
         "dropped": sum(o["dropped"] for s in stats for o in s["outputs"].values()),
         "port_full": int((written_ns == 0).sum()),

@@ -8,15 +8,17 @@ import json
 import mmap
 import os
 import struct
+import threading
 import time
 from pathlib import Path
-from typing import Any
 
-from fltea._native import PortReader
+from fltea._native import shift_unix_clock
 from fltea.cli.app import main
-from fltea.wire import ports
 from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
+
+SHIFT_S = 0.001
+"""How often the clock of the native reader is set."""
 
 
 def set_clock_by(path: Path) -> None:
@@ -32,16 +34,13 @@ def set_clock_by(path: Path) -> None:
     time.time_ns = lambda: time_ns() + step_ns()
     time.time = lambda: time_s() + step_ns() * 1e-9
 
-    class Reader(PortReader):  # it asks the system itself
-        def take(self, timeout_s: float, bells: Any) -> Any:
-            now_ns, news = super().take(timeout_s, bells)
-            ahead_ns = step_ns()
-            for number, (port, data, (end, host_ns, offset_ns), overflow, lost) in enumerate(news):
-                last = None if lost is None else (*lost[:2], lost[2] + ahead_ns)
-                news[number] = (port, data, (end, host_ns, offset_ns + ahead_ns), overflow, last)
-            return now_ns, news
+    def shift() -> None:  # what reads ports asks the system itself
+        while True:
+            shift_unix_clock(step_ns())
+            time.sleep(SHIFT_S)
 
-    vars(ports)["PortReader"] = Reader
+    shift_unix_clock(step_ns())
+    threading.Thread(target=shift, daemon=True).start()
 
 
 def list_ports_of(path: Path) -> None:

@@ -1,7 +1,7 @@
 """The two ends of the walk: what a source gives, and what a sink takes."""
 
 import bisect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import ClassVar, NamedTuple, Protocol
 
 from fltea.records.block import Block
@@ -83,11 +83,13 @@ class Wanted(NamedTuple):
 class Printed(NamedTuple):
     """Records of samples as lines, for sinks whose `prints` says what is in them.
 
-    records: the number that they stand for, as of `Block.weight`.
+    records: the number that they stand for, as of `Block.weight`. parts: of each device when its newest
+    arrived [ns, monotonic] and how many are its, for the latency.
     """
 
     data: bytes
     records: int
+    parts: Sequence[tuple[int, int]] = ()
 
 
 Item = AnyRecord | Block | Printed | TransportEvent | Reads

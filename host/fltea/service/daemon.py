@@ -38,12 +38,6 @@ SWITCH_S = 0.0001
 """How long a thread may go on while another waits: Python's own 5 ms would show in the latency, and the
 recordings of 300 devices wait 1,200 times a second."""
 
-FEW, FEW_SWITCH_S = 100, 0.001
-"""Of so few live devices a round takes no longer: none is interrupted for an output or a look."""
-
-LOOK_PAUSE_S = 0.002
-"""The time from a sample with which a look begins to the look: its line needs a millisecond."""
-
 
 def run(configs: Sequence[Config]) -> None:
     """Run until every source has ended, a signal arrives, the only output's reader leaves, or `--once` fails.
@@ -160,12 +154,9 @@ class _Run:
             for number, (source, config) in enumerate(zip(sources, configs, strict=True))
         ]
         live = bool(shared) or any(source.live for source in sources)
-        self._beside.pause_s = LOOK_PAUSE_S if live else 0.0
-        if live and not shared and len(self._walks) <= FEW:
-            sys.setswitchinterval(FEW_SWITCH_S)
         on_lines = [walk for walk in self._walks if has_line(walk)]
         pressure = Pressure(self._beside, self._hub.report())
-        lines = LineLoop(on_lines, self._end, self._hub.untold, pressure) if on_lines else None
+        lines = LineLoop(on_lines, self._end, self._hub, pressure) if on_lines else None
         threads = [
             threading.Thread(target=self._pump, args=(walk,), name=f"walk {walk.name}")
             for walk in self._walks

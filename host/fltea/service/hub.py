@@ -9,7 +9,6 @@ from fltea.records.events import Reads, TransportEvent
 from fltea.records.ports import Departed, Item, Printed, Sink, Wanted
 from fltea.records.records import AnyRecord, Error
 from fltea.records.stats import OutputStats
-from fltea.service.bell import Bell
 from fltea.service.ending import Awaited
 from fltea.service.outlet import Outlet, OutletThread
 
@@ -34,6 +33,8 @@ class Hub:
         # Replaced as a whole, never changed: other threads walk through them.
         self._shared: list[Outlet] = []
         self._of: dict[str, list[Outlet]] = {}
+        self.changes = 0
+        """How often an output was added or taken out."""
         self._log: Outlet | None = None
         self._ended: list[Outlet] = []
         self._threads: dict[str, OutletThread] = {}
@@ -49,11 +50,13 @@ class Hub:
             self._shared = [*self._shared, outlet]
         else:
             self._of = self._of | {device: [*self._of.get(device, []), outlet]}
+        self.changes += 1
         return outlet
 
     def remove(self, outlet: Outlet, device: str) -> None:
         """Give a device's output nothing more; what is queued still goes out, and then it is closed."""
         self._of = self._of | {device: [one for one in self._of.get(device, []) if one is not outlet]}
+        self.changes += 1
         outlet.close()
 
     def add_log(self, sink: Sink) -> None:
@@ -69,18 +72,16 @@ class Hub:
         *,
         wait: bool = False,
         log: bool = True,
-        tell: bool = True,
         printed: ByText = NOTHING_PRINTED,
     ) -> None:
         """Queue a device's records.
 
         printed: the same for outputs of these texts (`printing`). wait: hold the caller up for outputs that
-        must not lose any. tell: the outputs' threads at once; else the caller rings the bells of `untold`,
-        when it can do without Python's lock.
+        must not lose any.
         """
         for outlet in (*self._shared, *self._of.get(device, ())):
             own = printed.get(outlet.sink.prints, records)
-            outlet.put(own, arrived_ns, wait=wait, tell=tell)
+            outlet.put(own, arrived_ns, wait=wait)
         if log and self._log is not None:
             errors = [record for record in records if isinstance(record, Error)]
             if errors:
@@ -94,15 +95,15 @@ class Hub:
                 found.setdefault(outlet.sink.prints, []).append(outlet)
         return found
 
-    def untold(self) -> list[Bell]:
-        """Return the bells of threads that know nothing yet of what was published without telling."""
-        bells = []
-        for outlets in (self._shared, *self._of.values()):
-            for outlet in outlets:
-                if outlet.thread.untold:
-                    outlet.thread.untold = False
-                    bells.append(outlet.thread.bell)
-        return bells
+    def print(self, text: Wanted, printed: Printed) -> None:
+        """Queue what was printed of many devices for the outputs that they share and that print it."""
+        for outlet in self._shared:
+            if outlet.sink.prints == text:
+                outlet.put((printed,))
+
+    def takes_blocks(self, device: str) -> bool:
+        """Whether any output of a device takes its samples otherwise than printed."""
+        return any(outlet.sink.prints is None for outlet in (*self._shared, *self._of.get(device, ())))
 
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until all outputs that devices share have room; False if one has none in time."""

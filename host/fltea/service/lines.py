@@ -1,19 +1,42 @@
-"""All devices on ports with descriptors, walked by one thread."""
+"""All devices on ports with descriptors, walked by one thread, round after round (host/native/round.hpp)."""
 
 from collections.abc import Callable, Sequence
+from enum import IntEnum
+from typing import Any
 
+from fltea import _native
 from fltea.records import clock
-from fltea.records.events import Failed, Opened, Reads, Tick
-from fltea.service.bell import Bell
+from fltea.records.events import Event, Reads
+from fltea.records.ports import Printed
+from fltea.service.hub import Hub
 from fltea.service.pressure import LOOK_NS, Pressure
 from fltea.service.walk import Walk
 from fltea.sources.serial import SerialSource
-from fltea.wire.ports import Ports
+from fltea.stream.decode import Stop
+from fltea.stream.fit_times import DEVICES_A_SECOND
+from fltea.wire.openings import Openings
+from fltea.wire.ports import TICK_NS
+from fltea.wire.transport import QUEUE_BYTES
 
 WAIT_S = 0.5
-TELL_AFTER = 16
-"""Walks, of those that have something at once, after which the outputs are told of it. They would take
-Python's lock from a walk for what they can as well do while all walks wait for samples."""
+PATIENCE_NS = 1_000_000
+"""Of each of many devices samples in blocks, and bytes, wait so long for more: who takes them does so device
+by device, and a thousand times a second at most."""
+
+
+class LineStop(IntEnum):
+    """What of a line is Python's, as of host/native/line_walk.hpp."""
+
+    ITEM = 1
+    """An item of the wire."""
+    STOP = 2
+    """A stop of the device."""
+    ROWS = 3
+    """Samples that somebody takes in blocks."""
+    READS = 4
+    """Bytes that somebody takes as they came."""
+    LOST = 5
+    """The port was lost."""
 
 
 def has_line(walk: Walk) -> bool:
@@ -22,84 +45,153 @@ def has_line(walk: Walk) -> bool:
 
 
 class LineLoop:
-    """Reads the ports of these walks and lets each take what came from its own.
+    """Lets each walk take what came from its port.
 
     on_end: called, from the loop's thread, with a walk that has ended and the exception that ended it, if one
-    did. untold: gives the bells of outputs that do not know yet of what the walks have published. pressure:
-    what is to know how long samples wait.
+    did. pressure: what is to know how long samples wait.
     """
 
     def __init__(
         self,
         walks: Sequence[Walk],
         on_end: Callable[[Walk, Exception | None], None],
-        untold: Callable[[], list[Bell]],
+        hub: Hub,
         pressure: Pressure,
     ) -> None:
         self.walks = list(walks)
-        self._on_end, self._untold, self._pressure = on_end, untold, pressure
+        self._on_end, self._hub, self._pressure = on_end, hub, pressure
+        self._going = set(range(len(walks)))
         self._looked_ns = 0
+        self._changes = -1
         self._closed = False
         self._sources = [walk.source for walk in walks if isinstance(walk.source, SerialSource)]
-        self._ports = Ports([source.port for source in self._sources])
+        self._texts = list(hub.printing(""))
+        self._round = _native.Round(QUEUE_BYTES, TICK_NS, len(self._texts))
+        for walk, source in zip(self.walks, self._sources, strict=True):
+            self._round.add(source.line, walk.device, round(source.port.latency_s * 1e9))
+        ports = [source.port for source in self._sources]
+        self._openings = Openings(ports, self._round.open, self._round.wake)
 
     def run(self) -> None:
         """Walk until `close`, or until each walk has failed."""
-        going = set(range(len(self.walks)))
         try:
-            while going and not self._closed:
-                for number, (place, item) in enumerate(self._ports.poll(WAIT_S, self._untold()), 1):
-                    if place in going and not self._take(place, item):
-                        going.discard(place)
-                    if number % TELL_AFTER == 0:
-                        self._tell()
-                now_ns = clock.host_ns()
-                if now_ns - self._looked_ns >= LOOK_NS:
-                    self._looked_ns = now_ns
-                    self._pressure.look(now_ns)
-            for place in going:
+            while self._going and not self._closed:
+                self._take_round()
+            for place in list(self._going):
                 self._finish(place)
         except Exception as error:  # of the loop itself: a daemon that hears nothing must not look alive
-            for place in going:
+            for place in self._going:
                 self._on_end(self.walks[place], error)
             raise
         finally:
-            self._tell()
-            self._ports.close()
+            self._round.close()
+            self._openings.close()
 
     def close(self) -> None:
         """End the loop, from another thread."""
         self._closed = True
-        self._ports.wake()
+        self._round.wake()
 
-    def _tell(self) -> None:
-        for bell in self._untold():
-            bell.ring()
+    def _take_round(self) -> None:
+        now_ns = clock.host_ns()
+        self._openings.begin(now_ns)
+        if self._hub.changes != self._changes or now_ns - self._looked_ns >= LOOK_NS:
+            self._look(now_ns)
+        next_ns = self._openings.next_ns
+        wait_s = WAIT_S if next_ns is None else min(WAIT_S, max(0.0, (next_ns - now_ns) * 1e-9))
+        _, printed, happened = self._round.run(wait_s)
+        for text, (data, parts) in zip(self._texts, printed, strict=True):
+            if data:
+                self._hub.print(text, Printed(data, sum(records for _, records in parts), parts))
+        for place, kind, told in happened:
+            self._happened(place, HANDLERS[kind], told)
+        for place, event in self._openings.opened():
+            self._round.touch(place, event.host_ns)
+            self._happened(place, LineLoop._on_port, event)
 
-    def _take(self, place: int, item: Reads | Opened | Failed | Tick) -> bool:
-        """Let one walk take what came; whether it goes on."""
-        walk, source = self.walks[place], self._sources[place]
-        if isinstance(item, Reads):
-            due_ns = int(item.host_ns[0]) + round(source.port.latency_s * 1e9)
-            self._pressure.waited(clock.host_ns() - due_ns)
+    def _look(self, now_ns: int) -> None:
+        """See who takes what, whether snapshots are due, and whether this machine keeps up."""
+        self._changes = self._hub.changes
+        many = len(self.walks) if len(self.walks) > DEVICES_A_SECOND else 0
+        for place in self._going:
+            walk = self.walks[place]
+            self._round.wants(place, *walk.wants(), many * PATIENCE_NS)
+            self._sources[place].port.overflow_bytes = self._round.overflow_bytes(place)
+            walk.look()
+            walk.moved_s = now_ns * 1e-9
+        if now_ns - self._looked_ns >= LOOK_NS:
+            self._looked_ns = now_ns
+            self._pressure.waited(self._round.waited_ns())
+            self._pressure.look(now_ns)
+
+    def _happened(self, place: int, handle: "Callable[[LineLoop, int, Any], None]", told: Any) -> None:
+        """Let one walk do what has happened on its port."""
+        if place not in self._going:
+            return
+        walk = self.walks[place]
         try:
-            for event in source.take(item):
-                walk.take(event, tell=False)
-                if walk.failure is not None:
-                    break
+            handle(self, place, told)
         except Exception as error:
+            self._end(place)
             self._on_end(walk, error)
-            return False
-        if walk.failure is None:
-            return True
-        self._finish(place)
-        return False
+            return
+        if walk.failure is not None:
+            self._finish(place)
+
+    def _on_item(self, place: int, item: Any) -> None:
+        self._take(place, self._sources[place].events_of(item))
+
+    def _on_stop(self, place: int, told: Any) -> None:
+        stop, now_ns, of_stop = told
+        self.walks[place].stopped(Stop(stop), now_ns, of_stop)
+
+    def _on_rows(self, place: int, told: Any) -> None:
+        unprinted, (arrived_ns, rows) = told
+        self.walks[place].took(arrived_ns, rows, unprinted=unprinted)
+
+    def _on_reads(self, place: int, reads: Any) -> None:
+        tap = self._sources[place].tap
+        if tap is not None:
+            tap(Reads._make(reads))
+
+    def _on_lost(self, place: int, told: Any) -> None:
+        number, host_ns, offset_ns, worked = told
+        failed = self._openings.lost(place, number, host_ns, offset_ns, worked=worked)
+        self._round.touch(place, failed.host_ns)
+        self._on_port(place, failed)
+
+    def _on_port(self, place: int, event: Any) -> None:
+        self._take(place, self._sources[place].take(event))
+
+    def _take(self, place: int, events: "Sequence[Event] | Any") -> None:
+        walk = self.walks[place]
+        for event in events:
+            walk.take(event)
+            if walk.failure is not None:
+                break
+
+    def _end(self, place: int) -> None:
+        self._going.discard(place)
+        self._round.end(place)
 
     def _finish(self, place: int) -> None:
         walk = self.walks[place]
+        now_ns = self._round.now_ns(place)
+        self._sources[place].port.overflow_bytes = self._round.overflow_bytes(place)
+        self._end(place)
         try:
-            walk.finish()
+            walk.finish(now_ns=now_ns)
         except Exception as error:
             self._on_end(walk, error)
         else:
             self._on_end(walk, None)
+
+
+HANDLERS: dict[int, Callable[[LineLoop, int, Any], None]] = {
+    LineStop.ITEM: LineLoop._on_item,
+    LineStop.STOP: LineLoop._on_stop,
+    LineStop.ROWS: LineLoop._on_rows,
+    LineStop.READS: LineLoop._on_reads,
+    LineStop.LOST: LineLoop._on_lost,
+}
+"""What each thing that is Python's leads to."""

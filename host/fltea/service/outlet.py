@@ -32,13 +32,12 @@ def weight(item: Item | Departed) -> int:
 class OutletThread:
     """Writes to outlets, one after the other, for as long as it has any.
 
-    bell: rung when one of them has something; untold: it has, and nobody has rung it; hurry: one closes.
+    bell: rung when one of them has something; hurry: one closes.
     """
 
     def __init__(self, name: str) -> None:
         self.changed = threading.Condition()
         self.bell = Bell()
-        self.untold = False
         self.hurry = threading.Event()
         self._name = name
         self._outlets: list[Outlet] = []
@@ -117,11 +116,10 @@ class Outlet:
         arrived_ns: int | None = None,
         *,
         wait: bool = False,
-        tell: bool = True,
     ) -> None:
         """Queue items; those beyond the sink's capacity are dropped and counted.
 
-        wait: for room, if the sink is lossless. tell: the thread at once; else the caller rings its bell.
+        wait: for room, if the sink is lossless.
         arrived_ns: monotonic time at which what they report arrived, for the latency; None where it has none.
         """
         with self._changed:
@@ -139,9 +137,7 @@ class Outlet:
                     self._queue.append((item, arrived_ns))
                     self._queued += count
                     self._waiting += count
-            self.thread.untold = not tell
-        if tell:
-            self.thread.bell.ring()
+        self.thread.bell.ring()
 
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until the queue is less than half full, or has ended; False if it is not in time."""
@@ -216,7 +212,10 @@ class Outlet:
         self._idle_s = time.monotonic() + IDLE_S
         now_ns = host_ns()
         for item, arrived_ns in batch:
-            if arrived_ns is not None:
+            if isinstance(item, Printed):
+                for part_ns, records in item.parts:
+                    self.latency.add((now_ns - part_ns) * 1e-6, records)
+            elif arrived_ns is not None:
                 self.latency.add((now_ns - arrived_ns) * 1e-6, weight(item))
         return bool(batch) or not closing
 

@@ -2,22 +2,29 @@
 
 import math
 import time
-from typing import TypeGuard
+from collections.abc import Iterable
+from typing import Any, TypeGuard
 
+from fltea._native import Device
 from fltea.records import clock
 from fltea.records.block import Block
-from fltea.records.events import Event, Trouble, host_ns_of
+from fltea.records.events import Event, Ints, Trouble, host_ns_of
 from fltea.records.ports import Source
 from fltea.records.records import AnyRecord, Error, Hello
-from fltea.service.hub import Hub
+from fltea.service.hub import NOTHING_PRINTED, ByText, Hub
 from fltea.service.state import StateFile
 from fltea.settings.config import Config
+from fltea.sinks.lines import run_printer
 from fltea.sources.as_wire import AsWire
 from fltea.sources.frames import FramesSource
 from fltea.sources.serial import SerialSource
 from fltea.stream.beside import Beside
+from fltea.stream.decode import Rows, Stop
 from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
+
+CHANGES_TEXT = {Stop.EPOCH, Stop.WINDOW_FULL, Stop.FIT_COUNTS}
+"""Stops behind which what stands in all records of samples may be another."""
 
 
 class Walk:
@@ -59,11 +66,12 @@ class Walk:
         self._has_wire = isinstance(source, SerialSource | FramesSource)
         if isinstance(source, SerialSource | FramesSource):
             source.tap = self._tap
+        self._block: Block | None = None
         self._save_period_ns = int(config.state.period_s * 1e9)
         self._save_ns = clock.host_ns() + self._save_period_ns
 
-    def take(self, event: Event, *, tell: bool = True) -> None:
-        """Move one event. tell: as of `Hub.publish`.
+    def take(self, event: Event) -> None:
+        """Move one event.
 
         Raises:
             UsageError: the settings do not fit what the source gives, or it cannot be recorded.
@@ -73,17 +81,53 @@ class Walk:
             self._make_wire(event)
         if self._once and isinstance(event, Trouble) and event.fatal:
             self.failure = event
-        items = list(self._pipeline.feed(event))
-        live = self.source.live
-        if self._once and live and self.failure is None:
-            self.failure = next(filter(_is_vain, items), None)
-        if items:
-            arrived_ns = host_ns_of(event) if live else None
-            wait = not self.source.prompt
-            self._hub.publish(self.name, items, arrived_ns, wait=wait, log=self.failure is None, tell=tell)
+        self._publish(self._pipeline.feed(event), host_ns_of(event))
+        self.look()
+
+    def took(self, arrived_ns: Ints, rows: Rows, *, unprinted: bool) -> None:
+        """Move samples that the native device took. unprinted: they stand in no text yet."""
+        texts = self._hub.printing(self.name)
+        is_printed = not (unprinted or self._pipeline.has_board)
+        printed: ByText = dict.fromkeys(texts, ()) if is_printed else NOTHING_PRINTED
+        self._publish(self._pipeline.took(rows, arrived_ns), int(arrived_ns[-1]), printed)
+        if unprinted and self._block is not None:
+            self._pipeline.device.set_printers([run_printer(self._block, text) for text in texts])
+
+    def stopped(self, stop: Stop, now_ns: int, told: Any) -> None:
+        """Do what a stop of the native device leads to. now_ns: when the sample arrived that it stands at."""
+        if stop in CHANGES_TEXT:
+            self._pipeline.device.set_printers([])
+        self._publish(self._pipeline.stopped(stop, now_ns, told), now_ns)
+
+    def look(self) -> None:
+        """Keep a snapshot if one is due."""
         if self._state is not None and clock.host_ns() >= self._save_ns:
             self._save_ns = clock.host_ns() + self._save_period_ns
             self._deposit(self._state)
+
+    def wants(self) -> tuple[bool, bool, bool]:
+        """Whether anybody takes its samples in blocks, printed, and as bytes."""
+        has_board, texts = self._pipeline.has_board, self._hub.printing(self.name)
+        takes_blocks = has_board or self._hub.takes_blocks(self.name)
+        return takes_blocks, bool(texts) and not has_board, self._tap.wanted
+
+    @property
+    def device(self) -> Device:
+        """The native device, for who gives it the samples natively."""
+        return self._pipeline.device
+
+    def _publish(
+        self, items: Iterable[AnyRecord | Block], arrived_ns: int | None, printed: ByText = NOTHING_PRINTED
+    ) -> None:
+        found = list(items)
+        live = self.source.live
+        if self._once and live and self.failure is None:
+            self.failure = next(filter(_is_vain, found), None)
+        if found:
+            self._block = next((one for one in reversed(found) if isinstance(one, Block)), self._block)
+            wait, log = not self.source.prompt, self.failure is None
+            at_ns = arrived_ns if live else None
+            self._hub.publish(self.name, found, at_ns, wait=wait, log=log, printed=printed)
 
     @property
     def hello(self) -> Hello | None:
@@ -94,9 +138,13 @@ class Walk:
         """A snapshot of its estimators; None while there is nothing to keep."""
         return self._pipeline.save()
 
-    def finish(self, *, whole: bool = False) -> None:
-        """The source has ended (whole), or nothing more is wanted of it."""
+    def finish(self, *, whole: bool = False, now_ns: int = 0) -> None:
+        """The source has ended (whole), or nothing more is wanted of it.
+
+        now_ns: when the newest arrived of what was taken natively.
+        """
         self.moved_s = math.inf
+        self._pipeline.came_to(now_ns)
         ended = self._once or not self.source.live  # else somebody waits for the program to end
         last = list(self._pipeline.finish(last_fit=ended, whole=whole))
         self._hub.publish(self.name, last, wait=not self.source.prompt)

@@ -1,9 +1,11 @@
 """Reads a device on a serial URL."""
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
+from fltea._native import WireLine
 from fltea.records import clock
-from fltea.records.events import Event, Reads, Tick, TransportEvent
+from fltea.records.events import Event, Reads, TransportEvent
 from fltea.records.stats import LinkStats
 from fltea.sources.wire_events import WireEvents
 from fltea.wire.ports import TICK_S
@@ -14,7 +16,7 @@ from fltea.wire.transport import Port
 class SerialSource:
     """Turns frames from a serial port into events; every failure is a `Trouble`, and reading goes on.
 
-    It reads by itself (`events`), or somebody reads `port` and feeds it (`take`).
+    It reads by itself (`events`), or somebody reads `port` natively and gives it what happened (`take`).
 
     latency_s: as of `Port`. tap: is given whatever comes from the port before anything interprets it; to be
     set before that.
@@ -45,12 +47,19 @@ class SerialSource:
         for item in self._reader.events(TICK_S):
             yield from self.take(item)
 
-    def take(self, item: TransportEvent | Reads | Tick | None) -> Iterator[Event]:
-        """Yield the events of what came from the port; None: nothing for a while, a tick: until its time."""
+    @property
+    def line(self) -> WireLine:
+        """The native line, for who reads the port natively, and tells what is to be told by `events_of`."""
+        return self._wire.line
+
+    def events_of(self, item: tuple[Any, ...]) -> Iterator[Event]:
+        """Yield the events of one item of the line, before the next is asked for."""
+        return self._wire.events_of(item)
+
+    def take(self, item: TransportEvent | None) -> Iterator[Event]:
+        """Yield the events of what came from the port; None: nothing for a while."""
         now_ns = clock.host_ns()
-        if isinstance(item, Tick):
-            now_ns, item = item.host_ns, None
-        elif item is not None and self.tap is not None:
+        if item is not None and self.tap is not None:
             self.tap(item)
         yield from self._wire.feed(item, now_ns)
         self._wire.resume(now_ns)

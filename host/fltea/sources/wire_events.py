@@ -4,7 +4,7 @@ It does not know where the bytes come from: a port (`fltea.sources.serial`) or a
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -68,7 +68,7 @@ class WireEvents:
         self.url = url
         self._hints = hints or OF_A_PORT
         self._source = f"serial:{url}" if hints is None else url
-        self._line = WireLine(LIMIT_NS, TICK_NS, REPEAT_NS)
+        self.line = WireLine(LIMIT_NS, TICK_NS, REPEAT_NS)
         self._said: Hello | None = None  # by the HELLO that was accepted last; most are the same
         self._sensor: tuple[int, int] | None = None
         self._reported_sensors = {NO_SENSOR}
@@ -77,11 +77,11 @@ class WireEvents:
     @property
     def unix_offset_ns(self) -> int:
         """The difference from the monotonic clock to Unix time in ns, as of the last transport event."""
-        return self._line.unix_offset_ns
+        return self.line.unix_offset_ns
 
     @unix_offset_ns.setter
     def unix_offset_ns(self, offset_ns: int) -> None:
-        self._line.unix_offset_ns = offset_ns
+        self.line.unix_offset_ns = offset_ns
 
     def feed(self, item: TransportEvent | Reads | None, now_ns: int) -> Iterator[Event]:
         """Yield the events of one transport event, or of many reads; None says that nothing came for a while.
@@ -91,15 +91,15 @@ class WireEvents:
         """
         match item:
             case Reads():
-                self._line.feed(*item, now_ns)
+                self.line.feed(*item, now_ns)
             case Chunk():
-                self._line.feed_one(*item, now_ns)
+                self.line.feed_one(*item, now_ns)
             case None:
-                self._line.silent(now_ns)
+                self.line.silent(now_ns)
             case Opened():
-                self._line.opened(*item)
+                self.line.opened(*item)
             case Failed(kind, message, host_ns, offset_ns):
-                is_news = self._line.failed(kind, host_ns, offset_ns)
+                is_news = self.line.failed(kind, host_ns, offset_ns)
                 yield LinkDown(host_ns)
                 if is_news:
                     yield Trouble(kind, message, host_ns)
@@ -107,20 +107,20 @@ class WireEvents:
 
     def pass_time(self, until_ns: int) -> Iterator[Event]:
         """Yield what a line that says nothing gives before a moment."""
-        self._line.pass_time(until_ns)
+        self.line.pass_time(until_ns)
         yield from self._items()
 
     def forgive(self, now_ns: int) -> None:
         """Begin all waiting again: we ourselves were not listening."""
-        self._line.forgive(now_ns)
+        self.line.forgive(now_ns)
 
     def resume(self, now_ns: int) -> None:
         """Take note of when the program came back, to tell a stall of its own from a silence."""
-        self._line.resume(now_ns)
+        self.line.resume(now_ns)
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
         """Count what was handed on, and what was lost on the way."""
-        size_bytes, frames, refused, connections, bad = self._line.counts()
+        size_bytes, frames, refused, connections, bad = self.line.counts()
         return LinkStats(
             bytes=size_bytes,
             frames=frames,
@@ -133,34 +133,38 @@ class WireEvents:
 
     def _items(self) -> Iterator[Event]:
         """Yield the events of what the line gives."""
-        while (item := self._line.next()) is not None:
-            match item:
-                case "samples", columns:
-                    yield RawBlock._make(columns)
-                case "same_hello", host_ns if self._said is not None:
-                    yield msgspec.structs.replace(self._said, host_ns=host_ns)
-                case "frame", host_ns, type, sequence, _, payload:
-                    yield from self._on_message(wire.MESSAGES[type].unpack(payload), sequence, host_ns)
-                case "refused_version", host_ns, payload, is_news:
-                    yield LinkDown(host_ns)
-                    if is_news:
-                        said = Refused(*VERSION.unpack_from(payload)).message
-                        text = f"{self.url}: {said}. Flash the firmware that belongs to this program."
-                        yield Trouble("version", text, host_ns)
-                case "tick", host_ns:
-                    yield Tick(host_ns)
-                case "trouble", host_ns, kind, unread_bytes:
-                    yield Trouble(kind, self._said_of(kind, unread_bytes), host_ns)
+        while (item := self.line.next()) is not None:
+            yield from self.events_of(item)
+
+    def events_of(self, item: tuple[Any, ...]) -> Iterator[Event]:
+        """Yield the events of one item of the line, before the next is asked for."""
+        match item:
+            case "samples", columns:
+                yield RawBlock._make(columns)
+            case "same_hello", host_ns if self._said is not None:
+                yield msgspec.structs.replace(self._said, host_ns=host_ns)
+            case "frame", host_ns, type, sequence, _, payload:
+                yield from self._on_message(wire.MESSAGES[type].unpack(payload), sequence, host_ns)
+            case "refused_version", host_ns, payload, is_news:
+                yield LinkDown(host_ns)
+                if is_news:
+                    said = Refused(*VERSION.unpack_from(payload)).message
+                    text = f"{self.url}: {said}. Flash the firmware that belongs to this program."
+                    yield Trouble("version", text, host_ns)
+            case "tick", host_ns:
+                yield Tick(host_ns)
+            case "trouble", host_ns, kind, unread_bytes:
+                yield Trouble(kind, self._said_of(kind, unread_bytes), host_ns)
 
     def _on_message(self, message: wire.Message, sequence: int, host_ns: int) -> Iterator[Event]:
         match message:
             case wire.Hello() as hello if problem := hello_problem(hello):
-                is_news = self._line.refuse_hello()
+                is_news = self.line.refuse_hello()
                 yield LinkDown(host_ns)
                 if is_news:
                     yield Trouble("bad_hello", f"{self.url}: {problem}", host_ns)
             case wire.Hello() as hello:
-                self._line.accept_hello()
+                self.line.accept_hello()
                 self._said = hello_event(hello, self._source, host_ns)
                 yield self._said
                 yield from self._on_sensor(hello, host_ns)

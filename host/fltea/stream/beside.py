@@ -1,7 +1,6 @@
 """What is done beside the walks: the looks at all axes of all devices of a program, in one thread."""
 
 import threading
-import time
 from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Any, TypeVar
@@ -53,13 +52,10 @@ class BesideThread(Beside):
     """Does the work of all in a thread of its own, in the order in which it was begun, until it is closed.
 
     Whoever waits for what nobody has begun does it himself, so that a replay has two cores for its looks.
-    pause_s: after a time without work the next waits so long, until the sample with which it came is out: of
-    two threads at work each waits for Python's lock every tenth of a millisecond.
     """
 
     def __init__(self, devices: int = 1) -> None:
         super().__init__(devices)
-        self.pause_s = 0.0
         self._waiting: SimpleQueue[_Work | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="looks", daemon=True)
         self._lock = threading.Lock()
@@ -85,9 +81,5 @@ class BesideThread(Beside):
         return not self._thread.is_alive()
 
     def _run(self) -> None:
-        idle = True
         while (one := self._waiting.get()) is not None and not self._closed:
-            if idle:
-                time.sleep(self.pause_s)
             one.run()
-            idle = self._waiting.empty()

@@ -12,11 +12,12 @@ from typing import Any
 
 import msgspec
 
+from fltea._native import Device
 from fltea.estimator.lanes import Reason
 from fltea.records.block import Block
 from fltea.records.clock import SECOND_NS
 from fltea.records.errors import UsageError
-from fltea.records.events import Event, LinkDown, RawBlock, Trouble, host_ns_of
+from fltea.records.events import Event, Ints, LinkDown, RawBlock, Trouble, host_ns_of
 from fltea.records.ports import Source
 from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, Epoch, EpochReason, Error, Gap, Hello, Stats
 from fltea.records.repeat import OnceAMinute
@@ -27,8 +28,8 @@ from fltea.settings.ingest import is_partitioned
 from fltea.stream.beside import Beside
 from fltea.stream.board import BoardEstimates
 from fltea.stream.channels import explain_lost
-from fltea.stream.decode import Decoder, FirstSample, Stop
-from fltea.stream.epoch import Beginning, Item, Moment, Notice, Standing
+from fltea.stream.decode import Decoder, FirstSample, Rows, Stop
+from fltea.stream.epoch import NEVER, Beginning, Item, Moment, Notice, Standing
 from fltea.stream.fit_times import turn
 from fltea.stream.live import LiveFits
 from fltea.stream.sensors import Sensors
@@ -82,7 +83,8 @@ class Pipeline:
         self._sensors = Sensors(config, _settings_of(config, self._board), self._fits)
         self._status: DeviceStatus | None = None
         self._now_ns = 0
-        self._knows_time = not watched
+        self._knows_time = False
+        self._device.stats_due_ns = -NEVER if watched else NEVER
         self._boot_id: int | None = None
         self._no_axis_reported = False
         self._lost_reported = OnceAMinute()
@@ -109,23 +111,32 @@ class Pipeline:
 
     def _on_samples(self, raw: RawBlock) -> Iterator[Output]:
         """Take samples, stop for stop."""
-        if not self._knows_time:
-            yield from self._on_time(int(raw.host_ns[0]))
-        self._note_offset()
         for stop, row, rows, told in self._decoder.advance(raw):
             if rows is not None:
-                block = self._sensors.block(self._decoder.block(rows[1]), rows[2])
-                host_ns = raw.host_ns[rows[0] : rows[0] + len(block)]
-                if self._board is None:
-                    yield block
-                else:
-                    yield from self._records(self._board.on_block(block, host_ns))
-                self._now_ns = int(host_ns[-1])
+                yield from self.took(rows, raw.host_ns[rows[0] : rows[0] + len(rows[1][0])])
             if stop in HANDLERS:
-                if stop in BEFORE_SAMPLE:
-                    self._now_ns = int(raw.host_ns[row])
-                yield from HANDLERS[stop](self, told)
+                now_ns = int(raw.host_ns[row]) if stop in BEFORE_SAMPLE else self._now_ns
+                yield from self.stopped(stop, now_ns, told)
         self._now_ns = int(raw.host_ns[-1])  # also where its last samples could not be used
+
+    def took(self, rows: Rows, host_ns: Ints) -> Iterator[Output]:
+        """Yield what the native device took, and what it found; host_ns (n,): arrivals, monotonic."""
+        block = self._sensors.block(self._decoder.block(rows[1]), rows[2])
+        if self._board is None:
+            yield block
+        else:
+            yield from self._records(self._board.on_block(block, host_ns))
+        self._now_ns = int(host_ns[-1])
+
+    def stopped(self, stop: Stop, now_ns: int, told: Any) -> Iterator[Output]:
+        """Do what a stop of the native device leads to. now_ns: when the sample arrived that it stands at."""
+        self._source_offset_ns, self._now_ns = self._source.unix_offset_ns, now_ns
+        self._note_offset()
+        return HANDLERS[stop](self, told)
+
+    def came_to(self, now_ns: int) -> None:
+        """Take note of the time of what needed nothing but the native device."""
+        self._now_ns = max(self._now_ns, now_ns)
 
     def _on_stats_due(self, told: None) -> Iterator[Output]:
         """The next sample is the first of a new second."""
@@ -252,6 +263,16 @@ class Pipeline:
         unix_ns = host_ns + self._source.unix_offset_ns  # the epoch's own would keep a date set since
         last = None if self._boot_id is None else LastSample(self._boot_id, sequence, device_us)
         return DeviceState(sensor=sensor_of(hello, self._config), unix_ns=unix_ns, last=last, **saved)
+
+    @property
+    def device(self) -> Device:
+        """The native device, for who gives it the samples natively."""
+        return self._device
+
+    @property
+    def has_board(self) -> bool:
+        """Whether the samples are those of a board that estimates: they are looked at one by one."""
+        return self._board is not None
 
     @property
     def hello(self) -> Hello | None:

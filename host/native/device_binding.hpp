@@ -1,0 +1,274 @@
+// What of fltea._native.Device others in this module need, too (device_binding.cpp, round_binding.cpp).
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <cmath>
+#include <optional>
+#include <tuple>
+#include <vector>
+
+#include "device.hpp"
+#include "engine_binding.hpp"
+#include "numpy_binding.hpp"
+#include "run_printer.hpp"
+
+namespace device_binding {
+
+namespace nb = nanobind;
+
+using fltea::Advanced;
+using fltea::Happening;
+using fltea::NumberColumn;
+using fltea::RunColumns;
+using fltea::Stop;
+
+// A column of samples, held while it is read.
+class Column {
+  public:
+    Column(nb::handle array, size_t rows) {
+        if (array.is_none()) return;
+        if (PyObject_GetBuffer(array.ptr(), &view_, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT) != 0) {
+            PyErr_Clear();  // a column of a table that is kept in another order
+            const nb::object rows = nb::module_::import_("numpy").attr("ascontiguousarray")(array);
+            if (PyObject_GetBuffer(rows.ptr(), &view_, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT) != 0)
+                nb::raise_python_error();
+        }
+        held_ = true;
+        const bool is_column = view_.ndim == 1 || view_.ndim == 2;
+        width_ = view_.ndim == 2 ? static_cast<size_t>(view_.shape[1]) : 1;
+        if (!is_column || static_cast<size_t>(view_.shape[0]) != rows || width_ == 0 || view_.format[1] != '\0')
+            refuse();
+        const char type = view_.format[0];
+        if ((type == 'l' || type == 'q') && view_.itemsize == 8) {
+            type_ = NumberColumn::kWhole;
+        } else if (type == 'd') {
+            type_ = NumberColumn::kReal;
+        } else if (type == 'h') {
+            type_ = NumberColumn::kCounts;
+        } else {
+            refuse();
+        }
+    }
+    ~Column() {
+        if (held_) PyBuffer_Release(&view_);
+    }
+    Column(const Column&) = delete;
+    Column& operator=(const Column&) = delete;
+
+    NumberColumn numbers() const { return {view_.buf, type_, width_}; }
+    // Null where there are none.
+    const std::int64_t* whole() const {
+        if (held_ && type_ != NumberColumn::kWhole) refuse();
+        return static_cast<const std::int64_t*>(view_.buf);
+    }
+
+  private:
+    [[noreturn]] static void refuse() {
+        throw nb::value_error("columns of samples are int64; int16 or float64 too where they are measured");
+    }
+
+    Py_buffer view_ = {};
+    NumberColumn::Type type_ = NumberColumn::kNone;
+    size_t width_ = 0;
+    bool held_ = false;
+};
+
+inline std::optional<double> known(double value) {
+    return std::isnan(value) ? std::optional<double>() : std::optional<double>(value);
+}
+
+// What is told of a stop (`Stop` of host/fltea/stream/decode.py).
+inline nb::object told(const fltea::Device& device, const fltea::SampleColumns& from, const Advanced& found) {
+    const fltea::Judged& judged = device.judged();
+    if (found.stop == Stop::kEpoch) {
+        const bool has_accel = from.accel && device.scales.has_accel;
+        return nb::make_tuple(fltea::kEpochReasons[static_cast<int>(judged.reason)], judged.missing,
+                              judged.seq, judged.epoch_us, from.sequence[found.next],
+                              from.device_us[found.next], from.gyro.width(), has_accel);
+    }
+    if (found.stop == Stop::kGap) {
+        nb::list lost;
+        for (const std::vector<fltea::Lost>& one : device.lost_meanwhile()) lost.append(as_list(one));
+        return nb::make_tuple(judged.missing, judged.seq, device.judged_ns(), lost);
+    }
+    if (found.stop != Stop::kHappened) return nb::none();
+    nb::list happened;
+    for (const Happening& one : device.happened()) {
+        const fltea::track::TrackerEvent& event = one.event;
+        if (one.is_lost) {
+            happened.append(nb::make_tuple(one.sensor, as_list({one.lost}), nb::none()));
+        } else {
+            const nb::tuple of_event =
+                nb::make_tuple(static_cast<int>(event.kind), 0, event.axis,
+                               event.ago, event.size, event.size_std, event.samples);
+            happened.append(nb::make_tuple(one.sensor, nb::none(), of_event));
+        }
+    }
+    return happened;
+}
+
+class Device {
+  public:
+    using Scales = std::tuple<double, std::optional<double>, double, double>;
+    // is_accel, places, tracker, sums, longest motion, bank, rows until its window is full, axes that wait.
+    using SensorTuple = std::tuple<bool, std::vector<size_t>, fltea::TrackerPart*, fltea::SumsPart*,
+                                   std::uint64_t, fltea::BankPart*, size_t, std::vector<bool>>;
+
+    void on_hello(double rate_hz, std::int64_t longest_gap, bool is_another_boot, bool is_another_sensor,
+                  const Scales& scales) {
+        device_.place.on_hello(rate_hz, longest_gap, is_another_boot, is_another_sensor);
+        const auto& [gyro, accel, per_c, zero_c] = scales;
+        device_.scales = {gyro, accel.has_value(), accel.value_or(0), per_c, zero_c};
+    }
+    void forget_hello() { device_.place.forget_hello(); }
+    bool knows_hello() const { return device_.place.knows_hello(); }
+    void on_break(const char* reason) { device_.place.on_break(fltea::epoch_reason_of(reason)); }
+
+    void begin(std::int64_t offset_ns, nb::list sensors) {
+        std::vector<fltea::Sensor> found;
+        for (nb::handle sensor : sensors) {
+            // none() is allowed for the parts
+            const nb::tuple one = nb::cast<nb::tuple>(sensor);
+            fltea::Sensor to;
+            to.is_accel = nb::cast<bool>(one[0]);
+            to.places = nb::cast<std::vector<size_t>>(one[1]);
+            to.tracker = nb::cast<fltea::TrackerPart*>(one[2]);
+            to.sums = nb::cast<fltea::SumsPart*>(one[3]);
+            to.longest_motion = nb::cast<std::uint64_t>(one[4]);
+            to.bank = nb::cast<fltea::BankPart*>(one[5]);
+            to.window_left = nb::cast<size_t>(one[6]);
+            to.waits = nb::cast<std::vector<bool>>(one[7]);
+            if (to.tracker == nullptr || to.places.empty() || to.waits.size() != to.places.size())
+                throw nb::value_error("a sensor has axes, and a tracker of them");
+            found.push_back(std::move(to));
+        }
+        kept_ = sensors;
+        device_.begin(offset_ns, std::move(found));
+    }
+    void set_waits(size_t sensor, const std::vector<bool>& waits) {
+        if (waits.size() != at(sensor).places.size()) throw nb::value_error("every axis waits or does not");
+        at(sensor).waits = waits;
+    }
+    size_t window_left(size_t sensor) { return at(sensor).window_left; }
+
+    // Takes samples from `next` on: sequence, device_us, host_ns, gyro, accel, temperature, flags, as of
+    // RawBlock. Why it came back (Stop), which sample comes next, columns of those taken and which was the
+    // first of them or None, and what has happened.
+    nb::tuple advance(nb::tuple raw, size_t next) {
+        const size_t n = nb::len(nb::handle(raw[0]));
+        const Column sequence(raw[0], n), device_us(raw[1], n), host_ns(raw[2], n), gyro(raw[3], n),
+            accel(raw[4], n), temperature(raw[5], n), flags(raw[6], n);
+        const fltea::SampleColumns from = {n,
+                                           sequence.whole(),
+                                           device_us.whole(),
+                                           host_ns.whole(),
+                                           gyro.numbers(),
+                                           accel.numbers(),
+                                           temperature.numbers(),
+                                           flags.whole()};
+        if (n > 0 && !from.gyro) throw nb::value_error("samples have a gyroscope");
+        Advanced found = {};
+        {
+            const LockGivenAway given(n - std::min(n, next));
+            found = device_.advance(from, next, [this](size_t bytes) {
+                const nb::gil_scoped_acquire held;
+                table_.emplace(bytes);
+                return table_->room<char>(bytes);
+            });
+            for (fltea::RunPrinter* printer : printers_) printer->append(device_, found.begin, found.end);
+        }
+        nb::object columns = nb::none();
+        if (found.begin < found.end) columns = columns_of(found.begin, found.end);
+        return nb::make_tuple(static_cast<int>(found.stop), found.next, columns, told(device_, from, found));
+    }
+
+    std::tuple<std::int64_t, std::int64_t, std::int64_t, std::int64_t, std::int64_t> counts() const {
+        const fltea::PlaceCounts& c = device_.place.counts();
+        return {c.delivered, c.lost, c.gaps, c.duplicates, c.before_hello};
+    }
+    void note_lost(std::int64_t count) { device_.place.note_lost(count); }
+    // Sequence, device's and host's time as they came, number and time in the epoch, of the newest sample.
+    std::tuple<std::int64_t, std::int64_t, std::int64_t, std::int64_t, std::int64_t> newest() const {
+        const fltea::Newest& one = device_.place.newest();
+        return {one.sequence, one.device_us, one.host_ns, one.seq, one.epoch_us};
+    }
+    std::optional<std::tuple<std::int64_t, std::int64_t, std::int64_t>> moment() const {
+        if (!device_.has_moment()) return {};
+        const fltea::Moment& one = device_.moment();
+        return std::make_tuple(one.seq, one.device_us, one.host_ns);
+    }
+    std::optional<double> rate_hz() const { return known(device_.timebase.rate_hz()); }
+    std::optional<double> clock_ppm() const { return known(device_.timebase.clock_ppm()); }
+
+    // Print what is taken from now on.
+    void set_printers(nb::list printers) {
+        std::vector<fltea::RunPrinter*> found;
+        for (nb::handle one : printers) found.push_back(&nb::cast<fltea::RunPrinter&>(one));
+        printers_ = found;
+        kept_printers_ = nb::tuple(printers);
+    }
+
+    fltea::Device& native() { return device_; }
+    std::vector<fltea::RunPrinter*>& printers() { return printers_; }
+
+  private:
+    fltea::Sensor& at(size_t sensor) {
+        if (sensor >= device_.sensors.size()) throw nb::index_error("no such sensor");
+        return device_.sensors[sensor];
+    }
+
+    template <typename T>
+    nb::object rows(const T* column, size_t begin, size_t end, size_t width, bool is_flat = false) const {
+        if (column == nullptr) return nb::none();
+        const size_t n = end - begin;
+        return table_->array(column + begin * width, is_flat ? nb::make_tuple(n) : nb::make_tuple(n, width));
+    }
+
+    // Which of the source's samples is the first; columns of samples; of each sensor those of its tracker,
+    // and of its bank or None, or None where it has no samples.
+    nb::tuple columns_of(size_t begin, size_t end) const {
+        const RunColumns& run = device_.run();
+        nb::list sensors;
+        for (size_t k = 0; k < run.sensors.size(); ++k) {
+            const size_t axes = device_.sensors[k].places.size();
+            const fltea::SensorColumns& one = run.sensors[k];
+            if (one.tracked == nullptr) {
+                sensors.append(nb::none());
+                continue;
+            }
+            nb::list tracked;
+            for (size_t c = 0; c < fltea::kTrackedColumns; ++c)
+                tracked.append(rows(one.tracked + c * run.n * axes, begin, end, axes));
+            tracked.append(rows(one.moving, begin, end, axes));
+            nb::object bank = nb::none();
+            if (one.has_estimates) {
+                nb::list columns;
+                for (size_t c = 0; c < fltea::kLaneInnovationStd; ++c)
+                    columns.append(rows(one.bank.columns[c], begin, end, axes));
+                columns.append(rows(one.bank.valid, begin, end, axes));
+                columns.append(rows(one.bank.white, begin, end, axes));
+                bank = columns;
+            }
+            sensors.append(nb::make_tuple(tracked, bank));
+        }
+        return nb::make_tuple(
+            run.first + begin,
+            nb::make_tuple(rows(run.seq, begin, end, 1, true), rows(run.device_us, begin, end, 1, true),
+                           rows(run.host_ns, begin, end, 1, true), rows(run.gyro_dps, begin, end, run.gyro_width),
+                           rows(run.accel_ms2, begin, end, run.accel_width),
+                           rows(run.temperature_c, begin, end, 1, true), rows(run.flags, begin, end, 1, true)),
+            sensors);
+    }
+
+    fltea::Device device_;
+    std::optional<NumpyTable> table_;  // of the columns of a run
+    nb::object kept_;                  // what the sensors point to
+    std::vector<fltea::RunPrinter*> printers_;
+    nb::object kept_printers_;
+};
+
+}  // namespace device_binding

@@ -1,0 +1,204 @@
+// One device on a port: its bytes through the wire's line and the device, to printed lines and to rows for
+// who takes them. It goes on by itself until something happens that is the caller's (LineStop).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "device.hpp"
+#include "line_item.hpp"
+#include "port_reader.hpp"
+#include "run_printer.hpp"
+#include "run_rows.hpp"
+#include "wire_line.hpp"
+
+namespace fltea {
+
+// What is the caller's; then `walk` is called again.
+enum class LineStop : int {
+    kNothing,   // all that came is taken
+    kItem,      // an item of the line (item())
+    kStop,      // a stop of the device (advanced(), samples())
+    kRows,      // rows wait (rows()), which he clears
+    kReads,     // bytes wait as they came (reads()), which he clears
+    kLost,      // the port was lost behind all that came (news().error, news().lost)
+};
+
+class LineWalk {
+  public:
+    LineWalk(WireLine& wire, Device& device, std::vector<RunPrinter*>& printers)
+        : wire_(wire), device_(device), printers_(printers) {}
+
+    // Somebody takes rows, prints lines, takes bytes as they came.
+    bool wants_rows = false, wants_text = false, wants_reads = false;
+    // How long rows and bytes may wait for more.
+    std::int64_t patience_ns = 0;
+    std::int64_t overflow_bytes = 0;
+
+    bool is_busy() const { return is_busy_; }
+    // Bytes came since the port was lost last.
+    bool has_worked() const { return has_worked_; }
+    const LineItem& item() const { return item_; }
+    const Advanced& advanced() const { return advanced_; }
+    const SampleColumns& samples() const { return samples_; }
+    const Device& device() const { return device_; }
+    // When the sample arrived before which, or behind which, the device stopped.
+    std::int64_t stopped_ns() const {
+        const bool is_before = advanced_.stop == Stop::kStatsDue || advanced_.stop == Stop::kGap ||
+                               advanced_.stop == Stop::kEpoch;
+        return is_before ? samples_.host_ns[advanced_.next] : now_ns_;
+    }
+    RunRows& rows() { return rows_; }
+    PortNews& reads() { return reads_; }
+    const PortNews& news() const { return news_; }
+    // Rows that wait have not been printed: there is no text for them yet.
+    bool is_unprinted() const { return is_unprinted_; }
+    // When the newest of what was taken arrived or happened.
+    std::int64_t now_ns() const { return now_ns_; }
+
+    // When rows or bytes that wait are due.
+    std::int64_t due_ns() const {
+        std::int64_t due = Device::kNever;
+        if (rows_.rows() > 0) due = rows_.first_ns() + patience_ns;
+        if (!reads_.reads.empty()) due = std::min(due, reads_.reads.front().stamp.host_ns + patience_ns);
+        return due;
+    }
+
+    void give(PortNews news, std::int64_t now_ns) {
+        news_ = std::move(news);
+        overflow_bytes += news_.overflow_bytes;
+        is_lost_ = news_.error != 0;
+        is_busy_ = true;
+        taken_ns_ = now_ns;
+        if (news_.bytes.empty()) return;
+        worked_ = true;
+        wire_.feed(news_.bytes.data(), news_.reads.data(), news_.reads.size(), now_ns);
+        if (!wants_reads) return;
+        const auto before = static_cast<std::int64_t>(reads_.bytes.size());
+        reads_.bytes.insert(reads_.bytes.end(), news_.bytes.begin(), news_.bytes.end());
+        for (PortRead read : news_.reads) {
+            read.end += before;
+            reads_.reads.push_back(read);
+        }
+    }
+
+    // Nothing came for a while.
+    void tick(std::int64_t now_ns) {
+        is_busy_ = true;
+        taken_ns_ = now_ns;
+        wire_.silent(now_ns);
+    }
+
+    LineStop walk(std::int64_t now_ns) {
+        while (is_busy_) {
+            if (is_held_ && !has_new_rows_) {
+                if (rows_.rows() > 0) return LineStop::kRows;
+                is_held_ = false;
+                return LineStop::kStop;
+            }
+            if (has_new_rows_) {
+                if (rows_.rows() > 0 && (is_unprinted_ != is_text_missing_ || !rows_.takes(device_)))
+                    return LineStop::kRows;
+                keep_rows();
+            } else if (has_samples_) {
+                advance();
+            } else {
+                const LineStop found = next();
+                if (found != LineStop::kNothing) return found;
+            }
+            if (rows_.rows() > 0 && (is_unprinted_ || patience_ns == 0 || rows_.rows() >= kMostRows))
+                return LineStop::kRows;
+        }
+        if (rows_.rows() > 0 && now_ns >= rows_.first_ns() + patience_ns) return LineStop::kRows;
+        const bool has_reads = !reads_.reads.empty();
+        if (has_reads && (is_lost_ || reads_.bytes.size() >= kMostBytes ||
+                          now_ns >= reads_.reads.front().stamp.host_ns + patience_ns))
+            return LineStop::kReads;
+        if (is_lost_) {
+            is_lost_ = false;
+            has_worked_ = worked_;
+            worked_ = false;
+            return LineStop::kLost;
+        }
+        return LineStop::kNothing;
+    }
+
+  private:
+    static constexpr std::size_t kMostRows = 512, kMostBytes = 1 << 16;
+
+    LineStop next() {
+        item_ = wire_.next();
+        if (item_.kind != LineItem::kDone) now_ns_ = item_.host_ns;
+        switch (item_.kind) {
+            case LineItem::kDone:
+                wire_.resume(taken_ns_);
+                is_busy_ = false;
+                return LineStop::kNothing;
+            case LineItem::kSamples:
+                samples_ = item_.samples;
+                has_samples_ = true;
+                at_ = 0;
+                return LineStop::kNothing;
+            case LineItem::kBad:
+                return LineStop::kNothing;
+            case LineItem::kSameHello:  // as a device says once a second
+                if (device_.place.knows_hello() && item_.host_ns < device_.stats_due_ns)
+                    return LineStop::kNothing;
+                return LineStop::kItem;
+            case LineItem::kTick:
+                return item_.host_ns < device_.stats_due_ns ? LineStop::kNothing : LineStop::kItem;
+            default:
+                return LineStop::kItem;
+        }
+    }
+
+    void advance() {
+        advanced_ = device_.advance(samples_, at_, [this](std::size_t bytes) {
+            if (room_.size() < bytes) room_.resize(bytes);
+            return static_cast<void*>(room_.data());
+        });
+        at_ = advanced_.next;
+        if (advanced_.begin < advanced_.end) take_rows();
+        has_samples_ = advanced_.stop != Stop::kEnd;
+        if (!has_samples_) now_ns_ = samples_.host_ns[samples_.n - 1];
+        is_held_ = has_samples_ && advanced_.stop != Stop::kMore;
+    }
+
+    void take_rows() {
+        const std::size_t begin = advanced_.begin, end = advanced_.end;
+        now_ns_ = samples_.host_ns[device_.run().first + end - 1];
+        const bool has_text = !printers_.empty() && printers_.front()->prints(device_);
+        if (has_text) {
+            for (RunPrinter* printer : printers_) printer->append(device_, begin, end);
+        }
+        is_text_missing_ = wants_text && !has_text;
+        has_new_rows_ = wants_rows || is_text_missing_;
+    }
+
+    void keep_rows() {
+        const std::size_t begin = advanced_.begin, end = advanced_.end;
+        rows_.append(device_, samples_.host_ns + device_.run().first + begin, begin, end);
+        is_unprinted_ = is_text_missing_;
+        has_new_rows_ = false;
+    }
+
+    WireLine& wire_;
+    Device& device_;
+    std::vector<RunPrinter*>& printers_;
+    PortNews news_, reads_;
+    LineItem item_;
+    SampleColumns samples_ = {};
+    Advanced advanced_ = {};
+    std::size_t at_ = 0;
+    std::vector<char> room_;  // of the columns of a run
+    RunRows rows_;
+    std::int64_t now_ns_ = 0, taken_ns_ = 0;
+    bool worked_ = false, has_worked_ = false;
+    bool is_busy_ = false, has_samples_ = false, is_held_ = false, is_lost_ = false;
+    bool has_new_rows_ = false, is_text_missing_ = false;  // of the newest run
+    bool is_unprinted_ = false;                            // rows that wait
+};
+
+}  // namespace fltea

@@ -1,0 +1,138 @@
+// All devices on ports, one round after another: what came from each is taken as far as it goes by itself.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "line_walk.hpp"
+#include "port_reader.hpp"
+
+namespace fltea {
+
+// What has happened on a port that is the caller's.
+struct Happened {
+    int port;
+    LineStop stop;
+};
+
+// Records of one device that were printed, and when the newest bytes behind them arrived.
+struct PrintedPart {
+    std::int64_t arrived_ns;
+    std::size_t records;
+};
+
+// One text, as all print it who print the same.
+struct Text {
+    std::vector<char> bytes;
+    std::vector<PrintedPart> parts;
+};
+
+class Round {
+  public:
+    // capacity: as of PortReader. texts: how many there are; a device has a printer for each, or none.
+    Round(std::size_t capacity, std::int64_t tick_ns, std::size_t texts)
+        : reader_(capacity), tick_ns_(tick_ns), texts_(texts) {}
+
+    PortReader& reader() { return reader_; }
+    LineWalk& line(std::size_t port) { return *ports_[port].walk; }
+    std::size_t size() const { return ports_.size(); }
+
+    void add(std::unique_ptr<LineWalk> walk, std::vector<RunPrinter*>* printers, std::int64_t latency_ns) {
+        ports_.push_back({std::move(walk), printers, latency_ns, stamp_now().host_ns + tick_ns_});
+    }
+
+    // The port was opened, or failed: it says nothing for a while from now on.
+    void touch(std::size_t port, std::int64_t now_ns) { ports_[port].tick_ns = now_ns + tick_ns_; }
+    // Nothing more is wanted of it.
+    void end(std::size_t port) { ports_[port].has_ended = true; }
+
+    // Goes on with lines that the caller has been at; with nothing there, waits for bytes, a tick, rows that
+    // are due, `wake` or the timeout. Returns the time and what is the caller's, one for each port at most.
+    std::int64_t run(double timeout_s, std::vector<Happened>& happened) {
+        std::int64_t now_ns = stamp_now().host_ns;
+        for (std::size_t port = 0; port < ports_.size(); ++port) {
+            if (ports_[port].is_left) walk(port, now_ns, happened);
+        }
+        if (!happened.empty()) return now_ns;
+        news_.clear();
+        now_ns = reader_.take(std::min(timeout_s, double(due_ns() - now_ns) * 1e-9), news_);
+        for (PortNews& one : news_) take(one, now_ns, happened);
+        for (std::size_t port = 0; port < ports_.size(); ++port) {
+            Port& one = ports_[port];
+            if (one.has_ended || one.is_left) continue;
+            const bool ticks = now_ns >= one.tick_ns;
+            if (ticks) {
+                one.tick_ns = now_ns + tick_ns_;
+                one.walk->tick(now_ns);
+            }
+            if (ticks || now_ns >= one.walk->due_ns()) walk(port, now_ns, happened);
+        }
+        return now_ns;
+    }
+
+    std::vector<Text>& texts() { return texts_; }
+    // The longest that bytes of this round had waited beyond their latency.
+    std::int64_t waited_ns() const { return waited_ns_; }
+    void forget_waited() { waited_ns_ = 0; }
+
+  private:
+    struct Port {
+        std::unique_ptr<LineWalk> walk;
+        std::vector<RunPrinter*>* printers;
+        std::int64_t latency_ns, tick_ns;  // the second: when nothing will have come for a while
+        bool has_ended = false;
+        bool is_left = false;  // the caller has been at it, and more may be there
+    };
+
+    void take(PortNews& news, std::int64_t now_ns, std::vector<Happened>& happened) {
+        const auto port = static_cast<std::size_t>(news.port);
+        if (port >= ports_.size() || ports_[port].has_ended) return;
+        Port& one = ports_[port];
+        if (!news.reads.empty()) {
+            const std::int64_t due_ns = news.reads.front().stamp.host_ns + one.latency_ns;
+            waited_ns_ = std::max(waited_ns_, now_ns - due_ns);
+            one.tick_ns = news.reads.back().stamp.host_ns + tick_ns_;
+        }
+        one.walk->give(std::move(news), now_ns);
+        walk(port, now_ns, happened);
+    }
+
+    void walk(std::size_t port, std::int64_t now_ns, std::vector<Happened>& happened) {
+        Port& one = ports_[port];
+        if (one.has_ended) {
+            one.is_left = false;
+            return;
+        }
+        const LineStop stop = one.walk->walk(now_ns);
+        one.is_left = stop != LineStop::kNothing;
+        for (std::size_t text = 0; text < one.printers->size() && text < texts_.size(); ++text) {
+            RunPrinter& printer = *(*one.printers)[text];
+            if (printer.size() == 0) continue;
+            Text& to = texts_[text];
+            to.bytes.insert(to.bytes.end(), printer.data(), printer.data() + printer.size());
+            to.parts.push_back({one.walk->now_ns(), printer.records()});
+            printer.clear();
+        }
+        if (one.is_left) happened.push_back({static_cast<int>(port), stop});
+    }
+
+    std::int64_t due_ns() const {
+        std::int64_t due = Device::kNever;
+        for (const Port& one : ports_) {
+            if (!one.has_ended) due = std::min(due, std::min(one.tick_ns, one.walk->due_ns()));
+        }
+        return due;
+    }
+
+    PortReader reader_;
+    std::int64_t tick_ns_, waited_ns_ = 0;
+    std::vector<Port> ports_;
+    std::vector<PortNews> news_;
+    std::vector<Text> texts_;
+};
+
+}  // namespace fltea

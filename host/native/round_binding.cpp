@@ -1,0 +1,222 @@
+// fltea._native.Round: all devices on ports, taken without Python's lock (host/fltea/service/lines.py).
+#include <nanobind/nanobind.h>
+
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include "device_binding.hpp"
+#include "round.hpp"
+#include "wire_line_binding.hpp"
+
+namespace nb = nanobind;
+
+namespace {
+
+using fltea::LineStop;
+using fltea::LineWalk;
+using fltea::PortRead;
+using fltea::RunRows;
+
+// Columns of rows that waited, in the order of RunRows, as arrays.
+class Columns {
+  public:
+    explicit Columns(const RunRows& rows) : rows_(rows), table_(bytes_of(rows)) {}
+
+    template <typename T>
+    nb::object next(std::size_t width, bool is_flat = false) {
+        const std::vector<char>& from = rows_.column(next_++);
+        T* const to = table_.template room<T>(from.size() / sizeof(T));
+        table_.template room<char>((8 - from.size() % 8) % 8);
+        if (!from.empty()) std::memcpy(to, from.data(), from.size());
+        return table_.array(to, is_flat ? nb::make_tuple(rows_.rows()) : nb::make_tuple(rows_.rows(), width));
+    }
+
+  private:
+    // All columns, each from a multiple of 8 bytes on.
+    static std::size_t bytes_of(const RunRows& rows) {
+        std::size_t bytes = 0;
+        for (std::size_t i = 0; i < rows.columns(); ++i) bytes += (rows.column(i).size() + 7) / 8 * 8;
+        return bytes;
+    }
+
+    const RunRows& rows_;
+    NumpyTable table_;
+    std::size_t next_ = 0;
+};
+
+// Arrivals, columns of samples, and of each sensor those of its tracker and of its bank, or None: as of Rows.
+nb::tuple as_tuple(const RunRows& rows) {
+    const fltea::RunShape& shape = rows.shape();
+    Columns columns(rows);
+    const nb::object arrived_ns = columns.next<std::int64_t>(1, true);
+    nb::list samples;
+    for (int i = 0; i < 3; ++i) samples.append(columns.next<std::int64_t>(1, true));
+    samples.append(columns.next<double>(shape[0]));
+    samples.append(shape[1] != 0 ? columns.next<double>(shape[1]) : nb::object(nb::none()));
+    samples.append(shape[2] != 0 ? columns.next<double>(1, true) : nb::object(nb::none()));
+    samples.append(shape[3] != 0 ? columns.next<std::int64_t>(1, true) : nb::object(nb::none()));
+    nb::list sensors;
+    for (std::size_t i = 4; i < shape.size(); i += 3) {
+        const std::size_t axes = shape[i];
+        if (axes == 0) {
+            sensors.append(nb::none());
+            continue;
+        }
+        nb::list tracked;
+        for (int c = 0; c < fltea::kTrackedColumns; ++c) tracked.append(columns.next<double>(axes));
+        tracked.append(columns.next<std::uint8_t>(axes));
+        nb::object bank = nb::none();
+        if (shape[i + 2] != 0) {
+            nb::list found;
+            for (int c = 0; c < fltea::kLaneInnovationStd; ++c) found.append(columns.next<double>(axes));
+            for (int c = 0; c < 2; ++c) found.append(columns.next<std::uint8_t>(axes));
+            bank = found;
+        }
+        sensors.append(nb::make_tuple(tracked, bank));
+    }
+    return nb::make_tuple(arrived_ns, nb::make_tuple(0, nb::tuple(samples), sensors));
+}
+
+class Round {
+  public:
+    Round(std::size_t capacity, std::int64_t tick_ns, std::size_t texts) : round_(capacity, tick_ns, texts) {}
+
+    // The next port's, in the order of their numbers.
+    void add(nb::object wire, nb::object device, std::int64_t latency_ns) {
+        auto& of_device = nb::cast<device_binding::Device&>(device);
+        auto& of_wire = nb::cast<wire_line_binding::WireLine&>(wire);
+        kept_.append(nb::make_tuple(wire, device));
+        round_.add(std::make_unique<LineWalk>(of_wire.native(), of_device.native(), of_device.printers()),
+                   &of_device.printers(), latency_ns);
+    }
+
+    void open(int port, int descriptor, bool closes, std::int64_t latency_ns) {
+        round_.reader().add(port, descriptor, closes, latency_ns);
+    }
+    void touch(std::size_t port, std::int64_t now_ns) { at(port), round_.touch(port, now_ns); }
+    void end(std::size_t port) { at(port), round_.end(port); }
+    void wants(std::size_t port, bool rows, bool text, bool reads, std::int64_t patience_ns) {
+        LineWalk& line = at(port);
+        line.wants_rows = rows;
+        line.wants_text = text;
+        line.wants_reads = reads;
+        line.patience_ns = patience_ns;
+    }
+    std::int64_t now_ns(std::size_t port) { return at(port).now_ns(); }
+    std::int64_t overflow_bytes(std::size_t port) { return at(port).overflow_bytes; }
+
+    // The time, what was printed of each text (bytes, and of each device when it arrived and its records),
+    // and what has happened: port, kind, and what is told of it.
+    nb::tuple run(double timeout_s) {
+        std::int64_t now_ns = 0;
+        happened_.clear();
+        {
+            const nb::gil_scoped_release release;
+            now_ns = round_.run(timeout_s, happened_);
+        }
+        nb::list printed;
+        for (fltea::Text& text : round_.texts()) {
+            nb::list parts;
+            for (const fltea::PrintedPart& one : text.parts)
+                parts.append(nb::make_tuple(one.arrived_ns, one.records));
+            printed.append(nb::make_tuple(nb::bytes(text.bytes.data(), text.bytes.size()), parts));
+            text.bytes.clear();
+            text.parts.clear();
+        }
+        nb::list happened;
+        for (const fltea::Happened& one : happened_) {
+            LineWalk& line = round_.line(static_cast<std::size_t>(one.port));
+            happened.append(nb::make_tuple(one.port, static_cast<int>(one.stop), told(line, one.stop)));
+        }
+        return nb::make_tuple(now_ns, printed, happened);
+    }
+
+    std::int64_t waited_ns() {
+        const std::int64_t found = round_.waited_ns();
+        round_.forget_waited();
+        return found;
+    }
+    void wake() { round_.reader().wake(); }
+    void close() {
+        const nb::gil_scoped_release release;
+        round_.reader().close();
+    }
+
+  private:
+    LineWalk& at(std::size_t port) {
+        if (port >= round_.size()) throw nb::index_error("no such port");
+        return round_.line(port);
+    }
+
+    static nb::object told(LineWalk& line, LineStop stop) {
+        switch (stop) {
+            case LineStop::kItem:
+                return wire_line_binding::as_tuple(line.item());
+            case LineStop::kStop: {
+                const fltea::Advanced& found = line.advanced();
+                return nb::make_tuple(static_cast<int>(found.stop), line.stopped_ns(),
+                                      device_binding::told(line.device(), line.samples(), found));
+            }
+            case LineStop::kRows: {
+                const nb::tuple rows = as_tuple(line.rows());
+                line.rows().clear();
+                return nb::make_tuple(line.is_unprinted(), rows);
+            }
+            case LineStop::kReads: {
+                const nb::tuple reads = columns_of(line.reads());
+                line.reads() = fltea::PortNews();
+                return reads;
+            }
+            case LineStop::kLost: {
+                const fltea::PortNews& news = line.news();
+                return nb::make_tuple(news.error, news.lost.host_ns, news.lost.unix_offset_ns, line.has_worked());
+            }
+            case LineStop::kNothing:
+                break;
+        }
+        return nb::none();
+    }
+
+    // As of Reads.
+    static nb::tuple columns_of(const fltea::PortNews& news) {
+        const std::size_t n = news.reads.size();
+        NumpyTable table(3 * n * sizeof(std::int64_t));
+        auto* const end = table.room<std::int64_t>(n);
+        auto* const host_ns = table.room<std::int64_t>(n);
+        auto* const unix_offset_ns = table.room<std::int64_t>(n);
+        for (std::size_t k = 0; k < n; ++k) {
+            end[k] = news.reads[k].end;
+            host_ns[k] = news.reads[k].stamp.host_ns;
+            unix_offset_ns[k] = news.reads[k].stamp.unix_offset_ns;
+        }
+        const nb::tuple shape = nb::make_tuple(n);
+        return nb::make_tuple(nb::bytes(news.bytes.data(), news.bytes.size()), table.array(end, shape),
+                              table.array(host_ns, shape), table.array(unix_offset_ns, shape));
+    }
+
+    fltea::Round round_;
+    std::vector<fltea::Happened> happened_;
+    nb::list kept_;  // what the lines point to
+};
+
+}  // namespace
+
+void bind_round(nb::module_& m) {
+    nb::class_<Round>(m, "Round")
+        .def(nb::init<std::size_t, std::int64_t, std::size_t>(), nb::arg("capacity"), nb::arg("tick_ns"),
+             nb::arg("texts"))
+        .def("add", &Round::add, nb::arg("wire"), nb::arg("device"), nb::arg("latency_ns"))
+        .def("open", &Round::open, nb::arg("port"), nb::arg("descriptor"), nb::arg("closes"),
+             nb::arg("latency_ns"))
+        .def("touch", &Round::touch, nb::arg("port"), nb::arg("now_ns"))
+        .def("end", &Round::end, nb::arg("port"))
+        .def("wants", &Round::wants, nb::arg("port"), nb::arg("rows"), nb::arg("text"), nb::arg("reads"),
+             nb::arg("patience_ns"))
+        .def("now_ns", &Round::now_ns, nb::arg("port"))
+        .def("overflow_bytes", &Round::overflow_bytes, nb::arg("port"))
+        .def("run", &Round::run, nb::arg("timeout_s"))
+        .def("waited_ns", &Round::waited_ns)
+        .def("wake", &Round::wake)
+        .def("close", &Round::close);
+}
