@@ -5,46 +5,83 @@ import pty
 import threading
 import tty
 from collections.abc import Callable, Iterator
-from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import pytest
-from blocks import of, samples_of
+from blocks import of
 from fltea.records import clock
-from fltea.records.events import Event, RawBlock, Tick, Trouble
-from fltea.records.records import Hello
-from fltea.service.bell import Bell
-from fltea.service.lines import LineLoop, has_line
+from fltea.records.events import Event, Ints, Trouble
+from fltea.records.records import Hello, Stats
+from fltea.service.hub import Hub
+from fltea.service.lines import HANDLERS, LineLoop, LineStop, has_line
 from fltea.service.open_source import open_source
 from fltea.service.pressure import Pressure
+from fltea.service.walk import Walk
 from fltea.settings.config import load_config
 from fltea.sources.serial import SerialSource
 from fltea.stream.beside import Beside
+from fltea.stream.decode import Rows
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from host_support import PATIENCE_S, WIRE_HELLO, each_ended, wait_until
+from memory_sink import Memory
+
+
+class Watched(Walk):
+    """A walk that tells its line what it takes."""
+
+    line: "Line"
+
+    def take(self, event: Event) -> None:
+        super().take(event)
+        self.line.on_event(event)
+
+    def took(self, arrived_ns: Ints, rows: Rows, *, unprinted: bool) -> None:
+        self.line.on_samples(rows)
+        super().took(arrived_ns, rows, unprinted=unprinted)
+
+    def finish(self, *, whole: bool = False, now_ns: int = 0) -> None:
+        self.line.finished += 1
+        super().finish(whole=whole, now_ns=now_ns)
+        if self.line.finish_raises is not None:
+            raise self.line.finish_raises
 
 
 class Line:
-    """A device on a pseudo-terminal, and its walk as far as the loop knows it.
+    """A device on a pseudo-terminal, and its walk.
 
-    raises: what `take` does with a sample. fails: the walk fails with its first trouble, as under `--once`.
+    raises: what its first samples lead to. fails: its walk fails with the first trouble, as under `--once`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, number: int, hub: Hub) -> None:
         self.master, slave = pty.openpty()
         tty.setraw(slave)
         self.source = SerialSource(os.ttyname(slave), 250_000)
         os.close(slave)
-        self.name = self.source.url
-        self.failure: Trouble | None = None
+        config = load_config(None, {"source": f"serial:{self.source.url}"})
+        self.walk = Watched(self.source, msgspec.structs.replace(config, name=f"board{number}"), hub, None)
+        self.walk.line = self
         self.raises: Exception | None = None
         self.fails = False
         self.finished = 0
         self.finish_raises: Exception | None = None
-        self.on_finish: Callable[[], None] = lambda: None
         self.events: list[Event] = []
+        self.heard: list[int] = []
+        self.on_hello: Callable[[], None] = lambda: None
         self._sent = 0
+
+    def on_event(self, event: Event) -> None:
+        self.events.append(event)
+        if isinstance(event, Hello):
+            self.on_hello()
+        if self.fails and isinstance(event, Trouble):
+            self.walk.failure = event
+
+    def on_samples(self, rows: Rows) -> None:
+        if self.raises is not None:
+            raise self.raises
+        self.heard += rows[1][0].tolist()
 
     def send(self, count: int) -> None:
         if not self._sent:
@@ -52,24 +89,6 @@ class Line:
         for k in range(self._sent, self._sent + count):
             os.write(self.master, encode(wire.Sample(k, -k, 0, 0, 0, 16384, 0, 0), k, k * 10_000))
         self._sent += count
-
-    def take(self, event: Event, *, tell: bool) -> None:
-        self.events.append(event)
-        if self.raises is not None and isinstance(event, RawBlock):
-            raise self.raises
-        if self.fails and isinstance(event, Trouble):
-            self.failure = event
-
-    def finish(self) -> None:
-        self.finished += 1
-        self.on_finish()
-        if self.finish_raises is not None:
-            raise self.finish_raises
-
-    @property
-    def heard(self) -> list[int]:
-        """Numbers of the samples that it took."""
-        return [raw.sequence for raw in samples_of(self.events)]
 
 
 class FakePressure(Pressure):
@@ -90,14 +109,13 @@ class FakePressure(Pressure):
 class Running:
     """The loop in its thread."""
 
-    def __init__(self, *lines: Line) -> None:
+    def __init__(self, hub: Hub, *lines: Line) -> None:
         self.ended: list[tuple[Any, Exception | None]] = []
         self.pressure = FakePressure()
-        self.bell = Bell()
         self.loop = LineLoop(
-            lines,  # type: ignore[arg-type]
+            [line.walk for line in lines],
             lambda walk, error: self.ended.append((walk, error)),
-            lambda: [self.bell],
+            hub,
             self.pressure,
         )
         self.fault: Exception | None = None
@@ -124,18 +142,33 @@ class Running:
 
 
 @pytest.fixture
-def lines() -> Iterator[Callable[[int], list[Line]]]:
+def page() -> Memory:
+    return Memory("page")
+
+
+@pytest.fixture
+def hub(page: Memory) -> Iterator[Hub]:
+    one = Hub(lambda error: None)
+    one.add(page)
+    yield one
+    for each in one.close():
+        assert each.done(PATIENCE_S)
+
+
+@pytest.fixture
+def lines(hub: Hub) -> Iterator[Callable[[int], list[Line]]]:
     yield from each_ended(
-        lambda count: [Line() for _ in range(count)], lambda made: [os.close(line.master) for line in made]
+        lambda count: [Line(k, hub) for k in range(count)],
+        lambda made: [os.close(line.master) for line in made],
     )
 
 
 @pytest.fixture
-def running() -> Iterator[Callable[..., Running]]:
+def running(hub: Hub) -> Iterator[Callable[..., Running]]:
     def start(*lines: Line) -> Running:
-        one = Running(*lines).start()
+        one = Running(hub, *lines).start()
         for line in lines:
-            wait_until(lambda line=line: line.source._wire._connected, "all to be open")
+            wait_until(lambda line=line: line.source.line.counts()[3] == 1, "all to be open")
         return one
 
     yield from each_ended(start, Running.end)
@@ -154,7 +187,7 @@ def test_each_walk_takes_what_its_own_device_says(lines, running) -> None:
         assert line.heard == list(range(count))
         assert isinstance(line.events[0], Hello)
         assert line.finished == 1
-    assert sorted(map(id, many)) == sorted(id(walk) for walk, _ in one.ended)
+    assert sorted(id(line.walk) for line in many) == sorted(id(walk) for walk, _ in one.ended)
     assert [error for _, error in one.ended] == [None] * 12
 
 
@@ -169,9 +202,9 @@ def test_a_walk_that_raises_ends_alone(lines, running) -> None:
     for line in (broken, left, right):
         line.send(5)
     wait_until(lambda: len(left.heard) == len(right.heard) == 10, "the others, who go on")
-    assert one.ended == [(broken, broken.raises)]
+    assert one.ended == [(broken.walk, broken.raises)]
     assert broken.finished == 0
-    assert len(of(RawBlock, broken.events)) == 1, "it takes no more"
+    assert not broken.heard
     assert one.thread.is_alive()
 
 
@@ -185,58 +218,58 @@ def test_a_walk_that_fails_is_finished_and_the_loop_ends_with_the_last(lines, ru
         line.send(2)
         wait_until(lambda line=line: len(line.heard) == 2, "samples")
         os.write(line.master, fault)
-        wait_until(lambda line=line: any(walk is line for walk, _ in one.ended), "its end")
+        wait_until(lambda line=line: any(walk is line.walk for walk, _ in one.ended), "its end")
         assert line.finished == 1
     one.join()
-    assert one.ended == [(first, None), (second, second.finish_raises)]
+    assert one.ended == [(first.walk, None), (second.walk, second.finish_raises)]
 
 
-def test_outputs_are_told_before_the_loop_waits_and_when_it_ends(lines, running) -> None:
-    (line,) = lines(1)
-    one = running(line)
-    one.bell.clear()
-    line.send(3)
-    assert one.bell.wait(PATIENCE_S)
-    wait_until(lambda: len(line.heard) == 3, "all samples")
-    line.on_finish = one.bell.clear
-    one.loop.close()
-    one.join()
-    assert one.bell.wait(0), "of what a walk publishes when it is finished"
-
-
-def test_who_has_nothing_to_say_is_told_that_time_passes(lines, running) -> None:
+def test_who_has_nothing_to_say_is_told_that_time_passes(page, lines, running) -> None:
     talks, is_silent = lines(2)
     running(talks, is_silent)
     talks.send(3)
-    wait_until(lambda: len(of(Tick, is_silent.events)) >= 2, "ticks")
+    name = is_silent.walk.name
+    wait_until(lambda: sum(one.device == name for one in of(Stats, page.items)) >= 2, "its statistics")
     assert talks.heard == [0, 1, 2]
 
 
-def test_how_long_samples_waited_beyond_the_latency_is_known(monkeypatch, lines, running) -> None:
+def test_how_long_samples_waited_is_known(lines, running) -> None:
     (line,) = lines(1)
-    line.source.port.latency_s = 2.0
-    late = SimpleNamespace(host_ns=lambda: clock.host_ns() + 10**10)
-    monkeypatch.setattr("fltea.service.lines.clock", late)
+    sent, times_ns = threading.Event(), list[int]()
+
+    def hold() -> None:
+        assert sent.wait(PATIENCE_S)
+        times_ns.append(clock.host_ns())
+
+    line.on_hello = hold
     one = running(line)
-    line.send(3)
-    wait_until(lambda: len(line.heard) == 3 and one.pressure.looks > 0, "samples and a look")
-    assert all(ns >= 8 * 10**9 for ns in one.pressure.waited_ns)
-    assert one.pressure.waited_ns
+    line.send(1)
+    wait_until(lambda: any(isinstance(event, Hello) for event in line.events), "a HELLO")
+    line.send(2)
+    begin_ns = clock.host_ns()
+    wait_until(lambda: clock.host_ns() - begin_ns > 50_000_000, "the samples to be late")
+    sent.set()
+    wait_until(lambda: len(line.heard) == 3 and max(one.pressure.waited_ns, default=0) > 0, "a look")
+    assert max(one.pressure.waited_ns) >= times_ns[0] - begin_ns
 
 
-def test_a_fault_of_the_loop_itself_ends_every_walk(monkeypatch, lines) -> None:
+def test_a_fault_of_the_loop_itself_ends_every_walk(monkeypatch, hub, lines) -> None:
     """Else a daemon that hears nothing any more would look alive."""
     many = lines(2)
-    one = Running(*many)
+    one = Running(hub, *many)
 
-    def broken(timeout_s: float, bells: list[Bell]) -> None:
+    def broken(now_ns: int) -> None:
         raise OSError(9, "Bad file descriptor")
 
-    monkeypatch.setattr(one.loop._ports, "poll", broken)
+    monkeypatch.setattr(one.loop._openings, "begin", broken)
     one.start().join()
-    assert [walk for walk, _ in one.ended] == many
+    assert [walk for walk, _ in one.ended] == [line.walk for line in many]
     assert {error for _, error in one.ended} == {one.fault}
     assert isinstance(one.fault, OSError)
+
+
+def test_each_thing_that_may_happen_has_a_handler() -> None:
+    assert set(HANDLERS) == set(LineStop)
 
 
 @pytest.mark.parametrize(

@@ -239,27 +239,6 @@ def test_outputs_that_print_the_same_are_given_the_same_lines() -> None:
     assert all_outputs.stats("left")["left"].written == 9
 
 
-def test_outputs_that_are_not_told_can_be_told_later() -> None:
-    all_outputs, _ = hub()
-    shared, left, right = Memory("stdout"), Together("mqtt"), Together("mqtt")
-    all_outputs.add(shared)
-    all_outputs.add(left, "left")
-    all_outputs.add(right, "right")
-    assert all_outputs.untold() == []
-    for name in ("left", "right"):
-        all_outputs.publish(name, [gap(1)], tell=False)
-    bells = all_outputs.untold()
-    assert len(bells) == 2, "two threads: devices have one together"
-    assert all_outputs.untold() == []
-    all_outputs.publish("left", [gap(2)], tell=False)
-    all_outputs.publish("left", [gap(3)])
-    assert all_outputs.untold() == []
-    for bell in bells:
-        bell.ring()
-    wait_until(lambda: len(shared.items) == 4 and len(left.items) == 3 and len(right.items) == 1, "all of it")
-    assert closed(all_outputs)
-
-
 def test_a_bell_rings_until_it_is_cleared() -> None:
     bell = Bell()
     assert not bell.wait(0)
