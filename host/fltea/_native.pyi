@@ -418,6 +418,20 @@ class Remembered:
     # NaN while it had seen too little, and once a system was set.
     def of_walks(self) -> float: ...
 
+class TrackerModel:
+    MOST_TO_COME: int
+
+    # One system or two, with how likely each is.
+    def __init__(
+        self,
+        ahead: int,
+        checked: list[int],
+        absolute: bool,
+        weights: list[float],
+        systems: list[tuple[int, _V, _V, _V, _V, _V, _V, _V, float]],
+    ) -> None: ...
+    def refilter(self, remembered: Remembered, to_come: int) -> None: ...
+
 # Whether the axes are the accelerometer's, their columns, what takes the samples (sums, and samples of the
 # longest motion; estimates), and which axes wait to be settled.
 CLOCK_TOLERANCE: float
@@ -510,14 +524,7 @@ class Tracker:
     ) -> list[tuple[int, int, int, int, float, float, int]]: ...
     def moving(self) -> bool: ...
     def skip(self, count: float) -> None: ...
-    # One system or two, with how likely each is.
-    def set(
-        self,
-        lane: int,
-        absolute: bool,
-        weights: list[float],
-        systems: list[tuple[int, _V, _V, _V, _V, _V, _V, _V, float]],
-    ) -> None: ...
+    def set(self, lane: int, model: TrackerModel) -> None: ...
     def remembered(self, lane: int) -> Remembered: ...
     # The origin of its numbers, and x after the newest sample; no coordinates before a system is set.
     def x(self, lane: int) -> tuple[float, list[float]]: ...

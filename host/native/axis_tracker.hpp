@@ -29,11 +29,7 @@ struct TrackerCounts {
     std::uint64_t steps;  // of the bias
 };
 
-struct TrackerRules {
-    // Samples to come for which the bias is meant: it is their mean. 0: that of the newest sample.
-    std::int64_t ahead = 0;
-    // Samples over which the bias is checked; 0: it is not.
-    std::int64_t checked[BiasCheck::kTimes] = {0, 0, 0};
+struct TrackerRules : BiasLengths {
     // Farther a bias does not step; what does is motion.
     double largest_step = std::numeric_limits<double>::infinity();
     // Samples that lie still elsewhere until there is where the offset is now, and until that is so although
@@ -75,35 +71,30 @@ class AxisTracker {
     const Remembered& memory() const { return memory_; }
     bool fixed() const { return fixed_; }
 
-    // From the next sample on this is the noise, and always has been: one of these systems, of which each is
-    // as likely as its weight. False, and nothing has changed, if no filter can work with it. `absolute`: its
-    // state has no mean of its own, so it holds the offset.
-    bool set(const std::vector<System<kMost>>& systems, const std::vector<double>& weights, bool absolute) {
-        std::unique_ptr<NoiseModel> next(new NoiseModel);
-        next->absolute = absolute;
-        for (std::size_t i = 0; i < systems.size(); ++i) {
-            if (!next->add(systems[i], weights[i], rules_.ahead)) return false;
+    // From the next sample on this is the noise, and always has been. False, and nothing has changed, if no
+    // filter can work with it. begun: what was filtered of it elsewhere, or none; without it, and where more
+    // has happened meanwhile than that samples came, all that is remembered is filtered here.
+    bool set(const std::shared_ptr<TrackerModel>& model, Refiltered* begun = nullptr) {
+        std::unique_ptr<Refiltered> own;
+        if (begun == nullptr || begun->model() != model || !begun->expects(memory_)) {
+            own.reset(new Refiltered(model, memory_, steps_, 0));
+            begun = own.get();
         }
-        next->start();
-        refilter::Innovations innovations;
-        StepTest test = steps_;
-        test.clear();
-        test.relearn();
-        const bool sound = next->filter_again(memory_, [&](double z) {
-            innovations.add(z);
-            if (!std::isnan(z)) test.take(z);
-        });
-        if (!sound) return false;
-        gate_.expect(innovations.usual(gate_.usual()));
+        begun->go_on(memory_);
+        if (!begun->sound()) return false;
+        std::unique_ptr<NoiseModel> next(new NoiseModel(model));
+        next->go_on_from(*begun);
+        gate_.expect(begun->usual(gate_.usual()));
         if (model_ == nullptr || model_->size() != next->size()) white_.skip();
-        steps_ = test;
+        steps_ = begun->steps();
         model_ = std::move(next);
         banks_.reset();
         before_.reset();
-        check_.set(*model_);
+        check_.set(*model);
         keep_twice();
         return true;
     }
+    const StepTest& steps() const { return steps_; }
 
     // 2 log L of the samples by the bank, but for a constant, for as long as there is one.
     double likelihood() const {
@@ -137,7 +128,7 @@ class AxisTracker {
             }
             if (!fixed_ && deviation_ < kLargest) seen_ = steps_.add(for_steps_);
         }
-        remember(moving ? __builtin_nanf("") : remembered(apart_));
+        memory_.add(moving ? __builtin_nanf("") : remembered(apart_));
         return tracked(moving);
     }
 
@@ -147,7 +138,7 @@ class AxisTracker {
         check_.skip();
         begin_sample(0);
         go_on(false);
-        remember(__builtin_nanf(""));
+        memory_.add(__builtin_nanf(""));
     }
 
     // After a sample: whether the bias has changed with it, or before.
@@ -218,11 +209,7 @@ class AxisTracker {
     // The end of a chunk.
     void roll() {
         if (before_ != nullptr && memory_.total - before_->newest > kSettled) before_.reset();
-        if (memory_.kept == Remembered::kRecent) {
-            memory_.past.add(memory_.recent);
-            std::memcpy(memory_.recent, memory_.recent + RestGate::kChunk, sizeof(float) * RestGate::kChunk);
-            memory_.kept = RestGate::kChunk;
-        }
+        memory_.roll();
         keep();
     }
 
@@ -368,11 +355,6 @@ class AxisTracker {
         }
     }
 
-    void remember(float y) {
-        memory_.recent[memory_.kept++] = y;
-        ++memory_.total;
-    }
-
     void predict_over(std::int64_t count) {
         for (std::int64_t i = 0; i < count; ++i) {
             begin_sample(0);
@@ -390,7 +372,7 @@ class AxisTracker {
         }
         Known now = known();
         if (!moving && !fixed_) suspect(now);
-        const bool absolute = model_ == nullptr || model_->absolute;
+        const bool absolute = model_ == nullptr || model_->model().absolute();
         return Tracked{now.state + (absolute && !fixed_ ? origin_ : 0),
                        std::sqrt(now.state_variance),
                        now.bias + origin_,
@@ -447,7 +429,7 @@ class AxisTracker {
         steps_.clear();
         gate_.forget_chunk();
         check_.skip();
-        model_->filter_again(memory_, [](double) {});
+        model_->filter_again(memory_);
         keep_twice();
     }
 
@@ -463,9 +445,9 @@ class AxisTracker {
         steps_.clear();
         if (model_ == nullptr) return;
         const double size = seen.kind == StepSeen::kDrift ? seen.size * deviation_ : change;
-        if (!model_->raise_walk(size * size / double(seen.ago), rules_.ahead)) return;
+        if (!model_->raise_walk(size * size / double(seen.ago), rules_)) return;
         before_.reset();
-        check_.set(*model_);
+        check_.set(model_->model());
         again();
     }
 

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdint>
 
-#include "mean_ahead.hpp"
 #include "noise_model.hpp"
 
 namespace fltea {
@@ -13,7 +12,7 @@ namespace track {
 
 class BiasCheck {
   public:
-    enum { kTimes = 3 };
+    enum { kTimes = BiasLengths::kChecks };
     struct Found {
         std::uint64_t pieces;
         double rms;  // of the differences, over their deviation; NaN before there is one
@@ -23,14 +22,11 @@ class BiasCheck {
     void expect(int which, std::int64_t length) { pieces_[which].length = length; }
 
     // From the next sample on the noise is another one.
-    void set(const NoiseModel& model) {
-        density_ = 0;
-        for (std::size_t i = 0; i < model.count(); ++i) {
-            const System<kMost>& s = model.system(i);
-            bool noise[kMost] = {};
-            for (int k = 0; k < s.n; ++k) noise[k] = model.bias_now(i)[k] == 0;
-            density_ = std::fmax(density_, s.R + density_at_zero(s, noise));
-            for (Piece& one : pieces_) one.ahead[i] = mean_ahead(s, model.bias_now(i), one.length);
+    void set(const TrackerModel& model) {
+        density_ = model.density();
+        for (int k = 0; k < kTimes; ++k) {
+            pieces_[k].length = model.lengths().checked[k];
+            for (std::size_t i = 0; i < model.count(); ++i) pieces_[k].ahead[i] = model.rival(i).checked[k];
         }
         skip();
     }
@@ -80,7 +76,7 @@ class BiasCheck {
         std::int64_t length = 0, ends = 0;  // with which sample it ends; 0: there is none
         double bias = 0, variance = 1, sum_before = 0, squares = 0;
         std::uint64_t pieces = 0;
-        MeanAhead<kMost> ahead[NoiseModel::kRivals] = {};  // of each system
+        MeanAhead<kMost> ahead[TrackerModel::kRivals] = {};  // of each system
     };
 
     void end_pieces(const NoiseModel& model) {

@@ -17,6 +17,7 @@
 #include "frame.h"
 #include "messages.h"
 #include "sentence_binding.hpp"
+#include "tracker_model_binding.hpp"
 
 namespace nb = nanobind;
 
@@ -158,6 +159,7 @@ NB_MODULE(_native, m) {
     bind_sentences(m);
     bind_allan(m);
     bind_octaves(m);
+    bind_tracker_model(m);
     bind_tracker(m);
     bind_lines(m);
     bind_rows(m);

@@ -1,15 +1,15 @@
-// The noise of an axis as the filter that tracks its bias knows it: one system, or two that share the parts
-// but differ in how the offset goes on. Each is weighted by how likely it makes the samples, which tell the
-// two apart as they come (multiple-model estimation: Bar-Shalom, Li & Kirubarajan, Estimation with
-// Applications to Tracking and Navigation, section 11.6.2).
+// The filters of the noise of an axis (tracker_model.hpp): of one system, or of two. Each is weighted by how
+// likely it makes the samples, which tell the two apart as they come (multiple-model estimation: Bar-Shalom,
+// Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, section 11.6.2).
 #pragma once
 
 #include <cmath>
+#include <memory>
 #include <vector>
 
 #include "kalman.hpp"
-#include "mean_ahead.hpp"
-#include "refilter.hpp"
+#include "refiltered.hpp"
+#include "tracker_model.hpp"
 
 namespace fltea {
 namespace track {
@@ -18,7 +18,6 @@ class NoiseModel {
   public:
     typedef System<kMost> Noise;
     typedef Kalman<kMost> Filter;
-    enum { kRivals = 2 };
 
     // What changes with the samples.
     struct State {
@@ -26,53 +25,38 @@ class NoiseModel {
         std::vector<double> unlikely;
     };
 
-    // absolute: the state has no mean of its own, so it holds the offset.
-    bool absolute = false;
-
-    // A system, with the bias of the newest sample, and how likely it is; ahead: samples to come for which
-    // the bias is meant. False if no filter can work with it. All have as many coordinates.
-    bool add(const Noise& system, double weight, std::int64_t ahead) {
-        rivals_.emplace_back();
-        Rival& one = rivals_.back();
-        one.system = system;
-        if (!one.map.set(one.system)) return false;
-        std::memcpy(one.now, system.bias, sizeof one.now);
-        const MeanAhead<kMost> mean = mean_ahead(system, system.bias, ahead);
-        std::memcpy(one.system.bias, mean.row, sizeof mean.row);
-        one.system.bias_more = mean.variance;
-        one.unlikely = -std::log(std::fmax(weight, kLeast));
-        return true;
-    }
-    // Systems stand where they are from here on.
-    void start() {
-        for (Rival& one : rivals_) one.filter.start(&one.system, &one.map);
+    // Without a model, one has to be loaded.
+    explicit NoiseModel(const std::shared_ptr<TrackerModel>& of = nullptr) : of_(of) {
+        if (of == nullptr) return;
+        rivals_.resize(of->count());
+        for (std::size_t i = 0; i < rivals_.size(); ++i) rivals_[i].unlikely = of->rival(i).unlikely;
         weigh();
         stays_ = rivals_.back().weight;
     }
-    // All remembered samples go through the filters, which are as likely as they were before. `tell`: with
-    // each of the newest innovations of the likeliest, in its deviations. False if that is no filter.
-    template <typename Tell>
-    bool filter_again(const Remembered& memory, Tell tell) {
+    // With nothing known of the offset.
+    void start() {
         for (std::size_t i = 0; i < rivals_.size(); ++i) {
-            Rival& one = rivals_[i];
-            if (i == best_) {
-                memory.filter_again(one.system, one.map, one.filter, tell);
-            } else {
-                memory.filter_again(one.system, one.map, one.filter, [](double) {});
-            }
-            if (!std::isfinite(one.filter.S) || !std::isfinite(one.filter.bias())) return false;
+            rivals_[i].filter.start(&of_->rival(i).system, &of_->rival(i).map);
+        }
+        weigh();
+        stays_ = rivals_.back().weight;
+    }
+    void go_on_from(const Refiltered& filtered) {
+        for (std::size_t i = 0; i < rivals_.size(); ++i) rivals_[i].filter = filtered.filter(i);
+        predict();
+    }
+    // All remembered samples go through the filters, which are as likely as they were before.
+    void filter_again(const Remembered& memory) {
+        for (std::size_t i = 0; i < rivals_.size(); ++i) {
+            memory.filter_again(of_->rival(i).system, of_->rival(i).map, rivals_[i].filter);
         }
         predict();
-        return true;
     }
 
-    int size() const { return likeliest().system.n; }
-    const double* x() const { return likeliest().filter.x; }
-    int offset() const { return rivals_.front().system.offset(); }
-    const Noise& system(std::size_t i) const { return rivals_[i].system; }
-    // What the system has of the bias of the newest sample, of each coordinate.
-    const double* bias_now(std::size_t i) const { return rivals_[i].now; }
-    std::size_t count() const { return rivals_.size(); }
+    const TrackerModel& model() const { return *of_; }
+    int size() const { return of_->rival(best_).system.n; }
+    const double* x() const { return rivals_[best_].filter.x; }
+    int offset() const { return of_->rival(0).system.offset(); }
     // Of the innovation of the next sample.
     double variance() const { return variance_; }
 
@@ -95,8 +79,8 @@ class NoiseModel {
     // A step has explained what the samples since then have said of the two.
     void forget_newest() {
         if (rivals_.size() < 2) return;
-        rivals_.front().unlikely = -std::log(std::fmax(1 - stays_, kLeast));
-        rivals_.back().unlikely = -std::log(std::fmax(stays_, kLeast));
+        rivals_.front().unlikely = TrackerModel::unlikely(1 - stays_);
+        rivals_.back().unlikely = TrackerModel::unlikely(stays_);
         weigh();
         predict();
     }
@@ -142,7 +126,7 @@ class NoiseModel {
         mean = variance = 0;
         for (std::size_t i = 0; i < rivals_.size(); ++i) {
             const Rival& one = rivals_[i];
-            const double own = dot(rows[i].row, one.filter.x, one.system.n);
+            const double own = dot(rows[i].row, one.filter.x, of_->rival(i).system.n);
             mean += one.weight * own;
             variance += one.weight * (one.filter.variance_of(rows[i].row) + rows[i].variance + own * own);
         }
@@ -151,24 +135,20 @@ class NoiseModel {
 
     // The offset walks by steps of this variance at least, from here on. False if it does, or nothing is
     // left.
-    bool raise_walk(double q, std::int64_t ahead) {
+    bool raise_walk(double q, const BiasLengths& lengths) {
         const int i = offset();
         if (i < 0) return false;
-        Noise raised = likeliest().system;
-        std::memcpy(raised.bias, likeliest().now, sizeof raised.bias);
+        Noise raised = of_->rival(best_).system;
+        std::memcpy(raised.bias, of_->rival(best_).now, sizeof raised.bias);
         double& own = raised.Q[i * raised.n + i];
         if (own >= q) return false;
         own = q;
-        std::vector<Rival> before;
-        before.swap(rivals_);
-        best_ = 0;
-        if (add(raised, 1, ahead)) {
-            start();
-            return true;
-        }
-        rivals_.swap(before);
-        weigh();
-        return false;
+        const std::shared_ptr<TrackerModel> next =
+            TrackerModel::made({raised}, {1.0}, of_->absolute(), lengths);
+        if (next == nullptr) return false;
+        *this = NoiseModel(next);
+        start();
+        return true;
     }
 
     // The filters as they are now are those of a chunk ago before long.
@@ -208,20 +188,17 @@ class NoiseModel {
 
     template <typename Io>
     void visit(Io& io) {
-        std::size_t count = rivals_.size();
-        io.number(count, 1, kRivals);
-        io.number(absolute, 0, 1);
+        if (Io::kLoads) of_ = std::make_shared<TrackerModel>();
+        of_->visit_beginning(io);
         io.real(stays_, 0, 1);
         if (!io.sound()) return;
-        rivals_.resize(count);
-        for (Rival& one : rivals_) {
-            one.system.visit(io);
-            io.require(one.system.n == rivals_.front().system.n);
-            if (io.sound()) io.require(one.map.set(one.system));
+        rivals_.resize(of_->count());
+        for (std::size_t i = 0; i < rivals_.size(); ++i) {
+            Rival& one = rivals_[i];
+            of_->visit_rival(io, i);
             if (!io.sound()) return;
-            for (int i = 0; i < one.system.n; ++i) io.real(one.now[i], -1e100, 1e100);
             for (Filter* filter : {&one.filter, &one.before[0], &one.before[1]}) {
-                filter->point_to(&one.system, &one.map);
+                filter->point_to(&of_->rival(i).system, &of_->rival(i).map);
                 filter->visit(io);
             }
             for (double* x : {&one.unlikely, &one.unlikely_before[0], &one.unlikely_before[1]}) {
@@ -239,7 +216,7 @@ class NoiseModel {
         state.filters.resize(rivals_.size());
         state.unlikely.resize(rivals_.size());
         for (std::size_t i = 0; i < rivals_.size() && io.sound(); ++i) {
-            state.filters[i].point_to(&rivals_[i].system, &rivals_[i].map);
+            state.filters[i].point_to(&of_->rival(i).system, &of_->rival(i).map);
             state.filters[i].visit(io);
             io.real(state.unlikely[i], -1e300, 1e300);
         }
@@ -247,18 +224,13 @@ class NoiseModel {
 
   private:
     // Likelier by more than this, by log L, a system is not; it may become the right one.
-    static constexpr double kMostLikely = 12, kLeast = 1e-6, kClip = 6, kSlow = 1 / 2048.0;
+    static constexpr double kMostLikely = 12, kClip = 6, kSlow = 1 / 2048.0;
 
     struct Rival {
-        Noise system = Noise();
-        double now[kMost] = {};
-        RiccatiMap<kMost> map;
         Filter filter, before[2];
         double e = 0, S = 1, weight = 1;                   // of the newest sample
         double unlikely = 0, unlikely_before[2] = {0, 0};  // -log L, but for a constant
     };
-
-    const Rival& likeliest() const { return rivals_[best_]; }
 
     void weigh() {
         best_ = 0;
@@ -280,6 +252,7 @@ class NoiseModel {
         for (const Rival& one : rivals_) variance_ += one.weight * one.filter.S;
     }
 
+    std::shared_ptr<TrackerModel> of_;
     std::vector<Rival> rivals_;
     std::size_t best_ = 0;
     double variance_ = 1;

@@ -9,6 +9,7 @@ namespace fltea {
 
 class NumberSaver {
   public:
+    enum { kLoads = 0 };
     explicit NumberSaver(std::vector<double>& out) : out_(out) {}
     bool sound() const { return true; }
     void require(bool) {}
@@ -28,6 +29,7 @@ class NumberSaver {
 // What is not sound is not written.
 class NumberLoader {
   public:
+    enum { kLoads = 1 };
     NumberLoader(const double* from, const double* end) : from_(from), end_(end), sound_(true) {}
     bool sound() const { return sound_; }
     bool at_end() const { return from_ == end_; }

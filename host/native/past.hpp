@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 namespace fltea {
 namespace track {
@@ -53,6 +54,14 @@ class Newest {
         return 2 * known >= group ? float(sum / known) : __builtin_nanf("");
     }
     void clear() { first_ = count_ = 0; }
+    // Whether all are as there, bit by bit, whatever the newest so many are.
+    bool is(const Newest& other, int but_newest) const {
+        if (first_ != other.first_ || count_ != other.count_) return false;
+        const int all = count_ - but_newest;
+        const int to_end = all < size - first_ ? all : size - first_;
+        return all <= 0 || (same(values_ + first_, other.values_ + first_, to_end) &&
+                            same(values_, other.values_, all - to_end));
+    }
     // Of the newest so many nothing is known.
     void forget(int newest) {
         for (int i = count_ - newest < 0 ? 0 : count_ - newest; i < count_; ++i) {
@@ -68,6 +77,10 @@ class Newest {
     }
 
   private:
+    static bool same(const float* one, const float* other, int n) {
+        return std::memcmp(one, other, sizeof(float) * std::size_t(n)) == 0;
+    }
+
     float values_[size];
     int first_ = 0, count_ = 0;
 };
@@ -84,6 +97,13 @@ class Past {
     void clear() {
         single_.clear();
         for (Newest<kMeans>& one : means_) one.clear();
+    }
+    // Whether all is as there, whatever the newest so many single ones are.
+    bool is(const Past& other, int but_newest) const {
+        for (int i = 0; i < kLevels; ++i) {
+            if (!means_[i].is(other.means_[i], 0)) return false;
+        }
+        return single_.is(other.single_, but_newest);
     }
     // Of the newest so many samples nothing is known; as far as there are single ones.
     void forget(int newest) { single_.forget(newest); }

@@ -226,6 +226,13 @@ class Steps {
         }
         count_ = kept;
     }
+    bool is(const Steps& other) const {
+        for (int i = 0; i < count_ && i < other.count_; ++i) {
+            if (steps_[i].at != other.steps_[i].at || steps_[i].variance != other.steps_[i].variance)
+                return false;
+        }
+        return count_ == other.count_;
+    }
     // The variance of all steps of samples from `begin` on and before `end`; 0 without one.
     double within(std::int64_t begin, std::int64_t end) const {
         double sum = 0;
@@ -320,16 +327,20 @@ void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, 
 struct Remembered {
     enum { kRecent = 2 * RestGate::kChunk };
 
-    // Leaves the filter after the newest sample, and returns log L but for a constant. `tell` is called with
-    // each of the newest innovations in its deviations; NaN without a sample.
-    template <typename Tell>
-    double filter_again(const System<kMost>& s, const RiccatiMap<kMost>& map, Kalman<kMost>& filter,
-                        Tell tell) const {
+    // Leaves the filter after the newest sample, and returns log L but for a constant.
+    double filter_again(const System<kMost>& s, const RiccatiMap<kMost>& map, Kalman<kMost>& filter) const {
+        refilter::Likelihood fits;
+        filter_means(s, map, filter, fits);
+        filter_single(s, filter, 0, singles(), fits, [](double) {});
+        return fits.value();
+    }
+
+    // Leaves the filter before the first single sample, with what the means before it say.
+    void filter_means(const System<kMost>& s, const RiccatiMap<kMost>& map, Kalman<kMost>& filter,
+                      refilter::Likelihood& fits) const {
         double x[kMost] = {0}, P[kMost * kMost];
         std::memcpy(P, s.P0, sizeof(double) * std::size_t(s.n * s.n));
-        refilter::Likelihood fits;
-        const int single = past.single().count(), offset = s.offset();
-        std::int64_t first = total - kept - single;
+        std::int64_t first = total - singles();
         std::int64_t begins[Past::kLevels], m = Past::kGroup;
         for (int level = 0; level < Past::kLevels; ++level, m *= Past::kGroup) {
             first -= m * past.means(level).count();
@@ -341,9 +352,17 @@ struct Remembered {
         }
         std::memcpy(filter.x, x, sizeof x);
         filter.start(&s, &map, P);
-        first = total - kept - single;
-        for (int i = 0; i < single + kept; ++i, ++first) {
-            const double step = offset < 0 ? 0 : steps.within(first, first + 1);
+    }
+
+    // Takes the filter from the single sample `begin` to before `end`. `tell` is called with each innovation
+    // in its deviations; NaN without a sample.
+    template <typename Tell>
+    void filter_single(const System<kMost>& s, Kalman<kMost>& filter, int begin, int end,
+                       refilter::Likelihood& fits, Tell tell) const {
+        const int single = past.single().count(), offset = s.offset();
+        std::int64_t number = total - singles() + begin;
+        for (int i = begin; i < end; ++i, ++number) {
+            const double step = offset < 0 ? 0 : steps.within(number, number + 1);
             if (step > 0) filter.widen(offset, step);
             const double y = i < single ? past.single()[i] : double(recent[i - single]);
             const double e = filter.innovation(std::isnan(y) ? 0 : y);
@@ -351,7 +370,35 @@ struct Remembered {
             tell(std::isnan(y) ? y : e / std::sqrt(filter.S));
             filter.go_on(e, !std::isnan(y));
         }
-        return fits.value();
+    }
+
+    // How many samples stand alone, those of the past and the last ones.
+    int singles() const { return past.single().count() + kept; }
+
+    // One more sample, NaN where nothing is known; then `roll`, if it ends a chunk.
+    void add(float y) {
+        recent[kept++] = y;
+        ++total;
+    }
+    // The end of a chunk.
+    void roll() {
+        if (kept < kRecent) return;
+        past.add(recent);
+        std::memcpy(recent, recent + RestGate::kChunk, sizeof(float) * RestGate::kChunk);
+        kept = RestGate::kChunk;
+    }
+    // A sample to come, of which nothing is known yet.
+    void foresee() {
+        add(__builtin_nanf(""));
+        if (kept == kRecent) roll();
+    }
+    // Whether all is as there, whatever the newest so many samples are.
+    bool is(const Remembered& other, int but_newest) const {
+        if (total != other.total || kept != other.kept || !steps.is(other.steps)) return false;
+        const int recently = kept - but_newest;
+        return past.is(other.past, recently < 0 ? -recently : 0) &&
+               (recently <= 0 ||
+                std::memcmp(recent, other.recent, sizeof(float) * std::size_t(recently)) == 0);
     }
 
     // Nothing is known of the newest `count` samples, as far as they are single ones.
@@ -369,7 +416,7 @@ struct Remembered {
 
     // The newest `count` samples, NaN where nothing is known; fewer if there are no more single ones.
     std::vector<double> newest(int count) const {
-        const int single = past.single().count(), there = single + kept;
+        const int single = past.single().count(), there = singles();
         std::vector<double> found;
         for (int i = count < there ? there - count : 0; i < there; ++i) {
             found.push_back(i < single ? past.single()[i] : double(recent[i - single]));
@@ -391,7 +438,7 @@ struct Remembered {
         RiccatiMap<kMost> map;
         if (!map.set(s)) return __builtin_nan("");
         Kalman<kMost> filter;
-        return 2 * filter_again(s, map, filter, [](double) {});
+        return 2 * filter_again(s, map, filter);
     }
 
     Past past;

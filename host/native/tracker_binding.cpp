@@ -15,6 +15,7 @@
 #include "number_io.hpp"
 #include "sensor.hpp"
 #include "sensor_tracker.hpp"
+#include "tracker_model_binding.hpp"
 
 namespace nb = nanobind;
 
@@ -22,67 +23,6 @@ namespace {
 
 using Lane = fltea::track::AxisTracker;
 using Event = fltea::track::TrackerEvent;
-using System = fltea::track::System<fltea::track::kMost>;
-using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Matrix = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-
-void copy(const Vector& from, double* to, size_t n) {
-    if (from.shape(0) != n) throw nb::value_error("the system's columns differ in length");
-    for (size_t i = 0; i < n; ++i) to[i] = from.data()[i];
-}
-
-void copy(const Matrix& from, double* to, size_t n) {
-    if (from.shape(0) != n || from.shape(1) != n)
-        throw nb::value_error("the system's matrices differ in size");
-    for (size_t i = 0; i < n * n; ++i) to[i] = from.data()[i];
-}
-
-System system_of(int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state, Vector bias, Matrix P0,
-                 double R) {
-    const size_t n = a.shape(0);
-    if (n > static_cast<size_t>(fltea::track::kMost))
-        throw nb::value_error("the system has too many coordinates");
-    if (pairs < 0 || 2 * static_cast<size_t>(pairs) > n)
-        throw nb::value_error("the system has too many pole pairs");
-    System s = System();
-    s.n = static_cast<int>(n);
-    s.pairs = pairs;
-    s.R = R;
-    copy(a, s.a, n);
-    copy(b, s.b, n);
-    copy(c, s.c, n);
-    copy(state, s.state, n);
-    copy(bias, s.bias, n);
-    copy(Q, s.Q, n);
-    copy(P0, s.P0, n);
-    // What could not be loaded cannot be set.
-    std::vector<double> numbers;
-    fltea::NumberSaver saver(numbers);
-    s.visit(saver);
-    fltea::NumberLoader loader(numbers.data(), numbers.data() + numbers.size());
-    s.visit(loader);
-    if (!loader.sound()) throw nb::value_error("no filter can work with such a system");
-    return s;
-}
-
-// What a lane remembers, as it was: nothing changes it, so it may be asked in any thread.
-class Remembered {
-  public:
-    explicit Remembered(const Lane& lane) : memory_(lane.memory()), of_walks_(lane.likelihood()) {}
-
-    double likelihood(int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state, Vector bias, Matrix P0,
-                      double R) const {
-        const System system = system_of(pairs, a, b, Q, c, state, bias, P0, R);
-        nb::gil_scoped_release release;
-        return memory_.likelihood(system);
-    }
-
-    double of_walks() const { return of_walks_; }
-
-  private:
-    fltea::track::Remembered memory_;
-    double of_walks_;
-};
 
 // Kind, row, axis, samples since then, size and its deviation, samples of motion: as of TrackerEvent.
 using EventTuple = std::tuple<int, size_t, int, std::int64_t, double, double, std::int64_t>;
@@ -154,27 +94,16 @@ class Tracker : public fltea::TrackerPart {
         sensor_->skip(count);
     }
 
-    using Numbers = std::tuple<int, Vector, Vector, Matrix, Vector, Vector, Vector, Matrix, double>;
-
-    void set(size_t lane, bool absolute, const std::vector<double>& weights,
-             const std::vector<Numbers>& systems) {
-        if (systems.empty() || systems.size() > fltea::track::NoiseModel::kRivals ||
-            systems.size() != weights.size())
-            throw nb::value_error("a noise is one system or two, each with a weight");
-        std::vector<System> of;
-        for (const Numbers& one : systems) of.push_back(std::apply(system_of, one));
-        for (size_t i = 0; i < of.size(); ++i) {
-            if (of[i].n != of.front().n || !(weights[i] >= 0 && weights[i] <= 1))
-                throw nb::value_error("systems of one noise differ in size, or a weight is none");
-        }
+    void set(size_t lane, LaneModel& model) {
+        const std::unique_ptr<fltea::track::Refiltered> refiltered = model.take_refiltered();
         const std::lock_guard<std::mutex> alone(mutex_);
-        if (!at(lane).set(of, weights, absolute))
+        if (!at(lane).set(model.model(), refiltered.get()))
             throw nb::value_error("no filter can work with such a system");
     }
 
-    Remembered remembered(size_t lane) {
+    RememberedLane remembered(size_t lane) {
         const std::lock_guard<std::mutex> alone(mutex_);
-        return Remembered(at(lane));
+        return RememberedLane(at(lane));
     }
 
     std::tuple<double, std::vector<double>> x(size_t lane) {
@@ -280,10 +209,6 @@ class Tracker : public fltea::TrackerPart {
 }  // namespace
 
 void bind_tracker(nb::module_& m) {
-    m.attr("TRACKER_COORDINATES") = static_cast<int>(fltea::track::kMost);
-    nb::class_<Remembered>(m, "Remembered")
-        .def("likelihood", &Remembered::likelihood)
-        .def("of_walks", &Remembered::of_walks);
     nb::class_<Tracker, fltea::TrackerPart>(m, "Tracker")
         .def(nb::init<const std::vector<std::optional<double>>&, std::int64_t,
                       const std::vector<std::int64_t>&, double, double, std::int64_t, std::int64_t, bool>(),
@@ -293,7 +218,7 @@ void bind_tracker(nb::module_& m) {
              nb::arg("y"), nb::arg("out"), nb::arg("moving"), nb::arg("accel").none(), nb::arg("rest"))
         .def("moving", &Tracker::moving)
         .def("skip", &Tracker::skip, nb::arg("count"))
-        .def("set", &Tracker::set)
+        .def("set", &Tracker::set, nb::arg("lane"), nb::arg("model"))
         .def("remembered", &Tracker::remembered, nb::arg("lane"))
         .def("x", &Tracker::x, nb::arg("lane"))
         .def("stats", &Tracker::stats)

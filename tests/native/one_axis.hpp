@@ -11,7 +11,7 @@ namespace track {
 class OneAxis {
   public:
     explicit OneAxis(const double* offset = nullptr, const TrackerRules& rules = TrackerRules())
-        : sensor_(rules, 1.0) {
+        : rules_(rules), sensor_(rules, 1.0) {
         sensor_.add_axis(offset);
     }
     Tracked next(double y) {
@@ -20,7 +20,15 @@ class OneAxis {
         return found;
     }
     void skip(std::uint64_t count) { sensor_.skip(count); }
-    bool set(const System<kMost>& system) { return axis().set({system}, {1.0}, false); }
+    bool set(const System<kMost>& system) { return set({system}, {1.0}); }
+    bool set(const std::vector<System<kMost>>& systems, const std::vector<double>& weights) {
+        const std::shared_ptr<TrackerModel> model = made(systems, weights);
+        return model != nullptr && axis().set(model);
+    }
+    std::shared_ptr<TrackerModel> made(const std::vector<System<kMost>>& systems,
+                                       const std::vector<double>& weights) const {
+        return TrackerModel::made(systems, weights, false, rules_);
+    }
     AxisTracker& axis() { return sensor_.axes().front(); }
     template <typename Io>
     void visit(Io& io) {
@@ -30,6 +38,7 @@ class OneAxis {
     std::vector<TrackerEvent> events;
 
   private:
+    TrackerRules rules_;
     SensorTracker sensor_;
 };
 

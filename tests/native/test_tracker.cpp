@@ -78,7 +78,7 @@ std::unique_ptr<OneAxis> made(bool modelled, const double* offset = nullptr) {
         const Any stays = system_of(6, 1);
         Any walks = stays;
         walks.Q[35] = 1e-3;
-        CHECK(one->axis().set({walks, stays}, {0.4, 0.6}, false));
+        CHECK(one->set({walks, stays}, {0.4, 0.6}));
     }
     return one;
 }

@@ -197,9 +197,9 @@ def test_a_constant_offset_does_not_walk() -> None:
 
 def test_a_model_that_is_the_same_is_not_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[int] = []
-    set_ = Tracker.set
+    go_by = Tracker.go_by
     monkeypatch.setattr(
-        Tracker, "set", lambda self, lane, *noise: (made.append(lane), set_(self, lane, *noise))
+        Tracker, "go_by", lambda self, lane, model: (made.append(lane), go_by(self, lane, model))
     )
     one = sensor()
     one.run(drifting(4000, 0.0))

@@ -119,18 +119,52 @@ class Remembered:
     """What a tracker remembers of the samples of an axis, as it was; it may be asked in any thread."""
 
     def __init__(self, native: _native.Remembered) -> None:
-        self._native = native
+        self.native = native
 
     def likelihood(self, system: System) -> float:
         """Return 2 log L of them with such a noise, but for a constant; NaN without a filter.
 
         Raises ValueError for what is no system.
         """
-        return self._native.likelihood(*_numbers(system))
+        return self.native.likelihood(*_numbers(system))
 
     def likelihood_of_walks(self) -> float:
         """Return the same of the bank of walks; NaN before it knew enough, and once a system was set."""
-        return self._native.of_walks()
+        return self.native.of_walks()
+
+
+class TrackerModel:
+    """A noise as the tracker of an axis goes by it: made in any thread, for trackers with the same rules.
+
+    rival: what the noise may be, too, with as many coordinates; the samples tell which of them it is. likely:
+    how likely the first one is by now.
+
+    Raises ValueError if no filter can work with it.
+    """
+
+    def __init__(
+        self, rules: TrackerRules, system: System, rival: System | None = None, likely: float = 1.0
+    ) -> None:
+        systems = [system] if rival is None else [system, rival]
+        weights = [1.0] if rival is None else [likely, 1 - likely]
+        absolute = any(one.walks for one in systems)
+        numbers = [_numbers(one) for one in systems]
+        self.native = _native.TrackerModel(rules.ahead, list(rules.checked), absolute, weights, numbers)
+
+    def refilter(self, remembered: Remembered, to_come: int) -> None:
+        """Filter what a tracker remembers, in any thread, so that less is left to `Tracker.go_by`.
+
+        to_come: the samples that the tracker takes from then until `Tracker.go_by`, MOST_TO_COME at most. If
+        more has happened by then, or fewer samples came, the tracker does it all itself: what comes out is
+        the same, but for what the test of steps knows of innovations: that is as of `remembered`.
+
+        Raises ValueError for more samples.
+        """
+        self.native.refilter(remembered.native, to_come)
+
+
+MOST_TO_COME = _native.TrackerModel.MOST_TO_COME
+"""Samples to come, before which what is remembered can be filtered."""
 
 
 class Tracker:
@@ -140,7 +174,7 @@ class Tracker:
     """
 
     def __init__(self, offsets: Sequence[float | None], rules: TrackerRules | None = None) -> None:
-        rules = rules or TrackerRules()
+        self.rules = rules = rules or TrackerRules()
         ahead, checked, step, gravity_step, still, patience, settles = rules
         self._checks = len(checked)
         self.native = _native.Tracker(
@@ -169,17 +203,18 @@ class Tracker:
         self.native.skip(count)
 
     def set(self, lane: int, system: System, rival: System | None = None, likely: float = 1.0) -> None:
-        """Take this for the noise of an axis, from the next sample on.
-
-        rival: what it may be, too, with as many coordinates; the samples tell which of them it is. likely:
-        how likely the first one is by now.
+        """Make the model of a noise, as `TrackerModel` does, and go by it.
 
         Raises ValueError, and changes nothing, if no filter can work with it.
         """
-        systems = [system] if rival is None else [system, rival]
-        weights = [1.0] if rival is None else [likely, 1 - likely]
-        absolute = any(one.walks for one in systems)
-        self.native.set(lane, absolute, weights, [_numbers(one) for one in systems])
+        self.go_by(lane, TrackerModel(self.rules, system, rival, likely))
+
+    def go_by(self, lane: int, model: TrackerModel) -> None:
+        """Take this for the noise of an axis, from the next sample on.
+
+        Raises ValueError, and changes nothing, if no filter can work with it.
+        """
+        self.native.set(lane, model.native)
 
     def remembered(self, lane: int) -> Remembered:
         """Return what it remembers of the samples of an axis, as it is now."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from msgspec.structs import replace as with_fields
 
 from fltea.estimator.offset_walk import CONSTANT, Rivals, system_of
-from fltea.estimator.tracker import Remembered
+from fltea.estimator.tracker import Remembered, TrackerModel, TrackerRules
 from fltea.noise.heading import heading_std, heading_stds, rested
 from fltea.noise.left_open import distance
 from fltea.noise.parts import Part
@@ -39,7 +39,7 @@ class Learned(NamedTuple):
     noise: Noise
     model: str
     """The names of its parts."""
-    rivals: Rivals
+    tracker_model: TrackerModel
     """What the tracker goes by."""
     system: System
     """The mean of all that the offset may do."""
@@ -60,6 +60,7 @@ class Learner(NamedTuple):
     """Learns what the tracker of one axis is to go by; in any thread."""
 
     remembered: Remembered
+    rules: TrackerRules
     h: float
     unit: str
     knows_offset: bool
@@ -82,6 +83,7 @@ class Learner(NamedTuple):
                 of_walks = self.remembered.likelihood_of_walks()
                 if not self.remembered.likelihood(found) - of_walks > LIKELIER:
                     return None
+            tracker_model = TrackerModel(self.rules, *rivals)
             P = rested(found, n)
             stds = heading_stds(found, P, self.h, AHEAD_S) if self.unit == GYRO_UNIT else ()
         except (ValueError, ArithmeticError):  # at the edge of what is stationary: the last one goes on
@@ -89,7 +91,7 @@ class Learner(NamedTuple):
         model = names(map(type, noise.parts))
         headings = dict(zip(AHEAD_S, stds, strict=False))
         K = Interval() if walk.is_found else walk.K(self.h)
-        return Learned(noise, model, rivals, found, K, P, self.h, headings)
+        return Learned(noise, model, tracker_model, found, K, P, self.h, headings)
 
 
 def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:

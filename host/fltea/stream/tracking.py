@@ -97,7 +97,8 @@ class SensorTracks:
     def learner(self, axis: str) -> Learner:
         """Return what is to learn from the samples of an axis until now, for `SettledFit.followed_by`."""
         lane = self.names.index(axis)
-        return Learner(self.tracker.remembered(lane), self.h, self.unit, self._offsets[lane] is not None)
+        tracker, given = self.tracker, self._offsets[lane] is not None
+        return Learner(tracker.remembered(lane), tracker.rules, self.h, self.unit, given)
 
     def go_by(self, axis: str, settled: SettledFit) -> None:
         """Take what the live fit has found for the noise of an axis, if it is new."""
@@ -109,7 +110,7 @@ class SensorTracks:
         if learned is None or learned is self._learned.get(axis):
             return
         with contextlib.suppress(ValueError):  # no filter can work with it: the last one goes on
-            self.tracker.set(self.names.index(axis), *learned.rivals)
+            self.tracker.go_by(self.names.index(axis), learned.tracker_model)
             self._learned[axis] = learned
 
     def heading_std(self, axis: str, t_s: float) -> float:

@@ -1,0 +1,78 @@
+// The filters of a model after all that is remembered of the samples. They are made of a copy, in any thread,
+// as the memory will be some samples later. So who takes the model then has only these samples to filter, and
+// finds the same to the bit as if all went through the filters there.
+#pragma once
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "refilter.hpp"
+#include "step_test.hpp"
+#include "tracker_model.hpp"
+
+namespace fltea {
+namespace track {
+
+class Refiltered {
+  public:
+    // Samples to come, at most: single ones stay single so long.
+    enum { kMostToCome = Past::kSingle / 2 };
+
+    // steps: what is usual of the innovations until now. to_come: samples until `go_on`.
+    Refiltered(const std::shared_ptr<TrackerModel>& model, const Remembered& memory, const StepTest& steps,
+               int to_come)
+        : model_(model), filters_(model->count()), then_(memory), steps_(steps), to_come_(to_come) {
+        steps_.clear();
+        steps_.relearn();
+        for (int i = 0; i < to_come; ++i) then_.foresee();
+        refilter::Likelihood fits;
+        for (std::size_t i = 0; i < filters_.size(); ++i) {
+            then_.filter_means(model->rival(i).system, model->rival(i).map, filters_[i], fits);
+        }
+        take(then_, 0, then_.singles() - to_come);
+    }
+
+    const std::shared_ptr<TrackerModel>& model() const { return model_; }
+    // Whether the memory is what was expected; the samples that came are any.
+    bool expects(const Remembered& memory) const { return then_.is(memory, to_come_); }
+    // Takes the samples that came.
+    void go_on(const Remembered& memory) { take(memory, memory.singles() - to_come_, memory.singles()); }
+
+    // After that. False if that is no filter.
+    bool sound() const {
+        for (const Kalman<kMost>& one : filters_) {
+            if (!std::isfinite(one.S) || !std::isfinite(one.bias())) return false;
+        }
+        return true;
+    }
+    const Kalman<kMost>& filter(std::size_t i) const { return filters_[i]; }
+    const StepTest& steps() const { return steps_; }
+    Usual usual(const Usual& before) { return innovations_.usual(before); }
+
+  private:
+    void take(const Remembered& memory, int begin, int end) {
+        refilter::Likelihood fits;
+        for (std::size_t i = 0; i < filters_.size(); ++i) {
+            const System<kMost>& system = model_->rival(i).system;
+            if (i == model_->likeliest()) {
+                memory.filter_single(system, filters_[i], begin, end, fits, [this](double z) {
+                    innovations_.add(z);
+                    if (!std::isnan(z)) steps_.take(z);
+                });
+            } else {
+                memory.filter_single(system, filters_[i], begin, end, fits, [](double) {});
+            }
+        }
+    }
+
+    std::shared_ptr<TrackerModel> model_;
+    std::vector<Kalman<kMost>> filters_;
+    Remembered then_;
+    refilter::Innovations innovations_;
+    StepTest steps_;
+    int to_come_;
+};
+
+}  // namespace track
+}  // namespace fltea

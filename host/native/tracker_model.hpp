@@ -1,0 +1,119 @@
+// A noise as the tracker of an axis goes by it: one system, or two that share the parts but differ in how the
+// offset goes on. Here is all that follows from the systems alone: the map of their covariances and what they
+// make of the bias ahead. Nothing changes it once it is made, so it is made in any thread, and all filters of
+// it may share it.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "linear_system.hpp"
+#include "mean_ahead.hpp"
+
+namespace fltea {
+namespace track {
+
+// In samples. ahead: those to come for which the bias is meant, which is their mean; 0: it is that of the
+// newest sample. checked: over how many the bias is checked; 0: it is not.
+struct BiasLengths {
+    enum { kChecks = 3 };
+    std::int64_t ahead = 0;
+    std::int64_t checked[kChecks] = {0, 0, 0};
+};
+
+class TrackerModel {
+  public:
+    typedef System<kMost> Noise;
+    enum { kRivals = 2 };
+
+    struct Rival {
+        Noise system = Noise();  // with the bias that is meant
+        double now[kMost] = {};  // what the bias of the newest sample has of each coordinate
+        RiccatiMap<kMost> map;
+        double unlikely = 0;                                  // -log of its weight
+        MeanAhead<kMost> checked[BiasLengths::kChecks] = {};  // what the mean of so many samples has
+    };
+
+    // absolute: the state has no mean of its own, so it holds the offset.
+    explicit TrackerModel(bool absolute = false) : absolute_(absolute) {}
+
+    // None if no filter can work with the systems, which have as many coordinates each; weights: how likely
+    // each is.
+    static std::shared_ptr<TrackerModel> made(const std::vector<Noise>& systems,
+                                              const std::vector<double>& weights, bool absolute,
+                                              const BiasLengths& lengths) {
+        std::shared_ptr<TrackerModel> found = std::make_shared<TrackerModel>(absolute);
+        found->lengths_ = lengths;
+        found->rivals_.reserve(systems.size());
+        for (std::size_t i = 0; i < systems.size(); ++i) {
+            if (!found->add(systems[i], weights[i])) return nullptr;
+        }
+        return found;
+    }
+
+    bool absolute() const { return absolute_; }
+    std::size_t count() const { return rivals_.size(); }
+    const Rival& rival(std::size_t i) const { return rivals_[i]; }
+    const BiasLengths& lengths() const { return lengths_; }
+    // Of what is in samples and not in the bias, as it counts in a mean of many samples.
+    double density() const { return density_; }
+    std::size_t likeliest() const {
+        std::size_t best = 0;
+        for (std::size_t i = 1; i < rivals_.size(); ++i) {
+            if (rivals_[i].unlikely < rivals_[best].unlikely) best = i;
+        }
+        return best;
+    }
+
+    static double unlikely(double weight) { return -std::log(std::fmax(weight, kLeast)); }
+
+    // What is loaded says nothing of checks, which are loaded with what they have found.
+    template <typename Io>
+    void visit_beginning(Io& io) {
+        std::size_t count = rivals_.size();
+        io.number(count, 1, kRivals);
+        io.number(absolute_, 0, 1);
+        if (io.sound() && Io::kLoads) rivals_.resize(count);
+    }
+    template <typename Io>
+    void visit_rival(Io& io, std::size_t i) {
+        Rival& one = rivals_[i];
+        one.system.visit(io);
+        io.require(one.system.n == rivals_.front().system.n);
+        if (io.sound() && Io::kLoads) io.require(one.map.set(one.system));
+        if (!io.sound()) return;
+        for (int k = 0; k < one.system.n; ++k) io.real(one.now[k], -1e100, 1e100);
+    }
+
+  private:
+    static constexpr double kLeast = 1e-6;
+
+    bool add(const Noise& system, double weight) {
+        rivals_.emplace_back();
+        Rival& one = rivals_.back();
+        one.system = system;
+        if (!one.map.set(one.system)) return false;
+        std::memcpy(one.now, system.bias, sizeof one.now);
+        const MeanAhead<kMost> mean = mean_ahead(system, system.bias, lengths_.ahead);
+        std::memcpy(one.system.bias, mean.row, sizeof mean.row);
+        one.system.bias_more = mean.variance;
+        one.unlikely = unlikely(weight);
+        bool noise[kMost] = {};
+        for (int k = 0; k < system.n; ++k) noise[k] = one.now[k] == 0;
+        density_ = std::fmax(density_, system.R + density_at_zero(one.system, noise));
+        for (int k = 0; k < BiasLengths::kChecks; ++k) {
+            one.checked[k] = mean_ahead(one.system, one.now, lengths_.checked[k]);
+        }
+        return true;
+    }
+
+    bool absolute_;
+    BiasLengths lengths_;
+    std::vector<Rival> rivals_;
+    double density_ = 0;
+};
+
+}  // namespace track
+}  // namespace fltea

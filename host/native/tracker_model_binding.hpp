@@ -1,0 +1,47 @@
+// What a tracker for Python goes by and what it remembers, both for any thread (tracker_model_binding.cpp).
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <memory>
+#include <mutex>
+
+#include "axis_tracker.hpp"
+
+// What a lane remembers, as it was: nothing changes it.
+class RememberedLane {
+  public:
+    explicit RememberedLane(const fltea::track::AxisTracker& lane)
+        : memory_(lane.memory()), steps_(lane.steps()), of_walks_(lane.likelihood()) {}
+
+    const fltea::track::Remembered& memory() const { return memory_; }
+    const fltea::track::StepTest& steps() const { return steps_; }
+    // 2 log L by the bank.
+    double of_walks() const { return of_walks_; }
+
+  private:
+    fltea::track::Remembered memory_;
+    fltea::track::StepTest steps_;
+    double of_walks_;
+};
+
+// A model, and what was filtered of it for the tracker that takes it.
+class LaneModel {
+  public:
+    explicit LaneModel(std::shared_ptr<fltea::track::TrackerModel> model) : model_(std::move(model)) {}
+
+    const std::shared_ptr<fltea::track::TrackerModel>& model() const { return model_; }
+    void refilter(const RememberedLane& remembered, int to_come);
+    // Once.
+    std::unique_ptr<fltea::track::Refiltered> take_refiltered() {
+        const std::lock_guard<std::mutex> alone(mutex_);
+        return std::move(refiltered_);
+    }
+
+  private:
+    std::shared_ptr<fltea::track::TrackerModel> model_;
+    std::mutex mutex_;
+    std::unique_ptr<fltea::track::Refiltered> refiltered_;
+};
+
+void bind_tracker_model(nanobind::module_& m);
