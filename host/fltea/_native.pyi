@@ -410,10 +410,14 @@ TRACKER_COORDINATES: int
 # Systems: pairs, then a, b, Q, c, the state's and the bias's coordinates, P0, R (fltea.noise.system.System).
 
 # What a lane of a tracker remembers, as it was; 2 log L of it, but for a constant.
+# A system of noise, as of System.numbers.
+_System = tuple[int, _V, _V, _V, _V, _V, _V, _V, float]
+
 class Remembered:
-    def likelihood(
-        self, pairs: int, a: _V, b: _V, Q: _V, c: _V, state: _V, bias: _V, P0: _V, R: float
-    ) -> float: ...
+    # Of the system with each of these coordinates, as of Coordinate; Python's lock is free meanwhile.
+    def likelihoods(
+        self, system: _System, coordinates: Sequence[Sequence[tuple[float, float, float, float, float]]]
+    ) -> list[float]: ...
 
     # NaN while it had seen too little, and once a system was set.
     def of_walks(self) -> float: ...
@@ -428,9 +432,18 @@ class TrackerModel:
         checked: list[int],
         absolute: bool,
         weights: list[float],
-        systems: list[tuple[int, _V, _V, _V, _V, _V, _V, _V, float]],
+        systems: list[_System],
     ) -> None: ...
     def refilter(self, remembered: Remembered, to_come: int) -> None: ...
+
+# P (n, n) of x after so many samples at rest.
+def rested(system: _System, samples: int, P: NDArray[np.float64]) -> None: ...
+
+# Of each number of samples to come: what x has of the sum of c x and white noise, and the variance of what
+# comes on top.
+def sums_ahead(
+    system: _System, c: _V, R: float, counts: list[int]
+) -> tuple[list[list[float]], list[float]]: ...
 
 # Whether the axes are the accelerometer's, their columns, what takes the samples (sums, and samples of the
 # longest motion; estimates), and which axes wait to be settled.

@@ -1,13 +1,18 @@
-// fltea._native.TrackerModel and fltea._native.Remembered (host/fltea/estimator/tracker.py).
+// fltea._native.TrackerModel and fltea._native.Remembered (host/fltea/estimator/tracker.py), and what a
+// system says by itself (host/fltea/noise/heading.py).
 #include "tracker_model_binding.hpp"
 
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <tuple>
+#include <utility>
 #include <vector>
 
+#include "noise_system.hpp"
 #include "number_io.hpp"
 
 namespace nb = nanobind;
@@ -18,6 +23,7 @@ using namespace fltea::track;
 using Noise = TrackerModel::Noise;
 using Vector = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Matrix = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Square = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 constexpr std::int64_t kLongest = std::int64_t(1) << 40;
 
@@ -30,6 +36,16 @@ void copy(const Matrix& from, double* to, size_t n) {
     if (from.shape(0) != n || from.shape(1) != n)
         throw nb::value_error("the system's matrices differ in size");
     for (size_t i = 0; i < n * n; ++i) to[i] = from.data()[i];
+}
+
+// What could not be loaded cannot be set.
+void check(Noise& s) {
+    std::vector<double> numbers;
+    fltea::NumberSaver saver(numbers);
+    s.visit(saver);
+    fltea::NumberLoader loader(numbers.data(), numbers.data() + numbers.size());
+    s.visit(loader);
+    if (!loader.sound()) throw nb::value_error("no filter can work with such a system");
 }
 
 Noise system_of(int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state, Vector bias, Matrix P0,
@@ -49,13 +65,7 @@ Noise system_of(int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state,
     copy(bias, s.bias, n);
     copy(Q, s.Q, n);
     copy(P0, s.P0, n);
-    // What could not be loaded cannot be set.
-    std::vector<double> numbers;
-    fltea::NumberSaver saver(numbers);
-    s.visit(saver);
-    fltea::NumberLoader loader(numbers.data(), numbers.data() + numbers.size());
-    s.visit(loader);
-    if (!loader.sound()) throw nb::value_error("no filter can work with such a system");
+    check(s);
     return s;
 }
 
@@ -89,11 +99,63 @@ void make(LaneModel* self, std::int64_t ahead, const std::vector<std::int64_t>& 
     new (self) LaneModel(std::move(made));
 }
 
-double likelihood(const RememberedLane& self, int pairs, Vector a, Vector b, Matrix Q, Vector c, Vector state,
-                  Vector bias, Matrix P0, double R) {
-    const Noise system = system_of(pairs, a, b, Q, c, state, bias, P0, R);
+// A row of Coordinate.
+using Row = std::tuple<double, double, double, double, double>;
+
+Noise grown(Noise s, const std::vector<Row>& rows) {
+    if (static_cast<size_t>(s.n) + rows.size() > static_cast<size_t>(kMost))
+        throw nb::value_error("the system has too many coordinates");
+    for (const auto& [a, q, variance, signal, shared] : rows)
+        append(s, Coordinate{a, q, variance, signal, shared});
+    check(s);
+    return s;
+}
+
+// Of the system with each of these coordinates.
+std::vector<double> likelihoods(const RememberedLane& self, const Numbers& numbers,
+                                const std::vector<std::vector<Row>>& rows) {
+    const Noise bare = std::apply(system_of, numbers);
     const nb::gil_scoped_release release;
-    return self.memory().likelihood(system);
+    std::vector<double> found;
+    found.reserve(rows.size());
+    for (const std::vector<Row>& one : rows) found.push_back(self.memory().likelihood(grown(bare, one)));
+    return found;
+}
+
+void rested_of(const Numbers& numbers, std::int64_t samples, Square P) {
+    const Noise s = std::apply(system_of, numbers);
+    const size_t n = static_cast<size_t>(s.n);
+    if (P.shape(0) != n || P.shape(1) != n) throw nb::value_error("P must be as large as the system's");
+    if (samples < 1 || samples > kLongest) throw nb::value_error("no such number of samples");
+    std::vector<double> found(n * n + 1);
+    bool sound;
+    {
+        const nb::gil_scoped_release release;
+        sound = rested(s, samples, found.data());
+    }
+    if (!sound) throw nb::value_error("the system is singular");
+    std::copy(found.begin(), found.end() - 1, P.data());
+}
+
+using Sums = std::pair<std::vector<std::vector<double>>, std::vector<double>>;
+
+Sums sums_of(const Numbers& numbers, Vector c, double R, const std::vector<std::int64_t>& counts) {
+    const Noise s = std::apply(system_of, numbers);
+    if (c.shape(0) != static_cast<size_t>(s.n)) throw nb::value_error("c has one number a coordinate");
+    for (const std::int64_t count : counts) {
+        if (count < 0 || count > kLongest) throw nb::value_error("no such number of samples");
+    }
+    std::vector<SumAhead> found(counts.size());
+    {
+        const nb::gil_scoped_release release;
+        sums_ahead(s, c.data(), R, counts.data(), static_cast<int>(counts.size()), found.data());
+    }
+    Sums sums;
+    for (const SumAhead& one : found) {
+        sums.first.emplace_back(one.row, one.row + s.n);
+        sums.second.push_back(one.variance);
+    }
+    return sums;
 }
 
 }  // namespace
@@ -111,8 +173,10 @@ void LaneModel::refilter(const RememberedLane& remembered, int to_come) {
 void bind_tracker_model(nb::module_& m) {
     m.attr("TRACKER_COORDINATES") = static_cast<int>(kMost);
     nb::class_<RememberedLane>(m, "Remembered")
-        .def("likelihood", &likelihood)
+        .def("likelihoods", &likelihoods, nb::arg("system"), nb::arg("coordinates"))
         .def("of_walks", &RememberedLane::of_walks);
+    m.def("rested", &rested_of, nb::arg("system"), nb::arg("samples"), nb::arg("P"));
+    m.def("sums_ahead", &sums_of, nb::arg("system"), nb::arg("c"), nb::arg("R"), nb::arg("counts"));
     nb::class_<LaneModel> model(m, "TrackerModel");
     model.def("__init__", &make, nb::arg("ahead"), nb::arg("checked"), nb::arg("absolute"),
               nb::arg("weights"), nb::arg("systems"));

@@ -7,6 +7,7 @@ as a relaxation does. And it may have a slope besides. A walk that the spectrum 
 too: the samples show them long before the spectrum does.
 """
 
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -17,7 +18,7 @@ from fltea import _native
 from fltea.estimator.tracker import Remembered
 from fltea.noise.heading import rested
 from fltea.noise.parts import Arfima, Order, Part, Relaxation, Walk
-from fltea.noise.system import System, system
+from fltea.noise.system import Coordinate, System, offset_of, ramp_of, relaxation_of, system
 from fltea.records.arrays import Array, Mask
 from fltea.records.fit import Interval
 
@@ -272,7 +273,8 @@ def offset_walk(
         for q, tau, walks in walks_tried(steps, taus, 0.0 if found else STAYS)
         for slope, slants in _parted(0.0, slopes, 1 - RAMPS)
     ]
-    likely = np.array([remembered.likelihood(_one(bare, samples, *one)) for *one, _ in tried])
+    power = bare.power
+    likely = np.array(remembered.likelihoods(bare, [_offset(power, samples, *one) for *one, _ in tried]))
     if not np.isfinite(likely).all():
         return CONSTANT
     q, tau, slope, prior = np.array(tried).T
@@ -300,10 +302,17 @@ def _parted(first: float, others: Sequence[float], weight: float) -> list[tuple[
     return [(first, weight), *((one, (1 - weight) / len(others)) for one in others)]
 
 
-def _one(bare: System, samples: int, q: float, tau: float, slope: float) -> System:
+def _offset(power: float, samples: int, q: float, tau: float, slope: float) -> list[Coordinate]:
+    """Return the coordinates of an offset; power: as of `offset_of`, without it."""
+    found = []
     if math.isfinite(tau):
         a = math.exp(-1 / tau)
-        found = bare.with_relaxation(q / (1 - a * a), a).with_offset()
-    else:
-        found = bare.with_offset(q)
-    return found.with_ramp(slope, samples) if slope else found
+        variance, q = q / (1 - a * a), 0.0
+        found.append(relaxation_of(variance, a))
+        power += variance
+    found.append(offset_of(power, q))
+    return [*found, ramp_of(slope, samples)] if slope else found
+
+
+def _one(bare: System, samples: int, q: float, tau: float, slope: float) -> System:
+    return functools.reduce(System.with_coordinate, _offset(bare.power, samples, q, tau, slope), bare)

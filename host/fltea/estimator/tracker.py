@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fltea import _native
-from fltea.noise.system import System
+from fltea.noise.system import Coordinate, System
 from fltea.records.arrays import Array, Mask
 
 
@@ -126,7 +126,11 @@ class Remembered:
 
         Raises ValueError for what is no system.
         """
-        return self.native.likelihood(*_numbers(system))
+        return self.likelihoods(system, [()])[0]
+
+    def likelihoods(self, bare: System, more: Sequence[Sequence[Coordinate]]) -> list[float]:
+        """Return the same of a system with each of these coordinates more."""
+        return self.native.likelihoods(bare.numbers, more)
 
     def likelihood_of_walks(self) -> float:
         """Return the same of the bank of walks; NaN before it knew enough, and once a system was set."""
@@ -148,7 +152,7 @@ class TrackerModel:
         systems = [system] if rival is None else [system, rival]
         weights = [1.0] if rival is None else [likely, 1 - likely]
         absolute = any(one.walks for one in systems)
-        numbers = [_numbers(one) for one in systems]
+        numbers = [one.numbers for one in systems]
         self.native = _native.TrackerModel(rules.ahead, list(rules.checked), absolute, weights, numbers)
 
     def refilter(self, remembered: Remembered, to_come: int) -> None:
@@ -259,7 +263,3 @@ def events_of(native: Sequence[tuple[int, int, int, int, float, float, int]]) ->
 
 def _finite(x: float) -> float | None:
     return x if math.isfinite(x) else None
-
-
-def _numbers(s: System) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
-    return s.pairs, s.a, s.b, s.Q, s.c, s.signal * s.c, s.bias, s.P0, s.R

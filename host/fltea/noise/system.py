@@ -71,6 +71,41 @@ NEARLY_ONE = 0.9
 TINY = 1e-300
 
 
+class Coordinate(NamedTuple):
+    """One coordinate more of a system, which no other one drives and which is in a sample as it is."""
+
+    a: float
+    q: float
+    """Variance of a step."""
+    variance: float
+    """Before the first sample."""
+    signal: float
+    """As of System."""
+    shared: float = 0.0
+    """What of the variance is the other way round in the coordinate before: their sum is as it was."""
+
+
+def offset_of(power: float, q: float = 0.0, *, of_state: bool = False) -> Coordinate:
+    """Return an offset of which nothing is known; arguments as of `System.with_offset`.
+
+    power: variance of a sample before the first one, without it.
+    """
+    return Coordinate(1.0, q, DIFFUSE * power, float(of_state))
+
+
+def relaxation_of(variance: float, a: float) -> Coordinate:
+    """Return one more relaxation; arguments as of `System.with_relaxation`."""
+    return Coordinate(a, variance * (1 - a * a), variance, 1.0)
+
+
+def ramp_of(slope: float, samples: int) -> Coordinate:
+    """Return the slope of the offset, the coordinate before; arguments as of `System.with_ramp`."""
+    slow = STRAIGHT * samples
+    variance = (slope * slow) ** 2
+    # It is 0 before the first sample, so that the slope says nothing of the constant.
+    return Coordinate(math.exp(-1 / slow), 0.0, variance, 0.0, variance)
+
+
 class System(NamedTuple):
     """n coordinates; those of a pole pair are neighbours, and come first."""
 
@@ -111,13 +146,12 @@ class System(NamedTuple):
 
         It walks by steps of variance q. of_state: what walks is part of the state.
         """
-        diffuse = DIFFUSE * (self.R + float(self.c @ self.P0 @ self.c))
-        found = self._with(1.0, q, diffuse, signal=float(of_state))
+        found = self.with_coordinate(offset_of(self.power, q, of_state=of_state))
         return found._replace(walks=self.walks or of_state)
 
     def with_relaxation(self, variance: float, a: float) -> "System":
         """Return the same with one more relaxation in its state, of this variance and pole a, as the last."""
-        return self._with(a, variance * (1 - a * a), variance, signal=1.0)
+        return self.with_coordinate(relaxation_of(variance, a))
 
     def with_ramp(self, slope: float, samples: int) -> "System":
         """Return the same with an offset that is a straight line, of which the last coordinate is the slope.
@@ -131,22 +165,30 @@ class System(NamedTuple):
         """
         if not (len(self.a) and self.a[-1] == 1.0):
             raise ValueError("only an offset, the last coordinate, can have a slope")
-        slow = STRAIGHT * samples
-        variance = (slope * slow) ** 2
-        found = self._with(math.exp(-1 / slow), 0.0, variance, signal=0.0)
-        n = len(self.a)
-        # It is 0 before the first sample, so that the slope says nothing of the constant.
-        found.P0[n - 1, n - 1] += variance
-        found.P0[n - 1, n] = found.P0[n, n - 1] = -variance
-        return found
+        return self.with_coordinate(ramp_of(slope, samples))
 
-    def _with(self, a: float, q: float, variance: float, *, signal: float) -> "System":
+    def with_coordinate(self, one: Coordinate) -> "System":
+        """Return the same with one coordinate more, as the last."""
         n = len(self.a)
         Q, P0 = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
-        Q[:n, :n], P0[:n, :n], Q[n, n], P0[n, n] = self.Q, self.P0, q, variance
-        columns = zip((self.a, self.b, self.c, self.signal), (a, 0.0, 1.0, signal), strict=True)
+        Q[:n, :n], P0[:n, :n], Q[n, n], P0[n, n] = self.Q, self.P0, one.q, one.variance
+        if one.shared:
+            P0[n - 1, n - 1] += one.shared
+            P0[n - 1, n] = P0[n, n - 1] = -one.shared
+        columns = zip((self.a, self.b, self.c, self.signal), (one.a, 0.0, 1.0, one.signal), strict=True)
         longer = [np.append(column, value) for column, value in columns]
         return System(self.pairs, longer[0], longer[1], Q, longer[2], longer[3], P0, self.R, self.walks)
+
+    @property
+    def power(self) -> float:
+        """The variance of y before the first sample."""
+        return self.R + float(self.c @ self.P0 @ self.c)
+
+    @property
+    def numbers(self) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
+        """What the native module takes: `signal` is that of a sample."""
+        signal = self.signal * self.c
+        return self.pairs, self.a, self.b, self.Q, self.c, signal, self.bias, self.P0, self.R
 
     def spectrum(self, lam: Array) -> Array:
         """Return the spectrum of y at λ > 0, in rad a sample: what the system makes of its parts."""
