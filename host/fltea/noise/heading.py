@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fltea import _native
 from fltea.noise.system import System
 from fltea.records.arrays import Array
 from fltea.records.plus_minus import within as within_95
@@ -74,20 +75,8 @@ def means_ahead(system: System, counts: Sequence[int]) -> list[Ahead]:
 
 def _sums(system: System, c: Array, R: float, counts: Sequence[int]) -> list[Ahead]:
     """Return the sums of c @ x, and white noise of variance R, over the next so many samples each."""
-    n = len(system.a)
-    driven = c @ system.Q
-    F, Q = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
-    F[:n, :n], F[n, :n], F[n, n] = system.A, c @ system.A, 1.0
-    Q[:n, :n], Q[n, :n], Q[:n, n], Q[n, n] = system.Q, driven, driven, float(driven @ c) + R
-    rows, noise, left = np.zeros((len(counts), n + 1)), np.zeros(len(counts)), list(counts)
-    rows[:, n] = 1.0
-    while any(left):
-        own = [k for k, count in enumerate(left) if count & 1]
-        if own:
-            noise[own] += ((rows[own] @ Q) * rows[own]).sum(axis=1)
-            rows[own] = rows[own] @ F
-        F, Q, left = F @ F, F @ Q @ F.T + Q, [count >> 1 for count in left]
-    return [Ahead(row, variance) for row, variance in zip(rows[:, :n], noise.tolist(), strict=True)]
+    rows, variances = _native.sums_ahead(system.numbers, c, R, list(counts))
+    return [Ahead(np.array(row), variance) for row, variance in zip(rows, variances, strict=True)]
 
 
 def heading_std(system: System, P: Array, h: float, t_s: float) -> float:
@@ -100,26 +89,9 @@ def heading_std(system: System, P: Array, h: float, t_s: float) -> float:
 
 def rested(system: System, samples: int) -> Array:
     """Return the covariance of x after so many samples at rest, of which the first is the first ever."""
-    s, n = system, len(system.a)
-    if not n:
-        return np.zeros((0, 0))
-    P, one, count = s.P0, np.eye(n), max(samples, 1) - 1
-    # X goes to H + A X (1 + G X)^-1 A^T in 1, 2, 4 … samples.
-    A, G, H = s.A, np.outer(s.c, s.c) / s.R, s.Q
-    while count:
-        if count & 1:
-            P = H + A @ P @ np.linalg.solve(one + G @ P, A.T)
-            P = (P + P.T) / 2
-        left = np.linalg.solve(one + H @ G, np.hstack([A, H]))
-        A, G, H = A @ left[:, :n], G + A.T @ G @ left[:, :n], H + A @ left[:, n:] @ A.T
-        G, H, count = (G + G.T) / 2, (H + H.T) / 2, count >> 1
-    return updated(s, P)
-
-
-def updated(system: System, P: Array) -> Array:
-    """Return the covariance after a sample; P: before it."""
-    gain = P @ system.c
-    return np.asarray(P - np.outer(gain, gain) / (float(gain @ system.c) + system.R))
+    P = np.empty_like(system.P0)
+    _native.rested(system.numbers, max(samples, 1), P)
+    return P
 
 
 def bias_std(system: System, P: Array) -> float:
