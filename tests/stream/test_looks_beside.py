@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import pytest
 from blocks import cuts, in_blocks, ndjson, of, records_of
 from fltea.estimator.offset_walk import Followed
+from fltea.estimator.tracker import Remembered, TrackerModel
 from fltea.records.events import LinkDown
 from fltea.records.records import Estimate, Fit
 from fltea.stream import fit_times, learning, live
@@ -102,6 +103,35 @@ def test_what_the_tracker_goes_by_is_made_with_the_looks_and_outlives_the_epoch(
     assert tracker.model == "white + relaxation"
     assert beside.close()
     assert len(made) == count
+
+
+def test_what_is_remembered_is_filtered_with_the_looks_and_only_the_last_samples_in_the_walk(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    left, usual = list[tuple[int, str]](), live.REFILTERED
+    refilter = TrackerModel.refilter
+
+    def noted(self: TrackerModel, remembered: Remembered, to_come: int) -> None:
+        left.append((to_come, threading.current_thread().name))
+        refilter(self, remembered, to_come)
+
+    monkeypatch.setattr(TrackerModel, "refilter", noted)
+    monkeypatch.setattr(live, "LiveAxes", Noticing)
+    monkeypatch.setattr(learning, "ENOUGH", 0)
+
+    def records(samples: int) -> str:
+        monkeypatch.setattr(live, "REFILTERED", samples)
+        items, pipeline = walk([hello(), raw(range(1300))], beside=(beside := Unhurried([0.0])))
+        assert beside.close()
+        return ndjson([*records_of(items), *pipeline.finish()])
+
+    in_the_walk = records(0)
+    assert not left
+    for samples in (20, usual):
+        assert records(samples) == in_the_walk
+    assert {to_come for to_come, _ in left} >= {20}
+    assert max(to_come for to_come, _ in left) <= usual
+    assert {name for _, name in left} <= {"looks", threading.current_thread().name}
 
 
 def test_a_fault_of_a_look_is_one_of_the_walk() -> None:

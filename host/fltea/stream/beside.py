@@ -20,7 +20,7 @@ class Beside:
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
         """Begin some work; what this returns gives its result, and raises what it raised."""
-        return work
+        return _Work(work).result
 
 
 class _Work:

@@ -14,10 +14,11 @@ What a sensor that moves says is no noise: the sums leave out what its tracker c
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from msgspec.structs import replace
 
+from fltea.estimator.tracker import Remembered
 from fltea.records.fit import AxisFit
 from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello, Whiteness
 from fltea.settings.config import Config
@@ -28,8 +29,14 @@ from fltea.stream.epoch import NEVER, Beginning, Moment, Saved
 from fltea.stream.fit_times import Look, LookTimes, period_s, turn
 from fltea.stream.learning import Learned, Learner
 
+if TYPE_CHECKING:
+    from fltea.stream.tracking import SensorTracks
+
 NO_VERDICT = ("too few samples",)
 """Kinds that say nothing of the noise."""
+REFILTERED = 64
+"""So many samples before a look counts, all that is remembered is filtered by the noise that it has found,
+beside the walk. Only these samples are left to the walk then: some 10 µs an axis."""
 BREAK = 9
 """Lost samples that are not bridged: where nobody knows how many are missing, so many are counted."""
 
@@ -68,6 +75,10 @@ class _Begun(NamedTuple):
     look: Look
     looks: dict[str, Callable[[], tuple[AxisFit, SettledFit]]]
     """Of each axis what gives the fit, and what is settled from then on."""
+    refilters: int
+    """The number of the sample after which what is remembered is filtered anew."""
+    refiltered: tuple[Callable[[], None], ...] = ()
+    """What waits for that."""
 
 
 class LiveFits:
@@ -145,36 +156,57 @@ class LiveFits:
 
     @property
     def due(self) -> int:
-        """The number of the next sample behind which a look may begin."""
-        return self._before_first + self._times.check if self._sums else NEVER
+        """The number of the next sample behind which `look` is to be called."""
+        if not self._sums:
+            return NEVER
+        refilters = NEVER if self._begun is None else self._begun.refilters
+        return self._before_first + min(self._times.check, refilters)
 
     @property
     def counts(self) -> int:
         """The number of the sample behind which the look that was begun counts."""
         return NEVER if self._begun is None else self._before_first + self._begun.look.counts
 
-    def look(self, moment: Moment, learner: Callable[[str], Learner]) -> None:
-        """Begin a look after a sample, with `due` or later, if one is due.
+    def look(self, moment: Moment, tracks: Callable[[str], "SensorTracks"]) -> None:
+        """Begin a look after a sample, `due` or a later one, if it is time, and what the last one needs.
 
-        learner: gives what is to learn from the samples of an axis until now.
+        tracks: gives what tracks the bias of an axis.
         """
+        number = moment.seq - self._before_first
+        self._refilter(number, tracks)
+        if number < self._times.check:
+            return
         noticed, samples = self._notices(), self._samples
         busy, news = self._begun is not None, noticed != self._noticed
-        number = moment.seq - self._before_first
         look = self._times.at(number, samples, self._period(), noticed=news, busy=busy)
         if look is None:
             return
         self._noticed = noticed
         looks = {
             axis: self._beside.begin(
-                partial(_looked, make, self.settled(axis), learner(axis) if look.settles else None)
+                partial(_looked, make, self.settled(axis), tracks(axis).learner(axis) if look.settles else None)
             )
             for sums in self._sums.values()
             for axis, make in sums.look(curves=look.curves, fresh=look.fresh).items()
         }
-        self._begun = _Begun(moment, samples, look, looks)
+        refilters = max(number, look.counts - REFILTERED) if look.settles else NEVER
+        self._begun = _Begun(moment, samples, look, looks, refilters)
+        self._refilter(number, tracks)
         if look.curves:
             self._drawn_samples = samples
+
+    def _refilter(self, number: int, tracks: Callable[[str], "SensorTracks"]) -> None:
+        """Filter what is remembered, beside the walk, if it is time for that."""
+        if self._begun is None or number < self._begun.refilters:
+            return
+        begun, to_come = self._begun, self._begun.look.counts - number
+        refiltered = tuple(
+            self._beside.begin(
+                partial(_refiltered, look, self.settled(axis), tracks(axis).remembered(axis), to_come)
+            )
+            for axis, look in begun.looks.items()
+        )
+        self._begun = begun._replace(refilters=NEVER, refiltered=refiltered)
 
     def counted(self) -> Iterator[Fit]:
         """Let the look that was begun count from here on, and yield its record."""
@@ -183,6 +215,8 @@ class LiveFits:
             return
         # The last first: whoever makes them has begun with the others.
         looked = {axis: begun.looks[axis]() for axis in reversed(begun.looks)}
+        for wait in reversed(begun.refiltered):
+            wait()
         self._settled = {axis: settled for axis, (_, settled) in looked.items()}
         found = {axis: self._with_stability(axis, looked[axis][0]) for axis in begun.looks}
         yield Fit(*begun.moment, begun.samples, found, device=self._config.name)
@@ -241,6 +275,14 @@ def _looked(
 ) -> tuple[AxisFit, SettledFit]:
     looked = make()
     return looked.fit, settled if learner is None else settled.followed_by(looked, learner)
+
+
+def _refiltered(
+    look: Callable[[], tuple[AxisFit, SettledFit]], before: SettledFit, remembered: Remembered, to_come: int
+) -> None:
+    learned = look()[1].learned
+    if learned is not None and learned is not before.learned:
+        learned.tracker_model.refilter(remembered, to_come)
 
 
 def settled_by(fits: LiveFits | None) -> Callable[[str], SettledFit]:

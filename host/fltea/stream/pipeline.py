@@ -200,7 +200,7 @@ class Pipeline:
         moment = self._moment()
         assert self._fits is not None
         assert moment is not None
-        self._fits.look(moment, self._sensors.learner)
+        self._fits.look(moment, self._sensors.tracks)
         self._set_looks()
         return iter(())
 

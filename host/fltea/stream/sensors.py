@@ -151,9 +151,9 @@ class Sensors:
         (found,) = events_of([event])
         return record_of(found, moment, tracks.names, tracks.unit, tracks.h, self._config.name)
 
-    def learner(self, axis: str) -> Any:
-        """Return what is to learn from the samples of an axis until now."""
-        return next(one.tracks for one in self._all if axis in one.tracks.names).learner(axis)
+    def tracks(self, axis: str) -> SensorTracks:
+        """Return what tracks the bias of an axis."""
+        return next(one.tracks for one in self._all if axis in one.tracks.names)
 
     def standing(self, device: Any) -> Standing:
         """Return how they get on. device: the native one."""

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from fltea.estimator.tracker import Checked, Rest, Tracker, TrackerEvent, TrackerRules
+from fltea.estimator.tracker import Checked, Remembered, Rest, Tracker, TrackerEvent, TrackerRules
 from fltea.records.arrays import Array, Mask
 from fltea.records.block import TrackedColumns
 from fltea.records.fit import Interval
@@ -96,9 +96,12 @@ class SensorTracks:
 
     def learner(self, axis: str) -> Learner:
         """Return what is to learn from the samples of an axis until now, for `SettledFit.followed_by`."""
-        lane = self.names.index(axis)
-        tracker, given = self.tracker, self._offsets[lane] is not None
-        return Learner(tracker.remembered(lane), tracker.rules, self.h, self.unit, given)
+        given = self._offsets[self.names.index(axis)] is not None
+        return Learner(self.remembered(axis), self.tracker.rules, self.h, self.unit, given)
+
+    def remembered(self, axis: str) -> Remembered:
+        """Return what is remembered of the samples of an axis until now."""
+        return self.tracker.remembered(self.names.index(axis))
 
     def go_by(self, axis: str, settled: SettledFit) -> None:
         """Take what the live fit has found for the noise of an axis, if it is new."""
