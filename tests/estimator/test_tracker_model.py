@@ -5,7 +5,15 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from fltea.estimator.tracker import MOST_TO_COME, Remembered, Tracker, TrackerModel, TrackerRules, Tracks
+from fltea.estimator.tracker import (
+    MOST_TO_COME,
+    EventKind,
+    Remembered,
+    Tracker,
+    TrackerModel,
+    TrackerRules,
+    Tracks,
+)
 from fltea.noise.parts import Relaxation, White
 from fltea.noise.system import System, system
 from fltea.records.arrays import Array
@@ -62,11 +70,13 @@ def test_what_was_filtered_before_the_last_samples_is_the_same_to_the_bit(
 def knocked(tracker: Tracker) -> None:
     """Move the sensor."""
     tracker.run(noise(100, seed=2) + 500 * np.sin(np.arange(100.0))[:, None])
+    assert tracker.events[0].kind == EventKind.MOVES
 
 
 def stepped(tracker: Tracker) -> None:
     """Step the bias, as far as it is told."""
-    tracker.run(noise(100, seed=2) + 0.9 * 3)
+    tracker.run(noise(100, seed=2) + 1.5)
+    assert [event.kind for event in tracker.events] == [EventKind.STEP]
 
 
 MEANWHILE: dict[str, Callable[[Tracker], object]] = {

@@ -119,7 +119,7 @@ def test_what_is_remembered_is_filtered_with_the_looks_and_only_the_last_samples
     monkeypatch.setattr(live, "LiveAxes", Noticing)
     monkeypatch.setattr(learning, "ENOUGH", 0)
 
-    def records(samples: int) -> str:
+    def records(samples: int) -> list[bytes]:
         monkeypatch.setattr(live, "REFILTERED", samples)
         items, pipeline = walk([hello(), raw(range(1300))], beside=(beside := Unhurried([0.0])))
         assert beside.close()
