@@ -8,7 +8,7 @@
 
 #include "bias_check.hpp"
 #include "past.hpp"
-#include "refilter.hpp"
+#include "remembered.hpp"
 #include "rest_gate.hpp"
 #include "step_test.hpp"
 #include "walk_bank.hpp"

@@ -7,7 +7,7 @@
 #include <memory>
 #include <vector>
 
-#include "refilter.hpp"
+#include "remembered.hpp"
 #include "step_test.hpp"
 #include "tracker_model.hpp"
 

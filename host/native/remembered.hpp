@@ -1,0 +1,140 @@
+// What is remembered of an axis, and how a filter goes through it.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+#include "refilter.hpp"
+
+namespace fltea {
+namespace track {
+
+// The samples that a filter begins again with: those of the past, and the last ones, which are not in it yet
+// in case there was motion; NaN where nothing is known. And where the bias has stepped.
+struct Remembered {
+    enum { kRecent = 2 * RestGate::kChunk };
+
+    // Leaves the filter after the newest sample, and returns log L but for a constant.
+    double filter_again(const System<kMost>& s, const RiccatiMap<kMost>& map, Kalman<kMost>& filter) const {
+        refilter::Likelihood fits;
+        filter_means(s, map, filter, fits);
+        filter_single(s, filter, 0, singles(), fits, [](double) {});
+        return fits.value();
+    }
+
+    // Leaves the filter before the first single sample, with what the means before it say.
+    void filter_means(const System<kMost>& s, const RiccatiMap<kMost>& map, Kalman<kMost>& filter,
+                      refilter::Likelihood& fits) const {
+        double x[kMost] = {0}, P[kMost * kMost];
+        std::memcpy(P, s.P0, sizeof(double) * std::size_t(s.n * s.n));
+        std::int64_t first = total - singles();
+        std::int64_t begins[Past::kLevels], m = Past::kGroup;
+        for (int level = 0; level < Past::kLevels; ++level, m *= Past::kGroup) {
+            first -= m * past.means(level).count();
+            begins[level] = first;
+        }
+        for (int level = Past::kLevels - 1; level >= 0; --level) {
+            m /= Past::kGroup;
+            refilter::through(s, past.means(level), m, begins[level], steps, x, P, fits);
+        }
+        std::memcpy(filter.x, x, sizeof x);
+        filter.start(&s, &map, P);
+    }
+
+    // Takes the filter from the single sample `begin` to before `end`. `tell` is called with each innovation
+    // in its deviations; NaN without a sample.
+    template <typename Tell>
+    void filter_single(const System<kMost>& s, Kalman<kMost>& filter, int begin, int end,
+                       refilter::Likelihood& fits, Tell tell) const {
+        const int single = past.single().count(), offset = s.offset();
+        std::int64_t number = total - singles() + begin;
+        for (int i = begin; i < end; ++i, ++number) {
+            const double step = offset < 0 ? 0 : steps.within(number, number + 1);
+            if (step > 0) filter.widen(offset, step);
+            const double y = i < single ? past.single()[i] : double(recent[i - single]);
+            const double e = filter.innovation(std::isnan(y) ? 0 : y);
+            if (!std::isnan(y)) fits.add(e, filter.S);
+            tell(std::isnan(y) ? y : e / std::sqrt(filter.S));
+            filter.go_on(e, !std::isnan(y));
+        }
+    }
+
+    // How many samples stand alone, those of the past and the last ones.
+    int singles() const { return past.single().count() + kept; }
+
+    // One more sample, NaN where nothing is known; then `roll`, if it ends a chunk.
+    void add(float y) {
+        recent[kept++] = y;
+        ++total;
+    }
+    // The end of a chunk.
+    void roll() {
+        if (kept < kRecent) return;
+        past.add(recent);
+        std::memcpy(recent, recent + RestGate::kChunk, sizeof(float) * RestGate::kChunk);
+        kept = RestGate::kChunk;
+    }
+    // A sample to come, of which nothing is known yet.
+    void foresee() {
+        add(__builtin_nanf(""));
+        if (kept == kRecent) roll();
+    }
+    // Whether all is as there, whatever the newest so many samples are.
+    bool is(const Remembered& other, int but_newest) const {
+        if (total != other.total || kept != other.kept || !steps.is(other.steps)) return false;
+        const int recently = kept - but_newest;
+        return past.is(other.past, recently < 0 ? -recently : 0) &&
+               (recently <= 0 ||
+                std::memcmp(recent, other.recent, sizeof(float) * std::size_t(recently)) == 0);
+    }
+
+    // Nothing is known of the newest `count` samples, as far as they are single ones.
+    void forget(int count) {
+        for (int i = kept - count < 0 ? 0 : kept - count; i < kept; ++i) recent[i] = __builtin_nanf("");
+        if (count > kept) past.forget(count - kept);
+        steps.forget(total - count);
+    }
+
+    void clear() {
+        past.clear();
+        steps.clear();
+        kept = 0;
+    }
+
+    // The newest `count` samples, NaN where nothing is known; fewer if there are no more single ones.
+    std::vector<double> newest(int count) const {
+        const int single = past.single().count(), there = singles();
+        std::vector<double> found;
+        for (int i = count < there ? there - count : 0; i < there; ++i) {
+            found.push_back(i < single ? past.single()[i] : double(recent[i - single]));
+        }
+        return found;
+    }
+
+    template <typename Io>
+    void visit(Io& io) {
+        io.number(kept, 0, kRecent - 1);
+        io.number(total, 0, 1e15);
+        past.visit(io);
+        steps.visit(io);
+        for (int i = 0; i < kept && io.sound(); ++i) visit_known(io, recent[i]);
+    }
+
+    // 2 log L, but for a constant; NaN if no filter can work with the system.
+    double likelihood(const System<kMost>& s) const {
+        RiccatiMap<kMost> map;
+        if (!map.set(s)) return __builtin_nan("");
+        Kalman<kMost> filter;
+        return 2 * filter_again(s, map, filter);
+    }
+
+    Past past;
+    refilter::Steps steps;
+    float recent[kRecent];
+    int kept = 0;
+    std::int64_t total = 0;  // samples until now, lost ones included
+};
+
+}  // namespace track
+}  // namespace fltea
