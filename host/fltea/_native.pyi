@@ -677,8 +677,8 @@ class Lines:
     def add(self, into: bytearray, columns: list[Any], begin: int, end: int, step: int) -> None: ...
 
 # Prints what a Device takes. every: samples whose number is a multiple of it; weight: records that each
-# stands for. shape: which rows the lines are of. Numbers a row of the gyroscope, and of the accelerometer or 0;
-# whether there are temperatures and flags; of each sensor its axes, whether it is the accelerometer, and
+# stands for. shape: which rows the lines are of. Numbers a row of the gyroscope, and of the accelerometer or
+# 0; whether there are temperatures and flags; of each sensor its axes, whether it is the accelerometer, and
 # whether it has estimates. ValueError if there are holes without a column.
 class RunPrinter:
     def __init__(self, lines: Lines, every: int, weight: int, shape: list[int]) -> None: ...

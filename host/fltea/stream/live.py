@@ -184,7 +184,9 @@ class LiveFits:
         self._noticed = noticed
         looks = {
             axis: self._beside.begin(
-                partial(_looked, make, self.settled(axis), tracks(axis).learner(axis) if look.settles else None)
+                partial(
+                    _looked, make, self.settled(axis), tracks(axis).learner(axis) if look.settles else None
+                )
             )
             for sums in self._sums.values()
             for axis, make in sums.look(curves=look.curves, fresh=look.fresh).items()
