@@ -111,7 +111,8 @@ def test_what_was_saved_goes_on_to_the_bit(modelled: bool, at: int) -> None:
     one.run(y[:at])
     other.load(one.save())
     assert other.save() == one.save()
-    assert other.figures() == one.figures()
+    newest = {"bias": None, "bias_std": None}  # of samples that it has seen itself
+    assert other.figures() == [figures._replace(**newest) for figures in one.figures()]
     np.testing.assert_array_equal(lanes(other.run(y[at:])), lanes(one.run(y[at:])))
     assert other.save() == one.save()
 

@@ -237,7 +237,8 @@ def test_sockets_and_their_loss(loop_of) -> None:
 
 def test_ports_that_fail_are_tried_ever_more_slowly(monkeypatch, loop_of) -> None:
     now_ns = [10**11]
-    monkeypatch.setattr("fltea.wire.ports.host_ns", lambda: now_ns[0])
+    for module in ("ports", "openings"):
+        monkeypatch.setattr(f"fltea.wire.{module}.host_ns", lambda: now_ns[0])
     tried: list[int] = []
     monkeypatch.setattr(Port, "open", lambda port: tried.append(now_ns[0]) or Failed("no_port", "none", 0))
     loop = loop_of(["/dev/none"])
@@ -267,8 +268,8 @@ def test_closing_frees_every_port_also_one_that_was_just_opened(monkeypatch, ter
     monkeypatch.setattr(Port, "open", slow)
     monkeypatch.setattr(Port, "close", close)
     loop = Loop([one.link for one in many])
-    loop.ports._open_due(0)
-    wait_until(lambda: loop.ports._opened.qsize() == 2, "ports that the loop does not know to be open")
+    loop.ports._openings.begin(0)
+    wait_until(lambda: loop.ports._openings._opened.qsize() == 2, "ports that the loop does not know to be open")
     loop.ports.close()
     loop.ports.wake()  # too late, and no harm
     go.set()

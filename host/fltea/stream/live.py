@@ -182,15 +182,11 @@ class LiveFits:
         if look is None:
             return
         self._noticed = noticed
-        looks = {
-            axis: self._beside.begin(
-                partial(
-                    _looked, make, self.settled(axis), tracks(axis).learner(axis) if look.settles else None
-                )
-            )
-            for sums in self._sums.values()
-            for axis, make in sums.look(curves=look.curves, fresh=look.fresh).items()
-        }
+        looks = {}
+        for sums in self._sums.values():
+            for axis, make in sums.look(curves=look.curves, fresh=look.fresh).items():
+                learner = tracks(axis).learner(axis) if look.settles else None
+                looks[axis] = self._beside.begin(partial(_looked, make, self.settled(axis), learner))
         refilters = max(number, look.counts - REFILTERED) if look.settles else NEVER
         self._begun = _Begun(moment, samples, look, looks, refilters)
         self._refilter(number, tracks)
