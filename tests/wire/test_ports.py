@@ -269,7 +269,8 @@ def test_closing_frees_every_port_also_one_that_was_just_opened(monkeypatch, ter
     monkeypatch.setattr(Port, "close", close)
     loop = Loop([one.link for one in many])
     loop.ports._openings.begin(0)
-    wait_until(lambda: loop.ports._openings._opened.qsize() == 2, "ports that the loop does not know to be open")
+    opened = loop.ports._openings._opened
+    wait_until(lambda: opened.qsize() == 2, "ports that the loop does not know to be open")
     loop.ports.close()
     loop.ports.wake()  # too late, and no harm
     go.set()
