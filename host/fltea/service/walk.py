@@ -23,7 +23,7 @@ from fltea.stream.decode import Rows, Stop
 from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
 
-CHANGES_TEXT = {Stop.EPOCH, Stop.WINDOW_FULL, Stop.FIT_COUNTS}
+CHANGES_TEXT = {Stop.EPOCH, Stop.FIT_COUNTS}
 """Stops behind which what stands in all records of samples may be another."""
 
 
@@ -67,6 +67,7 @@ class Walk:
         if isinstance(source, SerialSource | FramesSource):
             source.tap = self._tap
         self._block: Block | None = None
+        self._words: object = None
         self._save_period_ns = int(config.state.period_s * 1e9)
         self._save_ns = clock.host_ns() + self._save_period_ns
 
@@ -95,9 +96,10 @@ class Walk:
 
     def stopped(self, stop: Stop, now_ns: int, told: Any) -> None:
         """Do what a stop of the native device leads to. now_ns: when the sample arrived that it stands at."""
-        if stop in CHANGES_TEXT:
-            self._pipeline.device.set_printers([])
         self._publish(self._pipeline.stopped(stop, now_ns, told), now_ns)
+        if stop in CHANGES_TEXT and (words := self._pipeline.words) != self._words:
+            self._words = words
+            self._pipeline.device.set_printers([])
 
     def look(self) -> None:
         """Keep a snapshot if one is due."""

@@ -44,13 +44,14 @@ class Channels:
         self._tuned = config.tuned_by == "live"
         self._names, self._unit = tuple(axes), unit
         self._fits: tuple[SettledFit, ...] = (NO_FIT,) * len(self._names)
-        self._said: tuple[Any, ...] = self._words()
+        self.words: tuple[Any, ...] = self._words()
+        """What stands in all columns until the next fit: null_p and whiteness of each axis."""
         self._known: dict[str, SettledFit] = {}
         self.bank = Bank(self._names, config, h, resolution, state)
 
     def columns(self, found: Sequence[Array | Bools]) -> AxisColumns:
         """Return what the bank has found of samples as columns."""
-        return AxisColumns._make((self._names, self._unit, *self._said, *found))
+        return AxisColumns._make((self._names, self._unit, *self.words, *found))
 
     def losses(self, lost: Iterable[tuple[int, int, Reason]]) -> list[tuple[str, Reason]]:
         """Return which axes became invalid, by name."""
@@ -64,7 +65,7 @@ class Channels:
     def go_by(self, settled: Sequence[SettledFit]) -> None:
         """Take the fits of the axes that count from the next sample on."""
         self._fits = tuple(settled)
-        self._said = self._words()
+        self.words = self._words()
         self._tune()
 
     def fill(self) -> None:
@@ -73,7 +74,6 @@ class Channels:
         self._tune()
 
     def _words(self) -> tuple[Any, ...]:
-        """What stands in all columns until the next fit: null_p and whiteness of each axis."""
         return tuple(one.null_p for one in self._fits), tuple(one.whiteness for one in self._fits)
 
     def _tune(self) -> None:

@@ -270,6 +270,11 @@ class Pipeline:
         return self._device
 
     @property
+    def words(self) -> object:
+        """What stands in all records of samples until a stop changes it."""
+        return self._decoder.epoch, self._sensors.words
+
+    @property
     def has_board(self) -> bool:
         """Whether the samples are those of a board that estimates: they are looked at one by one."""
         return self._board is not None

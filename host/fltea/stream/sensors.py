@@ -151,6 +151,11 @@ class Sensors:
         (found,) = events_of([event])
         return record_of(found, moment, tracks.names, tracks.unit, tracks.h, self._config.name)
 
+    @property
+    def words(self) -> object:
+        """What stands in all records of samples until a fit changes it."""
+        return [(one.tracks.words, None if one.channels is None else one.channels.words) for one in self._all]
+
     def tracks(self, axis: str) -> SensorTracks:
         """Return what tracks the bias of an axis."""
         return next(one.tracks for one in self._all if axis in one.tracks.names)

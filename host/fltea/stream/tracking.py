@@ -57,7 +57,8 @@ class SensorTracks:
         self._offsets = _offsets(config, len(self.names))
         self._bias_s = live.bias_s
         self.tracker = Tracker(self._offsets, rules_of(live, h, unit))
-        self._said = self._words()
+        self.words = self._words()
+        """What stands in all columns until the next fit: verdict, alpha and f of each axis."""
         self._learned: dict[str, Learned] = {}
 
     def run(self, values: Array, accel: Array | None = None, rest: Rest = Rest.UNKNOWN) -> TrackedColumns:
@@ -75,10 +76,9 @@ class SensorTracks:
 
     def columns(self, found: Sequence[Array | Mask]) -> TrackedColumns:
         """Return what the tracker has found of samples, of which there is one at least, as columns."""
-        return TrackedColumns._make((self.names, self.unit, *found, *self._said))
+        return TrackedColumns._make((self.names, self.unit, *found, *self.words))
 
     def _words(self) -> tuple[tuple[Any, ...], ...]:
-        """What stands in all columns until the next fit: verdict, alpha and f of each axis."""
         stands = [self._known[axis].stands if axis in self._known else None for axis in self.names]
         return (
             tuple(one.verdict if one else None for one in stands),
@@ -108,7 +108,7 @@ class SensorTracks:
         if self.knows(axis, settled):
             return
         self._known[axis] = settled
-        self._said = self._words()
+        self.words = self._words()
         learned = settled.learned
         if learned is None or learned is self._learned.get(axis):
             return
