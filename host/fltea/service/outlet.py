@@ -212,7 +212,7 @@ class Outlet:
         self._idle_s = time.monotonic() + IDLE_S
         now_ns = host_ns()
         for item, arrived_ns in batch:
-            if isinstance(item, Printed):
+            if isinstance(item, Printed) and item.parts:
                 for part_ns, records in item.parts:
                     self.latency.add((now_ns - part_ns) * 1e-6, records)
             elif arrived_ns is not None:

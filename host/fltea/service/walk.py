@@ -5,12 +5,12 @@ import time
 from collections.abc import Iterable
 from typing import Any, TypeGuard
 
-from fltea._native import Device
+from fltea._native import Device, RunPrinter
 from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.events import Event, Ints, Trouble, host_ns_of
-from fltea.records.ports import Source
-from fltea.records.records import AnyRecord, Error, Hello
+from fltea.records.ports import Printed, Source, Wanted
+from fltea.records.records import AnyRecord, Epoch, Error, Fit, Hello
 from fltea.service.hub import NOTHING_PRINTED, ByText, Hub
 from fltea.service.state import StateFile
 from fltea.settings.config import Config
@@ -66,7 +66,7 @@ class Walk:
         self._has_wire = isinstance(source, SerialSource | FramesSource)
         if isinstance(source, SerialSource | FramesSource):
             source.tap = self._tap
-        self._block: Block | None = None
+        self._printers: dict[Wanted | None, RunPrinter] = {}
         self._words: object = None
         self._save_period_ns = int(config.state.period_s * 1e9)
         self._save_ns = clock.host_ns() + self._save_period_ns
@@ -82,24 +82,23 @@ class Walk:
             self._make_wire(event)
         if self._once and isinstance(event, Trouble) and event.fatal:
             self.failure = event
-        self._publish(self._pipeline.feed(event), host_ns_of(event))
+        self._publish(*self._printed(self._pipeline.feed(event)), host_ns_of(event))
         self.look()
 
     def took(self, arrived_ns: Ints, rows: Rows, *, unprinted: bool) -> None:
         """Move samples that the native device took. unprinted: they stand in no text yet."""
-        texts = self._hub.printing(self.name)
+        found = list(self._pipeline.took(rows, arrived_ns))
         is_printed = not (unprinted or self._pipeline.has_board)
-        printed: ByText = dict.fromkeys(texts, ()) if is_printed else NOTHING_PRINTED
-        self._publish(self._pipeline.took(rows, arrived_ns), int(arrived_ns[-1]), printed)
-        if unprinted and self._block is not None:
-            self._pipeline.device.set_printers([run_printer(self._block, text) for text in texts])
+        texts: ByText = dict.fromkeys(self._hub.printing(self.name), ()) if is_printed else NOTHING_PRINTED
+        self._publish(found, texts, int(arrived_ns[-1]))
+        if unprinted:
+            self._print_as(next(one for one in found if isinstance(one, Block)))
 
     def stopped(self, stop: Stop, now_ns: int, told: Any) -> None:
         """Do what a stop of the native device leads to. now_ns: when the sample arrived that it stands at."""
-        self._publish(self._pipeline.stopped(stop, now_ns, told), now_ns)
-        if stop in CHANGES_TEXT and (words := self._pipeline.words) != self._words:
-            self._words = words
-            self._pipeline.device.set_printers([])
+        self._publish(list(self._pipeline.stopped(stop, now_ns, told)), NOTHING_PRINTED, now_ns)
+        if stop in CHANGES_TEXT:
+            self._look_at_words()
 
     def look(self) -> None:
         """Keep a snapshot if one is due."""
@@ -118,15 +117,55 @@ class Walk:
         """The native device, for who gives it the samples natively."""
         return self._pipeline.device
 
-    def _publish(
-        self, items: Iterable[AnyRecord | Block], arrived_ns: int | None, printed: ByText = NOTHING_PRINTED
-    ) -> None:
-        found = list(items)
+    def _printed(self, items: Iterable[AnyRecord | Block]) -> tuple[list[AnyRecord | Block], ByText]:
+        """Return what comes out, and the same for outputs that take samples as lines, by what they print."""
+        texts = () if self._pipeline.has_board else self._hub.printing(self.name)
+        found: list[AnyRecord | Block] = []
+        printed: dict[Wanted | None, list[AnyRecord | Block | Printed]] = {text: [] for text in texts}
+        for item in items:
+            found.append(item)
+            if not printed:
+                continue
+            if not isinstance(item, Block):
+                for own in printed.values():
+                    own.append(item)
+                if isinstance(item, Epoch | Fit):
+                    self._look_at_words()
+                continue
+            missed = 0
+            for text, own in printed.items():
+                lines, missed = self._lines_of(item, text)
+                own += lines
+            if missed:
+                self._print_as(item)
+        return found, printed
+
+    def _lines_of(self, block: Block, text: Wanted | None) -> tuple[list[Block | Printed], int]:
+        """Return rows that the device has taken as they are printed, and how many of them are not."""
+        printer = self._printers.get(text)
+        if printer is None:
+            return [block], len(block)
+        data, records, missed = printer.take()
+        lines: list[Block | Printed] = [Printed(data, records)] if records else []
+        return lines + ([block.rows(len(block) - missed, len(block))] if missed else []), missed
+
+    def _print_as(self, block: Block) -> None:
+        """Let the device print what it takes from now on with the words of these rows."""
+        self._printers = {text: run_printer(block, text) for text in self._hub.printing(self.name)}
+        self.device.set_printers(list(self._printers.values()))
+
+    def _look_at_words(self) -> None:
+        """Print nothing more with words that have changed."""
+        if (words := self._pipeline.words) != self._words:
+            self._words = words
+            self._printers = {}
+            self.device.set_printers([])
+
+    def _publish(self, found: list[AnyRecord | Block], printed: ByText, arrived_ns: int | None) -> None:
         live = self.source.live
         if self._once and live and self.failure is None:
             self.failure = next(filter(_is_vain, found), None)
         if found:
-            self._block = next((one for one in reversed(found) if isinstance(one, Block)), self._block)
             wait, log = not self.source.prompt, self.failure is None
             at_ns = arrived_ns if live else None
             self._hub.publish(self.name, found, at_ns, wait=wait, log=log, printed=printed)
