@@ -36,12 +36,17 @@ LOOK_S = 0.0005
 PACKAGE = str(Path(fltea.__file__).parent) + os.sep
 PARTS = {
     "bytes to columns": ("wire", "sources"),
-    "the short way: all estimates of samples alone": ("stream/steady",),
-    "number, time, units": ("stream/place", "stream/time", "stream/decode", "wire/sample_scaling"),
-    "filters": ("estimator", "stream/host", "stream/tuning"),
-    "tracker": ("estimator/tracker", "stream/tracking"),
-    "sums of the fit": ("spectrum", "stream/live", "stream/fit_times", "stream/beside"),
-    "lines": ("sinks", "records/block"),
+    "the native device: number, time, units, tracker, sums, filters": ("stream/decode",),
+    "blocks of samples": ("stream/sensors", "stream/tracking", "stream/channels", "records/block"),
+    "fits that count": (
+        "estimator",
+        "spectrum",
+        "stream/live",
+        "stream/fit_times",
+        "stream/beside",
+        "stream/tuning",
+    ),
+    "lines": ("sinks",),
 }
 """Files by what they do; the longest name of a folder or file counts."""
 

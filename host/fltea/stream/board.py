@@ -59,8 +59,13 @@ class BoardEstimates:
         self._sequence: int | None = None
         self._estimates = self._lost = self._unplaced = 0
 
-    def host_settings(self) -> EstimatorConfig:
-        """Return the settings for this computer from now on: the board's, once they are known."""
+    def host_settings(self) -> EstimatorConfig | None:
+        """Return the settings for this computer from now on: the board's, once they are known.
+
+        None if the board alone estimates.
+        """
+        if self.alone:
+            return None
         self._in_use = self._settings or self._config.estimator
         return self._in_use
 

@@ -57,6 +57,11 @@ class Beginning(NamedTuple):
             {axis: i for i, axis in enumerate(accel) if axis in (wanted or ())},
         )
 
+    def absent(self, wanted: Sequence[str] | None) -> list[str]:
+        """Return which of the wanted axes there are not."""
+        available = AXES[: self.gyro_axes] + (ACCEL_AXES if self.accel else ())
+        return [axis for axis in wanted or () if axis not in available]
+
 
 class Saved(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What the sensors of a device need to go on; None where there is none.
@@ -84,3 +89,15 @@ class Standing:
     device: DeviceEstimatorStats | None = None
     fit_period_s: float | None = None
     tracker: dict[str, TrackerStats] = field(default_factory=dict)
+
+    def beside(self, of_board: "Standing") -> "Standing":
+        """Return this computer's with the board's, which counts where this computer estimates nothing."""
+        return Standing(
+            max(self.startup_remaining, of_board.startup_remaining),
+            of_board.axes | self.axes,
+            self.gyro or of_board.gyro,
+            self.accel,
+            of_board.device,
+            self.fit_period_s,
+            self.tracker,
+        )

@@ -19,11 +19,11 @@ from fltea.records.clock import SECOND_NS
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, Ints, LinkDown, RawBlock, Trouble, host_ns_of
 from fltea.records.ports import Source
-from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, Epoch, EpochReason, Error, Gap, Hello, Stats
+from fltea.records.records import AnyRecord, Epoch, EpochReason, Error, Gap, Hello, Stats
 from fltea.records.repeat import OnceAMinute
 from fltea.records.stats import DeviceStatus, OutputStats
 from fltea.settings.config import Config
-from fltea.settings.estimator import BY_DEVICE, EstimatorConfig
+from fltea.settings.estimator import BY_DEVICE
 from fltea.settings.ingest import is_partitioned
 from fltea.stream.beside import Beside
 from fltea.stream.board import BoardEstimates
@@ -80,7 +80,8 @@ class Pipeline:
         self._board = (
             BoardEstimates(config, self._fits) if config.estimator.estimate_on in BY_DEVICE else None
         )
-        self._sensors = Sensors(config, _settings_of(config, self._board), self._fits)
+        settings = (lambda: config.estimator) if self._board is None else self._board.host_settings
+        self._sensors = Sensors(config, settings, self._fits)
         self._status: DeviceStatus | None = None
         self._now_ns = 0
         self._knows_time = False
@@ -330,12 +331,7 @@ class Pipeline:
     def _standing(self) -> Standing:
         """Return how all estimators get on; where the board alone estimates an axis, as it says."""
         whole = self._sensors.standing(self._device)
-        if self._board is not None:
-            of_board = self._board.standing()
-            whole.startup_remaining = max(whole.startup_remaining, of_board.startup_remaining)
-            whole.axes = of_board.axes | whole.axes
-            whole.gyro, whole.device = whole.gyro or of_board.gyro, of_board.device
-        return whole
+        return whole if self._board is None else whole.beside(self._board.standing())
 
     def _begin(
         self, beginning: Beginning, first: FirstSample
@@ -347,8 +343,13 @@ class Pipeline:
         """
         notices: list[Item] = []
         hello = beginning.hello
-        if absent := self._absent(beginning):
-            notices.append(Notice("no_axis", absent, self._now_ns))
+        absent = beginning.absent(self._config.channels)
+        if absent and not self._no_axis_reported:
+            self._no_axis_reported = True
+            text = (
+                f"channels names {', '.join(absent)}, which this source does not have, or has no scale for."
+            )
+            notices.append(Notice("no_axis", text, self._now_ns))
         state, self._state = self._state, None
         if state is not None:
             now_unix_ns = self._unix_ns()
@@ -380,15 +381,6 @@ class Pipeline:
             self._board.begin(beginning)
         self._decoder.begin(sensors)
 
-    def _absent(self, beginning: Beginning) -> str | None:
-        """Return once which of the requested channels the source does not have."""
-        available = AXES[: beginning.gyro_axes] + (ACCEL_AXES if beginning.accel else ())
-        absent = [axis for axis in self._config.channels or () if axis not in available]
-        if not absent or self._no_axis_reported:
-            return None
-        self._no_axis_reported = True
-        return f"channels names {', '.join(absent)}, which this source does not have, or has no scale for."
-
     def _forget(self) -> None:
         """Believe nothing of a board's samples until now: it, its boot or its sensor may be another."""
         if self._board is not None:
@@ -414,10 +406,3 @@ HANDLERS: dict[Stop, Callable[[Pipeline, Any], Iterator[Output]]] = {
 
 BEFORE_SAMPLE = {Stop.STATS_DUE, Stop.GAP, Stop.EPOCH}
 """Stops before the next sample; the others are behind the last one."""
-
-
-def _settings_of(config: Config, board: BoardEstimates | None) -> Callable[[], EstimatorConfig] | None:
-    """Return what gives the settings of the gyroscope's filters here; None if the board alone estimates."""
-    if board is None:
-        return lambda: config.estimator
-    return None if board.alone else board.host_settings

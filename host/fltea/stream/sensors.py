@@ -59,11 +59,11 @@ class Sensors:
     """Both sensors of the epoch that goes on.
 
     settings: gives those of the gyroscope's filters, asked for whenever an epoch begins; None if a board
-    alone estimates it. fits: the live fits, None where there are none.
+    alone estimates. fits: the live fits, None where there are none.
     """
 
     def __init__(
-        self, config: Config, settings: Callable[[], EstimatorConfig] | None, fits: LiveFits | None
+        self, config: Config, settings: Callable[[], EstimatorConfig | None], fits: LiveFits | None
     ) -> None:
         self._config, self._settings, self._fits = config, settings, fits
         self._all: list[Sensor] = []
@@ -79,8 +79,8 @@ class Sensors:
         gyro, accel = beginning.axes(config.channels)
         h = 1 / hello.rate_hz
         of_gyro = None
-        if gyro and self._settings is not None:
-            settings = _at(self._settings(), "estimator", hello.rate_hz)
+        if gyro and (here := self._settings()) is not None:
+            settings = _at(here, "estimator", hello.rate_hz)
             of_gyro = Channels(gyro, settings, h, resolution_dps(hello), GYRO_UNIT, saved.gyro)
         of_accel = None
         if accel:
