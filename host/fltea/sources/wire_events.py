@@ -154,7 +154,7 @@ class WireEvents:
             case "tick", host_ns:
                 yield Tick(host_ns)
             case "trouble", host_ns, kind, unread_bytes:
-                yield Trouble(kind, self._said_of(kind, unread_bytes), host_ns)
+                yield Trouble(*self._explain(kind, unread_bytes), host_ns)
 
     def _on_message(self, message: wire.Message, sequence: int, host_ns: int) -> Iterator[Event]:
         match message:
@@ -202,16 +202,16 @@ class WireEvents:
             )
             yield Trouble("sensor_unknown", f"{self.url}: {text}", host_ns, fatal=False)
 
-    def _said_of(self, kind: str, unread_bytes: int) -> str:
-        """Return what a trouble of the line says."""
-        match kind:
-            case "silent":
-                return f"{self.url} is open but has said nothing for {SILENCE_S:g} s. {self._hints.silent}"
-            case "no_valid_frame":
-                text = f"{unread_bytes} bytes in {SILENCE_S:g} s, and no valid frame among them."
-                return f"{self.url}: {text} {self._hints.unreadable}"
-            case _:
-                return f"{self.url}: valid frames, but no HELLO in {SILENCE_S:g} s; samples cannot be scaled."
+    def _explain(self, kind: str, unread_bytes: int) -> tuple[str, str]:
+        """Return kind and text of a trouble of the line."""
+        if kind == "silent":
+            text = f"{self.url} is open but has said nothing for {SILENCE_S:g} s. {self._hints.silent}"
+            return "silent", text
+        if kind == "no_valid_frame":
+            said = f"{unread_bytes} bytes in {SILENCE_S:g} s, and no valid frame among them."
+            return "no_valid_frame", f"{self.url}: {said} {self._hints.unreadable}"
+        text = f"{self.url}: valid frames, but no HELLO in {SILENCE_S:g} s; samples cannot be scaled."
+        return "no_hello", text
 
 
 def hello_problem(hello: wire.Hello) -> str | None:

@@ -14,7 +14,7 @@ What a sensor that moves says is no noise: the sums leave out what its tracker c
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 from msgspec.structs import replace
 
@@ -28,9 +28,6 @@ from fltea.stream.beside import Beside
 from fltea.stream.epoch import NEVER, Beginning, Moment, Saved
 from fltea.stream.fit_times import Look, LookTimes, period_s, turn
 from fltea.stream.learning import Learned, Learner
-
-if TYPE_CHECKING:
-    from fltea.stream.tracking import SensorTracks
 
 NO_VERDICT = ("too few samples",)
 """Kinds that say nothing of the noise."""
@@ -65,6 +62,16 @@ class SettledFit(NamedTuple):
         p = float(f"{fit.null_p:.3g}")
         whiteness: Whiteness = "rejected" if p < ANYTIME_LEVEL else "not rejected"
         return SettledFit(p, whiteness, fit, stands, learned)
+
+
+class Tracks(Protocol):
+    """What tracks the biases of a sensor."""
+
+    def learner(self, axis: str) -> Learner:
+        """Return what is to learn from the samples of an axis until now."""
+
+    def remembered(self, axis: str) -> Remembered:
+        """Return what is remembered of them."""
 
 
 class _Begun(NamedTuple):
@@ -167,7 +174,7 @@ class LiveFits:
         """The number of the sample behind which the look that was begun counts."""
         return NEVER if self._begun is None else self._before_first + self._begun.look.counts
 
-    def look(self, moment: Moment, tracks: Callable[[str], "SensorTracks"]) -> None:
+    def look(self, moment: Moment, tracks: Callable[[str], Tracks]) -> None:
         """Begin a look after a sample, `due` or a later one, if it is time, and what the last one needs.
 
         tracks: gives what tracks the bias of an axis.
@@ -193,7 +200,7 @@ class LiveFits:
         if look.curves:
             self._drawn_samples = samples
 
-    def _refilter(self, number: int, tracks: Callable[[str], "SensorTracks"]) -> None:
+    def _refilter(self, number: int, tracks: Callable[[str], Tracks]) -> None:
         """Filter what is remembered, beside the walk, if it is time for that."""
         if self._begun is None or number < self._begun.refilters:
             return
