@@ -177,8 +177,8 @@ class Device {
         Stop stop = Stop::kMore;
         if (!happened_.empty()) stop = Stop::kHappened;
         const std::int64_t seq = place.newest().seq;
-        const bool is_over = given_ == run_.n && next == from.n && !window_is_full_ && seq < fit_counts &&
-                             seq < fit_due;
+        const bool is_over =
+            given_ == run_.n && next == from.n && !window_is_full_ && seq < fit_counts && seq < fit_due;
         return {stop == Stop::kMore && is_over ? Stop::kEnd : stop, next, begin, end};
     }
 
@@ -199,7 +199,8 @@ class Device {
             const double* const values = is_accel ? accel : run_.gyro_dps;
             const std::size_t width = is_accel ? run_.accel_width : run_.gyro_width;
             if (has_values(k) && !sensors[k].choose(values, run_.n, width, values_[k]))
-                throw std::domain_error("samples have to be finite, and as many axes as their epoch began with");
+                throw std::domain_error(
+                    "samples have to be finite, and as many axes as their epoch began with");
         }
         for (std::size_t k = 0; k < sensors.size(); ++k) {
             if (has_values(k)) run_sensor(k, accel);

@@ -8,8 +8,9 @@ namespace {
 using device_binding::Device;
 using device_binding::known;
 
-std::vector<std::int64_t> unix_times(const std::vector<std::int64_t>& seq, const std::vector<std::int64_t>& us,
-                                     const std::vector<std::int64_t>& ns, fltea::Timebase& timebase) {
+std::vector<std::int64_t> unix_times(const std::vector<std::int64_t>& seq,
+                                     const std::vector<std::int64_t>& us, const std::vector<std::int64_t>& ns,
+                                     fltea::Timebase& timebase) {
     std::vector<std::int64_t> found;
     for (size_t i = 0; i < seq.size(); ++i) found.push_back(timebase.add(seq[i], us[i], ns[i]));
     return found;
@@ -40,19 +41,22 @@ void bind_device(nb::module_& m) {
         .def_prop_ro("moment", &Device::moment)
         .def_prop_ro("rate_hz", &Device::rate_hz)
         .def_prop_ro("clock_ppm", &Device::clock_ppm)
-        .def_prop_rw("stats_due_ns", [](Device& self) { return self.native().stats_due_ns; },
-                     [](Device& self, std::int64_t ns) { self.native().stats_due_ns = ns; })
-        .def_prop_rw("fit_due", [](Device& self) { return self.native().fit_due; },
-                     [](Device& self, std::int64_t seq) { self.native().fit_due = seq; })
-        .def_prop_rw("fit_counts", [](Device& self) { return self.native().fit_counts; },
-                     [](Device& self, std::int64_t seq) { self.native().fit_counts = seq; });
+        .def_prop_rw(
+            "stats_due_ns", [](Device& self) { return self.native().stats_due_ns; },
+            [](Device& self, std::int64_t ns) { self.native().stats_due_ns = ns; })
+        .def_prop_rw(
+            "fit_due", [](Device& self) { return self.native().fit_due; },
+            [](Device& self, std::int64_t seq) { self.native().fit_due = seq; })
+        .def_prop_rw(
+            "fit_counts", [](Device& self) { return self.native().fit_counts; },
+            [](Device& self, std::int64_t seq) { self.native().fit_counts = seq; });
     nb::class_<fltea::Timebase>(m, "Timebase")
         .def(nb::init<std::int64_t>(), nb::arg("offset_ns"))
-        .def("add", [](fltea::Timebase& self, const std::vector<std::int64_t>& seq,
-                       const std::vector<std::int64_t>& device_us,
-                       const std::vector<std::int64_t>& host_ns) {
-            return unix_times(seq, device_us, host_ns, self);
-        })
+        .def("add",
+             [](fltea::Timebase& self, const std::vector<std::int64_t>& seq,
+                const std::vector<std::int64_t>& device_us, const std::vector<std::int64_t>& host_ns) {
+                 return unix_times(seq, device_us, host_ns, self);
+             })
         .def_prop_ro("rate_hz", [](const fltea::Timebase& self) { return known(self.rate_hz()); })
         .def_prop_ro("clock_ppm", [](const fltea::Timebase& self) { return known(self.clock_ppm()); });
 }

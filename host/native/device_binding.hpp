@@ -40,7 +40,8 @@ class Column {
         held_ = true;
         const bool is_column = view_.ndim == 1 || view_.ndim == 2;
         width_ = view_.ndim == 2 ? static_cast<size_t>(view_.shape[1]) : 1;
-        if (!is_column || static_cast<size_t>(view_.shape[0]) != rows || width_ == 0 || view_.format[1] != '\0')
+        if (!is_column || static_cast<size_t>(view_.shape[0]) != rows || width_ == 0 ||
+            view_.format[1] != '\0')
             refuse();
         const char type = view_.format[0];
         if ((type == 'l' || type == 'q') && view_.itemsize == 8) {
@@ -102,9 +103,8 @@ inline nb::object told(const fltea::Device& device, const fltea::SampleColumns& 
         if (one.is_lost) {
             happened.append(nb::make_tuple(one.sensor, as_list({one.lost}), nb::none()));
         } else {
-            const nb::tuple of_event =
-                nb::make_tuple(static_cast<int>(event.kind), 0, event.axis,
-                               event.ago, event.size, event.size_std, event.samples);
+            const nb::tuple of_event = nb::make_tuple(static_cast<int>(event.kind), 0, event.axis, event.ago,
+                                                      event.size, event.size_std, event.samples);
             happened.append(nb::make_tuple(one.sensor, nb::none(), of_event));
         }
     }
@@ -257,10 +257,11 @@ class Device {
         }
         return nb::make_tuple(
             run.first + begin,
-            nb::make_tuple(rows(run.seq, begin, end, 1, true), rows(run.device_us, begin, end, 1, true),
-                           rows(run.host_ns, begin, end, 1, true), rows(run.gyro_dps, begin, end, run.gyro_width),
-                           rows(run.accel_ms2, begin, end, run.accel_width),
-                           rows(run.temperature_c, begin, end, 1, true), rows(run.flags, begin, end, 1, true)),
+            nb::make_tuple(
+                rows(run.seq, begin, end, 1, true), rows(run.device_us, begin, end, 1, true),
+                rows(run.host_ns, begin, end, 1, true), rows(run.gyro_dps, begin, end, run.gyro_width),
+                rows(run.accel_ms2, begin, end, run.accel_width),
+                rows(run.temperature_c, begin, end, 1, true), rows(run.flags, begin, end, 1, true)),
             sensors);
     }
 

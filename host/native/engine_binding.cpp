@@ -130,7 +130,8 @@ class Engine {
             block.out[column] = out.data() + static_cast<size_t>(column) * block.samples * engine_.lanes();
         }
         check_numbers("y", block.y, block.samples, engine_.lanes(), block.missing, fltea::kLargestInput);
-        if (block.u) check_numbers("u", block.u, block.samples, engine_.lanes(), nullptr, fltea::kLargestInput);
+        if (block.u)
+            check_numbers("u", block.u, block.samples, engine_.lanes(), nullptr, fltea::kLargestInput);
         nb::gil_scoped_release release;
         const std::lock_guard<std::mutex> alone(mutex_);
         engine_.run(block);

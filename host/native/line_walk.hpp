@@ -18,12 +18,12 @@ namespace fltea {
 
 // What is the caller's; then `walk` is called again.
 enum class LineStop : int {
-    kNothing,   // all that came is taken
-    kItem,      // an item of the line (item())
-    kStop,      // a stop of the device (advanced(), samples())
-    kRows,      // rows wait (rows()), which he clears
-    kReads,     // bytes wait as they came (reads()), which he clears
-    kLost,      // the port was lost behind all that came (news().error, news().lost)
+    kNothing,  // all that came is taken
+    kItem,     // an item of the line (item())
+    kStop,     // a stop of the device (advanced(), samples())
+    kRows,     // rows wait (rows()), which he clears
+    kReads,    // bytes wait as they came (reads()), which he clears
+    kLost,     // the port was lost behind all that came (news().error, news().lost)
 };
 
 class LineWalk {

@@ -13,8 +13,8 @@ namespace fltea {
 
 // Why an epoch begins; the names are those of the record `epoch` (reason_names). kNone: none begins.
 enum class EpochReason : int { kNone, kStart, kRestart, kSensorRestart, kDiscontinuity, kGap, kSilence };
-constexpr const char* kEpochReasons[] = {"",       "start", "restart", "sensor_restart", "discontinuity",
-                                         "gap",    "silence"};
+constexpr const char* kEpochReasons[] = {"",    "start",  "restart", "sensor_restart", "discontinuity",
+                                         "gap", "silence"};
 
 struct PlaceCounts {
     std::int64_t delivered, lost, gaps, duplicates, before_hello;
@@ -29,8 +29,8 @@ struct Newest {
 struct Judged {
     enum Kind { kTaken, kDuplicate, kUnusable };
     Kind kind;
-    EpochReason reason;        // of the epoch that begins with it
-    std::int64_t missing;      // samples lost just before it, numbers seq - missing to seq - 1
+    EpochReason reason;    // of the epoch that begins with it
+    std::int64_t missing;  // samples lost just before it, numbers seq - missing to seq - 1
     std::int64_t seq, epoch_us;
 };
 
@@ -76,13 +76,15 @@ class Place {
 
     // What a sample is, with a HELLO known. One that is not taken is counted, and nothing is to be done.
     Judged judge(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) {
-        const bool must_begin = !any_ || !(pending_ == EpochReason::kNone ||
-                                           pending_ == EpochReason::kSensorRestart);
+        const bool must_begin =
+            !any_ || !(pending_ == EpochReason::kNone || pending_ == EpochReason::kSensorRestart);
         if (must_begin) {
-            return begins(sequence, device_us, pending_ == EpochReason::kNone ? EpochReason::kStart : pending_);
+            return begins(sequence, device_us,
+                          pending_ == EpochReason::kNone ? EpochReason::kStart : pending_);
         }
         if (host_ns - newest_.host_ns > kMaxSilenceNs) {
-            return begins(sequence, device_us, pending_ == EpochReason::kNone ? EpochReason::kSilence : pending_);
+            return begins(sequence, device_us,
+                          pending_ == EpochReason::kNone ? EpochReason::kSilence : pending_);
         }
         const std::int64_t step_us = time_step_us(device_us);
         if (pending_ == EpochReason::kNone && follows(sequence, device_us, host_ns)) {
@@ -93,8 +95,8 @@ class Place {
             ++counts_.duplicates;
             return {Judged::kDuplicate, EpochReason::kNone, 0, 0, 0};
         }
-        const double wraps = std::nearbyint((double(step_us) / period_us_ - double(step_of_sequence)) /
-                                            double(kSequenceWrap));
+        const double wraps =
+            std::nearbyint((double(step_us) / period_us_ - double(step_of_sequence)) / double(kSequenceWrap));
         const std::int64_t step = step_of_sequence + std::int64_t(wraps) * kSequenceWrap;
         const double disagreement_us = std::fabs(double(step_us) - double(step) * period_us_);
         const double host_step_us = double(host_ns - newest_.host_ns) / 1000;

@@ -57,8 +57,8 @@ class Round {
         for (std::size_t port = 0; port < ports_.size(); ++port) {
             if (ports_[port].is_left) walk(port, now_ns, happened);
         }
-        const bool has_text = std::any_of(texts_.begin(), texts_.end(),
-                                          [](const Text& text) { return !text.bytes.empty(); });
+        const bool has_text =
+            std::any_of(texts_.begin(), texts_.end(), [](const Text& text) { return !text.bytes.empty(); });
         if (!happened.empty() || has_text) return now_ns;
         news_.clear();
         now_ns = reader_.take(std::min(timeout_s, double(due_ns() - now_ns) * 1e-9), news_);

@@ -170,7 +170,8 @@ class Round {
             }
             case LineStop::kLost: {
                 const fltea::PortNews& news = line.news();
-                return nb::make_tuple(news.error, news.lost.host_ns, news.lost.unix_offset_ns, line.has_worked());
+                return nb::make_tuple(news.error, news.lost.host_ns, news.lost.unix_offset_ns,
+                                      line.has_worked());
             }
             case LineStop::kNothing:
                 break;

@@ -41,7 +41,8 @@ class RunRows {
         next_ = 0;
         const std::size_t whole = sizeof(std::int64_t), real = sizeof(double);
         add(arrived_ns, 0, end - begin, whole);
-        for (const std::int64_t* column : {run.seq, run.device_us, run.host_ns}) add(column, begin, end, whole);
+        for (const std::int64_t* column : {run.seq, run.device_us, run.host_ns})
+            add(column, begin, end, whole);
         add(run.gyro_dps, begin, end, run.gyro_width * real);
         if (run.accel_ms2 != nullptr) add(run.accel_ms2, begin, end, run.accel_width * real);
         if (run.temperature_c != nullptr) add(run.temperature_c, begin, end, real);
@@ -54,7 +55,8 @@ class RunRows {
                 add(one.tracked + c * run.n * axes, begin, end, axes * real);
             add(one.moving, begin, end, axes);
             if (!one.has_estimates) continue;
-            for (std::size_t c = 0; c < kLaneInnovationStd; ++c) add(one.bank.columns[c], begin, end, axes * real);
+            for (std::size_t c = 0; c < kLaneInnovationStd; ++c)
+                add(one.bank.columns[c], begin, end, axes * real);
             add(one.bank.valid, begin, end, axes);
             add(one.bank.white, begin, end, axes);
         }

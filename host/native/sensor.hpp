@@ -38,21 +38,21 @@ struct BankPart {
 
 // What the samples of some rows have become: columns (rows, axes) each.
 struct SensorColumns {
-    double* tracked = nullptr;       // kTrackedColumns of them
+    double* tracked = nullptr;  // kTrackedColumns of them
     std::uint8_t* moving = nullptr;
     BankBlock bank = {};
-    bool has_estimates = false;      // not while the start-up window fills
+    bool has_estimates = false;  // not while the start-up window fills
 };
 
 struct Sensor {
     bool is_accel = false;
     std::vector<std::size_t> places;  // columns of the samples
     TrackerPart* tracker = nullptr;
-    SumsPart* sums = nullptr;         // null: nothing is fitted
+    SumsPart* sums = nullptr;  // null: nothing is fitted
     std::uint64_t longest_motion = 0;
-    BankPart* bank = nullptr;         // null: nothing is estimated
-    std::vector<bool> waits;          // axes that are not settled, whatever their innovations are
-    std::size_t window_left = 0;      // rows until the bank's start-up window is full
+    BankPart* bank = nullptr;     // null: nothing is estimated
+    std::vector<bool> waits;      // axes that are not settled, whatever their innovations are
+    std::size_t window_left = 0;  // rows until the bank's start-up window is full
 
     // The columns `places` of n rows; false for numbers beyond all measure.
     bool choose(const double* from, std::size_t n, std::size_t width, std::vector<double>& y) const {

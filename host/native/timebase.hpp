@@ -34,9 +34,9 @@ class Timebase {
         if (!any_ || delay_s < earliest_.delay_s) earliest_ = {device_s, delay_s};
         any_ = true;
         // In the first second there is no line yet: every earlier arrival moves all that follow.
-        const double estimate_s =
-            seconds_.empty() ? device_s + earliest_.delay_s
-                             : device_s + centre_.delay_s + slope_ * (device_s - centre_.device_s);
+        const double estimate_s = seconds_.empty()
+                                      ? device_s + earliest_.delay_s
+                                      : device_s + centre_.delay_s + slope_ * (device_s - centre_.device_s);
         const std::int64_t now_ns =
             origin_ns_ + offset_ns_ + static_cast<std::int64_t>(std::nearbyint(estimate_s * 1e9));
         last_ns_ = now_ns > last_ns_ ? now_ns : last_ns_ + 1;

@@ -66,7 +66,8 @@ class Tracker : public fltea::TrackerPart {
         if (rest < fltea::track::kUnknown || rest > fltea::track::kMoving)
             throw nb::value_error("rest is 0, 1 or 2");
         check_numbers("y", y.data(), rows, lanes, nullptr, fltea::kLargestSample);
-        if (accel) check_numbers("accel", accel->data(), rows, accel->shape(1), nullptr, fltea::kLargestSample);
+        if (accel)
+            check_numbers("accel", accel->data(), rows, accel->shape(1), nullptr, fltea::kLargestSample);
         std::vector<Event> events;
         {
             const LockGivenAway given(rows);
@@ -133,7 +134,8 @@ class Tracker : public fltea::TrackerPart {
                 checks.emplace_back(one.pieces, one.rms);
             }
             all.emplace_back(counts.moved, counts.begun, counts.steps, white.lag1(), white.nis(), test.value,
-                             test.n, std::move(checks), newest_[all.size()].bias, newest_[all.size()].bias_std);
+                             test.n, std::move(checks), newest_[all.size()].bias,
+                             newest_[all.size()].bias_std);
         }
         return all;
     }

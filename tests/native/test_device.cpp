@@ -27,8 +27,14 @@ struct Samples {
         return *this;
     }
     SampleColumns columns() const {
-        return {sequence.size(), sequence.data(), device_us.data(), host_ns.data(),
-                NumberColumn(gyro.data(), NumberColumn::kCounts, 1), {}, {}, nullptr};
+        return {sequence.size(),
+                sequence.data(),
+                device_us.data(),
+                host_ns.data(),
+                NumberColumn(gyro.data(), NumberColumn::kCounts, 1),
+                {},
+                {},
+                nullptr};
     }
 };
 
@@ -108,12 +114,12 @@ TEST_CASE("device: what does not follow is not believed") {
         bool follows;
     } const others[] = {
         {0, 655'360'000, 655'360 * kMs, true},
-        {65'535, 655'350'000, 655'350 * kMs, false},                      // the same again
-        {1, 655'370'000, 655'370 * kMs, false},                           // one is missing
-        {0, 655'350'000 + 20'200, 655'360 * kMs, true},                   // late by the device's clock
-        {0, 655'350'000 + 20'201, 655'360 * kMs, false},                  // and a microsecond more
-        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs, true},            // late by the host's
-        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs + 1, false},       // and a nanosecond more
+        {65'535, 655'350'000, 655'350 * kMs, false},                 // the same again
+        {1, 655'370'000, 655'370 * kMs, false},                      // one is missing
+        {0, 655'350'000 + 20'200, 655'360 * kMs, true},              // late by the device's clock
+        {0, 655'350'000 + 20'201, 655'360 * kMs, false},             // and a microsecond more
+        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs, true},       // late by the host's
+        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs + 1, false},  // and a nanosecond more
     };
     for (const auto& other : others)
         CHECK(run.device.place.follows(other.sequence, other.device_us, other.host_ns) == other.follows);
