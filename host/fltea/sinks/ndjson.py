@@ -21,6 +21,7 @@ class NdjsonSink(Sink):
     name = "stdout"
     lossless = True
     capacity = 50_000
+    rest_s = 0.0003  # what many devices say comes printed together, and a line waits for nobody
     prints: Wanted
 
     def __init__(self, stream: BinaryIO, *, samples: bool) -> None:
