@@ -103,6 +103,7 @@ class Round {
         line.wants_reads = reads;
         line.patience_ns = patience_ns;
     }
+    bool is_waiting(std::size_t port) { return at(port).is_waiting(); }
     std::int64_t now_ns(std::size_t port) { return at(port).now_ns(); }
     std::int64_t overflow_bytes(std::size_t port) { return at(port).overflow_bytes; }
 
@@ -214,6 +215,7 @@ void bind_round(nb::module_& m) {
         .def("end", &Round::end, nb::arg("port"))
         .def("wants", &Round::wants, nb::arg("port"), nb::arg("rows"), nb::arg("text"), nb::arg("reads"),
              nb::arg("patience_ns"))
+        .def("is_waiting", &Round::is_waiting, nb::arg("port"))
         .def("now_ns", &Round::now_ns, nb::arg("port"))
         .def("overflow_bytes", &Round::overflow_bytes, nb::arg("port"))
         .def("run", &Round::run, nb::arg("timeout_s"))

@@ -224,6 +224,20 @@ def test_a_walk_that_fails_is_finished_and_the_loop_ends_with_the_last(lines, ru
     assert one.ended == [(first.walk, None), (second.walk, second.finish_raises)]
 
 
+def test_at_the_end_nothing_waits_for_more(hub, lines, monkeypatch, running) -> None:
+    """Of many devices, samples in blocks wait: here far longer than the test."""
+    monkeypatch.setattr("fltea.service.lines.PATIENCE_NS", 10**12)
+    monkeypatch.setattr("fltea.service.lines.DEVICES_A_SECOND", 0)
+    (line,) = lines(1)
+    one = running(line)
+    line.send(40)
+    wait_until(lambda: line.source.line.counts()[1] == 41, "all frames")
+    assert not line.heard
+    one.end()
+    assert line.heard == list(range(40))
+    assert line.finished == 1
+
+
 def test_who_has_nothing_to_say_is_told_that_time_passes(page, lines, running) -> None:
     talks, is_silent = lines(2)
     running(talks, is_silent)

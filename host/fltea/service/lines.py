@@ -1,6 +1,7 @@
 """All devices on ports with descriptors, walked by one thread, round after round (host/native/round.hpp)."""
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterable, Sequence
 from enum import IntEnum
 from typing import Any
 
@@ -77,6 +78,7 @@ class LineLoop:
         try:
             while self._going and not self._closed:
                 self._take_round()
+            self._hand_on(self._going)
             for place in list(self._going):
                 self._finish(place)
         except Exception as error:  # of the loop itself: a daemon that hears nothing must not look alive
@@ -98,16 +100,32 @@ class LineLoop:
         if self._hub.changes != self._changes or now_ns - self._looked_ns >= LOOK_NS:
             self._look(now_ns)
         next_ns = self._openings.next_ns
-        wait_s = WAIT_S if next_ns is None else min(WAIT_S, max(0.0, (next_ns - now_ns) * 1e-9))
+        self._run(WAIT_S if next_ns is None else min(WAIT_S, max(0.0, (next_ns - now_ns) * 1e-9)))
+        for place, event in self._openings.opened():
+            self._round.touch(place, event.host_ns)
+            self._happened(place, LineLoop._on_port, event)
+        failed = {place for place in self._going if self.walks[place].failure is not None}
+        if failed:
+            self._hand_on(failed)
+            for place in failed & self._going:
+                self._finish(place)
+
+    def _run(self, wait_s: float) -> None:
+        """Take what comes, and do what has happened."""
         _, printed, happened = self._round.run(wait_s)
         for text, (data, parts) in zip(self._texts, printed, strict=True):
             if data:
                 self._hub.print(text, Printed(data, sum(records for _, records in parts), parts))
         for place, kind, told in happened:
             self._happened(place, HANDLERS[kind], told)
-        for place, event in self._openings.opened():
-            self._round.touch(place, event.host_ns)
-            self._happened(place, LineLoop._on_port, event)
+
+    def _hand_on(self, places: Iterable[int]) -> None:
+        """Wait no longer for more of what has come: these walks are to end."""
+        waiting = set(places)
+        for place in waiting:
+            self._round.wants(place, *self.walks[place].wants(), 0)
+        while waiting := {place for place in waiting & self._going if self._round.is_waiting(place)}:
+            self._run(0.0)
 
     def _look(self, now_ns: int) -> None:
         """See who takes what, whether snapshots are due, and whether this machine keeps up."""
@@ -118,7 +136,7 @@ class LineLoop:
             self._round.wants(place, *walk.wants(), many * PATIENCE_NS)
             self._sources[place].port.overflow_bytes = self._round.overflow_bytes(place)
             walk.look()
-            walk.moved_s = now_ns * 1e-9
+            walk.moved_s = time.monotonic()
         if now_ns - self._looked_ns >= LOOK_NS:
             self._looked_ns = now_ns
             self._pressure.waited(self._round.waited_ns())
@@ -134,9 +152,6 @@ class LineLoop:
         except Exception as error:
             self._end(place)
             self._on_end(walk, error)
-            return
-        if walk.failure is not None:
-            self._finish(place)
 
     def _on_item(self, place: int, item: Any) -> None:
         self._take(place, self._sources[place].events_of(item))
