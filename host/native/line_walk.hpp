@@ -95,10 +95,9 @@ class LineWalk {
 
     LineStop walk(std::int64_t now_ns) {
         while (is_busy_) {
-            if (is_held_ && !has_new_rows_) {
-                if (rows_.rows() > 0) return LineStop::kRows;
-                is_held_ = false;
-                return LineStop::kStop;
+            if (held_ != LineStop::kNothing && !has_new_rows_) {
+                if (rows_.rows() > 0) return LineStop::kRows;  // nothing overtakes samples
+                return std::exchange(held_, LineStop::kNothing);
             }
             if (has_new_rows_) {
                 if (rows_.rows() > 0 && (is_unprinted_ != is_text_missing_ || !rows_.takes(device_)))
@@ -107,13 +106,12 @@ class LineWalk {
             } else if (has_samples_) {
                 advance();
             } else {
-                const LineStop found = next();
-                if (found != LineStop::kNothing) return found;
+                held_ = next();
             }
             if (rows_.rows() > 0 && (is_unprinted_ || patience_ns == 0 || rows_.rows() >= kMostRows))
                 return LineStop::kRows;
         }
-        if (rows_.rows() > 0 && now_ns >= rows_.first_ns() + patience_ns) return LineStop::kRows;
+        if (rows_.rows() > 0 && (is_lost_ || now_ns >= rows_.first_ns() + patience_ns)) return LineStop::kRows;
         const bool has_reads = !reads_.reads.empty();
         if (has_reads && (is_lost_ || reads_.bytes.size() >= kMostBytes ||
                           now_ns >= reads_.reads.front().stamp.host_ns + patience_ns))
@@ -165,7 +163,7 @@ class LineWalk {
         if (advanced_.begin < advanced_.end) take_rows();
         has_samples_ = advanced_.stop != Stop::kEnd;
         if (!has_samples_) now_ns_ = samples_.host_ns[samples_.n - 1];
-        is_held_ = has_samples_ && advanced_.stop != Stop::kMore;
+        if (has_samples_ && advanced_.stop != Stop::kMore) held_ = LineStop::kStop;
     }
 
     void take_rows() {
@@ -198,7 +196,8 @@ class LineWalk {
     RunRows rows_;
     std::int64_t now_ns_ = 0, taken_ns_ = 0;
     bool worked_ = false, has_worked_ = false;
-    bool is_busy_ = false, has_samples_ = false, is_held_ = false, is_lost_ = false;
+    bool is_busy_ = false, has_samples_ = false, is_lost_ = false;
+    LineStop held_ = LineStop::kNothing;  // the caller's, once he has all samples before it
     bool has_new_rows_ = false, is_text_missing_ = false;  // of the newest run
     bool is_unprinted_ = false;                            // rows that wait
 };

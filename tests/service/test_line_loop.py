@@ -11,8 +11,9 @@ import msgspec
 import pytest
 from blocks import of
 from fltea.records import clock
+from fltea.records.block import Block
 from fltea.records.events import Event, Ints, Trouble
-from fltea.records.records import Hello, Stats
+from fltea.records.records import Error, Hello, Stats
 from fltea.service.hub import Hub
 from fltea.service.lines import HANDLERS, LineLoop, LineStop, has_line
 from fltea.service.open_source import open_source
@@ -245,6 +246,25 @@ def test_who_has_nothing_to_say_is_told_that_time_passes(page, lines, running) -
     name = is_silent.walk.name
     wait_until(lambda: sum(one.device == name for one in of(Stats, page.items)) >= 2, "its statistics")
     assert talks.heard == [0, 1, 2]
+
+
+def test_nothing_overtakes_samples_that_wait_for_more(page, lines, running) -> None:
+    """Of many devices, who takes samples in blocks gets them a while later."""
+    many = lines(40)
+    first = many[0]
+    running(*many)
+    first.send(1)
+    wait_until(lambda: first.heard == [0], "a sample")
+    first.send(30)
+    os.write(first.master, encode(wire.Fault(wire.FaultCode.SENSOR_MISSING, 0), 0, 0))
+    first.send(30)
+    name = first.walk.name
+    wait_until(
+        lambda: len(first.heard) == 61 and any(one.device == name for one in of(Error, page.items)), "all"
+    )
+    mine = [one for one in page.items if isinstance(one, Block | Error) and one.device == name]
+    place = next(k for k, one in enumerate(mine) if isinstance(one, Error))
+    assert [seq for one in of(Block, mine[:place]) for seq in one.seq] == list(range(31))
 
 
 def test_how_long_samples_waited_is_known(lines, running) -> None:

@@ -1,0 +1,250 @@
+// A line's walk, with sanitizers: whatever the cuts, and however long rows wait for more, who takes blocks
+// and who takes lines is given everything once and in its order.
+#include <doctest/doctest.h>
+
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <random>
+#include <string>
+
+#include "line_walk.hpp"
+#include "wire_line_rig.hpp"
+
+using namespace fltea;
+using namespace wire_line_rig;
+
+namespace {
+
+using Random = std::mt19937;
+
+unsigned below(Random& random, unsigned end) { return static_cast<unsigned>(random() % end); }
+
+// A step with each sample of 0 on the first axis; no estimates that mean anything.
+struct Parts : TrackerPart, BankPart {
+    void run(const double* y, const double*, std::size_t, std::size_t rows, double* out, std::uint8_t* moving,
+             std::vector<track::TrackerEvent>& events) override {
+        std::fill_n(out, kTrackedColumns * rows * 2, 0.0);
+        std::fill_n(moving, rows * 2, std::uint8_t(0));
+        for (std::size_t i = 0; i < rows; ++i) {
+            if (y[2 * i] != 0) continue;
+            track::TrackerEvent event = {};
+            event.row = i;
+            event.kind = track::TrackerEvent::kStep;
+            events.push_back(event);
+        }
+    }
+    void skip_rows(std::uint64_t) override {}
+    void run(const double*, std::size_t rows, const BankBlock& out, std::vector<Lost>&) override {
+        for (double* column : out.columns) std::fill_n(column, rows * 2, 0.0);
+        std::fill_n(out.valid, rows * 2, std::uint8_t(0));
+        std::fill_n(out.white, rows * 2, std::uint8_t(0));
+    }
+    void skip_rows(std::uint64_t, std::vector<Lost>&) override {}
+};
+
+// What came, and when: samples of 100 Hz with gaps, repeats and jumps, HELLOs, faults, and what is no frame.
+Reads story(Random& random) {
+    Reads found;
+    std::uint32_t boot = 5, sequence = below(random, 65'536), us = static_cast<std::uint32_t>(random());
+    std::int64_t now_ns = kSecondNs;
+    Bytes bytes = Bytes{0} + hello(boot);
+    for (int k = 0; k < 400; ++k) {
+        const unsigned what = below(random, 60);
+        if (what == 0) bytes = bytes + hello(boot);
+        if (what == 1) bytes = bytes + hello(boot = 5 + below(random, 9));
+        if (what == 2) bytes = bytes + fault();
+        if (what == 3) bytes = bytes + Bytes{1, 2, 3, 0};
+        unsigned step = what == 4 ? below(random, 60) : 1;
+        if (what == 5) us = static_cast<std::uint32_t>(random());
+        sequence += step;
+        us += 10'000 * step;
+        now_ns += step * 10 * kMs;
+        Sample one = {};
+        one.gyro_x = static_cast<std::int16_t>(below(random, 40));
+        std::uint8_t wire[kMaxWire];
+        const std::size_t n = encode_message(one, static_cast<std::uint16_t>(sequence), us, wire);
+        bytes.insert(bytes.end(), wire, wire + n);
+        if (below(random, 4) != 0) continue;
+        const std::size_t left = std::min<std::size_t>(below(random, 9), bytes.size() - 1);
+        found.add(Bytes(bytes.begin(), bytes.end() - static_cast<std::ptrdiff_t>(left)), now_ns);
+        bytes.erase(bytes.begin(), bytes.end() - static_cast<std::ptrdiff_t>(left));
+        if (below(random, 50) == 0) now_ns += 700 * kMs;
+    }
+    return found.add(bytes, now_ns);
+}
+
+std::string word(const char* what, double number) {
+    char text[60];
+    std::snprintf(text, sizeof text, "%s %g", what, number);
+    return text;
+}
+
+// Who takes a line's samples, in blocks and as lines, and all else that happens.
+class Taker {
+  public:
+    Words blocks, lines;
+    Bytes bytes;
+
+    Taker(bool rows, bool text, bool reads, std::int64_t patience_ns) {
+        walk_.wants_rows = rows;
+        walk_.wants_text = text;
+        walk_.wants_reads = reads;
+        walk_.patience_ns = patience_ns;
+        wire_.opened({0, 1});
+        device_.stats_due_ns = 0;
+    }
+
+    void give(const Reads& all, std::size_t begin, std::size_t end, bool is_last) {
+        PortNews news;
+        const std::int64_t from = begin == 0 ? 0 : all.reads[begin - 1].end;
+        news.bytes.assign(all.bytes.begin() + from, all.bytes.begin() + all.reads[end - 1].end);
+        for (std::size_t k = begin; k < end; ++k)
+            news.reads.push_back({all.reads[k].end - from, all.reads[k].stamp});
+        const std::int64_t now_ns = all.reads[end - 1].stamp.host_ns;
+        if (is_last) news.error = 5;
+        walk_.give(std::move(news), now_ns);
+        take_all(now_ns);
+    }
+    const Device& device() const { return device_; }
+
+  private:
+    void take_all(std::int64_t now_ns) {
+        for (LineStop stop = LineStop::kItem; stop != LineStop::kNothing;) {
+            stop = walk_.walk(now_ns);
+            for (RunPrinter* one : printers_) {
+                print(std::string(one->data(), one->size()));
+                one->clear();
+            }
+            take(stop);
+        }
+    }
+    void take(LineStop stop) {
+        if (stop == LineStop::kItem) on_item(walk_.item());
+        if (stop == LineStop::kStop) on_stop(walk_.advanced());
+        if (stop == LineStop::kLost) say("lost");
+        if (stop == LineStop::kRows) on_rows();
+        if (stop == LineStop::kReads) {
+            bytes = bytes + walk_.reads().bytes;
+            walk_.reads() = PortNews();
+        }
+    }
+    void say(const std::string& what) {
+        blocks.push_back(what);
+        lines.push_back(what);
+    }
+    void print(const std::string& text) {
+        for (const char* at = text.c_str(); *at != '\0';) {
+            char* end = nullptr;
+            const double seq = std::strtod(at, &end);
+            lines.push_back(word(std::to_string(std::int64_t(seq)).c_str(), std::strtod(end, &end)));
+            at = end + 1;
+        }
+    }
+    void on_rows() {
+        RunRows& rows = walk_.rows();
+        const auto* const seq = reinterpret_cast<const std::int64_t*>(rows.column(1).data());
+        const auto* const gyro = reinterpret_cast<const double*>(rows.column(4).data());
+        for (std::size_t i = 0; i < rows.rows(); ++i) {
+            const std::string one = word(std::to_string(seq[i]).c_str(), gyro[3 * i]);
+            if (walk_.wants_rows) blocks.push_back(one);
+            if (walk_.is_unprinted()) lines.push_back(one);
+        }
+        if (walk_.is_unprinted()) {
+            const auto text = std::make_shared<const LinePrinter>(
+                Words{"", " ", "\n"}, std::vector<LinePrinter::Hole>{{0, 0}, {3, 0}}, true);
+            printer_ = std::make_unique<RunPrinter>(text, 1, 1, rows.shape());
+            printers_ = {printer_.get()};
+        }
+        rows.clear();
+    }
+    void on_item(const LineItem& item) {
+        say("item " + std::to_string(item.kind) + " at " + std::to_string(item.host_ns));
+        if (item.kind == LineItem::kTick) device_.stats_due_ns = item.host_ns + kSecondNs;
+        if (item.kind != LineItem::kFrame || item.type != Hello::type()) return;
+        const std::uint8_t boot = item.bytes[6];
+        if (boot == 13) {  // as of one that nobody can use
+            wire_.refuse_hello();
+            device_.place.forget_hello();
+            return;
+        }
+        wire_.accept_hello();
+        device_.place.on_hello(100, 50, boot != boot_, false);
+        device_.scales = {1.0 + boot % 2, boot % 3 != 0, 1, 1, 0};
+        boot_ = boot;
+    }
+    void on_stop(const Advanced& found) {
+        say("stop " + std::to_string(static_cast<int>(found.stop)) + " at " +
+            std::to_string(walk_.stopped_ns()));
+        if (found.stop == Stop::kStatsDue) device_.stats_due_ns = walk_.stopped_ns() + kSecondNs;
+        if (found.stop == Stop::kFitDue) device_.fit_counts = device_.place.newest().seq + 7;
+        if (found.stop == Stop::kFitCounts) device_.fit_due = device_.place.newest().seq + 11;
+        if (found.stop == Stop::kEpoch) begin();
+        if (found.stop == Stop::kEpoch || found.stop == Stop::kFitCounts) printers_.clear();  // other words
+    }
+    void begin() {
+        Sensor one;
+        one.places = {0, 2};
+        one.tracker = &parts_;
+        one.bank = &parts_;
+        one.waits = {false, false};
+        one.window_left = 20;
+        device_.begin(0, {one});
+        device_.fit_due = device_.judged().seq + 13;
+    }
+
+    WireLine wire_{kTimes};
+    Device device_;
+    std::vector<RunPrinter*> printers_;
+    std::unique_ptr<RunPrinter> printer_;
+    Parts parts_;
+    LineWalk walk_{wire_, device_, printers_};
+    int boot_ = 0;
+};
+
+// Reads are given one by one, or up to `most` together, by who is never held up for long.
+void give_all(Taker& to, const Reads& all, Random& random, unsigned most) {
+    for (std::size_t begin = 0; begin < all.reads.size();) {
+        std::size_t end = std::min(all.reads.size(), begin + 1 + below(random, most));
+        const std::int64_t before_ns = begin == 0 ? 0 : all.reads[begin - 1].stamp.host_ns;
+        while (end > begin + 1 && all.reads[end - 1].stamp.host_ns - before_ns > WireLine::kStallNs) --end;
+        to.give(all, begin, end, end == all.reads.size());
+        begin = end;
+    }
+}
+
+// Empty, or where two begin to differ.
+std::string difference(const Words& one, const Words& other) {
+    std::size_t k = 0;
+    while (k < one.size() && k < other.size() && one[k] == other[k]) ++k;
+    if (k == one.size() && k == other.size()) return "";
+    const auto at = [k](const Words& words) { return k < words.size() ? words[k] : "nothing"; };
+    return std::to_string(k) + ": " + at(one) + " for " + at(other);
+}
+
+}  // namespace
+
+TEST_CASE("line walk: nothing is lost, doubled or overtaken, whatever the cuts and the patience") {
+    std::size_t samples = 0;
+    for (unsigned seed = 0; seed < 150; ++seed) {
+        CAPTURE(seed);
+        Random random(seed);
+        const Reads all = story(random);
+        Taker first(true, false, true, 0);
+        give_all(first, all, random, 1);
+        CHECK(first.bytes == all.bytes);
+        samples += static_cast<std::size_t>(first.device().place.counts().delivered);
+        for (const std::int64_t patience_ns : {std::int64_t(0), 30 * kMs, 600 * kMs}) {
+            CAPTURE(patience_ns);
+            for (const bool rows : {true, false}) {
+                Taker other(rows, true, rows, patience_ns);
+                give_all(other, all, random, 1 + below(random, 40));
+                if (rows) CHECK(difference(other.blocks, first.blocks) == "");
+                if (rows) CHECK(other.bytes == all.bytes);
+                CHECK(difference(other.lines, first.blocks) == "");
+                CHECK(other.device().place.counts().delivered == first.device().place.counts().delivered);
+            }
+        }
+    }
+    CHECK(samples > 10'000);
+}
