@@ -111,7 +111,8 @@ class LineWalk {
             if (rows_.rows() > 0 && (is_unprinted_ || patience_ns == 0 || rows_.rows() >= kMostRows))
                 return LineStop::kRows;
         }
-        if (rows_.rows() > 0 && (is_lost_ || now_ns >= rows_.first_ns() + patience_ns)) return LineStop::kRows;
+        if (rows_.rows() > 0 && (is_lost_ || now_ns >= rows_.first_ns() + patience_ns))
+            return LineStop::kRows;
         const bool has_reads = !reads_.reads.empty();
         if (has_reads && (is_lost_ || reads_.bytes.size() >= kMostBytes ||
                           now_ns >= reads_.reads.front().stamp.host_ns + patience_ns))
@@ -197,7 +198,7 @@ class LineWalk {
     std::int64_t now_ns_ = 0, taken_ns_ = 0;
     bool worked_ = false, has_worked_ = false;
     bool is_busy_ = false, has_samples_ = false, is_lost_ = false;
-    LineStop held_ = LineStop::kNothing;  // the caller's, once he has all samples before it
+    LineStop held_ = LineStop::kNothing;                   // the caller's, once he has all samples before it
     bool has_new_rows_ = false, is_text_missing_ = false;  // of the newest run
     bool is_unprinted_ = false;                            // rows that wait
 };
