@@ -192,9 +192,10 @@ class Pipeline:
     def _on_fit_counts(self, told: None) -> Iterator[Output]:
         """The fit that was begun counts from here on."""
         assert self._fits is not None
-        yield from self._fits.counted()
+        found = list(self._fits.counted())
         self._sensors.go_by_fits(self._device)
         self._set_looks()
+        yield from found  # who prints looks at what stands in records of samples from here on
 
     def _on_fit_due(self, told: None) -> Iterator[Output]:
         """A fit of the samples until now begins, beside the walk."""

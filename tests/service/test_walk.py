@@ -1,0 +1,30 @@
+"""The walk of one device: who takes its samples printed is given what who takes blocks is."""
+
+import io
+
+import pytest
+from blocks import of, records_of
+from fltea.records.records import Fit
+from fltea.service.hub import Hub
+from fltea.service.walk import Walk
+from fltea.settings.config import load_config
+from fltea.sinks.ndjson import NdjsonSink
+from fltea.sinks.record_json import record_json
+from host_support import closed, hello
+from memory_sink import Memory
+from walk_support import SMALL, Source, raw
+
+
+@pytest.mark.parametrize("size", [7, 300])
+def test_what_is_printed_states_each_fit_as_soon_as_it_counts(size: int) -> None:
+    hub, output, blocks = Hub(lambda error: None), io.BytesIO(), Memory(capacity=100_000)
+    hub.add(NdjsonSink(output, samples=True))
+    hub.add(blocks)
+    walk = Walk(Source(), load_config(None, SMALL | {"live.period_s": 0.5}), hub, None)
+    for boot in range(2):
+        walk.take(hello(boot_id=boot))
+        for begin in range(0, 600, size):
+            walk.take(raw(range(600 * boot + begin, 600 * boot + min(begin + size, 600))))
+    assert closed(hub)
+    assert len(of(Fit, blocks.items)) > 4
+    assert output.getvalue().splitlines() == [record_json(one) for one in records_of(blocks.items)]
