@@ -97,6 +97,8 @@ class LineWalk {
         while (is_busy_) {
             if (held_ != LineStop::kNothing && !has_new_rows_) {
                 if (rows_.rows() > 0) return LineStop::kRows;  // nothing overtakes samples
+                if (held_ == LineStop::kItem && says_hello() && !reads_.reads.empty())
+                    return LineStop::kReads;
                 return std::exchange(held_, LineStop::kNothing);
             }
             if (has_new_rows_) {
@@ -128,6 +130,9 @@ class LineWalk {
 
   private:
     static constexpr std::size_t kMostRows = 512, kMostBytes = 1 << 16;
+
+    // Whoever keeps the bytes has those of a HELLO before he learns what it says.
+    bool says_hello() const { return item_.kind == LineItem::kFrame && item_.type == Hello::type(); }
 
     LineStop next() {
         item_ = wire_.next();

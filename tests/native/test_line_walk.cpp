@@ -103,6 +103,7 @@ class Taker {
             news.reads.push_back({all.reads[k].end - from, all.reads[k].stamp});
         const std::int64_t now_ns = all.reads[end - 1].stamp.host_ns;
         if (is_last) news.error = 5;
+        given_ += news.bytes.size();
         walk_.give(std::move(news), now_ns);
         take_all(now_ns);
     }
@@ -162,6 +163,7 @@ class Taker {
         say("item " + std::to_string(item.kind) + " at " + std::to_string(item.host_ns));
         if (item.kind == LineItem::kTick) device_.stats_due_ns = item.host_ns + kSecondNs;
         if (item.kind != LineItem::kFrame || item.type != Hello::type()) return;
+        if (walk_.wants_reads) CHECK(bytes.size() == given_);
         const std::uint8_t boot = item.bytes[6];
         if (boot == 13) {  // as of one that nobody can use
             wire_.refuse_hello();
@@ -200,6 +202,7 @@ class Taker {
     Parts parts_;
     LineWalk walk_{wire_, device_, printers_};
     int boot_ = 0;
+    std::size_t given_ = 0;
 };
 
 // Reads are given one by one, or up to `most` together, by who is never held up for long.
