@@ -24,6 +24,7 @@ enum class LineStop : int {
     kRows,     // rows wait (rows()), which he clears
     kReads,    // bytes wait as they came (reads()), which he clears
     kLost,     // the port was lost behind all that came (news().error, news().lost)
+    kFault,    // what came cannot be taken (Round::fault), and nothing more is
 };
 
 class LineWalk {

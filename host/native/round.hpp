@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <exception>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -76,6 +78,8 @@ class Round {
         return now_ns;
     }
 
+    // Why a line could not go on (kFault).
+    const std::string& fault(std::size_t port) const { return ports_[port].fault; }
     std::vector<Text>& texts() { return texts_; }
     // The longest that bytes of this round had waited beyond their latency.
     std::int64_t waited_ns() const { return waited_ns_; }
@@ -87,6 +91,7 @@ class Round {
         std::vector<RunPrinter*>* printers;
         std::int64_t latency_ns, tick_ns;  // the second: when nothing will have come for a while
         bool has_ended = false;
+        std::string fault = {};
         bool is_left = false;  // the caller has been at it, and more may be there
     };
 
@@ -109,7 +114,13 @@ class Round {
             one.is_left = false;
             return;
         }
-        const LineStop stop = one.walk->walk(now_ns);
+        LineStop stop = LineStop::kFault;
+        try {
+            stop = one.walk->walk(now_ns);
+        } catch (const std::exception& error) {  // of one device: the others go on
+            one.fault = error.what();
+            one.has_ended = true;
+        }
         one.is_left = stop != LineStop::kNothing;
         for (std::size_t text = 0; text < one.printers->size() && text < texts_.size(); ++text) {
             RunPrinter& printer = *(*one.printers)[text];

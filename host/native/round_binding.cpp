@@ -3,6 +3,7 @@
 
 #include <cstring>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "device_binding.hpp"
@@ -128,7 +129,10 @@ class Round {
         nb::list happened;
         for (const fltea::Happened& one : happened_) {
             LineWalk& line = round_.line(static_cast<std::size_t>(one.port));
-            happened.append(nb::make_tuple(one.port, static_cast<int>(one.stop), told(line, one.stop)));
+            const std::string& fault = round_.fault(static_cast<std::size_t>(one.port));
+            const nb::object what =
+                one.stop == LineStop::kFault ? nb::object(nb::str(fault.c_str())) : told(line, one.stop);
+            happened.append(nb::make_tuple(one.port, static_cast<int>(one.stop), what));
         }
         return nb::make_tuple(now_ns, printed, happened);
     }
@@ -175,6 +179,7 @@ class Round {
                                       line.has_worked());
             }
             case LineStop::kNothing:
+            case LineStop::kFault:
                 break;
         }
         return nb::none();

@@ -209,6 +209,23 @@ def test_a_walk_that_raises_ends_alone(lines, running) -> None:
     assert one.thread.is_alive()
 
 
+def test_a_device_whose_samples_cannot_be_taken_ends_alone(lines, running) -> None:
+    left, broken = lines(2)
+    decoder = broken.walk._pipeline._decoder
+    begin = decoder.begin
+    decoder.begin = lambda sensors: begin([(one[0], [7, 7, 7], *one[2:]) for one in sensors])
+    one = running(left, broken)
+    for line in (broken, left):
+        line.send(5)
+    wait_until(lambda: bool(one.ended), "its end")
+    left.send(5)
+    wait_until(lambda: len(left.heard) == 10, "the other, which goes on")
+    ((walk, error),) = one.ended
+    assert walk is broken.walk
+    assert isinstance(error, ValueError)
+    assert "as many axes as their epoch began with" in str(error)
+
+
 def test_a_walk_that_fails_is_finished_and_the_loop_ends_with_the_last(lines, running) -> None:
     first, second = lines(2)
     first.fails = second.fails = True

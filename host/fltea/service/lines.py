@@ -38,6 +38,8 @@ class LineStop(IntEnum):
     """Bytes that somebody takes as they came."""
     LOST = 5
     """The port was lost."""
+    FAULT = 6
+    """What came cannot be taken, and nothing more is."""
 
 
 def has_line(walk: Walk) -> bool:
@@ -175,6 +177,9 @@ class LineLoop:
         self._round.touch(place, failed.host_ns)
         self._on_port(place, failed)
 
+    def _on_fault(self, place: int, text: str) -> None:
+        raise ValueError(text)
+
     def _on_port(self, place: int, event: Any) -> None:
         self._take(place, self._sources[place].take(event))
 
@@ -208,5 +213,6 @@ HANDLERS: dict[int, Callable[[LineLoop, int, Any], None]] = {
     LineStop.ROWS: LineLoop._on_rows,
     LineStop.READS: LineLoop._on_reads,
     LineStop.LOST: LineLoop._on_lost,
+    LineStop.FAULT: LineLoop._on_fault,
 }
 """What each thing that is Python's leads to."""

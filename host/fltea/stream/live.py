@@ -31,9 +31,10 @@ from fltea.stream.learning import Learned, Learner
 
 NO_VERDICT = ("too few samples",)
 """Kinds that say nothing of the noise."""
-REFILTERED = 64
+REFILTERED = 32
 """So many samples before a look counts, all that is remembered is filtered by the noise that it has found,
-beside the walk. Only these samples are left to the walk then: some 10 µs an axis."""
+beside the walk. Only these samples are left to the walk then, some 5 µs an axis, and the test of
+steps looks back no further than without it."""
 BREAK = 9
 """Lost samples that are not bridged: where nobody knows how many are missing, so many are counted."""
 

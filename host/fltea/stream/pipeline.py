@@ -259,7 +259,7 @@ class Pipeline:
         if self._state is not None:  # of an earlier run, and still to be used
             return self._state
         hello, saved = self._decoder.hello, self._sensors.save()
-        if hello is None or not saved:
+        if hello is None or not saved or self._device.moment is None:
             return None
         sequence, device_us, host_ns, *_ = self._device.newest
         unix_ns = host_ns + self._source.unix_offset_ns  # the epoch's own would keep a date set since
