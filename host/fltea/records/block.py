@@ -302,14 +302,3 @@ class Block:
 def _rows(values: Values, column: Array) -> Iterator[tuple[float, ...]]:
     """Return the chosen rows of a column, each by itself."""
     return zip(*[iter(values.of(column))] * column.shape[1], strict=True)
-
-
-def with_tracked(block: Block, parts: Sequence[Tracked]) -> Block:
-    """Return the block with what parts of it after one another, with the same fits, have been tracked."""
-    joined = parts[0] if len(parts) == 1 else tuple(map(_joined, zip(*parts, strict=True)))
-    return block.but(tracked=joined)
-
-
-def _joined(parts: tuple[TrackedColumns, ...]) -> TrackedColumns:
-    columns = zip(*(one[2:8] for one in parts), strict=True)
-    return TrackedColumns._make((*parts[0][:2], *map(np.concatenate, columns), *parts[0][8:]))
