@@ -34,10 +34,6 @@ from fltea.stream.beside import BesideThread
 if TYPE_CHECKING:
     from fltea.service.ingest.loop import Ingest
 
-SWITCH_S = 0.0001
-"""How long a thread may go on while another waits: Python's own 5 ms would show in the latency, and the
-recordings of 300 devices wait 1,200 times a second."""
-
 
 def run(configs: Sequence[Config]) -> None:
     """Run until every source has ended, a signal arrives, the only output's reader leaves, or `--once` fails.
@@ -47,7 +43,6 @@ def run(configs: Sequence[Config]) -> None:
         SourceFailed: `once` is set and a live source is in trouble.
         FlteaError: the output cannot be written.
     """
-    sys.setswitchinterval(SWITCH_S)
     with StopOnSignal() as stop:
         try:
             failure, done = _Run(configs, stop).run()
