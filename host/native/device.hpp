@@ -336,4 +336,25 @@ class Device {
     bool window_is_full_ = false;
 };
 
+// Which columns a run has: numbers a row of the gyroscope, and of the accelerometer or 0; whether there are
+// temperatures and flags; of each sensor its axes (0: it has no samples), whether it is the accelerometer,
+// and whether it has estimates.
+using RunShape = std::vector<std::size_t>;
+// Sensors without samples stand in it with no axes, or are left out.
+enum class Absent { kZero, kLeftOut };
+
+inline RunShape shape_of(const Device& device, Absent absent) {
+    const RunColumns& run = device.run();
+    RunShape shape = {run.gyro_width, run.accel_ms2 == nullptr ? 0 : run.accel_width,
+                      run.temperature_c != nullptr, run.flags != nullptr};
+    for (std::size_t k = 0; k < run.sensors.size(); ++k) {
+        const bool has_samples = run.sensors[k].tracked != nullptr;
+        if (!has_samples && absent == Absent::kLeftOut) continue;
+        shape.push_back(has_samples ? device.sensors[k].places.size() : 0);
+        shape.push_back(device.sensors[k].is_accel);
+        shape.push_back(has_samples && run.sensors[k].has_estimates);
+    }
+    return shape;
+}
+
 }  // namespace fltea

@@ -114,9 +114,6 @@ inline nb::object told(const fltea::Device& device, const fltea::SampleColumns& 
 class Device {
   public:
     using Scales = std::tuple<double, std::optional<double>, double, double>;
-    // is_accel, places, tracker, sums, longest motion, bank, rows until its window is full, axes that wait.
-    using SensorTuple = std::tuple<bool, std::vector<size_t>, fltea::TrackerPart*, fltea::SumsPart*,
-                                   std::uint64_t, fltea::BankPart*, size_t, std::vector<bool>>;
 
     void on_hello(double rate_hz, std::int64_t longest_gap, bool is_another_boot, bool is_another_sensor,
                   const Scales& scales) {
@@ -128,10 +125,11 @@ class Device {
     bool knows_hello() const { return device_.place.knows_hello(); }
     void on_break(const char* reason) { device_.place.on_break(fltea::epoch_reason_of(reason)); }
 
+    // Of a sensor: is_accel, places, tracker, sums or None, longest motion, bank or None, rows until its
+    // window is full, axes that wait.
     void begin(std::int64_t offset_ns, nb::list sensors) {
         std::vector<fltea::Sensor> found;
         for (nb::handle sensor : sensors) {
-            // none() is allowed for the parts
             const nb::tuple one = nb::cast<nb::tuple>(sensor);
             fltea::Sensor to;
             to.is_accel = nb::cast<bool>(one[0]);

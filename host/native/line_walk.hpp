@@ -38,7 +38,6 @@ class LineWalk {
     std::int64_t patience_ns = 0;
     std::int64_t overflow_bytes = 0;
 
-    bool is_busy() const { return is_busy_; }
     // Rows or bytes wait for more, or the caller has not been told of all.
     bool is_waiting() const { return is_busy_ || is_lost_ || rows_.rows() > 0 || !reads_.reads.empty(); }
     // Bytes came since the port was lost last.

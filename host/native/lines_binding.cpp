@@ -109,8 +109,7 @@ void bind_lines(nb::module_& m) {
     nb::class_<RunPrinter>(m, "RunPrinter")
         .def(
             "__init__",
-            [](RunPrinter* at, const Lines& lines, std::int64_t every, size_t weight,
-               RunPrinter::Shape shape) {
+            [](RunPrinter* at, const Lines& lines, std::int64_t every, size_t weight, fltea::RunShape shape) {
                 new (at) RunPrinter(lines.printer(), every, weight, std::move(shape));
             },
             nb::arg("lines"), nb::arg("every"), nb::arg("weight"), nb::arg("shape"))

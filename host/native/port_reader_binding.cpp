@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "decoder_binding.hpp"
-#include "numpy_binding.hpp"
+#include "port_read_binding.hpp"
 #include "port_reader.hpp"
 
 namespace nb = nanobind;
@@ -16,7 +16,6 @@ namespace nb = nanobind;
 namespace {
 
 using fltea::PortNews;
-using fltea::PortRead;
 
 class PortReader {
   public:
@@ -41,7 +40,7 @@ class PortReader {
             nb::object lost = nb::none();
             if (one.error) lost = nb::make_tuple(one.error, one.lost.host_ns, one.lost.unix_offset_ns);
             found.append(nb::make_tuple(one.port, nb::bytes(one.bytes.data(), one.bytes.size()),
-                                        columns(one.reads), one.overflow_bytes, lost));
+                                        columns_of(one.reads), one.overflow_bytes, lost));
         }
         return nb::make_tuple(now_ns, found);
     }
@@ -54,22 +53,6 @@ class PortReader {
     }
 
   private:
-    nb::tuple columns(const std::vector<PortRead>& reads) const {
-        const std::size_t n = reads.size();
-        NumpyTable table(3 * n * sizeof(std::int64_t));
-        auto* const end = table.room<std::int64_t>(n);
-        auto* const host_ns = table.room<std::int64_t>(n);
-        auto* const unix_offset_ns = table.room<std::int64_t>(n);
-        for (std::size_t k = 0; k < n; ++k) {
-            end[k] = reads[k].end;
-            host_ns[k] = reads[k].stamp.host_ns;
-            unix_offset_ns[k] = reads[k].stamp.unix_offset_ns;
-        }
-        const nb::tuple shape = nb::make_tuple(n);
-        return nb::make_tuple(table.array(end, shape), table.array(host_ns, shape),
-                              table.array(unix_offset_ns, shape));
-    }
-
     fltea::PortReader reader_;
 };
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "device_binding.hpp"
+#include "port_read_binding.hpp"
 #include "round.hpp"
 #include "wire_line_binding.hpp"
 
@@ -16,7 +17,6 @@ namespace {
 
 using fltea::LineStop;
 using fltea::LineWalk;
-using fltea::PortRead;
 using fltea::RunRows;
 
 // Columns of rows that waited, in the order of RunRows, as arrays.
@@ -169,7 +169,10 @@ class Round {
                 return nb::make_tuple(line.is_unprinted(), rows);
             }
             case LineStop::kReads: {
-                const nb::tuple reads = columns_of(line.reads());
+                const fltea::PortNews& news = line.reads();
+                const nb::tuple columns = columns_of(news.reads);
+                const nb::tuple reads = nb::make_tuple(nb::bytes(news.bytes.data(), news.bytes.size()),
+                                                       columns[0], columns[1], columns[2]);  // as of Reads
                 line.reads() = fltea::PortNews();
                 return reads;
             }
@@ -183,23 +186,6 @@ class Round {
                 break;
         }
         return nb::none();
-    }
-
-    // As of Reads.
-    static nb::tuple columns_of(const fltea::PortNews& news) {
-        const std::size_t n = news.reads.size();
-        NumpyTable table(3 * n * sizeof(std::int64_t));
-        auto* const end = table.room<std::int64_t>(n);
-        auto* const host_ns = table.room<std::int64_t>(n);
-        auto* const unix_offset_ns = table.room<std::int64_t>(n);
-        for (std::size_t k = 0; k < n; ++k) {
-            end[k] = news.reads[k].end;
-            host_ns[k] = news.reads[k].stamp.host_ns;
-            unix_offset_ns[k] = news.reads[k].stamp.unix_offset_ns;
-        }
-        const nb::tuple shape = nb::make_tuple(n);
-        return nb::make_tuple(nb::bytes(news.bytes.data(), news.bytes.size()), table.array(end, shape),
-                              table.array(host_ns, shape), table.array(unix_offset_ns, shape));
     }
 
     fltea::Round round_;

@@ -15,14 +15,11 @@ namespace fltea {
 
 class RunPrinter {
   public:
-    // Numbers a row of the gyroscope, and of the accelerometer or 0; whether there are temperatures and
-    // flags; of each sensor that has samples its axes, whether it is the accelerometer, and whether it has
-    // estimates.
-    using Shape = std::vector<std::size_t>;
-
     // every: samples are printed whose number is a multiple of it. weight: records that one stands for. The
-    // text is of rows of this shape alone. Throws std::invalid_argument.
-    RunPrinter(std::shared_ptr<const LinePrinter> lines, std::int64_t every, std::size_t weight, Shape shape)
+    // text is of rows of this shape alone, which leaves out sensors without samples. Throws
+    // std::invalid_argument.
+    RunPrinter(std::shared_ptr<const LinePrinter> lines, std::int64_t every, std::size_t weight,
+               RunShape shape)
         : lines_(std::move(lines)), every_(every), weight_(weight), shape_(std::move(shape)) {
         if (every < 1) throw std::invalid_argument("there are records of every n-th sample");
         if (shape_.size() < kOfSensors || (shape_.size() - kOfSensors) % kOfSensor != 0)
@@ -36,13 +33,15 @@ class RunPrinter {
     }
 
     // Whether rows of the newest run are of its shape.
-    bool prints(const Device& device) const { return missed_ == 0 && shape_of(device) == shape_; }
+    bool prints(const Device& device) const {
+        return missed_ == 0 && shape_of(device, Absent::kLeftOut) == shape_;
+    }
 
     // Prints rows of the newest run; they are only counted where their shape is another one, as are all that
     // follow until they are taken.
     void append(const Device& device, std::size_t begin, std::size_t end) {
         if (begin >= end) return;
-        if (missed_ > 0 || shape_of(device) != shape_) {
+        if (missed_ > 0 || shape_of(device, Absent::kLeftOut) != shape_) {
             missed_ += end - begin;
             return;
         }
@@ -79,21 +78,8 @@ class RunPrinter {
 
     static bool has_samples(const SensorColumns& one) { return one.tracked != nullptr; }
 
-    static Shape shape_of(const Device& device) {
-        const RunColumns& run = device.run();
-        Shape shape = {run.gyro_width, run.accel_ms2 == nullptr ? 0 : run.accel_width,
-                       run.temperature_c != nullptr, run.flags != nullptr};
-        for (std::size_t k = 0; k < run.sensors.size(); ++k) {
-            if (!has_samples(run.sensors[k])) continue;
-            shape.push_back(device.sensors[k].places.size());
-            shape.push_back(device.sensors[k].is_accel);
-            shape.push_back(run.sensors[k].has_estimates);
-        }
-        return shape;
-    }
-
     // Of each column the numbers in a row; 0 where there is no such column.
-    static std::vector<std::size_t> widths_of(const Shape& shape) {
+    static std::vector<std::size_t> widths_of(const RunShape& shape) {
         std::vector<std::size_t> widths = {1, 1, 1, shape[0], shape[1], shape[2], shape[3], 0};
         for (std::size_t i = kOfSensors; i < shape.size(); i += kOfSensor) {
             if (!shape[i + 1] && widths[kCorrected] == 0) widths[kCorrected] = shape[i];
@@ -163,7 +149,7 @@ class RunPrinter {
     std::shared_ptr<const LinePrinter> lines_;
     std::int64_t every_;
     std::size_t weight_;
-    Shape shape_;
+    RunShape shape_;
     bool is_corrected_ = false;
     std::vector<char> data_;  // of which `used_` are printed: what is beyond is not cleared each time
     std::size_t used_ = 0, records_ = 0, missed_ = 0;

@@ -9,32 +9,14 @@
 
 namespace fltea {
 
-// Which columns a run has: numbers a row of the gyroscope, and of the accelerometer or 0; whether there are
-// temperatures and flags; of each sensor its axes (0: it has no samples), whether it is the accelerometer,
-// and whether it has estimates.
-using RunShape = std::vector<std::size_t>;
-
-inline RunShape shape_of(const Device& device) {
-    const RunColumns& run = device.run();
-    RunShape shape = {run.gyro_width, run.accel_ms2 == nullptr ? 0 : run.accel_width,
-                      run.temperature_c != nullptr, run.flags != nullptr};
-    for (std::size_t k = 0; k < run.sensors.size(); ++k) {
-        const bool has_samples = run.sensors[k].tracked != nullptr;
-        shape.push_back(has_samples ? device.sensors[k].places.size() : 0);
-        shape.push_back(device.sensors[k].is_accel);
-        shape.push_back(has_samples && run.sensors[k].has_estimates);
-    }
-    return shape;
-}
-
 class RunRows {
   public:
-    bool takes(const Device& device) const { return rows_ == 0 || shape_ == shape_of(device); }
+    bool takes(const Device& device) const { return rows_ == 0 || shape_ == shape_of(device, Absent::kZero); }
 
     // Adds rows of the newest run, which arrived then.
     void append(const Device& device, const std::int64_t* arrived_ns, std::size_t begin, std::size_t end) {
         if (rows_ == 0) {
-            shape_ = shape_of(device);
+            shape_ = shape_of(device, Absent::kZero);
             first_ns_ = arrived_ns[0];
         }
         const RunColumns& run = device.run();

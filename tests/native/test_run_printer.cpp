@@ -90,7 +90,7 @@ struct Walk {
     }
 };
 
-RunPrinter printer(Texts texts, Holes holes, std::int64_t every, RunPrinter::Shape shape, bool nulls = true) {
+RunPrinter printer(Texts texts, Holes holes, std::int64_t every, fltea::RunShape shape, bool nulls = true) {
     const auto lines = std::make_shared<const LinePrinter>(std::move(texts), std::move(holes), nulls);
     return RunPrinter(lines, every, 2, std::move(shape));
 }

@@ -11,6 +11,7 @@ from fltea.settings.config import Config, load_config
 from fltea.stream.beside import Beside
 from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
+from host_support import hello
 
 SMALL = {"estimator.window": 50, "estimator.startup": 20, "link.max_gap": 60}
 COUNTS = np.rint(np.random.default_rng(5).normal((3, -40, 0), 8, (1300, 3))).astype(int).tolist()
@@ -42,6 +43,15 @@ def raw(numbers: Iterable[int]) -> RawBlock:
     return block_of(
         [RawSample(k, k * 10_000, k * 10_000_000, tuple(COUNTS[k]), (k % 9, 5, 16384), 0.0) for k in numbers]
     )
+
+
+def reads(sizes: Iterable[int]) -> Iterator[Event]:
+    """A hello, and samples that follow on, so many in each read."""
+    yield hello()
+    begin = 0
+    for size in sizes:
+        yield raw(range(begin, begin + size))
+        begin += size
 
 
 def walk(

@@ -12,10 +12,9 @@ from fltea.records.ports import Wanted
 from fltea.settings.config import load_config
 from fltea.sinks.lines import BlockLines, run_printer
 from fltea.stream.pipeline import Pipeline
-from host_support import hello
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from walk_support import SMALL, Source, raw
+from walk_support import SMALL, Source, raw, reads
 
 N = 700
 BOTH = ["gyro_z", "accel_x", "gyro_x"]
@@ -67,14 +66,6 @@ class Printing:
         self._text, self._printer = text, run_printer(block, self._wanted)
         self._pipeline._decoder.native.set_printers([self._printer])
         self.made += 1
-
-
-def reads(sizes: Iterable[int]) -> Iterator[Event]:
-    yield hello()
-    begin = 0
-    for size in sizes:
-        yield raw(range(begin, begin + size))
-        begin += size
 
 
 def with_unknown(events: Iterable[Event]) -> Iterator[Event]:

@@ -1,6 +1,6 @@
 """Samples through the native device: the same however they come, sample by sample or all at once."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from fltea.settings.config import load_config
 from fltea.stream.pipeline import HANDLERS, Pipeline, Stop
 from host_support import hello
 from tiers import slow
-from walk_support import SMALL, Source, raw
+from walk_support import SMALL, Source, raw, reads
 
 N = 1000
 SETTINGS: list[dict[str, Any]] = [
@@ -32,14 +32,6 @@ def walk(events: Iterable[Event], changes: dict[str, Any], *, watched: bool = Tr
     pipeline = Pipeline(Source(), load_config(None, SMALL | changes), watched=watched)
     found: list[AnyRecord | Block] = [item for event in events for item in pipeline.feed(event)]
     return ndjson([*found, *pipeline.finish()])
-
-
-def reads(sizes: Iterable[int]) -> Iterator[Event]:
-    yield hello()
-    begin = 0
-    for size in sizes:
-        yield raw(range(begin, begin + size))
-        begin += size
 
 
 @pytest.mark.parametrize("watched", [True, slow(False)])
