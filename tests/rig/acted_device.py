@@ -55,6 +55,8 @@ ACTS = (
     "late",  # on the host's clock
     "silence",  # about half an hour
     "knock",
+    "step",  # of the bias
+    "turn",  # of the whole sensor, until the next one
     "still",  # all the time, or hardly ever a count
 )
 
@@ -80,6 +82,7 @@ class Device:
         )
         self.hello = hello(**news)
         self._noise, self._accel = 8.0, True
+        self._offset, self._turns = [3.0, -40.0, 0.0], 0.0
         self._pace = 1.0001 if birth.seed % 2 else 0.9999  # of its clock
 
     def does(self, acts: Iterable[Act]) -> Iterator[Event]:
@@ -161,6 +164,10 @@ class Device:
                 self._accel = not self._accel
             case "knock":
                 self._noise = 8.0 if self._noise != 8.0 else 2000 * amount
+            case "step":
+                self._offset[round(2 * amount)] += 40 * (amount - 0.5)
+            case "turn":
+                self._turns = 0.0 if self._turns else 1.0 + amount
             case "still":
                 self._noise = 8.0 if self._noise < 1 else 0.25 * (amount > 0.5)
 
@@ -173,10 +180,12 @@ class Device:
 
     def _sample(self) -> RawSample:
         self._pass(1)
-        gyro = tuple(np.rint([3, -40, 0] + self._noise * self._rng.standard_normal(3)).tolist())
+        rate = np.add(self._offset, 800 * self._turns)
+        gyro = tuple(np.rint(rate + self._noise * self._rng.standard_normal(3)).tolist())
         late_ns = int(self._rng.exponential(2e6))
         place = self._sequence % 2**16, self._device_us % 2**32, self._host_ns + late_ns
-        accel = tuple(np.rint([0, 0, 16384] + 20 * self._rng.standard_normal(3)).tolist())
+        tilted = [3000 * self._turns, 0, 16384]
+        accel = tuple(np.rint(tilted + 20 * self._rng.standard_normal(3)).tolist())
         return RawSample(*place, gyro, accel if self._accel else None, 300.0, int(late_ns % 4))
 
 

@@ -6,10 +6,11 @@ It is the oracle of `fltea.stream.pipeline`, and the page on which to read what 
 1. `plain_place.Place` gives it its number and its device time, which do not wrap, and tells what was lost;
 2. `one_by_one.Timebase` gives it its host time, by a line through the earliest arrivals of ten minutes;
 3. `in_units` makes deg/s, m/s² and °C of its counts, by the scales of the newest HELLO;
-4. `plain_sensor.Sensor` finds bias and R by the first ones, and lets the filters take all others;
-5. `PlainWalk` says what has come of it: the records, in their order, and once a second statistics.
+4. `plain_tracks.SensorTracks` tells the bias of each axis, and whether the sensor moves;
+5. `plain_sensor.Sensor` finds bias and R by the first ones, and lets the filters take all others;
+6. `PlainWalk` says what has come of it: the records, in their order, and once a second statistics.
 
-Left out are live fits, the trackers of biases, and boards that estimate by themselves.
+Left out are live fits, and boards that estimate by themselves.
 """
 
 from collections.abc import Iterator
@@ -31,14 +32,19 @@ from fltea.records.records import (
     Estimate,
     Gap,
     Hello,
+    Motion,
     Sample,
     Stats,
+    Step,
 )
 from fltea.records.stats import DeviceStatus, SampleStats
 from fltea.settings.config import Config
+from fltea.settings.estimator import EstimatorConfig
 from one_by_one import Timebase
 from plain_place import LONGEST_SILENCE_NS, Place, steps_between
 from plain_sensor import Loss, Sensor, Vector
+from plain_tracks import Place as Stated
+from plain_tracks import SensorTracks, with_tracks
 
 SECOND_NS = 10**9
 MINUTE_NS = 60 * SECOND_NS
@@ -59,7 +65,7 @@ def in_units(raw: RawSample, hello: Hello) -> tuple[Vector, Vector | None, float
 
 
 class Saved(NamedTuple):
-    """What a later walk goes on from. The filters are handed over, not copied: the walk ends there.
+    """What a later walk goes on from. Filters and trackers are handed over, not copied: the walk ends there.
 
     sample: the last one; unix_ns: when it came, by the date as of the snapshot. made_with: what must be the
     same.
@@ -70,6 +76,7 @@ class Saved(NamedTuple):
     boot_id: int | None
     sample: RawSample
     sensors: list[Sensor]
+    tracks: dict[str, SensorTracks]
 
 
 class PlainWalk:
@@ -96,6 +103,7 @@ class PlainWalk:
         self._epoch = self._now_ns = 0
         self._offset_ns = source.unix_offset_ns  # of this epoch: a date set since does not tear its times
         self._sensors: list[Sensor] = []
+        self._tracks: dict[str, SensorTracks] = {}  # by unit
         self._board: DeviceStatus | None = None
         self._newest: RawSample | None = None  # that was used
         self._lost_told_ns: dict[str, int] = {}
@@ -158,7 +166,7 @@ class PlainWalk:
         if missing:  # told in the epoch in which they are missing, which may end with them
             of_epoch = self._epoch - (reason is not None)
             yield Gap(seq - missing, missing, of_epoch, host_ns, device=device)
-        place = seq, self._epoch, device_us, host_ns
+        place = Stated(seq, self._epoch, device_us, host_ns)
         if reason is not None:
             info = {sensor.unit: sensor.info() for sensor in self._sensors}
             of_both = info.get(GYRO_UNIT), info.get(ACCEL_UNIT)
@@ -175,6 +183,7 @@ class PlainWalk:
             )
         elif missing:
             for sensor in self._sensors:
+                self._tracks[sensor.unit].miss(missing)
                 yield from self._lost(sensor.miss(missing))
         self._newest = raw
         is_due = seq % self._config.output.every == 0
@@ -183,10 +192,14 @@ class PlainWalk:
         yield from self._estimate(place, gyro_dps, accel_ms2, is_due=is_due)
 
     def _estimate(
-        self, place: tuple[int, int, int, int], gyro_dps: Vector, accel_ms2: Vector | None, *, is_due: bool
+        self, place: Stated, gyro_dps: Vector, accel_ms2: Vector | None, *, is_due: bool
     ) -> Iterator[AnyRecord]:
-        """Let the filters take a sample; what they make of it, who was lost, and whose window was empty."""
+        """Let trackers and filters take a sample.
+
+        Yields what they make of it, who was lost, what has happened with it, and whose window was constant.
+        """
         axes: dict[str, AxisEstimate] = {}
+        happened: list[Step | Motion] = []
         lost: list[Loss] = []
         full: list[Sensor] = []
         variant = ""
@@ -194,14 +207,19 @@ class PlainWalk:
             values = gyro_dps if sensor.unit == GYRO_UNIT else accel_ms2
             if values is None:
                 continue
+            tracks = self._tracks[sensor.unit]
+            tracked = tracks.take(values, accel_ms2 if sensor.unit == GYRO_UNIT else None)
+            happened += tracks.happened(place, self._config.name)
             filled = sensor.startup_remaining == 1
             found, lost_of_sensor = sensor.take(values)
             variant = variant or (sensor.config.variant if found else "")
-            axes, lost = axes | found, lost + lost_of_sensor
+            axes |= {axis: with_tracks(one, tracked[axis]) for axis, one in found.items()}
+            lost += lost_of_sensor
             full += [sensor] if filled else []
         if axes and is_due:
             yield Estimate(*place, variant, axes, device=self._config.name)
         yield from self._lost(sorted(lost))
+        yield from happened
         for axis in (axis for sensor in full for axis in sensor.constant_axes):
             yield self._error("constant_axis", axis)
 
@@ -214,6 +232,12 @@ class PlainWalk:
         """
         saved, self._saved = self._saved, None
         self._sensors = list(self._sensors_of(raw, hello, accel_ms2))
+        self._tracks = {
+            one.unit: SensorTracks(
+                one.axes, one.unit, self._settings_of(one.unit), self._config.live, one.rate_hz
+            )
+            for one in self._sensors
+        }
         if saved is None:
             return reason, None, None
         now_unix_ns = raw.host_ns + self._offset_ns
@@ -222,8 +246,11 @@ class PlainWalk:
         age_s = (now_unix_ns - saved.unix_ns) * 1e-9
         known = {sensor.unit: sensor for sensor in saved.sensors}
         self._sensors = [known.get(sensor.unit, sensor) for sensor in self._sensors]
+        self._tracks |= saved.tracks
         for sensor in self._sensors:
-            sensor.bridge(missing_since(saved, hello, raw, age_s))
+            missing = missing_since(saved, hello, raw, age_s)
+            sensor.bridge(missing)
+            self._tracks[sensor.unit].miss(missing)
         return "resumed", age_s, None
 
     def _sensors_of(self, raw: RawSample, hello: Hello, accel_ms2: Vector | None) -> Iterator[Sensor]:
@@ -236,6 +263,9 @@ class PlainWalk:
         accel = {axis: k for k, axis in enumerate(ACCEL_AXES) if accel_ms2 and axis in (wanted or ())}
         if accel:
             yield Sensor(accel, ACCEL_UNIT, config.accel, rate_hz, 9.80665 / per_g if per_g else 0.0)
+
+    def _settings_of(self, unit: str) -> EstimatorConfig:
+        return self._config.estimator if unit == GYRO_UNIT else self._config.accel
 
     def _absent(self, raw: RawSample, accel_ms2: Vector | None) -> Iterator[Error]:
         """Tell once which of the wanted channels are not there."""
@@ -256,6 +286,7 @@ class PlainWalk:
     def stats(self) -> Stats:
         """Sum up the walk so far."""
         place, timebase = self._place, self._timebase
+        tracker = {axis: stats for one in self._tracks.values() for axis, stats in one.stats()}
         return Stats(
             epoch=self._epoch,
             host_ns=self._unix_ns,
@@ -266,7 +297,11 @@ class PlainWalk:
             sample_counts=SampleStats(
                 place.delivered, place.lost, place.gaps, place.duplicates, place.before_hello
             ),
-            axes={axis: stats for one in self._sensors for axis, stats in one.stats()},
+            axes={
+                axis: msgspec.structs.replace(stats, tracker=tracker[axis])
+                for one in self._sensors
+                for axis, stats in one.stats()
+            },
             board=self._board,
             device=self._config.name,
         )
@@ -281,7 +316,9 @@ class PlainWalk:
         if any(one.baseline is None or one.constant_axes for one in self._sensors):
             return None
         unix_ns = newest.host_ns + self._source.unix_offset_ns
-        return Saved(made_with(hello, self._config), unix_ns, hello.boot_id, newest, self._sensors)
+        return Saved(
+            made_with(hello, self._config), unix_ns, hello.boot_id, newest, self._sensors, self._tracks
+        )
 
     @property
     def _unix_ns(self) -> int:

@@ -38,9 +38,6 @@ class Comparable(NamedTuple):
 
 
 def comparable(record: AnyRecord) -> Comparable:
-    if isinstance(record, Estimate):
-        axes = {axis: without_tracker(one) for axis, one in record.axes.items()}
-        record = msgspec.structs.replace(record, axes=axes)
     if isinstance(record, Error):
         record = msgspec.structs.replace(record, message=words_of(record))
     host_ns, rounded = record.host_ns, list[float]()
@@ -49,15 +46,10 @@ def comparable(record: AnyRecord) -> Comparable:
         for axis in record.axes.values():
             figures += [axis.innovation_lag1, axis.innovation_nis]
         rounded = [math.nan if one is None else one for one in figures]
-        nothing = {"innovation_lag1": None, "innovation_nis": None, "tracker": None}
+        nothing = {"innovation_lag1": None, "innovation_nis": None}
         axes_ = {name: msgspec.structs.replace(one, **nothing) for name, one in record.axes.items()}
         record = msgspec.structs.replace(record, rate_hz=None, clock_ppm=None, axes=axes_)
     return Comparable(msgspec.structs.replace(record, host_ns=0), host_ns, rounded)
-
-
-def without_tracker(axis: AxisEstimate) -> AxisEstimate:
-    nothing = dict.fromkeys(("bias", "bias_std", "state", "state_std", "innovation"), None)
-    return msgspec.structs.replace(axis, moving=False, **nothing)
 
 
 def words_of(error: Error) -> str:
@@ -71,7 +63,7 @@ def words_of(error: Error) -> str:
 
 def assert_same(found: Iterable[AnyRecord], expected: Iterable[AnyRecord]) -> None:
     """Both walks' records: to the bit, but for host times and figures of many samples."""
-    mine = [comparable(one) for one in found if not isinstance(one, Step | Motion)]
+    mine = [comparable(one) for one in found]
     plain = [comparable(one) for one in expected]
     for a, b in zip(mine, plain, strict=False):
         assert a.exact == b.exact
@@ -149,6 +141,30 @@ def test_estimates_are_those_of_the_plain_walk(examples: int) -> None:
         assert_same(*both(source, events, load_config(None, PLAIN | changes)))
 
     holds()
+
+
+RESTS = Act(samples=1500, cuts=(17, 500))
+EVENTFUL = [
+    RESTS,
+    Act("knock", 0.5, 40),
+    Act("knock", 0.5, 900, (3,)),
+    Act("step", 0.9, 1500, (100, 101)),
+    Act("turn", 0.3, 300, (64,)),
+    Act("gap", 0.3, 200),
+    Act("turn", 0.3, 900, (250,)),
+    Act("boot", 0.4, 300),
+    Act("step", 0.1, 900),
+]
+
+
+@pytest.mark.parametrize("changes", [{}, {"channels": ["gyro_y", "gyro_z", "accel_x", "accel_z"]}])
+def test_a_step_a_knock_and_a_turn_are_those_of_the_plain_walk(changes: dict[str, Any]) -> None:
+    source = Source(unix_offset_ns=10**18)
+    events = Device(source, Birth(65_000, 2**32 - 10**7)).does(EVENTFUL)
+    found, expected = both(source, events, load_config(None, PLAIN | changes))
+    assert_same(found, expected)
+    assert {one.begins for one in of(Motion, found)} == {True, False}
+    assert of(Step, found)
 
 
 # Snapshots
