@@ -126,12 +126,12 @@ class Round:
     def now_ns(self, port: int) -> int: ...
     def overflow_bytes(self, port: int) -> int: ...
 
-    # Waits until something is due and takes it. The time; of each text bytes, and of each device when its
+    # Waits until something is due and takes it. Of each text bytes, and of each device when its
     # newest bytes arrived and how many records are its; and port, kind (`LineStop`) and what is told of what
     # has happened.
     def run(
         self, timeout_s: float
-    ) -> tuple[int, list[tuple[bytes, list[tuple[int, int]]]], list[tuple[int, int, Any]]]: ...
+    ) -> tuple[list[tuple[bytes, list[tuple[int, int]]]], list[tuple[int, int, Any]]]: ...
 
     # The longest that bytes have waited beyond their latency, since this was asked last.
     def waited_ns(self) -> int: ...
@@ -451,6 +451,9 @@ def sums_ahead(
 # Whether the axes are the accelerometer's, their columns, what takes the samples (sums, and samples of the
 # longest motion; estimates), and which axes wait to be settled.
 CLOCK_TOLERANCE: float
+
+# Whether a stop of the device (`fltea.stream.decode.Stop`) is before the next sample, not after the last one.
+def stands_before_sample(stop: int) -> bool: ...
 
 # Is an accelerometer; columns of its axes; tracker; sums; the longest motion [samples]; filters; samples
 # until their start-up window is full; axes that are not settled.

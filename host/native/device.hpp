@@ -30,6 +30,11 @@ enum class Stop : int {
     kFitDue,      // after a sample: a fit is to begin
 };
 
+// Whether it is with the next sample that something is to be done, not with the last one.
+constexpr bool stands_before_sample(Stop stop) {
+    return stop == Stop::kStatsDue || stop == Stop::kGap || stop == Stop::kEpoch;
+}
+
 // What has happened with a sample: `lost` says that an axis became invalid, else `event` counts.
 struct Happening {
     std::size_t row;  // of the run

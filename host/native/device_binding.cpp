@@ -20,6 +20,10 @@ std::vector<std::int64_t> unix_times(const std::vector<std::int64_t>& seq,
 
 void bind_device(nb::module_& m) {
     m.attr("CLOCK_TOLERANCE") = fltea::Place::kClockTolerance;
+    m.def(
+        "stands_before_sample",
+        [](int stop) { return fltea::stands_before_sample(static_cast<fltea::Stop>(stop)); },
+        nb::arg("stop"));
     nb::class_<fltea::TrackerPart>(m, "TrackerPart");
     nb::class_<fltea::SumsPart>(m, "SumsPart");
     nb::class_<fltea::BankPart>(m, "BankPart");

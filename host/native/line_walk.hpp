@@ -48,9 +48,7 @@ class LineWalk {
     const Device& device() const { return device_; }
     // When the sample arrived before which, or behind which, the device stopped.
     std::int64_t stopped_ns() const {
-        const bool is_before = advanced_.stop == Stop::kStatsDue || advanced_.stop == Stop::kGap ||
-                               advanced_.stop == Stop::kEpoch;
-        return is_before ? samples_.host_ns[advanced_.next] : now_ns_;
+        return stands_before_sample(advanced_.stop) ? samples_.host_ns[advanced_.next] : now_ns_;
     }
     RunRows& rows() { return rows_; }
     PortNews& reads() { return reads_; }

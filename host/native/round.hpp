@@ -53,15 +53,15 @@ class Round {
     void end(std::size_t port) { ports_[port].has_ended = true; }
 
     // Goes on with lines that the caller has been at; with nothing there, waits for bytes, a tick, rows that
-    // are due, `wake` or the timeout. Returns the time and what is the caller's, one for each port at most.
-    std::int64_t run(double timeout_s, std::vector<Happened>& happened) {
+    // are due, `wake` or the timeout. happened: gets what is the caller's, one for each port at most.
+    void run(double timeout_s, std::vector<Happened>& happened) {
         std::int64_t now_ns = stamp_now().host_ns;
         for (std::size_t port = 0; port < ports_.size(); ++port) {
             if (ports_[port].is_left) walk(port, now_ns, happened);
         }
         const bool has_text =
             std::any_of(texts_.begin(), texts_.end(), [](const Text& text) { return !text.bytes.empty(); });
-        if (!happened.empty() || has_text) return now_ns;
+        if (!happened.empty() || has_text) return;
         news_.clear();
         now_ns = reader_.take(std::min(timeout_s, double(due_ns() - now_ns) * 1e-9), news_);
         for (PortNews& one : news_) take(one, now_ns, happened);
@@ -75,7 +75,6 @@ class Round {
             }
             if (ticks || now_ns >= one.walk->due_ns()) walk(port, now_ns, happened);
         }
-        return now_ns;
     }
 
     // Why a line could not go on (kFault).

@@ -108,14 +108,13 @@ class Round {
     std::int64_t now_ns(std::size_t port) { return at(port).now_ns(); }
     std::int64_t overflow_bytes(std::size_t port) { return at(port).overflow_bytes; }
 
-    // The time, what was printed of each text (bytes, and of each device when it arrived and its records),
+    // What was printed of each text (bytes, and of each device when it arrived and its records),
     // and what has happened: port, kind, and what is told of it.
     nb::tuple run(double timeout_s) {
-        std::int64_t now_ns = 0;
         happened_.clear();
         {
             const nb::gil_scoped_release release;
-            now_ns = round_.run(timeout_s, happened_);
+            round_.run(timeout_s, happened_);
         }
         nb::list printed;
         for (fltea::Text& text : round_.texts()) {
@@ -134,7 +133,7 @@ class Round {
                 one.stop == LineStop::kFault ? nb::object(nb::str(fault.c_str())) : told(line, one.stop);
             happened.append(nb::make_tuple(one.port, static_cast<int>(one.stop), what));
         }
-        return nb::make_tuple(now_ns, printed, happened);
+        return nb::make_tuple(printed, happened);
     }
 
     std::int64_t waited_ns() {

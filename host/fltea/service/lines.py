@@ -114,7 +114,7 @@ class LineLoop:
 
     def _run(self, wait_s: float) -> None:
         """Take what comes, and do what has happened."""
-        _, printed, happened = self._round.run(wait_s)
+        printed, happened = self._round.run(wait_s)
         for text, (data, parts) in zip(self._texts, printed, strict=True):
             if data:
                 self._hub.print(text, Printed(data, sum(records for _, records in parts), parts))

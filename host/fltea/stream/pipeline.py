@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from fltea._native import Device
+from fltea._native import Device, stands_before_sample
 from fltea.estimator.lanes import Reason
 from fltea.records.block import Block
 from fltea.records.clock import SECOND_NS
@@ -405,5 +405,5 @@ HANDLERS: dict[Stop, Callable[[Pipeline, Any], Iterator[Output]]] = {
 }
 """What each stop of the native device leads to; nothing at `END` and `MORE`."""
 
-BEFORE_SAMPLE = {Stop.STATS_DUE, Stop.GAP, Stop.EPOCH}
+BEFORE_SAMPLE = {stop for stop in Stop if stands_before_sample(stop)}
 """Stops before the next sample; the others are behind the last one."""
