@@ -6,7 +6,6 @@ import msgspec
 import numpy as np
 import pytest
 from fltea.estimator.bank import Bank
-from fltea.identification.fltea_fit import fltea_fit
 from fltea.identification.shuffled import (
     GROUP_BYTES,
     LEAST_LANES,

@@ -10,7 +10,6 @@ from fltea.estimator.lanes import Lanes
 from fltea.identification import findings
 from fltea.identification.allan import allan, overlapping
 from fltea.identification.axis import IdentifyOptions
-from fltea.identification.fltea_fit import fltea_fit
 from fltea.identification.gaps import (
     LONGEST_BRIDGE,
     Gaps,

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from fltea.identification.fltea_fit import fltea_fit
 from fltea.records.fit import Interval
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import describes, describes_order

@@ -8,7 +8,6 @@ import pytest
 from fltea.estimator.baseline import lane_baselines
 from fltea.estimator.engine import Engine
 from fltea.estimator.lane_settings import LaneSettings
-from fltea.identification.fltea_fit import fltea_fit
 from fltea.settings.estimator import EstimatorConfig
 
 from tools.validation.evaluate.cases import POWER, Case, H, samples

@@ -12,7 +12,7 @@ from fltea.api.identified import Identified
 from fltea.identification.about_levels import look_at
 from fltea.identification.advice import doubted, expecting_steps
 from fltea.identification.allan import allan_of
-from fltea.identification.axis import AxisResult, IdentifyOptions, Looked, identified
+from fltea.identification.axis import AxisResult, IdentifyOptions, Looked, described, fltea_axis
 from fltea.identification.conclusions import conclude, in_agreement, tracked_of
 from fltea.identification.event_traps import event_traps
 from fltea.identification.forecast import Goal
@@ -130,7 +130,8 @@ def examine(
     left_out: steps and motion; None: what seems to be motion before there is a model.
     """
     looked, series, out, telegraph = look_at(series, h, options, left_out)
-    found = identified(looked, series.lsb, options)
+    fltea_axis(looked, series.lsb, options).why_not(h)  # the same series are possible as for the command
+    found = described(looked)
     traps = (*known, *traps_of(looked, series, found, telegraph))
     why = withheld(traps)
     tracked = None if why else tracked_of(looked, telegraph)

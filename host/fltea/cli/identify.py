@@ -73,7 +73,8 @@ def identify(
         typer.Option(
             metavar="N",
             min=0,
-            help="Shuffled copies that FLTEA is run on, to show what white noise gives; 0: none, and faster.",
+            help="With --json, --details, --report, or several files: copies in another order that FLTEA is "
+            "run on, to show what it gives for white noise of the same size; 0: none, and faster.",
         ),
     ] = 200,
     notch: Annotated[
@@ -234,7 +235,14 @@ def identify(
         )
     ahead = forecast if goal is None else goal
     by = run.Settings(
-        options, chosen.estimator, chosen.accel, figures=report is not None, forecast=ahead, live=chosen.live
+        options,
+        chosen.estimator,
+        chosen.accel,
+        # The answer says nothing of it, but for the table of several recordings.
+        fltea=as_json or details or report is not None or len(requests) > 1,
+        figures=report is not None,
+        forecast=ahead,
+        live=chosen.live,
     )
     reports = _run(requests, by, jobs, dask)
     if part is not None:

@@ -39,10 +39,7 @@ def look_at(series: Series, h: float, options: IdentifyOptions, left_out: LeftOu
     rest, telegraph = without_levels(series, h)
     out = likely_motion(rest) if left_out is None else left_out
     whole = without(series, out)
-    if telegraph is not None:
-        rest = without(rest, LeftOut((*out.moved, *telegraph.passages), out.steps))
-    else:
-        rest = whole
+    rest = _looked_at(rest, whole, telegraph, out)
     try:
         looked = look(rest.y, h, options, rest.gaps)
     except ValueError as error:
@@ -54,6 +51,19 @@ def look_at(series: Series, h: float, options: IdentifyOptions, left_out: LeftOu
     if telegraph is not None:
         looked = looked._replace(verdict=_with_levels(looked.verdict, telegraph, series.unit))
     return AxisLook(looked, whole, out, telegraph)
+
+
+def samples_looked_at(series: Series, h: float, left_out: LeftOut) -> Series:
+    """Return the samples of which a look is that leaves this out; h: sampling period in s."""
+    rest, telegraph = without_levels(series, h)
+    return _looked_at(rest, without(series, left_out), telegraph, left_out)
+
+
+def _looked_at(rest: Series, whole: Series, telegraph: Telegraph | None, out: LeftOut) -> Series:
+    """Return samples less their levels, if they have some, and less what is left out; whole: with levels."""
+    if telegraph is None:
+        return whole
+    return without(rest, LeftOut((*out.moved, *telegraph.passages), out.steps))
 
 
 def _with_levels(verdict: Verdict, telegraph: Telegraph, unit: str) -> Verdict:

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fltea.identification.fltea_fit import ConstantStartup, FlteaFit, fltea_fit
+from fltea.identification.fltea_fit import FlteaAxis, FlteaFit, FlteaFits, fltea_fits
 from fltea.identification.gaps import Gaps, Stretch, bridged, no_gaps
 from fltea.identification.shuffled import Copies, ShuffledBand, shuffled_band
 from fltea.identification.sums import Summed, examined_stretches
@@ -25,9 +25,7 @@ from fltea.spectrum.null_constants import PROBABILITIES
 from fltea.spectrum.spectral import Band
 from fltea.spectrum.verdict import Verdict, decide
 
-Variant = Literal["triple", "joint"]
-
-OTHER: dict[Variant, Variant] = {"joint": "triple", "triple": "joint"}
+NOT_RUN = "nobody asked for it"
 
 
 class IdentifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -143,33 +141,10 @@ def look(y: ArrayLike, h: float, options: IdentifyOptions | None = None, gaps: G
     return Looked(samples, h, gaps, summed.stretches, summed, verdict, noise_figures(evidence, verdict))
 
 
-def identified(looked: Looked, lsb: float | None, options: IdentifyOptions | None = None) -> AxisResult:
-    """Identify an axis that was looked at, with these options; FLTEA is run over the longest epoch.
-
-    lsb: one count in the unit of y, if known. The shuffled copies are left for `with_copies`: they take most
-    of the time, and anyone may do them.
-
-    Raises:
-        ValueError: settings that no filter can work with.
-    """
+def described(looked: Looked) -> AxisResult:
+    """Return what is found out about an axis that was looked at, without FLTEA."""
     y, h, seen = looked.y, looked.h, looked.summed.seen
-    config = (options or IdentifyOptions()).estimator
     e = seen.evidence
-    fits: dict[Variant, FlteaFit | None] = {}
-    innovations: dict[str, Innovations | None] = {}
-    reason = ""
-    for variant in (config.variant, OTHER[config.variant]):
-        try:
-            fits[variant], innovations[variant] = fltea_fit(
-                y,
-                h,
-                msgspec.structs.replace(config, variant=variant),
-                lsb,
-                looked.gaps,
-                looked.verdict.order.alpha,
-            )
-        except ConstantStartup as error:
-            fits[variant], innovations[variant], reason = None, None, str(error)
     longest = max((one.y for one in looked.stretches), key=len)
     critical = dict(zip(PROBABILITIES, critical_values(seen.ordinates).tolist(), strict=True))
     return AxisResult(
@@ -198,10 +173,39 @@ def identified(looked: Looked, lsb: float | None, options: IdentifyOptions | Non
         sentences=summaries(e.frontier),
         stands="plain" if looked.figures.sentence is e.frontier.plain else "order",
         peaks=e.peaks,
-        fltea=fits[config.variant],
-        fltea_other=fits[OTHER[config.variant]],
-        innovations=innovations,
-        fltea_reason=reason,
+        fltea=None,
+        fltea_other=None,
+        innovations={},
+        fltea_reason=NOT_RUN,
+    )
+
+
+def fltea_axis(looked: Looked, lsb: float | None, options: IdentifyOptions) -> FlteaAxis:
+    """Return what FLTEA is run over. lsb: one count in the unit of y, if known."""
+    return FlteaAxis(looked.y, looked.gaps, options.estimator, lsb, looked.verdict.order.alpha)
+
+
+def identified(looked: Looked, lsb: float | None, options: IdentifyOptions | None = None) -> AxisResult:
+    """Identify an axis that was looked at, with these options; FLTEA is run over the longest epoch.
+
+    lsb: one count in the unit of y, if known. The shuffled copies are left for `with_copies`: they take most
+    of the time, and anyone may do them.
+
+    Raises:
+        ValueError: settings that no filter can work with.
+    """
+    (fits,) = fltea_fits([fltea_axis(looked, lsb, options or IdentifyOptions())], looked.h)
+    return with_fltea(described(looked), fits)
+
+
+def with_fltea(result: AxisResult, found: FlteaFits) -> AxisResult:
+    """Add what FLTEA gave for the axis."""
+    return msgspec.structs.replace(
+        result,
+        fltea=found.own,
+        fltea_other=found.other,
+        innovations=found.innovations,
+        fltea_reason=found.reason,
     )
 
 

@@ -1,4 +1,4 @@
-"""What the figures of the report are drawn from: more than the numbers in `axis.AxisResult`."""
+"""What the figures of the report are drawn from: more than the numbers in `fltea.identification.axis`."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ import numpy as np
 from fltea.estimator.baseline import baseline_of, lane_baselines
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
-from fltea.identification.axis import AxisResult, IdentifyOptions, Looked
+from fltea.identification.axis import IdentifyOptions, Looked
 from fltea.identification.fltea_fit import after_startup
 from fltea.identification.gaps import Gaps, longest_epoch
 from fltea.identification.shuffled import ACCURACY, BLOCK, PROBABILITIES
@@ -63,11 +63,14 @@ class Curves(NamedTuple):
     innovations: int
 
 
-def curves(looked: Looked, lsb: float | None, options: IdentifyOptions, result: AxisResult) -> Curves:
-    """Make them for an axis that has been identified with these options; lsb: one count, if known."""
+def curves(looked: Looked, lsb: float | None, options: IdentifyOptions, *, with_path: bool = True) -> Curves:
+    """Make them for an axis that has been identified with these options; lsb: one count, if known.
+
+    with_path: FLTEA can be run over it.
+    """
     whole = binned(left_in(looked.summed.lines, options.from_hz, options.notch_hz))
     path, tested = None, np.empty(0)
-    if result.fltea is not None:
+    if with_path:
         path, innovation = _path(looked.y, looked.gaps, looked.h, lsb, options)
         tested = innovation[len(innovation) // 3 :]
     return Curves(

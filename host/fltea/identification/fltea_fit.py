@@ -1,7 +1,11 @@
-"""FLTEA itself on a recording, as the daemon runs it: start-up window, bias, R, guard, supervisor."""
+"""FLTEA itself on a recording, as the daemon runs it: start-up window, bias, R, guard, supervisor.
+
+All axes with the same settings are lanes of one engine.
+"""
 
 import math
-from typing import Literal
+from collections.abc import Iterator, Sequence
+from typing import Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -16,14 +20,14 @@ from fltea.records.fit import Interval
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import Innovations, InnovationSums, describes, describes_order
 
+Variant = Literal["triple", "joint"]
+
+OTHER: dict[Variant, Variant] = {"joint": "triple", "triple": "joint"}
+
 CHUNK = 4096
-"""Samples that the lane takes at a time."""
+"""Samples that the lanes take at a time."""
 LEAST = 100
 """Samples after the start-up window."""
-
-
-class ConstantStartup(ValueError):
-    """The axis does not change in the start-up window, so that FLTEA has no R."""
 
 
 class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -63,73 +67,150 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All of them: window, start-up, tuning."""
 
 
-def fltea_fit(
-    y: Array,
-    h: float,
-    config: EstimatorConfig,
-    lsb: float | None = None,
-    gaps: Gaps | None = None,
-    order: Interval | None = None,
-) -> tuple[FlteaFit, Innovations | None]:
-    """Run the variant and guard of `config` over one axis, (n,), at a period of h s.
+class FlteaAxis(NamedTuple):
+    """An axis over which FLTEA is to be run.
 
-    gaps: between the samples, if there are any. As live, lost samples are predicted, and after a long gap all
-    begins again: so it is run over the longest part between two such gaps.
+    As live, lost samples are predicted, and after a long gap all begins again: so it is run over the longest
+    part between two such gaps.
+    """
 
-    Returns the last estimates, and the test of the innovations of the last two thirds.
+    y: Array
+    """Its samples, (n,)."""
+    gaps: Gaps
+    """Between them."""
+    config: EstimatorConfig
+    """bias and R, where they are numbers, are those of this axis."""
+    lsb: float | None
+    """One count in the unit of y, if known; the variance of rounding is the least R."""
+    order: Interval | None
+    """The noise's by the verdict, without ends if it has none; None where there is no verdict."""
 
-    lsb: one count in the unit of y, if known; the variance of rounding is the least R. order: the noise's by
-    the verdict, without ends if it has none; None where there is no verdict.
+    def why_not(self, h: float) -> str:
+        """Return why FLTEA cannot be run, nothing if it can; h: sampling period in s.
+
+        Raises:
+            ValueError: settings that no filter can work with, fewer samples than the start-up window has
+                and a hundred more.
+        """
+        lane = _lane(self)
+        if not isinstance(lane, str):
+            for variant in OTHER:
+                _settings(msgspec.structs.replace(self.config, variant=variant), h, [lane.R]).table(1)
+        return lane if isinstance(lane, str) else ""
+
+
+class FlteaFits(NamedTuple):
+    """What FLTEA gives for one axis."""
+
+    own: FlteaFit | None
+    """Of the variant of its settings; None for `reason`."""
+    other: FlteaFit | None
+    innovations: dict[str, Innovations | None]
+    """The test of those of the last two thirds, by variant."""
+    reason: str = ""
+
+
+def fltea_fits(axes: Sequence[FlteaAxis], h: float) -> list[FlteaFits]:
+    """Run both variants over axes at a period of h s, each as if it were alone.
 
     Raises:
-        ConstantStartup: the axis is constant in the start-up window.
-        ValueError: settings that no filter can work with, fewer samples than the start-up window has
-            and a hundred more.
+        ValueError: as `FlteaAxis.why_not`.
     """
-    gaps = gaps or no_gaps()
-    begin, end = longest_epoch(len(y), gaps)
-    y, gaps = y[begin:end], gaps.within(begin, end)
+    lanes = [_lane(one) for one in axes]
+    found: list[dict[Variant, tuple[FlteaFit, Innovations | None]]] = [{} for _ in axes]
+    for variant in OTHER:
+        for config, places in _alike(axes, lanes, variant):
+            own = [lane for place in places if not isinstance(lane := lanes[place], str)]
+            for place, lane, ran in zip(places, own, _run(own, h, config), strict=True):
+                settings = msgspec.structs.replace(axes[place].config, variant=variant)
+                found[place][variant] = _fit(lane, ran, settings, axes[place].order), ran.tested
+    fits = []
+    for axis, lane, of_axis in zip(axes, lanes, found, strict=True):
+        variants = axis.config.variant, OTHER[axis.config.variant]
+        own_fit, other = (of_axis[one][0] if one in of_axis else None for one in variants)
+        tested = {one: of_axis[one][1] if one in of_axis else None for one in variants}
+        fits.append(FlteaFits(own_fit, other, tested, lane if isinstance(lane, str) else ""))
+    return fits
+
+
+class _Lane(NamedTuple):
+    """What the engine gets of an axis."""
+
+    rest: Array
+    """What follows the start-up window, with a 0 for each lost sample."""
+    missing: Mask | None
+    bias: float
+    R: float
+    samples: int
+    """With the window, without lost ones."""
+
+
+def _lane(axis: FlteaAxis) -> _Lane | str:
+    """Return the lane of an axis, or why there can be none; ValueError: as `FlteaAxis.why_not`."""
+    begin, end = longest_epoch(len(axis.y), axis.gaps)
+    y, gaps, config = axis.y[begin:end], axis.gaps.within(begin, end), axis.config
     if len(y) < config.startup_needed + LEAST:
         raise ValueError(
             f"{len(y)} samples: the start-up window takes {config.startup_needed}, and at least {LEAST} "
             "have to follow it"
         )
-    base = baseline_of(y, "axis", config, lsb)
+    base = baseline_of(y, "axis", config, axis.lsb)
     if base.constant_axes:
-        raise ConstantStartup(
-            f"the axis is constant in the start-up window, its first {config.startup_needed} samples"
-        )
-    bias, R = base.bias_dps[0], base.R[0]
-    used, (rest, missing) = len(y), after_startup(y, gaps, config)
-    run = _Run(rest, missing, bias, h, config, R)
-    alpha, alpha_std, f, f_std = (_number(value) if run.valid else None for value in run.last)
-    alpha_drift, f_drift = run.alpha.value(), run.f.value()
-    tested = run.innovations
+        window = f"the start-up window, its first {config.startup_needed} samples"
+        return f"the axis is constant in {window}"
+    return _Lane(*after_startup(y, gaps, config), base.bias_dps[0], base.R[0], len(y))
+
+
+def _alike(
+    axes: Sequence[FlteaAxis], lanes: Sequence[_Lane | str], variant: Variant
+) -> Iterator[tuple[EstimatorConfig, list[int]]]:
+    """Yield settings of this variant, and which axes have them; bias and R may differ."""
+    groups: list[tuple[EstimatorConfig, list[int]]] = []
+    for place, (axis, lane) in enumerate(zip(axes, lanes, strict=True)):
+        if isinstance(lane, str):
+            continue
+        config = msgspec.structs.replace(axis.config, variant=variant, bias="startup", R="auto")
+        for known, places in groups:
+            if type(known) is type(config) and known == config:
+                places.append(place)
+                break
+        else:
+            groups.append((config, [place]))
+    yield from groups
+
+
+def _settings(config: EstimatorConfig, h: float, R: Sequence[float]) -> LaneSettings:
+    return LaneSettings(config, h, np.array(R))
+
+
+def _fit(lane: _Lane, ran: "_Ran", config: EstimatorConfig, order: Interval | None) -> FlteaFit:
+    alpha, alpha_std, f, f_std = (_number(value) if ran.valid else None for value in ran.last)
+    alpha_drift, f_drift = ran.alpha.value(), ran.f.value()
+    tested = ran.tested
     white = None if tested is None else describes(tested.samples, tested.ljung_box)
-    last_alpha, last_std, *_ = run.last
-    result = FlteaFit(
+    last_alpha, last_std, *_ = ran.last
+    return FlteaFit(
         variant=config.variant,
         guard=config.guard,
         alpha=alpha,
         alpha_std=alpha_std,
         f=f,
         f_std=f_std,
-        valid=run.valid,
-        bias=bias,
-        R=R,
+        valid=ran.valid,
+        bias=lane.bias,
+        R=lane.R,
         R_from="start-up window" if config.R == "auto" else "setting",
         startup_samples=config.startup_needed,
-        samples=used,
-        predicted=0 if missing is None else int(missing.sum()),
-        restarts=run.restarts,
-        interventions=run.interventions,
+        samples=lane.samples,
+        predicted=0 if lane.missing is None else int(lane.missing.sum()),
+        restarts=ran.restarts,
+        interventions=ran.interventions,
         alpha_drift=alpha_drift,
         f_drift=f_drift,
         converged=alpha_drift is not None and abs(alpha_drift) <= max(alpha_std or 0.0, 0.02),
         describes_noise=describes_order(white, last_alpha, last_std, order),
         settings=config,
     )
-    return result, tested
 
 
 def after_startup(y: Array, gaps: Gaps, config: EstimatorConfig) -> tuple[Array, Mask | None]:
@@ -137,36 +218,78 @@ def after_startup(y: Array, gaps: Gaps, config: EstimatorConfig) -> tuple[Array,
     return spread(y[config.startup_needed :], gaps.within(config.startup_needed, len(y)))
 
 
-class _Run:
-    """One lane over y (n,), the start-up window taken off, under the supervisor; memory for one block.
+class _Ran:
+    """What is kept of a lane of n samples; memory for one block.
 
     last: α, its deviation, f, its deviation after the last sample. alpha, f: their drift over the last third.
-    innovations: the test of those of the last two thirds.
+    tested: the innovations of the last two thirds.
     """
 
-    def __init__(
-        self, y: Array, missing: Mask | None, bias: float, h: float, config: EstimatorConfig, R: float
-    ) -> None:
-        lanes = Lanes(1, LaneSettings(config, h, R))
-        n, third = len(y), len(y) // 3
-        tested = InnovationSums()
-        self.alpha, self.f = _Drift(n - third, n), _Drift(n - third, n)
-        for start in range(0, n, CHUNK):
-            now = slice(start, start + CHUNK)
-            gone = None if missing is None else missing[now, np.newaxis]
-            block = lanes.run(y[now, np.newaxis] - bias, gone)
-            self.alpha.add(start, block.alpha[:, 0])
-            self.f.add(start, block.f[:, 0])
-            if start + CHUNK > third:
-                rows = slice(max(0, third - start), None)
-                tested.add(block.innovation[rows, 0], block.innovation_std[rows, 0])
-        self.innovations = tested.result()
-        last = block.alpha, block.alpha_std, block.f, block.f_std
-        self.last = tuple(float(column[-1, 0]) for column in last)
-        self.valid = bool(block.valid[-1, 0])
-        self.restarts = int(lanes.restarts[0])
-        counts = zip(CAUSES, lanes.interventions()[0].tolist(), strict=True)
+    def __init__(self, n: int) -> None:
+        self.n, self._third = n, n // 3
+        self.alpha, self.f = _Drift(n - n // 3, n), _Drift(n - n // 3, n)
+        self._sums = InnovationSums()
+        self.last: tuple[float, ...] = ()
+        self.valid = False
+        self.restarts = 0
+        self.interventions: dict[str, int] = {}
+
+    def add(self, start: int, columns: Array, *, valid: bool) -> None:
+        """Add the next rows, from sample `start` on: columns as of `LaneBlock`; valid: at the last of them."""
+        alpha, alpha_std, f, f_std, _, innovation, innovation_std = columns
+        self.alpha.add(start, alpha)
+        self.f.add(start, f)
+        if start + CHUNK > self._third:
+            rows = slice(max(0, self._third - start), None)
+            self._sums.add(innovation[rows], innovation_std[rows])
+        self.last = tuple(float(column[-1]) for column in (alpha, alpha_std, f, f_std))
+        self.valid = valid
+
+    def end(self, lanes: Lanes, lane: int) -> None:
+        """Take note of what the supervisor did until now, which is behind the last sample."""
+        self.restarts = int(lanes.restarts[lane])
+        counts = zip(CAUSES, lanes.interventions()[lane].tolist(), strict=True)
         self.interventions = {cause: n for cause, n in counts if n}
+
+    @property
+    def tested(self) -> Innovations | None:
+        """The test of the innovations."""
+        return self._sums.result()
+
+
+def _run(own: Sequence[_Lane], h: float, config: EstimatorConfig) -> list[_Ran]:
+    """Run lanes beside each other, each to its own end; behind that it predicts, of which nothing is kept."""
+    lanes = Lanes(len(own), _settings(config, h, [one.R for one in own]))
+    ran = [_Ran(len(one.rest)) for one in own]
+    ends = sorted({one.n for one in ran})
+    for start in range(0, ends[-1], CHUNK):
+        cuts = [start, *(end for end in ends if start < end < start + CHUNK), min(start + CHUNK, ends[-1])]
+        blocks, valid = [], {}
+        for begin, end in zip(cuts[:-1], cuts[1:], strict=True):
+            block = lanes.run(*_rows(own, begin, end))
+            blocks.append(np.array(block[:7]))
+            for number, one in enumerate(ran):
+                if begin < one.n:
+                    valid[number] = bool(block.valid[-1, number])
+                if end == one.n:
+                    one.end(lanes, number)
+        columns = np.concatenate(blocks, axis=1) if len(blocks) > 1 else blocks[0]
+        for number, one in enumerate(ran):
+            if start < one.n:
+                one.add(start, columns[:, : one.n - start, number], valid=valid[number])
+    return ran
+
+
+def _rows(own: Sequence[_Lane], begin: int, end: int) -> tuple[Array, Mask | None]:
+    """Return samples begin … end of all lanes without their biases, and which of them are missing."""
+    y, gone = np.zeros((end - begin, len(own))), np.zeros((end - begin, len(own)), dtype=bool)
+    for lane, one in enumerate(own):
+        rest = one.rest[begin:end]
+        y[: len(rest), lane] = rest - one.bias
+        gone[len(rest) :, lane] = True
+        if one.missing is not None:
+            gone[: len(rest), lane] = one.missing[begin:end]
+    return y, gone if gone.any() else None
 
 
 class _Drift:

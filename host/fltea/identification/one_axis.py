@@ -3,18 +3,23 @@
 import contextlib
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import msgspec
-import numpy as np
 
-from fltea.identification.about_levels import look_at
+from fltea.identification.about_levels import look_at, samples_looked_at
 from fltea.identification.advice import doubted, expecting_steps
 from fltea.identification.allan import allan_of
-from fltea.identification.axis import IdentifyOptions, identified
+from fltea.identification.axis import (
+    IdentifyOptions,
+    described,
+    fltea_axis,
+)
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.conclusions import Conclusions, conclude, tracked_of
 from fltea.identification.curves import curves
 from fltea.identification.event_traps import event_traps
+from fltea.identification.fltea_fit import FlteaAxis, FlteaFits, fltea_fits
 from fltea.identification.forecast import Goal
 from fltea.identification.left_out import LeftOut, without
 from fltea.identification.load import Series
@@ -24,6 +29,7 @@ from fltea.identification.sensor_events import AxisEvents, watch
 from fltea.identification.slow_noise import with_slow_noise
 from fltea.identification.traps import Trap, withheld
 from fltea.identification.traps_of_axis import traps_of
+from fltea.records.fit import Interval
 from fltea.settings.live import LiveConfig
 
 MOST_LOOKS = 3
@@ -39,7 +45,7 @@ def identify_series(
     known: Sequence[Trap] = (),
     live: LiveConfig | None = None,
 ) -> AxisReport:
-    """Return all that is found out about one axis by itself, but for its shuffled copies.
+    """Return all that is found out about one axis by itself, but for FLTEA and its shuffled copies.
 
     known: what is wrong with it already by the recording as a whole.
 
@@ -59,6 +65,37 @@ def identify_series(
             found, conclude(rest, h, options, found.tracked, K, forecast, events.at_end, events.steps)
         )
     return with_events(found, events)
+
+
+class LookedAt(NamedTuple):
+    """An axis after its last look, as FLTEA is run over it."""
+
+    series: Series
+    """All samples that were read."""
+    left_out: LeftOut
+    options: IdentifyOptions
+    order: Interval
+
+    @classmethod
+    def of(cls, series: Series, found: AxisReport, options: IdentifyOptions) -> "LookedAt":
+        """Return an axis of which `found` was found out."""
+        return cls(series, found.left_out, options, found.result.order.alpha)
+
+
+def run_fltea(axes: Sequence[LookedAt], h: float) -> list[FlteaFits]:
+    """Run FLTEA over axes of a recording; h: sampling period in s.
+
+    Raises:
+        ValueError: settings that no filter can work with.
+    """
+    own = [samples_looked_at(one.series, h, one.left_out) for one in axes]
+    return fltea_fits(
+        [
+            FlteaAxis(y.y, y.gaps, one.options.estimator, y.lsb, one.order)
+            for y, one in zip(own, axes, strict=True)
+        ],
+        h,
+    )
 
 
 def concluded(axis: AxisReport, found: Conclusions) -> AxisReport:
@@ -116,13 +153,14 @@ def examine(
     left_out: steps and motion; None: what seems to be motion before there is a model.
     """
     looked, series, out, telegraph = look_at(series, h, options, left_out)
-    result = identified(looked, series.lsb, options)
+    result = described(looked)
+    # Whether FLTEA was asked for or not, the same looks are possible.
+    why_no_path = fltea_axis(looked, series.lsb, options).why_not(h)
     model = modelled(looked.figures.sentence, result.peaks, result.std, h)
     curve, drawn, reason = None, None, ""
     try:
-        stretches = [np.asarray(one.y, dtype=np.float64) for one in looked.stretches]
         curve = allan_of(looked, series.unit)
-        drawn = reproduction(looked.y, h, model, seed=options.seed, stretches=stretches)
+        drawn = reproduction(curve, h, model)
     except ValueError as error:
         reason = str(error)
     if telegraph is not None:
@@ -138,7 +176,7 @@ def examine(
         drawn,
         reason,
         traps,
-        curves=curves(looked, series.lsb, options, result) if figures else None,
+        curves=curves(looked, series.lsb, options, with_path=not why_no_path) if figures else None,
         tracked=None if why else tracked_of(looked, telegraph),
         left_out=out,
         withheld=why,

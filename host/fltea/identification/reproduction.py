@@ -1,119 +1,99 @@
-"""Does the identified model reproduce the sensor? Allan deviations of its noise over that of the data."""
+"""Does the identified model reproduce the sensor? Allan deviation of its noise over that of the data.
 
-import itertools
+That of the model, and how far the one of a record as long spreads about it, follow from the model's spectrum:
+nothing is simulated.
+"""
+
 import math
-from collections.abc import Sequence
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from fltea.identification.allan import averaging_factors, overlapping
-from fltea.identification.noise_model import AxisModel, check_possible, draws
+from fltea.identification.noise_model import AxisModel, Lorentzian, check_possible, model_spectrum
+from fltea.noise.allan_deviation import model_adev
+from fltea.noise.allan_spread import Line, allan_degrees
+from fltea.noise.distributions import chi2_log_std, chi2_quantile
 from fltea.records.arrays import Array
+from fltea.spectrum.allan_curve import Allan
 
-SIMULATIONS = 20
 CLOSE = 0.1
-"""A model may be so far off, whatever the spread of the simulations: parameters are not known better."""
-LONGEST = 1 << 18
-"""Samples that are simulated. Of a longer record the model is compared over short averaging times with so
-much noise, and over longer ones with means of k samples, drawn with the spectrum that such means have."""
-FEWEST_MEANS = 8
-"""Averaging times of at least so many means are compared with means."""
+"""A model may be so far off, whatever the spread is: parameters are not known better."""
 SPREADS = 4.0
-"""A model may be off by so many standard deviations of the simulations, since forty points are compared."""
+"""A model may be off by so many standard deviations of such records, since forty points are compared."""
+NARROW = 0.2
+"""A resonance whose width is below this share of its frequency is a line: it rings on."""
 
 
 class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Ratio of the Allan deviations, simulated over data, at each averaging time.
+    """Ratio of the Allan deviations, model over data, at each averaging time.
 
     from_s, to_s: the longest stretch over which the model reproduces the sensor; None if it does nowhere.
     """
 
     tau_s: tuple[float, ...]
     ratio: tuple[float, ...]
-    """Median of the simulations."""
+    """Median of records of the model's noise that are as long."""
     low: tuple[float, ...]
     """5 % of them."""
     high: tuple[float, ...]
     """95 %."""
     within: tuple[bool, ...]
-    """The median is within 10 % of the data, or within four standard deviations of the simulations."""
+    """The median is within 10 % of the data, or within four standard deviations of such records."""
     from_s: float | None
     to_s: float | None
     text: str
 
 
-def reproduction(
-    y_dps: ArrayLike,
-    h: float,
-    model: AxisModel,
-    *,
-    simulations: int = SIMULATIONS,
-    seed: int = 0,
-    stretches: Sequence[Array] | None = None,
-) -> Reproduction:
-    """Compare one axis (n,), in the unit of its model, with noise of that model; h in s.
-
-    stretches: those of the axis, if samples are missing.
+def reproduction(curve: Allan, h: float, model: AxisModel) -> Reproduction:
+    """Compare the Allan deviation of an axis with that of noise of its model; h in s.
 
     Raises:
         ValueError: the model has no finite variance, or the axis is constant.
     """
-    y = np.ascontiguousarray(y_dps, dtype=np.float64)
     check_possible(model, h)
-    stretches = stretches or [y]
-    factors = averaging_factors(max(map(len, stretches)))
-    mean_of = -(-len(y) // LONGEST)
-    if mean_of > 1:
-        whole = mean_of * np.rint(factors / mean_of).astype(np.int64)
-        factors = np.unique(np.where(factors < FEWEST_MEANS * mean_of, factors, whole))
-    data = overlapping(stretches, factors)
+    tau, data = np.array(curve.tau_s), np.array(curve.deviation)
     if not data.all():
         raise ValueError("the axis is constant: there is nothing to compare with")
-    rng = np.random.default_rng(seed)
-    if mean_of == 1:
-        logs = _logs(model, h, factors, data, len(y), simulations, rng)
-    else:
-        short = factors < FEWEST_MEANS * mean_of
-        logs = np.empty((simulations, len(factors)))
-        n = len(y) // mean_of
-        logs[:, short] = _logs(model, h, factors[short], data[short], n, simulations, rng)
-        # They are of less of the noise than the record is, so they spread by more.
-        middle = np.median(logs[:, short], axis=0)
-        logs[:, short] = middle + (logs[:, short] - middle) / math.sqrt(mean_of)
-        logs[:, ~short] = _logs(model, h, factors[~short], data[~short], n, simulations, rng, mean_of)
-    low, middle, high = np.quantile(logs, (0.05, 0.5, 0.95), axis=0)
-    within = np.abs(middle) <= np.maximum(math.log1p(CLOSE), SPREADS * logs.std(axis=0, ddof=1))
-    tau = np.asarray(factors * h, dtype=np.float64)
+    factors, terms = np.rint(tau / h), np.array(curve.differences)
+    deviation, degrees = expected(model, h, factors, terms)
+    low, middle, high = (
+        np.sqrt(chi2_quantile(p, degrees) / degrees) * deviation / data for p in (0.05, 0.5, 0.95)
+    )
+    # The deviation is the root of what is chi-squared.
+    spread = chi2_log_std(degrees) / 2
+    within = np.abs(np.log(middle)) <= np.maximum(math.log1p(CLOSE), SPREADS * spread)
     longest = _longest(within)
     from_s, to_s = (None, None) if longest is None else (float(tau[longest[0]]), float(tau[longest[1]]))
     return Reproduction(
-        tuple(tau.tolist()),
-        tuple(np.exp(middle).tolist()),
-        tuple(np.exp(low).tolist()),
-        tuple(np.exp(high).tolist()),
+        curve.tau_s,
+        tuple(middle.tolist()),
+        tuple(low.tolist()),
+        tuple(high.tolist()),
         tuple(within.tolist()),
         from_s,
         to_s,
-        _text(tau, np.exp(middle), within, longest),
+        _text(tau, middle, within, longest),
     )
 
 
-def _logs(
-    model: AxisModel,
-    h: float,
-    factors: NDArray[np.int64],
-    data: Array,
-    n: int,
-    simulations: int,
-    rng: np.random.Generator,
-    mean_of: int = 1,
-) -> Array:
-    """Return log(simulated / measured Allan deviation), (simulations, factors), of n means each."""
-    noises = itertools.islice(draws(model, h, n, rng, mean_of), simulations)
-    drawn = np.array([overlapping([noise], factors // mean_of) for noise, _ in noises])
-    return np.asarray(np.log(np.maximum(drawn, np.finfo(np.float64).tiny) / data))
+def expected(model: AxisModel, h: float, factors: Array, terms: Array) -> tuple[Array, Array]:
+    """Return the model's Allan deviation at averaging times of so many samples, (k,), and degrees of freedom.
+
+    terms (k,): the differences of neighbouring means of the record whose deviation has these degrees.
+    """
+    narrow = tuple(one for one in model.resonances if one.width_hz < NARROW * one.frequency_hz)
+    wide = tuple(one for one in model.resonances if one not in narrow)
+    rest = msgspec.structs.replace(model, resonances=wide)
+    lines = [_line(one, h) for one in narrow]
+    around = [(one.lam, one.decay) for one in lines]
+    deviation = model_adev(lambda lam: model_spectrum(model, lam, h), factors, around)
+    degrees = allan_degrees(lambda lam: model_spectrum(rest, lam, h), factors, deviation**2, terms, lines)
+    return deviation, degrees
+
+
+def _line(one: Lorentzian, h: float) -> Line:
+    return Line(2 * np.pi * one.frequency_hz * h, np.pi * one.width_hz * h, one.variance)
 
 
 def _longest(within: NDArray[np.bool_]) -> tuple[int, int] | None:

@@ -15,17 +15,25 @@ import msgspec
 from fltea.identification.axis import (
     IdentifyOptions,
     with_copies,
+    with_fltea,
 )
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.conclusions import Conclusions, conclude, in_agreement
-from fltea.identification.fltea_fit import LEAST
+from fltea.identification.fltea_fit import LEAST, FlteaFits
 from fltea.identification.forecast import Goal
 from fltea.identification.forecast_judge import Learned
 from fltea.identification.gaps import longest_epoch
 from fltea.identification.hand_out import HandOut, Task
 from fltea.identification.left_out import without
 from fltea.identification.load import Loaded, Request, Series, Unreadable, load
-from fltea.identification.one_axis import MOST_LOOKS, concluded, examine, with_events
+from fltea.identification.one_axis import (
+    MOST_LOOKS,
+    LookedAt,
+    concluded,
+    examine,
+    run_fltea,
+    with_events,
+)
 from fltea.identification.sensor_events import (
     NO_EVENTS,
     AxisEvents,
@@ -56,6 +64,8 @@ class Settings(msgspec.Struct, frozen=True):
     """But for the estimator."""
     gyro: EstimatorConfig = EstimatorConfig()
     accel: AccelConfig = AccelConfig()
+    fltea: bool = True
+    """Run FLTEA, and the shuffled copies that show what it gives for white noise."""
     figures: bool = False
     """Make what figures are drawn from."""
     forecast: bool | Goal = False
@@ -89,7 +99,7 @@ def _at_rate(options: IdentifyOptions, h: float) -> IdentifyOptions:
 
 @dataclass
 class _Task(Task):
-    """To read a recording, to watch its tracked biases, or (with an axis) to identify it or some copies."""
+    """To read a recording, to watch its tracked biases, to run FLTEA over its axes, or something for one axis."""
 
     report: FileReport
     axis: "_Axis | None" = None
@@ -110,6 +120,8 @@ class _Axis:
     is_examined: bool = False
     found: AxisReport | None = None
     events: AxisEvents | None = None
+    wants_fltea: bool = False
+    fltea: FlteaFits | None = None
     parts: list[Copies | None] = field(default_factory=list)
     conclusions: Conclusions | None = None
     failure: Failure | None = None
@@ -137,9 +149,12 @@ class _Axis:
         copies = [part for part in self.parts if part is not None]
         if self.failure is not None or self.found is None or len(copies) < len(self.parts):
             return self.failure
-        if self.events is None:
+        if self.events is None or (self.wants_fltea and self.fltea is None):
             return None
-        found = msgspec.structs.replace(self.found, result=with_copies(self.found.result, copies))
+        found = self.found
+        if self.fltea is not None:
+            result = with_copies(with_fltea(found.result, self.fltea), copies)
+            found = msgspec.structs.replace(found, result=result)
         if found.tracked is not None:
             if self.conclusions is None:
                 return None
@@ -228,6 +243,8 @@ class _Loop(HandOut[_Task]):
                 task.axis.take(task, result)
                 if task.do is examine and all(axis.is_examined for axis in task.of.axes):
                     self._watch(task)
+            elif task.do is run_fltea:
+                _take_fltea(task.of, result)
             else:
                 self._look_again(task, {} if isinstance(result, BaseException) else result)
             for axis in task.of.axes:
@@ -247,7 +264,7 @@ class _Loop(HandOut[_Task]):
             elif task.do is conclude:
                 what.append("bias")
         elif task.of is not None:
-            what.append("steps and motion")
+            what.append("FLTEA" if task.do is run_fltea else "steps and motion")
         self._progress(" ".join(what), self._done, self._total)
 
     def _add(self, *tasks: _Task) -> None:
@@ -294,17 +311,29 @@ class _Loop(HandOut[_Task]):
         assert task.of is not None
         of = task.of
         agreed = of.agreed()
+        if self._settings.fltea:
+            self._run_fltea(task.report, of)
         for axis in of.axes:
             if axis.found is not None and axis.events is not None:
                 series = without(axis.series, axis.found.left_out)
-                rest, _ = without_levels(axis.series, of.h)
-                its = without(rest, axis.found.left_out)
-                self._add(*self._copies(axis, its, task.report, of))
                 if axis.name in agreed:
                     K, at_end = axis.found.result.level.K, axis.events.at_end
                     found = series, of.h, axis.options, agreed[axis.name], K
                     arguments = *found, self._settings.forecast, at_end, axis.events.steps
                     self._add(_Task(conclude, arguments, task.report, axis, of=of))
+
+    def _run_fltea(self, report: FileReport, of: _Recording) -> None:
+        """Plan FLTEA over all axes at a time, and over their shuffled copies."""
+        axes = [axis for axis in of.axes if axis.found is not None and axis.events is not None]
+        looked_at = []
+        for axis in axes:
+            assert axis.found is not None
+            axis.wants_fltea = True
+            looked_at.append(LookedAt.of(axis.series, axis.found, axis.options))
+            rest, _ = without_levels(axis.series, of.h)
+            self._add(*self._copies(axis, without(rest, axis.found.left_out), report, of))
+        if axes:
+            self._add(_Task(run_fltea, (looked_at, of.h), report, of=of))
 
     def _plan(self, report: FileReport, recording: Loaded) -> None:
         """Plan the first look at each axis."""
@@ -339,6 +368,17 @@ class _Loop(HandOut[_Task]):
             axis.parts.append(None)
             copy = (series.y, of.h, axis.options.estimator, series.lsb, group, axis.options.seed, epoch)
             yield _Task(estimate, copy, report, axis, part, of=of)
+
+
+def _take_fltea(of: _Recording, result: Any) -> None:
+    """Give each axis what FLTEA found, or why it did not."""
+    axes = [axis for axis in of.axes if axis.wants_fltea]
+    if isinstance(result, BaseException):
+        for axis in axes:
+            axis.failure = axis.failure or Failure(_text(result))
+        return
+    for axis, fits in zip(axes, result, strict=True):
+        axis.fltea = fits
 
 
 def _text(error: Any) -> str:

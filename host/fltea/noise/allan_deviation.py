@@ -5,7 +5,7 @@ With S normalised as in `fltea.noise.spectra` (white noise of variance R has R)
     σ²(m) = 1/π ∫ S(λ) 2 sin⁴(m λ / 2) / (m² sin²(λ / 2)) dλ,    0 < λ < π
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache, lru_cache
 
 import numpy as np
@@ -23,10 +23,13 @@ BELOW = 24
 """Octaves below π/m: there the integrand falls with λ² S; S of a stationary state rises less than λ^-1."""
 
 
-def model_adev(spectrum: Callable[[Array], Array], factors: ArrayLike) -> Array:
+def model_adev(
+    spectrum: Callable[[Array], Array], factors: ArrayLike, around: Iterable[tuple[float, float]] = ()
+) -> Array:
     """Return the Allan deviation (k,) at averaging times (k,) of so many samples, in the unit of the samples.
 
-    spectrum: gives S at frequencies 0 < λ < π in rad a sample, (n,) to (n,).
+    spectrum: gives S at frequencies 0 < λ < π in rad a sample, (n,) to (n,). around: of each narrow line in it
+    the frequency, and half its width, in rad a sample.
 
     Raises:
         ValueError: a factor is not at least 1.
@@ -34,18 +37,18 @@ def model_adev(spectrum: Callable[[Array], Array], factors: ArrayLike) -> Array:
     m = np.atleast_1d(np.asarray(factors, dtype=np.float64))
     if not (np.isfinite(m).all() and (m >= 1).all()):
         raise ValueError("averaging times are numbers of samples, 1 or more")
-    lam, weights = _quadrature(tuple(m.tolist()))
+    lam, weights = _quadrature(tuple(m.tolist()), tuple(around))
     # Not the product of a matrix and a vector, for which a library of linear algebra would begin threads.
     return np.asarray(np.sqrt(np.einsum("ij,j->i", weights, spectrum(lam))))
 
 
 @lru_cache(maxsize=2)  # of 3 MB each
-def _quadrature(factors: tuple[float, ...]) -> tuple[Array, Array]:
+def _quadrature(factors: tuple[float, ...], around: tuple[tuple[float, float], ...]) -> tuple[Array, Array]:
     """Return nodes λ (n,) and the weights (k, n) of the spectrum there in the variances at these factors.
 
     All axes and devices of one age have them in common, and computing them takes longer than all else.
     """
-    edges = _edges(int(np.ceil(np.log2(max(factors, default=1.0)))) + BELOW)
+    edges = _edges(int(np.ceil(np.log2(max(factors, default=1.0)))) + BELOW, around)
     width = edges[:-1] - edges[1:]
     x, weight = _gauss()
     lam = edges[1:, np.newaxis] + width[:, np.newaxis] * (1 + x) / 2
@@ -61,11 +64,16 @@ def _quadrature(factors: tuple[float, ...]) -> tuple[Array, Array]:
     return lam.ravel(), weights.reshape(len(factors), -1)
 
 
-def _edges(octaves: int) -> Array:
-    """Return the edges of the panels, falling from π."""
+def _edges(octaves: int, around: Iterable[tuple[float, float]]) -> Array:
+    """Return the edges of the panels, falling from π; at a line they are as close as it is narrow."""
     cuts = [1 - np.arange(n) / (2 * n) for n in (*PARTS, *[1] * (octaves - len(PARTS)))]
     octave = [0.5**k * cut for k, cut in enumerate(cuts)]
-    return np.asarray(np.pi * np.append(np.concatenate(octave), 0.5**octaves))
+    edges = np.pi * np.append(np.concatenate(octave), 0.5**octaves)
+    for lam, half in around:
+        apart = half * 2.0 ** np.arange(np.ceil(np.log2(np.pi / half)))
+        near = np.concatenate([lam - apart, [lam], lam + apart])
+        edges = np.union1d(edges, near[(near > edges.min()) & (near < np.pi)])
+    return np.asarray(np.sort(edges)[::-1])
 
 
 @cache

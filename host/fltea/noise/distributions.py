@@ -70,6 +70,21 @@ def chi2_quantile(probability: float, degrees: ArrayLike) -> Array:
     return np.asarray(found)
 
 
+def chi2_log_std(degrees: ArrayLike) -> Array:
+    """Return the standard deviation of the logarithm of a chi-squared figure of so many degrees of freedom.
+
+    It is the root of the trigamma function of half of them (NIST DLMF 5.15.8 and 5.15.5).
+    """
+    x = np.asarray(degrees, dtype=np.float64) / 2
+    total = np.zeros_like(x)
+    for _ in range(8):
+        total += np.where(x < 8, 1 / x**2, 0.0)
+        x = np.where(x < 8, x + 1, x)
+    inverse = 1 / x
+    tail = inverse + inverse**2 / 2 + inverse**3 / 6 - inverse**5 / 30 + inverse**7 / 42
+    return np.asarray(np.sqrt(total + tail))
+
+
 def f_log_tail(ratio: float, first: float, second: float) -> float:
     """Return the logarithm of how often F with (first, second) degrees of freedom exceeds ratio."""
     if ratio <= 0:
