@@ -42,6 +42,7 @@ from identify_files import LSB_PER_DPS, QUICK, RATE_HZ, counts, identify_axis, n
 from identify_files import settings as quick
 from identify_support import H, ar, white
 from numpy.typing import NDArray
+from one_fltea import fltea_fit
 
 
 def lose(y: Array, keep: NDArray[np.bool_]) -> tuple[Array, Gaps]:

@@ -136,7 +136,7 @@ def test_curves_agree_with_the_result() -> None:
 def test_curves_without_copies() -> None:
     options = IdentifyOptions(estimator=QUICK, shuffles=0)
     looked = look(white(2000, 1, 1)[0], H, options)
-    found = curves(looked, None, options, identified(looked, None, options))
+    found = curves(looked, None, options)
     assert np.isfinite(found.path.alpha).any()
     assert np.isnan(found.path.white_alpha).all()
 

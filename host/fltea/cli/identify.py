@@ -2,6 +2,7 @@
 
 import io
 import json as json_module
+import math
 import re
 import signal
 import sys
@@ -19,6 +20,9 @@ from fltea.recording.formats import ENDINGS
 from fltea.records.errors import FlteaError, Incomplete, UsageError
 from fltea.records.whole_file import prepare_folder
 from fltea.settings.extras import load, need_matplotlib
+
+SMALL_BYTES = 100_000_000
+"""Files up to which one recording is identified in this process: six axes of a million samples as text."""
 
 if TYPE_CHECKING:
     from fltea.identification.axis_report import FileReport
@@ -239,7 +243,7 @@ def identify(
         chosen.estimator,
         chosen.accel,
         # The answer says nothing of it, but for the table of several recordings.
-        fltea=as_json or details or report is not None or len(requests) > 1,
+        details=as_json or details or report is not None or len(requests) > 1,
         figures=report is not None,
         forecast=ahead,
         live=chosen.live,
@@ -290,7 +294,7 @@ def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "l
     from fltea.recording.kind import is_of_this_process
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    workers = _workers(jobs, dask)
+    workers = _workers(jobs, dask, small=len(requests) == 1 and _size(requests[0]) <= SMALL_BYTES)
     # A cluster may not see the files, nor another process a pipe; and one recording is read here while the
     # processes start.
     here = any(is_of_this_process(path) for one in requests for path in getattr(one, "paths", ()))
@@ -308,11 +312,19 @@ def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "l
         workers.close()
 
 
-def _workers(jobs: int | None, dask: str | None) -> "Workers":
+def _size(request: Any) -> float:
+    """Return the bytes of a recording's files."""
+    try:
+        return float(sum(path.stat().st_size for path in getattr(request, "paths", ())))
+    except OSError:
+        return math.inf
+
+
+def _workers(jobs: int | None, dask: str | None, *, small: bool = False) -> "Workers":
     if dask is None:
         from fltea.identification.workers import open_local
 
-        return open_local(jobs)
+        return open_local(jobs, small=small)
 
     if warning := trust_warning(dask):
         say(f"fltea: warning: {warning}")

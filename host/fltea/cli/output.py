@@ -2,9 +2,10 @@
 
 import contextlib
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,31 +16,86 @@ from fltea.records.whole_file import whole_file
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress
 
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout, and nothing else.")]
 """Of a command that computes something."""
 
 
+BAR_AFTER_S = 2.0
+"""What is done by then needs no bar."""
+
+
 @contextlib.contextmanager
 def progress_bar(total: int | None = None) -> Iterator[Callable[..., None]]:
-    """Show a bar on stderr, if that is a terminal.
+    """Show a bar on stderr after a while, if that is a terminal.
 
     What it gives takes a text, and how far it is as rich's `Progress.update` does: `advance` or `completed`.
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    if not sys.stderr.isatty():
+        yield lambda text, **far: None
+        return
+    bar = _LateBar(total)
+    try:
+        yield bar.show
+    finally:
+        bar.close()
 
-    columns = (
-        TextColumn("{task.description:<22}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=total)
-        yield lambda text, **far: bar.update(task, description=visible_lines(text), **far)
+
+class _LateBar:
+    """A bar that shows itself when it has been there for `BAR_AFTER_S`."""
+
+    def __init__(self, total: int | None) -> None:
+        self._total, self._advanced = total, 0.0
+        self._newest: tuple[str, dict[str, Any]] = "", {}
+        self._bar: Progress | None = None
+        self._is_closed = False
+        self._alone = threading.Lock()
+        self._timer = threading.Timer(BAR_AFTER_S, self._begin)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def show(self, text: str, **far: Any) -> None:
+        """Say what was done, and how far it is."""
+        with self._alone:
+            if self._bar is not None:
+                self._update(text, far)
+            else:
+                self._advanced += far.pop("advance", 0)
+                self._newest = text, self._newest[1] | far
+
+    def close(self) -> None:
+        """Take the bar away."""
+        self._timer.cancel()
+        with self._alone:
+            if self._bar is not None:
+                self._bar.stop()
+                self._bar = None
+            self._is_closed = True
+
+    def _begin(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+        columns = (
+            TextColumn("{task.description:<22}", markup=False),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+        )
+        with self._alone:
+            if self._is_closed:
+                return
+            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+            self._bar.add_task("", total=self._total)
+            text, far = self._newest
+            self._update(text, {"completed": self._advanced} | far)
+            self._bar.start()
+
+    def _update(self, text: str, far: dict[str, Any]) -> None:
+        assert self._bar is not None
+        self._bar.update(self._bar.task_ids[0], description=visible_lines(text), **far)
 
 
 def say(text: str) -> None:

@@ -5,6 +5,7 @@ All axes with the same settings are lanes of one engine.
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import msgspec
@@ -14,7 +15,7 @@ from fltea.estimator.baseline import baseline_of
 from fltea.estimator.engine import CAUSES
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
-from fltea.identification.gaps import Gaps, longest_epoch, no_gaps, spread
+from fltea.identification.gaps import Gaps, longest_epoch, spread
 from fltea.records.arrays import Array, Mask
 from fltea.records.fit import Interval
 from fltea.settings.estimator import EstimatorConfig
@@ -235,7 +236,7 @@ class _Ran:
         self.interventions: dict[str, int] = {}
 
     def add(self, start: int, columns: Array, *, valid: bool) -> None:
-        """Add the next rows, from sample `start` on: columns as of `LaneBlock`; valid: at the last of them."""
+        """Add the next rows, from sample `start` on; columns: as of `LaneBlock`; valid: at the last one."""
         alpha, alpha_std, f, f_std, _, innovation, innovation_std = columns
         self.alpha.add(start, alpha)
         self.f.add(start, f)
@@ -265,7 +266,7 @@ def _run(own: Sequence[_Lane], h: float, config: EstimatorConfig) -> list[_Ran]:
     for start in range(0, ends[-1], CHUNK):
         cuts = [start, *(end for end in ends if start < end < start + CHUNK), min(start + CHUNK, ends[-1])]
         blocks, valid = [], {}
-        for begin, end in zip(cuts[:-1], cuts[1:], strict=True):
+        for begin, end in pairwise(cuts):
             block = lanes.run(*_rows(own, begin, end))
             blocks.append(np.array(block[:7]))
             for number, one in enumerate(ran):

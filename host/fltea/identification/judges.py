@@ -18,7 +18,7 @@ from fltea.identification.traps import Trap
 from fltea.identification.values import HIDE, value_traps
 from fltea.recording.candidates import MOST_MEAN_DPS, MOST_N, USUAL
 from fltea.recording.reading import Answer
-from fltea.records.arrays import Array
+from fltea.records.arrays import Array, median
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.spectrum.median_filter import find_median_filter
@@ -220,7 +220,8 @@ def _without_glitches(against: Array) -> Array:
 
     A glitch each second is at the same turn each time; of sensors by turns more samples stand out.
     """
-    far = np.abs(against) > GLITCH * np.median(np.abs(against))
+    size = np.abs(against)
+    far = size > GLITCH * median(size)
     if not 0 < far.mean() < GLITCHES:
         return against
     near = far.copy()

@@ -147,10 +147,12 @@ def examine(
     figures: bool,
     known: Sequence[Trap] = (),
     left_out: LeftOut | None = None,
+    details: bool = True,
 ) -> AxisReport:
     """Return the same without what follows from the tracked system.
 
-    left_out: steps and motion; None: what seems to be motion before there is a model.
+    left_out: steps and motion; None: what seems to be motion before there is a model. details: also find out
+    where the model reproduces the Allan deviation.
     """
     looked, series, out, telegraph = look_at(series, h, options, left_out)
     result = described(looked)
@@ -160,7 +162,7 @@ def examine(
     curve, drawn, reason = None, None, ""
     try:
         curve = allan_of(looked, series.unit)
-        drawn = reproduction(curve, h, model)
+        drawn = reproduction(curve, h, model) if details else None
     except ValueError as error:
         reason = str(error)
     if telegraph is not None:

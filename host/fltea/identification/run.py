@@ -4,6 +4,7 @@ Each axis is a task, and each group of its shuffled copies another, for they tak
 axes would keep two cores busy for as long as four. What comes out does not depend on who does which.
 """
 
+import contextlib
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
@@ -64,8 +65,9 @@ class Settings(msgspec.Struct, frozen=True):
     """But for the estimator."""
     gyro: EstimatorConfig = EstimatorConfig()
     accel: AccelConfig = AccelConfig()
-    fltea: bool = True
-    """Run FLTEA, and the shuffled copies that show what it gives for white noise."""
+    details: bool = True
+    """Find out what the answer itself does not say: FLTEA's estimates, those of shuffled copies, and where
+    the model reproduces the Allan deviation."""
     figures: bool = False
     """Make what figures are drawn from."""
     forecast: bool | Goal = False
@@ -99,7 +101,7 @@ def _at_rate(options: IdentifyOptions, h: float) -> IdentifyOptions:
 
 @dataclass
 class _Task(Task):
-    """To read a recording, to watch its tracked biases, to run FLTEA over its axes, or something for one axis."""
+    """To read a recording, to watch its biases, to run FLTEA over its axes, or something for one axis."""
 
     report: FileReport
     axis: "_Axis | None" = None
@@ -194,7 +196,7 @@ def identify_all(
     """
     reports = []
     reading: deque[_Task] = deque()
-    with work_folder() as folder:
+    with contextlib.nullcontext() if workers.shares_memory else work_folder() as folder:
         for request in requests:
             reports.append(FileReport(request.name))
             if isinstance(request, Unreadable):
@@ -303,7 +305,8 @@ class _Loop(HandOut[_Task]):
         axis.is_examined = False
         out = None if axis.events is None else axis.events.left_out
         known = of_axis(of.traps, axis.name)
-        arguments = (axis.series, of.h, axis.options, self._settings.figures, known, out)
+        settings = self._settings
+        arguments = axis.series, of.h, axis.options, settings.figures, known, out, settings.details
         return _Task(examine, arguments, report, axis, of=of)
 
     def _conclude(self, task: _Task) -> None:
@@ -311,7 +314,7 @@ class _Loop(HandOut[_Task]):
         assert task.of is not None
         of = task.of
         agreed = of.agreed()
-        if self._settings.fltea:
+        if self._settings.details:
             self._run_fltea(task.report, of)
         for axis in of.axes:
             if axis.found is not None and axis.events is not None:

@@ -7,6 +7,7 @@ by the noise of which each axis was found to be.
 import contextlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -104,16 +105,17 @@ def watch(
     systems = {name: None if one is None else one.system for name, one in tracked.items()}
     staying = _staying(tracked, h)
     runs = []
-    for group, shown in ((gyro, accel), (others, ())):
-        if group:
-            run = _SensorRun(group, shown, systems, h, live)
-            stays = None
-            if not staying.keys().isdisjoint(group):
-                stays = _SensorRun(group, shown, systems | staying, h, live)
-            runs.append((run, stays))
+    with ThreadPoolExecutor(2) as beside:  # nearly all of it is native
+        for group, shown in ((gyro, accel), (others, ())):
+            if group:
+                stays = None
+                if not staying.keys().isdisjoint(group):
+                    stays = beside.submit(_SensorRun, group, shown, systems | staying, h, live)
+                runs.append((beside.submit(_SensorRun, group, shown, systems, h, live), stays))
     found: dict[str, AxisEvents] = {}
     moved: list[_Moved] = []
-    for run, stays in runs:  # the gyroscope, to which the accelerometer has shown motion, comes first
+    # The gyroscope, to which the accelerometer has shown motion, comes first.
+    for run, stays in ((its.result(), other and other.result()) for its, other in runs):
         moved = _united([*moved, *run.moved])
         for name in run.axes:
             better = stays if stays is not None and stays.foretells(name, run) else run

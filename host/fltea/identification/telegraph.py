@@ -7,6 +7,8 @@ J. Appl. Phys. 25, 1954).
 """
 
 import math
+import weakref
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -89,12 +91,13 @@ def without_levels(series: Series, h: float) -> tuple[Series, Telegraph | None]:
     Where samples are at no levels they are returned as they are, with None.
     """
     y = np.asarray(series.y, dtype=np.float64)
-    if len(y) < 2 * SHORTEST_STAY * FEWEST_CHANGES:
+    if len(y) < 2 * SHORTEST_STAY * FEWEST_CHANGES or _NONE.knows(series.y):
         return series, None
     live = LiveConfig()
     largest = live.largest_step_dps if series.unit == GYRO_UNIT else live.largest_step_ms2
     seen = _edges(y[:LONG], series.lsb, largest)
     if seen is None:
+        _NONE.add(series.y)
         return series, None
     edges, noise = seen
     at = np.searchsorted(edges, y)
@@ -106,13 +109,32 @@ def without_levels(series: Series, h: float) -> tuple[Series, Telegraph | None]:
     return series._replace(y=y - (level[at] - mean)), found
 
 
+class _Recent:
+    """The newest few arrays, which nobody changes, of which something is known."""
+
+    def __init__(self) -> None:
+        self._arrays: deque[weakref.ref[Array]] = deque(maxlen=12)
+
+    def add(self, y: Array) -> None:
+        """Remember an array for as long as it is there."""
+        self._arrays.append(weakref.ref(y))
+
+    def knows(self, y: Array) -> bool:
+        """Whether it is the very array."""
+        return any(one() is y for one in list(self._arrays))
+
+
+_NONE = _Recent()
+"""Samples without levels: watched and concluded are those that were looked at."""
+
+
 def _edges(y: Array, lsb: float | None, largest: float) -> tuple[Array, float] | None:
     """Return the bounds between levels, (levels - 1,), and the deviation of the noise; None without levels.
 
     lsb: one count, if known. largest: how far levels of a sensor at rest may be apart.
     """
     few = int(OUTLIERS * len(y))
-    low, high = np.partition(y, (few, len(y) - 1 - few))[[few, len(y) - 1 - few]].tolist()
+    low, high = (float(np.partition(y, at)[at]) for at in (few, len(y) - 1 - few))
     inside = y.clip(low, high)
     apart = np.diff(inside)
     if float(inside.var()) <= LEAST_RATIO / 2 * float(np.square(apart).mean()):

@@ -14,7 +14,7 @@ import numpy as np
 from fltea.identification.counts import Counts
 from fltea.identification.gaps import Gaps, cut, no_gaps
 from fltea.identification.resolution import LONG, decimals, step, thin
-from fltea.records.arrays import Array
+from fltea.records.arrays import Array, median
 from fltea.records.kinds import ERROR_KINDS
 from fltea.spectrum import comb_words
 from fltea.spectrum.lines import Peak
@@ -319,4 +319,4 @@ def _peaks(peaks: Sequence[Peak]) -> Iterator[Trap]:
 
 def _scale(values: Array) -> float:
     """Return the standard deviation of a Gaussian with the same median absolute deviation."""
-    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
+    return 1.4826 * median(np.abs(values - median(values)))

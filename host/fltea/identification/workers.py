@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import forkserver
 from multiprocessing.reduction import ForkingPickler
 from typing import Any, TypeVar
@@ -21,6 +21,9 @@ SAFE_PATH = "PYTHONSAFEPATH"
 
 class Workers:
     """What runs tasks; all but `submit` may be left out."""
+
+    shares_memory = False
+    """Whether samples are better kept in memory than in files, from which processes map them."""
 
     @property
     def slots(self) -> int:
@@ -56,6 +59,29 @@ class Here(Workers):
         except Exception as error:
             future.set_exception(error)
         return future
+
+
+class Threads(Workers):
+    """Threads of this process: nearly all work is native, and processes take long to start."""
+
+    shares_memory = True
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self._pool = ThreadPoolExecutor(jobs)
+
+    @property
+    def slots(self) -> int:
+        """One more than threads, so that none has to wait for its next task."""
+        return self._jobs + 1
+
+    def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
+        """Begin a task when a thread is free."""
+        return self._pool.submit(task, *arguments)
+
+    def close(self) -> None:
+        """Begin nothing more."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _reduce(array: "np.memmap[Any, Any]") -> Any:
@@ -142,7 +168,12 @@ def _prepare() -> None:
     threading.Thread(target=follow, daemon=True).start()
 
 
-def open_local(jobs: int | None) -> Workers:
-    """Open as many processes as asked for, or as this one may use processors; none for one."""
+def open_local(jobs: int | None, *, small: bool = False) -> Workers:
+    """Open as many processes as asked for, or as this one may use processors; none for one.
+
+    small: the work takes less than it takes to start processes; then they are threads.
+    """
     wanted = jobs or len(os.sched_getaffinity(0))
-    return Here() if wanted == 1 else Processes(wanted)
+    if wanted == 1:
+        return Here()
+    return Threads(wanted) if small else Processes(wanted)

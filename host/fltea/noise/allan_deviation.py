@@ -28,8 +28,8 @@ def model_adev(
 ) -> Array:
     """Return the Allan deviation (k,) at averaging times (k,) of so many samples, in the unit of the samples.
 
-    spectrum: gives S at frequencies 0 < λ < π in rad a sample, (n,) to (n,). around: of each narrow line in it
-    the frequency, and half its width, in rad a sample.
+    spectrum: gives S at frequencies 0 < λ < π in rad a sample, (n,) to (n,). around: of each narrow line in
+    it the frequency, and half its width, in rad a sample.
 
     Raises:
         ValueError: a factor is not at least 1.
