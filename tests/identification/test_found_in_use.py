@@ -10,9 +10,9 @@ from fltea.identification.axis_report import AxisReport
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.model_file import NoiseModels, read_models, write_json
 from fltea.identification.noise_model import AxisModel, draw
-from fltea.identification.one_axis import identify_series
 from fltea.noise.parts import Order, White
 from identify_files import QUICK, identify_axis
+from identify_one import identify_series
 from identify_support import H, Truth, ar, composite, white
 
 OPTIONS = IdentifyOptions(QUICK, shuffles=0)

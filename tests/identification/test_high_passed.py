@@ -6,7 +6,7 @@ from fltea.identification.axis import IdentifyOptions
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.kalibr import axis_noise
 from fltea.identification.load import Series
-from fltea.identification.one_axis import identify_series
+from identify_one import identify_series
 from identify_support import H
 from scipy.signal import lfilter
 

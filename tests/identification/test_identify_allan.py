@@ -163,7 +163,7 @@ MODELS = {
 def test_a_model_reproduces_its_own_noise(name: str) -> None:
     model = MODELS[name]
     y, _ = draw(model, H, 6000, np.random.default_rng(1))
-    found = reproduction(y, H, model, seed=2)
+    found = reproduction(allan([y], H), H, model)
     assert all(found.within), found.text
     assert found.text.startswith("The model reproduces the sensor from 0.01 to 15 s.")
     assert all(
@@ -174,7 +174,7 @@ def test_a_model_reproduces_its_own_noise(name: str) -> None:
 
 def test_a_model_that_lacks_the_drift() -> None:
     y = white(N, 1, 1)[0] + 0.5 * random_walk(1.0)
-    found = reproduction(y, H, AxisModel((White(1.0),)), simulations=10)
+    found = reproduction(allan([y], H), H, AxisModel((White(1.0),)))
     assert not all(found.within)
     assert found.from_s == pytest.approx(H)
     assert found.to_s < 1.0
@@ -184,7 +184,7 @@ def test_a_model_that_lacks_the_drift() -> None:
 
 def test_a_model_of_another_power() -> None:
     y = white(3000, 1, 1)[0]
-    found = reproduction(y, H, AxisModel((White(25.0),)), simulations=10)
+    found = reproduction(allan([y], H), H, AxisModel((White(25.0),)))
     assert found.ratio[0] == pytest.approx(5, rel=0.05)
     assert not any(found.within[:20])
     assert not all(found.within)

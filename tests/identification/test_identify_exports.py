@@ -19,7 +19,6 @@ from fltea.identification.model_file import read_models
 from fltea.identification.navigation_file import NavigationAxis, navigation_axis
 from fltea.identification.navigation_filter import slope_of
 from fltea.identification.noise_model import AxisModel, draw, model_spectrum
-from fltea.identification.one_axis import identify_series
 from fltea.identification.run import identify_all
 from fltea.identification.workers import Here
 from fltea.noise.parts import (
@@ -40,6 +39,7 @@ from hypothesis import HealthCheck, example, given
 from hypothesis import settings as random
 from hypothesis import strategies as st
 from identify_files import QUICK, settings
+from identify_one import identify_series
 from identify_support import H, Truth, composite, long_recursion, white
 
 NAVIGABLE = Truth(0.005, ((0.03, 1.0), (0.03, 0.05)), K=0.01)

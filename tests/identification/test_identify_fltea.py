@@ -6,6 +6,8 @@ import msgspec
 import numpy as np
 import pytest
 from fltea.estimator.bank import Bank
+from fltea.identification.fltea_fit import FlteaAxis, fltea_fits
+from fltea.identification.gaps import Gaps, no_gaps
 from fltea.identification.shuffled import (
     GROUP_BYTES,
     LEAST_LANES,
@@ -16,7 +18,7 @@ from fltea.identification.shuffled import (
     groups,
     shuffled_band,
 )
-from fltea.settings.estimator import EstimatorConfig
+from fltea.settings.estimator import AccelConfig, EstimatorConfig
 from fltea.spectrum.innovation_whiteness import innovations
 from hypothesis import given
 from hypothesis import strategies as st
@@ -95,10 +97,37 @@ def test_drift_and_convergence() -> None:
     assert abs(other.alpha_drift) > abs(found.alpha_drift or 0)
 
 
-@pytest.mark.parametrize(("y", "message"), [(np.ones(500), "constant"), (np.arange(250.0) % 7, "start-up")])
-def test_refuses(y: np.ndarray, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        fltea_fit(y, H, EstimatorConfig(startup=200))
+def axis_of(y: np.ndarray, settings: EstimatorConfig, gaps: Gaps | None = None) -> FlteaAxis:
+    return FlteaAxis(y, gaps or no_gaps(), settings, LSB, None)
+
+
+def test_a_record_that_is_too_short_is_refused() -> None:
+    short = axis_of(np.arange(250.0) % 7, EstimatorConfig(startup=200))
+    with pytest.raises(ValueError, match="start-up"):
+        short.why_not(H)
+    with pytest.raises(ValueError, match="start-up"):
+        fltea_fits([axis_of(counts(1), EstimatorConfig(startup=200)), short], H)
+
+
+def test_axes_side_by_side_give_what_each_gives_alone() -> None:
+    """To the bit: of other lengths, with lost samples, other settings, and one that says nothing at first."""
+    gaps = Gaps(np.array([500, 3000, 4100]), np.array([3, 1, 500]))
+    axes = [
+        axis_of(counts(1, 9000), config()),
+        axis_of(counts(2, 5000), config(), gaps),
+        axis_of(np.ones(5000), config()),
+        axis_of(counts(3, 4100), config(R=0.3, bias=0.1)),
+        axis_of(counts(4, 6001), config(window=200, variant="triple")),
+        axis_of(ar((0.9,), 5000, 1, 5)[0], AccelConfig(window=150, startup=120)),
+    ]
+    together = fltea_fits(axes, H)
+    assert together == [fltea_fits([one], H)[0] for one in axes]
+    assert together[1].own is not None
+    assert (together[1].own.samples, together[1].own.predicted) == (4100, 4)
+    assert "constant" in together[2].reason == axes[2].why_not(H)
+    assert [one.own and one.own.variant for one in together][4:] == ["triple", "joint"]
+    assert together[4].other is not None
+    assert together[4].innovations.keys() == {"triple", "joint"}
 
 
 def band(y: np.ndarray, settings: EstimatorConfig, copies: int) -> ShuffledBand:

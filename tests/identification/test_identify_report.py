@@ -120,7 +120,7 @@ def test_curves_agree_with_the_result() -> None:
     copies = estimate(x, H, QUICK, None, range(30), 0)
     looked = look(x, H, options)
     result = with_copies(identified(looked, None, options), [copies])
-    found = curves(looked, None, options, result)
+    found = curves(looked, None, options)
     assert result.fltea.alpha is not None
     assert found.path.alpha[-1] == pytest.approx(result.fltea.alpha, abs=1e-3)
     assert found.path.t_s[-1] == pytest.approx(30)

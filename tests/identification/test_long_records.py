@@ -2,13 +2,9 @@
 
 import numpy as np
 import pytest
-from fltea.identification import reproduction as reproducing
 from fltea.identification import shuffled
-from fltea.identification.allan import averaging_factors, overlapping
 from fltea.identification.load import Request, load
-from fltea.identification.noise_model import AxisModel, draws
 from fltea.identification.workers import Processes
-from fltea.noise.parts import Relaxation, White
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum import periodogram as spectrum
 from fltea.spectrum.innovation_whiteness import InnovationSums, innovations
@@ -85,27 +81,6 @@ def test_copies_of_a_long_record_do_not_depend_on_their_group(monkeypatch, varia
     monkeypatch.setattr(shuffled, "LONGEST", 4000)
     longer = shuffled.estimate(y, H, config, None, range(4, 8), 1)
     assert np.array_equal(longer.alpha, some.alpha) == (variant == "triple")  # which takes all samples anyway
-
-
-def test_means_have_the_spectrum_that_they_are_drawn_with():
-    model = AxisModel((White(0.5), Relaxation(1.0, 0.2)))
-    rng = np.random.default_rng(4)
-    fine = next(draws(model, H, 1 << 17, rng))[0].reshape(-1, 16).mean(axis=1)
-    means = next(draws(model, H, 1 << 13, rng, 16))[0]
-    factors = averaging_factors(1 << 13)[:20]
-    ratio = overlapping([means], factors) / overlapping([fine], factors)
-    assert np.abs(np.log(ratio)).max() < 0.12
-
-
-@pytest.mark.parametrize("model", [AxisModel((White(1.0),)), AxisModel((White(1.0), Relaxation(1.6, 1.0)))])
-def test_a_long_record_of_its_own_model_is_reproduced(monkeypatch, model):
-    y = next(draws(model, H, 60_000, np.random.default_rng(5)))[0]
-    monkeypatch.setattr(reproducing, "LONGEST", 8000)
-    found = reproducing.reproduction(y, H, model)
-    assert all(found.within), found.text
-    assert found.tau_s[-1] == pytest.approx(150, rel=0.05)
-    wrong = reproducing.reproduction(2 * y, H, model)
-    assert not any(wrong.within[: len(wrong.within) // 2])
 
 
 def test_samples_in_files_reach_other_processes(tmp_path):

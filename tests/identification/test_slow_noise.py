@@ -16,7 +16,6 @@ from fltea.identification.conclusions import tracked_of
 from fltea.identification.findings import rows
 from fltea.identification.forecast import made_of
 from fltea.identification.load import GYRO_UNIT, Series
-from fltea.identification.one_axis import identify_series
 from fltea.identification.slow_noise import band, next_of_white
 from fltea.identification.tracked_drift import tracked_drift_rate
 from fltea.identification.tracked_system import OffsetWalkFound
@@ -25,6 +24,7 @@ from fltea.records.fit import Interval
 from fltea.spectrum.drift_rate import around
 from host_support import fltea_here
 from identify_files import QUICK
+from identify_one import identify_series
 from identify_support import H, gauss_markov
 
 N_TRUE, SIGMA = 0.01, 0.1

@@ -14,7 +14,6 @@ from fltea.identification.findings import document, lead
 from fltea.identification.gaps import Gaps, no_gaps
 from fltea.identification.left_out import LeftOut, without
 from fltea.identification.load import GYRO_UNIT, Request, Series
-from fltea.identification.one_axis import identify_series
 from fltea.identification.run import identify_all
 from fltea.identification.sensor_events import BiasStep
 from fltea.identification.workers import Here
@@ -22,6 +21,7 @@ from fltea.records.arrays import Array
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_files import LSB_PER_DPS, QUICK, RATE_HZ, settings
+from identify_one import identify_series
 from identify_support import H
 from scipy.signal import lfilter
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.load import GYRO_UNIT, Request, Series
-from fltea.identification.one_axis import identify_series
 from fltea.identification.run import identify_all
 from fltea.identification.telegraph import Telegraph, without_levels
 from fltea.identification.workers import Here
 from fltea.records.arrays import Array
 from identify_files import QUICK, npz, settings
+from identify_one import identify_series
 from identify_support import H, ar, long_recursion, white
 from scipy.signal import butter, lfilter
 

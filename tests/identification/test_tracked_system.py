@@ -10,11 +10,11 @@ from fltea.identification.forecast_judge import learned
 from fltea.identification.kalibr import axis_noise
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.navigation_filter import slope_of
-from fltea.identification.one_axis import identify_series
 from fltea.identification.tracked_system import offset_walk_found
 from fltea.noise.parts import White
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
+from identify_one import identify_series
 from identify_support import gauss_markov
 
 H, N = 0.01, 30_000

@@ -12,9 +12,10 @@ from fltea.api.identified import Identified
 from fltea.identification.about_levels import look_at
 from fltea.identification.advice import doubted, expecting_steps
 from fltea.identification.allan import allan_of
-from fltea.identification.axis import AxisResult, IdentifyOptions, Looked, described, fltea_axis
+from fltea.identification.axis import AxisResult, IdentifyOptions, Looked, described, fltea_axis, with_fltea
 from fltea.identification.conclusions import conclude, in_agreement, tracked_of
 from fltea.identification.event_traps import event_traps
+from fltea.identification.fltea_fit import fltea_fits
 from fltea.identification.forecast import Goal
 from fltea.identification.forecast_judge import Learned
 from fltea.identification.judges import judge_one
@@ -100,7 +101,7 @@ def watched_looks(
     h: float,
     options: IdentifyOptions,
 ) -> dict[str, Watched]:
-    """Return what has happened to axes by their first looks, and looks without that."""
+    """Return what has happened to axes by their first looks, and looks without that, with FLTEA."""
     last = dict(examined)
     for _ in range(1, MOST_LOOKS):
         events = watch(axes, accel, agreed(last, h), h, LiveConfig())
@@ -110,6 +111,9 @@ def watched_looks(
         for name in again:
             with contextlib.suppress(ValueError):  # too little is left between steps: the look before counts
                 last[name] = examine(axes[name], h, options, last[name].known, events[name].left_out)
+    fits = fltea_fits([fltea_axis(one.looked, one.series.lsb, options) for one in last.values()], h)
+    for (name, one), its in zip(last.items(), fits, strict=True):
+        last[name] = one._replace(found=with_fltea(one.found, its))
     return {name: Watched(one, events[name]) for name, one in last.items()}
 
 
@@ -130,7 +134,7 @@ def examine(
     left_out: steps and motion; None: what seems to be motion before there is a model.
     """
     looked, series, out, telegraph = look_at(series, h, options, left_out)
-    fltea_axis(looked, series.lsb, options).why_not(h)  # the same series are possible as for the command
+    fltea_axis(looked, series.lsb, options).why_not(h)
     found = described(looked)
     traps = (*known, *traps_of(looked, series, found, telegraph))
     why = withheld(traps)

@@ -83,8 +83,8 @@ class FlteaAxis(NamedTuple):
     """bias and R, where they are numbers, are those of this axis."""
     lsb: float | None
     """One count in the unit of y, if known; the variance of rounding is the least R."""
-    order: Interval | None
-    """The noise's by the verdict, without ends if it has none; None where there is no verdict."""
+    alpha: Interval | None
+    """The noise's order by the verdict, without ends if it has none; None where there is no verdict."""
 
     def why_not(self, h: float) -> str:
         """Return why FLTEA cannot be run, nothing if it can; h: sampling period in s.
@@ -124,7 +124,7 @@ def fltea_fits(axes: Sequence[FlteaAxis], h: float) -> list[FlteaFits]:
             own = [lane for place in places if not isinstance(lane := lanes[place], str)]
             for place, lane, ran in zip(places, own, _run(own, h, config), strict=True):
                 settings = msgspec.structs.replace(axes[place].config, variant=variant)
-                found[place][variant] = _fit(lane, ran, settings, axes[place].order), ran.tested
+                found[place][variant] = _fit(lane, ran, settings, axes[place].alpha), ran.tested
     fits = []
     for axis, lane, of_axis in zip(axes, lanes, found, strict=True):
         variants = axis.config.variant, OTHER[axis.config.variant]

@@ -120,16 +120,14 @@ def draw(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> tuple[
     return next(draws(model, h, n, rng))
 
 
-def draws(
-    model: AxisModel, h: float, n: int, rng: np.random.Generator, mean_of: int = 1
-) -> Iterator[tuple[Array, Array]]:
-    """Yield the same again and again, without end; each number is the mean of `mean_of` samples."""
+def draws(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
+    """Yield the same again and again, without end."""
     circle = 1 << (max(AROUND * n, SHORTEST_CIRCLE) - 1).bit_length()
     lam = 2 * np.pi * np.arange(1, circle // 2 + 1) / circle
-    size = np.sqrt(_of_means(model, lam, h, mean_of) * (circle / 2))
-    R = model.white / mean_of
+    R = model.white
+    size = np.sqrt(np.maximum(model_spectrum(model, lam, h) - R, 0.0) * (circle / 2))
     # Steps of a random walk have a mean, too, which is the one wave that a circle does not have.
-    tilt = math.sqrt(model.walk * h * mean_of / circle)
+    tilt = math.sqrt(model.walk * h / circle)
     while True:
         waves = np.zeros(circle // 2 + 1, dtype=np.complex128)
         waves[1:] = rng.standard_normal(circle // 2) + 1j * rng.standard_normal(circle // 2)
@@ -139,14 +137,3 @@ def draws(
         if tilt:
             x += tilt * rng.standard_normal() * np.arange(n)
         yield x + math.sqrt(R) * rng.standard_normal(n), x
-
-
-def _of_means(model: AxisModel, lam: Array, h: float, count: int) -> Array:
-    """Return the spectrum of means of `count` samples of what is not white, at λ in rad a mean."""
-    total = np.zeros_like(lam)
-    for i in range(count):  # the frequencies that look alike
-        fine = (lam + 2 * np.pi * i) / count
-        fine = np.minimum(fine, 2 * np.pi - fine)
-        mean = 1.0 if count == 1 else (np.sin(count * fine / 2) / (count * np.sin(fine / 2))) ** 2
-        total += np.maximum(model_spectrum(model, fine, h) - model.white, 0.0) * mean
-    return total / count

@@ -1,6 +1,5 @@
 """Looks at one axis, and what follows for its report."""
 
-import contextlib
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,55 +15,22 @@ from fltea.identification.axis import (
     fltea_axis,
 )
 from fltea.identification.axis_report import AxisReport
-from fltea.identification.conclusions import Conclusions, conclude, tracked_of
+from fltea.identification.conclusions import Conclusions, tracked_of
 from fltea.identification.curves import curves
 from fltea.identification.event_traps import event_traps
 from fltea.identification.fltea_fit import FlteaAxis, FlteaFits, fltea_fits
-from fltea.identification.forecast import Goal
-from fltea.identification.left_out import LeftOut, without
+from fltea.identification.left_out import LeftOut
 from fltea.identification.load import Series
 from fltea.identification.noise_model import modelled
 from fltea.identification.reproduction import reproduction
-from fltea.identification.sensor_events import AxisEvents, watch
+from fltea.identification.sensor_events import AxisEvents
 from fltea.identification.slow_noise import with_slow_noise
 from fltea.identification.traps import Trap, withheld
 from fltea.identification.traps_of_axis import traps_of
 from fltea.records.fit import Interval
-from fltea.settings.live import LiveConfig
 
 MOST_LOOKS = 3
 """How often an axis is looked at, at most: steps that go by a first model may be wrong."""
-
-
-def identify_series(
-    series: Series,
-    h: float,
-    options: IdentifyOptions,
-    figures: bool,
-    forecast: bool | Goal = False,
-    known: Sequence[Trap] = (),
-    live: LiveConfig | None = None,
-) -> AxisReport:
-    """Return all that is found out about one axis by itself, but for FLTEA and its shuffled copies.
-
-    known: what is wrong with it already by the recording as a whole.
-
-    Raises:
-        ValueError: it is too short or constant.
-    """
-    found = examine(series, h, options, figures, known)
-    for _ in range(1, MOST_LOOKS):
-        events = watch({"y": series}, (), {"y": found.tracked}, h, live or LiveConfig())["y"]
-        if events.left_out.is_like(found.left_out):
-            break
-        with contextlib.suppress(ValueError):  # too little is left between steps: the look before counts
-            found = examine(series, h, options, figures, known, events.left_out)
-    if found.tracked is not None:
-        rest, K = without(series, found.left_out), found.result.level.K
-        found = concluded(
-            found, conclude(rest, h, options, found.tracked, K, forecast, events.at_end, events.steps)
-        )
-    return with_events(found, events)
 
 
 class LookedAt(NamedTuple):
@@ -74,7 +40,8 @@ class LookedAt(NamedTuple):
     """All samples that were read."""
     left_out: LeftOut
     options: IdentifyOptions
-    order: Interval
+    alpha: Interval
+    """The noise's order by the verdict, without ends if it has none."""
 
     @classmethod
     def of(cls, series: Series, found: AxisReport, options: IdentifyOptions) -> "LookedAt":
@@ -91,7 +58,7 @@ def run_fltea(axes: Sequence[LookedAt], h: float) -> list[FlteaFits]:
     own = [samples_looked_at(one.series, h, one.left_out) for one in axes]
     return fltea_fits(
         [
-            FlteaAxis(y.y, y.gaps, one.options.estimator, y.lsb, one.order)
+            FlteaAxis(y.y, y.gaps, one.options.estimator, y.lsb, one.alpha)
             for y, one in zip(own, axes, strict=True)
         ],
         h,
@@ -149,10 +116,14 @@ def examine(
     left_out: LeftOut | None = None,
     details: bool = True,
 ) -> AxisReport:
-    """Return the same without what follows from the tracked system.
+    """Look at an axis: all that is found out about it but FLTEA and what follows from its tracked system.
 
-    left_out: steps and motion; None: what seems to be motion before there is a model. details: also find out
-    where the model reproduces the Allan deviation.
+    figures: make what figures are drawn from. known: what is wrong with it already by the recording as a
+    whole. left_out: steps and motion; None: what seems to be motion before there is a model. details: also
+    find out where the model reproduces the Allan deviation.
+
+    Raises:
+        ValueError: it is too short or constant.
     """
     looked, series, out, telegraph = look_at(series, h, options, left_out)
     result = described(looked)

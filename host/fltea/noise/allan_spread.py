@@ -83,6 +83,8 @@ def _weights(lam: Array, m: float) -> Array:
 
 def _of_rest(lam: Array, S: Array, m: float, step: int, points: int, variance: float, terms: float) -> float:
     """Return Σ (1 - |k| / M) r(k)², of every `step`th lag, of a noise with this Allan variance."""
+    if not variance > 0:
+        return 0.0
     power = S * _weights(lam, m) * (2 / (points * step))
     left = variance - power.sum()
     if left > 0:  # what is above the highest of these frequencies looks like any of them

@@ -1,0 +1,49 @@
+"""One axis through all that `fltea identify` does with it, without a recording around it."""
+
+import contextlib
+from collections.abc import Sequence
+
+import msgspec
+from fltea.identification.axis import IdentifyOptions, with_fltea
+from fltea.identification.axis_report import AxisReport
+from fltea.identification.conclusions import conclude
+from fltea.identification.forecast import Goal
+from fltea.identification.left_out import without
+from fltea.identification.load import Series
+from fltea.identification.one_axis import MOST_LOOKS, LookedAt, concluded, examine, run_fltea, with_events
+from fltea.identification.sensor_events import watch
+from fltea.identification.traps import Trap
+from fltea.settings.live import LiveConfig
+
+
+def identify_series(
+    series: Series,
+    h: float,
+    options: IdentifyOptions,
+    figures: bool,
+    forecast: bool | Goal = False,
+    known: Sequence[Trap] = (),
+    live: LiveConfig | None = None,
+) -> AxisReport:
+    """Return all that is found out about one axis by itself, but for its shuffled copies.
+
+    known: what is wrong with it already by the recording as a whole.
+
+    Raises:
+        ValueError: it is too short or constant.
+    """
+    found = examine(series, h, options, figures, known)
+    for _ in range(1, MOST_LOOKS):
+        events = watch({"y": series}, (), {"y": found.tracked}, h, live or LiveConfig())["y"]
+        if events.left_out.is_like(found.left_out):
+            break
+        with contextlib.suppress(ValueError):  # too little is left between steps: the look before counts
+            found = examine(series, h, options, figures, known, events.left_out)
+    if found.tracked is not None:
+        rest, K = without(series, found.left_out), found.result.level.K
+        found = concluded(
+            found, conclude(rest, h, options, found.tracked, K, forecast, events.at_end, events.steps)
+        )
+    (fits,) = run_fltea([LookedAt.of(series, found, options)], h)
+    found = msgspec.structs.replace(found, result=with_fltea(found.result, fits))
+    return with_events(found, events)
