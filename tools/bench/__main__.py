@@ -36,6 +36,11 @@ MODES = {
         ("tools.bench.bench_chain",),
         ("long", "rows", "against", "rounds"),
     ),
+    "identify": Mode(
+        "only `fltea identify`, beside the Allan deviation alone",
+        ("tools.bench.bench_identify",),
+        ("long", "against", "rounds"),
+    ),
     "ports": Mode(
         "only devices on ports, recorded: is anything lost?",
         ("tools.bench.bench_daemon",),
@@ -66,11 +71,13 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     for name, mode in MODES.items():
         parser.add_argument(f"--{name}", action="store_true", help=mode.help)
-    parser.add_argument("--against", metavar="COMMIT", help="of --chain: that commit's program too, in turns")
-    parser.add_argument("--rows", help="of --chain: names with commas between, or hour, day, live, all")
-    parser.add_argument("--rounds", type=int, help="of --chain (default 3, of long rows 1)")
     parser.add_argument(
-        "--long", action="store_true", help="of --chain: long rows too (24 hours, ten minutes)"
+        "--against", metavar="COMMIT", help="of --chain, --identify: that commit's program too, in turns"
+    )
+    parser.add_argument("--rows", help="of --chain: names with commas between, or hour, day, live, all")
+    parser.add_argument("--rounds", type=int, help="of --chain, --identify (default 3, of long rows 1)")
+    parser.add_argument(
+        "--long", action="store_true", help="of --chain, --identify: long rows too (24 hours, ten minutes)"
     )
     devices = "of --ports (default 300), --ingest (200) and --fleet (500)"
     parser.add_argument("--devices", type=int, help=devices)

@@ -58,8 +58,12 @@ OF_DEVICES = {
     "feeder_percent": Column("feeder: core %", ".0f", ratio=False),
     "feeder_late_ms": Column("its p99 late ms", ".1f", ratio=False),
 }
-COLUMNS: Mapping[str, Mapping[str, Column]] = {"hour": OF_FILES, "day": OF_FILES, "live": OF_DEVICES}
+COLUMNS: Mapping[str, Mapping[str, Column]] = {
+    **dict.fromkeys(("ten minutes", "hour", "day"), OF_FILES),
+    "live": OF_DEVICES,
+}
 TITLES = {
+    "ten minutes": "Ten minutes at 100 Hz, three axes",
     "hour": "One hour at 100 Hz, three axes",
     "day": "24 hours at 100 Hz, three axes",
     "live": "Live devices at 100 Hz on pseudo-terminals, NDJSON; from a frame's last byte to its line",

@@ -6,9 +6,18 @@ from itertools import product
 from typing import NamedTuple
 
 from tools.bench.bench_daemon import SETTLE_S, Setting
-from tools.bench.chain_works import Work, code, export, identify, live, replay, start
+from tools.bench.chain_works import (
+    Work,
+    code,
+    export,
+    identify,
+    identify_in_full,
+    live,
+    replay,
+    start,
+)
 
-SECONDS = {"hour": 3600, "day": 24 * 3600, "live": 0}
+SECONDS = {"ten minutes": 600, "hour": 3600, "day": 24 * 3600, "live": 0}
 """Of the recordings that the rows of a kind read."""
 LIVE_S = 10.0
 OLD_S = 120.0
@@ -70,6 +79,34 @@ def _hour() -> Iterator[Row]:
     )
     yield Row("start", "the program's start alone, run --help", "hour", start, {"wall_s": 0.2})
     yield from _peers("hour", "")
+
+
+ALLANTOOLS = """
+import sys
+import allantools, numpy
+with numpy.load(sys.argv[1]) as file:
+    y = file["gyro_raw"] / file["lsb_per_dps"]
+for axis in y.T:
+    allantools.oadev(numpy.ascontiguousarray(axis), rate=100.0, data_type="freq", taus="octave")
+"""
+IDENTIFY = {
+    "ten minutes": ("10min-identify", "10min-identify-json", "10min-oadev"),
+    "hour": ("identify", "identify-json", "oadev", "peer-npz"),
+    "day": ("day-identify", "day-oadev", "day-peer-npz"),
+}
+"""Rows of `make bench ARGS=--identify`, by their kind: `fltea identify`, and what else takes such files."""
+
+
+def _identify() -> Iterator[Row]:
+    """Yield `fltea identify`, and the Allan deviation alone."""
+    yield Row("10min-identify", "identify", "ten minutes", identify, {"wall_s": 0.8})
+    yield Row("10min-identify-json", "identify --json", "ten minutes", identify_in_full)
+    yield Row("identify", "identify", "hour", identify)
+    yield Row("identify-json", "identify --json", "hour", identify_in_full)
+    oadev = partial(code, ALLANTOOLS, "npz")
+    for name, kind in (("10min-oadev", "ten minutes"), ("oadev", "hour"), ("day-oadev", "day")):
+        title = "peer: allantools.oadev of the axes, octaves"
+        yield Row(name, title, kind, oadev, of_fltea=False, long=kind == "day")
 
 
 def _day() -> Iterator[Row]:
@@ -135,7 +172,7 @@ def _said(of: Setting) -> str:
     return ", ".join(said)
 
 
-ROWS = (*_hour(), *_day(), *_devices())
+ROWS = (*_hour(), *_identify(), *_day(), *_devices())
 
 
 def chosen(names: Sequence[str] = (), *, long: bool = False) -> list[Row]:

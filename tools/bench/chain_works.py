@@ -123,8 +123,13 @@ def export(suffix: str, files: Files, program: Program) -> Figures:
 
 
 def identify(files: Files, program: Program) -> Figures:
-    """Identify the recording."""
-    return run_program(program.command("identify", files.npz, "--json"))
+    """Identify the recording, as most people do."""
+    return run_program(program.command("identify", files.npz, "--shuffles", 0))
+
+
+def identify_in_full(files: Files, program: Program) -> Figures:
+    """Identify it with all figures, but for the shuffled copies."""
+    return run_program(program.command("identify", files.npz, "--json", "--shuffles", 0))
 
 
 def code(text: str, form: str, files: Files, program: Program) -> Figures:

@@ -29,6 +29,7 @@ PARTS = {
     "gallery": ("gallery.records", "verdicts on noises that are known, at three rates and three lengths"),
     "growth": ("gallery.growth", "verdicts on the gallery's noises as their records grow"),
     "coverage": ("coverage.run", "how often each interval that is published holds the truth"),
+    "allan": ("allan", "Allan deviations of models and their spread, computed and drawn"),
     "evaluate": ("evaluate.run", "what the live fit and the filters are worth, noise by noise"),
     "odds": ("odds.run", "whether odds of an order come true, and what they find"),
     "states": ("states", "what the tracker's bias is worth beside a filter that knows the noise"),
