@@ -85,7 +85,7 @@ def tables(rows: list[Row]) -> list[Table | str]:
     off, points = max(row["mean_off"] for row in rows), sum(row["points"] for row in rows)
     return [
         Table("Allan deviation of models, computed and drawn", headings, cells, brief=False),
-        f"Of {len(rows)} models the degrees of freedom are {np.median(ratios):.3f} times those of the records "
-        f"that were drawn {spread}, which are known to a tenth; of {points} points none has a mean that is "
+        f"Of {len(rows)} models the degrees of freedom are {np.median(ratios):.3f} times those of records "
+        f"drawn {spread}, which are known to a tenth; of {points} points none has a mean that is "
         f"off by more than {off:.1f} standard deviations.",
     ]

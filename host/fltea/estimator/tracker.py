@@ -171,6 +171,10 @@ MOST_TO_COME = _native.TrackerModel.MOST_TO_COME
 """Samples to come, before which what is remembered can be filtered."""
 
 
+AT_ONCE = 1 << 14
+"""Rows of a long recording, so that what is made of them fits the caches."""
+
+
 class Tracker:
     """Tracks the biases of the axes of one sensor.
 
@@ -201,6 +205,11 @@ class Tracker:
         of_accel = None if accel is None else np.ascontiguousarray(accel, dtype=np.float64)
         self.events = events_of(self.native.run(rows, out, moving, of_accel, int(rest)))
         return Tracks._make((*out, moving.view(np.bool_)))
+
+    def take(self, y: Array) -> None:
+        """Take samples of one axis, (n,), of which only what is known at the end is wanted."""
+        for begin in range(0, len(y), AT_ONCE):
+            self.run(y[begin : begin + AT_ONCE, None])
 
     def skip(self, count: int) -> None:
         """Predict over lost samples of all axes."""

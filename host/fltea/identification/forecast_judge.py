@@ -102,7 +102,7 @@ class Learned(NamedTuple):
 def learned(parts: Sequence[Part], y: Array, h: float) -> Learned:
     """Return the system of a noise that was found in y."""
     tracker = Tracker([None])
-    tracker.run(y[:, None])
+    tracker.take(y)
     followed = system_of(parts, h, len(y), tracker.remembered(0))
     return Learned(followed.parts, len(y), followed.system, followed.walk)
 
@@ -217,7 +217,7 @@ def _estimates(model: System, y: Array, begin: int, m: int) -> tuple[Array, Arra
     """Return origin, x and P of the tracker after `begin`, begin + m, begin + 2 m … samples of y."""
     tracker = Tracker([None])
     tracker.set(0, model)
-    tracker.run(y[:begin, None])
+    tracker.take(y[:begin])
     known = [tracker.x(0)]
     Ps, until = [rested(model, begin)], GROWTH * begin
     for at in range(begin, len(y) - m + 1, m):

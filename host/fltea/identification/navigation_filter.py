@@ -114,7 +114,7 @@ def navigation_filter(tracked: Learned, y: Array, h: float) -> NavigationFilter:
     lam = _frequencies(tracked, h, len(y))
     tracker = Tracker([None])
     tracker.set(0, model)
-    tracker.run(y[:, None])
+    tracker.take(y)
     origin, x = tracker.x(0)
     always = _always(model, x, P)
     heading = _heading_variance(model, part, always, P, h, times_s)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from fltea.estimator.tracker import EventKind, Tracker, TrackerEvent
+from fltea.estimator.tracker import AT_ONCE, EventKind, Tracker, TrackerEvent
 from fltea.identification.fine_peaks import CHUNK
 from fltea.identification.forecast import BiasAtEnd
 from fltea.identification.forecast_judge import Learned
@@ -37,8 +37,6 @@ FAST_S = 1.0
 """The longest correlation time, in s, of what is not taken for steps."""
 BETTER = 10.0
 """Log likelihood by which a bias that stays but for steps has to be the better one."""
-AT_ONCE = 1 << 16
-"""Rows, so that of a long recording little is in memory."""
 COURSE_POINTS = 500
 
 
