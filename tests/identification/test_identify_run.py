@@ -11,15 +11,17 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from cluster_support import two_workers
+from fltea.identification.axis import NOT_RUN
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.findings import document
 from fltea.identification.load import Request, Unreadable, load
 from fltea.identification.run import Settings, identify_all
 from fltea.identification.work_folder import work_folder
-from fltea.identification.workers import Here, Processes, open_local
+from fltea.identification.workers import Here, Processes, Threads, open_local
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES
 from fltea.settings.estimator import EstimatorConfig
@@ -98,10 +100,47 @@ def test_the_number_of_processes_does_not_matter(tmp_path: Path, monkeypatch: py
     many = settings(shuffles=2 * lanes + 1)
     alone = document(identify_all(requests, many, Here()))
     assert alone["files"][0]["axes"]["gyro_x"]["null"]["shuffled"]["copies"] == 2 * lanes + 1
-    with closing(Processes(2)) as workers:
-        assert document(identify_all(requests, many, workers)) == alone
+    for made in (Processes, Threads):
+        with closing(made(2)) as workers:
+            assert document(identify_all(requests, many, workers)) == alone
     monkeypatch.setattr("fltea.identification.hand_out.CHECK_S", 0.001)
     assert document(identify_all(requests, many, LastFirst())) == alone
+
+
+OF_DETAILS = {
+    "fltea": None,
+    "fltea_other": None,
+    "fltea_reason": NOT_RUN,
+    "innovations": {},
+    "reproduction": None,
+}
+
+
+def test_what_is_not_asked_for_is_not_found_out_and_changes_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raw = np.rint(16 * long_recursion(0.6, -0.19, N, 1)).astype(np.int32)[:, np.newaxis]
+    requests = [Request((npz(tmp_path / "a.npz", raw),))]
+    ((_, whole),) = document(identify_all(requests, settings(), Here()))["files"][0]["axes"].items()
+    assert whole["fltea"]["variant"] == "joint"
+    assert whole["reproduction"]["text"]
+    for module, name in (("one_axis", "fltea_fits"), ("one_axis", "reproduction"), ("run", "estimate")):
+        monkeypatch.setattr(f"fltea.identification.{module}.{name}", None)
+    brief = msgspec.structs.replace(settings(shuffles=20), details=False)
+    ((_, found),) = document(identify_all(requests, brief, Here()))["files"][0]["axes"].items()
+    assert found == whole | OF_DETAILS | {"null": whole["null"] | {"shuffled": None}}
+
+
+def test_settings_that_no_filter_can_work_with_are_told_whatever_is_asked_for(tmp_path: Path) -> None:
+    requests = [Request((npz(tmp_path / "a.npz", counts(N, 1)),))]
+    for details in (True, False):
+        wrong = msgspec.structs.replace(
+            settings(), gyro=EstimatorConfig(startup=100, R=[-1.0]), details=details
+        )
+        (report,) = identify_all(requests, wrong, Here())
+        (found,) = report.axes.values()
+        assert isinstance(found, Failure)
+        assert "R" in found.error
 
 
 class LastFirst(Here):
@@ -194,6 +233,10 @@ def test_one_job_needs_no_process() -> None:
     assert isinstance(open_local(1), Here)
     with closing(open_local(3)) as workers:
         assert workers.slots == 4
+    assert isinstance(open_local(1, small=True), Here)
+    with closing(open_local(3, small=True)) as workers:
+        assert isinstance(workers, Threads)
+        assert (workers.slots, workers.shares_memory) == (4, True)
 
 
 def test_workers_that_are_gone_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
