@@ -133,14 +133,14 @@ def test_what_is_not_asked_for_is_not_found_out_and_changes_nothing_else(
 
 def test_settings_that_no_filter_can_work_with_are_told_whatever_is_asked_for(tmp_path: Path) -> None:
     requests = [Request((npz(tmp_path / "a.npz", counts(N, 1)),))]
+    joint = msgspec.structs.replace(EstimatorConfig().joint, alpha0=5.0)
     for details in (True, False):
-        wrong = msgspec.structs.replace(
-            settings(), gyro=EstimatorConfig(startup=100, R=[-1.0]), details=details
-        )
+        gyro = EstimatorConfig(startup=100, joint=joint)
+        wrong = msgspec.structs.replace(settings(), gyro=gyro, details=details)
         (report,) = identify_all(requests, wrong, Here())
         (found,) = report.axes.values()
         assert isinstance(found, Failure)
-        assert "R" in found.error
+        assert "joint.alpha0 must be within the bounds of the guard" in found.error
 
 
 class LastFirst(Here):
