@@ -21,7 +21,7 @@ from fltea.identification.findings import document
 from fltea.identification.load import Request, Unreadable, load
 from fltea.identification.run import Settings, identify_all
 from fltea.identification.work_folder import work_folder
-from fltea.identification.workers import Here, Processes, Threads, open_local
+from fltea.identification.workers import SMALL, Here, Processes, Threads, open_local
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES
 from fltea.settings.estimator import EstimatorConfig
@@ -233,10 +233,15 @@ def test_one_job_needs_no_process() -> None:
     assert isinstance(open_local(1), Here)
     with closing(open_local(3)) as workers:
         assert workers.slots == 4
-    assert isinstance(open_local(1, small=True), Here)
-    with closing(open_local(3, small=True)) as workers:
-        assert isinstance(workers, Threads)
-        assert (workers.slots, workers.shares_memory) == (4, True)
+    assert isinstance(open_local(1, recordings=1), Here)
+
+
+@pytest.mark.parametrize(("samples", "here"), [(SMALL, True), (SMALL + 1, False)])
+def test_one_recording_is_identified_here_if_it_is_small(samples: int, here: bool) -> None:
+    with closing(open_local(3, recordings=1)) as workers:
+        workers.expect(samples)
+        assert workers.slots == 4
+        assert (workers.submit(os.getpid).result() == os.getpid()) is here
 
 
 def test_workers_that_are_gone_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,6 @@
 
 import io
 import json as json_module
-import math
 import re
 import signal
 import sys
@@ -20,9 +19,6 @@ from fltea.recording.formats import ENDINGS
 from fltea.records.errors import FlteaError, Incomplete, UsageError
 from fltea.records.whole_file import prepare_folder
 from fltea.settings.extras import load, need_matplotlib
-
-SMALL_BYTES = 100_000_000
-"""Files up to which one recording is identified in this process: six axes of a million samples as text."""
 
 if TYPE_CHECKING:
     from fltea.identification.axis_report import FileReport
@@ -294,7 +290,7 @@ def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "l
     from fltea.recording.kind import is_of_this_process
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    workers = _workers(jobs, dask, small=len(requests) == 1 and _size(requests[0]) <= SMALL_BYTES)
+    workers = _workers(jobs, dask, len(requests))
     # A cluster may not see the files, nor another process a pipe; and one recording is read here while the
     # processes start.
     here = any(is_of_this_process(path) for one in requests for path in getattr(one, "paths", ()))
@@ -312,19 +308,11 @@ def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "l
         workers.close()
 
 
-def _size(request: Any) -> float:
-    """Return the bytes of a recording's files."""
-    try:
-        return float(sum(path.stat().st_size for path in getattr(request, "paths", ())))
-    except OSError:
-        return math.inf
-
-
-def _workers(jobs: int | None, dask: str | None, *, small: bool = False) -> "Workers":
+def _workers(jobs: int | None, dask: str | None, recordings: int = 0) -> "Workers":
     if dask is None:
         from fltea.identification.workers import open_local
 
-        return open_local(jobs, small=small)
+        return open_local(jobs, recordings=recordings)
 
     if warning := trust_warning(dask):
         say(f"fltea: warning: {warning}")

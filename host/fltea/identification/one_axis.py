@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import msgspec
@@ -131,15 +132,18 @@ def examine(
     why_no_path = fltea_axis(looked, series.lsb, options).why_not(h)
     model = modelled(looked.figures.sentence, result.peaks, result.std, h)
     curve, drawn, reason = None, None, ""
+    with ThreadPoolExecutor(1) as beside:  # of a long record either takes as long as the spectrum
+        its_curve = beside.submit(allan_of, looked, series.unit)
+        traps = traps_of(looked, series, result, telegraph)
+        why = withheld((*known, *traps))
+        tracked = None if why else tracked_of(looked, telegraph)
     try:
-        curve = allan_of(looked, series.unit)
+        curve = its_curve.result()
         drawn = reproduction(curve, h, model) if details else None
     except ValueError as error:
         reason = str(error)
     if telegraph is not None:
         model = msgspec.structs.replace(model, parts=(*model.parts, telegraph.part))
-    traps = traps_of(looked, series, result, telegraph)
-    why = withheld((*known, *traps))
     return AxisReport(
         series.unit,
         series.lsb,
@@ -150,7 +154,7 @@ def examine(
         reason,
         traps,
         curves=curves(looked, series.lsb, options, with_path=not why_no_path) if figures else None,
-        tracked=None if why else tracked_of(looked, telegraph),
+        tracked=tracked,
         left_out=out,
         withheld=why,
     )

@@ -4,7 +4,6 @@ Each axis is a task, and each group of its shuffled copies another, for they tak
 axes would keep two cores busy for as long as four. What comes out does not depend on who does which.
 """
 
-import contextlib
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
@@ -196,7 +195,7 @@ def identify_all(
     """
     reports = []
     reading: deque[_Task] = deque()
-    with contextlib.nullcontext() if workers.shares_memory else work_folder() as folder:
+    with work_folder() as folder:
         for request in requests:
             reports.append(FileReport(request.name))
             if isinstance(request, Unreadable):
@@ -341,6 +340,7 @@ class _Loop(HandOut[_Task]):
     def _plan(self, report: FileReport, recording: Loaded) -> None:
         """Plan the first look at each axis."""
         h = recording.h
+        self._workers.expect(sum(len(series.y) for series in recording.axes.values()))
         of = _Recording(h, recording.accel, recording.traps)
         for name, series in recording.axes.items():
             report.axes[name] = Failure("not done")  # keeps the order of the axes

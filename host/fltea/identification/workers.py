@@ -17,18 +17,20 @@ import numpy as np
 T = TypeVar("T")
 
 SAFE_PATH = "PYTHONSAFEPATH"
+SMALL = 6_000_000
+"""Samples of all axes together, 5 hours of three, up to which processes take long to start."""
 
 
 class Workers:
     """What runs tasks; all but `submit` may be left out."""
 
-    shares_memory = False
-    """Whether samples are better kept in memory than in files, from which processes map them."""
-
     @property
     def slots(self) -> int:
         """The number of tasks that are worth handing over at a time."""
         return 1
+
+    def expect(self, samples: int) -> None:
+        """Take note that a recording of so many samples, of all its axes, is to be worked on."""
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
         """Begin a task, which may be done by then."""
@@ -63,8 +65,6 @@ class Here(Workers):
 
 class Threads(Workers):
     """Threads of this process: nearly all work is native, and processes take long to start."""
-
-    shares_memory = True
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
@@ -155,6 +155,35 @@ class Processes(Workers):
             process.join()
 
 
+class BySize(Workers):
+    """Threads for one small recording, processes for a large one: which it is, is known when it was read."""
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs = jobs
+        self._own: Workers = Here()
+
+    @property
+    def slots(self) -> int:
+        """As many as they have."""
+        return self._own.slots
+
+    def expect(self, samples: int) -> None:
+        """Begin with those that take less time for so many samples."""
+        self._own = Threads(self._jobs) if samples <= SMALL else Processes(self._jobs)
+
+    def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
+        """Hand a task on."""
+        return self._own.submit(task, *arguments)
+
+    def renew(self) -> None:
+        """Go on after a worker's death."""
+        self._own.renew()
+
+    def close(self) -> None:
+        """End what is under way."""
+        self._own.close()
+
+
 def _prepare() -> None:
     """Let a new process end at Ctrl-C without a word, and with the program that started it."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -168,12 +197,12 @@ def _prepare() -> None:
     threading.Thread(target=follow, daemon=True).start()
 
 
-def open_local(jobs: int | None, *, small: bool = False) -> Workers:
+def open_local(jobs: int | None, *, recordings: int = 0) -> Workers:
     """Open as many processes as asked for, or as this one may use processors; none for one.
 
-    small: the work takes less than it takes to start processes; then they are threads.
+    recordings: that are to be identified; of a single one that is small threads do it.
     """
     wanted = jobs or len(os.sched_getaffinity(0))
     if wanted == 1:
         return Here()
-    return Threads(wanted) if small else Processes(wanted)
+    return BySize(wanted) if recordings == 1 else Processes(wanted)
