@@ -107,7 +107,7 @@ def test_the_number_of_processes_does_not_matter(tmp_path: Path, monkeypatch: py
     assert document(identify_all(requests, many, LastFirst())) == alone
 
 
-OF_DETAILS = {
+OF_DETAILS: dict[str, object] = {
     "fltea": None,
     "fltea_other": None,
     "fltea_reason": NOT_RUN,

@@ -52,7 +52,8 @@ def compare(name: str, duration_s: float, simulations: int) -> list[Row]:
     except ValueError:
         return []
     factors = averaging_factors(n)
-    deviation, degrees = expected(model, h, factors, differences(factors, [n]))
+    terms = differences(factors, [n])
+    deviation, degrees = expected(model, h, factors.astype(np.float64), terms)
     drawn = itertools.islice(draws(model, h, n, np.random.default_rng(1)), simulations)
     squares = np.array([overlapping([one], factors) for one, _ in drawn]) ** 2
     mean, std = squares.mean(axis=0), squares.std(axis=0, ddof=1)

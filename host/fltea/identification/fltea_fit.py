@@ -129,7 +129,9 @@ def fltea_fits(axes: Sequence[FlteaAxis], h: float) -> list[FlteaFits]:
     for axis, lane, of_axis in zip(axes, lanes, found, strict=True):
         variants = axis.config.variant, OTHER[axis.config.variant]
         own_fit, other = (of_axis[one][0] if one in of_axis else None for one in variants)
-        tested = {one: of_axis[one][1] if one in of_axis else None for one in variants}
+        tested: dict[str, Innovations | None] = {
+            one: of_axis[one][1] if one in of_axis else None for one in variants
+        }
         fits.append(FlteaFits(own_fit, other, tested, lane if isinstance(lane, str) else ""))
     return fits
 

@@ -7,7 +7,7 @@ by the noise of which each axis was found to be.
 import contextlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -102,18 +102,19 @@ def watch(
     others = {name: one for name, one in axes.items() if name not in gyro}
     systems = {name: None if one is None else one.system for name, one in tracked.items()}
     staying = _staying(tracked, h)
-    runs = []
+    runs: list[tuple[Future[_SensorRun], Future[_SensorRun] | None]] = []
     with ThreadPoolExecutor(2) as beside:  # nearly all of it is native
         for group, shown in ((gyro, accel), (others, ())):
             if group:
-                stays = None
+                other = None
                 if not staying.keys().isdisjoint(group):
-                    stays = beside.submit(_SensorRun, group, shown, systems | staying, h, live)
-                runs.append((beside.submit(_SensorRun, group, shown, systems, h, live), stays))
+                    other = beside.submit(_SensorRun, group, shown, systems | staying, h, live)
+                runs.append((beside.submit(_SensorRun, group, shown, systems, h, live), other))
     found: dict[str, AxisEvents] = {}
     moved: list[_Moved] = []
     # The gyroscope, to which the accelerometer has shown motion, comes first.
-    for run, stays in ((its.result(), other and other.result()) for its, other in runs):
+    for of_system, of_staying in runs:
+        run, stays = of_system.result(), None if of_staying is None else of_staying.result()
         moved = _united([*moved, *run.moved])
         for name in run.axes:
             better = stays if stays is not None and stays.foretells(name, run) else run

@@ -82,7 +82,7 @@ class _Grids:
         """Return λ from low to high, and S there."""
         key = low, high, cells
         if key not in self._known:
-            lam = low + (np.arange(cells) + 0.5) * ((high - low) / cells)
+            lam: Array = low + (np.arange(cells, dtype=np.float64) + 0.5) * ((high - low) / cells)
             self._known[key] = lam, self._spectrum(lam)
         return self._known[key]
 
