@@ -39,7 +39,7 @@ def test_a_port_that_is_full_is_noted(tmp_path: Path) -> None:
     refused = 0
     while refused < 20:  # the system moves some of it on, a little later
         try:
-            os.write(masters[0], bytes(1))
+            os.write(masters[0], bytes(1 if refused else 1000))
             refused = 0
         except BlockingIOError:
             refused += 1
