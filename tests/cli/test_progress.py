@@ -3,6 +3,7 @@
 import io
 import sys
 import threading
+import time
 
 import pytest
 from fltea.cli import output
@@ -47,3 +48,15 @@ def test_a_bar_that_shows_itself_late_knows_how_far_it_is(monkeypatch: pytest.Mo
         wait_until(lambda: "5/9" in screen.getvalue(), "the bar to go on")
     assert "\x1b[31m" not in screen.getvalue().replace("\x1b[31m━", "")
     assert "three" in screen.getvalue()
+
+
+def test_a_bar_counts_from_the_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(output, "BAR_AFTER_S", 0.01)
+    screen, begun_s = Screen(), time.monotonic()
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setattr(output.time, "monotonic", lambda: begun_s - 3600)
+    with output.progress_bar(2) as show:
+        monkeypatch.undo()
+        monkeypatch.setattr(sys, "stderr", screen)
+        show("one", advance=1)
+        wait_until(lambda: "1:00:0" in screen.getvalue(), "the time")

@@ -188,3 +188,10 @@ def test_a_model_of_another_power() -> None:
     assert found.ratio[0] == pytest.approx(5, rel=0.05)
     assert not any(found.within[:20])
     assert not all(found.within)
+
+
+def test_of_samples_that_recur_exactly_there_is_nothing_to_compare() -> None:
+    """At their period the Allan deviation is 0."""
+    curve = allan([np.tile([3.0, -1.0], 1500)], H)
+    with pytest.raises(ValueError, match="nothing to compare"):
+        reproduction(curve, H, MODELS["white"])

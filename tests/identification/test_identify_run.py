@@ -25,6 +25,7 @@ from fltea.identification.workers import SMALL, Here, Processes, Threads, open_l
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES
 from fltea.settings.estimator import EstimatorConfig
+from host_support import wait_until
 from identify_files import Deadly, counts, npz, settings
 from identify_support import long_recursion
 
@@ -129,6 +130,21 @@ def test_what_is_not_asked_for_is_not_found_out_and_changes_nothing_else(
     brief = msgspec.structs.replace(settings(shuffles=20), details=False)
     ((_, found),) = document(identify_all(requests, brief, Here()))["files"][0]["axes"].items()
     assert found == whole | OF_DETAILS | {"null": whole["null"] | {"shuffled": None}}
+
+
+def test_why_nothing_can_be_compared_is_said_whatever_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*of_axis: object) -> None:
+        raise ValueError("the axis is constant: there is nothing to compare with")
+
+    monkeypatch.setattr("fltea.identification.one_axis.check_comparable", refuse)
+    requests = [Request((npz(tmp_path / "a.npz", counts(N, 1)),))]
+    for details in (True, False):
+        (report,) = identify_all(requests, msgspec.structs.replace(settings(), details=details), Here())
+        (found,) = report.axes.values()
+        assert isinstance(found, AxisReport)
+        assert found.allan_reason == "the axis is constant: there is nothing to compare with"
 
 
 def test_settings_that_no_filter_can_work_with_are_told_whatever_is_asked_for(tmp_path: Path) -> None:
@@ -319,3 +335,18 @@ def test_what_a_killed_worker_left(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             assert one.exists()
             assert other != one
     assert sorted(path.name for path in tmp_path.iterdir()) == ["another-x", f"{left.name}-link"]
+
+
+def test_a_second_ctrl_c_does_not_tear_down_what_ends(tmp_path: Path) -> None:
+    """Of threads in native code nothing is left when the interpreter goes."""
+    path = npz(tmp_path / "a.npz", counts(1_500_000))
+    command = [sys.executable, "-m", "fltea", "identify", path, "--json", "--shuffles", "400"]
+    for second_s in (0.05, 0.2, 0.4):
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+            folder = Path("/proc", str(running.pid), "task")
+            wait_until(lambda folder=folder: len(list(folder.iterdir())) > 2, "its threads")
+            running.send_signal(signal.SIGINT)
+            time.sleep(second_s)
+            running.send_signal(signal.SIGINT)
+            _, said = running.communicate(timeout=PATIENCE_S)
+        assert (running.returncode, said) == (130, b"")

@@ -8,7 +8,7 @@ from fltea.identification.allan import averaging_factors, differences, overlappi
 from fltea.identification.noise_model import AxisModel, Lorentzian, draws
 from fltea.identification.reproduction import expected
 from fltea.noise.allan_deviation import model_adev
-from fltea.noise.allan_spread import Line, allan_degrees
+from fltea.noise.allan_spread import allan_degrees
 from fltea.noise.distributions import chi2_log_std
 from fltea.noise.parts import Order, Relaxation, Resonance, Walk, White
 from fltea.spectrum.allan_dof import full_overlap
@@ -25,23 +25,26 @@ MODELS = {
     "resonance": AxisModel((White(1.0), Resonance(5.0, 20.0, 1.0))),
     "wide line": AxisModel((White(0.01),), (Lorentzian(31.4, 8.0, 0.03),)),
     "line": AxisModel((White(0.01),), (Lorentzian(31.4, 0.5, 0.03),)),
+    "slow line": AxisModel((White(0.01),), (Lorentzian(0.19, 0.023, 0.05),)),
+    "slow line, wide": AxisModel((White(0.01),), (Lorentzian(0.5, 0.09, 0.3), Lorentzian(30.0, 0.3, 0.02))),
     "hair line": AxisModel((White(0.01),), (Lorentzian(7.3, 0.01, 0.003), Lorentzian(21.0, 0.02, 0.01))),
 }
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_mean_and_spread_are_those_of_simulations(name: str) -> None:
-    """The mean to its own error, and its degrees of freedom to theirs, which is a tenth."""
+    """The mean to its own error, and its degrees of freedom to theirs: of a variance of what is skewed."""
     model, factors = MODELS[name], averaging_factors(N)
     deviation, degrees = expected(model, H, factors, differences(factors, [N]))
-    simulated = itertools.islice(draws(model, H, N, np.random.default_rng(3)), SIMULATIONS)
+    simulated = itertools.islice(draws(model, H, N, np.random.default_rng(5)), SIMULATIONS)
     squares = np.array([overlapping([y], factors) for y, _ in simulated]) ** 2
     mean, std = squares.mean(axis=0), squares.std(axis=0, ddof=1)
     error = std / np.sqrt(SIMULATIONS)
     assert (np.abs(mean - deviation**2) < 4 * error + 2e-3 * mean).all()
-    ratio = degrees * (std / mean) ** 2 / 2
-    assert np.abs(np.log(ratio)).max() < 0.55
-    assert abs(np.log(ratio).mean()) < 0.16
+    off = np.log(degrees * (std / mean) ** 2 / 2)
+    error = np.sqrt((2 + 12 / degrees) / SIMULATIONS)
+    assert np.abs(off / error).max() < 4
+    assert abs((off / error).mean()) < 3
 
 
 @pytest.mark.parametrize("power", [0, -1, -2])
@@ -65,11 +68,13 @@ def test_of_neighbours_of_white_noise_it_is_exact() -> None:
     assert found == pytest.approx(10**6 / 1.5, rel=1e-5)
 
 
-@pytest.mark.parametrize(("decay", "degrees"), [(1e-9, 2.0), (0.01, 0.01 * 2e4)])
-def test_a_line_alone_has_two_degrees_for_each_time_that_it_remembers(decay: float, degrees: float) -> None:
-    one = Line(0.7, decay, 3.0)
-    found = allan_degrees(np.zeros_like, [1], [one.share(1)], [10_000], [one])
-    assert found == pytest.approx(degrees, rel=0.02)
+@pytest.mark.parametrize(("width_hz", "degrees"), [(1e-7, 2.0), (0.5, 2 * np.pi * 0.5 * H * 10_000)])
+def test_a_line_alone_has_two_degrees_for_each_time_that_it_remembers(
+    width_hz: float, degrees: float
+) -> None:
+    model = AxisModel((White(1e-12),), (Lorentzian(11.0, width_hz, 3.0),))
+    _, found = expected(model, H, np.array([1.0]), np.array([10_000.0]))
+    assert found == pytest.approx(degrees, rel=0.06)
 
 
 def test_the_deviation_of_a_narrow_line_is_that_of_its_cosine() -> None:

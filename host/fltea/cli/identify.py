@@ -289,7 +289,8 @@ def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "l
     from fltea.identification.workers import Here
     from fltea.recording.kind import is_of_this_process
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for one in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(one, _interrupt_once)
     workers = _workers(jobs, dask, len(requests))
     # A cluster may not see the files, nor another process a pipe; and one recording is read here while the
     # processes start.
@@ -306,6 +307,13 @@ def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "l
             )
     finally:
         workers.close()
+
+
+def _interrupt_once(number: int, frame: object) -> None:
+    """End the run; the end itself, a second or two, is not torn down by an impatient second Ctrl-C."""
+    for one in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(one, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 def _workers(jobs: int | None, dask: str | None, recordings: int = 0) -> "Workers":

@@ -3,6 +3,7 @@
 import contextlib
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -47,7 +48,7 @@ class _LateBar:
     """A bar that shows itself when it has been there for `BAR_AFTER_S`."""
 
     def __init__(self, total: int | None) -> None:
-        self._total, self._advanced = total, 0.0
+        self._total, self._advanced, self._begun_s = total, 0.0, time.monotonic()
         self._newest: tuple[str, dict[str, Any]] = "", {}
         self._bar: Progress | None = None
         self._is_closed = False
@@ -88,7 +89,8 @@ class _LateBar:
             if self._is_closed:
                 return
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
-            self._bar.add_task("", total=self._total)
+            task = self._bar.add_task("", total=self._total)
+            self._bar.tasks[task].start_time = self._begun_s
             text, far = self._newest
             self._update(text, {"completed": self._advanced} | far)
             self._bar.start()

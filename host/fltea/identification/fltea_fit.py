@@ -266,7 +266,8 @@ def _run(own: Sequence[_Lane], h: float, config: EstimatorConfig) -> list[_Ran]:
     ran = [_Ran(len(one.rest)) for one in own]
     ends = sorted({one.n for one in ran})
     for start in range(0, ends[-1], CHUNK):
-        cuts = [start, *(end for end in ends if start < end < start + CHUNK), min(start + CHUNK, ends[-1])]
+        stop = min(start + CHUNK, ends[-1])
+        cuts = [start, *(end for end in ends if start < end < stop), stop]
         blocks, valid = [], {}
         for begin, end in pairwise(cuts):
             block = lanes.run(*_rows(own, begin, end))

@@ -23,7 +23,7 @@ from fltea.identification.fltea_fit import FlteaAxis, FlteaFits, fltea_fits
 from fltea.identification.left_out import LeftOut
 from fltea.identification.load import Series
 from fltea.identification.noise_model import modelled
-from fltea.identification.reproduction import reproduction
+from fltea.identification.reproduction import check_comparable, reproduction
 from fltea.identification.sensor_events import AxisEvents
 from fltea.identification.slow_noise import with_slow_noise
 from fltea.identification.traps import Trap, withheld
@@ -139,6 +139,7 @@ def examine(
         tracked = None if why else tracked_of(looked, telegraph)
     try:
         curve = its_curve.result()
+        check_comparable(curve, h, model)
         drawn = reproduction(curve, h, model) if details else None
     except ValueError as error:
         reason = str(error)

@@ -51,10 +51,8 @@ def reproduction(curve: Allan, h: float, model: AxisModel) -> Reproduction:
     Raises:
         ValueError: the model has no finite variance, or the axis is constant.
     """
-    check_possible(model, h)
+    check_comparable(curve, h, model)
     tau, data = np.array(curve.tau_s), np.array(curve.deviation)
-    if not data.all():
-        raise ValueError("the axis is constant: there is nothing to compare with")
     factors, terms = np.rint(tau / h), np.array(curve.differences)
     deviation, degrees = expected(model, h, factors, terms)
     low, middle, high = (
@@ -77,6 +75,13 @@ def reproduction(curve: Allan, h: float, model: AxisModel) -> Reproduction:
     )
 
 
+def check_comparable(curve: Allan, h: float, model: AxisModel) -> None:
+    """Raise ValueError as `reproduction` does."""
+    check_possible(model, h)
+    if not all(curve.deviation):
+        raise ValueError("the axis is constant: there is nothing to compare with")
+
+
 def expected(model: AxisModel, h: float, factors: Array, terms: Array) -> tuple[Array, Array]:
     """Return the model's Allan deviation at averaging times of so many samples, (k,), and degrees of freedom.
 
@@ -86,7 +91,7 @@ def expected(model: AxisModel, h: float, factors: Array, terms: Array) -> tuple[
     wide = tuple(one for one in model.resonances if one not in narrow)
     rest = msgspec.structs.replace(model, resonances=wide)
     lines = [_line(one, h) for one in narrow]
-    around = [(one.lam, one.decay) for one in lines]
+    around = [(one.lam, one.half) for one in lines]
     deviation = model_adev(lambda lam: model_spectrum(model, lam, h), factors, around)
     degrees = allan_degrees(lambda lam: model_spectrum(rest, lam, h), factors, deviation**2, terms, lines)
     return deviation, degrees

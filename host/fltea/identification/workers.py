@@ -80,8 +80,11 @@ class Threads(Workers):
         return self._pool.submit(task, *arguments)
 
     def close(self) -> None:
-        """Begin nothing more."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        """Begin nothing more, and wait for what is under way: a second or two.
+
+        An interpreter that ended meanwhile would abort in a thread that comes back from native code.
+        """
+        self._pool.shutdown(cancel_futures=True)
 
 
 def _reduce(array: "np.memmap[Any, Any]") -> Any:

@@ -18,7 +18,9 @@ NODES = 128
 PARTS = (16, 8, 4)
 """Panels in each of the highest octaves, where AR(2) and orders above 1 have resonances."""
 PERIODS = 16
-"""Where sin(mλ) has more periods in a panel, sin⁴ is taken at its mean, 3/8."""
+"""Where sin(mλ) has more periods in a panel, its powers are taken at their means."""
+MEANS = {1: 3 / 8, 2: 35 / 128}
+"""Of sin⁴ and of sin⁸."""
 BELOW = 24
 """Octaves below π/m: there the integrand falls with λ² S; S of a stationary state rises less than λ^-1."""
 
@@ -37,14 +39,29 @@ def model_adev(
     m = np.atleast_1d(np.asarray(factors, dtype=np.float64))
     if not (np.isfinite(m).all() and (m >= 1).all()):
         raise ValueError("averaging times are numbers of samples, 1 or more")
-    lam, weights = _quadrature(tuple(m.tolist()), tuple(around))
+    return np.asarray(np.sqrt(allan_integrals(spectrum, m, 1, around)))
+
+
+def allan_integrals(
+    density: Callable[[Array], Array],
+    factors: ArrayLike,
+    power: int,
+    around: Iterable[tuple[float, float]] = (),
+) -> Array:
+    """Return 1/π ∫ F(λ) (2 sin⁴(m λ / 2) / (m² sin²(λ / 2)))^power dλ at each factor m, (k,).
+
+    density: gives F; of a spectrum, the integrals of the power 1 are its Allan variances. power: 1 or 2.
+    """
+    lam, weights = _quadrature(tuple(np.asarray(factors, dtype=np.float64).tolist()), tuple(around), power)
     # Not the product of a matrix and a vector, for which a library of linear algebra would begin threads.
-    return np.asarray(np.sqrt(np.einsum("ij,j->i", weights, spectrum(lam))))
+    return np.asarray(np.einsum("ij,j->i", weights, density(lam)))
 
 
-@lru_cache(maxsize=2)  # of 3 MB each
-def _quadrature(factors: tuple[float, ...], around: tuple[tuple[float, float], ...]) -> tuple[Array, Array]:
-    """Return nodes λ (n,) and the weights (k, n) of the spectrum there in the variances at these factors.
+@lru_cache(maxsize=2)  # of 3 MB each, and more where there are lines
+def _quadrature(
+    factors: tuple[float, ...], around: tuple[tuple[float, float], ...], power: int
+) -> tuple[Array, Array]:
+    """Return nodes λ (n,) and the weights (k, n) of what is there in the integrals at these factors.
 
     All axes and devices of one age have them in common, and computing them takes longer than all else.
     """
@@ -53,14 +70,14 @@ def _quadrature(factors: tuple[float, ...], around: tuple[tuple[float, float], .
     x, weight = _gauss()
     lam = edges[1:, np.newaxis] + width[:, np.newaxis] * (1 + x) / 2
     # Times dλ, over sin²(λ/2).
-    density = width[:, np.newaxis] / 2 * weight / np.sin(lam / 2) ** 2
+    density = width[:, np.newaxis] / 2 * weight / np.sin(lam / 2) ** (2 * power)
     weights = np.zeros((len(factors), *lam.shape))
     for one, factor in zip(weights, factors, strict=True):
         fast = factor * width > 2 * np.pi * PERIODS
-        one[fast] = 3 / 8 * density[fast]
+        one[fast] = MEANS[power] * density[fast]
         exact = ~fast & (factor * edges[:-1] > 0.5**BELOW)
-        one[exact] = np.square(np.square(np.sin(factor / 2 * lam[exact]))) * density[exact]
-        one *= 2 / np.pi / factor**2
+        one[exact] = np.square(np.square(np.sin(factor / 2 * lam[exact]))) ** power * density[exact]
+        one *= 2 / np.pi / factor**2 * (2 / factor**2) ** (power - 1)
     return lam.ravel(), weights.reshape(len(factors), -1)
 
 

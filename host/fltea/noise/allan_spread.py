@@ -9,12 +9,14 @@ means
 that is chi-squared with ν degrees of freedom has the variance 2 σ⁴ / ν.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fltea.noise.allan_deviation import allan_integrals
 from fltea.records.arrays import Array
 
 Spectrum = Callable[[Array], Array]
@@ -25,6 +27,8 @@ MOST = 1 << 13
 """Slow frequencies of one averaging time, twice."""
 FAST = 1 << 11
 """Fast ones."""
+RUNG_OUT = 8.0
+"""Times in which a line forgets its phase, after which nothing of it is left."""
 
 
 class Line(NamedTuple):
@@ -32,21 +36,28 @@ class Line(NamedTuple):
 
     lam: float
     """Frequency in rad a sample, between 0 and π."""
-    decay: float
-    """Rate at which it forgets its phase, a sample: half its width at half its height in rad a sample."""
+    half: float
+    """Half its width at half its height in rad a sample: the rate at which it forgets its phase."""
     variance: float
 
-    def share(self, m: float) -> float:
-        """Return what it has in the Allan variance of m samples."""
-        once = np.exp(-self.decay * m)
-        sine4 = 3 / 8 - once * np.cos(m * self.lam) / 2 + once**2 * np.cos(2 * m * self.lam) / 8
-        return float(self.variance * 2 * sine4 / (m * np.sin(self.lam / 2)) ** 2)
+    def at(self, lam: Array) -> Array:
+        """Return its spectrum at λ, (n,)."""
+        return np.asarray(self._height / (1 + ((lam - self.lam) / self.half) ** 2))
 
-    def coherence(self, terms: float) -> float:
-        """Return the sum of its squared correlations over so many terms, of which the first is 1."""
-        a = 2 * self.decay
-        total = terms / 2 if a * terms < 1e-6 else (1 - -np.expm1(-a * terms) / (a * terms)) / a
-        return float(max(total, 1.0))
+    def mean(self, edges: Array) -> Array:
+        """Return the mean of its spectrum between neighbours of rising edges, (n + 1,) to (n,)."""
+        angles = np.arctan((edges - self.lam) / self.half)
+        return np.asarray(self._height * self.half * np.diff(angles) / np.diff(edges))
+
+    @property
+    def _height(self) -> float:
+        low, high = math.atan(-self.lam / self.half), math.atan((math.pi - self.lam) / self.half)
+        return self.variance * math.pi / (self.half * (high - low))
+
+    def seen(self, terms: float) -> float:
+        """Return the share of Σ r(k)² that so many terms see: little of what rings for long."""
+        ringing = 2 * self.half * terms
+        return 1 + math.expm1(-ringing) / ringing
 
 
 def allan_degrees(
@@ -59,16 +70,49 @@ def allan_degrees(
     neighbouring means that a record has.
     """
     grids = _Grids(spectrum)
-    found = []
-    numbers = (np.asarray(one).tolist() for one in (factors, variances, terms))
-    for m, variance, count in zip(*numbers, strict=True):
-        squares = _slow_squares(grids, m, count) + _fast_squares(grids, m, count)
-        for line in lines:
-            share, at = line.share(m), np.array([line.lam])
-            squares += share**2 * line.coherence(count)
-            squares += 2 * share * float((spectrum(at) * _weights(at, m))[0])
-        found.append(count * variance**2 / squares if squares > 0 else count)
-    return np.maximum(found, 1.0)
+    m, variance, count = (np.asarray(one, dtype=np.float64) for one in (factors, variances, terms))
+    around = [(line.lam, line.half) for line in lines]
+    apart = [_of_line(line, spectrum, m, around) for line in lines]
+    squares = np.empty(len(m))
+    for i, (factor, number) in enumerate(zip(m.tolist(), count.tolist(), strict=True)):
+        shape = _Shape.of(factor, number)
+        slow = [line for line in lines if shape.resolves(line)]
+        squares[i] = _slow_squares(grids, shape, slow) + _fast_squares(grids, shape)
+        for line, (own, both) in zip(lines, apart, strict=True):
+            if line not in slow:
+                squares[i] += line.seen(number) * own[i] + both[i]
+    found = count * variance**2 / np.maximum(squares, np.finfo(np.float64).tiny)
+    return np.asarray(np.clip(found, 1.0, None))
+
+
+def _of_line(
+    line: Line, spectrum: Spectrum, factors: Array, around: Sequence[tuple[float, float]]
+) -> tuple[Array, Array]:
+    """Return Σ r(k)² over all lags of a line alone, and what it has at the frequencies of the rest, (k,)."""
+    own = allan_integrals(lambda lam: line.at(lam) ** 2, factors, 2, around)
+    return own, allan_integrals(lambda lam: 2 * line.at(lam) * spectrum(lam), factors, 2, around)
+
+
+class _Shape(NamedTuple):
+    """How the covariance at one averaging time is computed."""
+
+    m: float
+    terms: float
+    step: int
+    """Samples from one lag to the next."""
+    points: int
+    """Lags, after which all begins again."""
+
+    @classmethod
+    def of(cls, m: float, terms: float) -> "_Shape":
+        step = max(1, int(m) // POINTS)
+        return cls(m, terms, step, min(MOST, 1 << math.ceil(math.log2(2 * (terms + 2 * m) / step))))
+
+    def resolves(self, line: Line) -> bool:
+        """Whether a line is among the slow frequencies, and over before the lags are, or the record is."""
+        around = self.points * self.step
+        is_short = around >= 2 * (self.terms + 2 * self.m) or line.half * around >= RUNG_OUT
+        return line.lam < math.pi / self.step and is_short
 
 
 class _Grids:
@@ -91,15 +135,13 @@ def _weights(lam: Array, m: float) -> Array:
     return np.asarray(2 * np.sin(m * lam / 2) ** 4 / (m * np.sin(lam / 2)) ** 2)
 
 
-def _step(m: float) -> int:
-    return max(1, int(m) // POINTS)
-
-
-def _slow_squares(grids: _Grids, m: float, terms: float) -> float:
+def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
     """Return Σ (1 - |k| / M) r(k)² of what is slower than the lags at which r is taken."""
-    step = _step(m)
-    points = min(MOST, 1 << int(np.ceil(np.log2(2 * (terms + 2 * m) / step))))
+    m, terms, step, points = shape
     lam, S = grids.of(0.0, np.pi / step, points // 2)
+    if lines:
+        edges = np.linspace(0.0, np.pi / step, points // 2 + 1)
+        S = S + sum(line.mean(edges) for line in lines)
     power = S * _weights(lam, m) * (2 / (points * step))
     lags = np.arange(points // 2)
     # Frequencies are the middles of cells.
@@ -109,9 +151,9 @@ def _slow_squares(grids: _Grids, m: float, terms: float) -> float:
     return float(step * (weights @ r**2))
 
 
-def _fast_squares(grids: _Grids, m: float, terms: float) -> float:
+def _fast_squares(grids: _Grids, shape: _Shape) -> float:
     """Return the same of what is faster: its covariance is short, at lags 0, m and 2 m."""
-    step = _step(m)
+    m, terms, step, _ = shape
     if step == 1:
         return 0.0
     low = np.pi / step
