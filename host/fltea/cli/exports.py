@@ -5,6 +5,7 @@ Nothing is made of a recording that is marked bad: what reads these files sees n
 
 import math
 from collections.abc import Iterator, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Files(NamedTuple):
-    """The files that are wanted; inflation has the factors of imu.yaml."""
+    """The files that are wanted. inflation: factors of imu.yaml, and of what other programs take."""
 
     model: Path | None
     yaml: Path | None
@@ -36,16 +37,16 @@ class Files(NamedTuple):
         return [flag for flag, path in named.items() if path is not None]
 
 
-def parse_inflation(text: str | None, yaml: Path | None) -> tuple[float, float]:
+def parse_inflation(text: str | None, wanted: object) -> tuple[float, float]:
     """Return the factors of `10` or `5,10`: of noise densities and of random walks; 1 of None.
 
     Raises:
-        UsageError: they are no numbers, or below 1, or there is no imu.yaml to write them to.
+        UsageError: they are no numbers, or below 1, or nothing is wanted that has them.
     """
     if text is None:
         return 1.0, 1.0
-    if yaml is None:
-        raise UsageError("--inflate is for --imu-yaml: give that too.")
+    if wanted is None:
+        raise UsageError("--inflate is for --imu-yaml and --for: give one of them.")
     first, comma, second = text.partition(",")
     try:
         density, walk = float(first), float(second if comma else first)
@@ -54,6 +55,56 @@ def parse_inflation(text: str | None, yaml: Path | None) -> tuple[float, float]:
     if not (1 <= density < math.inf and 1 <= walk < math.inf):
         raise UsageError(f"--inflate {text}: give one factor, 1 or more, such as 10, or two, such as 5,10.")
     return density, walk
+
+
+def parse_program(text: str) -> tuple[str, float | None]:
+    """Return program and time of `px4` or `px4@300`, the time in s; None if it is not said.
+
+    Raises:
+        UsageError: there is no such program, or the time is none.
+    """
+    from fltea.documents.programs import programs
+
+    name, at, time = text.partition("@")
+    known = programs()
+    if name not in known:
+        near = get_close_matches(name.lower(), known, 1, 0.4)
+        meant = f" Is {near[0]} meant?" if near else ""
+        raise UsageError(f"--for {text}: there are {', '.join(known)}.{meant}")
+    if not at:
+        return name, None
+    try:
+        seconds = float(time.removesuffix("s"))
+    except ValueError:
+        seconds = 0.0
+    if not 0.1 <= seconds <= 1e6:
+        raise UsageError(f"--for {text}: give the time for which the heading has to hold in s: {name}@300.")
+    return name, seconds
+
+
+def lines_for(
+    report: "FileReport", program: str, up_to_s: float | None, inflation: tuple[float, float]
+) -> str:
+    """Return what a program takes of a recording's noise.
+
+    Raises:
+        FlteaError: no axis was identified, or the data are bad.
+    """
+    from fltea.documents.imu_yaml import Inflation
+    from fltea.documents.programs import programs, written
+    from fltea.identification.axis_report import AxisReport
+    from fltea.identification.filter_figures import UP_TO_S, filter_figures
+    from fltea.identification.model_file import by_sensor
+
+    axes = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
+    if report.recording is None or not axes:
+        raise report.failure or FlteaError("--for: no axis was identified.")
+    for error in withheld(report, [f"--for {program}"], []):
+        raise error
+    figures = {name: filter_figures(axis, up_to_s or UP_TO_S) for name, axis in axes.items()}
+    gyro, accel = by_sensor(figures)
+    rate_hz = report.recording.hello.rate_hz
+    return written(programs()[program], gyro, accel, rate_hz, report.name, Inflation(*inflation))
 
 
 def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str]) -> Iterator[FlteaError]:

@@ -105,8 +105,19 @@ def identify(
         str | None,
         typer.Option(
             metavar="X|X,Y",
-            help="imu.yaml: multiply noise densities by X, and random walks by Y (else X). 5 to 20 is "
-            "common, for errors that only motion shows.",
+            help="--imu-yaml and --for: multiply noise densities by X, and random walks by Y (else X). 5 to "
+            "20 is common, for errors that only motion shows.",
+        ),
+    ] = None,
+    for_program: Annotated[
+        str | None,
+        typer.Option(
+            "--for",
+            metavar="NAME[@S]",
+            help="Print what a program takes of the noise, in its own words and units, and nothing else: "
+            "kalibr, openvins, vins-fusion, okvis2, kf-gins, gtsam, robot_localization, px4, ardupilot, "
+            "matlab-imusensor or gnss-ins-sim. What it cannot say is bounded for a heading of S seconds "
+            "(60).",
         ),
     ] = None,
     gauss_markov: Annotated[
@@ -169,6 +180,7 @@ def identify(
         "--gauss-markov": gauss_markov,
         "--allan-csv": allan_csv,
         "--sheet": sheet,
+        "--for": for_program,
     }
     many.check(files, out, [name for name, value in one_by_one.items() if value])
     if dask is not None:
@@ -183,6 +195,9 @@ def identify(
 
     part = None if sheet is None else data_sheet.sheet_name(sheet)
     goal = None if rest_for is None else goal_of(rest_for)
+    program = None if for_program is None else exports.parse_program(for_program)
+    if program is not None and (as_json or details):
+        raise UsageError("--for prints its lines and nothing else: leave --json and --details out.")
     configs = load_configs(config, settings)
     if len(configs) > 1:
         raise UsageError(
@@ -207,9 +222,8 @@ def identify(
         )
         many.identify_many(files, out, ask, lambda: _workers(jobs, dask))
         return
-    files_wanted = exports.Files(
-        export_model, imu_yaml, gauss_markov, allan_csv, exports.parse_inflation(inflate, imu_yaml)
-    )
+    inflation = exports.parse_inflation(inflate, imu_yaml or for_program)
+    files_wanted = exports.Files(export_model, imu_yaml, gauss_markov, allan_csv, inflation)
     if report is not None:
         from fltea.identification import report as page
 
@@ -225,14 +239,13 @@ def identify(
             replay.how,
             replay.limits,
             # Its file has entries for both sensors; elsewhere three more axes would only take twice the time.
-            accel=imu_yaml is not None,
+            accel=imu_yaml is not None or for_program is not None,
         )
         for one in found
     ]
-    if len(requests) > 1 and files_wanted.flags:
-        raise UsageError(
-            f"{', '.join(files_wanted.flags)} are for one recording: {len(requests)} were given."
-        )
+    for_one = [*files_wanted.flags, *(["--for"] if program is not None else [])]
+    if len(requests) > 1 and for_one:
+        raise UsageError(f"{', '.join(for_one)} are for one recording: {len(requests)} were given.")
     ahead = forecast if goal is None else goal
     by = run.Settings(
         options,
@@ -249,7 +262,9 @@ def identify(
         for one in reports:
             one.compare_with(part)
     # First of all, lest a file that cannot be written costs what took minutes to compute.
-    if as_json:
+    if program is not None:
+        print_result(exports.lines_for(reports[0], *program, inflation))
+    elif as_json:
         print_result(
             json_module.dumps(findings.document(reports), ensure_ascii=False, allow_nan=False) + "\n"
         )

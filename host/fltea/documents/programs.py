@@ -1,0 +1,196 @@
+"""What navigation filters and simulators take of an axis's noise, in their own words, from one table."""
+
+import math
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from textwrap import wrap
+from typing import Literal, NamedTuple
+
+import msgspec
+
+from fltea.documents.imu_yaml import Inflation, Shown
+from fltea.records.version import __version__
+
+Figure = Literal["N", "K", "sigma", "tau", "B"]
+Sensor = Literal["gyro", "accel"]
+WIDTH = 100
+"""Of comments."""
+WALKS = "K", "sigma"
+"""Figures that inflation of random walks multiplies."""
+
+
+class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One parameter of a program: scale (figure √rate)^power."""
+
+    name: str
+    sensor: Sensor
+    figure: Figure
+    unit: str
+    scale: float = 1.0
+    per: Literal["", "sample", "step"] = ""
+    power: int = 1
+    each: bool = False
+
+    def value(self, figure: float, rate_hz: float, step_s: float | None) -> float:
+        """Return the parameter; figure in rad, m and s.
+
+        rate_hz: of the samples. step_s: from one update of the program to the next, where it has its own.
+        """
+        return self.scale * math.pow(figure * math.sqrt(self._rate(rate_hz, step_s)), self.power)
+
+    def figure_of(self, value: float, rate_hz: float, step_s: float | None) -> float:
+        """Return the figure that a parameter of this value stands for."""
+        return math.pow(value / self.scale, 1 / self.power) / math.sqrt(self._rate(rate_hz, step_s))
+
+    def _rate(self, rate_hz: float, step_s: float | None) -> float:
+        return {"": 1.0, "sample": rate_hz, "step": 1 / (step_s or math.nan)}[self.per]
+
+
+class Checked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """An example of the program itself: the value of a parameter, and the figure that it stands for."""
+
+    name: str
+    value: float
+    figure: float
+    rate_hz: float
+
+
+class Program(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One program. line: template of a parameter; before, after: lines around them."""
+
+    title: str
+    about: list[str]
+    sources: list[str]
+    line: str
+    entries: list[Entry]
+    checked: list[Checked]
+    comment: str = "#"
+    before: list[str] = []
+    after: list[str] = []
+    step_s: float | None = None
+
+    def entry(self, name: str) -> Entry:
+        """Return the parameter of that name."""
+        return next(one for one in self.entries if one.name == name)
+
+
+@cache
+def programs() -> dict[str, Program]:
+    """Return all programs by the names by which they are asked for."""
+    text = files("fltea.documents").joinpath("programs.toml").read_text(encoding="utf-8")
+    return msgspec.convert(tomllib.loads(text), dict[str, Program])
+
+
+class FilterFigures(NamedTuple):
+    """What one axis has for a filter, in its unit (deg/s or m/s²) and s; `said`: of all of them."""
+
+    N: Shown
+    K: Shown
+    tau: Shown
+    """Of the one Gauss–Markov state that stands for the walk K."""
+    B: Shown
+    said: str = ""
+
+    def of(self, figure: Figure, common_tau_s: float | None) -> Shown:
+        """Return a figure. common_tau_s: the correlation time of all axes, for a program that has but one.
+
+        A state of σ and τ goes as the walk K = σ √(2 / τ) does, for times below τ.
+        """
+        if figure != "sigma":
+            found: Shown = getattr(self, figure)
+            return (
+                found
+                if figure != "tau" or found.value is None
+                else found._replace(value=common_tau_s or found.value)
+            )
+        tau_s = common_tau_s or self.tau.value
+        if tau_s is None:
+            return self.K
+        root = math.sqrt(tau_s / 2)
+        value, at_most = (None if one is None else one * root for one in (self.K.value, self.K.at_most))
+        return Shown(value, self.K.remark, at_most)
+
+
+def written(
+    program: Program,
+    gyro: Mapping[str, FilterFigures],
+    accel: Mapping[str, FilterFigures],
+    rate_hz: float,
+    source: str,
+    inflation: Inflation,
+) -> str:
+    """Return the lines for a program, which can be pasted; what is not known is a comment with its reason.
+
+    gyro, accel: axes by name. source: what they were identified from.
+    """
+    said = [f"{program.title}: noise at rest by fltea {__version__} from {' '.join(source.split())}"]
+    said.append(" ".join(program.about))
+    if inflation != Inflation(1.0, 1.0):
+        density, walk = inflation
+        said.append(f"Inflated: densities {density:g} times, walks {walk:g} times what was measured.")
+    said += [f"{name}: {one.said}" for name, one in {**gyro, **accel}.items() if one.said]
+    lines = [f"{program.comment} {line}" for text in said for line in wrap(text, WIDTH)]
+    lines += [_filled(text, rate_hz) for text in program.before]
+    tau_s = None
+    if any(entry.figure == "tau" and not entry.each for entry in program.entries):
+        tau_s = max((one.tau.value or 0.0 for one in (gyro or accel).values()), default=0.0) or None
+    for entry in program.entries:
+        axes = gyro if entry.sensor == "gyro" else accel
+        shown = {name: one.of(entry.figure, tau_s) for name, one in axes.items()}
+        lines += _lines(program, entry, shown, rate_hz, inflation)
+    lines += [_filled(text, rate_hz) for text in program.after]
+    return "\n".join(lines) + "\n"
+
+
+def _filled(text: str, rate_hz: float) -> str:
+    return text.replace("{rate_hz}", f"{rate_hz:.6g}")
+
+
+def _lines(
+    program: Program, entry: Entry, shown: Mapping[str, Shown], rate_hz: float, inflation: Inflation
+) -> Iterator[str]:
+    """Yield the line of a parameter, or why it is not known; shown: the figure of each axis."""
+    known = {name: one.value for name, one in shown.items() if one.value is not None}
+    factor = inflation.random_walk if entry.figure in WALKS else 1.0
+    factor = inflation.density if entry.figure == "N" else factor
+    to_si = math.radians(1.0) if entry.sensor == "gyro" and entry.figure != "tau" else 1.0
+
+    def its(value: float) -> float:
+        return entry.value(factor * to_si * value, rate_hz, program.step_s)
+
+    if not known:
+        yield f"{program.comment} {entry.name} [{entry.unit}] is not known: {_why(entry, shown, its)}"
+        return
+    if entry.each:
+        bounds = {name: one.at_most for name, one in shown.items() if name not in known}
+        usable = known | {name: one or max(known.values()) for name, one in bounds.items()}
+        values = [its(usable[name]) for name in _three(list(shown))]
+        value, of = f"[{', '.join(f'{one:.6e}' for one in values)}]", ", ".join(_three(list(shown)))
+        remarks = [shown[name].remark for name in known]
+        for name, bound in bounds.items():
+            remarks.append(
+                f"{name}: not known, {'the worst of the others' if bound is None else 'at most this'}"
+            )
+    else:
+        name = max(known, key=lambda one: known[one])
+        value, of, remarks = f"{its(known[name]):.6e}", name, [shown[name].remark]
+    said = "; ".join(dict.fromkeys(filter(None, [f"{entry.unit}, of {of}", *remarks])))
+    yield program.line.format(name=entry.name, value=value, note=f"{program.comment} {said}")
+
+
+def _three(names: Sequence[str]) -> list[str]:
+    """Return an axis for each of x, y and z: where one was not analysed, the first that was."""
+    found = [next((name for name in names if name.endswith(f"_{axis}")), None) for axis in "xyz"]
+    return [name or names[0] for name in found]
+
+
+def _why(entry: Entry, shown: Mapping[str, Shown], its: Callable[[float], float]) -> str:
+    if not shown:
+        return f"the {'gyroscope' if entry.sensor == 'gyro' else 'accelerometer'} was not analysed"
+    reasons = list(filter(None, (one.remark for one in shown.values())))[:1]
+    bounds = [one.at_most for one in shown.values() if one.at_most is not None]
+    if bounds:
+        reasons.append(f"at most {its(max(bounds)):.2e}, with 95 % probability")
+    return "; ".join(reasons) or "no axis shows it"

@@ -1,0 +1,96 @@
+"""What a filter with white noise and one walk, or one Gauss–Markov state, takes of an axis: never too little.
+
+A relaxation of deviation σ and correlation time τ has the density 2 σ² τ / (1 + ω² τ²). White noise of the
+density 2 σ² τ is nowhere less, and neither is a walk of K² = 2 σ² / τ. So a filter that has one of them in
+its place says no less than the error of the heading is. Which is nearer after a time T: white noise where
+τ < T / √3.
+"""
+
+import math
+from collections.abc import Sequence
+
+from fltea.documents.imu_yaml import Shown
+from fltea.documents.programs import FilterFigures
+from fltea.identification.axis_report import AxisReport
+from fltea.identification.kalibr import axis_noise
+from fltea.identification.navigation_filter import FilterState, NavigationFilter
+from fltea.spectrum.allan_coefficients import Coefficient
+from fltea.spectrum.wording import duration, listed
+
+LONG_S = 4 * 3600.0
+"""The correlation time of a state that stands for a walk: far above what it is used for."""
+NEGLIGIBLE = 0.1
+"""Of a walk, that stands beside a slow state."""
+UP_TO_S = 60.0
+"""The time for which the heading is bounded if nobody says another."""
+
+
+def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
+    """Return what the axis has for a filter whose heading is to hold for so long."""
+    base, plain = axis_noise(axis), axis.filter
+    N, K, said, tau_s = base.N._replace(slower=()), base.K, "", LONG_S
+    if plain is not None and plain.gauss_markov:
+        fast = [one for one in plain.gauss_markov if one.tau_s < up_to_s / math.sqrt(3)]
+        slow = [one for one in plain.gauss_markov if one not in fast]
+        white = math.hypot(max(base.N.value or 0.0, plain.N), *map(_as_white, fast))
+        N = Shown(white, f"with {_named(fast)} as white noise" if fast else base.N.remark)
+        walk = math.hypot(plain.K, *map(_as_walk, slow))
+        if slow or walk > 0:
+            K = Shown(walk, f"{_named(slow)} as a walk" if slow else "")
+        said = _said(plain, fast, slow, (N.value or plain.N, walk), up_to_s)
+        if slow and NEGLIGIBLE * walk > plain.K:
+            tau_s = max(one.tau_s for one in slow)
+    return FilterFigures(
+        N, K, _time(K, tau_s), _instability(None if axis.allan is None else axis.allan.B), said
+    )
+
+
+def _as_white(state: FilterState) -> float:
+    return state.sigma * math.sqrt(2 * state.tau_s)
+
+
+def _as_walk(state: FilterState) -> float:
+    return state.sigma * math.sqrt(2 / state.tau_s)
+
+
+def _named(states: Sequence[FilterState]) -> str:
+    times = listed([duration(one.tau_s) for one in sorted(states, key=lambda one: one.tau_s)])
+    return f"{'relaxations' if len(states) > 1 else 'a relaxation'} of {times}"
+
+
+def _said(
+    plain: NavigationFilter,
+    fast: Sequence[FilterState],
+    slow: Sequence[FilterState],
+    as_written: tuple[float, float],
+    t_s: float,
+) -> str:
+    """Return a sentence on what was written in another form. as_written: N and K."""
+    (N, K), own = as_written, plain.N**2 * t_s + plain.K**2 * t_s**3 / 3
+    for state in (*fast, *slow):
+        over = t_s / state.tau_s
+        grown = 2 * over - 3 + 4 * math.exp(-over) - math.exp(-2 * over)  # from where it is on
+        own += (state.sigma * state.tau_s) ** 2 * grown
+    ratio = math.sqrt((N**2 * t_s + K**2 * t_s**3 / 3) / own)
+    forms = [
+        f"{_named(part)} {'counts' if len(part) == 1 else 'count'} as {what}"
+        for part, what in ((fast, "white noise"), (slow, "a walk"))
+        if part
+    ]
+    more = "what it is" if ratio < 1.05 else f"{ratio:.2g} times what it is"
+    return (
+        f"{' and '.join(forms)}, since this program has no term of its own for it. The heading is off by no "
+        f"more than that says, which is {more} after {duration(t_s)}."
+    )
+
+
+def _time(K: Shown, tau_s: float) -> Shown:
+    if K.value is None:
+        return Shown(None, "there is no state to have one")
+    return Shown(tau_s, "far above what a walk is used for" if tau_s == LONG_S else "")
+
+
+def _instability(B: Coefficient | None) -> Shown:
+    if B is None:
+        return Shown(None, "there is no Allan deviation")
+    return Shown(B.value, "" if B.value is not None else B.reason, B.at_most if B.value is None else None)
