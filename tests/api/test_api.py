@@ -17,6 +17,7 @@ from fltea.api import series
 from fltea.api._check import PARAMETERS, in_python
 from fltea.documents.curves import Curve, log_log
 from fltea.identification.axis import AxisResult
+from fltea.identification.forecast import Drive, Goal
 from fltea.identification.load import Request, load
 from fltea.recording.reading import Answer
 from fltea.settings.how import How
@@ -43,6 +44,15 @@ def test_an_array_gets_the_verdict_of_the_command() -> None:
     assert own.level.N.value == found.allan.N
     assert found.allan.adev[0] == pytest.approx(1.0, rel=0.1)
     assert np.median(found.spectrum.density) == pytest.approx((2 / 100) ** 0.5, rel=0.1)
+
+
+def test_a_forecast_answers_how_long_to_rest_and_to_drive() -> None:
+    asked = [Goal(within=50.0, t_s=60.0), Drive(within=10.0, rest_s=30.0)]
+    forecast = fltea.identify(NOISE, 100.0, unit="deg/s", forecast=asked).forecast
+    assert (forecast.goal, forecast.drive) == tuple(asked)
+    alone = [fltea.identify(NOISE, 100.0, unit="deg/s", forecast=one).forecast for one in asked]
+    assert (forecast.rest_s, forecast.drive_s) == (alone[0].rest_s, alone[1].drive_s)
+    assert 0 < forecast.drive_s < 3600
 
 
 def test_options_leave_bands_out() -> None:

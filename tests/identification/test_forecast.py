@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from fltea.identification.forecast import Goal, found, goal_of, now, said
-from fltea.identification.forecast_judge import judged, learned, left_open
+from fltea.identification.forecast import Drive, Goal, drive_of, found, goal_of, now, said
+from fltea.identification.forecast_judge import Learned, judged, learned, left_open
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.sensor_events import watch
 from fltea.noise.parts import Walk, White
@@ -97,3 +97,77 @@ def test_how_long_to_rest_is_as_long_as_white_noise_takes() -> None:
     assert none is not None
     assert none.rest_s is None
     assert "No rest is enough" in none.text
+
+
+@pytest.mark.parametrize("text", ["x@30", "1", "1@", "@30", "0@30", "-1@30", "nan@30", "1@0", "1@100000"])
+def test_what_is_no_drive_is_said_with_one_that_is(text: str) -> None:
+    with pytest.raises(UsageError, match=r"--drive-for 1@30 asks for how long"):
+        drive_of(text)
+    assert drive_of("1@30") == Drive(1.0, 30.0)
+
+
+def _white(seed: int = 3) -> tuple[np.ndarray, Learned]:
+    y = np.random.default_rng(seed).normal(0, math.sqrt(0.02), 60_000)
+    return y, learned([White(0.02)], y, 0.01)
+
+
+def test_how_long_a_heading_is_good_is_as_long_as_white_noise_lets_it() -> None:
+    """σ² h t (1 + t / rest), solved for t."""
+    (y, whole), R, h, rest_s = _white(), 0.02, 0.01, 30.0
+    drive = Drive(1.0, rest_s)
+    _, found_ = found(whole, y, h, "deg/s", lambda half: learned([White(R)], half, h), drive)
+    assert found_ is not None
+    variance = (drive.within / NORMAL_95) ** 2
+    expected = (math.sqrt(rest_s**2 + 4 * rest_s * variance / (R * h)) - rest_s) / 2
+    assert found_.drive_s == pytest.approx(expected, rel=0.1)
+    assert (found_.drive, found_.goal, found_.rest_s) == (drive, None, None)
+    said_ = f"After a rest of 30 s the heading is good to ± 1° (95 %, 1.96 σ) for {found_.drive_s:.3g} s."
+    assert found_.text.endswith(said_)
+
+
+def test_rest_and_drive_are_asked_for_together_and_each_is_the_others_inverse() -> None:
+    y, whole = _white()
+    asked = Goal(0.5, 60.0), Drive(0.5, 60.0)
+    _, found_ = found(whole, y, 0.01, "deg/s", lambda half: learned([White(0.02)], half, 0.01), asked)
+    assert found_ is not None
+    assert (found_.goal, found_.drive) == asked
+    assert found_.rest_s is not None
+    assert found_.text.index("Rest for ") < found_.text.index("After a rest of 60 s ")
+    again = Drive(0.5, found_.rest_s)
+    _, back = found(whole, y, 0.01, "deg/s", lambda half: learned([White(0.02)], half, 0.01), again)
+    assert back is not None
+    assert back.drive_s == pytest.approx(60.0, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("asked", "text"),
+    [
+        (
+            Goal(100.0, 10.0),
+            "Rest for less than 1 s: the heading is good to ± 100° (95 %, 1.96 σ) 10 s later.",
+        ),
+        (
+            Drive(1e-9, 30.0),
+            "After a rest of 30 s the heading is good to ± 1e-09° (95 %, 1.96 σ) for less than ",
+        ),
+        (Drive(1e6, 30.0), "the heading is good to ± 1e+06° (95 %, 1.96 σ) for more than an hour."),
+    ],
+)
+def test_no_time_is_said_to_be_none(asked: Goal | Drive, text: str) -> None:
+    y, whole = _white()
+    _, found_ = found(whole, y, 0.01, "deg/s", lambda half: learned([White(0.02)], half, 0.01), asked)
+    assert found_ is not None
+    assert text in found_.text
+    assert " 0 s" not in found_.text
+
+
+def test_a_first_half_without_a_model_leaves_the_answers_of_the_whole() -> None:
+    def first(half: np.ndarray) -> Learned:
+        raise ValueError("too short")
+
+    y, whole = _white()
+    _, found_ = found(whole, y, 0.01, "deg/s", first, (Goal(0.5, 60.0), Drive(0.5, 60.0)))
+    assert found_ is not None
+    assert found_.text.startswith("The first half has no model to judge: too short. Rest for ")
+    assert found_.rest_s is not None
+    assert found_.drive_s is not None

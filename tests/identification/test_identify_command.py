@@ -152,6 +152,23 @@ def test_what_was_found_is_told_before_a_file_fails(recording: Path, tmp_path: P
     assert "model.json: cannot be written" in err
 
 
+def test_how_long_to_rest_and_to_drive(recording: Path) -> None:
+    """Both answers together, in words and as JSON; each includes the forecast."""
+    out, err = here(recording, "--rest-for", "2@60", "--drive-for", "1@30", "--channels", "gyro_x")
+    assert err == ""
+    assert re.search(
+        r"gyro_x, forecast: .* Rest for .*: the heading is good to ± 2° \(95 %, 1\.96 σ\) 60 s", out
+    )
+    assert "After a rest of 30 s the heading is good to ± 1° (95 %, 1.96 σ) for " in out
+    assert "heading after" in out
+    out, _ = here(recording, "--drive-for", "1@30", "--channels", "gyro_x", "--json")
+    forecast = strict(out)["files"][0]["axes"]["gyro_x"]["forecast"]
+    assert forecast["drive"] == {"within": 1.0, "rest_s": 30.0}
+    assert 0 < forecast["drive_s"] < 3600
+    assert (forecast["goal"], forecast["rest_s"]) == (None, None)
+    assert forecast["judged"]
+
+
 def test_a_bad_file_among_others(recording: Path, tmp_path: Path) -> None:
     """The others are identified; what failed is told, in its place and at the end; exit 2."""
     bad = tmp_path / "bad.npz"
@@ -167,9 +184,14 @@ def test_a_bad_file_among_others(recording: Path, tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (["away.npz"], "no such file"),
-        (["rest.npz", "--inflate", "5"], "give that too"),
+        (["rest.npz", "--inflate", "5"], "give one of them"),
         (["rest.npz", "--imu-yaml", "i.yaml", "--inflate", "0.5"], "1 or more"),
         (["rest.npz", "--notch", "five"], "give a band in Hz"),
+        (["rest.npz", "--drive-for", "30"], "--drive-for 1@30 asks for how long"),
+        (
+            ["rest.npz", "--drive-for", "1@30", "--out", "v.parquet"],
+            "--drive-for and --out do not go together",
+        ),
         (["rest.npz", "--from-hz", "-1"], "from_hz is a frequency"),
         (["rest.npz", "--from-hz", "49.9"], "are needed"),
         (["rest.npz", "--variant", "quadruple"], 'must be "joint" or "triple"'),

@@ -2,7 +2,15 @@
 
 import numpy as np
 import pytest
-from fltea.noise.heading import heading_std, mean_ahead, means_ahead, rest_for, rested
+from fltea.noise.heading import (
+    drive_for,
+    heading_std,
+    heading_stds,
+    mean_ahead,
+    means_ahead,
+    rest_for,
+    rested,
+)
 from fltea.noise.parts import LowPass, Order, Relaxation, Resonance, Walk, White
 from fltea.noise.system import System, system
 
@@ -80,9 +88,40 @@ def test_no_rest_is_enough_for_a_heading_better_than_the_noise_of_its_own_minute
     found = rest_for(_system("walk"), H, 60.0, 0.1)
     assert found.rest_s is None
     assert "No rest is enough: after 60 s the heading is good to ± " in found.reason
+    assert "° (95 %) at best" in found.reason
+    assert " m/s (95 %) at best" in rest_for(_system("walk"), H, 60.0, 0.1, " m/s").reason
     wild = _system("walk")
     wild = wild._replace(Q=1e12 * wild.Q)
     assert rest_for(wild, H, 60.0, 0.1).reason == "No rest is enough: after 60 s no heading is left."
+
+
+@pytest.mark.parametrize("name", ["white", "relaxation", "order"])
+def test_a_drive_is_the_inverse_of_a_rest(name: str) -> None:
+    s = _system(name)
+    within = 1.2 * heading_std(s, rested(s, 3000), H, 30.0)
+    drive_s = drive_for(s, H, 30.0, within)
+    assert drive_s is not None
+    assert drive_s > 30.0
+    P = rested(s, 3000)
+    assert heading_std(s, P, H, drive_s) <= within < heading_std(s, P, H, 1.02 * drive_s)
+    assert rest_for(s, H, drive_s, within).rest_s == pytest.approx(30.0, rel=0.05)
+
+
+def test_a_drive_ends_when_the_heading_is_off_for_the_first_time() -> None:
+    """Behind a resonance of 1 Hz it swings: off after half a period, and good again after a whole one."""
+    s = system((White(1e-8), Resonance(1.0, 1.0, 0.02)), H, 60000)
+    half, whole = heading_stds(s, rested(s, 1), H, [0.5, 1.0])
+    assert whole < 0.5 * half
+    drive_s = drive_for(s, H, H, 0.7 * half)
+    assert drive_s is not None
+    assert 0.2 < drive_s < 0.5
+
+
+def test_a_drive_may_be_none_and_may_have_no_end() -> None:
+    s = _system("white")
+    assert drive_for(s, H, 30.0, 1e-9) == 0.0
+    assert drive_for(s, H, 30.0, 1e9) is None
+    assert drive_for(_system("walk"), 7200.0, 7200.0, 1e9) is None, "one sample is longer than an hour"
 
 
 def _summed(s: System, samples: int) -> tuple[np.ndarray, float]:

@@ -7,7 +7,7 @@ import msgspec
 from fltea.identification.axis import IdentifyOptions, with_fltea
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.conclusions import conclude
-from fltea.identification.forecast import Goal
+from fltea.identification.forecast import Asked
 from fltea.identification.left_out import without
 from fltea.identification.load import Series
 from fltea.identification.one_axis import MOST_LOOKS, LookedAt, concluded, examine, run_fltea, with_events
@@ -21,7 +21,7 @@ def identify_series(
     h: float,
     options: IdentifyOptions,
     figures: bool,
-    forecast: bool | Goal = False,
+    forecast: Asked = False,
     known: Sequence[Trap] = (),
     live: LiveConfig | None = None,
 ) -> AxisReport:

@@ -17,7 +17,7 @@ from fltea.api.identified import Report
 from fltea.api.series import agreed, examine, of_series, watched_looks
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.counts import Counts
-from fltea.identification.forecast import Goal
+from fltea.identification.forecast import Asked
 from fltea.identification.load import (
     ACCEL_UNIT,
     GYRO_UNIT,
@@ -99,7 +99,7 @@ class Recording(Mapping[str, Array]):
         *,
         from_hz: float = 0.0,
         notch_hz: Sequence[tuple[float, float]] = (),
-        forecast: bool | Goal = False,
+        forecast: Asked = False,
     ) -> Report:
         """Tell what the noise of each axis is; arguments as of `fltea.identify`.
 

@@ -16,7 +16,7 @@ from fltea.identification.axis import AxisResult, IdentifyOptions, Looked, descr
 from fltea.identification.conclusions import conclude, in_agreement, tracked_of
 from fltea.identification.event_traps import event_traps
 from fltea.identification.fltea_fit import fltea_fits
-from fltea.identification.forecast import Goal
+from fltea.identification.forecast import Asked
 from fltea.identification.forecast_judge import Learned
 from fltea.identification.judges import judge_one
 from fltea.identification.left_out import LeftOut
@@ -40,7 +40,7 @@ def identify(
     lsb: float | None = None,
     from_hz: float = 0.0,
     notch_hz: Sequence[tuple[float, float]] = (),
-    forecast: bool | Goal = False,
+    forecast: Asked = False,
 ) -> Identified:
     """Tell what the noise of one axis of a resting sensor is.
 
@@ -54,7 +54,8 @@ def identify(
         from_hz: leave out what is slower, in Hz.
         notch_hz: bands (low, high) in Hz that are left out.
         forecast: tell how far the heading is off by time, too, with the second half as judge;
-            a `Goal`: and how long to rest for it.
+            a `Goal`: and how long to rest for it; a `Drive`: and how long it is good after a rest; or both,
+            in a list.
 
     Raises:
         ValueError: y is not finite, not (n,), constant or too short; no unit, or one that is not known; a
@@ -148,7 +149,7 @@ def of_series(
     options: IdentifyOptions,
     tracked: Learned | None,
     *,
-    forecast: bool | Goal = False,
+    forecast: Asked = False,
 ) -> Identified:
     """Return what was found out about an axis that was watched; tracked: its system."""
     (series, looked, found, traps, _, _, _, out), events = watched

@@ -61,6 +61,14 @@ def identify(
             "0.5@60. Includes --forecast.",
         ),
     ] = None,
+    drive_for: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DEG@S",
+            help="For how many seconds the heading is good to ± DEG (95 %) after a rest of S seconds, such "
+            "as 1@30: the inverse of --rest-for. Includes --forecast.",
+        ),
+    ] = None,
     sheet: Annotated[
         str | None,
         typer.Option(
@@ -181,6 +189,7 @@ def identify(
         "--allan-csv": allan_csv,
         "--sheet": sheet,
         "--for": for_program,
+        "--drive-for": drive_for,
     }
     many.check(files, out, [name for name, value in one_by_one.items() if value])
     if dask is not None:
@@ -190,11 +199,11 @@ def identify(
     from fltea.identification import data_sheet, findings, run
     from fltea.identification import load as reading
     from fltea.identification.axis import IdentifyOptions
-    from fltea.identification.forecast import goal_of
+    from fltea.identification.forecast import asked_by
     from fltea.settings.config import load_configs
 
     part = None if sheet is None else data_sheet.sheet_name(sheet)
-    goal = None if rest_for is None else goal_of(rest_for)
+    ahead = asked_by(forecast, rest_for, drive_for)
     program = None if for_program is None else exports.parse_program(for_program)
     if program is not None and (as_json or details):
         raise UsageError("--for prints its lines and nothing else: leave --json and --details out.")
@@ -246,7 +255,6 @@ def identify(
     for_one = [*files_wanted.flags, *(["--for"] if program is not None else [])]
     if len(requests) > 1 and for_one:
         raise UsageError(f"{', '.join(for_one)} are for one recording: {len(requests)} were given.")
-    ahead = forecast if goal is None else goal
     by = run.Settings(
         options,
         chosen.estimator,
@@ -274,7 +282,7 @@ def identify(
         written = page.write(report, reports)
         say(f"fltea: {written[0]}, and {len(written) - 1} figures")
     exports.write(reports[0], files_wanted)
-    each = {"--sheet": sheet, "--forecast": forecast, "--rest-for": rest_for}
+    each = {"--sheet": sheet, "--forecast": forecast, "--rest-for": rest_for, "--drive-for": drive_for}
     _fail(reports, files_wanted.flags, [flag for flag, value in each.items() if value])
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.identification.axis import IdentifyOptions, Looked, look
-from fltea.identification.forecast import BiasAtEnd, Forecast, Goal, Now, found
+from fltea.identification.forecast import Asked, BiasAtEnd, Forecast, Now, found
 from fltea.identification.forecast_judge import Learned, learned
 from fltea.identification.gaps import bridged, no_gaps
 from fltea.identification.load import Series
@@ -76,7 +76,7 @@ def conclude(
     options: IdentifyOptions,
     tracked: Learned,
     K: Interval,
-    forecast: bool | Goal,
+    forecast: Asked,
     at_end: BiasAtEnd | None = None,
     steps: Sequence[BiasStep] = (),
 ) -> Conclusions:
@@ -98,8 +98,7 @@ def conclude(
         its = learned(look(half.y, h, options).figures.sentence.parts(h), half.y, h)
         return its if levels is None else _with_levels(its, levels, h)
 
-    goal = forecast if isinstance(forecast, Goal) else None
-    bias, ahead = found(tracked, y, h, series.unit, first if forecast else None, goal, at_end)
+    bias, ahead = found(tracked, y, h, series.unit, first if forecast else None, forecast, at_end)
     plain = None
     with contextlib.suppress(ValueError, ArithmeticError):  # no filter can work with it
         # Its bias has to be that after the last step, however short the stretch since then.

@@ -16,7 +16,15 @@ from fltea.identification.forecast_judge import (
     judged,
 )
 from fltea.identification.navigation_filter import slope_of
-from fltea.noise.heading import bias_std, heading_std, heading_stds, rest_for, rested
+from fltea.noise.heading import (
+    LONGEST_REST_S,
+    bias_std,
+    drive_for,
+    heading_std,
+    heading_stds,
+    rest_for,
+    rested,
+)
 from fltea.noise.parts import Walk, high_pass_of
 from fltea.noise.system import System
 from fltea.records.arrays import Array
@@ -65,23 +73,71 @@ class Goal(msgspec.Struct, frozen=True):
     t_s: float
 
 
+class Drive(msgspec.Struct, frozen=True):
+    """The inverse of a goal: how long a heading is good to ± `within` deg (95 %) after a rest of rest_s."""
+
+    within: float
+    rest_s: float
+
+
+Asked = bool | Goal | Drive | Sequence[Goal | Drive]
+"""Whether a forecast is wanted, and what it has to answer."""
+
+
+def asked_by(forecast: bool, rest_for: str | None, drive_for: str | None) -> Asked:
+    """Return what the options ask for: --forecast, and DEG@SECONDS of --rest-for and --drive-for.
+
+    Raises:
+        UsageError: one of them is none.
+    """
+    goals = [] if rest_for is None else [goal_of(rest_for)]
+    drives = [] if drive_for is None else [drive_of(drive_for)]
+    return (*goals, *drives) or forecast
+
+
+def _questions(asked: Asked) -> Sequence[Goal | Drive]:
+    if isinstance(asked, bool):
+        return ()
+    return (asked,) if isinstance(asked, Goal | Drive) else asked
+
+
 def goal_of(text: str) -> Goal:
     """Return the goal of `DEG@SECONDS`.
 
     Raises:
         UsageError: it is none.
     """
-    within, _, t_s = text.partition("@")
-    try:
-        goal = Goal(float(within), float(t_s))
-    except ValueError:
-        goal = Goal(math.nan, math.nan)
+    goal = Goal(*_degrees_at_seconds(text))
     if not (0 < goal.within < math.inf and 0 < goal.t_s <= TIMES_S[-1]):
         raise UsageError(
             f"--rest-for {text}: has to be degrees and seconds, up to an hour: --rest-for 0.5@60 asks how "
             "long to rest so that the heading is good to ± 0.5° (95 %) a minute later."
         )
     return goal
+
+
+def drive_of(text: str) -> Drive:
+    """Return the drive of `DEG@SECONDS`, the seconds at rest.
+
+    Raises:
+        UsageError: it is none.
+    """
+    drive = Drive(*_degrees_at_seconds(text))
+    if not (0 < drive.within < math.inf and 0 < drive.rest_s <= LONGEST_REST_S):
+        raise UsageError(
+            f"--drive-for {text}: has to be degrees and seconds at rest, up to a day: --drive-for 1@30 asks "
+            "for how long the heading is good to ± 1° (95 %) after a rest of 30 s."
+        )
+    return drive
+
+
+def _degrees_at_seconds(text: str) -> tuple[float, float]:
+    """Return the numbers of `DEG@SECONDS`; NaN for both if there are none."""
+    degrees, _, seconds = text.partition("@")
+    try:
+        return float(degrees), float(seconds)
+    except ValueError:
+        return math.nan, math.nan
 
 
 class Forecast(msgspec.Struct, frozen=True):
@@ -101,6 +157,10 @@ class Forecast(msgspec.Struct, frozen=True):
     goal: Goal | None = None
     rest_s: float | None = None
     """How long to rest for the goal; null if there is none, or no rest is enough."""
+    drive: Drive | None = None
+    drive_s: float | None = None
+    """For how long the heading is good after the drive's rest; null if no drive is asked for, or for more
+    than an hour."""
 
 
 def found(
@@ -109,13 +169,13 @@ def found(
     h: float,
     unit: str,
     first: Callable[[Array], Learned] | None,
-    goal: Goal | None = None,
+    asked: Asked = (),
     at_end: BiasAtEnd | None = None,
 ) -> tuple[Now | None, Forecast | None]:
     """Return the bias now and, if `first` is given, the forecast; y: samples (n,) without a gap.
 
-    tracked: of all of y. first: returns what is known of samples alone. at_end: the bias after the last
-    sample of the recording; None: the mean of y.
+    tracked: of all of y. first: returns what is known of samples alone. asked: what the forecast has to
+    answer. at_end: the bias after the last sample of the recording; None: the mean of y.
 
     None where no filter can work with the noise.
     """
@@ -129,11 +189,24 @@ def found(
     half = y[: len(y) // 2]
     try:
         ahead_of_it = forecast(tracked, first(half), y, h, unit)
-        return current, ahead_of_it if goal is None else with_goal(ahead_of_it, model, h, goal, unit)
     except (ValueError, ArithmeticError) as error:
         curve = tuple(heading_stds(model, rested(model, len(y)), h, TIMES_S))
         text = f"The first half has no model to judge: {error}."
-        return current, Forecast(TIMES_S, curve, (), (), made_of(tracked), "", text)
+        ahead_of_it = Forecast(TIMES_S, curve, (), (), made_of(tracked), "", text)
+    for one in _questions(asked):
+        ahead_of_it = _answering(ahead_of_it, model, h, one, unit)
+    return current, ahead_of_it
+
+
+def _answering(found: Forecast, model: System, h: float, asked: Goal | Drive, unit: str) -> Forecast:
+    """Return the same forecast with what was asked for, or why nobody knows."""
+    try:
+        if isinstance(asked, Goal):
+            return with_goal(found, model, h, asked, unit)
+        return with_drive(found, model, h, asked, unit)
+    except (ValueError, ArithmeticError) as error:
+        what = "how long to rest" if isinstance(asked, Goal) else "how long the heading is good"
+        return msgspec.structs.replace(found, text=f"{found.text} It cannot be told {what}: {error}.")
 
 
 def now(model: System, y: Array, h: float, at_end: BiasAtEnd | None) -> Now:
@@ -175,13 +248,32 @@ def made_of(tracked: Learned) -> str:
 
 def with_goal(found: Forecast, model: System, h: float, goal: Goal, unit: str) -> Forecast:
     """Return the same forecast with how long to rest for the goal."""
-    rest, its = rest_for(model, h, goal.t_s, goal.within / NORMAL_95), integral(unit)
+    rest = rest_for(model, h, goal.t_s, goal.within / NORMAL_95, integral(unit))
     if rest.rest_s is None:
         text = rest.reason
     else:
-        good = f"± {goal.within:g}{its} (95 %) {goal.t_s:g} s later"
-        text = f"Rest for {duration(rest.rest_s)}: the heading is good to {good}."
+        time = "less than 1 s" if rest.rest_s < 1 else duration(rest.rest_s)
+        text = f"Rest for {time}: the heading is good to {_good(goal.within, unit)} {goal.t_s:g} s later."
     return msgspec.structs.replace(found, text=f"{found.text} {text}", goal=goal, rest_s=rest.rest_s)
+
+
+def with_drive(found: Forecast, model: System, h: float, drive: Drive, unit: str) -> Forecast:
+    """Return the same forecast with for how long the heading is good after the drive's rest."""
+    drive_s = drive_for(model, h, drive.rest_s, drive.within / NORMAL_95)
+    if drive_s is None:
+        time = "for more than an hour"
+    elif drive_s == 0:
+        time = "for less than a sample"
+    else:
+        time = f"for {drive_s:.3g} s" if drive_s < 1000 else f"for {drive_s:.0f} s"
+    good = _good(drive.within, unit)
+    text = f"{found.text} After a rest of {drive.rest_s:g} s the heading is good to {good} {time}."
+    return msgspec.structs.replace(found, text=text, drive=drive, drive_s=drive_s)
+
+
+def _good(within: float, unit: str) -> str:
+    """Return within what a heading shall be, and what that means."""
+    return f"± {within:g}{integral(unit)} (95 %, {NORMAL_95:g} σ)"
 
 
 def is_any_heading(std: float, unit: str) -> bool:

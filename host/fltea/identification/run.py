@@ -20,7 +20,7 @@ from fltea.identification.axis import (
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.conclusions import Conclusions, conclude, in_agreement
 from fltea.identification.fltea_fit import LEAST, FlteaFits
-from fltea.identification.forecast import Goal
+from fltea.identification.forecast import Asked
 from fltea.identification.forecast_judge import Learned
 from fltea.identification.gaps import longest_epoch
 from fltea.identification.hand_out import HandOut, Task
@@ -69,7 +69,7 @@ class Settings(msgspec.Struct, frozen=True):
     the model reproduces the Allan deviation."""
     figures: bool = False
     """Make what figures are drawn from."""
-    forecast: bool | Goal = False
+    forecast: Asked = False
     live: LiveConfig = LiveConfig()
     """What the tracker goes by: how far a bias steps at most, and for how many seconds it is meant."""
 

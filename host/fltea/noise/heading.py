@@ -18,8 +18,9 @@ from fltea.records.plus_minus import within as within_95
 from fltea.records.units import MOST_DEG
 
 LONGEST_REST_S = 86400.0
+LONGEST_DRIVE_S = 3600.0
 NEAR = 1.01
-"""A time to rest is found within this factor."""
+"""A time to rest, and one to drive, is found within this factor."""
 
 
 class Ahead(NamedTuple):
@@ -104,8 +105,11 @@ def heading_stds(system: System, P: Array, h: float, times_s: Sequence[float]) -
     return [one.std(P) for one in aheads(system, h, times_s)]
 
 
-def rest_for(system: System, h: float, t_s: float, within: float) -> Rest:
-    """Return how long to rest so that the heading's standard deviation is at most `within` after t_s."""
+def rest_for(system: System, h: float, t_s: float, within: float, unit: str = "°") -> Rest:
+    """Return how long to rest so that the heading's standard deviation is at most `within` after t_s.
+
+    unit: that of the heading, as a reason has it behind a number.
+    """
     at = ahead(system, h, t_s)
 
     def std(rest_s: float) -> float:
@@ -113,7 +117,7 @@ def rest_for(system: System, h: float, t_s: float, within: float) -> Rest:
 
     best = std(LONGEST_REST_S)
     if best > within:
-        good = f"the heading is good to {within_95(best)} (95 %) at best"
+        good = f"the heading is good to {within_95(best, unit)} (95 %) at best"
         why = good if best <= MOST_DEG else "no heading is left"
         return Rest(None, f"No rest is enough: after {t_s:g} s {why}.")
     low, high = h, LONGEST_REST_S
@@ -123,3 +127,22 @@ def rest_for(system: System, h: float, t_s: float, within: float) -> Rest:
         middle = math.sqrt(low * high)
         low, high = (low, middle) if std(middle) <= within else (middle, high)
     return Rest(high)
+
+
+def drive_for(system: System, h: float, rest_s: float, within: float) -> float | None:
+    """Return how many seconds after a rest the heading's standard deviation is first above `within`.
+
+    That is the inverse of `rest_for`, and from the safe side like it: until then the deviation is at most
+    `within`. 0: the first sample is too much. None: an hour is not.
+    """
+    P = rested(system, max(round(rest_s / h), 1))
+    steps = math.ceil(math.log(max(LONGEST_DRIVE_S / h, 1.0)) / math.log(NEAR))
+    # A heading may swing, and what is asked for is the first time: so all times are looked at.
+    counts = sorted({round(min(NEAR**step, max(LONGEST_DRIVE_S / h, 1.0))) for step in range(steps + 1)})
+    times_s = [count * h for count in counts]
+    good_s = 0.0
+    for t_s, std in zip(times_s, heading_stds(system, P, h, times_s), strict=True):
+        if not std <= within:
+            return good_s
+        good_s = t_s
+    return None
