@@ -72,8 +72,9 @@ def identify(
     sheet: Annotated[
         str | None,
         typer.Option(
-            metavar="PART",
-            help="Compare the noise with the data sheet of this part, such as MPU-9250.",
+            metavar="PART|DENSITY",
+            help="Compare the noise with the data sheet of this part, such as MPU-9250, or with a rate noise "
+            "density in dps/√Hz, such as 0.007.",
         ),
     ] = None,
     shuffles: Annotated[

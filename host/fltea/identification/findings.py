@@ -92,7 +92,7 @@ def lead(axis: AxisReport) -> str:
 def sheets(axes: Mapping[str, AxisReport]) -> list[str]:
     """Return how each axis compares with the data sheet that was named, and where that is from."""
     found = [(name, axis.sheet) for name, axis in axes.items() if axis.sheet is not None]
-    sources = dict.fromkeys(f"Data sheet of the {one.part}: {one.source}." for _, one in found)
+    sources = dict.fromkeys(f"Data sheet of the {one.part}: {one.source}." for _, one in found if one.part)
     return [f"{name}: {one.text}" for name, one in found] + list(sources)
 
 
