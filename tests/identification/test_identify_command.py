@@ -180,6 +180,27 @@ def test_a_bad_file_among_others(recording: Path, tmp_path: Path) -> None:
     assert [line.startswith("fltea: error: ") for line in err.splitlines()] == [True, True]
 
 
+@pytest.mark.parametrize("name", ["away.npz", "bad.npz", "short.npz"])
+def test_of_a_refused_recording_there_is_no_report(name: str, recording: Path, tmp_path: Path) -> None:
+    """It had an empty page. With another recording both are in the report; errors are those without one."""
+    (tmp_path / "bad.npz").write_bytes(b"PK no")
+    npz(tmp_path / "short.npz", counts(20, 1))
+    out = tmp_path / "out"
+    for others in ((), (recording,)):
+        command = (tmp_path / name, *others, "--channels", "gyro_x")
+        _, without = here(*command, exit_code=2)
+        _, err = here(*command, "--report", out, exit_code=2)
+        if not others:
+            assert err == without
+            assert list(out.iterdir()) == []
+    assert err.endswith(without)
+    assert f"fltea: {out / 'report.html'}, and " in err
+    page = (out / "report.html").read_text()
+    assert f"<h2>{recording}</h2>" in page
+    assert name in page
+    assert len(list(out.glob("rest_gyro_x_*.png"))) == len(list(out.glob("*.png"))) > 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -279,8 +279,7 @@ def identify(
         )
     else:
         _show(reports, details=details)
-    if report is not None:
-        written = page.write(report, reports)
+    if report is not None and (written := page.write(report, reports)):
         say(f"fltea: {written[0]}, and {len(written) - 1} figures")
     exports.write(reports[0], files_wanted)
     each = {"--sheet": sheet, "--forecast": forecast, "--rest-for": rest_for, "--drive-for": drive_for}

@@ -20,9 +20,13 @@ WITHHELD = "No forecast, comparison with a data sheet or file for another progra
 def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:
     """Write the figures and the page that has them in it; return the files, the page first.
 
+    Nothing is written where no axis of any recording was identified.
+
     Raises:
         FlteaError: they cannot be written.
     """
+    if not any(isinstance(axis, AxisReport) for report in reports for axis in report.axes.values()):
+        return []
     written: list[Path] = []
     sections = []
     for report, prefix in zip(reports, _prefixes(reports), strict=True):
