@@ -301,8 +301,8 @@ def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:
         reports = identify_all(requests, settings(), workers, Here(), kill_one)
     assert killed
     assert document(reports)["files"] == alone
-    # Files, axes, what happened to each sensor, a group of copies and the bias of each axis.
-    assert len(told) == len(set(told)) == 3 + 6 + 3 + 6 + 6
+    # Files, axes, what happened to each sensor, a group of copies, the bias of each axis, FLTEA of each file.
+    assert len(told) == len(set(told)) == 3 + 6 + 3 + 6 + 6 + 3
 
 
 KILLED = """

@@ -92,7 +92,9 @@ FOUND = {
     "cookbook/iio.md": "IIO, MPU-6050",
     "cookbook/notebook.md": "Jupyter",
     "cookbook/allan.md": "allan_variance_ros, imu_utils",
-    "cookbook/kalibr.md": "Kalibr",
+    "cookbook/compare.md": "compare",
+    "cookbook/kalibr.md": "Kalibr, noise density",
+    "cookbook/which_figure.md": "EKF2, robot_localization, noise density, ArduPilot, GTSAM, KF-GINS",
     "cookbook/vins.md": "VINS",
     "cookbook/ros.md": "ROS 2",
 }

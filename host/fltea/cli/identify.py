@@ -82,8 +82,8 @@ def identify(
         typer.Option(
             metavar="N",
             min=0,
-            help="With --json, --details, --report, or several files: copies in another order that FLTEA is "
-            "run on, to show what it gives for white noise of the same size; 0: none, and faster.",
+            help="With --json, --details or --report: copies in another order that FLTEA is run on, to show "
+            "what it gives for white noise of the same size; 0: none, and faster.",
         ),
     ] = 200,
     notch: Annotated[
@@ -260,8 +260,7 @@ def identify(
         options,
         chosen.estimator,
         chosen.accel,
-        # The answer says nothing of it, but for the table of several recordings.
-        details=as_json or details or report is not None or len(requests) > 1,
+        details=as_json or details or report is not None,  # the answer says nothing of it
         figures=report is not None,
         forecast=ahead,
         live=chosen.live,

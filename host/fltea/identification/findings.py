@@ -8,6 +8,7 @@ import msgspec
 from fltea.identification.allan import scales
 from fltea.identification.axis import AxisResult
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
+from fltea.identification.comparison import compared
 from fltea.identification.fltea_fit import FlteaFit
 from fltea.identification.forecast import SAID_S, integral, is_any_heading
 from fltea.identification.load import GYRO_UNIT
@@ -41,7 +42,8 @@ Row = tuple[str, str]
 
 def document(reports: Sequence[FileReport]) -> dict[str, Any]:
     """Return all of it, for JSON."""
-    return {"files": [_file(report) for report in reports]}
+    found: dict[str, Any] = {"files": [_file(report) for report in reports]}
+    return found | ({"compared": msgspec.to_builtins(compared(reports))} if len(reports) > 1 else {})
 
 
 def _file(report: FileReport) -> dict[str, Any]:
@@ -300,22 +302,6 @@ def method(r: AxisResult) -> str:
         f"FLTEA {f.variant}, guard {f.guard}, window {window}, start-up {f.startup_samples:,} samples, "
         f"R from the {f.R_from}{longest}"
     )
-
-
-def short(axis: AxisReport) -> list[str]:
-    """Return one axis for a table over many, under `SHORT_HEADINGS`."""
-    r = axis.result
-    band = r.null.shuffled
-    return [
-        f"{r.duration_s:.0f}",
-        NONE if r.fltea is None or r.fltea.alpha is None else f"{r.fltea.alpha:.3f}",
-        _span(band.alpha) if band else NONE,
-        f"{r.null.p_value:.1g}",
-        r.verdict.kind,
-    ]
-
-
-SHORT_HEADINGS = ("s", "α", "shuffled α", "null p", "verdict")
 
 
 def _pm(value: float | None, std: float | None) -> str:

@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from fltea.documents.html_page import html_page, table, table_of
-from fltea.identification import figures, findings
+from fltea.identification import comparison, figures, findings
 from fltea.identification.axis import AxisResult
 from fltea.identification.axis_report import AxisReport, FileReport
 from fltea.identification.forecast_tables import forecast_tables
@@ -65,18 +65,18 @@ def _page(reports: Sequence[FileReport], sections: list[str]) -> str:
 
 
 def _summary(reports: Sequence[FileReport]) -> str:
-    lines = []
-    for report in reports:
-        name = f"<td>{escape(Path(report.name).name)}</td>"
-        if report.failure is not None:
-            lines.append(f'{name}<td colspan="6" class="text bad">{escape(str(report.failure))}</td>')
-        for axis, found in report.axes.items():
-            if isinstance(found, AxisReport):
-                cells = "".join(f"<td>{escape(text)}</td>" for text in findings.short(found))
-            else:
-                cells = f'<td colspan="5" class="text bad">{escape(found.error)}</td>'
-            lines.append(f"{name}<td>{axis}</td>{cells}")
-    return table_of(lines, ("recording", "axis", *findings.SHORT_HEADINGS))
+    """Return the figures of all recordings side by side; failures and what differs as sentences."""
+    failed = [
+        f'<p class="bad">{escape(Path(report.name).name)}: {escape(str(report.failure))}</p>'
+        for report in reports
+        if report.failure is not None
+    ]
+    tables = []
+    for name, headings, lines in comparison.rows(reports):
+        cells = ["".join(f"<td>{escape(text.strip())}</td>" for text in line) for line in lines]
+        tables.append(f"<h3>{escape(name)}</h3>{table_of(cells, headings)}")
+    sentences = [f"<p>{escape(text)}</p>" for text in comparison.said(reports)]
+    return "".join([*failed, *tables, *sentences])
 
 
 def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Iterator[str]:

@@ -1,21 +1,18 @@
 """Results as tables for a terminal."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from fltea.identification import findings
+from fltea.identification import comparison, findings
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.forecast_tables import forecast_tables
 from fltea.identification.traps import Trap
 from fltea.records.visible import visible_lines
 
-WIDTHS = (7, 9, 18, 9, 21)
-"""The widths of the summary's columns."""
 COLOURS = {"bad": "bold red", "warning": "yellow", "note": "dim"}
 
 
@@ -88,24 +85,19 @@ def _verdict(name: str, axis: AxisReport | Failure) -> Text:
 
 
 def summary(console: Console, reports: Sequence[FileReport]) -> None:
-    """Show all axes of all recordings, a line each under the recording's name, which may be long."""
-    console.print()
-    console.print(_shown(_line("Summary", findings.SHORT_HEADINGS), style="bold underline"), soft_wrap=True)
-    for report in reports:
-        console.print(_shown(Path(report.name).name, style="bold"), soft_wrap=True)
-        if report.failure is not None:
-            console.print(_shown("  failed", style="red"))
-        for axis, found in report.axes.items():
-            if isinstance(found, AxisReport):
-                console.print(_shown(_line(f"  {axis}", findings.short(found))), soft_wrap=True)
-            else:
-                console.print(_shown(f"  {axis}  failed", style="red"))
+    """Show the figures of all recordings side by side, a table for each axis, and what differs."""
+    for name, headings, lines in comparison.rows(reports):
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left")
+        table.title = _shown(name, style="bold")
+        for heading in headings:
+            table.add_column(_shown(heading), overflow="fold")
+        for line in lines:
+            table.add_row(*map(_shown, line))
+        console.print(table)
+    for text in comparison.said(reports):
+        console.print(_shown(text))
 
 
 def _shown(text: str, style: str = "") -> Text:
     """Return what files and the names in them say, so that nothing in it steers the terminal."""
     return Text(visible_lines(text), style=style)
-
-
-def _line(first: str, cells: Sequence[str]) -> str:
-    return f"{first:<10}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, WIDTHS, strict=True))

@@ -1,0 +1,248 @@
+"""Several recordings side by side: the figures of each axis, and which differ by more than chance (pure)."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from pathlib import Path
+from statistics import NormalDist
+from typing import NamedTuple
+
+import msgspec
+
+from fltea.identification.allan import scales
+from fltea.identification.axis_report import AxisReport, FileReport
+from fltea.identification.forecast import SAID_S, integral, is_any_heading
+from fltea.records.fit import Interval
+from fltea.records.plus_minus import NORMAL_95
+
+CHANCE = 0.05
+"""How often some figure of sensors that are alike is said to differ."""
+
+
+class Figure(NamedTuple):
+    """A figure of one axis. at_most: where it is not known, it is below with 95 % probability."""
+
+    name: str
+    unit: str
+    found: Interval
+    at_most: float | None = None
+
+
+class Compared(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A figure of an axis of one recording beside that of the first recording that has it."""
+
+    axis: str
+    figure: str
+    unit: str
+    file: str
+    against: str
+    ratio: Interval
+    """Over that of `against`, with the 95 % interval; null for a bias, and where one is not known."""
+    difference: Interval
+    """Of a bias, in `unit`; else null."""
+    differs: bool | None
+    """By more than chance, all comparisons taken together; null where that is not known."""
+
+
+def figures(axis: AxisReport) -> list[Figure]:
+    """Return N, K, B, bias and heading of an axis, in the units of data sheets for a gyroscope."""
+    of, level, now = scales(axis.unit), axis.result.level, axis.now
+    B = None if axis.allan is None else axis.allan.B
+    found = [
+        Figure("N", of.N.unit, _times(level.N, of.N.factor)),
+        Figure("K", of.K.unit, _times(level.K, of.K.factor), _product(level.K_at_most, of.K.factor)),
+        Figure(
+            "B",
+            of.B.unit,
+            _times(Interval() if B is None else B.interval, of.B.factor),
+            _product(None if B is None else B.at_most, of.B.factor),
+        ),
+    ]
+    bias, heading = Interval(), Interval()
+    if now is not None:
+        half = NORMAL_95 * now.bias_std
+        bias = Interval(now.bias, now.bias - half, now.bias + half)
+        if not is_any_heading(now.heading_std, axis.unit):
+            heading = Interval(NORMAL_95 * now.heading_std)
+    found.append(Figure("bias", axis.unit, bias))
+    found.append(Figure(f"± after {SAID_S:g} s", integral(axis.unit), heading))
+    return found
+
+
+def compared(reports: Sequence[FileReport]) -> list[Compared]:
+    """Return each figure of each axis of each recording beside that of the first that has the axis."""
+    pairs = []
+    for name, axes in _axes(reports):
+        (against, first), *others = axes.items()
+        for file, axis in others:
+            if axis.unit == first.unit:
+                both = zip(figures(first), figures(axis), strict=True)
+                pairs += [(name, file, against, a, b) for a, b in both]
+    known = sum(_is_known(first.found) and _is_known(its.found) for *_, first, its in pairs)
+    reach = NormalDist().inv_cdf(1 - CHANCE / 2 / max(known, 1))
+    return [_of_pair(*pair, reach) for pair in pairs]
+
+
+def _of_pair(axis: str, file: str, against: str, first: Figure, its: Figure, reach: float) -> Compared:
+    ratio, difference, differs = Interval(), Interval(), None
+    a, b = first.found, its.found
+    if first.name == "bias":
+        if _is_known(a) and _is_known(b):
+            off, std = _value(b) - _value(a), math.hypot(_half(a), _half(b)) / NORMAL_95
+            difference = Interval(off, off - NORMAL_95 * std, off + NORMAL_95 * std)
+            differs = abs(off) > reach * std
+    elif a.value and b.value:
+        off = math.log(b.value / a.value)
+        ratio = Interval(b.value / a.value)
+        if _is_known(a) and _is_known(b) and min(_low(a), _low(b)) > 0:
+            logs = [(math.log(_high(one)) - math.log(_low(one))) / 2 / NORMAL_95 for one in (a, b)]
+            std = math.hypot(*logs)
+            ends = (math.exp(off + sign * NORMAL_95 * std) for sign in (-1, 1))
+            ratio, differs = Interval(ratio.value, *ends), abs(off) > reach * std
+    return Compared(axis, first.name, first.unit, file, against, ratio, difference, differs)
+
+
+Cells = list[tuple[Figure, Compared | None]]
+
+
+def rows(reports: Sequence[FileReport]) -> Iterator[tuple[str, list[str], list[list[str]]]]:
+    """Yield of each axis its name, headings and rows.
+
+    Of two recordings a row has a figure of both with its interval, and how the second is beside the first; of
+    more, a row has all figures of one, with a star where one differs from that of the first.
+    """
+    pairs = {(one.axis, one.file, one.figure): one for one in compared(reports)}
+    labels = _labels(reports)
+    for name, axes in _axes(reports):
+        cells = [[(one, pairs.get((name, file, one.name))) for one in figures(axes[file])] for file in axes]
+        kinds = [axis.result.verdict.kind for axis in axes.values()]
+        headings, lines = (_of_two if len(labels) == 2 else _of_more)(
+            [labels[file] for file in axes], cells, kinds
+        )
+        yield name, headings, lines
+
+
+def _of_two(
+    files: list[str], of_files: list[Cells], kinds: Sequence[str]
+) -> tuple[list[str], list[list[str]]]:
+    lines = []
+    for cells in zip(*of_files, strict=True):
+        pairs = [_beside(pair) for _, pair in cells if pair is not None]
+        lines.append([_named(cells[0][0]), *(_shown(one) for one, _ in cells), *pairs])
+    width = max(map(len, lines))
+    lines.append(["verdict", *kinds] + [""] * (width - 1 - len(kinds)))
+    return ["", *files, *["second beside first"] * (width - 1 - len(files))], lines
+
+
+def _of_more(
+    files: list[str], of_files: list[Cells], kinds: Sequence[str]
+) -> tuple[list[str], list[list[str]]]:
+    lines = []
+    for file, cells, kind in zip(files, of_files, kinds, strict=True):
+        shown = [_brief(one) + (" *" if pair is not None and pair.differs else "") for one, pair in cells]
+        lines.append([file, *shown, kind])
+    return ["", *(_named(one) for one, _ in of_files[0]), "verdict"], lines
+
+
+def _axes(reports: Sequence[FileReport]) -> Iterator[tuple[str, dict[str, AxisReport]]]:
+    """Yield each axis that was identified, and of which recordings; the same recording twice is one."""
+    for name in dict.fromkeys(name for report in reports for name in report.axes):
+        axes = {report.name: report.axes.get(name) for report in reports}
+        found = {file: axis for file, axis in axes.items() if isinstance(axis, AxisReport)}
+        if found:
+            yield name, found
+
+
+def _labels(reports: Sequence[FileReport]) -> dict[str, str]:
+    """Return what to call each recording: by the name of its file, or its path where two are called alike."""
+    names = Counter(Path(name).name for name in {report.name for report in reports})
+    return {
+        report.name: report.name if names[Path(report.name).name] > 1 else Path(report.name).name
+        for report in reports
+    }
+
+
+def said(reports: Sequence[FileReport]) -> list[str]:
+    """Return sentences on what differs by more than chance; axes of one figure and recording together."""
+    pairs = compared(reports)
+    known = [one for one in pairs if one.differs is not None]
+    labels = _labels(reports)
+    found = []
+    differing = sorted((one for one in known if one.differs), key=_place)
+    for (file, against, figure), some in groupby(differing, key=_place):
+        axes = ", ".join(f"{one.axis} ({_beside(one).rstrip(' *')})" for one in some)
+        of = f"{figure} of {labels[file]} differs from that of {labels[against]}"
+        found.append(f"{of} by more than chance: {axes}.")
+    if known and not found:
+        found.append("No figure differs by more than chance.")
+    elif known:
+        found.append("Other figures differ by no more than chance.")
+    return found
+
+
+def _named(one: Figure) -> str:
+    return f"{one.name} [{one.unit}]"
+
+
+def _place(one: Compared) -> tuple[str, str, str]:
+    return one.file, one.against, one.figure
+
+
+def _beside(one: Compared) -> str:
+    mark = " *" if one.differs else ""
+    if (off := one.difference).value is not None:
+        return f"{off.value:+.3g} ± {_half(off):.2g}{mark}"
+    if one.ratio.value is None:
+        return "–"
+    ends = "" if one.ratio.low is None else f" ({_to_three(one.ratio.low)}…{_to_three(one.ratio.high)})"
+    return f"× {_to_three(one.ratio.value)}{ends}{mark}"
+
+
+def _shown(one: Figure) -> str:
+    if one.found.value is None:
+        return "not known" if one.at_most is None else f"at most {_to_three(one.at_most)}"
+    if one.name == "bias":
+        return f"{one.found.value:.4g} ± {_half(one.found):.2g}"
+    if one.found.low is None or one.found.high is None:
+        return f"{_to_three(one.found.value)}"
+    return f"{_to_three(one.found.value)} ({_to_three(one.found.low)}…{_to_three(one.found.high)})"
+
+
+def _brief(one: Figure) -> str:
+    if one.found.value is None:
+        return "–" if one.at_most is None else f"< {_to_three(one.at_most)}"
+    return f"{one.found.value:.4g}" if one.name == "bias" else f"{_to_three(one.found.value)}"
+
+
+def _to_three(value: float | None) -> str:
+    """Return a number to three digits; without a power of ten below a million."""
+    return "–" if value is None else f"{float(f'{value:.3g}'):g}"
+
+
+def _is_known(one: Interval) -> bool:
+    return one.value is not None and one.low is not None and one.high is not None
+
+
+def _value(one: Interval) -> float:
+    return math.nan if one.value is None else one.value
+
+
+def _low(one: Interval) -> float:
+    return math.nan if one.low is None else one.low
+
+
+def _high(one: Interval) -> float:
+    return math.nan if one.high is None else one.high
+
+
+def _half(one: Interval) -> float:
+    return (_high(one) - _low(one)) / 2
+
+
+def _times(one: Interval, factor: float) -> Interval:
+    return Interval(*(_product(end, factor) for end in (one.value, one.low, one.high)))
+
+
+def _product(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
