@@ -91,7 +91,8 @@ def test_the_heading_is_said_by_the_time_after_a_rest() -> None:
         ["after 1 s", "± 0.027°"],
         ["after 60 s", "± 0.51°"],
     ]
-    assert "Heading after a rest" in facts.curves(history, "gyro_x")[0]
+    assert "Heading, 95 %, after 6 s of rest" in facts.curves(history, "gyro_x")[0]
+    assert facts.axes(history)[0]["rest"].startswith(": heading ± 0.51° after 60 s; bias ")
     assert facts.curves(history, "accel_z") == []
 
 

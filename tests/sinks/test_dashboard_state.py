@@ -29,7 +29,7 @@ def test_a_part_is_sent_when_it_changed_and_not_otherwise() -> None:
     history.write(fit_after(last, {"gyro_x": FRACTIONAL}))
     assert reader.read(axis="gyro_x")["parts"] == {}, "a fit without curves leaves those that are drawn"
     history.write(fit_after(last, {"gyro_x": with_curves(FRACTIONAL, 2.0)}))
-    assert set(reader.read(axis="gyro_x")["parts"]) == {"curves", "axis"}, "coefficients, too"
+    assert set(reader.read(axis="gyro_x")["parts"]) == {"curves", "axis", "axes"}, "N, too"
     assert reader.read(axis="gyro_y")["parts"]["curves"][1] == []
     assert Reader(history).read(axis="gyro_x")["parts"].keys() == {"now", "axes", "axis", "curves", "own"}
 

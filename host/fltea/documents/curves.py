@@ -9,6 +9,7 @@ from fltea.records.fit import FitAllan, FitSpectrum
 from fltea.records.units import FLICKER
 
 WIDTH, HEIGHT = 420, 260
+SMALL = (480, 150)
 LEFT, RIGHT, TOP, BOTTOM = 64, 10, 24, 40
 MOST_TICKS, FEW_DECADES = 8, 2.2
 STYLES = {
@@ -37,12 +38,13 @@ def spectrum(
     unit: str,
     left_out: Sequence[tuple[float, float]] = (),
     board: tuple[Sequence[float], Sequence[float]] = ((), ()),
+    size: tuple[int, int] = (WIDTH, HEIGHT),
 ) -> str:
     """Return noise density and fitted model; bands that were left out are grey. board: its own bins."""
     title = "Spectrum (orange: fitted" + (", grey: left out" if left_out else "")
     title += ", crosses: the board's bins)" if board[0] else ")"
     curves = [Curve(s.hz, s.density, "data"), Curve(s.hz, s.model, "model")]
-    return log_log(title, "frequency [Hz]", f"density [{unit}/√Hz]", curves, left_out, board)
+    return log_log(title, "frequency [Hz]", f"density [{unit}/√Hz]", curves, left_out, board, size)
 
 
 def allan(a: FitAllan, unit: str) -> str:
@@ -91,26 +93,31 @@ def log_log(
     curves: Sequence[Curve],
     bands: Sequence[tuple[float, float]] = (),
     crosses: tuple[Sequence[float], Sequence[float]] = ((), ()),
+    size: tuple[int, int] = (WIDTH, HEIGHT),
 ) -> str:
-    """Return the chart without values that have no logarithm, or nothing if no value has one."""
+    """Return the chart without values that have no logarithm, or nothing if no value has one.
+
+    size: its width and height in pixels; one that is `SMALL` has no values under the pointer.
+    """
     xs = _usable(v for c in curves for v in c.x)
     ys = _usable(v for c in curves for v in c.y)
     if not xs or not ys:
         return ""
-    x = _Scale(*_ends(xs), LEFT, WIDTH - RIGHT)
-    y = _Scale(*_ends(ys), HEIGHT - BOTTOM, TOP)
-    parts = [f'<rect x="{LEFT}" y="{TOP}" width="{WIDTH - LEFT - RIGHT}" height="{HEIGHT - TOP - BOTTOM}" '
+    width, height = size
+    x = _Scale(*_ends(xs), LEFT, width - RIGHT)
+    y = _Scale(*_ends(ys), height - BOTTOM, TOP)
+    parts = [f'<rect x="{LEFT}" y="{TOP}" width="{width - LEFT - RIGHT}" height="{height - TOP - BOTTOM}" '
              'fill="none" stroke="currentColor" stroke-opacity="0.4"/>']  # fmt: skip
     for value in x.ticks():
         at = x(value)
-        parts.append(_line(at, TOP, at, HEIGHT - BOTTOM) + _text(at, HEIGHT - BOTTOM + 14, _number(value)))
+        parts.append(_line(at, TOP, at, height - BOTTOM) + _text(at, height - BOTTOM + 14, _number(value)))
     for value in y.ticks():
         at = y(value)
-        parts.append(_line(LEFT, at, WIDTH - RIGHT, at) + _text(LEFT - 5, at + 4, _number(value), "end"))
+        parts.append(_line(LEFT, at, width - RIGHT, at) + _text(LEFT - 5, at + 4, _number(value), "end"))
     for low, high in bands:
-        begin, end = (min(max(x(v), LEFT), WIDTH - RIGHT) if v > 0 else LEFT for v in (low, high))
+        begin, end = (min(max(x(v), LEFT), width - RIGHT) if v > 0 else LEFT for v in (low, high))
         parts.append(
-            f'<rect x="{begin:.1f}" y="{TOP}" width="{end - begin:.1f}" height="{HEIGHT - TOP - BOTTOM}" '
+            f'<rect x="{begin:.1f}" y="{TOP}" width="{end - begin:.1f}" height="{height - TOP - BOTTOM}" '
             'fill="currentColor" fill-opacity="0.2"/>'
         )
     for curve in curves:
@@ -122,23 +129,24 @@ def log_log(
         path = _path(x, y, curve.x, curve.y)
         parts.append(f'<polyline points="{" ".join(path)}" fill="none" {STYLES[curve.style]}/>')
         if curve.name and path:
-            at, height = map(float, path[len(path) // 2].split(","))
-            parts.append(_text(at, height - 4, curve.name))
-    parts += _tips(curves[0], x, y)
+            at, up = map(float, path[len(path) // 2].split(","))
+            parts.append(_text(at, up - 4, curve.name))
+    if size != SMALL:
+        parts += _tips(curves[0], x, y)
     for point in _path(x, y, *crosses):
-        at, height = map(float, point.split(","))
+        at, up = map(float, point.split(","))
         parts.append(
-            f'<path d="M{at - 3:.1f} {height - 3:.1f}l6 6m0 -6l-6 6" stroke="#2f7de1" stroke-width="1.2"/>'
+            f'<path d="M{at - 3:.1f} {up - 3:.1f}l6 6m0 -6l-6 6" stroke="#2f7de1" stroke-width="1.2"/>'
         )
-    middle = (LEFT + WIDTH - RIGHT) / 2
-    parts.append(_text(middle, 14, title) + _text(middle, HEIGHT - 8, x_label))
+    middle = (LEFT + width - RIGHT) / 2
+    parts.append(_text(middle, 14, title) + _text(middle, height - 8, x_label))
     parts.append(
-        f'<text x="12" y="{HEIGHT / 2:.0f}" transform="rotate(-90 12 {HEIGHT / 2:.0f})" '
+        f'<text x="12" y="{height / 2:.0f}" transform="rotate(-90 12 {height / 2:.0f})" '
         f'text-anchor="middle">{escape(y_label)}</text>'
     )
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{HEIGHT}" '
-        f'viewBox="0 0 {WIDTH} {HEIGHT}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+        f'viewBox="0 0 {width} {height}" '
         f'role="img" aria-label="{escape(title)}" font-size="11" fill="currentColor">{"".join(parts)}</svg>'
     )
 

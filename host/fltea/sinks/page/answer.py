@@ -115,19 +115,23 @@ def _condition(fit: AxisFit) -> str:
     return f"if the noise is of fractional order{known}"
 
 
-def sentence(found: Answer, bias: str) -> tuple[str, str]:
-    """All that is known of an axis in one sentence, its first words apart."""
+def sentence(found: Answer, level: str, bias: str) -> tuple[str, str]:
+    """All that is known of an axis in one sentence, its first words apart.
+
+    level: N and what the heading comes to, which stand where there is no order to speak of.
+    """
     head = found.head.partition(":")[0]
     if not found.kind:
         known = "" if found.head != UNSTABLE else "two fits have to agree"
     elif found.alpha is None:
-        known = "α and f undefined"
+        known = ""
     else:
         f = f"{found.f.said('f')} s^\u2212α" if found.f else "f undefined"
         known = f"{found.alpha.said('α')}, {f}"
     if found.condition:
         known += f", {found.condition}"
-    rest = "; ".join(part for part in (known, bias, found.until) if part)
+    until = "" if found.kind and found.kind not in WITH_ORDER else found.until
+    rest = "; ".join(part for part in (known, level, bias, until) if part)
     return head, f": {rest}." if rest else "."
 
 

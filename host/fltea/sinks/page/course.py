@@ -18,7 +18,7 @@ COMMON: dict[str, Kind] = {"time": "mean", "temperature": "mean"}
 FIT = ("alpha_low", "alpha_mid", "alpha_high", "f_low", "f_mid", "f_high")
 
 ESTIMATED: dict[str, Kind] = {
-    **dict.fromkeys(("state", "alpha", "alpha_std", "f", "f_std", "lag1", "nis"), "mean"),
+    **dict.fromkeys(("state", "state_std", "alpha", "alpha_std", "f", "f_std", "lag1", "nis"), "mean"),
     **dict.fromkeys(("device_alpha", "device_f", "apart"), "mean"),
     "apart_low": "min",
     "apart_high": "max",
@@ -33,7 +33,10 @@ OF_AXIS: dict[str, Kind] = {
     **dict.fromkeys(FIT, "mean"),
     **ESTIMATED,
 }
-"""Columns of each axis. y: the sample without its offset."""
+"""Columns of each axis. y: the sample without its offset; state: the bias without it."""
+
+DRAWN = ("y_low", "y", "y_high", "state", "state_std")
+"""Columns of the drawing that each axis has without being opened."""
 
 
 class Course:
@@ -57,6 +60,11 @@ class Course:
         return {name: i for i, name in enumerate(COMMON)} | {
             name: first + i for i, name in enumerate(OF_AXIS)
         }
+
+    def drawn(self) -> dict[str, int]:
+        """Return where the columns of the drawings of all axes stand in the rows, by axis and column."""
+        places = {f"{axis} {name}": self.columns(axis)[name] for axis in self.axes for name in DRAWN}
+        return {"time": 0} | places
 
     def know(self, axis: str, host_ns: int, values: Mapping[str, float | None]) -> None:
         """Take what is known of an axis from a time on, by column."""

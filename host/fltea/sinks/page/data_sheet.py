@@ -26,6 +26,12 @@ UNITS: dict[bool, dict[str, tuple[Unit, Unit]]] = {
 }
 
 
+def density(N: float, gyroscope: bool) -> str:
+    """N as a data sheet of a gyroscope or an accelerometer has it."""
+    factor, unit = UNITS[gyroscope]["N"][int(gyroscope)]
+    return f"N = {N * factor:.3g} {unit}"
+
+
 def coefficients(a: FitAllan, gyroscope: bool) -> list[list[str]]:
     """Letter with its name, and the value in two units or that it is not seen."""
     rows = []

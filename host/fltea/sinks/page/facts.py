@@ -3,7 +3,7 @@
 from typing import Any
 
 from fltea.documents import curves as charts
-from fltea.records.plus_minus import angle_within, plus_minus
+from fltea.records.plus_minus import NORMAL_95, angle_within, plus_minus
 from fltea.records.records import (
     AXES,
     AxisEstimate,
@@ -21,7 +21,7 @@ from fltea.sinks.changes import MOVES
 from fltea.sinks.changes import sentence as changed
 from fltea.sinks.page import facts_of_device
 from fltea.sinks.page.answer import Answer, answer, sentence
-from fltea.sinks.page.data_sheet import coefficients
+from fltea.sinks.page.data_sheet import coefficients, density
 from fltea.sinks.page.fits import Curves
 from fltea.sinks.page.happenings import EPOCH_WORDS
 from fltea.sinks.page.history import DeviceHistory
@@ -30,6 +30,8 @@ from fltea.sinks.words import Level, counted, duration, guard_words, quantity
 
 STALL_NS = 1_500_000_000
 SHOWN_EVENTS = 12
+SAID_S = 60
+"""After how many seconds the sentence says how far the heading is off."""
 SHOWN_STEPS = 3
 FAR_PPM = 20_000
 """No crystal is so far off."""
@@ -120,8 +122,24 @@ def axes(history: DeviceHistory) -> list[dict[str, Any]]:
 
 def _axis(history: DeviceHistory, name: str) -> dict[str, Any]:
     found = answer_of(history, name)
-    head, rest = sentence(found, _bias(history.newest.get(name), unit_of(name)))
-    return {"name": name, "kind": found.kind, "head": head, "rest": rest}
+    head, rest = sentence(found, _level(history, name), _bias(history.newest.get(name), unit_of(name)))
+    return {
+        "name": name,
+        "kind": found.kind,
+        "head": head,
+        "rest": rest,
+        "quantity": "rate" if name in AXES else "acceleration",
+        "unit": unit_of(name),
+    }
+
+
+def _level(history: DeviceHistory, name: str) -> str:
+    """N, and of a gyroscope within what the heading is a minute after a rest, as far as they are known."""
+    allan = history.fits.curves.get(name, Curves()).allan
+    known = density(allan.N, name in AXES) if allan is not None and allan.N is not None else ""
+    std = heading(history, name).get(SAID_S) if name in AXES else None
+    ahead = "" if std is None or std > MOST_DEG else f"heading {angle_within(std)} after {SAID_S} s"
+    return ", ".join(part for part in (known, ahead) if part)
 
 
 def answer_of(history: DeviceHistory, name: str) -> Answer:
@@ -235,6 +253,14 @@ def fitted(history: DeviceHistory) -> str:
     return f"fit of {fit.samples:,} samples{time}"
 
 
+def spectra(history: DeviceHistory) -> dict[str, str]:
+    """The small drawing of the spectrum of each axis that has one."""
+    drawn = {name: history.fits.drawn[name] for name in history.axes if name in history.fits.drawn}
+    return {
+        name: charts.spectrum(one.spectrum, unit_of(name), size=charts.SMALL) for name, one in drawn.items()
+    }
+
+
 def curves(history: DeviceHistory, name: str) -> list[str]:
     """The figures of an axis that there are: spectrum, Allan deviation, and how far a heading will be off."""
     fit, found = history.fits.axes.get(name), history.fits.curves.get(name, Curves())
@@ -247,9 +273,9 @@ def curves(history: DeviceHistory, name: str) -> list[str]:
         shown.append(charts.allan(found.allan, unit))
     ahead = {t_s: std for t_s, std in ahead.items() if std <= MOST_DEG}
     if ahead:
-        line = charts.Curve([*ahead], [*ahead.values()], "model")
-        title = "Heading after a rest, rates less the bias"
-        shown.append(charts.log_log(title, "time after rest [s]", "σ of the angle [deg]", [line]))
+        line = charts.Curve([*ahead], [NORMAL_95 * std for std in ahead.values()], "model")
+        title = f"Heading, 95 %, after {duration(history.samples_of_epoch / history.rate_hz)} of rest"
+        shown.append(charts.log_log(title, "time after the rest [s]", "± of the angle [deg]", [line]))
     return [one for one in shown if one]
 
 

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from fltea.records.device_fit import DeviceAxisFit, DeviceSpectrum
-from fltea.records.fit import AxisFit, FitAllan, FitSpectrum
+from fltea.records.fit import AxisFit, FitAllan, FitSpectrum, VerdictKind
 from fltea.records.records import DeviceFits, Fit
 
 AGREE, GROWTH, APART = 4, 1.1, 1.5
@@ -15,6 +15,14 @@ class Curves(NamedTuple):
 
     spectrum: FitSpectrum | None = None
     allan: FitAllan | None = None
+
+
+class Drawn(NamedTuple):
+    """The spectrum that the drawing of an axis shows, of a fit of so many samples with that verdict."""
+
+    spectrum: FitSpectrum
+    samples: int
+    verdict: VerdictKind
 
 
 class TimeToTell:
@@ -52,8 +60,9 @@ class Fits:
     """Takes records of fits; what it has goes on through epochs of the same sensor.
 
     newest: the last record. axes, curves, time_to_tell: by axis, the last fit, the last curves, and when the
-    order will be known. device, device_spectra: by axis, the device's own last fit of the epoch, and its last
-    bins.
+    order will be known. drawn: by axis, the spectrum of its drawing, which is made again for a tenth more
+    samples or another verdict: it is sent to everybody who looks. device, device_spectra: by axis, the
+    device's own last fit of the epoch, and its last bins.
     """
 
     def __init__(self) -> None:
@@ -61,6 +70,7 @@ class Fits:
         self.axes: dict[str, AxisFit] = {}
         self.curves: dict[str, Curves] = {}
         self.time_to_tell: dict[str, TimeToTell] = {}
+        self.drawn: dict[str, Drawn] = {}
         self.device: dict[str, DeviceAxisFit] = {}
         self.device_spectra: dict[str, DeviceSpectrum] = {}
 
@@ -71,7 +81,7 @@ class Fits:
     def take(self, record: Fit, rate_hz: float) -> None:
         """Take a fit of this computer; one of fewer samples is of another sensor."""
         if self.newest is not None and record.samples < self.newest.samples:
-            self.axes, self.curves, self.time_to_tell = {}, {}, {}
+            self.axes, self.curves, self.time_to_tell, self.drawn = {}, {}, {}, {}
         self.newest = record
         self.axes |= record.axes
         for axis, found in record.axes.items():
@@ -79,6 +89,11 @@ class Fits:
             if found.spectrum is not None or found.allan is not None:
                 before = self.curves.get(axis, Curves())
                 self.curves[axis] = Curves(found.spectrum or before.spectrum, found.allan or before.allan)
+            drawn, spectrum = self.drawn.get(axis), self.curves.get(axis, Curves()).spectrum
+            if spectrum is not None and (
+                drawn is None or drawn.verdict != found.verdict or record.samples >= GROWTH * drawn.samples
+            ):
+                self.drawn[axis] = Drawn(spectrum, record.samples, found.verdict)
 
     def take_device(self, record: DeviceFits) -> None:
         """Take a fit of the device."""

@@ -178,7 +178,13 @@ class DeviceHistory:
         self.newest.update(record.axes)
         for axis, e in record.axes.items():
             own, state = e.fltea, None if e.bias is None else e.bias - self.offset(axis)
-            values = {"state": state, "alpha": own.alpha, "alpha_std": own.alpha_std, "f": own.f}
+            values = {
+                "state": state,
+                "state_std": e.bias_std,
+                "alpha": own.alpha,
+                "alpha_std": own.alpha_std,
+                "f": own.f,
+            }
             self.course.know(axis, record.host_ns, values | {"f_std": own.f_std})
 
     def _on_stats(self, record: Stats) -> None:

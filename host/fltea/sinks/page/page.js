@@ -3,7 +3,9 @@ import {ask, button, byId, clock, draw, follow, make, put} from "./common.js"
 
 const choice = {device: "", axis: "", window: 1, course: false, ...fromHash()}
 const has = {}  // of each part: its checksum
-let table = {cursor: "", columns: {}}  // rows of what is drawn over time
+let table = {cursor: "", columns: {}}  // rows of what is drawn over time of the axis that is open
+let drawn = {cursor: "", columns: {}}  // rows of the drawings of all axes
+const isWide = matchMedia("(min-width: 601px)")  // a phone has room for the first drawing only
 let marks = {steps: [], motion: []}  // what the bias did, and the sensor, within it
 let shown = ""  // for which device, axis and window that is
 
@@ -24,7 +26,8 @@ const refresh = follow(async () => {
   const asked = {...choice}, open = [...document.querySelectorAll("details[data-parts][open]")]
   const parts = ["devices", "now", "axes", "recording", ...open.flatMap(one => one.dataset.parts.split(","))]
   if (asked.axis) parts.push("axis", "curves", ...asked.course ? ["marks"] : [])
-  const query = {device: asked.device, axis: asked.axis, window: asked.window,
+  if (isWide.matches) parts.push("spectra")
+  const query = {device: asked.device, axis: asked.axis, window: asked.window, drawn: drawn.cursor,
     parts: parts.map(part => `${part}:${has[part] ?? ""}`).join()}
   if (asked.course && asked.axis) query.cursor = table.cursor
   const found = await (await ask("state", query)).json()
@@ -51,6 +54,7 @@ const refresh = follow(async () => {
     if (isOpen && card.nextSibling !== byId("open")) card.after(byId("open"))
   }
   for (const one of byId("windows").children) one.setAttribute("aria-pressed", Number(one.dataset.window) === found.window)
+  drawings(found.drawn)
   if (found.rows) course(found)
 }, 1000)
 
@@ -97,11 +101,16 @@ const SHOW = {
     if (place.dataset.names !== names) {
       place.append(byId("open"))  // it stands below the axis that is open, but it is not one of them
       place.dataset.names = names
+      delete has.spectra  // the cards that had them are gone
       place.replaceChildren(...found.map(axis => {
         const card = make("div", {class: "card axis", "data-axis": axis.name}, make("h2", {}, axis.name),
           make("p", {}, make("b"), make("span")))
+        const words = `${axis.quantity} less its offset [${axis.unit}]`
+        const over = make("figure", {class: "rate"}, make("figcaption", {}, words, ...keys([["sample", "samples"], ["state", "bias, 95 %"]])),
+          make("svg:svg", {role: "img", "aria-label": `${words}, and bias, ${axis.name}, last 2 minutes`}))
         card.append(button("details", () => choose({axis: choice.axis === axis.name ? "" : axis.name}),
-          {"aria-controls": "open", "aria-label": `details of ${axis.name}`}))
+          {"aria-controls": "open", "aria-label": `details of ${axis.name}`}),
+          make("div", {class: "drawings"}, over, make("figure", {class: "spectrum"})))
         return card
       }), byId("open"))
     }
@@ -133,9 +142,12 @@ const SHOW = {
 
   marks(found) { marks = found ?? {steps: [], motion: []} },
 
-  // Drawn by the daemon: an image of ours, in which there is no script.
+  spectra(found) {
+    for (const card of document.querySelectorAll(".axis"))
+      card.querySelector(".spectrum").replaceChildren(...found[card.dataset.axis] ? [parse(found[card.dataset.axis])] : [])
+  },
+
   curves(found) {
-    const parse = text => document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true)
     byId("curves").replaceChildren(...found.map(text => make("figure", {}, parse(text))))
     byId("no-curves").hidden = found.length > 0
   },
@@ -163,6 +175,9 @@ const SHOW = {
   },
 }
 
+// Drawn by the daemon: an image of ours, in which there is no script.
+const parse = text => document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true)
+
 function rows(id, found) {
   const list = byId(id)
   if (list.children.length !== 2 * found.length) list.replaceChildren(...found.flatMap(() => [make("dt"), make("dd")]))
@@ -181,7 +196,7 @@ const guard = (whose, found) => found.length ? `${whose}: ` + found.map(([words,
 
 const MOVES = "the sensor moves", CHECKED = 1000, NORMAL_95 = 1.96, FIGURES = [
   // name, title, of which estimators, what is drawn: kind, words, and its columns
-  ["noise", "samples less the offset, and bias", "host device both", [["sample", "sample", "y", "y_low", "y_high"], ["state", "bias less the offset", "state"]]],
+  ["noise", "samples less the offset, and bias", "host device both", [["sample", "sample", "y", "y_low", "y_high"], ["state", "bias less the offset, 95 %", "state", "±"]]],
   ["alpha", "order α", "host device both", [["fit", "fit, 95 %", "alpha_mid", "alpha_low", "alpha_high"], ["estimate", "FLTEA, 95 %", "alpha", "±"], ["ink", "device", "device_alpha"]]],
   ["f", "parameter f [s^−α]", "host device both", [["fit", "fit, 95 %", "f_mid", "f_low", "f_high"], ["estimate", "FLTEA, 95 %", "f", "±"], ["ink", "device", "device_f"]]],
   ["apart", "α of the device minus α of the host", "both", [["sample", "difference and its extremes", "apart", "apart_low", "apart_high"]]],
@@ -196,28 +211,51 @@ function figures({estimator, unit}) {
   place.dataset.of = of
   place.replaceChildren(...FIGURES.filter(([, , estimators]) => estimators.split(" ").includes(estimator)).map(([name, title, , lines]) => {
     const words = name === "noise" ? `${title} [${unit}]` : title
-    const keys = lines.filter(([kind]) => kind !== "ink" || estimator === "both")
-      .flatMap(([kind, label]) => label ? [" ", make("span", {}, make("i", {class: `key ${kind}`}), label)] : [])
-    const key = kind => make("i", {class: `key ${kind}`}), marked = name === "noise"
-      ? [" ", make("span", {}, key("mark"), "step of the bias"), " ", make("span", {}, key("motion"), MOVES)] : []
-    return make("figure", {"data-name": name}, make("figcaption", {}, words, ...keys, ...marked),
+    const shown = lines.filter(([kind]) => kind !== "ink" || estimator === "both")
+    const marked = name === "noise" ? [["mark", "step of the bias"], ["motion", MOVES]] : []
+    return make("figure", {"data-name": name}, make("figcaption", {}, words, ...keys([...shown, ...marked])),
       make("svg:svg", {role: "img", "aria-label": `${words}, ${choice.axis}, over time`}))
   }))
 }
 
-function course({rows, fresh, cursor, most, end_ms, length_ms}) {
-  const kept = fresh ? {} : table.columns, had = (kept.time ?? []).length
+const keys = found => found.flatMap(([kind, label]) => label ? [" ", make("span", {}, make("i", {class: `key ${kind}`}), label)] : [])
+
+// A table with the rows that have come since.
+function longer(before, {rows, fresh, cursor, most}) {
+  const kept = fresh ? {} : before.columns, had = (kept.time ?? []).length
   for (const name of new Set([...Object.keys(kept), ...Object.keys(rows)])) {
-    const before = kept[name] ?? new Array(had).fill(null), more = rows[name] ?? new Array(rows.time.length).fill(null)
-    kept[name] = [...before, ...more].slice(-most)
+    const old = kept[name] ?? new Array(had).fill(null), more = rows[name] ?? new Array(rows.time.length).fill(null)
+    kept[name] = [...old, ...more].slice(-most)
   }
-  table = {cursor, columns: kept}
+  return {cursor, columns: kept}
+}
+
+// The ends of the 95 % interval of a column of which there are standard deviations.
+const end = (columns, name, sign) => columns[name].map((v, i) =>
+  v === null || columns[`${name}_std`]?.[i] == null ? null : v + sign * NORMAL_95 * columns[`${name}_std`][i])
+
+// The last minutes of every axis, without being opened.
+function drawings(found) {
+  drawn = longer(drawn, found)
+  const x = drawn.columns.time, from = found.end_ms - found.length_ms
+  for (const card of document.querySelectorAll(".axis")) {
+    const of = name => drawn.columns[`${card.dataset.axis} ${name}`]
+    const bias = {state: of("state"), state_std: of("state_std")}
+    const lines = []
+    if (of("y")) lines.push({x, y: of("y"), low: of("y_low"), high: of("y_high"), kind: "sample"})
+    if (bias.state) lines.push({x, y: bias.state, low: end(bias, "state", -1), high: end(bias, "state", 1), kind: "state"})
+    draw(card.querySelector(".rate svg"), {lines, from, to: found.end_ms, height: isWide.matches ? 150 : 110})
+  }
+}
+
+function course(found) {
+  table = longer(table, found)
+  const kept = table.columns, {end_ms, length_ms} = found
   for (const figure of byId("courses").children) {
     const [, , , wanted, band] = FIGURES.find(([name]) => name === figure.dataset.name)
     const lines = wanted.filter(([, , y]) => kept[y]).map(([kind, , y, low, high]) => {
-      const end = sign => kept[y].map((v, i) => v === null || kept[`${y}_std`]?.[i] == null ? null : v + sign * NORMAL_95 * kept[`${y}_std`][i])
       return {x: kept.time, y: kept[y], kind, loose: kind === "fit",
-        ...low === "±" ? {low: end(-1), high: end(1)} : low ? {low: kept[low], high: kept[high]} : {}}
+        ...low === "±" ? {low: end(kept, y, -1), high: end(kept, y, 1)} : low ? {low: kept[low], high: kept[high]} : {}}
     })
     figure.hidden = !lines.some(one => one.y.some(v => v !== null))
     draw(figure.querySelector("svg"), {lines, band, always: band ?? (figure.dataset.name === "apart" ? [0] : []),

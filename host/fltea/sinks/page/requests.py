@@ -59,7 +59,7 @@ class _Handler(Handler):
 
 
 class _State(_Handler):
-    """`GET /state?device=NAME&axis=NAME&window=N&parts=NAME:CHECKSUM,…&cursor=CURSOR`."""
+    """`GET /state?device=NAME&axis=NAME&window=N&parts=NAME:CHECKSUM,…&cursor=CURSOR&drawn=CURSOR`."""
 
     def get(self) -> None:
         """Answer with what is new."""
@@ -71,7 +71,14 @@ class _State(_Handler):
         )
         had = _pairs(self.get_query_argument("parts", ""))
         self.set_header("Content-Type", "application/json")
-        self.write(state.read(view, had, self.get_query_argument("cursor", None)))
+        self.write(
+            state.read(
+                view,
+                had,
+                self.get_query_argument("cursor", None),
+                self.get_query_argument("drawn", None),
+            )
+        )
 
 
 class _Recording(_Handler):

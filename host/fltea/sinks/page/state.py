@@ -16,6 +16,7 @@ from fltea.records import clock
 from fltea.records.arrays import Array
 from fltea.records.ports import Recorder
 from fltea.sinks.page import facts, facts_of_device, recording
+from fltea.sinks.page.course import Course
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.tiers import MOST_ROWS, WINDOWS, Cursor
 
@@ -23,6 +24,9 @@ FRESH_S = 0.8
 """A part is not made again so soon, however many look: a page asks once a second."""
 
 MOST_KEPT = 256
+
+DRAWN_WINDOW = 1
+"""The window of the drawing that each axis has without being opened: 2 min."""
 
 
 class View(NamedTuple):
@@ -56,6 +60,7 @@ PARTS: dict[str, Callable[[DeviceHistory, View], Any]] = {
     "events": _of(facts.events),
     "axis": lambda history, view: facts.axis(history, view.axis, view.window) if view.axis else None,
     "marks": lambda history, view: facts.marks(history, view.axis, view.window) if view.axis else None,
+    "spectra": _of(facts.spectra),
     "curves": lambda history, view: facts.curves(history, view.axis) if view.axis else [],
 }
 """How each part of a device is made, under the lock of its history."""
@@ -90,8 +95,14 @@ class State:
             min(window, len(WINDOWS) - 1),
         )
 
-    def read(self, view: View, had: Mapping[str, str], cursor: str | None = None) -> bytes:
-        """Return what is new, as JSON. had: checksums by part; cursor: in the rows, None for none."""
+    def read(
+        self, view: View, had: Mapping[str, str], cursor: str | None = None, drawn: str | None = None
+    ) -> bytes:
+        """Return what is new, as JSON.
+
+        had: checksums by part. cursor, drawn: how far a visitor has come in the rows of the axis that is
+        open, and in those of the drawings of all axes; None for none of them.
+        """
         parts = {}
         for name in had:
             if name in PARTS or name in ("devices", "recording"):
@@ -100,7 +111,9 @@ class State:
                     parts[name] = [part.checksum, msgspec.Raw(part.json)]
         found = {"device": view.device, "axis": view.axis, "window": view.window, "parts": parts}
         if cursor is not None and view.axis:
-            found |= self._rows(view, cursor)
+            found |= self._rows(view.device, view.window, cursor, lambda course: course.columns(view.axis))
+        if drawn is not None:
+            found["drawn"] = self._rows(view.device, DRAWN_WINDOW, drawn, Course.drawn)
         return msgspec.json.encode(found)
 
     def _part(self, name: str, view: View) -> Part:
@@ -128,19 +141,21 @@ class State:
         with history.lock:
             return PARTS[name](history, view)
 
-    def _rows(self, view: View, cursor: str) -> dict[str, Any]:
-        """Rows that a visitor has not got, and the time that the figures end with."""
-        history = self._histories[view.device]
+    def _rows(
+        self, device: str, window: int, cursor: str, places_of: Callable[[Course], dict[str, int]]
+    ) -> dict[str, Any]:
+        """Rows that a visitor has not got, and the time that the figures end with; places_of: of columns."""
+        history = self._histories[device]
         generation, _, rows = cursor.partition(".")
         known = Cursor(int(generation), int(rows)) if generation.isdigit() and rows.isdigit() else Cursor()
         with history.lock:
             end_ms = history.sample.host_ns * 1e-6 if history.sample else 0.0
-            new = history.course.read(view.window, known)
-            places = history.course.columns(view.axis)
+            new = history.course.read(window, known)
+            places = places_of(history.course)
         columns = {name: _short(new.values[:, place], name) for name, place in places.items()}
         return {
             "end_ms": round(end_ms),
-            "length_ms": WINDOWS[view.window].length_s * 1e3,
+            "length_ms": WINDOWS[window].length_s * 1e3,
             "cursor": f"{new.cursor.generation}.{new.cursor.rows}",
             "fresh": new.fresh,
             "most": MOST_ROWS,

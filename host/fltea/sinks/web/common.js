@@ -72,7 +72,7 @@ const STEPS_S = [5, 10, 30, 60, 120, 300, 600, 1200, 3600, 7200, 14400, 21600, 4
 
 // lines: [{x, y, low, high, kind}], where low and high are the ends of the area. loose: its area may be cut.
 // marks: [time, label]; spans: [begin, end or null where it lasts].
-export function draw(svg, {lines, from, to, log = false, always = [], band = null, marks = [], spans = []}) {
+export function draw(svg, {lines, from, to, log = false, always = [], band = null, marks = [], spans = [], height = HEIGHT}) {
   const width = svg.clientWidth || 600
   const good = v => v !== null && v !== undefined && (!log || v > 0)
   const level = log ? Math.log10 : v => v
@@ -87,7 +87,7 @@ export function draw(svg, {lines, from, to, log = false, always = [], band = nul
   low -= room
   high += room
   const x = t => LEFT + (t - from) / (to - from || 1) * (width - LEFT - RIGHT)
-  const y = v => TOP + Math.min(Math.max((high - level(v)) / (high - low), 0), 1) * (HEIGHT - TOP - BOTTOM)
+  const y = v => TOP + Math.min(Math.max((high - level(v)) / (high - low), 0), 1) * (height - TOP - BOTTOM)
   const parts = []
   for (const tick of ticks(low, high)) {
     const value = log ? 10 ** tick : tick, at = y(value)
@@ -95,11 +95,11 @@ export function draw(svg, {lines, from, to, log = false, always = [], band = nul
       make("svg:text", {x: LEFT - 5, y: at + 4, "text-anchor": "end"}, short(value)))
   }
   for (const [t, label] of times(from, to, width))
-    parts.push(make("svg:text", {x: x(t), y: HEIGHT - 5, "text-anchor": "middle"}, label))
+    parts.push(make("svg:text", {x: x(t), y: height - 5, "text-anchor": "middle"}, label))
   if (band) parts.push(make("svg:rect", {class: "area band", x: LEFT, width: width - LEFT - RIGHT, y: y(band[1]), height: y(band[0]) - y(band[1])}))
   for (const [begin, end] of spans.filter(([begin, end]) => begin < to && (end ?? to) > from)) {
     const left = x(Math.max(begin, from)), right = x(Math.min(end ?? to, to))
-    parts.push(make("svg:rect", {class: "motion", x: left, width: Math.max(right - left, 1), y: TOP, height: HEIGHT - TOP - BOTTOM}))
+    parts.push(make("svg:rect", {class: "motion", x: left, width: Math.max(right - left, 1), y: TOP, height: height - TOP - BOTTOM}))
   }
   for (const one of lines) {
     const shown = one.x.map((t, i) => [t, i]).filter(([t]) => t >= from && t <= to)
@@ -114,14 +114,14 @@ export function draw(svg, {lines, from, to, log = false, always = [], band = nul
   const taken = [-Infinity, -Infinity, -Infinity]  // as far as labels stand, in each of three rows
   for (const [time, label] of marks.filter(([time]) => time >= from && time <= to)) {
     const at = x(time), wide = 8 * label.length + 6, left = at + wide < width ? at : at - wide
-    parts.push(make("svg:line", {class: "mark", x1: at, x2: at, y1: TOP, y2: HEIGHT - BOTTOM}))
+    parts.push(make("svg:line", {class: "mark", x1: at, x2: at, y1: TOP, y2: height - BOTTOM}))
     const row = taken.findIndex(end => end <= left)
     if (row < 0) continue  // it would stand on another one
     parts.push(make("svg:text", {class: "marked", x: left + 3, y: TOP + 11 + 13 * row}, label))
     taken[row] = left + wide
   }
-  svg.setAttribute("viewBox", `0 0 ${width} ${HEIGHT}`)
-  svg.setAttribute("height", HEIGHT)
+  svg.setAttribute("viewBox", `0 0 ${width} ${height}`)
+  svg.setAttribute("height", height)
   svg.replaceChildren(...parts)
 }
 
