@@ -83,6 +83,28 @@ def test_each_axis_is_a_sentence_and_nothing_else_is_open(seen: Watched) -> None
     assert seen.page.inner_text("#health") == "nothing is lost"
 
 
+def test_each_axis_is_drawn_without_being_opened(seen: Watched) -> None:
+    """The last minutes with the bias and its band, and the spectrum with the model."""
+    for axis in FITS:
+        card = f".axis[data-axis={axis}]"
+        seen.wait(f"document.querySelectorAll('{card} .rate svg polyline').length >= 2")
+        assert seen.page.locator(f"{card} .rate svg polygon.state").count() >= 1, "the band of the bias"
+        expect(seen.page.locator(f"{card} .spectrum svg polyline")).to_have_count(2)
+        boxes = [seen.page.locator(f"{card} {of} svg").bounding_box() for of in (".rate", ".spectrum")]
+        assert all(box["width"] > 400 and box["height"] > 100 for box in boxes)
+        assert boxes[0]["x"] + boxes[0]["width"] <= boxes[1]["x"], "side by side"
+
+
+def test_a_phone_has_the_first_drawing_alone(sink: DashboardSink, chromium: Browser) -> None:
+    one = Watched(chromium, sink.url, viewport={"width": 390, "height": 844})
+    one.wait("document.querySelectorAll('.rate svg polyline').length >= 6")
+    assert not any(one.page.locator(".spectrum").nth(k).is_visible() for k in range(3))
+    assert not any("spectra" in url for url in one.requests), "nor does it ask for the others"
+    one.page.set_viewport_size({"width": 1000, "height": 844})
+    one.wait("document.querySelectorAll('.spectrum svg').length === 3")
+    one.page.context.close()
+
+
 def test_details_stand_below_their_axis_with_its_curves_in_their_ranges(seen: Watched) -> None:
     for axis, fit in FITS.items():
         details(seen, axis)

@@ -5,7 +5,10 @@ import json
 import pytest
 from dashboard_support import Reader, alone, both, records, told
 from fit_support import FRACTIONAL, WHITE, fit_after, with_curves
+from fltea.records.fit import AxisFit
 from fltea.records.records import Sample
+from fltea.sinks.page import facts
+from fltea.sinks.page.course import DRAWN
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.tiers import WINDOWS
 from msgspec.structs import replace
@@ -62,6 +65,44 @@ def test_only_new_rows_are_sent_and_of_them_what_there_is() -> None:
     assert reader.read(axis="gyro_y", window=1)["most"] == 302
 
 
+def test_the_last_minutes_of_all_axes_come_without_one_that_is_open() -> None:
+    """In rows that go on, as those of the axis that is open do; the spectra are a part."""
+    found = records("n=400")
+    last = next(r for r in reversed(found) if isinstance(r, Sample))
+    history = told(found)
+    history.write(fit_after(last, {"gyro_x": with_curves(FRACTIONAL), "gyro_y": WHITE}))
+    state = Reader(history).state
+    view = state.view("due", "", 4)
+    first = json.loads(state.read(view, {"spectra": ""}, None, ""))
+    drawn = first["drawn"]
+    assert (drawn["fresh"], drawn["length_ms"]) == (True, 120_000)
+    wanted = {f"{axis} {name}" for axis in history.axes for name in DRAWN}
+    assert drawn["rows"].keys() == {"time"} | wanted
+    low, middle, high = (drawn["rows"][f"gyro_z {name}"] for name in DRAWN[:3])
+    assert all(a <= b <= c for a, b, c in zip(low, middle, high, strict=True))
+    assert first["parts"]["spectra"][1].keys() == {"gyro_x"}
+    again = json.loads(state.read(view, {}, None, drawn["cursor"]))["drawn"]
+    assert (again["fresh"], again["rows"]) == (False, {"time": []})
+    assert "drawn" not in json.loads(state.read(view, {}))
+
+
+def test_a_spectrum_is_drawn_again_for_a_tenth_more_samples_or_another_verdict() -> None:
+    """Not with each fit: it is what costs most of a visitor's second."""
+    found = records("n=400")
+    last = next(r for r in reversed(found) if isinstance(r, Sample))
+    history = told(found)
+
+    def drawn(samples: int, fit: AxisFit, scale: float) -> str:
+        history.write(replace(fit_after(last, {"gyro_x": with_curves(fit, scale)}), samples=samples))
+        return facts.spectra(history)["gyro_x"]
+
+    first = drawn(1000, FRACTIONAL, 1.0)
+    assert drawn(1099, FRACTIONAL, 2.0) == first
+    second = drawn(1100, FRACTIONAL, 3.0)
+    assert second != first
+    assert drawn(1101, WHITE, 4.0) != second
+
+
 def test_a_second_costs_little() -> None:
     """Bytes before they are packed, which makes a third of them; the page of before took 28,000."""
     found = records("n=1500")
@@ -71,11 +112,15 @@ def test_a_second_costs_little() -> None:
     view = quiet.state.view("due", "gyro_x", 0)
     for reader in (quiet, open_one):
         reader.read(axis="gyro_x")
+    cursor = json.loads(quiet.state.read(view, {}, None, ""))["drawn"]["cursor"]
     for record in found[begin : begin + 205]:
         history.write(record)
     quiet.state._kept.clear()
     assert len(quiet.state.read(view, {"now": "", "axes": ""})) < 1500
     assert len(json.dumps(open_one.read(axis="gyro_x"))) < 5000
+    rows = json.loads(quiet.state.read(view, {}, None, cursor))["drawn"]["rows"]
+    assert 2 <= len(rows["time"]) <= 7
+    assert len(json.dumps(rows)) < 1500, "of two seconds"
 
 
 def test_a_reader_of_another_start_gets_all() -> None:
