@@ -88,10 +88,11 @@ def test_the_heading_is_said_by_the_time_after_a_rest() -> None:
     assert facts.axis(history, "gyro_x", 0)["headings"] == facts.curves(history, "gyro_x") == []
     history.write(STATS)
     assert facts.axis(history, "gyro_x", 0)["headings"] == [
+        ["rest so far", "6 s"],
         ["after 1 s", "± 0.027°"],
         ["after 60 s", "± 0.51°"],
     ]
-    assert "Heading, 95 %, after 6 s of rest" in facts.curves(history, "gyro_x")[0]
+    assert "Heading after the rest so far, 95 %" in facts.curves(history, "gyro_x")[0]
     assert facts.axes(history)[0]["rest"].startswith(": heading ± 0.51° after 60 s; bias ")
     assert facts.curves(history, "accel_z") == []
 
@@ -104,7 +105,7 @@ def test_beyond_half_a_turn_no_heading_is_left() -> None:
     tracker = replace(axis.tracker, heading_std={1: 0.26, 600: 181.0, 3600: 5900.0})
     history.write(replace(STATS, axes={"gyro_x": replace(axis, tracker=tracker)}))
     words = [words for _, words in facts.axis(history, "gyro_x", 0)["headings"]]
-    assert words == ["± 0.51°", "no heading left", "no heading left"]
+    assert words == ["6 s", "± 0.51°", "no heading left", "no heading left"]
     assert "5900" not in facts.curves(history, "gyro_x")[0]
 
 

@@ -163,7 +163,7 @@ def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
         "text": [part for part in (found.text, found.left_out) if part],
         "changes": changes(history, name),
         "coefficients": coefficients(allan, name in AXES) if allan else [],
-        "headings": [[f"after {duration(t)}", angle_within(s)] for t, s in heading(history, name).items()],
+        "headings": _headings(history, name),
         "rows": _running(history, name),
         "guard": guard_words(stats.interventions if stats else {}),
         "compared": facts_of_device.compared(history, name, window),
@@ -274,9 +274,16 @@ def curves(history: DeviceHistory, name: str) -> list[str]:
     ahead = {t_s: std for t_s, std in ahead.items() if std <= MOST_DEG}
     if ahead:
         line = charts.Curve([*ahead], [NORMAL_95 * std for std in ahead.values()], "model")
-        title = f"Heading, 95 %, after {duration(history.samples_of_epoch / history.rate_hz)} of rest"
+        title = "Heading after the rest so far, 95 %"
         shown.append(charts.log_log(title, "time after the rest [s]", "± of the angle [deg]", [line]))
     return [one for one in shown if one]
+
+
+def _headings(history: DeviceHistory, name: str) -> list[list[str]]:
+    """After how long a rest, and within what the heading is so many seconds after it, with 95 %."""
+    rows = [[f"after {duration(t)}", angle_within(std)] for t, std in heading(history, name).items()]
+    rest_s = history.samples_of_epoch / history.rate_hz
+    return [["rest so far", duration(rest_s)], *rows] if rows else []
 
 
 def heading(history: DeviceHistory, axis: str) -> dict[int, float]:
