@@ -18,7 +18,7 @@ from fltea.identification.dask_address import check_address, trust_warning
 from fltea.recording.formats import ENDINGS
 from fltea.records.errors import FlteaError, Incomplete, UsageError
 from fltea.records.whole_file import prepare_folder
-from fltea.settings.extras import load, need_matplotlib
+from fltea.settings.extras import load
 
 if TYPE_CHECKING:
     from fltea.identification.axis_report import FileReport
@@ -237,7 +237,6 @@ def identify(
     if report is not None:
         from fltea.identification import report as page
 
-        need_matplotlib("--report needs")
         prepare_folder("--report", report)
     found = reading.recordings([Path(file) for file in files])
     requests: list[reading.Request | reading.Unreadable] = [

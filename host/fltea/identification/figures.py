@@ -1,138 +1,135 @@
-"""The figures of one axis as PNG; rendered by Agg, nothing here opens a window."""
+"""The figures of one axis as SVG: what is in each of them."""
 
-import io
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from fltea.documents.chart import NO_BANDS, Bands, Curve, chart, log_log
+from fltea.documents.chart_scales import Axis
+from fltea.documents.curves import allan_labels, coefficients, density_label
 from fltea.identification.allan import scales
 from fltea.identification.axis_report import AxisReport
-from fltea.identification.curves import Curves
+from fltea.identification.curves import Curves, Path
 from fltea.identification.forecast import integral, is_any_heading
 from fltea.noise.parts import spectrum
 from fltea.records.arrays import Array
 from fltea.records.plus_minus import NORMAL_95
-from fltea.records.units import FLICKER, MOST_DEG
+from fltea.records.units import MOST_DEG
 from fltea.spectrum.intervals import CRITICAL
+from fltea.spectrum.wording import duration
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-
-DATA: dict[str, Any] = {"color": "#444444"}
-FRACTIONAL: dict[str, Any] = {"color": "#d95f02", "linewidth": 1.8}
-RIVAL: dict[str, Any] = {"color": "#1f6fb4", "linewidth": 1.6, "linestyle": (0, (6, 2))}
-WHITE: dict[str, Any] = {"color": "#2b8a3e", "linewidth": 1.3, "linestyle": (0, (2, 2))}
-OWN: dict[str, Any] = {"color": "#542788", "linewidth": 1.4}
-BAND = "#c7c7c7"
 HIGHEST_DEVIANCE = 20.0
+SENTENCES = {"white": "white", "plain": "rival", "order": "model"}
+"""The styles of the models."""
+MODEL_POINTS = 300
+
+Ends = tuple[float, float]
 
 
-def draw(axis: AxisReport) -> dict[str, bytes]:
-    """Return the figures by their names in `TITLES`; that of the Allan deviation only where there is one."""
+def draw(name: str, axis: AxisReport) -> dict[str, str]:
+    """Return the figures of the axis `name` by their names in `TITLES`, as far as it has them."""
     assert axis.curves is not None
-    return {name: _png(paint, axis, axis.curves) for name, paint in _PAINTERS.items() if _has(name, axis)}
+    drawn = {
+        kind: paint(f"{name}: {TITLES[kind][0]}", axis, axis.curves) for kind, paint in _PAINTERS.items()
+    }
+    return {kind: svg for kind, svg in drawn.items() if svg}
 
 
-def _has(name: str, axis: AxisReport) -> bool:
-    if name == "forecast":
-        return axis.forecast is not None
-    if name == "bias":
-        return axis.course is not None
-    if name == "allan":
-        return axis.allan is not None
-    return name not in ("trajectory", "innovations") or axis.result.fltea is not None
+def meaning(kind: str, axis: AxisReport) -> str:
+    """Return how to read a figure of this axis."""
+    text = TITLES[kind][1]
+    if kind == "forecast" and axis.forecast is not None:
+        rest_s = axis.forecast.after_s
+        text = text.format(rest=duration(rest_s), half=duration(rest_s / 2))
+    return text
 
 
-def _png(paint: Callable[["Figure", AxisReport, Curves], None], axis: AxisReport, curves: Curves) -> bytes:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, 4.0), dpi=120, layout="constrained")
-    paint(figure, axis, curves)
-    for axes in figure.axes:
-        axes.grid(alpha=0.25)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
-    return buffer.getvalue()
-
-
-def _spectrum(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
-    axes, s, r = figure.subplots(), curves.spectrum, axis.result
+def _spectrum(title: str, axis: AxisReport, curves: Curves) -> str:
+    s, r = curves.spectrum, axis.result
     density = 2 / r.rate_hz  # of white noise of variance 1, one-sided
-    hz = np.geomspace(s.hz[0], s.hz[-1], 600)
+    hz = np.geomspace(s.hz[0], s.hz[-1], MODEL_POINTS)
     lam = 2 * np.pi * hz / r.rate_hz
-    axes.plot(s.hz, density * s.power, ".", markersize=3, label="periodogram, in bins", **DATA)
-    for name, style in (("white", WHITE), ("plain", RIVAL), ("order", FRACTIONAL)):
+    shown = [Curve(s.hz, np.sqrt(density * s.power), "points", label="periodogram, in bins")]
+    for name, style in SENTENCES.items():
         if (one := r.sentences.get(name)) is None:
             continue
         label = f"{one.name}, BIC {one.bic:+.1f}" + (": the verdict" if name == r.stands else "")
-        axes.plot(hz, density * spectrum(one.parts, lam, 1 / r.rate_hz), label=label, **style)
-    label = "not fitted"
-    for low, high in [(0.0, r.band.from_hz), *r.band.notch_hz]:
-        if high > s.hz[0]:
-            axes.axvspan(max(low, s.hz[0] * 0.9), high, color=BAND, alpha=0.5, linewidth=0, label=label)
-            label = "_"
-    axes.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel=f"density [({axis.unit})²/Hz]")
-    axes.set_xlim(s.hz[0] * 0.9, s.hz[-1] * 1.1)
-    axes.legend(fontsize=8, loc="best")
-
-
-def _profile(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
-    axes, alpha = figure.subplots(), axis.result.order.alpha
-    axes.plot(curves.orders, curves.deviance, **FRACTIONAL)
-    axes.axhline(CRITICAL, color="black", linewidth=0.8, linestyle=":")
-    axes.annotate(
-        "95 %",
-        (float(curves.orders[-1]), CRITICAL),
-        (0, 3),
-        textcoords="offset points",
-        ha="right",
-        fontsize=8,
+        power = density * spectrum(one.parts, lam, 1 / r.rate_hz)
+        shown.append(Curve(hz, np.sqrt(power), style, label=label))
+    ends = s.hz[0] * 0.9, s.hz[-1] * 1.1
+    bands = [band for band in [(0.0, r.band.from_hz), *r.band.notch_hz] if band[1] > s.hz[0]]
+    return chart(
+        title,
+        Axis("frequency [Hz]", is_log=True, ends=ends),
+        Axis(density_label(axis.unit), is_log=True),
+        shown,
+        Bands(bands, "not fitted"),
     )
+
+
+def _profile(title: str, axis: AxisReport, curves: Curves) -> str:
+    alpha = axis.result.order.alpha
+    last = float(curves.orders[-1])
+    ends = -0.2, max(6.0, min(HIGHEST_DEVIANCE, float(curves.deviance.max()) * 1.05))
+    shown = [
+        Curve(curves.orders, curves.deviance, "model", label="the best fit with this order"),
+        Curve([0.0, last], [CRITICAL] * 2, "limit", label="95 %"),
+    ]
+    bands = NO_BANDS
     if alpha.value is not None and alpha.low is not None and alpha.high is not None:
-        axes.axvspan(alpha.low, alpha.high, color="#fdbe85", alpha=0.5, linewidth=0)
-        axes.axvline(alpha.value, color="black", linewidth=0.8)
-        title = f"α = {alpha.value:.2f} ({alpha.low:.2f} … {alpha.high:.2f})"
+        label = f"α = {alpha.value:.2f} ({alpha.low:.2f} … {alpha.high:.2f})"
+        shown.append(Curve([alpha.value] * 2, ends, "data", label=label))
+        bands = Bands([(alpha.low, alpha.high)], "its 95 %")
     else:
-        title = f"α is undefined: the verdict is {axis.result.verdict.kind}"
-    axes.set_title(title, fontsize=10)
-    axes.set(xlabel="order α held at", ylabel="2 log L below the best with an order")
-    axes.set_xlim(0, float(curves.orders[-1]))
-    axes.set_ylim(-0.2, max(6.0, min(HIGHEST_DEVIANCE, float(curves.deviance.max()) * 1.05)))
+        title = f"{title.partition(':')[0]}: α is undefined, the verdict is {axis.result.verdict.kind}"
+    x_axis = Axis("order α held at", ends=(0.0, last))
+    return chart(title, x_axis, Axis("2 log L below the best with an order", ends=ends), shown, bands)
 
 
-def _path(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
-    p, fit = curves.path, axis.result.fltea
-    assert p is not None
+def _alpha(title: str, axis: AxisReport, curves: Curves) -> str:
+    p, shuffled = curves.path, axis.result.null.shuffled
+    if p is None:
+        return ""
+    at_end = shuffled.alpha if shuffled else None
+    return _over_time(title, axis, p, "order α", (p.alpha, p.alpha_std, p.white_alpha), at_end)
+
+
+def _f(title: str, axis: AxisReport, curves: Curves) -> str:
+    p, shuffled = curves.path, axis.result.null.shuffled
+    if p is None:
+        return ""
+    at_end = shuffled.f if shuffled else None
+    return _over_time(title, axis, p, "parameter f [s^−α]", (p.f, p.f_std, p.white_f), at_end)
+
+
+def _over_time(
+    title: str,
+    axis: AxisReport,
+    p: Path,
+    y_label: str,
+    found: tuple[Array, Array, Array],
+    at_end: tuple[float, float, float] | None,
+) -> str:
+    """found: estimate and its σ, and quantiles of white noise. at_end: the same of shuffled copies."""
+    fit, shuffled = axis.result.fltea, axis.result.null.shuffled
     assert fit is not None
-    panels = figure.subplots(2, 1, sharex=True)
-    shuffled = axis.result.null.shuffled
-    for axes, value, std, white, label, end in (
-        (panels[0], p.alpha, p.alpha_std, p.white_alpha, "order α", shuffled and shuffled.alpha),
-        (panels[1], p.f, p.f_std, p.white_f, "parameter f [s$^{-α}$]", shuffled and shuffled.f),
-    ):
-        axes.fill_between(
-            p.t_s, white[:, 0], white[:, 2], color=BAND, alpha=0.8, linewidth=0,
-            label=f"white noise gives (5–95 % of {p.copies} copies)",
-        )  # fmt: skip
-        axes.plot(p.t_s, white[:, 1], color="#8c8c8c", linewidth=1.0)
-        half = NORMAL_95 * std
-        axes.fill_between(p.t_s, value - half, value + half, color=OWN["color"], alpha=0.2, linewidth=0)
-        axes.plot(p.t_s, value, label=f"FLTEA {fit.variant}, 95 %", **OWN)
-        if shuffled and end:
-            low, middle, high = end
-            axes.errorbar(
-                p.t_s[-1] * 1.02, middle, [[middle - low], [high - middle]], color="black", capsize=3,
-                linewidth=1.0, label=f"{shuffled.copies} shuffled copies, at the end",
-            )  # fmt: skip
-        axes.set_ylabel(label)
-        axes.set_ylim(*_limits(value, white))
-    panels[0].legend(fontsize=8, loc="best")
-    panels[1].set_xlabel("time [s]")
+    value, std, white = found
+    half = NORMAL_95 * std
+    shown = [Curve(p.t_s, value, "own", value - half, value + half, label=f"FLTEA {fit.variant}, 95 %")]
+    if p.copies:
+        label = f"white noise gives (5–95 % of {p.copies} copies)"
+        shown.append(Curve(p.t_s, white[:, 1], "grey", white[:, 0], white[:, 2], label=label))
+    end_s = float(p.t_s[-1])
+    if shuffled and at_end:
+        low, middle, high = at_end
+        label = f"{shuffled.copies} shuffled copies, at the end"
+        shown.append(Curve([end_s * 1.02] * 2, [low, high], "bar", label=label))
+        shown.append(Curve([end_s * 1.02], [middle], "points"))
+    x_axis = Axis("time [s]", ends=(0.0, end_s * 1.05))
+    return chart(title, x_axis, Axis(y_label, ends=_limits(value, white)), shown)
 
 
-def _limits(value: Array, white: Array) -> tuple[float, float]:
+def _limits(value: Array, white: Array) -> Ends:
     """Return the limits of all but the first tenth, in which everything moves."""
     late = slice(len(value) // 10, None)
     known = np.concatenate([value[late], white[late].ravel()])
@@ -144,96 +141,100 @@ def _limits(value: Array, white: Array) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _allan(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
-    axes, a = figure.subplots(), axis.allan
-    assert a is not None
-    tau = np.array(a.tau_s)
-    axes.fill_between(tau, a.low, a.high, color=BAND, alpha=0.7, linewidth=0, label="95 %")
-    axes.plot(tau, a.deviation, ".-", markersize=4, linewidth=0.8, label="Allan deviation", **DATA)
-    if (found := axis.reproduction) is not None:
+def _allan(title: str, axis: AxisReport, curves: Curves) -> str:
+    a = axis.allan
+    if a is None:
+        return ""
+    shown = [Curve(a.tau_s, a.deviation, "data", a.low, a.high, label="of the samples, 95 %")]
+    if (made := axis.reproduction) is not None:
         data = np.array(a.deviation)
-        low, middle, high = (data * np.array(ratio) for ratio in (found.low, found.ratio, found.high))
-        color = RIVAL["color"]
-        axes.fill_between(tau, low, high, color=color, alpha=0.2, linewidth=0)
-        axes.plot(tau, middle, label=f"noise of the model ({axis.result.made_of})", **RIVAL)
-    of = scales(axis.unit)
-    for c, scale, slope, at_s, name, style in (
-        (a.N, of.N, -0.5, 1.0, "N", WHITE),
-        (a.K, of.K, 0.5, 3.0, "K", FRACTIONAL),
-    ):
-        if c.value is not None:
-            label = f"{name} = {c.value * scale.factor:.3g} {scale.unit}"
-            axes.plot(tau, c.value * (tau / at_s) ** slope, label=label, **style)
-    if a.B.value is not None:
-        label = f"B = {a.B.value * of.B.factor:.3g} {of.B.unit}"
-        axes.axhline(a.B.value * FLICKER, color="#7b3294", linewidth=1.2, linestyle="-.", label=label)
-    axes.set(
-        xscale="log", yscale="log", xlabel="averaging time τ [s]", ylabel=f"Allan deviation [{axis.unit}]"
-    )
-    bottom, top = min(a.low), max(a.high)
-    axes.set_ylim(bottom / 1.6, top * 1.6)
-    axes.legend(fontsize=8, loc="best")
+        low, middle, high = (data * np.array(ratio) for ratio in (made.low, made.ratio, made.high))
+        label = f"noise of the model ({axis.result.made_of})"
+        shown.append(Curve(a.tau_s, middle, "rival", low, high, label=label))
+    labels = {
+        name: f"{name} = {value * its.factor:.3g} {its.unit}"
+        for name, value, its in zip("NBK", (a.N.value, a.B.value, a.K.value), scales(axis.unit), strict=True)
+        if value is not None
+    }
+    shown += coefficients(a.of_fit, labels)
+    x_label, y_label = allan_labels(axis.unit)
+    ends = min(a.low) / 1.6, max(a.high) * 1.6
+    return chart(title, Axis(x_label, is_log=True), Axis(y_label, is_log=True, ends=ends), shown)
 
 
-def _forecast(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
-    axes, f, unit = figure.subplots(), axis.forecast, integral(axis.unit).strip()
-    assert f is not None
-    axes.plot(f.t_s, f.heading_std, label="from the end of the recording", **OWN)
+def _forecast(title: str, axis: AxisReport, curves: Curves) -> str:
+    f = axis.forecast
+    if f is None:
+        return ""
+    shown = [Curve(f.t_s, f.heading_std, "own", label="from the end of the recording")]
     if is_any_heading(max(f.heading_std), axis.unit):
-        axes.axhline(
-            MOST_DEG, color="#888888", linewidth=0.8, linestyle=":", label="no heading is left above"
-        )
+        ends = [f.t_s[0], f.t_s[-1]]
+        shown.append(Curve(ends, [MOST_DEG] * 2, "limit", label="no heading is left above"))
     if f.judged:
         t, said, seen, count = np.array([(p.t_s, p.said, p.seen, p.pieces) for p in f.judged]).T
         # Of a root mean square of so many, Wilson & Hilferty (1931).
         middle, spread = 1 - 2 / (9 * count), NORMAL_95 * np.sqrt(2 / (9 * count))
         low, high = (said * np.maximum(middle + way * spread, 0) ** 1.5 for way in (-1, 1))
-        axes.fill_between(t, low, high, color=BAND, alpha=0.7, linewidth=0, label="95 % of what is seen")
-        axes.plot(t, said, label="predicted by the first half", **RIVAL)
-        axes.plot(t, seen, ".", label="seen in the second half", **DATA)
-    axes.set(xscale="log", yscale="log", xlabel="time after rest [s]", ylabel=f"heading, σ [{unit}]")
-    axes.legend(fontsize=8, loc="best")
+        # Of one or two pieces the lower end may be 0, which has no place on the scale.
+        low = np.maximum(low, 1e-3 * said)
+        shown += [
+            Curve(t, said, "rival", label="predicted by the first half"),
+            Curve(t, (), "grey", low, high, label="95 % of what is seen"),
+            Curve(t, seen, "points", label="seen in the second half"),
+        ]
+    y_label = f"heading, σ [{integral(axis.unit).strip()}]"
+    return log_log(title, "time after rest [s]", y_label, shown)
 
 
-def _bias(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
-    axes, c = figure.subplots(), axis.course
-    assert c is not None
+def _bias(title: str, axis: AxisReport, curves: Curves) -> str:
+    c = axis.course
+    if c is None:
+        return ""
     low, high = c.bias - NORMAL_95 * c.bias_std, c.bias + NORMAL_95 * c.bias_std
-    axes.fill_between(c.t_s, low, high, color=OWN["color"], alpha=0.2, linewidth=0, label="95 %")
-    axes.plot(c.t_s, c.bias, label=f"Bias({axis.now.bias_s:g} s)" if axis.now else "bias", **OWN)
-    label = "motion"
-    for one in axis.motion:
-        axes.axvspan(one.begin_s, one.end_s, color=BAND, alpha=0.7, linewidth=0, label=label)
-        label = "_"
-    label = "step"
-    for step in axis.bias_steps:
-        axes.axvline(step.at_s, color=FRACTIONAL["color"], linewidth=1.0, linestyle=":", label=label)
-        label = "_"
+    name = f"Bias({axis.now.bias_s:g} s)" if axis.now else "bias"
+    shown = [Curve(c.t_s, c.bias, "own", low, high, label=f"{name}, 95 %")]
+    ends = None
     known = np.isfinite(high - low)
     if known.any():  # its σ is wide at first, and after a step
-        bottom, top = np.nanmin(c.bias[known]), np.nanmax(c.bias[known])
-        margin = 4 * float(np.nanmedian(c.bias_std[known])) + 0.1 * float(top - bottom)
-        axes.set_ylim(bottom - margin, top + margin)
-    axes.set(xlabel="time [s]", ylabel=f"bias [{axis.unit}]")
-    axes.legend(fontsize=8, loc="best")
+        bottom, top = float(np.nanmin(c.bias[known])), float(np.nanmax(c.bias[known]))
+        margin = 4 * float(np.nanmedian(c.bias_std[known])) + 0.1 * (top - bottom)
+        ends = bottom - margin, top + margin
+        shown += _marks([step.at_s for step in axis.bias_steps], ends, "step")
+    motion = Bands([(one.begin_s, one.end_s) for one in axis.motion], "motion")
+    return chart(title, Axis("time [s]"), Axis(f"bias [{axis.unit}]", ends=ends), shown, motion)
 
 
-def _innovations(figure: "Figure", axis: AxisReport, curves: Curves) -> None:
-    axes, rho = figure.subplots(), curves.autocorrelation
-    lags = np.arange(1, len(rho) + 1)
+def _marks(at: Sequence[float], ends: Ends, label: str) -> Iterator[Curve]:
+    """Lines from the bottom to the top, with one entry in the legend."""
+    for number, where in enumerate(at):
+        yield Curve([where] * 2, ends, "step", label="" if number else label)
+
+
+def _innovations(title: str, axis: AxisReport, curves: Curves) -> str:
+    rho = curves.autocorrelation
+    if curves.path is None:
+        return ""
+    last = len(rho) + 1
     edge = NORMAL_95 / max(curves.innovations, 1) ** 0.5
-    axes.axhspan(-edge, edge, color=BAND, alpha=0.6, linewidth=0, label="95 % for white innovations")
-    axes.vlines(lags, 0, rho, color=OWN["color"], linewidth=1.6)
-    axes.axhline(0, color="black", linewidth=0.6)
-    axes.set(xlabel="lag [samples]", ylabel="correlation of the innovations")
-    axes.set_xlim(0, len(rho) + 1)
-    axes.legend(fontsize=8, loc="best")
+    lags = np.repeat(np.arange(1.0, last), 3)
+    bars = np.ravel(np.column_stack([np.zeros(len(rho)), rho, np.zeros(len(rho))]))
+    label = "95 % for white innovations"
+    shown = [
+        Curve(lags, bars, "own", label="FLTEA's innovations"),
+        Curve([0, last], (), "grey", [-edge] * 2, [edge] * 2, label=label),
+    ]
+    x_axis = Axis("lag [samples]", ends=(0.0, float(last)))
+    bottom, top = min(-edge, float(rho.min())), max(edge, float(rho.max()))
+    margin = 0.1 * (top - bottom)
+    y_axis = Axis("correlation of the innovations", ends=(bottom - margin, top + margin))
+    return chart(title, x_axis, y_axis, shown)
 
 
-_PAINTERS = {
+_PAINTERS: dict[str, Callable[[str, AxisReport, Curves], str]] = {
     "spectrum": _spectrum,
     "profile": _profile,
-    "trajectory": _path,
+    "alpha": _alpha,
+    "f": _f,
     "allan": _allan,
     "bias": _bias,
     "forecast": _forecast,
@@ -252,14 +253,18 @@ TITLES = {
         "What lies below the dotted line fits the data as well as the best with an order does. That says "
         "something only where the verdict has an order; elsewhere it is undefined, whatever the curve.",
     ),
-    "trajectory": (
-        "FLTEA over time",
+    "alpha": (
+        "FLTEA's α over time",
         "Grey: what the same algorithm gives for white noise of the same distribution. A line within it says "
         "nothing about memory; one outside is a hint, for the test see the table.",
     ),
+    "f": (
+        "FLTEA's f over time",
+        "Grey: what the same algorithm gives for white noise of the same distribution, as of α.",
+    ),
     "allan": (
         "Allan deviation",
-        "Dashed, with the 5 to 95 % of its simulations: noise drawn from the verdict's model and the peaks "
+        "Blue, with its 5 to 95 %: records as long as this one of noise of the verdict's model and the peaks "
         "beside it. Where it leaves the data, the model does not reproduce the sensor.",
     ),
     "bias": (
@@ -269,8 +274,10 @@ TITLES = {
     ),
     "forecast": (
         "How far the heading is off",
-        "Points outside of the grey band: the model of the first half does not hold in the second. "
-        "Pieces of one length do not overlap; those of several lengths are the same samples.",
+        "Its σ after a rest of {rest} (purple), the longest part of this recording without a gap, and after "
+        "the first half of that, {half} (blue). Points: what the second half does. 95 % of them are in the "
+        "grey band if the first half's model holds there. Pieces of one length do not overlap; those of "
+        "several lengths are the same samples.",
     ),
     "innovations": (
         "Autocorrelation of FLTEA's innovations",
@@ -279,3 +286,10 @@ TITLES = {
     ),
 }
 """The title of each figure, and how to read it."""
+
+SEEN = ("spectrum", "allan", "bias", "forecast")
+"""The figures of the noise, which are seen first."""
+WHY = ("profile",)
+"""Of the verdict."""
+FLTEA = ("alpha", "f", "innovations")
+"""Of the online algorithm."""

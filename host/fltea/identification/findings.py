@@ -1,6 +1,6 @@
 """What was found out, as rows for people (terminal and page) and as one JSON object for programs."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -203,16 +203,24 @@ def _fltea_rows(fit: FlteaFit, shuffled: ShuffledBand | None, unit: str) -> Iter
     yield "  guard stepped in", f"{times:,} times" if times else "never"
 
 
-def part_rows(axis: AxisReport) -> list[Row]:
-    """Return what the noise is made of, with 95 % intervals; of a gyroscope in the units of data sheets."""
-    r, unit = axis.result, axis.unit
-    of = scales(unit)
-    found = [
-        ("made of", r.made_of),
-        (f"  N [{of.N.unit}]", _estimate(r.level.N, of.N.factor)),
+def level_rows(axis: AxisReport) -> list[Row]:
+    """Return what the noise is made of, and N, K and B with 95 % intervals.
+
+    They are in the units of data sheets if the axis is a gyroscope's.
+    """
+    of = scales(axis.unit)
+    return [
+        ("made of", axis.result.made_of),
+        (f"  N [{of.N.unit}]", _estimate(axis.result.level.N, of.N.factor)),
         (f"  K [{of.K.unit}]", _walk(axis, of.K.factor)),
         (f"  B [{of.B.unit}]", _bias_instability(axis.allan, of.B.factor)),
     ]
+
+
+def part_rows(axis: AxisReport) -> list[Row]:
+    """Return the same, and the parameters of all parts with 95 % intervals."""
+    r, unit = axis.result, axis.unit
+    found = level_rows(axis)
     counted: dict[str, int] = {}
     for part in r.parts:
         counted[part.part] = number = counted.get(part.part, 0) + 1
@@ -329,12 +337,14 @@ def by_sensor(axes: Mapping[str, AxisReport]) -> list[dict[str, AxisReport]]:
     return [{name: axis for name, axis in axes.items() if axis.unit == unit} for unit in units]
 
 
-def side_by_side(axes: Mapping[str, AxisReport]) -> list[tuple[str, list[str]]]:
-    """Return the rows of several axes: a label, and a value for each.
+def side_by_side(
+    axes: Mapping[str, AxisReport], rows_of: Callable[[AxisReport], list[Row]] = rows
+) -> list[tuple[str, list[str]]]:
+    """Return the rows of several axes, `rows_of` each: a label, and a value for each.
 
     Nothing where an axis has no such row.
     """
-    columns = [_keyed(rows(axis)) for axis in axes.values()]
+    columns = [_keyed(rows_of(axis)) for axis in axes.values()]
     labels: list[tuple[str, str]] = []
     for column in columns:
         place = 0

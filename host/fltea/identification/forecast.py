@@ -161,6 +161,9 @@ class Forecast(msgspec.Struct, frozen=True):
     drive_s: float | None = None
     """For how long the heading is good after the drive's rest; null if no drive is asked for, or for more
     than an hour."""
+    after_s: float = 0.0
+    """How long the sensor had rested where the curve begins: the longest part of the recording without a gap,
+    of which the first half is judged by the second [s]."""
 
 
 def found(
@@ -192,7 +195,7 @@ def found(
     except (ValueError, ArithmeticError) as error:
         curve = tuple(heading_stds(model, rested(model, len(y)), h, TIMES_S))
         text = f"The first half has no model to judge: {error}."
-        ahead_of_it = Forecast(TIMES_S, curve, (), (), made_of(tracked), "", text)
+        ahead_of_it = Forecast(TIMES_S, curve, (), (), made_of(tracked), "", text, after_s=len(y) * h)
     for one in _questions(asked):
         ahead_of_it = _answering(ahead_of_it, model, h, one, unit)
     return current, ahead_of_it
@@ -226,7 +229,7 @@ def forecast(whole: Learned, first: Learned, y: Array, h: float, unit: str) -> F
     text = said(judgement, unit)
     if high_pass_of(first.parts) is not None:
         text += f" {AS_FILTERED}"
-    return Forecast(TIMES_S, curve, *judgement, made_of(whole), made_of(first), text)
+    return Forecast(TIMES_S, curve, *judgement, made_of(whole), made_of(first), text, after_s=len(y) * h)
 
 
 def made_of(tracked: Learned) -> str:

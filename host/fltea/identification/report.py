@@ -1,14 +1,15 @@
-"""One HTML page about recordings that were identified, complete in itself, and its figures as PNG."""
+"""One HTML page about recordings that were identified, complete in itself, and its figures as SVG.
 
-import base64
+Sentences, N, B and K, and the figures of the noise are open; reasons, FLTEA and the rest are folded.
+"""
+
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 
 from fltea.documents.html_page import html_page, table, table_of
 from fltea.identification import comparison, figures, findings
-from fltea.identification.axis import AxisResult
 from fltea.identification.axis_report import AxisReport, FileReport
 from fltea.identification.forecast_tables import forecast_tables
 from fltea.records.whole_file import whole_file
@@ -30,15 +31,15 @@ def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:
     written: list[Path] = []
     sections = []
     for report, prefix in zip(reports, _prefixes(reports), strict=True):
-        pictures: dict[str, dict[str, bytes]] = {}
+        pictures: dict[str, dict[str, str]] = {}
         for name, axis in report.axes.items():
             if isinstance(axis, AxisReport) and axis.curves is not None:
-                pictures[name] = figures.draw(axis)
+                pictures[name] = figures.draw(name, axis)
         for name, drawn in pictures.items():
-            for kind, png in drawn.items():
-                written.append(folder / f"{prefix}_{name}_{kind}.png")
+            for kind, svg in drawn.items():
+                written.append(folder / f"{prefix}_{name}_{kind}.svg")
                 with whole_file(written[-1]) as file:
-                    file.write(png)
+                    file.write(svg.encode())
         sections.append("".join(_section(report, pictures)))
     page = folder / PAGE
     with whole_file(page) as file:
@@ -79,7 +80,7 @@ def _summary(reports: Sequence[FileReport]) -> str:
     return "".join([*failed, *tables, *sentences])
 
 
-def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Iterator[str]:
+def _section(report: FileReport, pictures: dict[str, dict[str, str]]) -> Iterator[str]:
     yield f'<section><h2>{escape(report.name)}</h2><p class="faint">{escape(findings.heading(report))}</p>'
     if report.failure is not None:
         yield f'<p class="bad">{escape(str(report.failure))}</p></section>'
@@ -95,40 +96,60 @@ def _section(report: FileReport, pictures: dict[str, dict[str, bytes]]) -> Itera
             yield f'<p class="verdict"><b>{name}: {escape(findings.lead(axis))}.</b> {text}</p>'
         else:
             yield f'<p class="verdict"><b>{name}</b>: <span class="bad">{escape(axis.error)}</span></p>'
-    yield from map(_table, findings.by_sensor(good))
-    for line in findings.sheets(good) + findings.remarks(good):
-        yield f"<p>{escape(line)}</p>"
+    for axes_of_one in findings.by_sensor(good):
+        yield _table(axes_of_one, findings.level_rows)
+    yield from _sentences(findings.sheets(good))
     yield _traps(report)
+    if good:
+        tables = [_table(axes_of_one, findings.rows) for axes_of_one in findings.by_sensor(good)]
+        yield _folded("All figures", [*tables, *_sentences(findings.remarks(good))])
     if answers := findings.reading(report):
-        yield "<h3>How the file was read</h3>" + table(answers, kinds=("word", "text"))
+        yield _folded("How the file was read", [table(answers, kinds=("word", "text"))])
     for name, axis in good.items():
-        yield f'<h3 class="axis">{name}</h3><p>{escape(axis.result.verdict.text)}</p>'
-        yield _rules(axis.result)
-        yield f'<p class="faint">{escape(findings.settings(axis))}</p>'
-        if axis.reproduction is not None:
-            yield f'<p class="faint">{escape(axis.reproduction.text)}</p>'
-        yield _forecast(axis)
-        yield '<div class="figures">'
-        for kind, png in pictures.get(name, {}).items():
-            title, meaning = figures.TITLES[kind]
-            data = base64.b64encode(png).decode()
-            yield (
-                f'<figure><img alt="{name}: {escape(title)}" src="data:image/png;base64,{data}">'
-                f"<figcaption><b>{escape(title)}.</b> {escape(meaning)}</figcaption></figure>"
-            )
-        yield "</div>"
+        yield from _axis(name, axis, pictures.get(name, {}))
     yield "</section>"
 
 
-def _forecast(axis: AxisReport) -> str:
-    if axis.forecast is None:
-        return ""
-    text = f"<h3>Forecast of heading and bias</h3><p>{escape(axis.forecast.text)}</p>"
-    return text + "".join(table(rows, headings) for headings, rows in forecast_tables(axis))
+def _axis(name: str, axis: AxisReport, drawn: dict[str, str]) -> Iterator[str]:
+    """Figures of the noise and what they say; folded: why, and FLTEA."""
+    yield f'<h3 class="axis">{name}</h3>'
+    if axis.forecast is not None:
+        yield f"<p>{escape(axis.forecast.text)}</p>"
+    yield _figures(axis, drawn, figures.SEEN)
+    rows = (
+        (rule.question, "yes" if rule.answer else "no", rule.figure) for rule in axis.result.verdict.rules
+    )
+    why = [table(rows, kinds=("text", "", "text"))]
+    if axis.reproduction is not None:
+        why += _sentences([axis.reproduction.text])
+    yield _folded("How the verdict came about", [*why, _figures(axis, drawn, figures.WHY)])
+    if tables := [table(rows, headings) for headings, rows in forecast_tables(axis)]:
+        yield _folded("How the forecast was judged", tables)
+    settings = f'<p class="faint">{escape(findings.settings(axis))}</p>'
+    yield _folded("FLTEA", [settings, _figures(axis, drawn, figures.FLTEA)])
 
 
-def _table(axes: dict[str, AxisReport]) -> str:
-    rows = ([label, *values] for label, values in findings.side_by_side(axes))
+def _figures(axis: AxisReport, drawn: dict[str, str], kinds: Sequence[str]) -> str:
+    """Return those of these kinds that there are."""
+    found = [
+        f"<figure>{drawn[kind]}<figcaption><b>{escape(figures.TITLES[kind][0])}.</b> "
+        f"{escape(figures.meaning(kind, axis))}</figcaption></figure>"
+        for kind in kinds
+        if kind in drawn
+    ]
+    return f'<div class="figures">{"".join(found)}</div>' if found else ""
+
+
+def _folded(title: str, parts: Iterable[str]) -> str:
+    return f"<details><summary>{title}</summary>{''.join(parts)}</details>"
+
+
+def _sentences(those: Iterable[str]) -> list[str]:
+    return [f"<p>{escape(text)}</p>" for text in those]
+
+
+def _table(axes: dict[str, AxisReport], rows_of: Callable[[AxisReport], list[findings.Row]]) -> str:
+    rows = ([label, *values] for label, values in findings.side_by_side(axes, rows_of))
     return table(rows, ["", *axes], ["th"])
 
 
@@ -137,9 +158,3 @@ def _traps(report: FileReport) -> str:
     rows += [(trap.severity, axes or "all", trap.text, trap.remedy) for axes, trap in findings.traps(report)]
     rows += [("", "", text) for text in findings.doubts(report)]
     return "<h3>Traps</h3>" + table(rows, kinds=("word", "", "text", "text")) if rows else ""
-
-
-def _rules(result: AxisResult) -> str:
-    rows = ((rule.question, "yes" if rule.answer else "no", rule.figure) for rule in result.verdict.rules)
-    found = table(rows, kinds=("text", "", "text"))
-    return f"<details open><summary>How the verdict came about</summary>{found}</details>"

@@ -1,0 +1,89 @@
+"""Linear and logarithmic scales of a chart, and the numbers that stand at them (pure)."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+MOST_TICKS, FEW_DECADES = 8, 2.2
+MOST_LINEAR = 6
+"""Numbers at a linear scale."""
+MOST_DECIMALS = 5
+
+
+class Axis(NamedTuple):
+    """label: what is on it, with the unit. ends: by default those of the curves, with some room."""
+
+    label: str
+    is_log: bool = False
+    ends: tuple[float, float] | None = None
+
+
+class Scale(NamedTuple):
+    """A scale between two ends, of which a logarithmic one has the logarithms, in pixels."""
+
+    low: float
+    high: float
+    begin: float
+    end: float
+    is_log: bool
+
+    def __call__(self, value: float) -> float:
+        """Return where the value is, in pixels."""
+        place = math.log10(value) if self.is_log else value
+        share = (place - self.low) / (self.high - self.low)
+        return self.begin + share * (self.end - self.begin)
+
+    def has(self, value: float) -> bool:
+        """Whether the value has a place on the scale, be it beyond its ends."""
+        return math.isfinite(value) and (value > 0 or not self.is_log)
+
+    def ticks(self) -> list[tuple[float, str]]:
+        """Return some values of the scale, and how they are written."""
+        return _decades(self.low, self.high) if self.is_log else _steps(self.low, self.high)
+
+
+def scale(axis: Axis, values: Iterable[float], begin: float, end: float) -> Scale | None:
+    """Return the scale of an axis from begin to end (pixels); None if no value has a place on it."""
+    known = [v for v in values if math.isfinite(v) and (v > 0 or not axis.is_log)]
+    if not known:
+        return None
+    places = [math.log10(v) if axis.is_log else float(v) for v in axis.ends or (min(known), max(known))]
+    low, high = places if axis.ends and places[0] < places[1] else _room(places, axis.is_log)
+    return Scale(low, high, begin, end, axis.is_log)
+
+
+def _room(places: Sequence[float], is_log: bool) -> tuple[float, float]:
+    """Return the ends with some room, also of one value."""
+    low, high = places
+    room = 0.05 * (high - low)
+    room = max(room, 0.1) if is_log else room or 0.05 * abs(low) or 0.1
+    return low - room, high + room
+
+
+def _decades(low: float, high: float) -> list[tuple[float, str]]:
+    """Decades, and some steps between them where few decades fit in."""
+    span = high - low
+    steps = (1, 2, 3, 5, 7) if span < 1 else (1, 2, 5) if span < FEW_DECADES else (1,)
+    powers = range(math.floor(low), math.ceil(high) + 1)
+    found = [float(f"{step}e{power}") for power in powers for step in steps]
+    shown = [value for value in found if low <= math.log10(value) <= high]
+    return [(value, _number(value)) for value in shown[:: max(1, math.ceil(len(shown) / MOST_TICKS))]]
+
+
+def _steps(low: float, high: float) -> list[tuple[float, str]]:
+    """Multiples of 1, 2 or 5 times a power of ten."""
+    power = math.floor(math.log10((high - low) / MOST_LINEAR))
+    step = next(
+        one
+        for one in (float(f"{m}e{p}") for p in (power, power + 1) for m in (1, 2, 5))
+        if (high - low) / one <= MOST_LINEAR
+    )
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    found = [n * step for n in range(math.ceil(low / step), math.floor(high / step) + 1)]
+    if decimals > MOST_DECIMALS:
+        return [(value, f"{value:.3g}") for value in found]
+    return [(value, f"{value + 0.0:,.{decimals}f}") for value in found]
+
+
+def _number(value: float) -> str:
+    return f"{value:,g}" if 1e-3 <= value <= 1e3 else f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")

@@ -1,0 +1,39 @@
+"""How lines of charts look; each colour is seen on white and on black (pure)."""
+
+from typing import NamedTuple
+
+
+class Style(NamedTuple):
+    """Of a line, or of points without one, and of the band around it; widths and dashes in pixels."""
+
+    colour: str
+    width: float
+    dash: str = ""
+    opacity: float = 1.0
+    band_opacity: float = 0.15
+    is_points: bool = False
+
+
+STYLES = {
+    "data": Style("currentColor", 1.2, opacity=0.7),
+    "points": Style("currentColor", 3.0, opacity=0.7, is_points=True),
+    "model": Style("#d95f02", 2.0),
+    "rival": Style("#2f7de1", 1.6, "6 2"),
+    "white": Style("#2f9e44", 1.5, "2 2"),
+    "own": Style("#a05fd0", 1.6, band_opacity=0.3),
+    "mark": Style("#a05fd0", 1.3, "5 4"),
+    "step": Style("#d95f02", 1.2, "1 3"),
+    "grey": Style("currentColor", 1.0, opacity=0.5, band_opacity=0.2),
+    "bar": Style("currentColor", 1.5),
+    "limit": Style("currentColor", 1.0, "2 3"),
+}
+
+
+def line(style: Style) -> str:
+    """Return the attributes of a line."""
+    found = f'stroke="{style.colour}" stroke-width="{style.width:g}"'
+    if style.opacity < 1:
+        found += f' stroke-opacity="{style.opacity:g}"'
+    if style.dash:
+        found += f' stroke-dasharray="{style.dash}"'
+    return found + (' stroke-linecap="round"' if style.is_points else "")
