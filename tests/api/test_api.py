@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from fltea.api import series
 from fltea.api._check import PARAMETERS, in_python
-from fltea.documents.curves import Curve, log_log
+from fltea.documents.chart import Curve, log_log
 from fltea.identification.axis import AxisResult
 from fltea.identification.forecast import Drive, Goal
 from fltea.identification.load import Request, load

@@ -1,10 +1,11 @@
 """The page of a report, what its figures are drawn from, and that it needs nothing but itself."""
 
-import base64
 import html
 import re
 import shutil
+import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -25,11 +26,12 @@ from toolchain import missing
 
 CHROMIUM = shutil.which("chromium")
 NAME = "<b>rest & more.npz"
+SVG = "{http://www.w3.org/2000/svg}"
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[FileReport], list[Path]]:
-    """The report of white noise, an accelerometer's among it, and of a file that is none."""
+    """The report of white noise, an accelerometer's among it, and of a file that is none; plain install."""
     folder = tmp_path_factory.mktemp("report")
     path = npz(folder / NAME, counts(2000, 1), accel_raw=counts(2000, 3, seed=5), accel_lsb_per_g=16384.0)
     settings = Settings(IdentifyOptions(shuffles=5), QUICK, figures=True, forecast=True)
@@ -39,21 +41,22 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[FileRepor
     ]
     reports = identify_all(requests, settings, Here())
     prepare_folder("--report", folder / "out")
-    return folder / "out", reports, report.write(folder / "out", reports)
+    with pytest.MonkeyPatch.context() as plain:
+        plain.setitem(sys.modules, "matplotlib", None)
+        return folder / "out", reports, report.write(folder / "out", reports)
 
 
 def test_page_has_all_and_needs_nothing(made: tuple[Path, list[FileReport], list[Path]]) -> None:
     folder, reports, written = made
     page = (folder / report.PAGE).read_text()
     assert written[0] == folder / report.PAGE
-    pictures = [base64.b64decode(data) for data in re.findall(r'src="data:image/png;base64,([^"]+)"', page)]
-    assert pictures == [path.read_bytes() for path in written[1:]]
-    assert all(png.startswith(b"\x89PNG") for png in pictures)
+    inline = re.findall(r"<figure>(<svg.*?</svg>)<figcaption>", page)
+    assert sorted(inline) == sorted(path.read_text() for path in written[1:])
     kinds = [path.stem.split("_", 1)[1] for path in written[1:]]
     for axis in ("gyro_x", "accel_z"):
         assert sorted(kind.rpartition("_")[2] for kind in kinds if axis in kind) == sorted(figures.TITLES)
     assert len(kinds) == 2 * len(figures.TITLES)
-    assert not re.search(r"<(link|script|iframe)|url\(|src=\"(?!data:)|href=", page)
+    assert not re.search(r"<(link|script|iframe|img)|url\(|src=|href=", page)
     for axis_report in reports[0].axes.values():
         assert html.escape(axis_report.result.verdict.text) in page
         for rule in axis_report.result.verdict.rules:
@@ -69,13 +72,63 @@ def test_text_of_others_is_text(made: tuple[Path, list[FileReport], list[Path]])
     assert all(re.fullmatch(r"[\w.-]+", path.name) for path in written)
 
 
-def test_figures_are_not_blank(made: tuple[Path, list[FileReport], list[Path]]) -> None:
-    from matplotlib.image import imread
+def test_what_is_seen_is_the_answer_and_the_rest_is_folded(
+    made: tuple[Path, list[FileReport], list[Path]],
+) -> None:
+    page = (made[0] / report.PAGE).read_text()
+    assert "<details open" not in page
+    seen = re.sub(r"<details>.*?</details>", "", page)
+    for axis in ("gyro_x", "accel_z"):
+        for kind, (title, _) in figures.TITLES.items():
+            label = f'aria-label="{axis}: {html.escape(title)}"'
+            if kind != "profile":
+                assert (label in seen) == (kind in figures.SEEN), kind
+                assert page.count(label) == 1, kind
+    for text in ("<th>N [deg/√h]</th>", "<th>made of</th>"):
+        assert text.replace("<th>N", '<th class="sub">N') in seen
+    assert "null test p" not in seen
+    assert "null test p" in page
+    assert "Its σ after a rest of 20 s (purple)" in seen
+    assert "and after the first half of that, 10 s (blue)" in seen
 
+
+UNITS = {
+    "spectrum": ("frequency [Hz]", "density [{unit}/√Hz]"),
+    "profile": ("order α held at", "2 log L below the best with an order"),
+    "alpha": ("time [s]", "order α"),
+    "f": ("time [s]", "parameter f [s^−α]"),
+    "allan": ("averaging time τ [s]", "deviation [{unit}]"),
+    "bias": ("time [s]", "bias [{unit}]"),
+    "forecast": ("time after rest [s]", "heading, σ [{angle}]"),
+    "innovations": ("lag [samples]", "correlation of the innovations"),
+}
+
+
+def test_each_figure_is_a_chart_with_units_and_numbers(
+    made: tuple[Path, list[FileReport], list[Path]],
+) -> None:
+    """Each has lines that go somewhere, a legend, titles of its axes, and no number that is none."""
+    assert set(UNITS) == set(figures.TITLES)
     for path in made[2][1:]:
-        pixels = imread(path)[..., :3]
-        assert min(pixels.shape[:2]) > 400
-        assert 0.01 < (pixels < 0.95).any(axis=-1).mean() < 0.9, path.name
+        text = path.read_text()
+        assert not re.search(r"\b(nan|inf)\b", text, re.IGNORECASE), path.name
+        root = ElementTree.fromstring(text)
+        words = [one.text for one in root.iter(f"{SVG}text")]
+        of = {"unit": "m/s²", "angle": "m/s"} if "accel" in path.stem else {"unit": "deg/s", "angle": "°"}
+        for title in UNITS[path.stem.rpartition("_")[2]]:
+            assert title.format(**of) in words, path.name
+        places = {one for line in root.iter(f"{SVG}polyline") for one in line.attrib["points"].split()}
+        assert len(places) > 8, path.name
+        assert len(words) > 2 + 2 + 2 + 1, path.name
+
+
+def test_the_report_of_three_axes_of_a_long_recording_is_small(tmp_path: Path) -> None:
+    path = npz(tmp_path / "long.npz", counts(60_000))
+    settings = Settings(IdentifyOptions(shuffles=5), QUICK, figures=True, forecast=True)
+    reports = identify_all([Request((path,))], settings, Here())
+    assert len(reports[0].axes) == 3
+    written = report.write(tmp_path, reports)
+    assert written[0].stat().st_size < 600_000
 
 
 def test_names_of_figures_do_not_meet() -> None:
@@ -92,7 +145,7 @@ def test_folder_that_cannot_be_written(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_page_in_a_browser(made: tuple[Path, list[FileReport], list[Path]]) -> None:
-    """On a phone nothing sticks out; light and dark differ; all pictures are shown; nothing is fetched."""
+    """On a phone nothing sticks out; light and dark differ; all figures are shown; nothing is fetched."""
     if CHROMIUM is None:
         missing("no Chromium: apt-get install chromium")
     from playwright.sync_api import sync_playwright
@@ -106,7 +159,13 @@ def test_page_in_a_browser(made: tuple[Path, list[FileReport], list[Path]]) -> N
             page.on("request", lambda request, asked=asked: asked.append(request.url))  # type: ignore[call-overload]
             page.goto((made[0] / report.PAGE).as_uri())
             assert page.evaluate("document.documentElement.scrollWidth") <= 375
-            assert page.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 400)")
+            page.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
+            assert page.evaluate("document.documentElement.scrollWidth") <= 375
+            widths = page.evaluate(
+                "[...document.querySelectorAll('figure > svg')].map(one => one.getBoundingClientRect().width)"
+            )
+            assert len(widths) == 2 * len(figures.TITLES)
+            assert min(widths) > 300
             assert [url for url in asked if not url.startswith(("data:", "file:"))] == []
             colours[scheme] = page.evaluate("getComputedStyle(document.body).backgroundColor")
         browser.close()

@@ -217,7 +217,7 @@ def _innovations(title: str, axis: AxisReport, curves: Curves) -> str:
     last = len(rho) + 1
     edge = NORMAL_95 / max(curves.innovations, 1) ** 0.5
     lags = np.repeat(np.arange(1.0, last), 3)
-    bars = np.ravel(np.column_stack([np.zeros(len(rho)), rho, np.zeros(len(rho))]))
+    bars = np.ravel(np.column_stack([np.zeros(len(rho)), rho, np.full(len(rho), np.nan)]))
     label = "95 % for white innovations"
     shown = [
         Curve(lags, bars, "own", label="FLTEA's innovations"),

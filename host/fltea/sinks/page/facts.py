@@ -3,6 +3,7 @@
 from typing import Any
 
 from fltea.documents import curves as charts
+from fltea.documents.chart import SMALL, Curve, log_log
 from fltea.records.plus_minus import NORMAL_95, angle_within, plus_minus
 from fltea.records.records import (
     AXES,
@@ -257,7 +258,7 @@ def spectra(history: DeviceHistory) -> dict[str, str]:
     """The small drawing of the spectrum of each axis that has one."""
     drawn = {name: history.fits.drawn[name] for name in history.axes if name in history.fits.drawn}
     return {
-        name: charts.spectrum(one.spectrum, unit_of(name), size=charts.SMALL) for name, one in drawn.items()
+        name: charts.spectrum(one.spectrum, unit_of(name), height=SMALL) for name, one in drawn.items()
     }
 
 
@@ -273,9 +274,9 @@ def curves(history: DeviceHistory, name: str) -> list[str]:
         shown.append(charts.allan(found.allan, unit))
     ahead = {t_s: std for t_s, std in ahead.items() if std <= MOST_DEG}
     if ahead:
-        line = charts.Curve([*ahead], [NORMAL_95 * std for std in ahead.values()], "model")
+        line = Curve([*ahead], [NORMAL_95 * std for std in ahead.values()], "model")
         title = "Heading after the rest so far, 95 %"
-        shown.append(charts.log_log(title, "time after the rest [s]", "± of the angle [deg]", [line]))
+        shown.append(log_log(title, "time after the rest [s]", "± of the angle [deg]", [line]))
     return [one for one in shown if one]
 
 
