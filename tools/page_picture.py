@@ -1,9 +1,15 @@
-"""A picture of the live page, or of a fleet's, as a browser shows it.
+"""A picture of the live page, of a fleet's, or of a report, as a browser shows it.
 
     make run                                             # in another terminal
     url='http://127.0.0.1:5006/#axis=gyro_y'
     .venv/bin/python -m tools.page_picture "$url" host/docs/guide/dashboard.png
     .venv/bin/python -m tools.page_picture "$url" host/docs/guide/dashboard-dark.png --dark
+
+    fltea simulate rest.csv --alpha 0.5 --f -1 -n 360000 --axes 1
+    fltea identify rest.csv --forecast --report report
+    url="file://$PWD/report/report.html"
+    out=host/docs/guide/identify_report.png
+    .venv/bin/python -m tools.page_picture "$url" "$out" --width 1180 --height 1190 --wait 1
 
 Needs Debian's Chromium. Waits until the page has settled; complaints of the page go to stderr.
 """

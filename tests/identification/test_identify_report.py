@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from fltea.identification import figures, report
 from fltea.identification.axis import IdentifyOptions, identified, look, with_copies
-from fltea.identification.axis_report import FileReport
+from fltea.identification.axis_report import AxisReport, FileReport
 from fltea.identification.curves import ORDERS, curves, profile
 from fltea.identification.load import Request, Unreadable
 from fltea.identification.run import Settings, identify_all
+from fltea.identification.sensor_events import BiasCourse, BiasStep, MotionSpan
 from fltea.identification.shuffled import estimate
 from fltea.identification.workers import Here
 from fltea.records.errors import UsageError
@@ -22,6 +23,7 @@ from fltea.records.whole_file import prepare_folder
 from fltea.spectrum.intervals import CRITICAL
 from identify_files import QUICK, counts, npz
 from identify_support import H, long_recursion, white
+from msgspec.structs import replace
 from toolchain import missing
 
 CHROMIUM = shutil.which("chromium")
@@ -90,6 +92,46 @@ def test_what_is_seen_is_the_answer_and_the_rest_is_folded(
     assert "null test p" in page
     assert "Its σ after a rest of 20 s (purple)" in seen
     assert "and after the first half of that, 10 s (blue)" in seen
+
+
+@pytest.mark.parametrize(
+    ("rest_s", "said", "half"),
+    [
+        (200, "200 s", "100 s"),
+        (300, "300 s", "150 s"),
+        (3600, "60 min", "30 min"),
+        (86_400, "24 h", "12 h"),
+        (9000, "2.5 h", "75 min"),
+    ],
+)
+def test_the_heading_says_after_how_long_a_rest(
+    made: tuple[Path, list[FileReport], list[Path]], rest_s: float, said: str, half: str
+) -> None:
+    axis = made[1][0].axes["gyro_x"]
+    assert isinstance(axis, AxisReport)
+    assert axis.forecast is not None
+    assert axis.forecast.after_s == 20
+    text = figures.meaning("forecast", replace(axis, forecast=replace(axis.forecast, after_s=rest_s)))
+    assert f"after a rest of {said} (purple)" in text
+    assert f"first half of that, {half} (blue)" in text
+    assert "95 %" in text
+
+
+def test_the_bias_is_shown_where_it_is_known_with_steps_and_motion(
+    made: tuple[Path, list[FileReport], list[Path]],
+) -> None:
+    """Not where its σ is wide: the range would be that of the first second."""
+    axis = made[1][0].axes["gyro_x"]
+    assert isinstance(axis, AxisReport)
+    bias = np.array([40.0, -30.0, *([0.01, 0.02] * 20)])
+    course = BiasCourse(np.arange(42.0), bias, np.array([50.0, 20.0, *[0.005] * 40]))
+    steps = tuple(BiasStep(at_s, 0.1, 0.01) for at_s in (10.0, 20.0))
+    motion = (MotionSpan(5.0, 7.0, "gyro_x", 10.0, "deg/s"),)
+    drawn = figures.draw("gyro_x", replace(axis, course=course, bias_steps=steps, motion=motion))["bias"]
+    words = [one.text for one in ElementTree.fromstring(drawn).iter(f"{SVG}text")]
+    assert {"0.00", "0.01", "0.02", "0.03"} <= set(words)
+    assert (words.count("step"), words.count("motion")) == (1, 1)
+    assert drawn.count('stroke-dasharray="1 3"') == 3, "two steps, and their entry in the legend"
 
 
 UNITS = {

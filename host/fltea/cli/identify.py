@@ -41,7 +41,7 @@ def identify(
     report: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Write report.html with all figures, and the figures as PNG, to this folder."
+            metavar="DIR", help="Write report.html with all figures, and the figures as SVG, to this folder."
         ),
     ] = None,
     config: ConfigFile = None,

@@ -1,5 +1,6 @@
 """The figures of one axis as SVG: what is in each of them."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -16,12 +17,13 @@ from fltea.records.arrays import Array
 from fltea.records.plus_minus import NORMAL_95
 from fltea.records.units import MOST_DEG
 from fltea.spectrum.intervals import CRITICAL
-from fltea.spectrum.wording import duration
 
 HIGHEST_DEVIANCE = 20.0
-SENTENCES = {"white": "white", "plain": "rival", "order": "model"}
-"""The styles of the models."""
+SENTENCES = {"order": "model", "plain": "rival", "white": "white"}
+"""The styles of the models; what is broken is drawn above what is not, lest it is hidden where they agree."""
 MODEL_POINTS = 300
+SETTLED = 3.0
+"""σ of the bias over its median, up to which it is in the range that is shown."""
 
 Ends = tuple[float, float]
 
@@ -40,8 +42,15 @@ def meaning(kind: str, axis: AxisReport) -> str:
     text = TITLES[kind][1]
     if kind == "forecast" and axis.forecast is not None:
         rest_s = axis.forecast.after_s
-        text = text.format(rest=duration(rest_s), half=duration(rest_s / 2))
+        text = text.format(rest=_rest(rest_s), half=_rest(rest_s / 2))
     return text
+
+
+def _rest(seconds: float) -> str:
+    """Return how long a rest is to three digits, so that one and its half can be told."""
+    limits = ((600, 1, "s"), (7200, 60, "min"), (math.inf, 3600, "h"))
+    size, unit = next((size, unit) for limit, size, unit in limits if seconds < limit)
+    return f"{seconds / size:.3g} {unit}"
 
 
 def _spectrum(title: str, axis: AxisReport, curves: Curves) -> str:
@@ -195,9 +204,11 @@ def _bias(title: str, axis: AxisReport, curves: Curves) -> str:
     shown = [Curve(c.t_s, c.bias, "own", low, high, label=f"{name}, 95 %")]
     ends = None
     known = np.isfinite(high - low)
-    if known.any():  # its σ is wide at first, and after a step
-        bottom, top = float(np.nanmin(c.bias[known])), float(np.nanmax(c.bias[known]))
-        margin = 4 * float(np.nanmedian(c.bias_std[known])) + 0.1 * (top - bottom)
+    if known.any():
+        usual = float(np.median(c.bias_std[known]))
+        settled = c.bias[known & (c.bias_std <= SETTLED * usual)]  # not at first, nor after a step
+        bottom, top = float(settled.min()), float(settled.max())
+        margin = 4 * usual + 0.1 * (top - bottom)
         ends = bottom - margin, top + margin
         shown += _marks([step.at_s for step in axis.bias_steps], ends, "step")
     motion = Bands([(one.begin_s, one.end_s) for one in axis.motion], "motion")
