@@ -9,7 +9,7 @@
     fltea identify rest.csv --forecast --report report
     url="file://$PWD/report/report.html"
     out=host/docs/guide/identify_report.png
-    .venv/bin/python -m tools.page_picture "$url" "$out" --width 1180 --height 1190 --wait 1
+    .venv/bin/python -m tools.page_picture "$url" "$out" --width 1180 --height 1220 --wait 1
 
 Needs Debian's Chromium. Waits until the page has settled; complaints of the page go to stderr.
 """
