@@ -3,6 +3,7 @@
 import html
 import re
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -12,7 +13,7 @@ import pytest
 from fltea.identification import figures, report
 from fltea.identification.axis import IdentifyOptions, identified, look, with_copies
 from fltea.identification.axis_report import AxisReport, FileReport
-from fltea.identification.curves import ORDERS, curves, profile
+from fltea.identification.curves import LAGS, ORDERS, curves, profile
 from fltea.identification.load import Request, Unreadable
 from fltea.identification.run import Settings, identify_all
 from fltea.identification.sensor_events import BiasCourse, BiasStep, MotionSpan
@@ -33,7 +34,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[FileReport], list[Path]]:
-    """The report of white noise, an accelerometer's among it, and of a file that is none; plain install."""
+    """The report of white noise, an accelerometer's among it, and of a file that is none."""
     folder = tmp_path_factory.mktemp("report")
     path = npz(folder / NAME, counts(2000, 1), accel_raw=counts(2000, 3, seed=5), accel_lsb_per_g=16384.0)
     settings = Settings(IdentifyOptions(shuffles=5), QUICK, figures=True, forecast=True)
@@ -43,9 +44,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[FileRepor
     ]
     reports = identify_all(requests, settings, Here())
     prepare_folder("--report", folder / "out")
-    with pytest.MonkeyPatch.context() as plain:
-        plain.setitem(sys.modules, "matplotlib", None)
-        return folder / "out", reports, report.write(folder / "out", reports)
+    return folder / "out", reports, report.write(folder / "out", reports)
 
 
 def test_page_has_all_and_needs_nothing(made: tuple[Path, list[FileReport], list[Path]]) -> None:
@@ -63,6 +62,21 @@ def test_page_has_all_and_needs_nothing(made: tuple[Path, list[FileReport], list
         assert html.escape(axis_report.result.verdict.text) in page
         for rule in axis_report.result.verdict.rules:
             assert html.escape(rule.question) in page
+
+
+def test_a_plain_install_writes_a_report_with_all_figures(tmp_path: Path) -> None:
+    """Where matplotlib cannot be imported."""
+    path = npz(tmp_path / "rest.npz", counts(2000, 1))
+    command = ["fltea", "identify", path, "--forecast", "--shuffles", 1, "--report", tmp_path / "out"]
+    program = (
+        "import sys; sys.modules['matplotlib'] = None; "
+        f"sys.argv = {[str(word) for word in command]}; from fltea.cli.app import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.partition(":")[0]) == (0, "fltea"), done.stderr
+    page = (tmp_path / "out" / report.PAGE).read_text()
+    assert page.count("<svg") == len(figures.TITLES)
+    assert len(list((tmp_path / "out").glob("*.svg"))) == len(figures.TITLES)
 
 
 def test_text_of_others_is_text(made: tuple[Path, list[FileReport], list[Path]]) -> None:
@@ -171,6 +185,15 @@ def test_the_report_of_three_axes_of_a_long_recording_is_small(tmp_path: Path) -
     assert len(reports[0].axes) == 3
     written = report.write(tmp_path, reports)
     assert written[0].stat().st_size < 600_000
+
+
+def test_each_innovation_is_a_bar_of_its_own(made: tuple[Path, list[FileReport], list[Path]]) -> None:
+    text = next(path for path in made[2] if path.stem.endswith("gyro_x_innovations")).read_text()
+    bars = [one.attrib["points"].split() for one in ElementTree.fromstring(text).iter(f"{SVG}polyline")]
+    assert len(bars) == LAGS
+    zero = {begin.partition(",")[2] for begin, _ in bars}
+    assert len(zero) == 1
+    assert all(begin.partition(",")[0] == end.partition(",")[0] for begin, end in bars)
 
 
 def test_names_of_figures_do_not_meet() -> None:

@@ -200,7 +200,7 @@ def _cut(points: list[Point]) -> list[list[Point]]:
         if not (joins and begin == 0):
             found.append([(xa + begin * (xb - xa), ya + begin * (yb - ya))])
         found[-1].append((xa + end * (xb - xa), ya + end * (yb - ya)))
-        joins = end == 1
+        joins = True
     return found
 
 
