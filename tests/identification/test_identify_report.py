@@ -184,6 +184,7 @@ def test_the_report_of_three_axes_of_a_long_recording_is_small(tmp_path: Path) -
     reports = identify_all([Request((path,))], settings, Here())
     assert len(reports[0].axes) == 3
     written = report.write(tmp_path, reports)
+    assert len(written) == 1 + 3 * len(figures.TITLES)
     assert written[0].stat().st_size < 600_000
 
 
