@@ -16,6 +16,8 @@ from fltea.documents.chart_style import STYLES, Style, line
 from fltea.records.arrays import Array
 
 WIDTH, HEIGHT = 420, 260
+SMALL = 130
+"""Height of a drawing beside others, without numbers under the pointer."""
 LEFT, RIGHT, TOP, BOTTOM = 64, 10, 24, 40
 MOST_POINTS = 200
 """The number of points up to which a line has all of them."""
@@ -60,9 +62,11 @@ def log_log(
     curves: Sequence[Curve],
     bands: Sequence[tuple[float, float]] = (),
     crosses: tuple[Sequence[float], Sequence[float]] = ((), ()),
+    height: int = HEIGHT,
 ) -> str:
     """Return the chart without values that have no logarithm, or nothing if no value has one."""
-    return chart(title, Axis(x_label, is_log=True), Axis(y_label, is_log=True), curves, Bands(bands), crosses)
+    x, y = Axis(x_label, is_log=True), Axis(y_label, is_log=True)
+    return chart(title, x, y, curves, Bands(bands), crosses, height)
 
 
 def chart(
@@ -72,22 +76,27 @@ def chart(
     curves: Sequence[Curve],
     bands: Bands = NO_BANDS,
     crosses: tuple[Sequence[float], Sequence[float]] = ((), ()),
+    height: int = HEIGHT,
 ) -> str:
-    """Return the chart, or nothing if no value has a place on its axes. The first curve says its numbers."""
+    """Return the chart, or nothing if no value has a place on its axes. The first curve says its numbers.
+
+    height: of the chart without its legend, in pixels.
+    """
     x = scale(x_axis, (v for c in curves for v in c.x), LEFT, WIDTH - RIGHT)
-    y = scale(y_axis, (v for c in curves for v in c.y), HEIGHT - BOTTOM, TOP)
+    y = scale(y_axis, (v for c in curves for v in c.y), height - BOTTOM, TOP)
     if x is None or y is None:
         return ""
-    parts = [*_frame(title, x_axis, y_axis, x, y), *_bands(bands, x)]
+    parts = [*_frame(title, x_axis, y_axis, x, y), *_bands(bands, x, y)]
     drawn = [(curve, STYLES[curve.style], _runs(x, y, curve.x, curve.y)) for curve in curves]
     for curve, style, _ in drawn:
         parts += _between(curve, style, x, y)
     for curve, style, runs in drawn:
-        parts += _line(curve, style, runs)
-    parts += _tips(curves[0], x, y)
-    for at, height in (point for run in _runs(x, y, *crosses) for point in run):
+        parts += _line(curve, style, runs, y)
+    if height > SMALL:
+        parts += _tips(curves[0], x, y)
+    for at, up in (point for run in _runs(x, y, *crosses) for point in run):
         parts.append(
-            f'<path d="M{at - 3:.1f} {height - 3:.1f}l6 6m0 -6l-6 6" stroke="#2f7de1" stroke-width="1.2"/>'
+            f'<path d="M{at - 3:.1f} {up - 3:.1f}l6 6m0 -6l-6 6" stroke="#2f7de1" stroke-width="1.2"/>'
         )
     entries = [
         Entry(curve.label, style if len(curve.y) else None, style.colour if len(curve.low) else "")
@@ -96,8 +105,8 @@ def chart(
     ]
     if bands.label and bands.ends:
         entries.append(Entry(bands.label, None, "currentColor"))
-    lines, below = legend(entries, HEIGHT)
-    height = HEIGHT + below * LEGEND_LINE
+    lines, below = legend(entries, height)
+    height += below * LEGEND_LINE
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{height}" '
         f'viewBox="0 0 {WIDTH} {height}" '
@@ -109,28 +118,29 @@ def chart(
 def _frame(title: str, x_axis: Axis, y_axis: Axis, x: Scale, y: Scale) -> Iterator[str]:
     """Frame, grid, numbers and titles."""
     yield (
-        f'<rect x="{LEFT}" y="{TOP}" width="{WIDTH - LEFT - RIGHT}" height="{HEIGHT - TOP - BOTTOM}" '
+        f'<rect x="{LEFT}" y="{TOP}" width="{WIDTH - LEFT - RIGHT}" height="{y.begin - TOP:g}" '
         'fill="none" stroke="currentColor" stroke-opacity="0.4"/>'
     )
     for value, word in x.ticks():
         at = x(value)
-        yield _grid(at, TOP, at, HEIGHT - BOTTOM) + _text(at, HEIGHT - BOTTOM + 14, word)
+        yield _grid(at, TOP, at, y.begin) + _text(at, y.begin + 14, word)
     for value, word in y.ticks():
         at = y(value)
         yield _grid(LEFT, at, WIDTH - RIGHT, at) + _text(LEFT - 5, at + 4, word, "end")
     middle = (LEFT + WIDTH - RIGHT) / 2
-    yield _text(middle, 14, title) + _text(middle, HEIGHT - 8, x_axis.label)
+    yield _text(middle, 14, title) + _text(middle, y.begin + BOTTOM - 8, x_axis.label)
+    half = f"{(y.begin + BOTTOM) / 2:.0f}"
     yield (
-        f'<text x="12" y="{HEIGHT / 2:.0f}" transform="rotate(-90 12 {HEIGHT / 2:.0f})" '
+        f'<text x="12" y="{half}" transform="rotate(-90 12 {half})" '
         f'text-anchor="middle">{escape(y_axis.label)}</text>'
     )
 
 
-def _bands(bands: Bands, x: Scale) -> Iterator[str]:
+def _bands(bands: Bands, x: Scale, y: Scale) -> Iterator[str]:
     for ends in bands.ends:
         begin, end = (min(max(x(v), LEFT), WIDTH - RIGHT) if x.has(v) else LEFT for v in ends)
         yield (
-            f'<rect x="{begin:.1f}" y="{TOP}" width="{end - begin:.1f}" height="{HEIGHT - TOP - BOTTOM}" '
+            f'<rect x="{begin:.1f}" y="{TOP}" width="{end - begin:.1f}" height="{y.begin - TOP:g}" '
             'fill="currentColor" fill-opacity="0.2"/>'
         )
 
@@ -142,27 +152,27 @@ def _between(curve: Curve, style: Style, x: Scale, y: Scale) -> Iterator[str]:
         for row in zip(curve.x, curve.low, curve.high, strict=False)
         if x.has(row[0]) and y.has(row[1]) and y.has(row[2])
     ]
-    there = _thinned([(x(a), min(max(y(high), TOP), HEIGHT - BOTTOM)) for a, _, high in known])
-    back = _thinned([(x(a), min(max(y(low), TOP), HEIGHT - BOTTOM)) for a, low, _ in known])
+    there = _thinned([(x(a), min(max(y(high), TOP), y.begin)) for a, _, high in known])
+    back = _thinned([(x(a), min(max(y(low), TOP), y.begin)) for a, low, _ in known])
     if known:
         points = _points([*there, *back[::-1]])
         yield f'<polygon points="{points}" fill="{style.colour}" fill-opacity="{style.band_opacity:g}"/>'
 
 
-def _line(curve: Curve, style: Style, runs: list[list[Point]]) -> Iterator[str]:
+def _line(curve: Curve, style: Style, runs: list[list[Point]], y: Scale) -> Iterator[str]:
     """The line, or its points, as far as they are in the chart, and its name."""
     if style.is_points:
-        dots = [point for run in runs for point in _thinned(run) if TOP <= point[1] <= HEIGHT - BOTTOM]
+        dots = [point for run in runs for point in _thinned(run) if TOP <= point[1] <= y.begin]
         if dots:
             yield f'<path d="{"".join(f"M{a:.1f} {b:.1f}h0" for a, b in dots)}" fill="none" {line(style)}/>'
         return
-    inside = [part for run in runs for part in _cut(_thinned(run))]
+    inside = [part for run in runs for part in _cut(_thinned(run), y.begin)]
     for part in inside:
         yield f'<polyline points="{_points(part)}" fill="none" {line(style)}/>'
     if curve.name and inside:
         longest = max(inside, key=len)
-        at, height = longest[len(longest) // 2]
-        yield _text(at, height - 4, curve.name)
+        at, up = longest[len(longest) // 2]
+        yield _text(at, up - 4, curve.name)
 
 
 def _runs(x: Scale, y: Scale, xs: Numbers, ys: Numbers) -> list[list[Point]]:
@@ -184,15 +194,15 @@ def _thinned(points: list[Point]) -> list[Point]:
     return [*kept, points[-1]]
 
 
-def _cut(points: list[Point]) -> list[list[Point]]:
+def _cut(points: list[Point], bottom: float) -> list[list[Point]]:
     """The parts of a line that are between the bottom and the top of the chart."""
     found: list[list[Point]] = []
     joins = False
     for (xa, ya), (xb, yb) in pairwise(points * 2 if len(points) == 1 else points):
         if ya == yb:
-            begin, end = (0.0, 1.0) if TOP <= ya <= HEIGHT - BOTTOM else (1.0, 0.0)
+            begin, end = (0.0, 1.0) if TOP <= ya <= bottom else (1.0, 0.0)
         else:
-            first, last = sorted((edge - ya) / (yb - ya) for edge in (TOP, HEIGHT - BOTTOM))
+            first, last = sorted((edge - ya) / (yb - ya) for edge in (TOP, bottom))
             begin, end = max(first, 0.0), min(last, 1.0)
         if begin >= end:
             joins = False
@@ -209,7 +219,7 @@ def _tips(curve: Curve, x: Scale, y: Scale) -> Iterator[str]:
     rows = list(zip(curve.x, curve.y, strict=False))
     for i in range(0, len(rows), max(1, math.ceil(len(rows) / MOST_TIPS))):
         a, b = rows[i]
-        if not (x.has(a) and y.has(b) and TOP <= y(b) <= HEIGHT - BOTTOM):
+        if not (x.has(a) and y.has(b) and TOP <= y(b) <= y.begin):
             continue
         ends = ""
         if i < min(len(curve.low), len(curve.high)):

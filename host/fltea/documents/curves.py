@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from fltea.documents.chart import Curve, log_log
+from fltea.documents.chart import HEIGHT, Curve, log_log
 from fltea.records.fit import FitAllan, FitSpectrum
 from fltea.records.units import FLICKER
 
@@ -12,12 +12,13 @@ def spectrum(
     unit: str,
     left_out: Sequence[tuple[float, float]] = (),
     board: tuple[Sequence[float], Sequence[float]] = ((), ()),
+    height: int = HEIGHT,
 ) -> str:
     """Return noise density and fitted model; bands that were left out are grey. board: its own bins."""
     title = "Spectrum (orange: fitted" + (", grey: left out" if left_out else "")
     title += ", crosses: the board's bins)" if board[0] else ")"
     curves = [Curve(s.hz, s.density, "data"), Curve(s.hz, s.model, "model")]
-    return log_log(title, "frequency [Hz]", density_label(unit), curves, left_out, board)
+    return log_log(title, "frequency [Hz]", density_label(unit), curves, left_out, board, height)
 
 
 def density_label(unit: str) -> str:

@@ -257,9 +257,7 @@ def fitted(history: DeviceHistory) -> str:
 def spectra(history: DeviceHistory) -> dict[str, str]:
     """The small drawing of the spectrum of each axis that has one."""
     drawn = {name: history.fits.drawn[name] for name in history.axes if name in history.fits.drawn}
-    return {
-        name: charts.spectrum(one.spectrum, unit_of(name), height=SMALL) for name, one in drawn.items()
-    }
+    return {name: charts.spectrum(one.spectrum, unit_of(name), height=SMALL) for name, one in drawn.items()}
 
 
 def curves(history: DeviceHistory, name: str) -> list[str]:
