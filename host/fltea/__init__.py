@@ -9,19 +9,23 @@ from typing import TYPE_CHECKING, Any
 from fltea.records.version import __version__
 
 if TYPE_CHECKING:
+    from fltea.api.drawing import Drawing
     from fltea.api.identified import Identified, Report
     from fltea.api.live import Corrected, Live, LiveReport
     from fltea.api.recording import Recording, open
     from fltea.api.series import identify
     from fltea.api.simulated import Simulated, simulate
     from fltea.records.errors import FlteaError, UsageError
+    from fltea.records.quantity import Quantity
 
 __all__ = [
     "Corrected",
+    "Drawing",
     "FlteaError",
     "Identified",
     "Live",
     "LiveReport",
+    "Quantity",
     "Recording",
     "Report",
     "Simulated",
@@ -34,10 +38,12 @@ __all__ = [
 
 _HOMES = {
     "Corrected": "fltea.api.live",
+    "Drawing": "fltea.api.drawing",
     "FlteaError": "fltea.records.errors",
     "Identified": "fltea.api.identified",
     "Live": "fltea.api.live",
     "LiveReport": "fltea.api.live",
+    "Quantity": "fltea.records.quantity",
     "Recording": "fltea.api.recording",
     "Report": "fltea.api.identified",
     "Simulated": "fltea.api.simulated",
@@ -58,4 +64,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return __all__

@@ -461,3 +461,51 @@ def test_a_chart_of_anything() -> None:
 def test_what_is_called_says_what_it_takes() -> None:
     assert list(inspect.signature(series.identify).parameters)[:2] == ["y", "rate_hz"]
     assert fltea.identify is series.identify
+
+
+def test_figures_of_an_axis_are_those_of_the_command_in_the_units_of_data_sheets() -> None:
+    y = 0.3 + 0.05 * NOISE  # deg/s at 100 Hz: N 0.005 deg/s/√Hz, which is 0.3 deg/√h
+    found = fltea.identify(y, 100.0, unit="deg/s")
+    level, curve = found.details.level, found.allan_curve
+    assert (
+        found.N.interval
+        == fltea.Quantity(level.N.value * 60, level.N.low * 60, level.N.high * 60, None, "deg/√h").interval
+    )
+    assert found.N.to("deg/s/√Hz").value == pytest.approx(0.005, rel=0.05)
+    assert found.N.unit == "deg/√h"
+    assert (found.B.unit, found.B.value, found.B.at_most) == ("deg/h", None, curve.B.at_most * 3600)
+    assert (found.K.unit, found.K.value, found.K.at_most) == ("deg/h/√h", None, level.K_at_most * 216000)
+    assert found.bias.low < 0.3 < found.bias.high
+    assert found.bias.value == found.now.bias
+    table = found.to_pandas().iloc[0]
+    assert (table["N"], table["N_low"], table["K_at_most"]) == (level.N.value, level.N.low, level.K_at_most)
+    with pytest.raises(ValueError, match="got 'furlong'"):
+        found.N.to("furlong")
+    accel = fltea.identify(y, 100.0, unit="g")
+    assert (accel.N.unit, accel.B.unit, accel.K.unit) == ("m/s²/√Hz", "m/s²", "m/s²/√s")
+    assert accel.N.to("µg/√Hz").value == pytest.approx(5000, rel=0.05)
+
+
+def test_what_there_is_no_curve_or_bias_of_is_not_known() -> None:
+    """Stretches may all be too short for a curve, and bad data have no bias."""
+    whole = fltea.identify(NOISE, 100.0, unit="deg/s")
+    found = replace(whole, allan_curve=None, now=None)
+    assert str(found.B) == str(found.bias) == "not known"
+    assert (found.B.unit, found.bias.unit, found.N) == ("deg/h", "deg/s", whole.N)
+    assert found.to_pandas().iloc[0]["B_at_most"] is None
+
+
+def test_a_drawing_is_that_of_the_notebook_and_goes_to_a_file(tmp_path: Path) -> None:
+    found = fltea.identify(NOISE, 100.0, unit="deg/s", axis="<gyro>")
+    drawing = found.plot()
+    charts = re.findall(r"<svg.*?</svg>", found._repr_html_(), re.DOTALL)
+    assert re.findall(r"<svg.*?</svg>", drawing._repr_html_(), re.DOTALL) == charts
+    drawing.save(tmp_path / "axis.svg")
+    root = ElementTree.parse(tmp_path / "axis.svg").getroot()
+    placed = [one.get("x") for one in root if one.tag.endswith("svg")]
+    assert placed == ["0", "420"]
+    assert (root.get("width"), root.get("height")) == ("840", "260")
+    with pytest.raises(ValueError, match=r"ends in \.svg"):
+        drawing.save(tmp_path / "axis.png")
+    with pytest.raises(fltea.FlteaError, match="cannot be written"):
+        drawing.save(tmp_path / "nowhere" / "axis.svg")

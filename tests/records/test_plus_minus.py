@@ -20,6 +20,7 @@ OTHERS = {
     "cli/app.py": (1, RANGE),
     "cli/identify.py": (6, f"a band of frequencies; {TARGET}"),
     "fleet/page.js": (1, "1.96 σ, as in the code before it"),
+    "identification/comparison.py": (3, "half of a 95 % interval"),
     "identification/data_sheet.py": (2, RANGE),
     "identification/findings.py": (1, SIGN),
     "identification/forecast.py": (2, TARGET),

@@ -137,13 +137,34 @@ def test_the_notebook_runs_as_it_stands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page = (DOCS / "cookbook/notebook.md").read_text(encoding="utf-8")
-    _sketch, block = re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    _first, _sketch, block = re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
     noise = np.random.default_rng(1).normal(0.0, 0.05, (2000, 1))
     np.savetxt(tmp_path / "rest.csv", noise, header="x", comments="")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=os.pathsep)
     exec(block, {})
     assert capsys.readouterr().out.startswith("gyro_x White noise. A filter needs only its density N")
+
+
+def test_the_first_lines_of_the_notebook_do_what_they_say(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (DOCS / "cookbook/notebook.md").read_text(encoding="utf-8")
+    block = re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)[0]
+    assert len([line for line in block.splitlines() if line]) <= 5
+    noise = np.random.default_rng(1).normal(0.0, 0.05, (3000, 3))  # N 0.005 deg/s/√Hz, which is 0.3 deg/√h
+    np.savez(tmp_path / "rest.npz", gyro_dps=noise, fs_hz=100.0)
+    monkeypatch.chdir(tmp_path)
+    exec(block, {})
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(" ")[0] for line in lines] == ["gyro_x;", "gyro_y;", "gyro_z;"]
+    for line in lines:
+        name, N, B, K = line.split("; ")
+        value, low, high = map(float, re.findall(r"[\d.]+", N))
+        assert low < 0.3 < high
+        assert value == pytest.approx(0.3, rel=0.05)
+        assert (N.split(" ")[1], B.endswith(" deg/h"), K.endswith(" deg/h/√h")) == ("deg/√h", True, True)
+        assert (tmp_path / f"{name}.svg").read_text(encoding="utf-8").count("polyline") > 3
 
 
 def test_samples_of_a_linux_driver_become_a_recording(

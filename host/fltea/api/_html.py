@@ -2,8 +2,10 @@
 
 from html import escape
 
+from fltea.api._tables import figures
 from fltea.documents import curves
 from fltea.records.fit import FittedAxis, Interval
+from fltea.records.quantity import Quantity
 
 UNDEFINED = "undefined"
 SMALLEST = 1e-16
@@ -33,31 +35,27 @@ def axis_html(axis: str, fitted: FittedAxis, heading: str, more: str = "") -> st
         p = f"{fitted.null_p:.2g}" if fitted.null_p > SMALLEST else f"below {SMALLEST:g}"
         rows.append(f"<tr><th>p of the null test</th><td>{p}</td></tr>")
     if fitted.allan is not None:
-        for name, of in (("N", "/√Hz"), ("B", ""), ("K", "/√s")):
-            shown = _coefficient(fitted, name)
-            rows.append(f"<tr><th>{name}</th><td>{shown} {escape(unit)}{of}</td></tr>")
+        for name, one in zip("NBK", figures(fitted), strict=True):
+            rows.append(f"<tr><th>{name}</th><td>{_coefficient(one)} {escape(one.unit)}</td></tr>")
     return (
         f"<p><strong>{escape(axis)}: {escape(fitted.verdict)}</strong> <small>{escape(heading)}</small><br>"
         f"{escape(fitted.text)}</p>{more and f'<p>{escape(more)}</p>'}"
-        f"<table>{''.join(rows)}</table>{_curves(fitted)}"
+        f"<table>{''.join(rows)}</table>{''.join(curves_of(fitted))}"
     )
 
 
-def _coefficient(fitted: FittedAxis, name: str) -> str:
+def _coefficient(one: Quantity) -> str:
     """Return N, B or K with its interval, as far as they are known, or its bound."""
-    curve = getattr(fitted, "allan_curve", None)
-    if curve is None:
-        value = getattr(fitted.allan, name)
-        return "not known" if value is None else f"{value:.3g}"
-    one = getattr(curve, name)
-    if one.value is not None:
-        return _interval(one.interval)
-    return "not known" if one.at_most is None else f"at most {one.at_most:.3g}"
+    if one.value is None:
+        return "not known" if one.at_most is None else f"at most {one.at_most:.3g}"
+    return f"{one.value:.3g}" if one.low is None else _interval(one.interval)
 
 
-def _curves(fitted: FittedAxis) -> str:
-    shown = curves.spectrum(fitted.spectrum, fitted.unit) if fitted.spectrum is not None else ""
-    return shown + (curves.allan(fitted.allan, fitted.unit) if fitted.allan is not None else "")
+def curves_of(fitted: FittedAxis) -> list[str]:
+    """Return spectrum and Allan deviation as SVG, as far as there are any."""
+    found = [] if fitted.spectrum is None else [curves.spectrum(fitted.spectrum, fitted.unit)]
+    found += [] if fitted.allan is None else [curves.allan(fitted.allan, fitted.unit)]
+    return found
 
 
 def _interval(one: Interval) -> str:

@@ -4,7 +4,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from fltea.records.fit import FittedAxis
+from fltea.identification.axis import AxisResult
+from fltea.identification.quantities import quantities
+from fltea.records.fit import FitAllan, FittedAxis
+from fltea.records.quantity import Quantity
 from fltea.records.whole_file import whole_file
 from fltea.settings.extras import load
 
@@ -56,12 +59,28 @@ def row(axis: str, fitted: FittedAxis) -> dict[str, Any]:
     for name in PARAMETERS:
         one = getattr(fitted, name)
         found |= {name: one.value, f"{name}_low": one.low, f"{name}_high": one.high}
-    curve = getattr(fitted, "allan_curve", None)
-    for name in ("N", "B", "K"):
-        found[name] = None if fitted.allan is None else getattr(fitted.allan, name)
-        if curve is not None:
-            one = getattr(curve, name)
+    for name, one in zip("NBK", figures(fitted), strict=True):
+        found[name] = one.value
+        if _details(fitted) is not None:
             found |= {f"{name}_low": one.low, f"{name}_high": one.high, f"{name}_at_most": one.at_most}
+    return found
+
+
+def figures(fitted: FittedAxis) -> tuple[Quantity, Quantity, Quantity]:
+    """Return N, B and K in the unit of the samples; of a live fit without intervals."""
+    if (details := _details(fitted)) is not None:
+        return quantities(fitted.unit, details.level, getattr(fitted, "allan_curve", None), None)[:3]
+    values, unit = fitted.allan or FitAllan([], [], [], [], [], None, None, None), fitted.unit
+    return (
+        Quantity(values.N, None, None, None, f"{unit}/√Hz"),
+        Quantity(values.B, None, None, None, unit),
+        Quantity(values.K, None, None, None, f"{unit}/√s"),
+    )
+
+
+def _details(fitted: FittedAxis) -> AxisResult | None:
+    """Return all figures of a whole recording's axis; None of a live fit."""
+    found: AxisResult | None = getattr(fitted, "details", None)
     return found
 
 

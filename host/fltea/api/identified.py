@@ -7,16 +7,20 @@ from typing import TYPE_CHECKING
 
 from fltea.api._html import axis_html, page
 from fltea.api._tables import ByAxis, frame, row, table
+from fltea.api.drawing import Drawing
+from fltea.identification.allan import scales
 from fltea.identification.allan_file import COLUMNS, rows, write_allan
 from fltea.identification.axis import AxisResult
 from fltea.identification.event_traps import EVENT_TRAPS
 from fltea.identification.forecast import Forecast, Now
 from fltea.identification.navigation_filter import NavigationFilter
+from fltea.identification.quantities import Quantities, quantities
 from fltea.identification.sensor_events import BiasStep, MotionSpan
 from fltea.identification.tracked_system import OffsetWalkFound
 from fltea.identification.traps import Trap
 from fltea.records.fit import FitSpectrum, FittedAxis
 from fltea.records.plus_minus import plus_minus
+from fltea.records.quantity import Quantity
 from fltea.spectrum.allan_curve import Allan
 
 if TYPE_CHECKING:
@@ -30,12 +34,17 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     """
 
     axis: str
+    """Its name."""
     samples: int
+    """How many there are."""
     rate_hz: float
+    """How many there are in a second."""
     mean: float
+    """Of the samples, in `unit`."""
     std: float
     """Standard deviation."""
     spectrum: FitSpectrum
+    """The noise density, and that of the fitted model."""
     allan_curve: Allan | None
     """The Allan deviation with degrees of freedom, and with N, B and K, their intervals, sources and reasons;
     `allan` has the same points and values without these. None where the record is too short for it."""
@@ -66,6 +75,34 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     def duration_s(self) -> float:
         """The length of the record in seconds."""
         return self.samples / self.rate_hz
+
+    @property
+    def N(self) -> Quantity:
+        """White noise (angle random walk) in deg/√h, of an accelerometer in m/s²/√Hz; `.to` has others."""
+        return self._figures.N.to(scales(self.unit).N.unit)
+
+    @property
+    def B(self) -> Quantity:
+        """Bias instability by the Allan deviation in deg/h, of an accelerometer in m/s²; `.to` has others."""
+        return self._figures.B.to(scales(self.unit).B.unit)
+
+    @property
+    def K(self) -> Quantity:
+        """Random walk of the bias in deg/h/√h, of an accelerometer in m/s²/√s; `.to` has others."""
+        return self._figures.K.to(scales(self.unit).K.unit)
+
+    @property
+    def bias(self) -> Quantity:
+        """The bias at the end of the record (`now.bias`) in deg/s or m/s²; `.to` has others."""
+        return self._figures.bias
+
+    @property
+    def _figures(self) -> Quantities:
+        return quantities(self.unit, self.details.level, self.allan_curve, self.now)
+
+    def plot(self) -> Drawing:
+        """Return spectrum and Allan deviation, which a notebook shows and `.save("axis.svg")` writes."""
+        return Drawing(self)
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return a table of one row: verdict, and every figure with the ends of its interval.

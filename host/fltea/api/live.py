@@ -26,25 +26,29 @@ class Corrected(NamedTuple):
     """What is known of samples with the last of those before them; of their shape, NaN where nothing is yet.
 
     All are in deg/s, of an accelerometer in m/s².
-
-    rate: the samples less their bias, which is the mean that is expected of the sensor's offset and of the
-    state of its noise over the next second. bias_std: its standard deviation, which grows while the sensor
-    moves. moving: the sensor is, so the bias of all axes is predicted.
     """
 
     rate: Array
+    """The samples less their bias."""
     bias: Array
+    """The mean that is expected of the sensor's offset and of the state of its noise over the next second."""
     bias_std: Array
+    """The standard deviation of the bias, which grows while the sensor moves."""
     moving: NDArray[np.bool_]
+    """Whether the sensor is moving; then the bias of all axes is predicted."""
 
 
 class BiasStep(NamedTuple):
-    """A step of a bias, in deg/s or m/s²; sample: number of the first one after it, from 0 on."""
+    """A step of a bias."""
 
     axis: str
+    """Of which axis."""
     sample: int
+    """The number of the first sample after it, from 0 on."""
     size: float
+    """In deg/s or m/s²."""
     size_std: float
+    """The standard deviation of the size."""
 
 
 class LiveReport(ByAxis[AxisFit]):
@@ -52,7 +56,10 @@ class LiveReport(ByAxis[AxisFit]):
 
     def __init__(self, axes: Mapping[str, AxisFit], samples: int, rate_hz: float) -> None:
         super().__init__(axes)
-        self.samples, self.rate_hz = samples, rate_hz
+        self.samples = samples
+        """How many samples of an axis the fits are of."""
+        self.rate_hz = rate_hz
+        """How many there are in a second."""
 
     def __repr__(self) -> str:
         axes = ", ".join(f"{name}: {fit.verdict}" for name, fit in self.items())
@@ -90,8 +97,14 @@ class Live:
         names = (axes,) if isinstance(axes, str) else tuple(axes)
         if not names or len(set(names)) != len(names):
             raise ValueError(f"axes are one or more names, each of them once, got {names}")
-        self.rate_hz, self.axes = rate_hz, names
-        h, (self.unit, self._factor, _) = period_s(rate_hz), scale(unit)
+        self.rate_hz = rate_hz
+        """Sample rate in Hz."""
+        self.axes = names
+        """Names of the axes, in the order of their columns."""
+        h, of = period_s(rate_hz), scale(unit)
+        self.unit = of.unit
+        """Of all that is told: deg/s or m/s²."""
+        self._factor = of.factor
         settings = LiveConfig(memory=memory)
         self._live = LiveAxes(names, h, settings, self.unit)
         self._tracks = SensorTracks(

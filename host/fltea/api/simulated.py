@@ -17,16 +17,24 @@ if TYPE_CHECKING:
 
 
 class Simulated(msgspec.Struct, frozen=True):
-    """Measurements y (n,) in `unit`, the true state (n,) behind them, and what they were made with."""
+    """Measurements, the true state behind them, and what they were made with."""
 
     y: Array
+    """Measurements (n,) in `unit`."""
     state: Array
+    """The state (n,) in `unit`, which the measurements have white noise on."""
     rate_hz: float
+    """Sample rate in Hz."""
     alpha: float
+    """The order."""
     f: float
+    """The parameter, in s^-α."""
     Q: float
+    """The strength of what drives the state, in unit² s^-2α."""
     R: float
+    """The variance of the white noise, in unit²."""
     unit: str
+    """The unit of the samples."""
 
     def identify(self) -> Identified:
         """Return what `fltea.identify` says of y."""

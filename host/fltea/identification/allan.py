@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fltea.identification.axis import Looked
 from fltea.records.arrays import Array
-from fltea.records.units import HOUR, SQRT_HOUR
+from fltea.records.quantity import factor
 from fltea.spectrum.allan_curve import Allan, checked, points
 from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overlap
 
@@ -43,7 +43,8 @@ class Scales(NamedTuple):
 def scales(unit: str) -> Scales:
     """Return the units of data sheets for a curve in deg/s; of another unit its own."""
     if unit == "deg/s":
-        return Scales(Scale("deg/√h", SQRT_HOUR), Scale("deg/h", HOUR), Scale("deg/h/√h", HOUR * SQRT_HOUR))
+        of = {"deg/√h": f"{unit}/√Hz", "deg/h": unit, "deg/h/√h": f"{unit}/√s"}
+        return Scales(*(Scale(shown, factor(own, shown)) for shown, own in of.items()))
     return Scales(Scale(f"{unit}/√Hz", 1.0), Scale(unit, 1.0), Scale(f"{unit}/√s", 1.0))
 
 

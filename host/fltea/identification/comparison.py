@@ -13,6 +13,7 @@ import msgspec
 from fltea.identification.allan import scales
 from fltea.identification.axis_report import AxisReport, FileReport
 from fltea.identification.forecast import SAID_S, integral, is_any_heading
+from fltea.identification.quantities import quantities
 from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
 
@@ -47,25 +48,17 @@ class Compared(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def figures(axis: AxisReport) -> list[Figure]:
     """Return N, K, B, bias and heading of an axis, in the units of data sheets for a gyroscope."""
-    of, level, now = scales(axis.unit), axis.result.level, axis.now
-    B = None if axis.allan is None else axis.allan.B
-    found = [
-        Figure("N", of.N.unit, _times(level.N, of.N.factor)),
-        Figure("K", of.K.unit, _times(level.K, of.K.factor), _product(level.K_at_most, of.K.factor)),
-        Figure(
-            "B",
-            of.B.unit,
-            _times(Interval() if B is None else B.interval, of.B.factor),
-            _product(None if B is None else B.at_most, of.B.factor),
-        ),
-    ]
-    bias, heading = Interval(), Interval()
-    if now is not None:
-        half = NORMAL_95 * now.bias_std
-        bias = Interval(now.bias, now.bias - half, now.bias + half)
-        if not is_any_heading(now.heading_std, axis.unit):
-            heading = Interval(NORMAL_95 * now.heading_std)
-    found.append(Figure("bias", axis.unit, bias))
+    of, now = scales(axis.unit), axis.now
+    its, heading = quantities(axis.unit, axis.result.level, axis.allan, now), Interval()
+    wanted = {
+        "N": its.N.to(of.N.unit),
+        "K": its.K.to(of.K.unit),
+        "B": its.B.to(of.B.unit),
+        "bias": its.bias,
+    }
+    found = [Figure(name, one.unit, one.interval, one.at_most) for name, one in wanted.items()]
+    if now is not None and not is_any_heading(now.heading_std, axis.unit):
+        heading = Interval(NORMAL_95 * now.heading_std)
     found.append(Figure(f"± after {SAID_S:g} s", integral(axis.unit), heading))
     return found
 
@@ -238,11 +231,3 @@ def _high(one: Interval) -> float:
 
 def _half(one: Interval) -> float:
     return (_high(one) - _low(one)) / 2
-
-
-def _times(one: Interval, factor: float) -> Interval:
-    return Interval(*(_product(end, factor) for end in (one.value, one.low, one.high)))
-
-
-def _product(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor
