@@ -4,16 +4,21 @@ Nothing is made of a recording that is marked bad: what reads these files sees n
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
+from fltea.cli.output import say
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import AXES
 
 if TYPE_CHECKING:
-    from fltea.identification.axis_report import FileReport
+    from fltea.documents.imu_yaml import Inflation
+    from fltea.identification.axis_report import AxisReport, FileReport
+
+Inflate = tuple[float, float] | Literal["auto"]
+"""Factors of noise densities and of random walks, or those that the recording itself asks for."""
 
 
 class Files(NamedTuple):
@@ -23,7 +28,7 @@ class Files(NamedTuple):
     yaml: Path | None
     navigation: Path | None
     allan: Path | None
-    inflation: tuple[float, float]
+    inflation: Inflate
 
     @property
     def flags(self) -> list[str]:
@@ -37,8 +42,8 @@ class Files(NamedTuple):
         return [flag for flag, path in named.items() if path is not None]
 
 
-def parse_inflation(text: str | None, wanted: object) -> tuple[float, float]:
-    """Return the factors of `10` or `5,10`: of noise densities and of random walks; 1 of None.
+def parse_inflation(text: str | None, wanted: object) -> Inflate:
+    """Return the factors of `10` or `5,10`: of noise densities and of random walks; 1 of None. Or `auto`.
 
     Raises:
         UsageError: they are no numbers, or below 1, or nothing is wanted that has them.
@@ -47,13 +52,17 @@ def parse_inflation(text: str | None, wanted: object) -> tuple[float, float]:
         return 1.0, 1.0
     if wanted is None:
         raise UsageError("--inflate is for --imu-yaml and --for: give one of them.")
+    if text == "auto":
+        return "auto"
     first, comma, second = text.partition(",")
     try:
         density, walk = float(first), float(second if comma else first)
     except ValueError:
         density = walk = 0.0
     if not (1 <= density < math.inf and 1 <= walk < math.inf):
-        raise UsageError(f"--inflate {text}: give one factor, 1 or more, such as 10, or two, such as 5,10.")
+        raise UsageError(
+            f"--inflate {text}: give one factor, 1 or more, such as 10, or two, such as 5,10; or auto."
+        )
     return density, walk
 
 
@@ -82,15 +91,20 @@ def parse_program(text: str) -> tuple[str, float | None]:
     return name, seconds
 
 
-def lines_for(
-    report: "FileReport", program: str, up_to_s: float | None, inflation: tuple[float, float]
-) -> str:
+def _inflation(inflate: Inflate, axes: "Mapping[str, AxisReport]", up_to_s: float) -> "Inflation":
+    from fltea.documents.imu_yaml import Inflation
+    from fltea.identification.inflation import own_inflation
+
+    return own_inflation(axes, up_to_s) if inflate == "auto" else Inflation(*inflate)
+
+
+def lines_for(report: "FileReport", program: str, up_to_s: float | None, inflate: Inflate) -> str:
     """Return what a program takes of a recording's noise.
 
     Raises:
         FlteaError: no axis was identified, or the data are bad.
+        UsageError: the recording is too short to tell how much its figures have to be inflated.
     """
-    from fltea.documents.imu_yaml import Inflation
     from fltea.documents.programs import programs, written
     from fltea.identification.axis_report import AxisReport
     from fltea.identification.filter_figures import UP_TO_S, filter_figures
@@ -101,10 +115,11 @@ def lines_for(
         raise report.failure or FlteaError("--for: no axis was identified.")
     for error in withheld(report, [f"--for {program}"], []):
         raise error
+    inflation = _inflation(inflate, axes, up_to_s or UP_TO_S)
     figures = {name: filter_figures(axis, up_to_s or UP_TO_S) for name, axis in axes.items()}
     gyro, accel = by_sensor(figures)
     rate_hz = report.recording.hello.rate_hz
-    return written(programs()[program], gyro, accel, rate_hz, report.name, Inflation(*inflation))
+    return written(programs()[program], gyro, accel, rate_hz, report.name, inflation)
 
 
 def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str]) -> Iterator[FlteaError]:
@@ -135,10 +150,12 @@ def write(report: "FileReport", files: Files) -> None:
 
     Raises:
         FlteaError: one cannot be written, or what it needs was not found.
+        UsageError: the recording is too short to tell how much its figures have to be inflated.
     """
-    from fltea.documents.imu_yaml import Inflation, imu_yaml
+    from fltea.documents.imu_yaml import imu_yaml
     from fltea.identification import allan_file, model_file, navigation_file
     from fltea.identification.axis_report import AxisReport
+    from fltea.identification.filter_figures import UP_TO_S
     from fltea.identification.kalibr import axis_noise
 
     axes = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
@@ -155,6 +172,9 @@ def write(report: "FileReport", files: Files) -> None:
     if files.yaml is not None:
         if not axes:
             raise FlteaError("--imu-yaml: no axis was identified.")
+        inflation = _inflation(files.inflation, axes, UP_TO_S)
+        for reason in inflation.reasons:
+            say(f"fltea: inflated {reason}")
         noises = {name: axis_noise(axis) for name, axis in axes.items()}
         gyro, accel = model_file.by_sensor(noises)
         text = imu_yaml(
@@ -163,7 +183,7 @@ def write(report: "FileReport", files: Files) -> None:
             report.name,
             accel=accel,
             rostopic=report.recording.topic or "/imu0",
-            inflation=Inflation(*files.inflation),
+            inflation=inflation,
         )
         model_file.write_text(files.yaml, text)
     if files.navigation is not None:

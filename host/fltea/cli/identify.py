@@ -113,9 +113,10 @@ def identify(
     inflate: Annotated[
         str | None,
         typer.Option(
-            metavar="X|X,Y",
+            metavar="X|X,Y|auto",
             help="--imu-yaml and --for: multiply noise densities by X, and random walks by Y (else X). 5 to "
-            "20 is common, for errors that only motion shows.",
+            "20 is common, for errors that only motion shows. auto: each axis by what its own recording asks "
+            "for, so that the forecast of its first half holds in the second; includes --forecast.",
         ),
     ] = None,
     for_program: Annotated[
@@ -261,7 +262,7 @@ def identify(
         chosen.accel,
         details=as_json or details or report is not None,  # the answer says nothing of it
         figures=report is not None,
-        forecast=ahead,
+        forecast=ahead or inflation == "auto",
         live=chosen.live,
     )
     reports = _run(requests, by, jobs, dask)

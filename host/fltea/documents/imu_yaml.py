@@ -3,7 +3,8 @@
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from textwrap import wrap
 from typing import NamedTuple
 
 from fltea.records.version import __version__
@@ -35,9 +36,24 @@ class Inflation(NamedTuple):
 
     density: float
     random_walk: float
+    of_axes: Mapping[str, float] = {}
+    """Axes with a factor of their own, for densities and walks alike."""
+    reasons: Sequence[str] = ()
+    """What the factors of these axes are for, in sentences."""
+
+    def densities(self, axes: Iterable[str]) -> dict[str, float]:
+        """Return the factor of the noise density of each axis."""
+        return {axis: self.of_axes.get(axis, self.density) for axis in axes}
+
+    def walks(self, axes: Iterable[str]) -> dict[str, float]:
+        """Return the factor of the random walk of each axis."""
+        return {axis: self.of_axes.get(axis, self.random_walk) for axis in axes}
 
 
 AS_MEASURED = Inflation(1.0, 1.0)
+
+WIDTH = 100
+"""Of comments."""
 
 NOT_ANALYSED = "the accelerometer was not analysed"
 
@@ -58,7 +74,6 @@ def imu_yaml(
     """
     forces = accel or {}
     without = NOT_ANALYSED if not forces else ""
-    density, walk = inflation
     what = "Noise" if forces else "Gyroscope noise"
     lines = [
         f"# {what} by fltea {__version__} from {' '.join(source.split())}",
@@ -69,14 +84,28 @@ def imu_yaml(
             "accelerometer_noise_density",
             {a: n.N for a, n in forces.items()},
             "m/s^2/sqrt(Hz)",
-            density,
+            inflation.densities(forces),
             without,
         ),
         *_entry(
-            "accelerometer_random_walk", {a: n.K for a, n in forces.items()}, "m/s^3/sqrt(Hz)", walk, without
+            "accelerometer_random_walk",
+            {a: n.K for a, n in forces.items()},
+            "m/s^3/sqrt(Hz)",
+            inflation.walks(forces),
+            without,
         ),
-        *_entry("gyroscope_noise_density", {a: n.N for a, n in gyro.items()}, "rad/s/sqrt(Hz)", density),
-        *_entry("gyroscope_random_walk", {a: n.K for a, n in gyro.items()}, "rad/s^2/sqrt(Hz)", walk),
+        *_entry(
+            "gyroscope_noise_density",
+            {a: n.N for a, n in gyro.items()},
+            "rad/s/sqrt(Hz)",
+            inflation.densities(gyro),
+        ),
+        *_entry(
+            "gyroscope_random_walk",
+            {a: n.K for a, n in gyro.items()},
+            "rad/s^2/sqrt(Hz)",
+            inflation.walks(gyro),
+        ),
         f"{'update_rate:':<29}{rate_hz:.6g}  # Hz",
         f"{'rostopic:':<29}{_plain(rostopic)}",
     ]
@@ -91,6 +120,8 @@ def _about(inflation: Inflation) -> list[str]:
             "# vibration, which Kalibr and VINS have no terms for: users write 5 to 20 times as much",
             "# (fltea identify --inflate 10).",
         ]
+    if inflation.reasons:
+        return [f"# {line}" for said in inflation.reasons for line in wrap(f"Inflated: {said}", WIDTH)]
     return [
         f"# Inflated: noise densities {inflation.density:g} times and random walks "
         f"{inflation.random_walk:g} times what was measured at rest.",
@@ -100,15 +131,20 @@ def _about(inflation: Inflation) -> list[str]:
 
 
 def _entry(
-    key: str, found: Mapping[str, Shown], unit: str, factor: float, without: str = "no axis was analysed"
+    key: str,
+    found: Mapping[str, Shown],
+    unit: str,
+    factors: Mapping[str, float],
+    without: str = "no axis was analysed",
 ) -> list[str]:
-    """Return the largest figure of the axes, in rad where the unit is one of angles, and its axis."""
+    """Return the largest figure of the axes, times its factor, in rad where the unit is one of angles."""
     scale = math.radians(1.0) if unit.startswith("rad") else 1.0
     known = {axis: one.value for axis, one in found.items() if one.value is not None}
     if not known:
         reasons = [*dict.fromkeys(one.remark for one in found.values()), *_at_most(found, scale)]
         return [f"# {key}:  # {unit}; not known: {'; '.join(filter(None, reasons)) or without}"]
-    worst = max(known, key=lambda axis: known[axis])
+    worst = max(known, key=lambda axis: factors[axis] * known[axis])
+    factor = factors[worst]
     unknown = [axis for axis in found if axis not in known]
     remarks = [f"of {worst}", f"not known of {', '.join(unknown)}" if unknown else "", found[worst].remark]
     value = scale * known[worst]

@@ -10,13 +10,11 @@ from typing import Literal, NamedTuple
 
 import msgspec
 
-from fltea.documents.imu_yaml import Inflation, Shown
+from fltea.documents.imu_yaml import AS_MEASURED, WIDTH, Inflation, Shown
 from fltea.records.version import __version__
 
 Figure = Literal["N", "K", "sigma", "tau", "B"]
 Sensor = Literal["gyro", "accel"]
-WIDTH = 100
-"""Of comments."""
 WALKS = "K", "sigma"
 """Figures that inflation of random walks multiplies."""
 
@@ -127,8 +125,10 @@ def written(
     """
     said = [f"{program.title}: noise at rest by fltea {__version__} from {' '.join(source.split())}"]
     said.append(" ".join(program.about))
-    if inflation != Inflation(1.0, 1.0):
-        density, walk = inflation
+    if inflation.reasons:
+        said += [f"Inflated: {reason}" for reason in inflation.reasons]
+    elif inflation != AS_MEASURED:
+        density, walk = inflation.density, inflation.random_walk
         said.append(f"Inflated: densities {density:g} times, walks {walk:g} times what was measured.")
     said += [f"{name}: {one.said}" for name, one in {**gyro, **accel}.items() if one.said]
     lines = [f"{program.comment} {line}" for text in said for line in wrap(text, WIDTH)]
@@ -153,12 +153,12 @@ def _lines(
 ) -> Iterator[str]:
     """Yield the line of a parameter, or why it is not known; shown: the figure of each axis."""
     known = {name: one.value for name, one in shown.items() if one.value is not None}
-    factor = inflation.random_walk if entry.figure in WALKS else 1.0
-    factor = inflation.density if entry.figure == "N" else factor
+    factors = inflation.walks(shown) if entry.figure in WALKS else dict.fromkeys(shown, 1.0)
+    factors = inflation.densities(shown) if entry.figure == "N" else factors
     to_si = math.radians(1.0) if entry.sensor == "gyro" and entry.figure != "tau" else 1.0
 
-    def its(value: float) -> float:
-        return entry.value(factor * to_si * value, rate_hz, program.step_s)
+    def its(name: str, value: float) -> float:
+        return entry.value(factors[name] * to_si * value, rate_hz, program.step_s)
 
     if not known:
         yield f"{program.comment} {entry.name} [{entry.unit}] is not known: {_why(entry, shown, its)}"
@@ -166,7 +166,7 @@ def _lines(
     if entry.each:
         bounds = {name: one.at_most for name, one in shown.items() if name not in known}
         usable = known | {name: one or max(known.values()) for name, one in bounds.items()}
-        values = [its(usable[name]) for name in _three(list(shown))]
+        values = [its(name, usable[name]) for name in _three(list(shown))]
         value, of = f"[{', '.join(f'{one:.6e}' for one in values)}]", ", ".join(_three(list(shown)))
         remarks = [shown[name].remark for name in known]
         for name, bound in bounds.items():
@@ -174,8 +174,8 @@ def _lines(
                 f"{name}: not known, {'the worst of the others' if bound is None else 'at most this'}"
             )
     else:
-        name = max(known, key=lambda one: known[one])
-        value, of, remarks = f"{its(known[name]):.6e}", name, [shown[name].remark]
+        name = max(known, key=lambda one: its(one, known[one]))
+        value, of, remarks = f"{its(name, known[name]):.6e}", name, [shown[name].remark]
     said = "; ".join(dict.fromkeys(filter(None, [f"{entry.unit}, of {of}", *remarks])))
     yield program.line.format(name=entry.name, value=value, note=f"{program.comment} {said}")
 
@@ -186,11 +186,11 @@ def _three(names: Sequence[str]) -> list[str]:
     return [name or names[0] for name in found]
 
 
-def _why(entry: Entry, shown: Mapping[str, Shown], its: Callable[[float], float]) -> str:
+def _why(entry: Entry, shown: Mapping[str, Shown], its: Callable[[str, float], float]) -> str:
     if not shown:
         return f"the {'gyroscope' if entry.sensor == 'gyro' else 'accelerometer'} was not analysed"
     reasons = list(filter(None, (one.remark for one in shown.values())))[:1]
-    bounds = [one.at_most for one in shown.values() if one.at_most is not None]
+    bounds = [its(name, one.at_most) for name, one in shown.items() if one.at_most is not None]
     if bounds:
-        reasons.append(f"at most {its(max(bounds)):.2e}, with 95 % probability")
+        reasons.append(f"at most {max(bounds):.2e}, with 95 % probability")
     return "; ".join(reasons) or "no axis shows it"

@@ -37,6 +37,8 @@ GROWTH = 1.1
 """What is known of x is found again for a rest that is so much longer."""
 LEARNT = 4
 """The first half's own pieces begin at this part of it."""
+HELD = 0.95
+"""The share of pieces that a band of 95 % has to hold."""
 MANY = 20
 """Pieces without which their tails are those of shorter ones."""
 NORMAL_TAILS = 3.0
@@ -59,6 +61,8 @@ class Piece(msgspec.Struct, frozen=True):
     deviations: float
     """by which the mean square over that said is off, as a normal one"""
     fails: bool
+    needed: float
+    """how many times as wide the band has to be for 95 % to be inside"""
 
 
 class BiasPiece(msgspec.Struct, frozen=True):
@@ -143,6 +147,12 @@ class Errors(NamedTuple):
         return float((self.squares <= NORMAL_95**2).mean())
 
     @property
+    def needed(self) -> float:
+        """How many times as wide the band of 95 % has to be, at least, for 95 % to be inside."""
+        ranked = np.sort(np.sqrt(self.squares))
+        return float(ranked[math.ceil(len(ranked) * HELD) - 1]) / NORMAL_95
+
+    @property
     def rms(self) -> tuple[float, float]:
         """That said, and that seen."""
         return math.sqrt(float((self.said**2).mean())), math.sqrt(float((self.seen**2).mean()))
@@ -179,7 +189,7 @@ def judged(model: Learned, y: Array, begin: int, h: float) -> Judgement:
             figures.append((*its.rms, its.within, deviations, abs(deviations) > most))
         std, pieces = one.bias.std(now), len(errors[0].seen)
         noise = math.sqrt(max(one.mean_std(model.system, now, h) ** 2 - std**2, 0.0))
-        headings.append(Piece(times[k], pieces, *figures[0]))
+        headings.append(Piece(times[k], pieces, *figures[0], errors[0].needed))
         biases.append(BiasPiece(times[k], pieces, std, noise, *figures[1]))
     return Judgement(tuple(headings), tuple(biases))
 

@@ -1,0 +1,114 @@
+"""By how much the figures of an axis have to be larger, for its own recording to go as they foretell (pure).
+
+The model of the first half foretells how far the heading goes in the second (`forecast_judge`). Where it goes
+further, by more than chance, the figures of the whole recording get a factor. One on white noise and walks
+alike is the same factor on the heading's standard deviation, so the least with which a band of 95 % holds
+what was seen is read from the pieces of the second half, at each time that has enough of them.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from fltea.documents.imu_yaml import Inflation
+from fltea.identification.axis_report import AxisReport
+from fltea.identification.forecast import Forecast
+from fltea.identification.forecast_judge import MANY, TIMES_S, Piece
+from fltea.identification.load import GYRO_UNIT
+from fltea.records.errors import UsageError
+from fltea.spectrum.wording import duration
+
+LEAST_S = 10.0
+"""A shorter time says nothing of walks: nearly all of its heading is white noise."""
+
+
+def own_inflation(axes: Mapping[str, AxisReport], up_to_s: float) -> Inflation:
+    """Return the factor of each axis, with sentences on what it is for. The axes have forecasts.
+
+    up_to_s: the time for which the heading is to hold. A time counts that has `MANY` pieces or more.
+
+    Raises:
+        UsageError: the second half of an axis is too short to tell, or nothing was foretold of it.
+    """
+    factors: dict[str, float] = {}
+    said: dict[str, list[str]] = {}
+    for name, axis in axes.items():
+        found = _forecast(name, axis)
+        counted, others = _counted(name, found, up_to_s)
+        exceeded = [one for one in counted if _is_exceeded(one)]
+        factors[name] = _two_digits(max((1.0, *(_factor(one, found) for one in exceeded))))
+        text = _why(axis.unit, factors[name], counted[-1].t_s, is_exceeded=bool(exceeded))
+        text += _of_longer(factors[name], counted[-1].t_s, up_to_s, others, found)
+        said.setdefault(text, []).append(name)
+    return Inflation(1.0, 1.0, factors, tuple(f"{', '.join(names)}: {text}" for text, names in said.items()))
+
+
+def _forecast(name: str, axis: AxisReport) -> Forecast:
+    if axis.forecast is None or not axis.forecast.judged_made_of:
+        raise UsageError(
+            f"--inflate auto: {name}: no filter can work with its noise, or with that of its first half, so "
+            "nothing is foretold. Give a factor, such as 10."
+        )
+    return axis.forecast
+
+
+def _counted(name: str, found: Forecast, up_to_s: float) -> tuple[list[Piece], list[Piece]]:
+    """Return times that count, and longer ones, which have too few pieces."""
+    asked = [one for one in found.judged if one.t_s <= max(up_to_s, LEAST_S)]
+    counted = [one for one in asked if one.pieces >= MANY]
+    if not counted or counted[-1].t_s < LEAST_S:
+        raise UsageError(
+            f"--inflate auto: {name}: to tell takes {MANY} pieces of {LEAST_S:g} s in the second half of the "
+            f"longest rest without a break. Record for {duration(_takes_s(LEAST_S))} or longer, or give a "
+            "factor, such as 10."
+        )
+    return counted, asked[len(counted) :]
+
+
+def _takes_s(t_s: float) -> float:
+    """Return how long a recording has to be for this time to count."""
+    return 2 * MANY * t_s
+
+
+def _is_exceeded(one: Piece) -> bool:
+    """Whether the heading goes further than foretold, by more than chance and what was left open."""
+    return one.fails and one.deviations > 0
+
+
+def _factor(one: Piece, found: Forecast) -> float:
+    """Return the factor on the figures of the whole recording, which describe some of the second half."""
+    return one.needed * one.said / found.heading_std[found.t_s.index(one.t_s)]
+
+
+def _two_digits(factor: float) -> float:
+    """Return the least number of two digits that is not below."""
+    step = 10.0 ** (math.floor(math.log10(factor)) - 1)
+    return float(f"{math.ceil(factor / step - 1e-9) * step:.2g}")
+
+
+def _why(unit: str, factor: float, held_s: float, *, is_exceeded: bool) -> str:
+    of = "heading" if unit == GYRO_UNIT else "velocity"
+    if not is_exceeded:
+        return f"times 1: the first half's 95 % band of the {of} held in the second, for up to {held_s:g} s."
+    if factor == 1:
+        return (
+            f"times 1: the {of} of the second half went beyond the first half's 95 % band, but not beyond "
+            f"that of the whole recording, for up to {held_s:g} s."
+        )
+    return (
+        f"times {factor:g}: the {of} of the second half went beyond the first half's 95 % band. With this "
+        f"factor it holds, for up to {held_s:g} s: it is for what the model does not describe."
+    )
+
+
+def _of_longer(factor: float, held_s: float, up_to_s: float, others: Sequence[Piece], found: Forecast) -> str:
+    """Return what is not told of longer times, up to that for which the heading is to hold."""
+    longest = max(one for one in TIMES_S if one <= max(up_to_s, LEAST_S))
+    if held_s >= longest:
+        return ""
+    said = f" To tell of {longest:g} s takes a recording of {duration(_takes_s(longest))}"
+    wanted = {one.t_s: _factor(one, found) for one in others if _is_exceeded(one)}
+    worst = max(wanted, key=lambda t_s: wanted[t_s], default=None)
+    if worst is None or wanted[worst] <= factor:
+        return f"{said}."
+    few = next(one.pieces for one in others if one.t_s == worst)
+    return f"{said}; the {few} pieces of {worst:g} s here, too few to count, want {wanted[worst]:.2g}."
