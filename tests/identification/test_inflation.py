@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from types import SimpleNamespace
+from typing import NamedTuple
 
 import fltea
 import numpy as np
@@ -43,17 +43,20 @@ def test_a_right_model_gets_no_factor_and_a_drift_gets_one() -> None:
     assert all("what the model does not describe" in one.reasons[0] for one in drifting)
 
 
+class Axis(NamedTuple):
+    unit: str
+    forecast: Forecast | None
+
+
 def piece(t_s: float, pieces: int, needed: float, deviations: float = 9.0, said: float = 0.01) -> Piece:
     return Piece(t_s, pieces, said, said * needed, 0.8, deviations, abs(deviations) > 3, needed)
 
 
-def axis(
-    *pieces: Piece, whole: float = 0.01, unit: str = "deg/s", judged: str = "white noise"
-) -> SimpleNamespace:
+def axis(*pieces: Piece, whole: float = 0.01, unit: str = "deg/s", judged: str = "white noise") -> Axis:
     """Return an axis of which this was foretold and seen; whole: what the whole recording foretells."""
     times = tuple(one.t_s for one in pieces)
     found = Forecast(times, (whole,) * len(times), pieces, (), "white noise", judged, "")
-    return SimpleNamespace(forecast=found, unit=unit)
+    return Axis(unit, found)
 
 
 def test_the_time_that_wants_most_counts_if_it_has_enough_pieces() -> None:
@@ -86,7 +89,7 @@ def test_a_record_that_is_too_short_or_has_no_model_is_told() -> None:
     for short in (axis(), axis(piece(1.0, 300, 1.0), piece(10.0, 19, 1.0))):
         with pytest.raises(UsageError, match=r"gyro_x: .* 20 pieces of 10 s .* Record for 7 min or longer"):
             own_inflation({"gyro_x": short}, 60.0)
-    for none in (axis(judged=""), SimpleNamespace(forecast=None, unit="deg/s")):
+    for none in (axis(judged=""), Axis("deg/s", None)):
         with pytest.raises(UsageError, match="nothing is foretold"):
             own_inflation({"gyro_x": none}, 60.0)
 

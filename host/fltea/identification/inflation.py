@@ -8,9 +8,9 @@ what was seen is read from the pieces of the second half, at each time that has 
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 from fltea.documents.imu_yaml import Inflation
-from fltea.identification.axis_report import AxisReport
 from fltea.identification.forecast import Forecast
 from fltea.identification.forecast_judge import MANY, TIMES_S, Piece
 from fltea.identification.load import GYRO_UNIT
@@ -21,7 +21,19 @@ LEAST_S = 10.0
 """A shorter time says nothing of walks: nearly all of its heading is white noise."""
 
 
-def own_inflation(axes: Mapping[str, AxisReport], up_to_s: float) -> Inflation:
+class Foretold(Protocol):
+    """An axis whose second half judged the model of its first."""
+
+    @property
+    def unit(self) -> str:
+        """Of its samples."""
+
+    @property
+    def forecast(self) -> Forecast | None:
+        """None if nothing could be foretold."""
+
+
+def own_inflation(axes: Mapping[str, Foretold], up_to_s: float) -> Inflation:
     """Return the factor of each axis, with sentences on what it is for. The axes have forecasts.
 
     up_to_s: the time for which the heading is to hold. A time counts that has `MANY` pieces or more.
@@ -42,7 +54,7 @@ def own_inflation(axes: Mapping[str, AxisReport], up_to_s: float) -> Inflation:
     return Inflation(1.0, 1.0, factors, tuple(f"{', '.join(names)}: {text}" for text, names in said.items()))
 
 
-def _forecast(name: str, axis: AxisReport) -> Forecast:
+def _forecast(name: str, axis: Foretold) -> Forecast:
     if axis.forecast is None or not axis.forecast.judged_made_of:
         raise UsageError(
             f"--inflate auto: {name}: no filter can work with its noise, or with that of its first half, so "
