@@ -18,12 +18,12 @@ OTHERS = {
     "records/plus_minus.py": (4, "the place where it is made"),
     "archive/info.py": (1, RANGE),
     "cli/app.py": (1, RANGE),
-    "cli/identify.py": (6, f"a band of frequencies; {TARGET}"),
+    "cli/identify.py": (7, f"a band of frequencies; {TARGET}"),
     "fleet/page.js": (1, "1.96 σ, as in the code before it"),
     "identification/comparison.py": (3, "half of a 95 % interval"),
     "identification/data_sheet.py": (2, RANGE),
     "identification/findings.py": (1, SIGN),
-    "identification/forecast.py": (2, TARGET),
+    "identification/forecast.py": (3, TARGET),
     "identification/traps.py": (3, RANGE),
     "lab/reproduce/open_choices.py": (2, RANGE),
     "lab/reproduce/scenarios.py": (1, RANGE),
@@ -31,8 +31,8 @@ OTHERS = {
     "recording/bag_names.py": (1, SIGN),
     "recording/which_sensor.py": (2, "σ, as its heading says"),
     "sinks/page/answer.py": (2, TARGET),
-    "sinks/page/facts.py": (2, RANGE),
-    "sinks/page/page.js": (3, "a kind of column"),
+    "sinks/page/facts.py": (3, f"{RANGE}; 1.96 σ, as in the code before it"),
+    "sinks/page/page.js": (4, "a kind of column"),
     "sinks/table.py": (2, f"{RANGE}; {TARGET}"),
     "sources/i2c/source.py": (1, BOUND),
     "sources/i2c/texts.py": (1, BOUND),
@@ -75,7 +75,7 @@ def test_the_pages_write_95_percent() -> None:
     )
     assert "half = 1.96 * std" in fleet
     assert "NORMAL_95 = 1.96" in page
-    assert "sign * NORMAL_95 * kept[`${y}_std`]" in page
+    assert "sign * NORMAL_95 * columns[`${name}_std`]" in page
 
 
 def test_what_stands_behind_it() -> None:

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from fltea.api._html import curves_of, page
-from fltea.documents.curves import HEIGHT, WIDTH
+from fltea.documents.chart import HEIGHT, WIDTH
 from fltea.records.fit import FittedAxis
 from fltea.records.whole_file import whole_file
 
