@@ -197,7 +197,7 @@ def test_of_a_refused_recording_there_is_no_report(name: str, recording: Path, t
     page = (out / "report.html").read_text()
     assert f"<h2>{recording}</h2>" in page
     assert name in page
-    assert len(list(out.glob("rest_gyro_x_*.png"))) == len(list(out.glob("*.png"))) > 0
+    assert len(list(out.glob("rest_gyro_x_*.svg"))) == len(list(out.glob("*.svg"))) > 0
 
 
 @pytest.mark.parametrize(
