@@ -201,7 +201,7 @@ def test_table_off_a_terminal_is_printed_once_at_the_end(width: int) -> None:
     assert (result.returncode, result.stderr) == (0, "")
     assert result.stdout.count("synthetic:?n=700") == 1
     assert "\x1b" not in result.stdout
-    for part in ("state [deg/s]", "bias [deg/s]", "f [s^-α]", "sample 699  delivered 700  lost 0"):
+    for part in ("state [deg/s]", "; bias ", "f [s^-α]", "sample 699  delivered 700  lost 0"):
         assert part in result.stdout
     for axis in ("gyro_x", "gyro_y", "gyro_z"):
         number = r"\s+[+-]?\d+\.\d+"

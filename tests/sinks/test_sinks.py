@@ -13,6 +13,7 @@ import example_records
 import msgspec
 import pytest
 from blocks import as_items
+from dashboard_support import told
 from example_records import GOOD, INVALID, axis_estimate
 from fit_support import FRACTIONAL, UNDECIDED, WHITE
 from fltea.records.ports import Printed, SinkClosed, Wanted
@@ -29,6 +30,7 @@ from fltea.records.records import (
     Sample,
 )
 from fltea.sinks.ndjson import BUFFER, NdjsonSink
+from fltea.sinks.page.axis_sentence import answer_of, axis_sentence
 from fltea.sinks.table import BARS, TREND_WIDTH, PipedConsole, TableSink, sparkline
 from host_support import hello, strict_records
 from hypothesis import given
@@ -294,22 +296,20 @@ def test_axis_that_is_not_valid_keeps_its_trend_and_shows_no_number() -> None:
 
 
 @WIDTHS
-def test_the_fit_of_each_axis_stands_in_words_with_its_intervals_and_how_long_yet(width: int) -> None:
+def test_each_axis_stands_in_the_sentence_that_the_page_has(width: int) -> None:
     agreeing = [msgspec.structs.replace(FIT, samples=samples) for samples in (1000, 1200, 1400, 1600)]
-    text = shown(HELLO, *agreeing, estimate(), width=width)
-    lines = [line.strip() for line in text.splitlines()]
-    rows = {line.split()[0]: line for line in reversed(lines) if line.startswith("gyro_")}
-    assert "0.234 ± 0.024" in rows["gyro_x"]
-    assert "bias [deg/s]" in text
-    assert "Fractional" in rows["gyro_x"]
-    assert "0.80 (0.76 to 0.85)" in rows["gyro_x"]
-    assert ("-1.0 (-1.3 to -0.8)" in rows["gyro_x"].replace("\u2212", "-")) == (width >= 96)
-    assert "α ± 0.05 in" in text
-    assert ("f [s^-α], 95 %" in text) == (width >= 96)
-    assert rows["gyro_x"].split()[-1] == "reached"
-    assert rows["gyro_y"].rstrip().endswith("about 10 min")
-    assert rows["gyro_z"].split()[:3] == ["gyro_z", "White", "noise:"]
-    assert rows["gyro_z"].split()[-1] == "–"
+    text = " ".join(shown(HELLO, *agreeing, estimate(), width=width).split())
+    history = told([HELLO, EPOCH, *agreeing, estimate()])
+    for name in ("gyro_x", "gyro_y", "gyro_z"):
+        answer = answer_of(history.fits, history.stats, name)
+        words = "".join(axis_sentence(answer, history.fits, history.stats, history.newest.get(name), name))
+        assert f"{name} {words}" in text
+    assert (
+        "gyro_x Fractional: α = 0.80 (0.76 … 0.85), f = −1.0 (−1.3 … −0.8) s^−α; bias 0.234 ± 0.024" in text
+    )
+    assert "α ± 0.05: reached." in text
+    assert "α ± 0.05 in about 10 min." in text
+    assert "gyro_z White noise" in text
 
 
 @pytest.mark.parametrize(
@@ -319,7 +319,7 @@ def test_the_fit_of_each_axis_stands_in_words_with_its_intervals_and_how_long_ye
         ([HELLO], ["no estimate yet"], []),
         ([HELLO, EPOCH, STATS], ["start-up window: 123 samples to go"], []),
         ([HELLO, estimate(), EPOCH], ["no estimate yet"], ["0.412"]),
-        ([HELLO, FIT, EPOCH], [], ["Fractional"]),
+        ([HELLO, FIT, EPOCH], ["Fractional"], []),  # of the same sensor, until the next one
         ([HELLO, estimate(), EPOCH, estimate()], [BARS[0]], []),
         ([estimate(gyro_x=WITHOUT_STD)], ["0.412"], ["0.412 ±", "None"]),
         # rich takes [bold] and [5 s] for markup unless told otherwise

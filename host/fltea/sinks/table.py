@@ -4,16 +4,13 @@ import time
 from collections import deque
 from collections.abc import Sequence
 
-from rich import box
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
 from fltea.records.block import Block
-from fltea.records.device_fit import DeviceAxisFit
 from fltea.records.events import Reads, TransportEvent
-from fltea.records.fit import AxisFit
 from fltea.records.plus_minus import angle_within, plus_minus
 from fltea.records.ports import Item, Printed, Sink, SinkClosed
 from fltea.records.records import (
@@ -34,19 +31,16 @@ from fltea.records.records import (
 from fltea.records.visible import visible
 from fltea.sinks import table_of_device
 from fltea.sinks.changes import MOVES, sentence, time_of
-from fltea.sinks.page.answer import WITH_ORDER, answer
-from fltea.sinks.page.fits import TimeToTell
+from fltea.sinks.page.axis_sentence import answer_of, axis_sentence
+from fltea.sinks.page.fits import Fits
 from fltea.sinks.table_of_device import grid
-from fltea.sinks.words import about, duration, figure
+from fltea.sinks.words import duration, figure
 
 REFRESH_S = 0.2
 TREND_WIDTH = 24
 TREND_STEP_NS = 10**9
 WIDE_COLUMNS = 135
 """Width from which trends have room next to the numbers; else they stand below."""
-
-F_COLUMNS = 96
-"""Width from which the interval of f has room next to that of α."""
 
 BARS = "▁▂▃▄▅▆▇█"
 WHITE_NOTES = {
@@ -132,10 +126,8 @@ class DeviceView:
         self._hello: Hello | None = None
         self._epoch: Epoch | None = None
         self._newest: Estimate | Block | None = None
-        self._fit: Fit | None = None
-        self._time_to_tell: dict[str, TimeToTell] = {}
+        self._fits = Fits()
         self._of_device: DeviceEstimates | None = None
-        self._device_fits: dict[str, DeviceAxisFit] = {}
         self._stats: Stats | None = None
         self._events: deque[str] = deque(maxlen=4)
         self._trends: dict[str, tuple[deque[float], deque[float]]] = {}
@@ -154,8 +146,9 @@ class DeviceView:
             case Hello():
                 self._hello = record
             case Epoch():
-                self._epoch, self._newest, self._of_device, self._fit = record, None, None, None
-                self._trends, self._trend_ns, self._device_fits = {}, 0, {}
+                self._epoch, self._newest, self._of_device = record, None, None
+                self._trends, self._trend_ns = {}, 0
+                self._fits.begin()
                 self._events.append(f"epoch {record.epoch} begins at sample {record.seq}: {record.reason}")
             case Estimate() | Block():
                 self._newest = record
@@ -163,12 +156,9 @@ class DeviceView:
             case DeviceEstimates():
                 self._of_device = record
             case DeviceFits():
-                self._device_fits |= record.axes
+                self._fits.take_device(record)
             case Fit():
-                self._fit = record
-                rate_hz = self._hello.rate_hz if self._hello else 100.0
-                for name, fit in record.axes.items():
-                    self._time_to_tell.setdefault(name, TimeToTell()).take(record.samples, rate_hz, fit)
+                self._fits.take(record, self._hello.rate_hz if self._hello else 100.0)
             case Gap():
                 self._events.append(f"gap: {record.missing} samples lost from number {record.seq}")
             case Step() | Motion():
@@ -197,16 +187,16 @@ class DeviceView:
         """The view, for a terminal of so many columns."""
         wide = width >= WIDE_COLUMNS
         lines: list[RenderableType] = [Text(self._head(), style="bold")]
-        if self._fit is not None or self._estimate is not None:
-            lines.append(self._answers(wide=width >= F_COLUMNS))
+        if self._fits.newest is not None or self._estimate is not None:
+            lines.append(self._answers())
         lines += self._headings() if wide else []
         lines.append(self._table(wide=wide))
         if not wide and self._estimate is not None:
             lines.append(self._rows_below(self._estimate))
         if self._of_device is not None:
             lines += table_of_device.estimates(self._of_device)
-        if self._device_fits:
-            lines.append(table_of_device.fits(self._device_fits))
+        if self._fits.device:
+            lines.append(table_of_device.fits(self._fits.device))
         return [*lines, Text(self._health()), *self.events()]
 
     def events(self) -> list[RenderableType]:
@@ -255,25 +245,16 @@ class DeviceView:
             )
         return table
 
-    def _answers(self, *, wide: bool) -> Table:
-        """What the noise of each axis is, its order where it has one, the bias now, and how long yet."""
-        fits = self._fit.axes if self._fit else {}
+    def _answers(self) -> Table:
+        """What is known of each axis, in the sentence that the page has."""
         known = self._estimate.axes if self._estimate else {}
-        targets = [fit.until_s.target for fit in fits.values() if fit.until_s]
-        table = Table(expand=False, box=box.SIMPLE_HEAD, pad_edge=False)
-        units = ", ".join(dict.fromkeys(_unit(axis) for axis in known.values()))
-        bias = f"bias [{units}]" if units else "bias"
-        for title in ("", "noise", "α, 95 %", *(["f [s^-α], 95 %"] if wide else []), bias):
-            table.add_column(Text(title), no_wrap=title != "noise")
-        if targets:
-            table.add_column(Text(f"α ± {targets[0]:g} in"))
-        for name in {**fits, **known}:
-            fit, axis = fits.get(name), known.get(name)
-            found = answer(fit)
-            alpha, f = ("" if p is None else p.text.replace("…", "to") for p in (found.alpha, found.f))
-            until = [] if not targets or fit is None else [_until(fit, self._time_to_tell[name].left_s)]
-            table.add_row(name, found.head, alpha, *([f] if wide else []), _bias_words(axis), *until)
-        return table
+        rows = Table.grid(padding=(0, 2))
+        rows.add_column(no_wrap=True)
+        for name in {**self._fits.axes, **known}:
+            found = answer_of(self._fits, self._stats, name)
+            head, rest = axis_sentence(found, self._fits, self._stats, known.get(name), name)
+            rows.add_row(name, Text.assemble((head, "bold"), rest))
+        return rows
 
     def _headings(self) -> list[RenderableType]:
         """How far the heading of each axis is off by time after a rest."""
@@ -324,22 +305,8 @@ class DeviceView:
         )
 
 
-def _bias_words(axis: AxisEstimate | None) -> str:
-    """The bias with its deviation; a dash where nothing is known."""
-    if axis is None or axis.bias is None:
-        return "–"
-    return plus_minus(axis.bias, axis.bias_std) + (", moving" if axis.moving else "")
-
-
 def _unit(axis: AxisEstimate) -> str:
     return axis.unit.replace("^2", "²")
-
-
-def _until(fit: AxisFit, left_s: float | None) -> str:
-    """How long it takes until the order is known well enough; empty where nobody can say."""
-    if fit.verdict not in WITH_ORDER or not fit.stable or fit.until_s is None or fit.until_s.seconds is None:
-        return ""
-    return "reached" if fit.until_s.seconds <= 0 else about(left_s) if left_s else ""
 
 
 def _rate(value: float | None) -> str:

@@ -17,6 +17,7 @@ from fltea.records.records import ACCEL_AXES, AXES, Fit
 from fltea.records.visible import visible, visible_lines
 from fltea.sinks.page import facts
 from fltea.sinks.page.answer import Answer, order
+from fltea.sinks.page.axis_sentence import answer_of
 from fltea.sinks.page.data_sheet import coefficients
 from fltea.sinks.page.history import DeviceHistory
 
@@ -69,7 +70,7 @@ def seen(history: DeviceHistory) -> Seen:
         when,
         fit,
         axes,
-        {axis: facts.answer_of(history, axis) for axis in axes},
+        {axis: answer_of(history.fits, history.stats, axis) for axis in axes},
         hello.rate_hz,
         ", ".join([*parts, f"until {when:%Y-%m-%d %H:%M:%S} UTC"]),
         facts.settings(history),

@@ -7,7 +7,6 @@ from fltea.documents.chart import SMALL, Curve, log_log
 from fltea.records.plus_minus import NORMAL_95, angle_within, plus_minus
 from fltea.records.records import (
     AXES,
-    AxisEstimate,
     Epoch,
     EstimatorInfo,
     Hello,
@@ -18,11 +17,10 @@ from fltea.records.records import (
 from fltea.records.stats import TrackerStats
 from fltea.records.units import MOST_DEG
 from fltea.records.visible import visible, visible_lines
-from fltea.sinks.changes import MOVES
 from fltea.sinks.changes import sentence as changed
 from fltea.sinks.page import facts_of_device
-from fltea.sinks.page.answer import Answer, answer, sentence
-from fltea.sinks.page.data_sheet import coefficients, density
+from fltea.sinks.page.axis_sentence import answer_of, axis_sentence, bias_words, heading, unit_of
+from fltea.sinks.page.data_sheet import coefficients
 from fltea.sinks.page.fits import Curves
 from fltea.sinks.page.happenings import EPOCH_WORDS
 from fltea.sinks.page.history import DeviceHistory
@@ -31,8 +29,6 @@ from fltea.sinks.words import Level, counted, duration, guard_words, quantity
 
 STALL_NS = 1_500_000_000
 SHOWN_EVENTS = 12
-SAID_S = 60
-"""After how many seconds the sentence says how far the heading is off."""
 SHOWN_STEPS = 3
 FAR_PPM = 20_000
 """No crystal is so far off."""
@@ -122,8 +118,8 @@ def axes(history: DeviceHistory) -> list[dict[str, Any]]:
 
 
 def _axis(history: DeviceHistory, name: str) -> dict[str, Any]:
-    found = answer_of(history, name)
-    head, rest = sentence(found, _level(history, name), _bias(history.newest.get(name), unit_of(name)))
+    found = answer_of(history.fits, history.stats, name)
+    head, rest = axis_sentence(found, history.fits, history.stats, history.newest.get(name), name)
     return {
         "name": name,
         "kind": found.kind,
@@ -134,28 +130,12 @@ def _axis(history: DeviceHistory, name: str) -> dict[str, Any]:
     }
 
 
-def _level(history: DeviceHistory, name: str) -> str:
-    """N, and of a gyroscope within what the heading is a minute after a rest, as far as they are known."""
-    allan = history.fits.curves.get(name, Curves()).allan
-    known = density(allan.N, name in AXES) if allan is not None and allan.N is not None else ""
-    std = heading(history, name).get(SAID_S) if name in AXES else None
-    ahead = "" if std is None or std > MOST_DEG else f"heading {angle_within(std)} after {SAID_S} s"
-    return ", ".join(part for part in (known, ahead) if part)
-
-
-def answer_of(history: DeviceHistory, name: str) -> Answer:
-    """What the fit of an axis says, in words."""
-    fits, off = history.fits, history.stats is not None and history.stats.fit_period_s is None
-    told = fits.time_to_tell.get(name)
-    return answer(fits.axes.get(name), told.left_s if told else None, off=off)
-
-
 def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
     """What else is known of an axis: behind its sentence, of the filter, and of the device's own estimates.
 
     window: the one that is shown.
     """
-    found = answer_of(history, name)
+    found = answer_of(history.fits, history.stats, name)
     allan = history.fits.curves[name].allan if name in history.fits.curves else None
     stats = history.stats.axes.get(name) if history.stats else None
     return {
@@ -182,7 +162,7 @@ def _running(history: DeviceHistory, name: str) -> list[list[str]]:
     state = "–" if estimate is None else f"{plus_minus(estimate.state, estimate.state_std)} {unit}"
     not_described = stats is not None and stats.describes_noise is False
     return [
-        ["bias", _bias(estimate, unit).removeprefix("bias ") or "–"],
+        ["bias", bias_words(estimate, unit).removeprefix("bias ") or "–"],
         ["state", state],
         ["model of the bias", tracker.model if tracker else "–"],
         ["its innovations, NIS", quantity(tracker.nis if tracker else None, "", 3)],
@@ -238,13 +218,6 @@ def marks(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
     return history.marks.within(name, end_ns - int(WINDOWS[window].length_s * 1e9), end_ns)
 
 
-def _bias(estimate: AxisEstimate | None, unit: str) -> str:
-    if estimate is None or estimate.bias is None:
-        return ""
-    moving = f", {MOVES}" if estimate.moving else ""
-    return f"bias {plus_minus(estimate.bias, estimate.bias_std)} {unit}{moving}".replace("-", "\u2212")
-
-
 def fitted(history: DeviceHistory) -> str:
     """Return a line that states of how many samples the newest fit is."""
     fit, hello = history.fits.newest, history.hello
@@ -263,7 +236,7 @@ def spectra(history: DeviceHistory) -> dict[str, str]:
 def curves(history: DeviceHistory, name: str) -> list[str]:
     """The figures of an axis that there are: spectrum, Allan deviation, and how far a heading will be off."""
     fit, found = history.fits.axes.get(name), history.fits.curves.get(name, Curves())
-    board, unit, ahead = history.fits.device_spectra.get(name), unit_of(name), heading(history, name)
+    board, unit, ahead = history.fits.device_spectra.get(name), unit_of(name), heading(history.stats, name)
     shown = []
     if found.spectrum is not None:
         crosses = (board.hz, board.density) if board else ((), ())
@@ -280,25 +253,14 @@ def curves(history: DeviceHistory, name: str) -> list[str]:
 
 def _headings(history: DeviceHistory, name: str) -> list[list[str]]:
     """After how long a rest, and within what the heading is so many seconds after it, with 95 %."""
-    rows = [[f"after {duration(t)}", angle_within(std)] for t, std in heading(history, name).items()]
+    rows = [[f"after {duration(t)}", angle_within(std)] for t, std in heading(history.stats, name).items()]
     rest_s = history.samples_of_epoch / history.rate_hz
     return [["rest so far", duration(rest_s)], *rows] if rows else []
-
-
-def heading(history: DeviceHistory, axis: str) -> dict[int, float]:
-    """How far the heading is off so many seconds after a rest; nothing before there is a model."""
-    found = history.stats.axes.get(axis) if history.stats else None
-    return found.tracker.heading_std if found and found.tracker else {}
 
 
 def infos(epoch: Epoch) -> list[EstimatorInfo]:
     """What the axes of an epoch are estimated with: those of the gyroscope, those of the accelerometer."""
     return [info for info in (epoch.estimator, epoch.accel_estimator) if info is not None]
-
-
-def unit_of(axis: str) -> str:
-    """Unit of an axis's samples."""
-    return "deg/s" if axis in AXES else "m/s²"
 
 
 def link(stats: Stats | None) -> list[list[str]]:

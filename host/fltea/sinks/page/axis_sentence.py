@@ -1,0 +1,53 @@
+"""What is known of an axis in one sentence, as the page and the table of a terminal say it (pure)."""
+
+from fltea.records.plus_minus import angle_within, plus_minus
+from fltea.records.records import AXES, AxisEstimate, Stats
+from fltea.records.units import MOST_DEG
+from fltea.sinks.changes import MOVES
+from fltea.sinks.page.answer import Answer, answer, sentence
+from fltea.sinks.page.data_sheet import density
+from fltea.sinks.page.fits import Curves, Fits
+
+SAID_S = 60
+"""After how many seconds the sentence says how far the heading is off."""
+
+
+def answer_of(fits: Fits, stats: Stats | None, name: str) -> Answer:
+    """What the fit of an axis says, in words."""
+    off, told = stats is not None and stats.fit_period_s is None, fits.time_to_tell.get(name)
+    return answer(fits.axes.get(name), told.left_s if told else None, off=off)
+
+
+def axis_sentence(
+    found: Answer, fits: Fits, stats: Stats | None, newest: AxisEstimate | None, name: str
+) -> tuple[str, str]:
+    """The answer for an axis with its level and its bias: the first words, and the others."""
+    return sentence(found, _level(fits, stats, name), bias_words(newest, unit_of(name)))
+
+
+def _level(fits: Fits, stats: Stats | None, name: str) -> str:
+    """N, and of a gyroscope within what the heading is a minute after a rest, as far as they are known."""
+    allan = fits.curves.get(name, Curves()).allan
+    known = density(allan.N, name in AXES) if allan is not None and allan.N is not None else ""
+    std = heading(stats, name).get(SAID_S) if name in AXES else None
+    ahead = "" if std is None or std > MOST_DEG else f"heading {angle_within(std)} after {SAID_S} s"
+    return ", ".join(part for part in (known, ahead) if part)
+
+
+def bias_words(estimate: AxisEstimate | None, unit: str) -> str:
+    """The bias of now, and whether the sensor moves; empty where it is not known."""
+    if estimate is None or estimate.bias is None:
+        return ""
+    moving = f", {MOVES}" if estimate.moving else ""
+    return f"bias {plus_minus(estimate.bias, estimate.bias_std)} {unit}{moving}".replace("-", "\u2212")
+
+
+def heading(stats: Stats | None, axis: str) -> dict[int, float]:
+    """How far the heading is off so many seconds after a rest; nothing before there is a model."""
+    found = stats.axes.get(axis) if stats else None
+    return found.tracker.heading_std if found and found.tracker else {}
+
+
+def unit_of(axis: str) -> str:
+    """Unit of an axis's samples."""
+    return "deg/s" if axis in AXES else "m/s²"
