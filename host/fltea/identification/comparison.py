@@ -198,14 +198,14 @@ def _shown(one: Figure) -> str:
     if one.name == "bias":
         return f"{one.found.value:.4g} ± {_half(one.found):.2g}"
     if one.found.low is None or one.found.high is None:
-        return f"{_to_three(one.found.value)}"
+        return _to_three(one.found.value)
     return f"{_to_three(one.found.value)} ({_to_three(one.found.low)}…{_to_three(one.found.high)})"
 
 
 def _brief(one: Figure) -> str:
     if one.found.value is None:
         return "–" if one.at_most is None else f"< {_to_three(one.at_most)}"
-    return f"{one.found.value:.4g}" if one.name == "bias" else f"{_to_three(one.found.value)}"
+    return f"{one.found.value:.4g}" if one.name == "bias" else _to_three(one.found.value)
 
 
 def _to_three(value: float | None) -> str:
