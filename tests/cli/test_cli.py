@@ -195,6 +195,14 @@ def test_error_records_go_to_stderr_too(tmp_path: Path) -> None:
     assert result.stderr == f"fltea: constant_axis: {errors[0].message}\n"
 
 
+def test_a_width_of_nothing_is_not_known() -> None:
+    """COLUMNS=0: nothing was printed at all, and the exit code was 0."""
+    result = fltea_here(*FAST, "--once", "--format", "table", *QUICK, columns=0)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert "gyro_z" in result.stdout
+    assert "Usage:" in fltea_here("--help", columns=0).stdout
+
+
 @pytest.mark.parametrize("width", [80, 140])
 def test_table_off_a_terminal_is_printed_once_at_the_end(width: int) -> None:
     result = fltea_here(*FAST, "--once", "--format", "table", *QUICK, columns=width)

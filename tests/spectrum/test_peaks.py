@@ -267,3 +267,13 @@ def test_the_native_search_refuses_what_are_no_lines() -> None:
     for false_alarm in (0.0, 1.0, float("nan")):
         with pytest.raises(ValueError, match="between 0 and 1"):
             _native.strongest_octave_peak(one, one, false_alarm)
+
+
+@both
+@pytest.mark.filterwarnings("error")
+def test_counts_that_repeat_exactly_have_lines_without_a_word_of_numpy(search: Search) -> None:
+    """There may be no noise beside them at all."""
+    counts = np.rint(40 * np.sin(2 * np.pi * 5 * np.arange(N) * H))
+    found = search(counts)
+    assert min(abs(peak.frequency_hz - 5.0) for peak in found) < 0.02
+    assert all(peak.height > 1 for peak in found)

@@ -49,6 +49,8 @@ def main() -> None:
     """Run the command; every expected failure is one line on stderr and an exit code."""
     # Matrices are small here; a thread that waits for large ones would spin for 1.5 % of a core.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if not os.environ.get("COLUMNS", "1").strip("0"):
+        del os.environ["COLUMNS"]  # a terminal that does not know its width: nothing would be printed in none
     gc.freeze()  # what has been loaded stays
     atexit.register(gc.freeze)  # or the interpreter, which ends, looks for cycles in all there is: 40 ms
     try:

@@ -273,7 +273,7 @@ def _describe(
         frequency_hz=float(lam[left + top] * to_hz),
         width_hz=wide / (p.n * p.h),
         power_share=float((part - level).sum() / total),
-        height=float(power[core[0] : core[1]].mean() / level),
+        height=height_over(float(power[core[0] : core[1]].mean()), level),
         notch_hz=(float(lam[left] * to_hz), float(lam[right - 1] * to_hz)),
     )
 
@@ -283,3 +283,8 @@ def _in_few_ordinates(excess: Array, top: int) -> bool:
     half = LINE_ORDINATES // 2
     near = float(excess[max(top - half, 0) : top + half + 1].sum())
     return near > IN_A_LINE * float(excess.sum())
+
+
+def height_over(power: float, level: float) -> float:
+    """Return how many times the noise a peak is; infinite without noise, as in exactly periodic counts."""
+    return power / level if level > 0 else math.inf

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fltea import _native
 from fltea.records.arrays import Array
-from fltea.spectrum.lines import FALSE_ALARM, FLANK, LINE_ORDINATES, MOST, SMOOTHEST, Peak
+from fltea.spectrum.lines import FALSE_ALARM, FLANK, LINE_ORDINATES, MOST, SMOOTHEST, Peak, height_over
 from fltea.spectrum.periodogram import Periodogram
 from fltea.spectrum.side_lobes import TELLING, lines_among_lobes, notch_below
 
@@ -165,7 +165,7 @@ def _describe(lines: _Lines, found: _Found, extent: tuple[int, int], total: floa
         frequency_hz=frequency * to_hz,
         width_hz=float(steps[wide].sum() * to_hz),
         power_share=float((part - found.level) @ steps / total),
-        height=float(np.average(lines.power[core], weights=lines.weight[core]) / found.level),
+        height=height_over(float(np.average(lines.power[core], weights=lines.weight[core])), found.level),
         # A little more: the ends must not be kept for rounding.
         notch_hz=(
             float((lines.lam[left] - steps[0] / 4) * to_hz),
