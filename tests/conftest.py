@@ -5,6 +5,7 @@ No test runs with a native module that was built from other sources: its part nu
 
 import os
 import runpy
+import signal
 import sys
 from pathlib import Path
 
@@ -29,6 +30,10 @@ def pytest_configure() -> None:
             "changed, FLTEA_STALE_NATIVE=1 runs tests of what does not depend on it."
         )
 
+
+# A shell starts what is in its background with SIGINT ignored, and programs that tests start inherit that.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Every run tries the same examples; a slow machine fails nothing, nor does a busy one on which they are drawn
 # slowly. More of them, and others each time, in the hours before a release:
