@@ -98,6 +98,12 @@ def test_wrong_type_is_named_with_its_path(path: str, value: Any, tmp_path: Path
         assert re.match(rf"{re.escape(origin)}: {path}(: expected| must be) ", text)
 
 
+def test_a_byte_order_mark_is_no_syntax_error(tmp_path: Path) -> None:
+    """Editors of Windows begin a file with it."""
+    config = load_config(written(tmp_path, "\ufeff[estimator]\nwindow = 3000\n"), {})
+    assert config.estimator.window == 3000
+
+
 def test_syntax_error_names_file_and_line(tmp_path: Path) -> None:
     file = written(tmp_path, '[estimator]\nwindow = 3\nbias = "startup\n')
     text = refusal(file, {})

@@ -102,9 +102,10 @@ def test_login_from_a_file_goes_before_the_environment(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("FLTEA_MQTT_USER", "other")
-    file = secret(tmp_path, "me:hunter2:with:colons\n", 0o640)
-    broker = Broker(MqttConfig(broker="pi", password_file=file))
-    assert (broker.user, broker.password) == ("me", "hunter2:with:colons")
+    for mark in ("", "\ufeff"):  # which editors of Windows begin a file with
+        file = secret(tmp_path, f"{mark}me:hunter2:with:colons\n", 0o640)
+        broker = Broker(MqttConfig(broker="pi", password_file=file))
+        assert (broker.user, broker.password) == ("me", "hunter2:with:colons")
 
 
 @pytest.mark.parametrize(

@@ -301,7 +301,7 @@ def of_flags(flags: Mapping[str, Any]) -> dict[str, Any]:
 
 def _read_toml(file: Path) -> dict[str, Any]:
     try:
-        return _parsed(read_small(file, most_bytes=MOST_BYTES).decode())
+        return _parsed(read_small(file, most_bytes=MOST_BYTES).decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise UsageError(f"{file}: is not TOML: {error}.") from error
 

@@ -13,7 +13,8 @@ def read_login(setting: str, file: str | Path) -> tuple[str, str]:
         UsageError: it cannot be read, everybody may read it, or it is not one line USER:PASSWORD.
     """
     try:
-        lines = read_small(Path(file), what=setting, most_bytes=4096, private=True).decode().splitlines()
+        data = read_small(Path(file), what=setting, most_bytes=4096, private=True)
+        lines = data.decode("utf-8-sig").splitlines()  # a BOM would be part of the user's name, and let nobody in
     except UnicodeDecodeError as error:
         raise UsageError(f"{setting} {file}: cannot be read (not UTF-8).") from error
     user, colon, password = lines[0].partition(":") if len(lines) == 1 else ("", "", "")
