@@ -53,13 +53,16 @@ def test_a_recording_beside_itself_differs_in_nothing(alike: AxisReport) -> None
     assert one(pairs, "N").ratio.value == one(pairs, "K").ratio.value == 1.0
     assert one(pairs, "bias").difference.value == 0.0
     assert one(pairs, "bias").ratio.value is None
-    assert said(reports) == ["No figure differs by more than chance."]
+    assert said(reports) == [
+        "No figure whose interval is known differs by more than chance.",
+        "Not compared, as an interval is not known: B, ± after 60 s of some axes.",
+    ]
     assert not any("*" in cell for _, _, lines in rows(reports) for line in lines for cell in line)
 
 
 @given(st.floats(0.2, 5))
 def test_a_ratio_and_its_interval(alike: AxisReport, factor: float) -> None:
-    """The interval is the wider of both in quadrature, and turned over where the files are."""
+    """Ends are as far off as those of both in quadrature, and turned over where the files are."""
     N = alike.result.level.N
     assert N.value is not None
     assert N.low is not None
@@ -67,7 +70,7 @@ def test_a_ratio_and_its_interval(alike: AxisReport, factor: float) -> None:
     there = one(compared(of(a=alike, b=times(alike, factor))), "N").ratio
     back = one(compared(of(a=times(alike, factor), b=alike)), "N").ratio
     assert there.value == pytest.approx(factor)
-    half = math.sqrt(2) * math.log(N.high / N.low) / 2
+    half = math.hypot(math.log(N.value / N.low), math.log(N.high / N.value))
     assert there.low == pytest.approx(factor * math.exp(-half))
     assert there.high == pytest.approx(factor * math.exp(half))
     assert back.low == pytest.approx(1 / (there.high or 0))
@@ -79,9 +82,37 @@ def test_what_differs_has_a_star_and_a_sentence(alike: AxisReport) -> None:
     assert headings == ["", "a.npz", "b.npz", "second beside first"]
     starred = [line[0] for line in lines if line[-1].endswith("*")]
     assert starred == ["N [deg/√h]"]
-    first, last = said(reports)
+    first, others, last = said(reports)
     assert first.startswith("N of b.npz differs from that of a.npz by more than chance: gyro_x (× 1.5 (1.4")
-    assert last == "Other figures differ by no more than chance."
+    assert others == "Others whose intervals are known differ by no more than chance."
+    assert last.startswith("Not compared")
+
+
+@pytest.mark.parametrize(
+    ("N", "other", "ratio", "differs"),
+    [
+        # One side of an interval may be much longer than the other: the side of the other figure counts.
+        ((0.986, 0.698, 0.999), (1.15, 1.13, 1.16), (1.166, 1.141, 1.65), True),
+        ((0.302, 0.0, 0.303), (1.19, 1.18, 1.21), (3.94, 3.90, None), True),
+        ((1.19, 1.18, 1.21), (0.302, 0.0, 0.303), (0.2538, 0.0, 0.256), True),
+        ((1.0, 0.5, 1.01), (0.7, 0.69, 1.2), (0.7, 0.69, 1.68), False),
+    ],
+)
+def test_intervals_that_are_longer_on_one_side(
+    alike: AxisReport,
+    N: tuple[float, float, float],
+    other: tuple[float, float, float],
+    ratio: tuple[float, float, float | None],
+    differs: bool,
+) -> None:
+    pair = [
+        replace(alike, result=replace(alike.result, level=replace(alike.result.level, N=Interval(*ends))))
+        for ends in (N, other)
+    ]
+    found = one(compared(of(a=pair[0], b=pair[1])), "N")
+    assert (found.ratio.value, found.ratio.low) == pytest.approx(ratio[:2], rel=0.01)
+    assert found.ratio.high == (None if ratio[2] is None else pytest.approx(ratio[2], rel=0.02))
+    assert found.differs == differs
 
 
 def test_more_comparisons_need_more_to_differ(alike: AxisReport) -> None:
@@ -89,7 +120,8 @@ def test_more_comparisons_need_more_to_differ(alike: AxisReport) -> None:
     N = alike.result.level.N
     assert N.high is not None
     assert N.value is not None
-    barely = (N.high / N.value) ** (math.sqrt(2) * 1.4)
+    assert N.low is not None
+    barely = math.exp(1.4 * math.hypot(math.log(N.value / N.low), math.log(N.high / N.value)))
     assert one(compared(of(a=alike, b=times(alike, barely))), "N").differs
     others = {f"c{i}": alike for i in range(100)}
     pairs = compared(of(a=alike, b=times(alike, barely), **others))
@@ -116,7 +148,8 @@ def test_an_axis_of_one_file_alone_and_another_unit(alike: AxisReport) -> None:
     reports = of(a=alike)
     reports.append(FileReport("b.npz", axes={"gyro_x": replace(alike, unit="m/s²"), "gyro_y": alike}))
     assert compared(reports) == []
-    assert [name for name, *_ in rows(reports)] == ["gyro_x", "gyro_y"]
+    assert [name for name, *_ in rows(reports)] == ["gyro_x"], "side by side, without a ratio"
+    assert list(rows(of(a=alike, b=alike)[:1])) == []
     assert said(reports) == []
 
 

@@ -122,7 +122,9 @@ def test_what_is_not_known_is_a_comment_with_its_bound() -> None:
     alone = {"gyro_x": of(0.01, None)}
     found = text("px4", alone)
     assert "param set EKF2_GYR_B_NOISE" not in found
-    assert "EKF2_GYR_B_NOISE [rad/s^2] is not known: no walk; at most 8.73e-02, with 95 % prob" in found
+    assert (
+        "EKF2_GYR_B_NOISE [rad/s^2] is not known: no walk; gyro_x: at most 8.73e-02, with 95 % prob" in found
+    )
     beside = yaml.safe_load(text("kf-gins", {**GYRO, "gyro_y": of(0.02, None)}))["imunoise"]
     assert beside["gbstd"][1] == pytest.approx(3600 * 0.5 * math.sqrt(50), rel=1e-6)
     assert "gyro_y: not known, at most this" in text("kf-gins", {**GYRO, "gyro_y": of(0.02, None)})
@@ -143,6 +145,17 @@ def relaxing() -> AxisReport:
     return identify_series(Series(y, GYRO_UNIT, None), H, IdentifyOptions(QUICK, shuffles=0), False)
 
 
+def test_what_a_filter_allows_for_a_walk_that_is_not_seen_is_no_figure() -> None:
+    """White noise: a state of the filter that is only not ruled out was written as a known walk."""
+    states = (FilterState(0.01, 6.0), FilterState(0.01, 100.0))
+    axis = replace(AXIS, filter=NavigationFilter(0.011, 0.0, states, 0.0, 0.1, ()))
+    found = filter_figures(axis)
+    assert found.N.value == AXIS.result.level.N.value
+    assert found.K.value is None
+    assert found.K.at_most == pytest.approx(AXIS.result.level.K_at_most)
+    assert found.said == ""
+
+
 states = st.lists(st.tuples(st.floats(1e-3, 1.0), st.floats(0.05, 1e4)), max_size=4)
 
 
@@ -151,7 +164,8 @@ def test_no_frequency_has_more_than_what_is_written(
     N: float, K: float, some: list[tuple[float, float]], up_to_s: float
 ) -> None:
     plain = NavigationFilter(N, K, tuple(FilterState(*one) for one in some), 0.0, 0.1, ())
-    axis = AXIS
+    verdict = replace(AXIS.result.verdict, kind="relaxations")
+    axis = replace(AXIS, result=replace(AXIS.result, verdict=verdict))
     found = filter_figures(replace(axis, filter=plain), up_to_s)
     omega = 2 * np.pi * np.geomspace(1e-6, 1e3, 300)
     own = N**2 + (K / omega) ** 2

@@ -255,7 +255,7 @@ def identify(
     ]
     for_one = [*files_wanted.flags, *(["--for"] if program is not None else [])]
     if len(requests) > 1 and for_one:
-        raise UsageError(f"{', '.join(for_one)} are for one recording: {len(requests)} were given.")
+        raise UsageError(f"for one recording alone, {len(requests)} were given: {', '.join(for_one)}.")
     by = run.Settings(
         options,
         chosen.estimator,

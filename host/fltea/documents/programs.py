@@ -168,7 +168,7 @@ def _lines(
         usable = known | {name: one or max(known.values()) for name, one in bounds.items()}
         values = [its(name, usable[name]) for name in _three(list(shown))]
         value, of = f"[{', '.join(f'{one:.6e}' for one in values)}]", ", ".join(_three(list(shown)))
-        remarks = [shown[name].remark for name in known]
+        remarks = _remarks({name: shown[name].remark for name in known})
         for name, bound in bounds.items():
             remarks.append(
                 f"{name}: not known, {'the worst of the others' if bound is None else 'at most this'}"
@@ -178,6 +178,16 @@ def _lines(
         value, of, remarks = f"{its(name, known[name]):.6e}", name, [shown[name].remark]
     said = "; ".join(dict.fromkeys(filter(None, [f"{entry.unit}, of {of}", *remarks])))
     yield program.line.format(name=entry.name, value=value, note=f"{program.comment} {said}")
+
+
+def _remarks(by_axis: Mapping[str, str]) -> list[str]:
+    """Return each remark, with the axes that it is of if others have another one or none."""
+    found: dict[str, list[str]] = {}
+    for name, remark in by_axis.items():
+        found.setdefault(remark, []).append(name)
+    if len(found) == 1:
+        return list(found)
+    return [f"{', '.join(names)}: {remark}" for remark, names in found.items() if remark]
 
 
 def _three(names: Sequence[str]) -> list[str]:
@@ -190,7 +200,11 @@ def _why(entry: Entry, shown: Mapping[str, Shown], its: Callable[[str, float], f
     if not shown:
         return f"the {'gyroscope' if entry.sensor == 'gyro' else 'accelerometer'} was not analysed"
     reasons = list(filter(None, (one.remark for one in shown.values())))[:1]
-    bounds = [its(name, one.at_most) for name, one in shown.items() if one.at_most is not None]
+    bounds = {name: its(name, one.at_most) for name, one in shown.items() if one.at_most is not None}
     if bounds:
-        reasons.append(f"at most {max(bounds):.2e}, with 95 % probability")
+        worst = max(bounds, key=lambda name: bounds[name])
+        reasons = [
+            *filter(None, [shown[worst].remark]),
+            f"{worst}: at most {bounds[worst]:.2e}, with 95 % probability",
+        ]
     return "; ".join(reasons) or "no axis shows it"

@@ -86,13 +86,15 @@ def _of_pair(axis: str, file: str, against: str, first: Figure, its: Figure, rea
             difference = Interval(off, off - NORMAL_95 * std, off + NORMAL_95 * std)
             differs = abs(off) > reach * std
     elif a.value and b.value:
-        off = math.log(b.value / a.value)
-        ratio = Interval(b.value / a.value)
-        if _is_known(a) and _is_known(b) and min(_low(a), _low(b)) > 0:
-            logs = [(math.log(_high(one)) - math.log(_low(one))) / 2 / NORMAL_95 for one in (a, b)]
-            std = math.hypot(*logs)
-            ends = (math.exp(off + sign * NORMAL_95 * std) for sign in (-1, 1))
-            ratio, differs = Interval(ratio.value, *ends), abs(off) > reach * std
+        times = b.value / a.value
+        ratio = Interval(times)
+        if _is_known(a) and _is_known(b):
+            below = math.hypot(_log(b.value, _low(b)), _log(_high(a), a.value))
+            above = math.hypot(_log(_high(b), b.value), _log(a.value, _low(a)))
+            high = times * math.exp(above) if above < math.inf else None
+            ratio = Interval(times, times * math.exp(-below), high)
+            # An interval may be longer on one side: the side counts on which the other figure is.
+            differs = abs(math.log(times)) > reach / NORMAL_95 * (below if times > 1 else above)
     return Compared(axis, first.name, first.unit, file, against, ratio, difference, differs)
 
 
@@ -123,9 +125,9 @@ def _of_two(
     for cells in zip(*of_files, strict=True):
         pairs = [_beside(pair) for _, pair in cells if pair is not None]
         lines.append([_named(cells[0][0]), *(_shown(one) for one, _ in cells), *pairs])
-    width = max(map(len, lines))
-    lines.append(["verdict", *kinds] + [""] * (width - 1 - len(kinds)))
-    return ["", *files, *["second beside first"] * (width - 1 - len(files))], lines
+    is_compared = len(lines[0]) > 1 + len(files)  # not if they have other units
+    lines.append(["verdict", *kinds, *[""] * is_compared])
+    return ["", *files, *["second beside first"] * is_compared], lines
 
 
 def _of_more(
@@ -139,11 +141,11 @@ def _of_more(
 
 
 def _axes(reports: Sequence[FileReport]) -> Iterator[tuple[str, dict[str, AxisReport]]]:
-    """Yield each axis that was identified, and of which recordings; the same recording twice is one."""
+    """Yield each axis that is in two recordings or more; the same recording twice is one."""
     for name in dict.fromkeys(name for report in reports for name in report.axes):
         axes = {report.name: report.axes.get(name) for report in reports}
         found = {file: axis for file, axis in axes.items() if isinstance(axis, AxisReport)}
-        if found:
+        if len(found) > 1:
             yield name, found
 
 
@@ -168,9 +170,12 @@ def said(reports: Sequence[FileReport]) -> list[str]:
         of = f"{figure} of {labels[file]} differs from that of {labels[against]}"
         found.append(f"{of} by more than chance: {axes}.")
     if known and not found:
-        found.append("No figure differs by more than chance.")
-    elif known:
-        found.append("Other figures differ by no more than chance.")
+        found.append("No figure whose interval is known differs by more than chance.")
+    elif len(known) > len(differing):
+        found.append("Others whose intervals are known differ by no more than chance.")
+    if len(known) < len(pairs):
+        unknown = dict.fromkeys(one.figure for one in pairs if one.differs is None)
+        found.append(f"Not compared, as an interval is not known: {', '.join(unknown)} of some axes.")
     return found
 
 
@@ -210,7 +215,7 @@ def _brief(one: Figure) -> str:
 
 def _to_three(value: float | None) -> str:
     """Return a number to three digits; without a power of ten below a million."""
-    return "–" if value is None else f"{float(f'{value:.3g}'):g}"
+    return "∞" if value is None else f"{float(f'{value:.3g}'):g}"
 
 
 def _is_known(one: Interval) -> bool:
@@ -219,6 +224,10 @@ def _is_known(one: Interval) -> bool:
 
 def _value(one: Interval) -> float:
     return math.nan if one.value is None else one.value
+
+
+def _log(larger: float, smaller: float) -> float:
+    return math.log(larger / smaller) if smaller > 0 else math.inf
 
 
 def _low(one: Interval) -> float:

@@ -21,6 +21,8 @@ LONG_S = 4 * 3600.0
 """The correlation time of a state that stands for a walk: far above what it is used for."""
 NEGLIGIBLE = 0.1
 """Of a walk, that stands beside a slow state."""
+WITHOUT_SLOW = ("white", "line", "resonance", "line or resonance", "comb")
+"""Verdicts of noise in which nothing is slow."""
 UP_TO_S = 60.0
 """The time for which the heading is bounded if nobody says another."""
 
@@ -29,7 +31,7 @@ def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
     """Return what the axis has for a filter whose heading is to hold for so long."""
     base, plain = axis_noise(axis), axis.filter
     N, K, said, tau_s = base.N._replace(slower=()), base.K, "", LONG_S
-    if plain is not None and plain.gauss_markov:
+    if plain is not None and plain.gauss_markov and not _is_unlearnt(axis, base.K):
         fast = [one for one in plain.gauss_markov if one.tau_s < up_to_s / math.sqrt(3)]
         slow = [one for one in plain.gauss_markov if one not in fast]
         white = math.hypot(max(base.N.value or 0.0, plain.N), *map(_as_white, fast))
@@ -43,6 +45,11 @@ def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
     return FilterFigures(
         N, K, _time(K, tau_s), _instability(None if axis.allan is None else axis.allan.B), said
     )
+
+
+def _is_unlearnt(axis: AxisReport, K: Shown) -> bool:
+    """Whether slow states only allow for a walk that nobody has seen, of which the bound tells."""
+    return K.value is None and axis.result.verdict.kind in WITHOUT_SLOW
 
 
 def _as_white(state: FilterState) -> float:
