@@ -79,6 +79,8 @@ def test_what_is_no_unit_is_told_with_those_that_are() -> None:
     figure = Quantity(0.3, None, None, None, "deg/√h")
     with pytest.raises(ValueError, match=r"the units of N of a gyroscope are .*rad/s/√Hz.*; got 'deg/h'"):
         figure.to("deg/h")
+    with pytest.raises(ValueError, match=r"got 'Mdps/√Hz'"):
+        figure.to("Mdps/√Hz")  # a million, and no thousandth
     with pytest.raises(ValueError, match=r"of K of an accelerometer .*; got 'furlong'"):
         factor("furlong", "deg/h")
 

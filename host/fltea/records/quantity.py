@@ -81,7 +81,8 @@ _WORDS = (("sqrt", "√"), ("rt", "√"), ("hour", "h"), ("hr", "h"), ("dps", "d
 
 def _plain(unit: str) -> str:
     """Return a unit in the one spelling by which units are compared."""
-    found = unit.casefold().translate(_SIGNS)
+    mega = "M" * unit.startswith("M")  # which is no milli
+    found = mega + unit[len(mega) :].casefold().translate(_SIGNS)
     for word, meaning in _WORDS:
         found = found.replace(word, meaning)
     return found
@@ -93,7 +94,7 @@ _FACTORS = [{_plain(unit): factor for unit, factor in kind.units.items()} for ki
 def factor(unit: str, other: str) -> float:
     """Return how many of `other` one of `unit` is; both are units of the same thing.
 
-    Capitals, blanks and brackets make no difference, and sqrt and rt are √: deg/sqrt(h), deg/rt(h), deg/√h.
+    Capitals (but M, which is mega), blanks and brackets make no difference, and sqrt and rt are √: deg/sqrt(h), deg/rt(h), deg/√h.
 
     Raises:
         ValueError: `unit` is none, or `other` is none of the same thing; the text lists those that are.
