@@ -94,7 +94,8 @@ _FACTORS = [{_plain(unit): factor for unit, factor in kind.units.items()} for ki
 def factor(unit: str, other: str) -> float:
     """Return how many of `other` one of `unit` is; both are units of the same thing.
 
-    Capitals (but M, which is mega), blanks and brackets make no difference, and sqrt and rt are √: deg/sqrt(h), deg/rt(h), deg/√h.
+    Capitals (but M, which is mega), blanks and brackets make no difference, and sqrt and rt are √:
+    deg/sqrt(h), deg/rt(h), deg/√h.
 
     Raises:
         ValueError: `unit` is none, or `other` is none of the same thing; the text lists those that are.
