@@ -1,10 +1,12 @@
 """The server behind both pages, over real sockets: who may ask, how often, and how many may be connected."""
 
 import asyncio
+import base64
 import errno
 import socket
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
@@ -129,6 +131,19 @@ def test_more_requests_than_are_answered_are_told_so_and_later_ones_answered(ser
     assert refused.headers["Retry-After"] == "10"
     assert served.reports == [("too_many_visitors", "Too many. Raise it.")]
     wait_until(lambda: ask(served.port, "/echo").status == 200, "room")
+
+
+def test_who_guesses_the_password_takes_no_room_from_who_knows_it(serve: Serve) -> None:
+    """40 who guessed for 8 s locked the owner out."""
+    served = serve(a_second=2.0, password="me:hunter2")
+    known, wrong = (
+        {"Authorization": "Basic " + base64.b64encode(text).decode()} for text in (b"me:hunter2", b"me:no")
+    )
+    with ThreadPoolExecutor(20) as pool:
+        guesses = [*pool.map(lambda _: ask(served.port, "/echo", **wrong).status, range(60))]
+        assert set(guesses) == {401, 503}
+        assert [ask(served.port, "/echo", **known).status for _ in range(15)] == [200] * 15
+    assert served.reports[0][0] == "too_many_visitors"
 
 
 def test_idle_connections_are_few_and_a_reader_still_gets_its_page(serve: Serve) -> None:

@@ -39,6 +39,24 @@ HEADERS = {
 Routes = Sequence[tuple[str, type["Handler"]]]
 
 
+class Room:
+    """For how many requests a second there is room; more only for a moment."""
+
+    def __init__(self, a_second: float) -> None:
+        self._a_second = a_second
+        self._left, self._refilled = a_second * BURST, time.monotonic()
+
+    def take(self) -> bool:
+        """Whether there is room for one request more."""
+        now = time.monotonic()
+        self._left += (now - self._refilled) * self._a_second
+        self._left, self._refilled = min(self._left, self._a_second * BURST), now
+        if self._left < 1:
+            return False
+        self._left -= 1
+        return True
+
+
 class Site:
     """What all requests to a page share.
 
@@ -64,16 +82,16 @@ class Site:
             name: (TYPES[file.rpartition(".")[2]], resources.files(of).joinpath(file).read_bytes())
             for name, (of, file) in files.items()
         }
-        self._a_second, self._report, self._often = a_second, report, OnceAMinute()
-        self._left, self._refilled = a_second * BURST, time.monotonic()
+        self._report, self._often = report, OnceAMinute()
+        self._visitors, self._strangers = Room(a_second), Room(a_second)
 
-    def has_room(self) -> bool:
-        """Whether one request more is answered now; that none is gets reported once a minute."""
-        now = time.monotonic()
-        self._left += (now - self._refilled) * self._a_second
-        self._left, self._refilled = min(self._left, self._a_second * BURST), now
-        if self._left >= 1:
-            self._left -= 1
+    def has_room(self, *, for_visitor: bool) -> bool:
+        """Whether one request more is answered now; that none is gets reported once a minute.
+
+        for_visitor: of somebody who knows the password, if there is one. Others have a room of their own, so
+        that whoever guesses it takes none from those who know it.
+        """
+        if (self._visitors if for_visitor else self._strangers).take():
             return True
         if self._often.is_due("too_many_visitors", clock.host_ns()):
             self._report("too_many_visitors", self.full)
@@ -115,10 +133,11 @@ class Handler(RequestHandler):
             raise HTTPError(HTTPStatus.MISDIRECTED_REQUEST)
         if not is_from_here(self.request.host, self.request.headers.get("Origin")):
             raise HTTPError(HTTPStatus.FORBIDDEN)
-        if not self.site.has_room():
+        is_visitor = self.site.password is None or self._knows_password(self.site.password)
+        if not self.site.has_room(for_visitor=is_visitor):
             self.set_header("Retry-After", str(TRY_AGAIN_S))
             self.refuse(HTTPStatus.SERVICE_UNAVAILABLE, self.site.full)
-        elif self.site.password is not None and not self._knows_password(self.site.password):
+        elif not is_visitor:
             await asyncio.sleep(WRONG_PASSWORD_S)
             self.set_header("WWW-Authenticate", 'Basic realm="fltea", charset="UTF-8"')
             raise HTTPError(HTTPStatus.UNAUTHORIZED)
