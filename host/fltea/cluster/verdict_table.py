@@ -19,6 +19,7 @@ from pyarrow import compute, parquet
 from fltea.cluster.listing import JOURNAL, File
 from fltea.cluster.rows import VALUE_COLUMNS, Row
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.own_file import open_own
 from fltea.records.whole_file import whole_file
 
 JOURNAL_BYTES = 8_000_000
@@ -65,11 +66,10 @@ class VerdictTable:
             raise UsageError(f"{folder}: holds {strange[0]!r}, which does not belong to a table of verdicts.")
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._journal = os.open(
-                folder / JOURNAL, os.O_CREAT | os.O_RDWR | os.O_APPEND | os.O_CLOEXEC, 0o666
-            )
+            self._journal = open_own(folder / JOURNAL, 0o666, append=True)
         except OSError as error:
-            raise FlteaError(f"{folder}: cannot be written ({error.strerror}).") from error
+            where = error.filename or folder / JOURNAL
+            raise FlteaError(f"{folder}: cannot be written ({where}: {error.strerror}).") from error
         try:
             fcntl.flock(self._journal, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

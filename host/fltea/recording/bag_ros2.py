@@ -22,6 +22,7 @@ from fltea.recording.files import Note
 from fltea.recording.quota import Quota
 from fltea.recording.session import LATEST_NS
 from fltea.records.events import Ints
+from fltea.records.small_file import open_file
 from fltea.settings.extras import load
 from fltea.settings.limits import Limits
 
@@ -250,7 +251,7 @@ def unpacked_file(path: Path, limits: Limits) -> Iterator[Path]:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / path.stem
         try:
-            with path.open("rb") as packed, out.open("wb") as file:
+            with open_file(path) as packed, out.open("wb") as file:
                 quota = Quota(path, limits)
                 for piece in zstandard.ZstdDecompressor().read_to_iter(packed):
                     quota.unpack(file.write(piece))

@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.own_file import open_own
 from fltea.records.small_file import read_small
 from fltea.records.whole_file import whole_file
 from fltea.settings.outputs import StateConfig
@@ -160,7 +161,7 @@ def _hold(path: Path) -> int:
     """
     lock = path.with_name(f".{path.name}.lock")
     try:
-        held = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        held = open_own(lock, 0o644)
     except (OSError, ValueError) as error:  # ValueError: a name with a NUL
         raise UsageError(f"--state {path}: {lock} cannot be made ({error}).") from error
     try:
