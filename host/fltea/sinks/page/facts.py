@@ -3,7 +3,7 @@
 from typing import Any
 
 from fltea.documents import curves as charts
-from fltea.documents.chart import SMALL, Curve, log_log
+from fltea.documents.chart import Curve, log_log
 from fltea.records.plus_minus import NORMAL_95, angle_within, plus_minus
 from fltea.records.records import (
     AXES,
@@ -229,8 +229,8 @@ def fitted(history: DeviceHistory) -> str:
 
 def spectra(history: DeviceHistory) -> dict[str, str]:
     """The small drawing of the spectrum of each axis that has one."""
-    drawn = {name: history.fits.drawn[name] for name in history.axes if name in history.fits.drawn}
-    return {name: charts.spectrum(one.spectrum, unit_of(name), height=SMALL) for name, one in drawn.items()}
+    drawn = history.fits.drawn
+    return {name: drawn[name].svg(unit_of(name)) for name in history.axes if name in drawn}
 
 
 def curves(history: DeviceHistory, name: str) -> list[str]:

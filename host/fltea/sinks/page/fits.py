@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+from fltea.documents import curves as charts
+from fltea.documents.chart import SMALL
 from fltea.records.device_fit import DeviceAxisFit, DeviceSpectrum
 from fltea.records.fit import AxisFit, FitAllan, FitSpectrum, VerdictKind
 from fltea.records.records import DeviceFits, Fit
@@ -17,12 +19,17 @@ class Curves(NamedTuple):
     allan: FitAllan | None = None
 
 
-class Drawn(NamedTuple):
-    """The spectrum that the drawing of an axis shows, of a fit of so many samples with that verdict."""
+class Drawn:
+    """The small drawing of an axis's spectrum, of a fit of so many samples with that verdict."""
 
-    spectrum: FitSpectrum
-    samples: int
-    verdict: VerdictKind
+    def __init__(self, spectrum: FitSpectrum, samples: int, verdict: VerdictKind) -> None:
+        self.samples, self.verdict = samples, verdict
+        self._spectrum, self._svg = spectrum, ""
+
+    def svg(self, unit: str) -> str:
+        """Return it; it is made once, when somebody looks. unit: of the samples."""
+        self._svg = self._svg or charts.spectrum(self._spectrum, unit, height=SMALL)
+        return self._svg
 
 
 class TimeToTell:
@@ -60,7 +67,7 @@ class Fits:
     """Takes records of fits; what it has goes on through epochs of the same sensor.
 
     newest: the last record. axes, curves, time_to_tell: by axis, the last fit, the last curves, and when the
-    order will be known. drawn: by axis, the spectrum of its drawing, which is made again for a tenth more
+    order will be known. drawn: by axis, the small drawing of its spectrum, another one for a tenth more
     samples or another verdict: it is sent to everybody who looks. device, device_spectra: by axis, the
     device's own last fit of the epoch, and its last bins.
     """
