@@ -237,13 +237,11 @@ const end = (columns, name, sign) => columns[name].map((v, i) =>
 // The last minutes of every axis, without being opened.
 function drawings(found) {
   drawn = longer(drawn, found)
-  const x = drawn.columns.time, from = found.end_ms - found.length_ms
+  const kept = drawn.columns, x = kept.time, from = found.end_ms - found.length_ms
   for (const card of document.querySelectorAll(".axis")) {
-    const of = name => drawn.columns[`${card.dataset.axis} ${name}`]
-    const bias = {state: of("state"), state_std: of("state_std")}
-    const lines = []
-    if (of("y")) lines.push({x, y: of("y"), low: of("y_low"), high: of("y_high"), kind: "sample"})
-    if (bias.state) lines.push({x, y: bias.state, low: end(bias, "state", -1), high: end(bias, "state", 1), kind: "state"})
+    const y = `${card.dataset.axis} y`, bias = `${card.dataset.axis} state`, lines = []
+    if (kept[y]) lines.push({x, y: kept[y], low: kept[`${y}_low`], high: kept[`${y}_high`], kind: "sample"})
+    if (kept[bias]) lines.push({x, y: kept[bias], low: end(kept, bias, -1), high: end(kept, bias, 1), kind: "state"})
     draw(card.querySelector(".rate svg"), {lines, from, to: found.end_ms, height: isWide.matches ? 150 : 110})
   }
 }
