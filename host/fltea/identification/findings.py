@@ -10,19 +10,18 @@ from fltea.identification.axis import AxisResult
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.comparison import compared
 from fltea.identification.fltea_fit import FlteaFit
-from fltea.identification.forecast import SAID_S, integral, is_any_heading
+from fltea.identification.lead import interval
 from fltea.identification.load import GYRO_UNIT
 from fltea.identification.shuffled import ShuffledBand
 from fltea.identification.traps import Trap
 from fltea.records.fit import Interval
 from fltea.records.odds import odds
-from fltea.records.plus_minus import plus_minus, within
+from fltea.records.plus_minus import plus_minus
 from fltea.records.stats import CAUSE_WORDS
 from fltea.records.units import HOUR
 from fltea.spectrum.allan_curve import Allan
 from fltea.spectrum.wording import duration
 
-UNDEFINED = "undefined"
 NONE = "–"
 SEVERITIES = ("bad", "warning", "note")
 SYMBOLS = {
@@ -71,24 +70,6 @@ def _axis(axis: AxisReport | Failure) -> dict[str, Any]:
     for name in (*own, "left_out"):
         del found[name]
     return {"unit": found.pop("unit"), "lsb": found.pop("lsb"), **found.pop("result"), **found}
-
-
-def lead(axis: AxisReport) -> str:
-    """Return what comes first of an axis: verdict, order, the bias at the end, and the heading."""
-    r, now = axis.result, axis.now
-    found = [r.verdict.kind, f"α {_interval(r.order.alpha)}", f"f {_interval(r.order.f)}"]
-    if now is not None:
-        end = f"({now.bias_s:g} s)" + (" at the end" if r.level.K.value is not None else "")
-        if is_any_heading(now.heading_std, axis.unit):
-            ahead = "no heading left"
-        else:
-            what = "heading" if axis.unit == GYRO_UNIT else "integral"
-            ahead = f"{what} {within(now.heading_std, integral(axis.unit))}"
-        found += [
-            f"Bias{end} {plus_minus(now.bias, now.bias_std)} {axis.unit}",
-            f"{ahead} after {SAID_S:g} s",
-        ]
-    return " · ".join(found)
 
 
 def sheets(axes: Mapping[str, AxisReport]) -> list[str]:
@@ -161,9 +142,9 @@ def rows(axis: AxisReport) -> list[Row]:
     found += [
         ("null test p", f"{r.null.p_value:.2g}"),
         ("  as fitted", f"{r.null.p_clean:.2g}"),
-        ("order α", _interval(r.order.alpha)),
-        ("  f [s^-α]", _interval(r.order.f)),
-        ("  F = g + α", _interval(r.order.F)),
+        ("order α", interval(r.order.alpha)),
+        ("  f [s^-α]", interval(r.order.f)),
+        ("  F = g + α", interval(r.order.F)),
     ]
     found += part_rows(axis)
     found += [
@@ -318,17 +299,6 @@ def _pm(value: float | None, std: float | None) -> str:
 
 def _span(band: tuple[float, float, float] | None) -> str:
     return NONE if band is None else f"{band[0]:.3f} … {band[2]:.3f}".replace("-0.000", "0.000")
-
-
-def _interval(one: Interval) -> str:
-    if one.value is None or one.low is None or one.high is None:
-        return UNDEFINED
-    return f"{_number(one.value)} ({_number(one.low)}…{_number(one.high)})"
-
-
-def _number(value: float) -> str:
-    """Return a number with two or three significant digits; less than a thousandth is 0."""
-    return "0" if abs(value) < 5e-4 else f"{value:.2f}" if abs(value) < 10 else f"{value:.3g}"
 
 
 def by_sensor(axes: Mapping[str, AxisReport]) -> list[dict[str, AxisReport]]:

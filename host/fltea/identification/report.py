@@ -12,6 +12,7 @@ from fltea.documents.html_page import html_page, table, table_of
 from fltea.identification import comparison, figures, findings
 from fltea.identification.axis_report import AxisReport, FileReport
 from fltea.identification.forecast_tables import forecast_tables
+from fltea.identification.lead import lead
 from fltea.records.whole_file import whole_file
 
 PAGE = "report.html"
@@ -93,7 +94,7 @@ def _section(report: FileReport, pictures: dict[str, dict[str, str]]) -> Iterato
     for name, axis in report.axes.items():
         if isinstance(axis, AxisReport):
             text = escape(axis.result.verdict.text)
-            yield f'<p class="verdict"><b>{name}: {escape(findings.lead(axis))}.</b> {text}</p>'
+            yield f'<p class="verdict"><b>{name}: {escape(lead(axis))}.</b> {text}</p>'
         else:
             yield f'<p class="verdict"><b>{name}</b>: <span class="bad">{escape(axis.error)}</span></p>'
     for axes_of_one in findings.by_sensor(good):

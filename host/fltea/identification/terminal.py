@@ -10,6 +10,7 @@ from rich.text import Text
 from fltea.identification import comparison, findings
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.forecast_tables import forecast_tables
+from fltea.identification.lead import lead
 from fltea.identification.traps import Trap
 from fltea.records.visible import visible_lines
 
@@ -80,7 +81,7 @@ def _forecast(console: Console, name: str, axis: AxisReport, text: str) -> None:
 def _verdict(name: str, axis: AxisReport | Failure) -> Text:
     if isinstance(axis, Failure):
         return _shown(f"{name}: {axis.error}", style="red")
-    text = _shown(f"{name}: {findings.lead(axis)}", style="bold")
+    text = _shown(f"{name}: {lead(axis)}", style="bold")
     return text.append(f"\n  {visible_lines(axis.result.verdict.text)}", style="not bold")
 
 

@@ -146,15 +146,22 @@ class Quantity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def __str__(self) -> str:
         if self.value is None:
-            return "not known" if self.at_most is None else f"at most {self.at_most:.3g} {self.unit}"
+            return "not known" if self.at_most is None else f"at most {_number(self.at_most, 3)} {self.unit}"
         if self.low is None or self.high is None:
-            return f"{self.value:.3g} {self.unit}"
+            return f"{_number(self.value, 3)} {self.unit}"
         digits = _digits(self.value, (self.high - self.low) / 2)
-        value, low, high = (f"{one:.{digits}g}" for one in (self.value, self.low, self.high))
+        value, low, high = (_number(one, digits) for one in (self.value, self.low, self.high))
         return f"{value} {self.unit} ({low} … {high})"
 
 
 FEWEST_DIGITS, MOST_DIGITS = 3, 9
+POWERS_OF_TEN_FROM = 1e6
+
+
+def _number(value: float, digits: int) -> str:
+    """Return a value with so many significant digits, without a power of ten for thousands."""
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < POWERS_OF_TEN_FROM else text
 
 
 def _digits(value: float, half: float) -> int:

@@ -1,0 +1,61 @@
+"""The first line on an axis: what its noise is, and the figures that people look for first."""
+
+from fltea.identification.allan import scales
+from fltea.identification.axis_report import AxisReport
+from fltea.identification.forecast import SAID_S, Now, integral, is_any_heading
+from fltea.identification.load import GYRO_UNIT
+from fltea.identification.quantities import quantities
+from fltea.records.fit import Interval
+from fltea.records.plus_minus import plus_minus, within
+
+UNDEFINED = "undefined"
+
+
+def lead(axis: AxisReport) -> str:
+    """Return the verdict, the order if there is one, N, K, B, the bias at the end, and the heading.
+
+    A figure that the recording does not tell, and of which it knows no bound, is left out.
+    """
+    r = axis.result
+    found = [r.verdict.kind]
+    if r.order.alpha.value is not None:
+        found += [f"α {interval(r.order.alpha)}", f"f {interval(r.order.f)}"]
+    found += _level(axis)
+    if axis.now is not None:
+        found += _bias(axis.now, axis.unit, walks=r.level.K.value is not None)
+    return " · ".join(found)
+
+
+def _level(axis: AxisReport) -> list[str]:
+    """Return N, K and B in the units of data sheets, each as a value or a bound."""
+    known = quantities(axis.unit, axis.result.level, axis.allan, axis.now)
+    units = scales(axis.unit)
+    figures = (("N", known.N, units.N), ("K", known.K, units.K), ("B", known.B, units.B))
+    return [
+        f"{name} {figure.to(scale.unit)}"
+        for name, figure, scale in figures
+        if figure.value is not None or figure.at_most is not None
+    ]
+
+
+def _bias(now: Now, unit: str, *, walks: bool) -> list[str]:
+    """Return the bias, of which it matters when it is read if it walks, and what it does to the heading."""
+    end = f"({now.bias_s:g} s)" + (" at the end" if walks else "")
+    if is_any_heading(now.heading_std, unit):
+        ahead = "no heading left"
+    else:
+        what = "heading" if unit == GYRO_UNIT else "integral"
+        ahead = f"{what} {within(now.heading_std, integral(unit))}"
+    return [f"Bias{end} {plus_minus(now.bias, now.bias_std)} {unit}", f"{ahead} after {SAID_S:g} s"]
+
+
+def interval(one: Interval) -> str:
+    """Return a value with the ends of its interval, or that it is undefined."""
+    if one.value is None or one.low is None or one.high is None:
+        return UNDEFINED
+    return f"{_number(one.value)} ({_number(one.low)}…{_number(one.high)})"
+
+
+def _number(value: float) -> str:
+    """Return a number with two or three significant digits; less than a thousandth is 0."""
+    return "0" if abs(value) < 5e-4 else f"{value:.2f}" if abs(value) < 10 else f"{value:.3g}"
