@@ -11,8 +11,8 @@ from fltea.identification.axis import IdentifyOptions
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.event_traps import EVENT_TRAPS, popcorn_noise
 from fltea.identification.findings import document
-from fltea.identification.lead import lead
 from fltea.identification.gaps import Gaps, no_gaps
+from fltea.identification.lead import lead
 from fltea.identification.left_out import LeftOut, without
 from fltea.identification.load import GYRO_UNIT, Request, Series
 from fltea.identification.run import identify_all
