@@ -1,5 +1,4 @@
-# setup hashes run near test test-slow test-all lint gen bench validate reproduce firmware flash emulate mutants faults docs man dist: each does
-# first what it needs, and nothing twice on an unchanged tree.
+# `make help` lists the targets. Each first does what it needs, and nothing twice on an unchanged tree.
 #   make run ARGS='--format ndjson'             arguments for 'fltea run'
 #   make near ARGS='--since HEAD~3'             what is near a change, and since when: tools/near.py
 #   make test ARGS='-k timebase'                arguments for pytest
@@ -8,7 +7,7 @@
 #   make flash PORT=/dev/ttyACM0                the board's programming port, if it is not the only one
 #   make emulate ARGS='--virtual 20 --json'     arguments for the emulated Due
 
-.PHONY: setup hashes run near test test-slow test-all test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench validate reproduce \
+.PHONY: help setup hashes run near test test-slow test-all test-prepared lint lint-types lint-style lint-cppcheck lint-generated gen bench validate reproduce \
         firmware flash emulate mutants faults docs man dist clean install-service install-udev uninstall-service
 .DELETE_ON_ERROR:
 
@@ -20,7 +19,10 @@ CXX_FILES := $(wildcard host/native/*.cpp host/native/*.hpp firmware/core/*.h fi
                        tests/firmware/arduino_stub/*.h tests/due_emulator/*.cpp tests/native/*.cpp tests/native/*.h tools/due_emulator/*.?pp)
 PY_DIRS := host tools tests
 
-setup: .venv/.dev
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-18s %s\n", $$1, $$2 }' Makefile
+
+setup: .venv/.dev  ## what is missing: system packages, .venv, the native module
 
 .venv/.run: $(NATIVE)
 	@tools/setup.sh run
@@ -31,10 +33,10 @@ setup: .venv/.dev
 	@touch .venv/.run $@
 
 # After a change of constraints.txt or of the dependencies in pyproject.toml: the hashes of what set-up installs.
-hashes:
+hashes:  ## after a change of dependencies: the hashes of what set-up installs
 	@tools/hashes.sh
 
-run: .venv/.run
+run: .venv/.run  ## the daemon on a Due in software; ARGS: options of fltea run
 	@$(PY) tools/demo.py
 
 # Hundreds of tests start the program, so its modules are compiled once, whatever the environment says. A library of
@@ -44,17 +46,17 @@ TESTS := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(PY) -m pytest
 TWO_WORKERS := -n 2 --dist loadfile --no-loadscope-reorder
 
 # Style, types and generated files of what has changed, and the tests that mirror it, in two minutes.
-near: .venv/.dev
+near: .venv/.dev  ## two minutes: style, types and tests near what has changed; ARGS: of tools/near.py
 	@$(PY) tools/near.py $(ARGS)
 
 # The first tier is every test without the mark `slow`, the second every test with it (tests/README.md).
-test: .venv/.dev
+test: .venv/.dev  ## the first tier of tests, 6 minutes; ARGS: of pytest
 	@$(TESTS) $(TWO_WORKERS) -m "not slow" $(ARGS)
 
-test-slow: .venv/.dev
+test-slow: .venv/.dev  ## the second tier, 8 minutes
 	@$(TESTS) $(TWO_WORKERS) -m slow $(ARGS)
 
-test-all: test
+test-all: test  ## both tiers
 	@$(MAKE) --no-print-directory test-slow
 
 # What the tests need compiled, made while something else takes the other core: .ci/run.
@@ -64,7 +66,7 @@ test-prepared: .venv/.dev
 
 # Parts that need nothing of each other; `make --jobs=2 --output-sync lint` runs two at a time.
 LINT := lint-types lint-style lint-cppcheck lint-generated
-lint: $(LINT)
+lint: $(LINT)  ## style, types, C++ checks, and whether generated files are up to date
 $(LINT): .venv/.dev
 
 lint-types:
@@ -83,67 +85,67 @@ lint-cppcheck:
 lint-generated:
 	@$(PY) tools/generated.py --check
 
-gen: .venv/.dev
+gen: .venv/.dev  ## write the generated files
 	@$(PY) tools/generated.py
 
 # Both ports: the bare-metal image (committed), and the Arduino sketch against the stub of its libraries.
-firmware: .venv/.dev
+firmware: .venv/.dev  ## the Due's image and the Arduino sketch
 	@$(PY) tools/generated.py build_id
 	@$(PY) tools/build_firmware.py
 	@$(PY) -m pytest -q tests/firmware/test_image.py tests/firmware/test_arduino.py
 
-flash: .venv/.run
+flash: .venv/.run  ## write the image to the board; PORT: its programming port
 	@$(PY) -m fltea flash $(if $(PORT),--port $(PORT)) $(ARGS)
 
-emulate: .venv/.run
+emulate: .venv/.run  ## the Due in software; ARGS: of tools/due_emulator
 	@$(PY) -m tools.due_emulator $(ARGS)
 
 # Single bugs put into the firmware, one at a time, and what notices each; of the host, 40 random changes:
 # make mutants ARGS='--host 40 --seed 1'
-mutants: .venv/.dev
+mutants: .venv/.dev  ## single bugs put in on purpose, and the test that notices each; ARGS: --host 40 --seed 1
 	@$(PY) -m tools.mutants $(ARGS)
 
 # Every fault of board, daemon, fleet, ingest and cluster, in build/faults.md: seven minutes.
-faults: .venv/.dev
+faults: .venv/.dev  ## every fault of board, daemon, fleet, ingest and cluster, in build/faults.md, 7 minutes
 	@$(PY) -m tools.faults $(ARGS)
 
 # The program's modules are compiled once, whatever the environment says: else each start takes 0.3 s more than that of a
 # program that is installed, and `--against` compares the two.
-bench: .venv/.dev
+bench: .venv/.dev  ## speed, side by side in one run; ARGS: which part
 	@PYTHONDONTWRITEBYTECODE= $(PY) -m tools.bench $(ARGS)
 
 # What verdicts, fits and filters are worth on noises whose truth is known, in build/validation. One thread a process for
 # linear algebra: its others only spin, and a run takes three times as long.
-validate: .venv/.dev
+validate: .venv/.dev  ## what verdicts, fits and filters are worth on known noises; ARGS: which part
 	@OPENBLAS_NUM_THREADS=1 $(PY) -m tools.validation $(ARGS)
 
 # The paper's tables and figures, in build/reproduce.
-reproduce: .venv/.dev
+reproduce: .venv/.dev  ## the paper's tables and figures, in build/reproduce
 	@$(PY) -m fltea reproduce --out build/reproduce $(ARGS)
 
 # The site, in build/site; every link in it is checked, but for those to other sites.
-docs: .venv/.dev
+docs: .venv/.dev  ## the site, in build/site
 	@NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --config-file host/mkdocs.yml
 
 # Man pages in build/man, completion for bash, zsh and fish in build/completions.
-man: .venv/.run
+man: .venv/.run  ## man pages and shell completion, in build
 	@$(PY) tools/man_pages.py
 
 # What is published, in build/dist: sdist, wheels and Debian packages for x86-64 and aarch64, each tried, and how long that took.
 # What it needs: tools/dist/RELEASE.md.
-dist: .venv/.dev
+dist: .venv/.dev  ## sdist, wheels and Debian packages, in build/dist
 	@begin=$$(date +%s); for step in wheels try deb try_deb try_container; do tools/dist/$$step.sh || exit; done; \
 		echo "dist: done in $$(($$(date +%s) - begin)) s" >&2
 
 # As root. PREFIX=/opt/fltea: where the program goes; DESTDIR=FOLDER: only write the files, into that tree.
-install-service:
+install-service:  ## as root: the program as a service; PREFIX, DESTDIR
 	@tools/deploy/service.sh install
 
-install-udev:
+install-udev:  ## as root: the rule that lets users open the board
 	@tools/deploy/service.sh udev
 
-uninstall-service:
+uninstall-service:  ## as root: take the service away
 	@tools/deploy/service.sh uninstall
 
-clean:
+clean:  ## remove .venv and build
 	rm -rf .venv build

@@ -6,6 +6,6 @@ namespace fltea {
 
 constexpr char kVersion[] = "0.1.0";
 // Beginning of the SHA-256 over names and contents of all sources.
-constexpr char kBuildId[] = "0e44ce6d";
+constexpr char kBuildId[] = "3bd340b2";
 
 }  // namespace fltea
