@@ -184,12 +184,8 @@ class Cpu:
         self._raised: BaseException | None = None
         self._event_register = False
         self._invalid_address: int | None = None
-        self._uc = uc = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
-        uc.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M3)
-        fast = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
-        fast.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M3)
-        for processor in (uc, fast):
-            self._map(processor)
+        uc, fast = self._fresh_processor(), self._fresh_processor()
+        self._uc = uc
         self._execution.attach(uc, fast, SPACES)
         self._watch_hook = None
         self._hook_watcher()
@@ -202,6 +198,14 @@ class Cpu:
             )
         uc.reg_write(SP, stack & ~3)
         uc.reg_write(LR, 0xFFFF_FFFF)
+
+    def _fresh_processor(self) -> unicorn.Uc:
+        # With UC_MODE_MCLASS, Unicorn takes a Cortex-M33, whatever model it is told: with that one's
+        # instructions for signal processing and floating point, too.
+        uc = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB)
+        uc.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M3)
+        self._map(uc)
+        return uc
 
     def _hook_watcher(self) -> None:
         if self._watch_hook is not None:
@@ -293,6 +297,7 @@ class Cpu:
         back = (RETURN_TO_HANDLER if nested else RETURN_TO_THREAD) | 1
         psr = values[-1] & 0xF800_0000 | XPSR_T | exception
         self._execution.set_registers(ENTERED, (frame, back, psr))
+        self._execution.heed_psr()
         self._pc = vector & ~THUMB
         self._execution.forget_reads()
 
@@ -309,6 +314,7 @@ class Cpu:
             self._machine.fault("the stack of an exception was overwritten: it holds another PSR")
         sp = frame + FRAME.size + 4 * bool(xpsr & XPSR_ALIGNED)
         self._execution.set_registers(UNSTACKED, (*values, sp, xpsr & ~XPSR_ALIGNED))
+        self._execution.heed_psr()
         self._pc = pc & ~THUMB
 
     # What is called while a slice runs; nothing may be raised through it.

@@ -240,6 +240,15 @@ class Execution(ctypes.Structure):
         self._values[: len(values)] = list(values)
         uclib.uc_reg_write_batch(self._exact, numbers, self._values_at, len(numbers))
 
+    def heed_psr(self) -> None:
+        """Let the processor notice that XPSR was set.
+
+        Unicorn keeps a copy of whether a handler runs, by which it knows a return from an exception, and
+        renews it only when CPSR is set.
+        """
+        uclib.uc_reg_read(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)
+        uclib.uc_reg_write(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)
+
     def time_after(self, instructions: int) -> int:
         """Moment at which so many instructions of the slice have run [ps]."""
         return int(self.slice_ps + instructions * PS_PER_S // self.hz + self.charged_ps)
