@@ -7,7 +7,6 @@ processor.
 """
 
 import ctypes
-import mmap
 from collections.abc import Callable
 from struct import Struct
 from typing import Any
@@ -17,28 +16,22 @@ from unicorn import arm_const
 
 from tools.due_emulator import memory_map, system_control
 from tools.due_emulator.bus import PERIPHERALS_BASE, PERIPHERALS_BYTES, Bus
-from tools.due_emulator.execution import NO_INTERRUPT, NOWHERE, REASONS, Execution, RegisterNumbers
+from tools.due_emulator.execution import NO_INTERRUPT, NOWHERE, REASONS, STOPS, Execution, RegisterNumbers
 from tools.due_emulator.machine import Machine
-from tools.due_emulator.memory_map import Memory
-from tools.due_emulator.nvic import FIRST_IRQ, Nvic
+from tools.due_emulator.memory_map import Memory, address_of
+from tools.due_emulator.nvic import Nvic, describe_exception
 from tools.due_emulator.system_control import SystemControl
 
 SLICE_INSTRUCTIONS = 50_000
 """Longest run without a look at signals: about a millisecond of the host's time."""
 
 EXCEPTION_EXIT = 8
-HOOK_NUMBERS = {
-    2: "SVC instruction: not modelled",
-    3: "jump to where no code may be",
-    4: "access that the processor refuses (an exclusive one that is not aligned?)",
-    7: "BKPT instruction: not modelled",
-}
 RETURN_TO_HANDLER, RETURN_TO_THREAD = 0xFFFF_FFF0, 0xFFFF_FFF8
 """EXC_RETURN as it shows in PC, bit 0 cleared; the process stack (…FFFD) is not modelled."""
 FRAME = Struct("<8I")
 SPACES = {PERIPHERALS_BASE: PERIPHERALS_BYTES, system_control.BASE: system_control.BYTES}
 """Where peripherals are, and how many bytes of them."""
-WFI, WFE = b"\x30\xbf", b"\x20\xbf"
+WFI, WFE, YIELD = b"\x30\xbf", b"\x20\xbf", b"\x10\xbf"
 THUMB = 1
 XPSR_T, XPSR_ALIGNED = 1 << 24, 1 << 9
 
@@ -52,7 +45,7 @@ def _numbers(names: str) -> RegisterNumbers:
 STACKED = _numbers("R0 R1 R2 R3 R12 LR PC XPSR")
 UNSTACKED = _numbers("R0 R1 R2 R3 R12 LR SP XPSR")
 ENTERED = _numbers("SP LR XPSR")
-PC, SP, LR, PRIMASK, BASEPRI, CONTROL = _numbers("PC SP LR PRIMASK BASEPRI CONTROL")
+PC, SP, LR, PRIMASK, BASEPRI, FAULTMASK, CONTROL = _numbers("PC SP LR PRIMASK BASEPRI FAULTMASK CONTROL")
 
 
 class Cpu:
@@ -226,7 +219,7 @@ class Cpu:
     def _map(self, uc: unicorn.Uc) -> None:
         code, data = unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC, unicorn.UC_PROT_ALL
         m = memory_map
-        flash, ram = _address_of(self._memory.flash), _address_of(self._memory.ram)
+        flash, ram = address_of(self._memory.flash), address_of(self._memory.ram)
         uc.mem_map_ptr(0, m.BANK_BYTES, unicorn.UC_PROT_READ, flash)
         uc.mem_map_ptr(m.FLASH_BASE, m.FLASH_BYTES, code, flash)
         uc.mem_map_ptr(m.SRAM0_BASE, m.SRAM0_BYTES, data, ram)
@@ -245,8 +238,10 @@ class Cpu:
         machine.advance_to(slice_.time_after(done))
         self.instructions += done
         slice_.done = 0
-        # Unicorn takes WFE for an undefined instruction, once it is past it.
-        if error != unicorn.UC_ERR_OK and not self._has_just_done(WFE):
+        if slice_.refusal:
+            machine.fault(slice_.describe_refusal())
+        # Unicorn takes WFE and YIELD for undefined instructions, once it is past them.
+        if error != unicorn.UC_ERR_OK and not (self._has_just_done(WFE) or self._has_just_done(YIELD)):
             reason = REASONS.get(error, str(unicorn.UcError(error)))
             place = "" if self._invalid_address is None else f": 0x{self._invalid_address:08X}"
             machine.fault(reason + place)
@@ -254,7 +249,7 @@ class Cpu:
             self._leave()
         elif slice_.interrupt != NO_INTERRUPT:
             number = slice_.interrupt
-            machine.fault(HOOK_NUMBERS.get(number, f"exception {number} of the processor: not modelled"))
+            machine.fault(STOPS.get(number, f"exception {number} of the processor: not modelled"))
         elif self._has_just_done(WFI):
             machine.asleep = True
         elif self._has_just_done(WFE):
@@ -278,6 +273,8 @@ class Cpu:
         register = self._execution.register
         if register(CONTROL):
             self._machine.fault("the process stack and unprivileged code are not modelled")
+        if register(FAULTMASK):
+            self._machine.fault("FAULTMASK, which would hold this exception back, is not modelled")
         values = self._execution.registers(STACKED)
         sp = register(SP)
         frame = (sp - FRAME.size) & ~7
@@ -312,6 +309,8 @@ class Cpu:
         *values, pc, xpsr = FRAME.unpack(self._uc.mem_read(frame, FRAME.size))
         if (xpsr & 0x1FF) != (active[-1] if active else 0):
             self._machine.fault("the stack of an exception was overwritten: it holds another PSR")
+        if not xpsr & XPSR_T:
+            self._machine.fault("the stack of an exception holds a PSR without its T bit: no Thumb code")
         sp = frame + FRAME.size + 4 * bool(xpsr & XPSR_ALIGNED)
         self._execution.set_registers(UNSTACKED, (*values, sp, xpsr & ~XPSR_ALIGNED))
         self._execution.heed_psr()
@@ -386,20 +385,13 @@ class Cpu:
         machine, nvic, slice_ = self._machine, self._nvic, self._execution
         slice_.next_event_ps = machine.next_event_ps
         waiting = nvic.pending & nvic.enabled
-        state = (waiting, self._restart, self._halted_until_ps, machine.mck_hz, machine.clocked)
+        traps = self._control.traps_division
+        state = (waiting, self._restart, self._halted_until_ps, machine.mck_hz, machine.clocked, traps)
         if waiting or state != self._handed_over:
             self._handed_over = state
             slice_.waiting = waiting != 0
             slice_.halted_until_ps = self._halted_until_ps
             machine.quick_reads.clocked = machine.clocked
             is_urgent = waiting != 0 and self._urgent() is not None
+            slice_.traps_division = traps
             slice_.stops = self._restart or machine.mck_hz != slice_.hz or is_urgent
-
-
-def describe_exception(exception: int) -> str:
-    """Name an exception for a person."""
-    return f"interrupt {exception - FIRST_IRQ}" if exception >= FIRST_IRQ else f"exception {exception}"
-
-
-def _address_of(content: mmap.mmap) -> int:
-    return ctypes.addressof(ctypes.c_char.from_buffer(content))

@@ -14,6 +14,7 @@ constexpr uint64_t kPsPerS = 1000000000000;
 constexpr uint64_t kNoEnd = 0xFFFFFFFE;
 constexpr uint64_t kNowhere = 1;
 constexpr uint64_t kThumb = 1;
+constexpr uint32_t kEpsrThumb = 1 << 24;
 constexpr uint32_t kExceptionExit = 8;
 constexpr uint64_t kNoInterrupt = UINT64_MAX;
 constexpr uint64_t kCalmInstructions =
@@ -57,8 +58,6 @@ bool in_flash(const Execution& e, uint64_t address, uint64_t bytes) {
     return address >= e.flash_base && address + bytes <= e.flash_base + e.flash_bytes;
 }
 
-bool is_wide(uint16_t halfword) { return halfword >> 11 >= 0x1D; }  // ARMv7-M, A5.1
-
 // UDF, SVC, BKPT, and hints such as WFI, but not NOP: what ends a slice, or may.
 bool is_special(uint16_t halfword) {
     const uint16_t high = halfword >> 8;
@@ -85,14 +84,23 @@ uint64_t count_instructions(const Execution& e, uint64_t begin, uint64_t end) {
     return count;
 }
 
+// The second halfword of an instruction, or 0 where it has none.
+uint16_t second_halfword(const Execution& e, uint64_t address, uint16_t first) {
+    return is_wide(first) && in_flash(e, address + 2, 2) ? flash_halfword(e, address + 2) : 0;
+}
+
 void describe(const Execution& e, uint64_t address, uint32_t bytes, Block& block) {
+    AddressNeeds needs(e.flash, e.flash_base, e.flash_bytes);
     block.bytes = static_cast<uint16_t>(bytes);
     block.instructions = static_cast<uint16_t>(count_instructions(e, address, address + bytes));
     for (uint64_t at = address; at < address + bytes;) {
         const uint16_t halfword = flash_halfword(e, at);
         if (is_special(halfword)) block.needs_exact = 1;
+        needs.follow(at, halfword, second_halfword(e, at, halfword));
         at += is_wide(halfword) ? 4 : 2;
     }
+    block.aligned = needs.aligned();
+    if (needs.unknown()) block.needs_exact = 1;
 }
 
 // The block at an address; null if it is not in flash, where code never changes.
@@ -103,8 +111,39 @@ inline Block* find_block(const Execution& e, uint64_t address, uint32_t bytes) {
     return &block;
 }
 
-bool fits(const Execution& e, const Block* block) {
-    return block && !block->needs_exact && e.done + block->instructions <= e.limit;
+uint32_t register_of(const Execution& e, void* processor, unsigned number) {
+    uint32_t value = 0;
+    e.reg_read(processor, e.registers[number], &value);
+    return value;
+}
+
+bool addresses_are_aligned(const Execution& e, void* processor, const Block& block) {
+    for (unsigned i = 0, left = block.aligned; left; ++i, left >>= 1)
+        if (left & 1 && register_of(e, processor, i) & 3) return false;
+    return true;
+}
+
+bool fits(const Execution& e, void* processor, const Block* block) {
+    return block && !block->needs_exact && e.done + block->instructions <= e.limit &&
+           addresses_are_aligned(e, processor, *block);
+}
+
+// What a Cortex-M3 refuses the instruction at an address for, which is about to run.
+uint64_t refusal_of(Execution& e, void* processor, uint64_t address) {
+    uint16_t code[2] = {0, 0};
+    if (in_flash(e, address, sizeof code))
+        std::memcpy(code, e.flash + (address - e.flash_base), sizeof code);
+    else
+        e.mem_read(processor, address, code, sizeof code);
+    const Need need = need_of(code[0], code[1]);
+    if (need.refusal == kNotRefused || need.on == kPc) return kNotRefused;
+    if (need.refusal == kNotOfM3) return need.refusal;
+    if (need.refusal == kDividesByZero && !e.traps_division) return kNotRefused;
+    e.refused_value = register_of(e, processor, need.on);
+    const bool refused = need.refusal == kDividesByZero
+                             ? !e.refused_value
+                             : e.refused_value & (need.refusal == kWordsUnaligned ? 3 : 1);
+    return refused ? need.refusal : kNotRefused;
 }
 
 // Accesses to peripherals
@@ -209,6 +248,13 @@ void note_code_elsewhere(Execution& e, uint64_t address, uint64_t bytes) {
     if (e.code_end - e.code_begin > kCodeBytes) e.may_be_fast = 0;
 }
 
+// After a jump to an address without bit 0 a processor is out of Thumb; to start it again would hide that.
+void check_thumb(Execution& e, void* processor) {
+    uint32_t epsr = 0;
+    e.reg_read(processor, static_cast<int>(e.epsr_register), &epsr);
+    if (!(epsr & kEpsrThumb)) e.refusal = kNotThumb;
+}
+
 // Run blocks with the fast processor, from where the exact one is, and bring the exact one to where that
 // comes.
 void run_fast(Execution& e, uint64_t pc) {
@@ -219,8 +265,9 @@ void run_fast(Execution& e, uint64_t pc) {
     e.context_restore(e.fast, e.context);
     e.fast_block = kNowhere;
     const int error = e.emu_start(e.fast, pc | kThumb, kNoEnd, 0, 0);
+    check_thumb(e, e.fast);
     const bool is_cut_off = error || (e.interrupt != kNoInterrupt && e.interrupt != kExceptionExit);
-    if (is_cut_off && e.fast_block != kNowhere) {
+    if (is_cut_off && e.refusal != kNotThumb && e.fast_block != kNowhere) {
         // The exact one does this instruction once more, to say what it does.
         Block& block = e.blocks[(e.fast_block - e.flash_base) / 2];
         uint32_t stopped_at = 0;
@@ -253,14 +300,14 @@ void enter_block(void* processor, uint64_t address, uint32_t bytes, void* data) 
     count_silent_ones(e, processor, e.block_end);
     e.next = address;
     e.block_end = address + bytes;
-    if (!e.may_be_fast) return;
+    if (!e.may_be_fast || e.traps_division) return;
     const Block* block = find_block(e, address, bytes);
     if (!block) {
         note_code_elsewhere(e, address, bytes);
         return;
     }
     e.calm += block->instructions;
-    if (e.calm >= kCalmInstructions && fits(e, block)) {
+    if (e.calm >= kCalmInstructions && fits(e, processor, block)) {
         e.go_fast = 1;
         e.emu_stop(processor);
     }
@@ -269,8 +316,8 @@ void enter_block(void* processor, uint64_t address, uint32_t bytes, void* data) 
 void enter_block_fast(void* processor, uint64_t address, uint32_t bytes, void* data) {
     Execution& e = *static_cast<Execution*>(data);
     const Block* block = find_block(e, address, bytes);
-    if (!fits(e, block)) {
-        if (!block || block->needs_exact) e.calm = 0;
+    if (!fits(e, processor, block)) {
+        if (e.done + (block ? block->instructions : 0) <= e.limit) e.calm = 0;
         e.emu_stop(processor);
         return;
     }
@@ -289,6 +336,11 @@ void before_instruction(void* processor, uint64_t address, uint32_t bytes, void*
             e.emu_stop(processor);
             return;
         }
+    }
+    e.refusal = refusal_of(e, processor, address);
+    if (e.refusal) {
+        e.emu_stop(processor);
+        return;
     }
     ++e.done;
     e.address = address;
@@ -318,14 +370,15 @@ int run(Execution* execution, uint64_t pc) {
     while (true) {
         e.go_fast = 0;
         const int error = e.emu_start(e.exact, pc | kThumb, kNoEnd, 0, 0);
-        if (!e.go_fast) return error;
+        check_thumb(e, e.exact);
+        if (!e.go_fast || e.refusal) return error;
         uint32_t stopped_at = 0;
         e.reg_read(e.exact, static_cast<int>(e.pc_register), &stopped_at);
         e.go_fast = 0;
         run_fast(e, stopped_at);
         e.reg_read(e.exact, static_cast<int>(e.pc_register), &stopped_at);
         pc = stopped_at;
-        if (e.interrupt != kNoInterrupt) return 0;
+        if (e.interrupt != kNoInterrupt || e.refusal) return 0;
     }
 }
 }

@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "refusals.hpp"
+
 namespace {
 
 enum RegisterKind : uint64_t { kNone, kWord, kCounter };
@@ -31,11 +33,13 @@ struct QuickReads {
 struct Block {
     uint16_t bytes;
     uint16_t instructions;
+    uint16_t aligned;  // bit i: register i holds a multiple of 4, or the exact one does this block
     uint8_t needs_exact;
 };
 
 constexpr size_t kPollPcs = 8;
-constexpr int kRegisters = 13;
+constexpr int kRegisters = 13;  // r0 to r12, which a loop may count in
+constexpr int kNumbers = 16;
 constexpr size_t kCodeBytes = 4096;
 
 struct Execution {
@@ -56,6 +60,9 @@ struct Execution {
     uint64_t dead;
     uint64_t dropped;
     uint64_t interrupt;
+    uint64_t refusal;
+    uint64_t refused_value;
+    uint64_t traps_division;
     uint64_t may_be_fast;
     uint64_t may_be_quick;
     uint64_t calm;
@@ -70,12 +77,13 @@ struct Execution {
     uint64_t recent_changes[kPollPcs];
     uint64_t recent_registers[kPollPcs];
     uint64_t changes;  // reads whose value was another one than the last time
-    int32_t registers[kRegisters + 1];
+    int32_t registers[kNumbers];
     uint64_t access_cycles;
     uint64_t waiting_instructions;
     uint64_t poll_near_ps;
     uint64_t poll_step_ps;
     uint64_t pc_register;
+    uint64_t epsr_register;
     uint64_t flush_control;
     const uint8_t* flash;
     uint64_t flash_base;

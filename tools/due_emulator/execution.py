@@ -16,7 +16,7 @@ from unicorn import arm_const
 from unicorn.unicorn_py3.unicorn import uclib
 
 from tools.due_emulator.machine import NEVER_PS, PS_PER_S
-from tools.due_emulator.memory_map import FLASH_BASE, FLASH_BYTES
+from tools.due_emulator.memory_map import FLASH_BASE, FLASH_BYTES, address_of
 from tools.due_emulator.quick_reads import QuickReads
 
 SOURCE = Path(__file__).with_suffix(".cpp")
@@ -39,8 +39,7 @@ wire away; else it goes on by 10 us. So waiting is cheap to emulate, and nothing
 
 A loop that counts its turns is no poll, or its count would take that much longer: its registers change from
 turn to turn, although nothing that it has read did."""
-REGISTERS = 13
-"""r0 to r12: what a loop may count in."""
+NUMBERS = 16
 MOST_AT_ONCE = 8
 """So many registers are read or set by one call."""
 RegisterNumbers = ctypes.Array[ctypes.c_int32]
@@ -56,6 +55,24 @@ REASONS = {
     unicorn.UC_ERR_WRITE_UNALIGNED: "unaligned write",
 }
 """What Unicorn's errors mean for a program."""
+STOPS = {
+    2: "SVC instruction: not modelled",
+    3: "jump to where no code may be",
+    4: "access that the processor refuses (an exclusive one that is not aligned?)",
+    7: "BKPT instruction: not modelled",
+    17: "instruction of a coprocessor or floating-point unit, which the Cortex-M3 has not",
+}
+"""What it means that Unicorn stops for an exception, by its number."""
+
+REFUSALS = (
+    "",
+    "unaligned LDM, STM, LDRD, STRD, PUSH, POP, LDREX or STREX: a register holds 0x{:08X}, no multiple of 4",
+    "unaligned LDREXH or STREXH: a register holds 0x{:08X}, which is odd",
+    "undefined instruction: it is one of other processors, not of the Cortex-M3",
+    "division by {}, while CCR.DIV_0_TRP is set",
+    "jump to an address without bit 0: the Cortex-M3 runs Thumb code alone",
+)
+"""By the numbers of `Refusal` in refusals.hpp."""
 
 ON_READ = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
 ON_WRITE = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
@@ -70,6 +87,7 @@ class Block(ctypes.Structure):
     _fields_ = (
         ("bytes", ctypes.c_uint16),
         ("instructions", ctypes.c_uint16),
+        ("aligned", ctypes.c_uint16),
         ("needs_exact", ctypes.c_uint8),
     )
 
@@ -96,8 +114,10 @@ class Execution(ctypes.Structure):
     until_ps, longest: it ends there at the latest [ps, instructions]. What is called has to keep up to date:
     next_event_ps; halted_until_ps; waiting: an interrupt is pending; stops: the next instruction may not run
     in this slice; dead: an error has to be raised; dropped: the access went down with a reset. interrupt:
-    number of the exception that ended the slice, or NO_INTERRUPT. trap: address of an instruction before
-    which on_limit is called, or NOWHERE; the second processor has none. may_be_fast, may_be_quick: 0 to do
+    number of the exception that ended the slice, or NO_INTERRUPT. refusal: of REFUSALS, what ended it before
+    an instruction, and refused_value the register that it depends on; traps_division: division by 0 is among
+    them. trap: address of an instruction before which on_limit is called, or NOWHERE; the second processor
+    has none. may_be_fast, may_be_quick: 0 to do
     without that one, and without reading registers in C++; the results are the same.
     """
 
@@ -105,6 +125,7 @@ class Execution(ctypes.Structure):
         *_numbers("done limit address _next _block_end"),
         *_numbers("slice_ps charged_ps hz until_ps longest next_event_ps halted_until_ps"),
         *_numbers("waiting stops dead dropped interrupt"),
+        *_numbers("refusal refused_value traps_division"),
         *_numbers(
             "may_be_fast may_be_quick _calm _go_fast trap _fast_block _code_begin _code_end _recent_count"
         ),
@@ -113,9 +134,10 @@ class Execution(ctypes.Structure):
         ("_recent_changes", ctypes.c_uint64 * POLL_PCS),
         ("_recent_registers", ctypes.c_uint64 * POLL_PCS),
         *_numbers("_changes"),
-        ("_registers", ctypes.c_int32 * (REGISTERS + 1)),
+        ("_registers", ctypes.c_int32 * NUMBERS),
         *_numbers(
-            "_access_cycles _waiting_instructions _poll_near_ps _poll_step_ps _pc_register _flush_control"
+            "_access_cycles _waiting_instructions _poll_near_ps _poll_step_ps _pc_register _epsr_register"
+            " _flush_control"
         ),
         *_pointers("_flash"),
         *_numbers("_flash_base _flash_bytes"),
@@ -146,15 +168,15 @@ class Execution(ctypes.Structure):
         super().__init__()
         self._library = _library()
         self._quick_reads = quick
-        self._flash = ctypes.addressof(ctypes.c_char.from_buffer(flash))
+        self._flash = address_of(flash)
         self._flash_base, self._flash_bytes = FLASH_BASE, FLASH_BYTES
         self._quick = ctypes.addressof(quick)
         self._on_read, self._on_write = ON_READ(on_read), ON_WRITE(on_write)
         self._on_events, self._on_limit = ON_EVENTS(on_events), ON_LIMIT(on_limit)
         self._access_cycles, self._waiting_instructions = ACCESS_CYCLES, WAITING_INSTRUCTIONS
         self._poll_near_ps, self._poll_step_ps = POLL_NEAR_PS, POLL_STEP_PS
-        self._pc_register = arm_const.UC_ARM_REG_PC
-        for i in range(REGISTERS):
+        self._pc_register, self._epsr_register = arm_const.UC_ARM_REG_PC, arm_const.UC_ARM_REG_EPSR
+        for i in range(NUMBERS):
             self._registers[i] = getattr(arm_const, f"UC_ARM_REG_R{i}")
         self._flush_control = unicorn.UC_CTL_TB_FLUSH | unicorn.UC_CTL_IO_WRITE << 30
         for name in UNICORN:
@@ -215,7 +237,7 @@ class Execution(ctypes.Structure):
         self.begin_again(slice_ps)
         self.hz, self.until_ps, self.longest = hz, min(until_ps, NEVER_PS), longest
         self.address, self.interrupt = NOWHERE, NO_INTERRUPT
-        self.dropped = 0
+        self.dropped = self.refusal = 0
 
     def begin_again(self, slice_ps: int) -> None:
         """Start the next slice without leaving this one, before an instruction."""
@@ -249,6 +271,10 @@ class Execution(ctypes.Structure):
         uclib.uc_reg_read(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)
         uclib.uc_reg_write(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)
 
+    def describe_refusal(self) -> str:
+        """Why the processor refused the instruction that ended the slice."""
+        return REFUSALS[self.refusal].format(self.refused_value)
+
     def time_after(self, instructions: int) -> int:
         """Moment at which so many instructions of the slice have run [ps]."""
         return int(self.slice_ps + instructions * PS_PER_S // self.hz + self.charged_ps)
@@ -266,7 +292,7 @@ def _library() -> ctypes.CDLL:
     Raises:
         UsageError: they cannot be compiled.
     """
-    text = SOURCE.read_bytes() + SOURCE.with_suffix(".hpp").read_bytes() + " ".join(COMMAND).encode()
+    text = b"".join(map(Path.read_bytes, sorted(SOURCE.parent.glob("*.[ch]pp")))) + " ".join(COMMAND).encode()
     version = hashlib.sha256(text).hexdigest()[:16]
     library = FOLDER / f"{SOURCE.stem}-{version}.so"
     if not library.exists():

@@ -1,5 +1,6 @@
 """Flash and RAM of the ATSAM3X8E (datasheet 7, Memories)."""
 
+import ctypes
 import mmap
 
 import numpy as np
@@ -69,3 +70,8 @@ class Memory:
             if base <= address and address + n <= base + size:
                 return content[address - base : address - base + n]
         return None
+
+
+def address_of(content: mmap.mmap) -> int:
+    """Where the host keeps it, for Unicorn and C++."""
+    return ctypes.addressof(ctypes.c_char.from_buffer(content))

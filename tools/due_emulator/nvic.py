@@ -78,3 +78,8 @@ class Nvic:
         exception = self.active.pop()
         self.pending |= self._lines & 1 << exception
         return exception
+
+
+def describe_exception(exception: int) -> str:
+    """Name an exception for a person."""
+    return f"interrupt {exception - FIRST_IRQ}" if exception >= FIRST_IRQ else f"exception {exception}"

@@ -13,7 +13,8 @@ CPUID_CORTEX_M3_R2P0 = 0x412F_C230
 VECTKEY, VECTKEY_READ = 0x05FA, 0xFA05
 SYSRESETREQ = 1 << 2
 CCR_STKALIGN = 1 << 9
-ALLOWED_CCR = CCR_STKALIGN | 1 << 3 | 1 << 4
+CCR_DIV_0_TRP = 1 << 4
+ALLOWED_CCR = CCR_STKALIGN | CCR_DIV_0_TRP
 SEVONPEND, SLEEPDEEP, SLEEPONEXIT = 1 << 4, 1 << 2, 1 << 1
 
 
@@ -43,6 +44,11 @@ class SystemControl:
         self._ccr = CCR_STKALIGN
         self.systick.reset()
         self._nvic.reset()
+
+    @property
+    def traps_division(self) -> bool:
+        """Whether a division by 0 is a fault."""
+        return bool(self._ccr & CCR_DIV_0_TRP)
 
     def read(self, address: int, size: int) -> int:
         """Read as a program does."""
