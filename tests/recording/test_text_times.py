@@ -3,6 +3,7 @@
 import math
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
@@ -173,6 +174,34 @@ def test_long_files_go_over_many_blocks(tmp_path: Path) -> None:
 
 
 # --- dates and times of day ---
+
+
+@pytest.mark.parametrize(
+    "turn", [datetime(2026, 3, 29, 1, tzinfo=UTC), datetime(2026, 10, 25, 1, tzinfo=UTC)]
+)
+@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S.%f", "%H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S.%f%z"])
+def test_a_night_of_daylight_saving_loses_nothing_and_is_named(
+    turn: datetime, form: str, tmp_path: Path
+) -> None:
+    """A logger's local time steps by an hour, either way; with its offset from UTC written, it does not."""
+    times = (turn + timedelta(milliseconds=10 * k) for k in range(-300, 300))
+    clock = ZoneInfo("Europe/Berlin")
+    rows = "".join(f"{when.astimezone(clock).strftime(form)},1\n" for when in times)
+    found = stored(tmp_path, f"time,gyro_x_dps\n{rows}")
+    whole = found.whole()
+    assert (found.rate_hz, found.samples) == (pytest.approx(100.0), 600)
+    assert len(set(whole.seq.tolist())) == 600
+    named = [note.text for note in found.notes if "daylight saving" in note.text]
+    assert len(named) == (not form.endswith("%z"))
+    assert all("column 'time': 1 steps of an hour" in text for text in named)
+
+
+def test_a_gap_of_another_length_is_no_night_of_daylight_saving(tmp_path: Path) -> None:
+    times = [k / 100 + (3590 if k > 300 else 0) for k in range(600)]
+    assert not stored(tmp_path, timed(times, "time_s")).notes
+    times = [k * 10 + (3600 if k > 300 else 0) for k in range(600)]
+    assert not any("daylight" in note.text for note in stored(tmp_path, timed(times, "t_ms")).notes), "3.6 s"
+
 
 BEGIN = datetime(2023, 5, 3, 9, 46, 40, tzinfo=UTC)
 

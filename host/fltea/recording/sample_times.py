@@ -19,6 +19,8 @@ These are the rules for the first kind, the same for live text, text files, tabl
   went on meanwhile cannot be known, and nothing is counted as missing.
 - **A step backwards** begins a new run. A counter of 32 bits (`millis()`, `micros()`) that wraps is no step
   backwards, and neither is a clock that goes on from 0 s at midnight.
+- **A step of an hour**, forwards or back, is what a clock of local time has in a night of daylight saving. It
+  begins a new run like any other of that size, and the user is told what it may be.
 - **Times of day without colons**: from 95959.99 to 100000.00 (hhmmss) is 0.01 s, and no gap of an hour.
 - **A repeated time** is the same sample again: it is left out and counted. Where the values differ it counts
   as an uneven step, for the clock is then coarser than the samples.
@@ -57,6 +59,7 @@ COUNTER_WRAP, DAY_S = float(1 << 32), 86_400.0
 
 LONGEST_GAP_S, LONGEST_GAP_PERIODS = 60.0, 10.0
 
+HOUR_S = 3600.0
 MINUTE_TURNS_S, NEAR_TURN_S = 39.0, 1.0
 """Times of day as hhmmss jump by more than the first at each minute, within the second of its 60th second."""
 
@@ -73,12 +76,12 @@ class Elapsed:
     repeated: rows with the time of the row before them. odd: steps that are no clock's, backwards or with a
     repeated time and other values; backwards: of them the first kind. rows: how many there were. first: the
     number of the first row that repeats a time or runs backwards, None without one. of_day: minutes that
-    began in times of day as hhmmss. longest: a longer step begins a new run, infinite without a known
-    unit. unit_s: seconds in one of the unit.
+    began in times of day as hhmmss. hours: steps of an hour, within a second, either way. longest: a longer
+    step begins a new run, infinite without a known unit. unit_s: seconds in one of the unit.
     """
 
     def __init__(self, unit: TimeUnit | None) -> None:
-        self.repeated = self.odd = self.backwards = self.rows = self.of_day = 0
+        self.repeated = self.odd = self.backwards = self.rows = self.of_day = self.hours = 0
         self.first: int | None = None
         self._wrap = {"ms": COUNTER_WRAP, "us": COUNTER_WRAP, "ns": math.inf}.get(unit or "s", DAY_S)
         self.unit_s = SECONDS[unit or "s"]
@@ -145,6 +148,8 @@ class Elapsed:
         turns = np.flatnonzero(np.abs(steps) * self.unit_s > MINUTE_TURNS_S)
         if not len(turns):
             return None
+        off_s = np.abs(np.abs(steps[turns]) * self.unit_s - HOUR_S)
+        self.hours += int((off_s < NEAR_TURN_S).sum())
         after_s, before_s = time[turns] * self.unit_s, (time[turns] - steps[turns]) * self.unit_s
         real_s = (_of_day(after_s) - _of_day(before_s)) % DAY_S  # NaN where one is no time of day
         ends = (before_s % 100 >= 60 - NEAR_TURN_S) & (after_s % 100 < NEAR_TURN_S)

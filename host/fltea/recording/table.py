@@ -345,6 +345,13 @@ class _Table:
         elif runs := sum(map(len, self._begins)):
             text = f"column '{chosen.time_name}' runs backwards {runs} times; a new run begins at each."
             self._notes.append(Note("row_times", f"{self._path}: {text}"))
+        if found.period is not None and self._elapsed.hours and self._elapsed.unit_s == found.unit_s:
+            text = (
+                f"{self._elapsed.hours} steps of an hour, at which a new run begins. In a night of daylight "
+                "saving a clock of local time has one, and then no sample is missing: write times in UTC, or "
+                "with their offset (+02:00)."
+            )
+            self._notes.append(Note("row_times", f"{self._path}: column '{chosen.time_name}': {text}"))
         if found.period is not None and self._elapsed.repeated:
             text = f"{self._elapsed.repeated} rows have the time of the row before them, and are left out."
             self._notes.append(Note("row_times", f"{self._path}: column '{chosen.time_name}': {text}"))
