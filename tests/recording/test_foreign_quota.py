@@ -14,8 +14,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from corpus_files import HERE
+from corpus_files import HERE, N
 from fltea.recording import apart
+from fltea.recording.apart import open_apart
 from fltea.records.errors import UsageError
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import Limits
@@ -132,3 +133,17 @@ def test_code_in_the_current_folder_is_not_run(
     monkeypatch.setenv("PYTHONPATH", ".")
     assert ReplaySource(Path("pandas.parquet"))
     assert not (tmp_path / "has_run").exists()
+
+
+def test_what_a_library_prints_is_not_what_it_sends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What C code prints goes to descriptor 1, wherever Python has put its own stdout."""
+    (tmp_path / "pyulog.py").write_text(
+        "import os, sys\n"
+        "os.write(1, b'Warning: no subscription found for message id 77.\\n')\n"
+        "print('Warning', file=sys.__stdout__, flush=True)\n"
+        f"sys.path.remove({str(tmp_path)!r})\n"
+        "del sys.modules['pyulog']\n"
+        "import pyulog\n"
+    )
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    assert open_apart("ulg", HERE / "px4.ulg", AS_IT_SAYS, SMALL).samples == N

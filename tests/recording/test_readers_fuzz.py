@@ -40,8 +40,13 @@ MOST_BYTES = 40_000_000
 """Twice the limits, and what is made of a recording within them."""
 
 Change = tuple[float, bytes, int]
+place = st.floats(0, 1, exclude_max=True)
+LENGTHS = [byte * count for byte in (b"\x00", b"\xff") for count in (1, 2, 4, 8)]
+"""The least and the largest length of what follows, as formats write it."""
+
 changes = st.lists(
-    st.tuples(st.floats(0, 1, exclude_max=True), st.binary(max_size=12), st.integers(0, 12)),
+    st.tuples(place, st.binary(max_size=12), st.integers(0, 12))
+    | st.builds(lambda at, length: (at, length, len(length)), place, st.sampled_from(LENGTHS)),
     min_size=1,
     max_size=4,
 )

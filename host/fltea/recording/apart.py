@@ -2,10 +2,12 @@
 
 A library in C may be sent round in circles, or fall, by a file that was made for it; here it takes nothing
 with it. What the process may take is set before it opens the file: processor time, memory, and no byte on the
-disk. It sends columns, or lines of text, as `foreign.main` says.
+disk. It sends columns, or lines of text, as `foreign.main` says, through a pipe of its own: what a library
+prints goes nowhere.
 """
 
 import contextlib
+import fcntl
 import importlib.util
 import os
 import signal
@@ -70,10 +72,9 @@ def open_apart(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO 
         # Behind /dev/stdin another process finds its own, and nothing behind the name of what was packed.
         is_named = file is None and not is_of_this_process(path)
         place = os.fspath(path) if is_named else f"/dev/fd/{content.fileno()}"
-        with _process([kind, place, how.topic or ""], content, quota) as process:
+        with _process([kind, place, how.topic or ""], content, quota) as (process, sent):
             assert process.stdin is not None
-            assert process.stdout is not None
-            frames = _frames(path, process, quota)
+            frames = _frames(path, process, sent, quota)
             head = msgspec.json.decode(next(frames), type=SheetHead | None)
             if head is None:
                 return open_text(path, msgspec.json.decode(next(frames), type=TextHead), frames, how, limits)
@@ -102,8 +103,10 @@ def open_text(path: Path, head: TextHead, lines: Iterator[bytes], how: How, limi
 
 
 @contextlib.contextmanager
-def _process(words: list[str], file: BinaryIO, quota: Quota) -> Iterator["subprocess.Popen[bytes]"]:
-    """Start `foreign.main`, which has the file open too, and end it."""
+def _process(
+    words: list[str], file: BinaryIO, quota: Quota
+) -> Iterator[tuple["subprocess.Popen[bytes]", BinaryIO]]:
+    """Start `foreign.main`, which has the file open too, and end it. Yields it and what it sends."""
     seconds = STARTUP_S + round(quota.seconds)
     memory = STARTUP_BYTES + 2 * quota.limits.whole_bytes
     command = [sys.executable, "-B", "-P", "-m", "fltea.recording.foreign", str(seconds), str(memory)]
@@ -115,18 +118,30 @@ def _process(words: list[str], file: BinaryIO, quota: Quota) -> Iterator["subpro
         "ARROW_DEFAULT_MEMORY_POOL": "system",
         "PYTHONPATH": os.pathsep.join(_trusted_folders()),
     }
-    with subprocess.Popen(
-        [*command, *words],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        env=environment,
-        pass_fds=(file.fileno(),),
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
+    with contextlib.ExitStack() as ends:
+        sent, frames = map(ends.enter_context, _pipe())
+        process = ends.enter_context(
+            subprocess.Popen(
+                [*command, str(frames.fileno()), *words],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                env=environment,
+                pass_fds=(file.fileno(), frames.fileno()),
+            )
+        )
+        ends.callback(process.kill)
+        frames.close()  # so that what is sent ends with the process
+        yield process, sent
+
+
+def _pipe() -> tuple[BinaryIO, BinaryIO]:
+    """Make a pipe, to read and to write, which no standard stream of a child can replace."""
+    ends = os.pipe()
+    read, write = (fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 3) for end in ends)
+    for end in ends:
+        os.close(end)
+    return open(read, "rb"), open(write, "wb")
 
 
 def _trusted_folders() -> list[str]:
@@ -135,22 +150,21 @@ def _trusted_folders() -> list[str]:
     return [folder for folder in sys.path if os.path.isabs(folder) and folder != here]
 
 
-def _frames(path: Path, process: "subprocess.Popen[bytes]", quota: Quota) -> Iterator[bytes]:
+def _frames(path: Path, process: "subprocess.Popen[bytes]", sent: BinaryIO, quota: Quota) -> Iterator[bytes]:
     """What the process sends, each piece as it was sent.
 
     Raises:
         UsageError: the process failed, or fell.
     """
-    assert process.stdout is not None
-    while len(head := process.stdout.read(LENGTH.size)) == LENGTH.size:
+    while len(head := sent.read(LENGTH.size)) == LENGTH.size:
         (length,) = LENGTH.unpack(head)
         if length == FAILED:
-            reason = process.stdout.read().decode(errors="replace")
+            reason = sent.read().decode(errors="replace")
             raise (NotStated if ASK in reason else UsageError)(f"{path}: {reason}")
         if not length:
             return
         quota.unpack(length)
-        yield process.stdout.read(length)
+        yield sent.read(length)
     code = process.wait()
     if code in (-signal.SIGXCPU, -signal.SIGKILL):
         raise quota.too_slow()

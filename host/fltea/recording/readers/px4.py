@@ -1,6 +1,8 @@
 """Logs of PX4 (.ulg). What their columns mean, `dialects.toml` says."""
 
 from collections.abc import Mapping
+from io import BytesIO
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ from msgspec.structs import replace
 
 from fltea.recording.files import Note, listed
 from fltea.recording.readers.arrays import of_arrays
+from fltea.recording.readers.ulog import Mended, mended
 from fltea.recording.reading import Missing, not_stated
 from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
@@ -24,16 +27,18 @@ EVEN = 0.2
 
 def read(path: Path, topic: str) -> Sheet:
     """Read a topic, and of several sensors that publish it the one that is named: `sensor_gyro:1`."""
-    from pyulog import ULog
-
     name, _, instance = topic.partition(":")
-    log = ULog(str(path), [name] if name else list(TOPICS))
+    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        whole = mended(content)
+    log = _opened(path, whole, [name] if name else list(TOPICS))
     name = name or next((known for known in TOPICS if any(one.name == known for one in log.data_list)), "")
     there = {str(one.multi_id): one for one in log.data_list if one.name == name}
     if not there:
-        names = sorted({one.name for one in ULog(str(path)).data_list})
+        names = sorted({one.name for one in _opened(path, whole, None).data_list})
         asked = f"topic {topic}" if topic else f"topic {' or '.join(TOPICS)}"
-        raise UsageError(f"is a PX4 log with no {asked}; name one by --topic: {listed(names)}.")
+        others = f"; name one by --topic: {listed(names)}" if names else ""
+        damage = "".join(f" It {note.text.removeprefix(f'{path}: ')}" for note in _losses(path, whole, log))
+        raise UsageError(f"is a PX4 log with no {asked}{others}.{damage}")
     each = [f"{name}:{number} ({_about(one.data)})" for number, one in there.items()]
     if instance and instance not in there:
         raise UsageError(f"is a PX4 log with no topic {topic}; it has {listed(each)}.")
@@ -55,8 +60,40 @@ def read(path: Path, topic: str) -> Sheet:
     if lost_ms := [one.duration for one in log.dropouts]:
         texts.append(f"the logger lost data {len(lost_ms)} times, {sum(lost_ms)} ms in all.")
     notes = tuple(Note("reading", f"{path}: {text}") for text in texts)
+    notes = (*_losses(path, whole, log), *notes)
     topic = f"{name}:{instance}" if instance else name
     return replace(sheet, topic=topic, notes=notes)
+
+
+def _opened(path: Path, whole: Mended, topics: list[str] | None) -> Any:
+    """Read these topics, or all, by the library of PX4; of a damaged log what is left of it."""
+    from pyulog import ULog
+
+    return ULog(str(path) if whole.is_whole else BytesIO(whole.data), topics)
+
+
+def _losses(path: Path, whole: Mended, log: Any) -> list[Note]:
+    """Tell what of a log is not read."""
+    found = []
+    if whole.holes:
+        places = f"{whole.holes} places, the first" if whole.holes > 1 else "one place,"
+        text = f"is damaged: {whole.lost_bytes} bytes in {places} at byte {whole.first}, are no message"
+        found.append(("recording_gap", f"{text} and are left out; what stands before and behind is read."))
+    if whole.odd:
+        many = "one message is" if whole.odd == 1 else f"{whole.odd} messages are"
+        text = f"{many} of a kind or a topic that the log does not declare"
+        found.append(
+            ("recording_gap", f"{text}, and are left out: it is damaged, or newer than this program.")
+        )
+    read = sum(len(one.data["timestamp"]) for one in log.data_list)
+    there = sum(whole.counts.get(of, 0) for of in {(one.name, one.multi_id) for one in log.data_list})
+    if read != there or log.file_corruption:
+        text = f"the library of PX4 takes the log for damaged, and read {read} of {there} messages"
+        found.append(("recording_gap", f"{text} of the topics with a gyroscope."))
+    if whole.cut_bytes:
+        text = f"ends in the middle of a message, whose {whole.cut_bytes} bytes are left out"
+        found.append(("cut_recording", f"{text}: the logger was switched off, or the file is cut."))
+    return [Note(kind, f"{path}: {text}") for kind, text in found]
 
 
 def _about(data: Mapping[str, Any]) -> str:

@@ -1,0 +1,313 @@
+"""The messages of a log of PX4 (ULog), each looked at before its library reads them (pure).
+
+A message has its length before it and no checksum. A length that is wrong leads the library to a place where
+no message begins: it stops there, or goes on somewhere behind, and tells little of what it left out. Here
+such a place is a hole, which ends where messages begin again, and its bytes are counted.
+"""
+
+import re
+import struct
+from collections import Counter
+from collections.abc import Callable, Mapping
+from mmap import mmap
+from typing import NamedTuple
+
+HEAD = struct.Struct("<HB")
+"""Of a message: the length of what follows it, and its kind."""
+
+FILE_HEAD_BYTES = 16
+"""What a log begins with: a mark, the version, and the time."""
+
+SYNC = bytes.fromhex("2f731320250cbb12")
+"""What a message of the kind S holds."""
+
+SIZES = {
+    **dict.fromkeys(("int8_t", "uint8_t", "bool", "char"), 1),
+    **dict.fromkeys(("int16_t", "uint16_t"), 2),
+    **dict.fromkeys(("int32_t", "uint32_t", "float"), 4),
+    **dict.fromkeys(("int64_t", "uint64_t", "double"), 8),
+}
+"""Bytes of each type of a field."""
+
+MOST_BYTES = 1 << 16
+LONGEST_NAME = 256
+MOST_NESTED = 16
+"""Formats in one another."""
+
+FORMAT = re.compile(rb"([\w/-]+):((?:[\w/-]+(?:\[\d{1,5}\])? [\w/-]+;)+)")
+FIELD = re.compile(r"([\w/-]+)(?:\[(\d+)\])? ([\w/-]+);")
+KEY = re.compile(rb"(\w+)(?:\[(\d{1,5})\])? [!-~]+")
+"""Of a piece of information or a parameter: its type and its name."""
+
+KINDS = re.compile(rb"[ACDFILMOPQRS]")
+"""Letters of the kinds that PX4 documents."""
+
+SURE, ANY_LENGTH, TELLING = b"ADIMPQS", b"CL", b"AF"
+"""Kinds that chance hardly makes look like messages, those whose length nothing else tells, and those that
+say what later ones are like."""
+
+PADDING = "_padding"
+
+FLAGS_AT = FILE_HEAD_BYTES + HEAD.size
+APPENDED_AT, APPENDED = FLAGS_AT + 8, struct.Struct("<B7x3Q")
+"""Where the flags of a log say whether data was appended to it after a crash, and at which bytes."""
+
+
+class Mended(NamedTuple):
+    """What a log holds. whole: no byte of it was left out or changed.
+
+    data: it without its holes; b"" if it is whole. holes: how many, with `lost_bytes` of them, the first at
+    `first`. cut_bytes: of a last message, whose end is missing. odd: messages of a kind, or of a topic's
+    number, that the log does not declare. counts: messages of each topic, by its name and the number of its
+    sensor.
+    """
+
+    data: bytes
+    holes: int
+    lost_bytes: int
+    first: int
+    cut_bytes: int
+    odd: int
+    counts: Mapping[tuple[str, int], int]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the log can be read as it is."""
+        return not self.data
+
+
+def mended(content: bytes | mmap) -> Mended:
+    """Go through all messages of a log."""
+    walk = _Walk(content)
+    walk.run()
+    return walk.found()
+
+
+class _Topic(NamedTuple):
+    """name, sensor: whose messages have a number. size: of each. padded: with the padding behind it."""
+
+    name: str
+    sensor: int
+    size: int
+    padded: int
+
+
+class _Walk:
+    def __init__(self, content: bytes | mmap) -> None:
+        self._content, self._size = content, len(content)
+        self._forms: dict[str, list[tuple[str, int, str]]] = {}
+        self._lengths = dict(SIZES)
+        self._topics: dict[int, _Topic] = {}
+        self._is_head = True
+        self._counts: Counter[tuple[str, int]] = Counter()
+        self._kept: list[tuple[int, int] | bytes] = []
+        self._holes: list[tuple[int, int]] = []
+        self._odd = self._cut_bytes = 0
+        self._is_changed = False
+        self._searched = (0, -1)
+        self._checks: Mapping[int, Callable[[int, int], bool]] = {
+            ord("A"): self._is_topic,
+            ord("C"): lambda at, size: size >= 11 and self._is_level(at),
+            ord("D"): self._is_data,
+            ord("F"): lambda at, size: self._is_head and self._form(at, size) is not None,
+            ord("I"): lambda at, size: self._is_value(at, size),
+            ord("L"): lambda at, size: size >= 9 and self._is_level(at),
+            ord("M"): lambda at, size: self._is_value(at + 1, size - 1),
+            ord("O"): lambda at, size: size == 2,
+            ord("P"): lambda at, size: self._is_value(at, size),
+            ord("Q"): lambda at, size: self._is_value(at + 1, size - 1),
+            ord("R"): lambda at, size: size == 2,
+            ord("S"): lambda at, size: size == len(SYNC) and self._read(at, size) == SYNC,
+        }
+
+    def found(self) -> Mended:
+        """Return what the walk has found."""
+        is_whole = not (self._holes or self._odd or self._cut_bytes or self._is_changed)
+        data = b"" if is_whole else b"".join(self._pieces())
+        first, lost = (self._holes[0][0] if self._holes else 0), sum(end - at for at, end in self._holes)
+        return Mended(data, len(self._holes), lost, first, self._cut_bytes, self._odd, self._counts)
+
+    def _pieces(self) -> list[bytes]:
+        return [one if isinstance(one, bytes) else self._content[slice(*one)] for one in self._kept]
+
+    def run(self) -> None:
+        """Go through the log, or through each part of it if there are appended ones."""
+        at, begins = FILE_HEAD_BYTES, list[int]()
+        self._keep(0, at)
+        head = self._content[at:FLAGS_AT]
+        if len(head) == HEAD.size and HEAD.unpack(head)[1] == ord("B"):
+            at, begins = self._flags(FLAGS_AT + HEAD.unpack(head)[0])
+        for end in [*begins, self._size]:
+            self._part(at, end)
+            at = end
+
+    def _flags(self, end: int) -> tuple[int, list[int]]:
+        """Return where the flags end, and where appended parts begin."""
+        found = self._content[APPENDED_AT : APPENDED_AT + APPENDED.size]
+        if end > self._size or len(found) < APPENDED.size:
+            return FILE_HEAD_BYTES, []
+        flags, *begins = APPENDED.unpack(found)
+        begins = sorted({one for one in begins if end < one < self._size}) if flags & 1 else []
+        if begins:  # those of a log with holes would be others
+            self._is_changed = True
+            self._keep(FILE_HEAD_BYTES, APPENDED_AT)
+            self._kept.append(bytes([flags & ~1]) + found[1:8] + bytes(APPENDED.size - 8))
+            self._keep(APPENDED_AT + APPENDED.size, end)
+        else:
+            self._keep(FILE_HEAD_BYTES, end)
+        return end, begins
+
+    def _part(self, at: int, end: int) -> None:
+        is_one = self._is_message(at)
+        while at < end:
+            size, kind = self._head(at)
+            after = at + HEAD.size + size
+            if is_one and kind not in ANY_LENGTH and after <= end:
+                tells = kind in TELLING
+                if tells:
+                    self._take(at, after, kind)
+                is_next = after == end or self._is_message(after)
+                if is_next and not tells:
+                    self._take(at, after, kind)
+                if is_next or tells:
+                    at, is_one = after, is_next
+                    continue
+            following = min(self._search(at + 1), end)  # no message has others inside of it
+            if following == end < after and (is_one or end - at < HEAD.size):
+                self._cut(at, end)
+                return
+            if is_one and after <= following:
+                self._take(at, after, kind)
+                at = after
+            elif kind and size and after == following:
+                self._odd += 1
+                at = after
+            else:
+                at = self._skip(at, following)
+            is_one = self._is_message(at)
+
+    def _cut(self, at: int, end: int) -> None:
+        if end == self._size:
+            self._cut_bytes = end - at
+        else:  # what was being written as the other part was begun
+            self._skip(at, end)
+
+    def _skip(self, at: int, end: int) -> int:
+        """Leave bytes out; holes that touch are one."""
+        if self._holes and self._holes[-1][1] == at:
+            at = self._holes.pop()[0]
+        self._holes.append((at, end))
+        return end
+
+    def _keep(self, begin: int, end: int) -> None:
+        last = self._kept[-1] if self._kept else b""
+        if isinstance(last, tuple) and last[1] == begin:
+            self._kept[-1] = last[0], end
+        else:
+            self._kept.append((begin, end))
+
+    def _take(self, at: int, end: int, kind: int) -> None:
+        """Keep a message, and learn from it what later ones have to be like."""
+        body, size = at + HEAD.size, end - at - HEAD.size
+        if kind == ord("F"):
+            form = self._form(body, size)
+            assert form is not None
+            self._forms[form[0]] = form[1]
+            self._lengths = dict(SIZES)
+        elif kind == ord("A"):
+            self._is_head = False
+            sensor, number = struct.unpack("<BH", self._content[body : body + 3])
+            name = self._content[body + 3 : end].decode()
+            self._topics[number] = _Topic(name, sensor, *self._sizes(name))
+        elif kind == ord("D"):
+            topic = self._topics[int.from_bytes(self._content[body : body + 2], "little")]
+            self._counts[topic.name, topic.sensor] += 1
+            if size > topic.size:  # the library takes it for damaged
+                self._is_changed = True
+                self._kept.append(HEAD.pack(topic.size, kind) + self._content[body : body + topic.size])
+                return
+        self._keep(at, end)
+
+    def _head(self, at: int) -> tuple[int, int]:
+        return HEAD.unpack_from(self._content, at) if at + HEAD.size <= self._size else (0, 0)
+
+    def _read(self, at: int, size: int) -> bytes:
+        return self._content[at : at + size]
+
+    def _search(self, begin: int) -> int:
+        """Return the first place from one on where messages begin again, or the log's end."""
+        if self._searched[0] <= begin <= self._searched[1]:
+            return self._searched[1]
+        at = begin
+        while (found := self._next_kind(at)) is not None:
+            at = found
+            if self._is_message(at):
+                size, kind = self._head(at)
+                after = at + HEAD.size + size
+                if after == self._size or (kind in SURE and after < self._size) or self._is_message(after):
+                    break
+            at += 1
+        else:
+            at = self._size
+        self._searched = begin, at
+        return at
+
+    def _next_kind(self, at: int) -> int | None:
+        """Return the first place from one on that has a message's kind behind two bytes."""
+        found = KINDS.search(self._content, at + 2)
+        return None if found is None else found.start() - 2
+
+    def _is_message(self, at: int) -> bool:
+        """Whether a message begins there, of a kind and length that the log allows."""
+        if at + HEAD.size > self._size:
+            return False
+        size, kind = self._head(at)
+        check = self._checks.get(kind)
+        return check is not None and check(at + HEAD.size, size)
+
+    def _is_topic(self, at: int, size: int) -> bool:
+        if not 3 < size < LONGEST_NAME:
+            return False
+        return self._sizes(self._read(at + 3, size - 3).decode(errors="replace"))[0] > 0
+
+    def _is_data(self, at: int, size: int) -> bool:
+        topic = self._topics.get(int.from_bytes(self._read(at, 2), "little"))
+        return topic is not None and topic.size <= size <= topic.padded
+
+    def _is_level(self, at: int) -> bool:
+        return b"0" <= self._read(at, 1) <= b"7"
+
+    def _is_value(self, at: int, size: int) -> bool:
+        length = self._read(at, 1)
+        found = KEY.fullmatch(self._read(at + 1, length[0])) if length else None
+        if found is None:
+            return False
+        one = SIZES.get(found[1].decode())
+        return one is not None and size == 1 + length[0] + one * int(found[2] or 1)
+
+    def _form(self, at: int, size: int) -> tuple[str, list[tuple[str, int, str]]] | None:
+        found = FORMAT.fullmatch(self._read(at, size))
+        if found is None or at + size > self._size:
+            return None
+        fields = FIELD.findall(found[2].decode())
+        return found[1].decode(), [(kind, int(many or 1), name) for kind, many, name in fields]
+
+    def _sizes(self, name: str) -> tuple[int, int]:
+        """Return how long a message of a format is with its number, and with its padding; 0: not known."""
+        fields = self._forms.get(name, [])
+        sizes = [self._length(kind, MOST_NESTED) * many for kind, many, _ in fields]
+        if not fields or 0 in sizes or sum(sizes) > MOST_BYTES:
+            return 0, 0
+        padded = 2 + sum(sizes)
+        while sizes and fields[len(sizes) - 1][2].startswith(PADDING):
+            sizes.pop()
+        return 2 + sum(sizes), padded
+
+    def _length(self, kind: str, most_nested: int) -> int:
+        """Return the bytes of one field of a type; 0: it is not known, or there is no end to it."""
+        if kind not in self._lengths:
+            self._lengths[kind] = 0  # of a format that holds itself
+            fields = self._forms.get(kind, []) if most_nested else []
+            sizes = [self._length(inner, most_nested - 1) * many for inner, many, _ in fields]
+            self._lengths[kind] = 0 if 0 in sizes or sum(sizes) > MOST_BYTES else sum(sizes)
+        return self._lengths[kind]

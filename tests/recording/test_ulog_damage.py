@@ -1,0 +1,118 @@
+"""Logs of PX4 that are damaged anywhere: what stands before and behind is read, and what is not is told."""
+
+import struct
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from corpus_files import ulog
+from fltea.recording.files import Stored
+from fltea.recording.readers.ulog import mended
+from fltea.records.errors import UsageError
+from hypothesis import given
+from hypothesis import strategies as st
+from pyulog import ULog
+from table_support import open_here
+
+N = 400
+FORM = "float[3] gyro_rad;uint32_t gyro_integral_dt;float[3] accelerometer_m_s2;"
+RADS = np.random.default_rng(1).normal(scale=0.01, size=(N, 3)).astype(np.float32)
+ROWS: list[tuple[Any, ...]] = [
+    (0, "3fI3f", 1_000_000 + 5_000 * k, *RADS[k], 5_000, 0.1, 0.2, -9.8) for k in range(N)
+]
+WHOLE = ulog({"sensor_combined": FORM}, [("sensor_combined", 0)], ROWS)
+MESSAGE = 3 + 2 + 8 + 12 + 4 + 12
+BEGIN = len(WHOLE) - N * MESSAGE
+MIDDLE = BEGIN + N // 2 * MESSAGE
+
+
+def read(folder: Path, data: bytes) -> Stored:
+    path = folder / "log.ulg"
+    path.write_bytes(data)
+    return open_here("ulg", path)
+
+
+def told(found: Stored) -> dict[str, str]:
+    return {note.kind: note.text for note in found.notes}
+
+
+def put(data: bytes, at: int, new: bytes) -> bytes:
+    return data[:at] + new + data[at + len(new) :]
+
+
+def test_a_whole_log_is_read_as_it_is(tmp_path: Path) -> None:
+    found = read(tmp_path, WHOLE)
+    assert (found.samples, found.notes, mended(WHOLE).data) == (N, (), b"")
+
+
+@pytest.mark.parametrize("length", [0, 1, 65_535, MESSAGE - 3 + MESSAGE, (MESSAGE - 3) ^ 0x2000])
+def test_a_length_that_is_wrong_costs_one_message(length: int, tmp_path: Path) -> None:
+    """Also one that ends where a later message begins."""
+    found = read(tmp_path, put(WHOLE, MIDDLE, struct.pack("<H", length)))
+    assert found.whole().seq.tolist() == [k for k in range(N) if k != N // 2]
+    assert (
+        f"is damaged: {MESSAGE} bytes in one place, at byte {MIDDLE}, are no message"
+        in told(found)["recording_gap"]
+    )
+
+
+@pytest.mark.parametrize("change", [(2, b"E"), (3, b"\x4d\x00")], ids=["kind", "topic"])
+def test_messages_that_the_log_does_not_declare_are_counted(
+    change: tuple[int, bytes], tmp_path: Path
+) -> None:
+    found = read(tmp_path, put(WHOLE, MIDDLE + change[0], change[1]))
+    assert found.samples == N - 1
+    assert "one message is of a kind or a topic that the log does not declare" in told(found)["recording_gap"]
+
+
+def test_a_last_message_that_is_cut_is_told(tmp_path: Path) -> None:
+    found = read(tmp_path, WHOLE[: MIDDLE + 20])
+    assert found.samples == N // 2
+    assert "ends in the middle of a message, whose 20 bytes are left out" in told(found)["cut_recording"]
+
+
+def test_a_topic_whose_declaration_is_damaged_is_not_just_missing(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"with no topic .*angular_velocity\. It is damaged: \d+ bytes"):
+        read(tmp_path, WHOLE.replace(b"\x00\x00\x00sensor_c", b"\x00\x00\x00sensor_d"))
+
+
+@given(
+    at=st.integers(BEGIN, len(WHOLE)),
+    new=st.binary(max_size=12) | st.sampled_from([b"\x00\x00", b"\xff\xff"]),
+    gone=st.integers(0, 100),
+)
+def test_all_messages_beside_any_damage_are_read(at: int, new: bytes, gone: int) -> None:
+    data = WHOLE[:at] + new + WHOLE[at + gone :]
+    before = (at - BEGIN) // MESSAGE
+    behind = N - (min(at + gone, len(WHOLE)) - BEGIN + MESSAGE - 1) // MESSAGE
+    found = mended(data)
+    (topic,) = ULog(BytesIO(found.data or data)).data_list
+    expected = [row[2] for row in (*ROWS[:before], *ROWS[N - behind :])]
+    assert set(expected) <= set(topic.data["timestamp"].tolist())
+    assert len(topic.data["timestamp"]) == found.counts["sensor_combined", 0]
+    length = len(data) - found.lost_bytes - found.cut_bytes
+    assert found.odd or length == BEGIN + MESSAGE * found.counts["sensor_combined", 0]
+
+
+def test_padding_behind_the_last_field_may_be_logged_or_not(tmp_path: Path) -> None:
+    """The format allows both; the library takes the longer messages for damaged."""
+    form = f"{FORM}uint8_t[4] _padding0;"
+    padded = [(row[0], f"{row[1]}4B", *row[2:], 0, 0, 0, 0) for row in ROWS]
+    for one in (ROWS, padded, [*ROWS[: N // 2], *padded[N // 2 :]]):
+        found = read(tmp_path, ulog({"sensor_combined": form}, [("sensor_combined", 0)], one))
+        assert (found.samples, told(found).get("recording_gap")) == (N, None)
+
+
+def test_a_log_with_a_part_appended_after_a_crash(tmp_path: Path) -> None:
+    """The message that was being written before it is cut; holes in front do not move the part."""
+    flags = bytes(8) + b"\x01" + bytes(7) + struct.pack("<3Q", MIDDLE + 20, 0, 0)
+    data = WHOLE[: MIDDLE + 20] + WHOLE[MIDDLE + MESSAGE :]
+    data = put(data, 16 + 3, flags)
+    found = read(tmp_path, put(data, BEGIN + MESSAGE, b"\x00\x00"))
+    assert found.whole().seq.tolist() == [k for k in range(N) if k not in (1, N // 2)]
+    assert (
+        f"{MESSAGE + 20} bytes in 2 places, the first at byte {BEGIN + MESSAGE},"
+        in told(found)["recording_gap"]
+    )
