@@ -1,10 +1,13 @@
 """Bags in the commands that read recordings."""
 
+import os
+import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bag_support import KINDS, even, write_bag
+from bag_support import KINDS, Messages, even, write_bag
 from fltea.archive.export import export
 from fltea.archive.info import as_text, sessions, summarise
 from fltea.identification.load import Request, load, recordings
@@ -96,6 +99,50 @@ def test_a_bag_in_several_files(tmp_path: Path) -> None:
     (folder / "long_1.mcap").write_bytes(b"no bag at all")
     stored = open_bag(folder)
     assert (stored.samples, [note.kind for note in stored.notes]) == (40, ["recording_gap"])
+
+
+def of_two_files(folder: Path, kind: str, topics: Sequence[Messages]) -> list[Path]:
+    """The files of a bag, each with these messages."""
+    folder.mkdir()
+    names = [folder / f"long_{number}.{kind}" for number in range(len(topics))]
+    for name, messages in zip(names, topics, strict=True):
+        (file,) = write_bag(folder.parent / f"one.{kind}", {"/imu": messages}).glob(f"*.{kind}")
+        file.rename(name)
+    return names
+
+
+@pytest.mark.parametrize("how", ["copied", "linked", "symlinked", "overlapping"])
+@pytest.mark.parametrize("kind", ["db3", "mcap"])
+def test_messages_in_two_files_of_a_bag_count_once(kind: str, how: str, tmp_path: Path) -> None:
+    rest, folder = even(60), tmp_path / "long"
+    if how == "overlapping":
+        of_two_files(folder, kind, [rest.rows(slice(0, 40)), rest.rows(slice(25, 60))])
+    else:
+        (first,) = of_two_files(folder, kind, [rest])
+        second = folder / f"long_1.{kind}"
+        {"copied": shutil.copy, "linked": os.link, "symlinked": os.symlink}[how](first, second)
+    stored = open_bag(folder)
+    np.testing.assert_allclose(np.radians(stored.whole().gyro), rest.gyro_rads, rtol=1e-14)
+    (note,) = stored.notes
+    assert note.kind == "bag_messages"
+    twice = {"copied": 60, "overlapping": 15}
+    expected = (
+        f"{twice[how]} messages stand in the bag before already" if how in twice else "is the same file as"
+    )
+    assert expected in note.text
+
+
+@pytest.mark.parametrize("stamped", [True, False])
+def test_messages_that_only_have_the_times_of_others_are_no_copies(stamped: bool, tmp_path: Path) -> None:
+    """As of a sensor whose clock began again, and of one without stamps whose copies only arrivals tell."""
+    rest = even(60)
+    if stamped:
+        again = even(60, seed=2)._replace(arrival_ns=[ns + 10**9 for ns in rest.stamp_ns])
+    else:
+        rest = rest._replace(stamp_ns=[0] * 60, arrival_ns=rest.stamp_ns)
+        again = rest
+    of_two_files(tmp_path / "long", "mcap", [rest, again])
+    assert open_bag(tmp_path / "long").samples == (120 if stamped else 60)
 
 
 def test_a_bag_in_run(tmp_path: Path) -> None:

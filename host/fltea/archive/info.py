@@ -114,7 +114,7 @@ def summarise(
     for event in source.events():
         if isinstance(event, Trouble) and mcap is None:
             notes.append(event.message)
-            cut = cut or event.kind == "cut_recording"
+            cut = cut or event.kind in ("cut_recording", "recording_gap")
         if isinstance(event, Hello):
             unix_ns = event.host_ns + source.unix_offset_ns
             hello = msgspec.structs.replace(event, host_ns=unix_ns, device=device)
@@ -179,8 +179,8 @@ def as_text(s: Summary) -> str:
     if s.about:
         lines.append(("about", s.about))
     lines += [(one.question, one) for one in s.reading]
-    remedy = "" if s.about else " (fltea recover)"  # which is for our files
-    state = "whole" if s.whole else f"not finished: killed, cut or still being written{remedy}"
+    remedy = "" if s.about or is_foreign else " (fltea recover)"  # which is for our files
+    state = "whole" if s.whole else f"not finished: killed, cut, damaged or still being written{remedy}"
     if s.unread:
         state = "not all could be read"
     lines.append(("files", f"{s.files}, {_size(s.size_bytes)}, {state}"))

@@ -1,7 +1,7 @@
 """The messages of one topic of a bag, gathered in a temporary file, as a recording."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from itertools import repeat
 from pathlib import Path
@@ -15,6 +15,7 @@ from fltea.recording.bag_clock import Judged, Ticks, given_ticks, judged, measur
 from fltea.recording.bag_messages import LONGEST_MESSAGE, Batch, Topic
 from fltea.recording.bag_names import Layout, title
 from fltea.recording.bag_sensors import ALL_ARE_ONE, PUBLISHER, Sensors, are_at_once
+from fltea.recording.bag_twice import held_twice
 from fltea.recording.bag_units import AtRest, Scale, at_rest, check_rates, measured_accel, scales
 from fltea.recording.candidates import units_table
 from fltea.recording.columns import Chosen
@@ -22,7 +23,7 @@ from fltea.recording.files import AT_ONCE, Note, Recording, Stored, check_span, 
 from fltea.recording.message_stamps import Stamps, Times, is_arrival
 from fltea.recording.npz_arrays import NUMBER_BYTES
 from fltea.recording.reading import Answer, Missing, NotStated, asked_with, given_options, not_stated
-from fltea.recording.sample_times import Floats, Ints
+from fltea.recording.sample_times import Floats, Ints, Marks
 from fltea.recording.session import LATEST_NS
 from fltea.recording.spool import Spool
 from fltea.recording.table import Plausible, is_of_sensor
@@ -67,7 +68,7 @@ class Gathered:
         self._waiting: list[tuple[int, bytes, str]] = []
         self._are_several: bool | None = None
         self._last: NDArray[np.int64] | None = None
-        self._unusable = self._not_numbers = self._twice = 0
+        self._unusable = self._not_numbers = self._twice = self._in_two_files = 0
         self._moves = self._accel_moves = False
         self._bad_accel = 0
         self._measured = self._measured_accel = False
@@ -165,6 +166,7 @@ class Gathered:
         raise asked_with(self._where, ask, options, lambda: self._stored(others, notes))
 
     def _stored(self, others: list[str], notes: list[Note]) -> Stored:
+        self._take_once()
         self._clean_accel()
         n = self._spool.length("gyro")
         self._check(n, others)
@@ -251,12 +253,27 @@ class Gathered:
         if self._bad_accel > self._spool.length("gyro") // 2:
             self._spool.drop("accel")
         elif self._bad_accel:
-            before, self._spool = self._spool, Spool()
-            for values in before.blocks(COLUMNS, AT_ONCE):
-                keep = is_of_sensor(values[1])
-                self._append(*(column[keep] for column in values))
-            before.close()
+            self._keep(is_of_sensor(values[1]) for values in self._spool.blocks(COLUMNS, AT_ONCE))
             self._not_numbers += self._bad_accel
+
+    def _take_once(self) -> None:
+        """Leave out messages that stand in another file of the bag, too."""
+        twice = held_twice(self._spool)
+        if twice is not None and twice.any():
+            self._in_two_files = int(np.count_nonzero(twice))
+            self._bad_accel -= self._bad_among(twice)
+            self._keep(~twice[at : at + AT_ONCE] for at in range(0, len(twice), AT_ONCE))
+
+    def _bad_among(self, marked: Marks) -> int:
+        bad = (~is_of_sensor(accel) for (accel,) in self._spool.blocks(["accel"], AT_ONCE))
+        return int(np.count_nonzero(np.concatenate([*bad]) & marked))
+
+    def _keep(self, kept: Iterable[Marks]) -> None:
+        """Leave out the samples that are not marked. kept: of a block each."""
+        before, self._spool = self._spool, Spool()
+        for values, keep in zip(before.blocks(COLUMNS, AT_ONCE), kept, strict=True):
+            self._append(*(column[keep] for column in values))
+        before.close()
 
     def _append(self, *values: NDArray[Any]) -> None:
         for name, column in zip(COLUMNS, values, strict=True):
@@ -284,6 +301,11 @@ class Gathered:
                 "hold a value that is not a number, or that no sensor gives, and count as missing",
             ),
             (self._twice, "are repeated and taken once"),
+            (
+                self._in_two_files,
+                "stand in the bag before already, with the same times and numbers (is a file of it copied or "
+                "linked under another number, or do files overlap?), and are taken once",
+            ),
         ]
         problems = [f"{count} messages {what}" for count, what in found if count]
         if self._layout.unread:

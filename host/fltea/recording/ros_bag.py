@@ -160,8 +160,14 @@ def _batches(path: Path, limits: Limits) -> Iterator[Batch | Note]:
     files = files_of(path) if path.is_dir() else [path]
     if not files:
         raise UsageError(f"{path}: no .db3 or .mcap file in this folder.")
+    seen: dict[tuple[int, int], Path] = {}
     for file in files:
         try:
+            about = file.stat()
+            same = seen.setdefault((about.st_dev, about.st_ino), file)
+            if same != file:
+                yield Note("bag_messages", f"{file}: is the same file as {same} (a link), and is read once.")
+                continue
             with unpacked_file(file, limits) as unpacked:
                 with unpacked.open("rb") as opened:
                     begin = opened.read(len(ROS1))

@@ -1,0 +1,45 @@
+"""Messages that a bag holds twice, since files of it overlap or are the same under two numbers (pure)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.recording.files import AT_ONCE
+from fltea.recording.sample_times import Marks
+from fltea.recording.spool import Spool
+
+FACTORS = np.random.default_rng(1).integers(1 << 62, 1 << 63, 6, dtype=np.uint64) | np.uint64(1)
+"""By which the bits of a message's six numbers become one number, which is another for other bits."""
+
+
+def held_twice(spool: Spool) -> Marks | None:
+    """Return which messages stood before in the bag already, (n,); None where times never run back.
+
+    Two are the same if their stamps are, or their arrivals where they have no stamps, and all their numbers.
+    Those of one run of rising times are neighbours, which `bag_gather` compares; here they are of two runs.
+
+    spool: columns `gyro`, `accel`, `stamp` and `arrival`, the latter two in ns.
+    """
+    if not spool.length("stamp"):
+        return None
+    stamp_ns, arrival_ns = spool.whole("stamp"), spool.whole("arrival")
+    when_ns = np.where(stamp_ns != 0, stamp_ns, arrival_ns)
+    run = np.cumsum(np.diff(when_ns, prepend=when_ns[:1]) < 0)
+    if not run[-1]:
+        return None
+    numbers = np.concatenate(
+        [_as_one(gyro, accel) for gyro, accel in spool.blocks(("gyro", "accel"), AT_ONCE)]
+    )
+    order = np.lexsort((numbers, when_ns))
+    when_ns, numbers = when_ns[order], numbers[order]
+    begins = np.ones(len(order), np.bool_)
+    begins[1:] = (np.diff(when_ns) != 0) | (numbers[1:] != numbers[:-1]) | (when_ns[1:] <= 0)
+    first = order[begins][np.cumsum(begins) - 1]
+    twice = np.zeros(len(order), np.bool_)
+    twice[order] = run[order] != run[first]
+    return twice
+
+
+def _as_one(gyro: NDArray[np.float64], accel: NDArray[np.float64]) -> NDArray[np.uint64]:
+    bits = np.ascontiguousarray(np.column_stack([gyro, accel])).view(np.uint64)
+    with np.errstate(over="ignore"):
+        return np.asarray((bits * FACTORS).sum(axis=1, dtype=np.uint64))
