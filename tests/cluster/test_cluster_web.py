@@ -25,6 +25,7 @@ from fltea.cluster.whole import identify_file
 from fltea.identification.workers import Here
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.how import How
+from fltea.settings.limits import Limits
 from identify_support import white
 from mosquitto_support import make_authority
 
@@ -109,6 +110,20 @@ def test_a_size_nobody_knows(disk: Path, tmp_path: Path) -> None:
         row = failure_of(url, tmp_path / "v.parquet")
     assert re.match(rf"{url}: of unknown size, and after [0-9]+ MB, .* TMPDIR", row["error"])
     assert list(disk.iterdir()) == []
+    assert sent[0] < MOST_CHUNKS * len(CHUNK)
+
+
+def test_a_size_nobody_knows_has_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However large the disk is; nothing stays on it."""
+    folder = tmp_path / "tmp"
+    folder.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(folder))
+    limited = msgspec.structs.replace(ASK, limits=Limits(max_mb=10.0))
+    with endless() as (url, sent):
+        (row,) = identify_file(next(files_of([url])), limited)
+    text = rf"{url}: states no size, and does not end after 10 MB, .* --set replay.max_mb=\d+"
+    assert re.fullmatch(text, row.error or "")
+    assert list(folder.iterdir()) == []
     assert sent[0] < MOST_CHUNKS * len(CHUNK)
 
 

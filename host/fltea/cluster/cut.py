@@ -5,12 +5,11 @@ A piece is a head, a range of the file's bytes and a tail, or some row groups of
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import BinaryIO
 
 import msgspec
 
-from fltea.cluster.listing import File, file_system
+from fltea.cluster.listing import File
 
 
 class Cut(msgspec.Struct, frozen=True):
@@ -42,14 +41,6 @@ class Ranges:
             return len(self.read(self.size - 1, self.size)) == 1
         except ValueError:
             return False
-
-
-def open_bytes(file: File) -> BinaryIO:
-    """Open the file for ranges; nothing is read ahead."""
-    if file.protocol == "file":
-        return Path(file.path).open("rb", buffering=0)
-    stream: BinaryIO = file_system(file.protocol).open(file.path, "rb", cache_type="none")
-    return stream
 
 
 def even_pieces(places: Sequence[int], end: int, block_bytes: int) -> list[tuple[int, int]]:

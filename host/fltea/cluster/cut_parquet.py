@@ -5,7 +5,8 @@ from pathlib import Path
 import pyarrow as pa
 from pyarrow import parquet
 
-from fltea.cluster.cut import Cut, Ranges, even_pieces, open_bytes
+from fltea.cluster.content import open_bytes
+from fltea.cluster.cut import Cut, Ranges, even_pieces
 from fltea.cluster.fetch import check_room
 from fltea.cluster.listing import File
 from fltea.records.errors import UsageError

@@ -5,20 +5,25 @@ import platform
 import shutil
 from pathlib import Path
 
-from fltea.cluster.listing import File, file_system
-from fltea.records.errors import FlteaError
+from fltea.cluster.content import open_bytes
+from fltea.cluster.listing import File
+from fltea.records.errors import FlteaError, UsageError
+from fltea.settings.limits import DEFAULT_LIMITS, MB, Limits
 
 COPY_BYTES = 1 << 22
 LEAST_FREE = 256_000_000
 """Bytes that are left on the disk of temporary files."""
 
 
-def local_copy(file: File, folder: Path) -> Path:
+def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
     """The file itself if it is this machine's, else a copy in `folder`, whose name it cannot choose.
 
     A server may send more than it stated, or state no size: both are looked at while it is copied.
 
+    limits: how much of a file without a size is taken.
+
     Raises:
+        UsageError: it has no size, and more than that.
         FlteaError: it is not the file that was listed any more, or there is no room.
         OSError: and whatever its file system raises.
     """
@@ -33,12 +38,15 @@ def local_copy(file: File, folder: Path) -> Path:
     copy = folder / file.copied_name
     known, copied = file.size >= 0, 0
     check_room(file, max(file.size, 0), folder)
-    with (
-        file_system(file.protocol).open(file.path, "rb", cache_type="none") as source,
-        copy.open("wb") as out,
-    ):
+    with open_bytes(file, whole=True) as source, copy.open("wb") as out:
         while data := source.read(COPY_BYTES):
             copied += len(data)
+            if not known and copied > limits.whole_bytes:
+                raise UsageError(
+                    f"{file.url}: states no size, and does not end after {limits.max_mb:g} MB, which is "
+                    "the limit for such files, since some have no end. If it is longer, raise the limit: "
+                    f"--set replay.max_mb={2 * copied // MB}"
+                )
             if known and copied > file.size:
                 raise FlteaError(
                     f"{file.url}: has more than {file.size} bytes now, and had {file.size} when listed."

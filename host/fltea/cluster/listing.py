@@ -4,7 +4,7 @@ import hashlib
 import os
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 from typing import Any, NamedTuple
 
@@ -95,12 +95,13 @@ def file_system(protocol: str) -> Any:
 
 
 def _patience() -> dict[str, Any]:
-    """By itself aiohttp gives a file five minutes in all, and as long to one that is silent."""
+    """By itself aiohttp gives a file five minutes in all, as long to a silent one, and memory to any."""
     from aiohttp import ClientTimeout
 
-    return {
-        "client_kwargs": {"timeout": ClientTimeout(total=None, sock_connect=SILENT_S, sock_read=SILENT_S)}
-    }
+    from fltea.cluster.bounded import BoundedResponse
+
+    timeout = ClientTimeout(total=None, sock_connect=SILENT_S, sock_read=SILENT_S)
+    return {"client_kwargs": {"timeout": timeout, "response_class": BoundedResponse}}
 
 
 def files_of(patterns: Sequence[str]) -> Iterator[File | Unlisted]:
@@ -225,9 +226,13 @@ def _file(system: Any, protocol: str, about: dict[str, Any]) -> File:
     name = str(about["name"])
     if about.get("size") is None:  # what a web server lists
         about = system.info(name)
-    stamp = next((str(about[key]) for key in STAMPS if about.get(key)), "")
     size = about.get("size")
-    return File(_url(protocol, name), protocol, name, -1 if size is None else int(size), stamp)
+    return File(_url(protocol, name), protocol, name, -1 if size is None else int(size), stamp_of(about))
+
+
+def stamp_of(about: Mapping[str, Any]) -> str:
+    """Return what changes when a file does, of what its file system says of it; "": it says nothing."""
+    return next((str(about[key]) for key in STAMPS if about.get(key)), "")
 
 
 def _url(protocol: str, name: str) -> str:

@@ -8,7 +8,8 @@ import contextlib
 from pathlib import Path
 
 from fltea.cluster import cut_mcap, cuts
-from fltea.cluster.cut import Cut, Ranges, open_bytes
+from fltea.cluster.content import open_bytes
+from fltea.cluster.cut import Cut, Ranges
 from fltea.cluster.fetch import COPY_BYTES, check_room
 from fltea.cluster.listing import WEB, File
 from fltea.cluster.whole import Ask
@@ -21,10 +22,11 @@ def cuts_of(file: File, ask: Ask) -> list[Cut]:
     """Return the pieces of a file; none if it is to be read whole.
 
     Raises:
+        FlteaError: it is not what it was when it was listed.
         OSError: the file cannot be read now; its file system may raise others.
     """
-    if file.size <= ask.block_bytes:
-        return []
+    if file.size <= ask.block_bytes or (file.protocol in WEB and not file.stamp):
+        return []  # of what nothing tells when it changes, one answer is of one content
     with open_bytes(file) as stream:
         source = Ranges(file, stream)
         if file.protocol in WEB and not source.are_there():
@@ -52,7 +54,7 @@ def write_piece(file: File, cut: Cut, folder: Path) -> Path:
     """Write a piece as a recording in `folder`, and return its path.
 
     Raises:
-        FlteaError: the file is shorter than it was, or there is no room.
+        FlteaError: the file is not what it was, or there is no room.
         OSError: the file system failed; it may raise others.
     """
     if KINDS.get(file.suffix) == "parquet":

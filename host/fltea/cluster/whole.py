@@ -51,7 +51,7 @@ def identify_file(file: File, ask: Ask) -> list[Row]:
     begin = time.monotonic()
     with work_folder() as folder:
         try:
-            path = local_copy(file, folder)
+            path = local_copy(file, folder, ask.limits)
             (report,) = identify_all([ask.request(path)], ask.settings, Here())
         except FlteaError as error:
             return failed(key, str(error), again=not isinstance(error, UsageError))
