@@ -82,7 +82,12 @@ def test_an_axis_without_a_result_says_why(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("new", "reason"), [(None, "FileNotFoundError"), (b"PK none, and more", "had 7 when listed")]
+    ("new", "reason"),
+    [
+        (None, "FileNotFoundError"),
+        (b"PK none, and more", "has changed since it was listed"),
+        (b"PK else", "has changed since it was listed"),
+    ],
 )
 def test_a_file_that_goes_away_or_changes_is_tried_again(
     new: bytes | None, reason: str, s3: Any, tmp_path: Path

@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from fltea.cluster.listing import WEB, File, file_system, stamp_of
+from fltea.cluster.listing import STAMPS, WEB, File, file_system
 from fltea.records.errors import FlteaError
 
 PINNED = ("s3", "s3a")
@@ -66,7 +66,8 @@ def _check(file: File, about: Mapping[str, Any]) -> None:
     has_grown = (
         file.protocol == "file" and size is not None and size > file.size >= 0
     )  # what was there, stays
-    is_other = bool(file.stamp) and stamp_of(about) != file.stamp
+    known = {_bare(str(about[key])) for key in STAMPS if about.get(key)}  # a list may say less than a look-up
+    is_other = bool(file.stamp and known) and _bare(file.stamp) not in known
     if (is_other and not has_grown) or (size is not None and 0 <= size < file.size):
         raise changed(file)
 
@@ -98,7 +99,7 @@ def _check_of(file: File) -> Callable[[Any], Awaitable[None]]:
             return  # an error, which fsspec tells
         for name in ("ETag", "Last-Modified"):
             value = answer.headers.get(name)
-            if value and _strong(seen.setdefault(name, value)) != _strong(value):
+            if value and _bare(seen.setdefault(name, value)) != _bare(value):
                 raise changed(file)
         part = RANGE.fullmatch(answer.headers.get("Content-Range", ""))
         asked = ASKED.match(answer.request_info.headers.get("Range", ""))
@@ -111,5 +112,6 @@ def _check_of(file: File) -> Callable[[Any], Awaitable[None]]:
     return check
 
 
-def _strong(tag: str) -> str:
-    return tag.removeprefix("W/")
+def _bare(tag: str) -> str:
+    """Return a tag without what only some of those who state it put around it."""
+    return tag.removeprefix("W/").strip('"')

@@ -4,7 +4,7 @@ import hashlib
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import PurePosixPath
 from typing import Any, NamedTuple
 
@@ -226,13 +226,9 @@ def _file(system: Any, protocol: str, about: dict[str, Any]) -> File:
     name = str(about["name"])
     if about.get("size") is None:  # what a web server lists
         about = system.info(name)
+    stamp = next((str(about[key]) for key in STAMPS if about.get(key)), "")
     size = about.get("size")
-    return File(_url(protocol, name), protocol, name, -1 if size is None else int(size), stamp_of(about))
-
-
-def stamp_of(about: Mapping[str, Any]) -> str:
-    """Return what changes when a file does, of what its file system says of it; "": it says nothing."""
-    return next((str(about[key]) for key in STAMPS if about.get(key)), "")
+    return File(_url(protocol, name), protocol, name, -1 if size is None else int(size), stamp)
 
 
 def _url(protocol: str, name: str) -> str:

@@ -79,7 +79,7 @@ ERROR_KINDS = {
         "Give the unit of the times (`--time-unit`), or the rate (`--rate`; for IIO `?rate_hz=`).",
     ),
     "cut_recording": ErrorKind(
-        "A recording ends in the middle of a line, or without its index; what is there was read.",
+        "A recording ends amid a line or message, or without its index; what is there was read.",
         "Nothing to do; `fltea recover` gives an MCAP file its index again.",
     ),
     "unread_file": ErrorKind(
@@ -91,7 +91,7 @@ ERROR_KINDS = {
         "Record ten minutes at rest, or shorten the window (`--startup`).",
     ),
     "recording_gap": ErrorKind(
-        "A replay came to a place that was not recorded; the text says why.",
+        "A replay came to a place that was not recorded, or is damaged; the text says why.",
         "Nothing to do; samples are missing there.",
     ),
     "missing_numbers": ErrorKind(
