@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # library: pyulog 1.3.0, numpy 2.1.3
-# expected: a format of ULog may end in a field called `_padding0`, and whether a logger writes that last field is left to
-#   it (docs.px4.io/main/en/dev_log/ulog_file_format.html, section "F: Format Message"), so both kinds of logs are read.
+# expected: a format of ULog may end in a field called `_padding0`, and whether a logger writes that last field is left
+#   to it (https://docs.px4.io/main/en/dev_log/ulog_file_format.html, section "F: Format Message"): both are read.
 # seen: of the log that holds the padding all messages of the topic are left out, and the topic is not listed. The
 #   flag `file_corruption` is set; nothing is raised or printed.
 # matters: a log of a gyroscope by another logger than PX4's own looks empty, or damaged, though each of its bytes is

@@ -34,11 +34,7 @@ def read(path: Path, topic: str) -> Sheet:
     name = name or next((known for known in TOPICS if any(one.name == known for one in log.data_list)), "")
     there = {str(one.multi_id): one for one in log.data_list if one.name == name}
     if not there:
-        names = sorted({one.name for one in _opened(path, whole, None).data_list})
-        asked = f"topic {topic}" if topic else f"topic {' or '.join(TOPICS)}"
-        others = f"; name one by --topic: {listed(names)}" if names else ""
-        damage = "".join(f" It {note.text.removeprefix(f'{path}: ')}" for note in _losses(path, whole, log))
-        raise UsageError(f"is a PX4 log with no {asked}{others}.{damage}")
+        raise _no_topic(path, topic, whole, log)
     each = [f"{name}:{number} ({_about(one.data)})" for number, one in there.items()]
     if instance and instance not in there:
         raise UsageError(f"is a PX4 log with no topic {topic}; it has {listed(each)}.")
@@ -70,6 +66,14 @@ def _opened(path: Path, whole: Mended, topics: list[str] | None) -> Any:
     from pyulog import ULog
 
     return ULog(str(path) if whole.is_whole else BytesIO(whole.data), topics)
+
+
+def _no_topic(path: Path, topic: str, whole: Mended, log: Any) -> UsageError:
+    names = sorted({one.name for one in _opened(path, whole, None).data_list})
+    asked = f"topic {topic}" if topic else f"topic {' or '.join(TOPICS)}"
+    others = f"; name one by --topic: {listed(names)}" if names else ""
+    damage = "".join(f" It {note.text.removeprefix(f'{path}: ')}" for note in _losses(path, whole, log))
+    return UsageError(f"is a PX4 log with no {asked}{others}.{damage}")
 
 
 def _losses(path: Path, whole: Mended, log: Any) -> list[Note]:
