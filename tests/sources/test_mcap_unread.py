@@ -1,6 +1,8 @@
 """No file of a recording is left out in silence: what cannot be read is named, counted, and ends with 1."""
 
 import json
+import os
+import shutil
 from collections.abc import Callable, Iterator
 from itertools import islice
 from pathlib import Path
@@ -53,6 +55,19 @@ def test_a_recording_in_parts_is_read_whole_with_and_without_an_accelerometer(
     (summary,) = fltea_here("info", "--json", tmp_path).stdout.splitlines()
     assert json.loads(summary)["files"] == len(parts(tmp_path))
     assert json.loads(summary)["whole"]
+
+
+@pytest.mark.parametrize("how", [shutil.copy, os.link, os.symlink])
+def test_a_part_under_another_number_is_read_once_and_named(
+    how: Callable[[Path, Path], object], tmp_path: Path
+) -> None:
+    records, _ = record(tmp_path, transport(samples=300))
+    (first,) = parts(tmp_path)
+    second = first.with_name(first.name.replace("_000.", "_001."))
+    how(first, second)
+    assert taken(replay(tmp_path)) == taken(records)
+    (why,) = find_session([tmp_path]).unread.values()
+    assert why == f"{second}: holds the same part of the recording as {first}, which is used."
 
 
 @pytest.fixture(params=["head", "chunk"])
