@@ -20,7 +20,6 @@ from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.findings import document
 from fltea.identification.load import Request, Unreadable, load
 from fltea.identification.run import Settings, identify_all
-from fltea.identification.work_folder import work_folder
 from fltea.identification.workers import SMALL, Here, Processes, Threads, open_local
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES
@@ -303,38 +302,6 @@ def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:
     assert document(reports)["files"] == alone
     # Files, axes, what happened to each sensor, a group of copies, the bias of each axis, FLTEA of each file.
     assert len(told) == len(set(told)) == 3 + 6 + 3 + 6 + 6 + 3
-
-
-KILLED = """
-import os
-from fltea.identification.work_folder import work_folder
-with work_folder() as folder:
-    (folder / "recording.csv").write_bytes(b"1234")
-    os.kill(os.getpid(), 9)
-"""
-
-
-def age(folder: Path) -> None:
-    os.utime(folder, (1, 1))
-
-
-def test_what_a_killed_worker_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    killed = subprocess.run([sys.executable, "-c", KILLED], env={**os.environ, "TMPDIR": str(tmp_path)})
-    assert killed.returncode == -9
-    (left,) = tmp_path.iterdir()
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    with work_folder() as one:
-        assert left.exists()  # so young that its process may just have made it
-        age(one)
-        age(left)
-        (tmp_path / f"{left.name}-link").symlink_to(one)
-        (tmp_path / "another-x").mkdir()
-        age(tmp_path / "another-x")
-        with work_folder() as other:
-            assert not left.exists()
-            assert one.exists()
-            assert other != one
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["another-x", f"{left.name}-link"]
 
 
 def test_a_second_ctrl_c_does_not_tear_down_what_ends(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from fltea.cluster.cut import Cut, Ranges, even_pieces
 from fltea.cluster.fetch import check_room
 from fltea.cluster.listing import File
 from fltea.records.errors import UsageError
+from fltea.records.temporary import named_file
 
 AT_ONCE = 1 << 16
 """Rows."""
@@ -37,7 +38,10 @@ def write_groups(file: File, cut: Cut, folder: Path) -> Path:
         with open_bytes(file) as stream, parquet.ParquetFile(stream, pre_buffer=False) as found:
             stored = sum(found.metadata.row_group(k).total_byte_size for k in range(cut.begin, cut.end))
             check_room(file, stored, folder)
-            with parquet.ParquetWriter(path, found.schema_arrow, compression="none") as out:
+            with (
+                named_file(path) as piece,
+                parquet.ParquetWriter(piece, found.schema_arrow, compression="none") as out,
+            ):
                 for batch in found.iter_batches(AT_ONCE, range(cut.begin, cut.end), use_threads=False):
                     out.write_batch(batch)
     except (ValueError, pa.ArrowException) as error:

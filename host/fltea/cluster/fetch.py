@@ -8,6 +8,7 @@ from pathlib import Path
 from fltea.cluster.content import open_bytes
 from fltea.cluster.listing import File
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.temporary import named_file
 from fltea.settings.limits import DEFAULT_LIMITS, MB, Limits
 
 COPY_BYTES = 1 << 22
@@ -38,7 +39,7 @@ def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Pat
     copy = folder / file.copied_name
     known, copied = file.size >= 0, 0
     check_room(file, max(file.size, 0), folder)
-    with open_bytes(file, whole=True) as source, copy.open("wb") as out:
+    with open_bytes(file, whole=True) as source, named_file(copy) as out:
         while data := source.read(COPY_BYTES):
             copied += len(data)
             if not known and copied > limits.whole_bytes:

@@ -16,6 +16,7 @@ from fltea.cluster.whole import Ask
 from fltea.recording.formats import KINDS
 from fltea.recording.kind import kind_of
 from fltea.records.errors import FlteaError
+from fltea.records.temporary import named_file
 
 
 def cuts_of(file: File, ask: Ask) -> list[Cut]:
@@ -63,7 +64,7 @@ def write_piece(file: File, cut: Cut, folder: Path) -> Path:
         return write_groups(file, cut, folder)
     check_room(file, cut.end - cut.begin, folder)
     path = folder / file.copied_name
-    with open_bytes(file) as source, path.open("wb") as out:
+    with open_bytes(file) as source, named_file(path) as out:
         out.write(cut.head)
         source.seek(cut.begin)
         left = cut.end - cut.begin

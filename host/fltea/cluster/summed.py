@@ -25,8 +25,8 @@ from fltea.identification.sums import (
     one_a_depth,
     parts_of,
 )
-from fltea.identification.work_folder import work_folder
 from fltea.records.errors import FlteaError, NoNumbers, UsageError
+from fltea.records.temporary import work_folder
 from fltea.spectrum.allan_curve import live_allan
 from fltea.spectrum.noise_figures import NoiseFigures, noise_figures
 from fltea.spectrum.octaves import Octaves, Parts

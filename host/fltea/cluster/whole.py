@@ -11,9 +11,9 @@ from fltea.cluster.listing import File
 from fltea.cluster.rows import Key, Row, failed, rows_of
 from fltea.identification.load import Request
 from fltea.identification.run import Settings, identify_all
-from fltea.identification.work_folder import work_folder
 from fltea.identification.workers import Here
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.temporary import work_folder
 from fltea.records.version import __version__
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits

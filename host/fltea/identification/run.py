@@ -42,11 +42,11 @@ from fltea.identification.sensor_events import (
 from fltea.identification.shuffled import Copies, estimate, groups
 from fltea.identification.telegraph import without_levels
 from fltea.identification.traps import Trap, of_axis
-from fltea.identification.work_folder import work_folder
 from fltea.identification.workers import Workers
 from fltea.records.arrays import Array
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES, AXES
+from fltea.records.temporary import work_folder
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
 from fltea.settings.live import LiveConfig
 

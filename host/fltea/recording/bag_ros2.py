@@ -5,10 +5,8 @@
 
 import contextlib
 import itertools
-import os
 import shutil
 import sqlite3
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -23,6 +21,7 @@ from fltea.recording.quota import Quota
 from fltea.recording.session import LATEST_NS
 from fltea.records.events import Ints
 from fltea.records.small_file import open_file
+from fltea.records.temporary import named_file, work_folder
 from fltea.settings.extras import load
 from fltea.settings.limits import Limits
 
@@ -149,10 +148,11 @@ def _whole_pages(path: Path) -> Iterator[tuple[Path, bool]]:
     if not is_cut or size % page_bytes == 0:
         yield path, is_cut
         return
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / path.name
-        shutil.copyfile(path, copy)
-        os.truncate(copy, size - size % page_bytes)
+    with work_folder() as folder:
+        copy = folder / path.name
+        with path.open("rb") as file, named_file(copy) as out:
+            shutil.copyfileobj(file, out)
+            out.truncate(size - size % page_bytes)
         yield copy, True
 
 
@@ -248,10 +248,10 @@ def unpacked_file(path: Path, limits: Limits) -> Iterator[Path]:
         yield path
         return
     zstandard = load("zstandard", "zstandard", "ros", "Bags that are packed in zstd need")
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / path.stem
+    with work_folder() as folder:
+        out = folder / path.stem
         try:
-            with open_file(path) as packed, out.open("wb") as file:
+            with open_file(path) as packed, named_file(out) as file:
                 quota = Quota(path, limits)
                 for piece in zstandard.ZstdDecompressor().read_to_iter(packed):
                     quota.unpack(file.write(piece))

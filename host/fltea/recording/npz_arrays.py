@@ -5,7 +5,6 @@ import io
 import math
 import shutil
 import struct
-import tempfile
 import zipfile
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
@@ -14,7 +13,8 @@ from typing import IO, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.records.errors import UsageError
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.temporary import nameless_file
 from fltea.settings.limits import Limits
 
 SUFFIX = ".npy"
@@ -85,7 +85,7 @@ def _unpacked(archive: zipfile.ZipFile, info: zipfile.ZipInfo, header: Header) -
     """An array in a temporary file, whose rows come into memory where they are looked at."""
     if not math.prod(header.shape):
         return np.empty(header.shape, header.dtype)
-    with archive.open(info) as packed, tempfile.TemporaryFile() as file:
+    with archive.open(info) as packed, nameless_file() as file:
         shutil.copyfileobj(packed, file, COPY_BYTES)
         order: Literal["F", "C"] = "F" if header.columns_first else "C"
         return np.memmap(file, header.dtype, "r", header.length, header.shape, order)
@@ -99,7 +99,7 @@ def _archive_of(path: Path) -> Iterator[zipfile.ZipFile]:
                 raise ValueError("it is no zip archive, or was cut short")
             with zipfile.ZipFile(file) as archive:
                 yield archive
-    except UsageError:
+    except FlteaError:
         raise
     except Exception as error:  # whatever zipfile, zlib and numpy raise on damaged bytes
         reason = str(error) or type(error).__name__

@@ -7,7 +7,6 @@ import io
 import lzma
 import shlex
 import shutil
-import tempfile
 import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
@@ -22,6 +21,7 @@ from fltea.recording.ndjson import read_ndjson
 from fltea.recording.opening import Printed, check_options
 from fltea.recording.quota import Quota
 from fltea.records.errors import UsageError
+from fltea.records.temporary import nameless_file
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
 
@@ -83,7 +83,7 @@ def _open_inside(
 ) -> Stored | Printed:
     """Open what was packed. place: its name, for messages. advice: what to do where it cannot be read so."""
     inner = place.with_suffix("") if KINDS.get(place.suffix.lower()) == "packed" else place
-    with tempfile.TemporaryFile() as whole:
+    with nameless_file() as whole:
         try:
             kind = kind_of_file(inner, content)
             if kind not in ("csv", "ndjson"):

@@ -35,13 +35,6 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
         UsageError: no such bag, no Imu topic, no angular velocity in it, what `how` says cannot be, or more
             than the limits allow.
     """
-    try:
-        return _open(path, how, limits)
-    except OSError as error:  # of reading a file by itself `_batches` tells
-        raise UsageError(f"{path}: its numbers cannot be kept in a temporary file ({error}).") from error
-
-
-def _open(path: Path, how: How, limits: Limits) -> Stored:
     counts: dict[Topic, int] = {}
     layouts: dict[Topic, Layout | None] = {}
     notes: list[Note] = []
@@ -67,7 +60,7 @@ def _open(path: Path, how: How, limits: Limits) -> Stored:
     if chosen is None or gathered is None:
         likely = _alike(layouts)
         if how.topic is not None and len(likely) == 1:  # it names a sensor in the only topic
-            return _open(path, replace(how, topic=f"{next(iter(likely))}:{how.topic}"), limits)
+            return open_bag(path, replace(how, topic=f"{next(iter(likely))}:{how.topic}"), limits)
         raise _none(path, counts, layouts, how.topic, notes)
     several = _alike(layouts)
     if how.topic is None and len(several) > 1:

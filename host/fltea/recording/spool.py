@@ -4,7 +4,7 @@ Of a day at 100 Hz an array in memory is 69 MB a column; here it is what one blo
 """
 
 import contextlib
-import tempfile
+import secrets
 import weakref
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,6 +13,8 @@ from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from fltea.records.temporary import named_file, nameless_file
 
 COPY_BYTES = 1 << 20
 
@@ -46,7 +48,7 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
         """Add rows to the end of a column, which begins with its first ones.
 
         Raises:
-            OSError: the disk for temporary files takes no more.
+            TemporaryFailed: the folder for temporary files takes no more.
         """
         if name not in self._columns:
             self._columns[name] = _Column(self._new_file(), values.dtype, values.shape[1:])
@@ -105,8 +107,8 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
 
     def _new_file(self) -> Any:
         if self._folder is None:
-            return tempfile.TemporaryFile()
-        return tempfile.NamedTemporaryFile(dir=self._folder, delete=False)
+            return nameless_file()
+        return named_file(self._folder / f"column-{secrets.token_hex(8)}")
 
     def _read(self, name: str, begin: int, count: int) -> NDArray[Any]:
         column = self._columns[name]

@@ -5,12 +5,12 @@ import io
 import os
 import secrets
 import stat
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.temporary import TemporaryFailed, nameless_file
 
 KEPT_OF_NAME = 40
 """Characters of a file's name in that of its part: a name may have 255 bytes and needs room for the rest."""
@@ -76,10 +76,10 @@ def prepare_folder(flag: str, folder: Path) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise UsageError(f"{flag} {folder}: cannot be written to ({_reason(error)}).") from error
+        nameless_file(folder).close()
+    except (OSError, TemporaryFailed) as error:
+        reason = error.reason if isinstance(error, TemporaryFailed) else _reason(error)
+        raise UsageError(f"{flag} {folder}: cannot be written to ({reason}).") from error
 
 
 def _reason(error: Exception) -> str:

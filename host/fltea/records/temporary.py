@@ -1,0 +1,188 @@
+"""Files that are there for as long as they are used: all temporary files of the program are made here.
+
+Most have no name, and the system takes them away with the process that holds them, however it ends. What
+others have to find by a name is in a folder that a lock tells from those that killed processes left.
+"""
+
+import contextlib
+import errno
+import fcntl
+import functools
+import io
+import os
+import shutil
+import signal
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+
+from fltea.records.errors import FlteaError
+
+PREFIX, NEW_PREFIX = "fltea-work-", "fltea-new-"
+"""Of folders that are in use as long as they are locked, and of those that are about to be locked."""
+
+YOUNG_S = 60.0
+"""Seconds; less goes by between making a folder and locking it."""
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+ENDING = signal.SIGTERM, signal.SIGHUP
+
+_IN_USE: set[Path] = set()
+"""Folders of this process."""
+
+
+class TemporaryFailed(FlteaError):
+    """The folder for temporary files takes no more, or cannot be used at all. reason: the system's words."""
+
+    reason = ""
+
+
+def _failed(folder: object, error: OSError) -> TemporaryFailed:
+    what = "is full" if error.errno in FULL else "cannot be used"
+    reason = error.strerror or str(error)
+    found = TemporaryFailed(
+        f"{folder}: the folder for temporary files {what} ({reason}). Nothing is wrong with what is read; "
+        "make room there, or name a larger folder with the variable TMPDIR."
+    )
+    found.reason = reason
+    return found
+
+
+class _File(io.FileIO):
+    """A temporary file whose errors speak of its folder: readers take an OSError for the recording's."""
+
+    def __init__(self, file: Any, mode: str, folder: object) -> None:
+        super().__init__(file, mode)
+        self._folder = folder
+
+    def write(self, data: Any) -> Any:
+        """Write what there is room for."""
+        try:
+            return super().write(data)
+        except OSError as error:
+            raise _failed(self._folder, error) from error
+
+    def readinto(self, buffer: Any) -> Any:
+        """Read what was written."""
+        try:
+            return super().readinto(buffer)
+        except OSError as error:
+            raise _failed(self._folder, error) from error
+
+
+def nameless_file(folder: Path | None = None) -> BinaryIO:
+    """Make a file without a name, to be written and read.
+
+    folder: where it is, if not in the folder for temporary files.
+
+    Raises:
+        TemporaryFailed: it cannot be made; so do its writes when there is no more room.
+    """
+    where = folder or _temporary_folder()
+    try:
+        if folder is None:
+            _remove_left_once()
+        with tempfile.TemporaryFile(dir=where, buffering=0) as made:
+            descriptor = os.dup(made.fileno())
+    except OSError as error:
+        raise _failed(where, error) from error
+    return cast(BinaryIO, io.BufferedRandom(_File(descriptor, "r+b", where)))
+
+
+def named_file(path: Path) -> BinaryIO:
+    """Make a file in a folder that `work_folder` gave, to be written and read.
+
+    Raises:
+        TemporaryFailed: it cannot be made; so do its writes when there is no more room.
+    """
+    try:
+        return cast(BinaryIO, io.BufferedRandom(_File(path, "x+b", path.parent)))
+    except OSError as error:
+        raise _failed(path.parent, error) from error
+
+
+@contextlib.contextmanager
+def work_folder() -> Iterator[Path]:
+    """Yield a folder for temporary files; before it is made those go that killed processes left.
+
+    Whoever works holds a lock on its folder, which the system takes away with the process. SIGTERM and SIGHUP
+    remove the folder and then end the process, as they would without it.
+
+    Raises:
+        TemporaryFailed: it cannot be made.
+    """
+    where = _temporary_folder()
+    try:
+        _remove_left(where)
+        made = Path(tempfile.mkdtemp(prefix=NEW_PREFIX, dir=where))
+        held = os.open(made, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        raise _failed(where, error) from error
+    try:
+        with contextlib.suppress(OSError):  # a file system without locks: nothing is removed there
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            made = made.rename(made.with_name(made.name.replace(NEW_PREFIX, PREFIX, 1)))
+        with _removed_by_signals(made):
+            yield made
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+        os.close(held)
+
+
+def _temporary_folder() -> Path:
+    try:
+        return Path(tempfile.gettempdir())
+    except OSError as error:  # none of those that it tries can be written to
+        raise _failed(os.environ.get("TMPDIR", "/tmp"), error) from error
+
+
+@contextlib.contextmanager
+def _removed_by_signals(folder: Path) -> Iterator[None]:
+    """Let the signals that end a process remove a folder first, where nothing else is done about them."""
+
+    def end(number: int, _: object) -> None:
+        for one in tuple(_IN_USE):
+            shutil.rmtree(one, ignore_errors=True)
+        signal.signal(number, signal.SIG_DFL)
+        os.kill(os.getpid(), number)
+
+    _IN_USE.add(folder)
+    ours = []
+    if threading.current_thread() is threading.main_thread():
+        ours = [number for number in ENDING if signal.getsignal(number) == signal.SIG_DFL]
+    for number in ours:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        _IN_USE.discard(folder)
+        for number in ours:
+            if signal.getsignal(number) is end:
+                signal.signal(number, signal.SIG_DFL)
+
+
+@functools.cache
+def _remove_left_once() -> None:
+    _remove_left(_temporary_folder())
+
+
+def _remove_left(where: Path) -> None:
+    """Remove the folders that killed processes left."""
+    for prefix, least_s in ((PREFIX, 0.0), (NEW_PREFIX, YOUNG_S)):
+        for folder in where.glob(f"{prefix}*"):
+            with contextlib.suppress(OSError):
+                _remove_if_left(folder, least_s)
+
+
+def _remove_if_left(folder: Path, least_s: float) -> None:
+    held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        about = os.fstat(held)
+        if about.st_uid == os.geteuid() and time.time() - about.st_mtime >= least_s:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(folder, ignore_errors=True)
+    finally:
+        os.close(held)
