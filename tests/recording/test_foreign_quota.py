@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 import pytest
 from corpus_files import HERE, N
-from fltea.recording import apart
+from fltea.recording import process_limits
 from fltea.recording.apart import open_apart
 from fltea.records.errors import UsageError
 from fltea.settings.how import AS_IT_SAYS, How
@@ -73,7 +73,7 @@ def test_text_that_unpacks_without_end(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_libraries_that_would_fill_the_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(apart, "STARTUP_BYTES", 1 << 30)
+    monkeypatch.setattr(process_limits, "STARTUP_BYTES", 1 << 30)
     bomb = tmp_path / "a.mat"
     bomb.write_bytes(matlab_of(1400 * MB))
     assert bomb.stat().st_size < 10 * MB
@@ -86,7 +86,7 @@ def test_libraries_that_would_fill_the_memory(tmp_path: Path, monkeypatch: pytes
 
 @pytest.mark.slow
 def test_libraries_that_are_kept_busy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(apart, "STARTUP_S", 1)
+    monkeypatch.setattr(process_limits, "STARTUP_S", 1)
     monkeypatch.setattr("fltea.recording.quota.SECONDS_PER_MB", 0.0)
     path = tmp_path / "a.xlsx"
     path.write_bytes(sheet_of(400_000))

@@ -1,16 +1,14 @@
 """Files of other programs, read by their own libraries in a process apart, which the system holds to a quota.
 
 A library in C may be sent round in circles, or fall, by a file that was made for it; here it takes nothing
-with it. What the process may take is set before it opens the file: processor time, memory, and no byte on the
-disk. It sends columns, or lines of text, as `foreign.main` says, through a pipe of its own: what a library
-prints goes nowhere.
+with it. What the process may take is set before it opens the file, by `process_limits`. It sends columns, or
+lines of text, as `foreign.main` says, through a pipe of its own: what a library prints goes nowhere.
 """
 
 import contextlib
 import fcntl
 import importlib.util
 import os
-import signal
 import struct
 import subprocess
 import sys
@@ -27,6 +25,7 @@ from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Stored, listed
 from fltea.recording.formats import FORMATS, Kind
 from fltea.recording.kind import is_of_this_process
+from fltea.recording.process_limits import ProcessLimits, not_started
 from fltea.recording.quota import Quota
 from fltea.recording.reading import ASK, Answer, Missing, NotStated, asked_with, given_options
 from fltea.recording.sample_times import Floats
@@ -35,12 +34,6 @@ from fltea.records.errors import UsageError
 from fltea.settings.extras import how_to_install
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
-
-STARTUP_S = 10
-"""Of processor time, to load a library: on a Raspberry Pi the largest takes four."""
-
-STARTUP_BYTES = 2 << 30
-"""Of address space that interpreter and libraries reserve."""
 
 LENGTH = struct.Struct("<I")
 FAILED = (1 << 32) - 1
@@ -72,9 +65,10 @@ def open_apart(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO 
         # Behind /dev/stdin another process finds its own, and nothing behind the name of what was packed.
         is_named = file is None and not is_of_this_process(path)
         place = os.fspath(path) if is_named else f"/dev/fd/{content.fileno()}"
-        with _process([kind, place, how.topic or ""], content, quota) as (process, sent):
+        limits_of_it = ProcessLimits.of(quota)
+        with _process(path, [kind, place, how.topic or ""], content, limits_of_it) as (process, sent):
             assert process.stdin is not None
-            frames = _frames(path, process, sent, quota)
+            frames = _frames(path, process, sent, quota, limits_of_it)
             head = msgspec.json.decode(next(frames), type=SheetHead | None)
             if head is None:
                 return open_text(path, msgspec.json.decode(next(frames), type=TextHead), frames, how, limits)
@@ -104,12 +98,11 @@ def open_text(path: Path, head: TextHead, lines: Iterator[bytes], how: How, limi
 
 @contextlib.contextmanager
 def _process(
-    words: list[str], file: BinaryIO, quota: Quota
+    path: Path, words: list[str], file: BinaryIO, limits: ProcessLimits
 ) -> Iterator[tuple["subprocess.Popen[bytes]", BinaryIO]]:
     """Start `foreign.main`, which has the file open too, and end it. Yields it and what it sends."""
-    seconds = STARTUP_S + round(quota.seconds)
-    memory = STARTUP_BYTES + 2 * quota.limits.whole_bytes
-    command = [sys.executable, "-B", "-P", "-m", "fltea.recording.foreign", str(seconds), str(memory)]
+    held = msgspec.json.encode(limits).decode()
+    command = [sys.executable, "-B", "-P", "-m", "fltea.recording.foreign", held]
     # One thread a library: each more reserves memory, and takes processor time that is counted here.
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "ARROW_NUM_THREADS"), "1")
     environment = {
@@ -120,8 +113,8 @@ def _process(
     }
     with contextlib.ExitStack() as ends:
         sent, frames = map(ends.enter_context, _pipe())
-        process = ends.enter_context(
-            subprocess.Popen(
+        try:
+            started = subprocess.Popen(
                 [*command, str(frames.fileno()), *words],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
@@ -129,7 +122,9 @@ def _process(
                 env=environment,
                 pass_fds=(file.fileno(), frames.fileno()),
             )
-        )
+        except OSError as error:
+            raise not_started(path, error) from error
+        process = ends.enter_context(started)
         ends.callback(process.kill)
         frames.close()  # so that what is sent ends with the process
         yield process, sent
@@ -150,11 +145,14 @@ def _trusted_folders() -> list[str]:
     return [folder for folder in sys.path if os.path.isabs(folder) and folder != here]
 
 
-def _frames(path: Path, process: "subprocess.Popen[bytes]", sent: BinaryIO, quota: Quota) -> Iterator[bytes]:
+def _frames(
+    path: Path, process: "subprocess.Popen[bytes]", sent: BinaryIO, quota: Quota, limits: ProcessLimits
+) -> Iterator[bytes]:
     """What the process sends, each piece as it was sent.
 
     Raises:
         UsageError: the process failed, or fell.
+        FlteaError: it was killed, or lacks what the system gives no more of.
     """
     while len(head := sent.read(LENGTH.size)) == LENGTH.size:
         (length,) = LENGTH.unpack(head)
@@ -165,11 +163,7 @@ def _frames(path: Path, process: "subprocess.Popen[bytes]", sent: BinaryIO, quot
             return
         quota.unpack(length)
         yield sent.read(length)
-    code = process.wait()
-    if code in (-signal.SIGXCPU, -signal.SIGKILL):
-        raise quota.too_slow()
-    why = signal.strsignal(-code) if code < 0 else f"exit code {code}"
-    raise UsageError(f"{path}: cannot be read: its library failed on it ({why}). Is the file damaged?")
+    raise limits.ended(quota, process.wait())
 
 
 def _columns(stdin: IO[bytes], frames: Iterator[bytes], places: Sequence[int]) -> Iterator[Floats]:

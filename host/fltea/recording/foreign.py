@@ -7,8 +7,8 @@ stands before a reason. Stdout is not for them, since libraries print, in Python
 nowhere.
 """
 
-import resource
 import sys
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -17,50 +17,50 @@ import numpy as np
 
 from fltea.recording.apart import FAILED, LENGTH
 from fltea.recording.formats import FORMATS, loaded
+from fltea.recording.process_limits import OUT_OF_MEMORY, ProcessLimits
 from fltea.recording.sheet import Sheet, SheetHead, Text, TextHead, with_sample
 from fltea.records.errors import UsageError
+from fltea.records.scarce import is_scarcity
 
 
-def main(seconds: str, memory: str, descriptor: str, kind: str, path: str, topic: str) -> None:
-    """Read a file within so much processor time and address space, and write nothing but to the pipe."""
-    for what, most in (
-        (resource.RLIMIT_CPU, int(seconds)),
-        (resource.RLIMIT_AS, int(memory)),
-        (resource.RLIMIT_FSIZE, 0),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        resource.setrlimit(what, (most, most))
+
+def main(limits: str, descriptor: str, kind: str, path: str, topic: str) -> None:
+    """Read a file within `ProcessLimits`, and write nothing but to the pipe."""
+    held = msgspec.json.decode(limits, type=ProcessLimits)
+    held.hold()
     out = open(int(descriptor), "wb")  # noqa: SIM115
+    send = partial(_send, out, held)
     try:
         found: Sheet | Text = loaded(FORMATS[kind].reader)(Path(path), topic)
         if isinstance(found, Sheet):
             head = msgspec.convert(with_sample(found), SheetHead, from_attributes=True)
-            _send(out, msgspec.json.encode(head))
-            places = msgspec.json.decode(sys.stdin.buffer.readline() or b"[]", type=list[int])
+            send(msgspec.json.encode(head))
+            with held.waiting():
+                asked = sys.stdin.buffer.readline()
+            places = msgspec.json.decode(asked or b"[]", type=list[int])
             for values in found.blocks(places) if places else ():
-                _send(out, np.ascontiguousarray(values).tobytes())
+                send(np.ascontiguousarray(values).tobytes())
         else:
-            _send(out, b"null")
-            _send(out, msgspec.json.encode(msgspec.convert(found, TextHead, from_attributes=True)))
+            send(b"null")
+            send(msgspec.json.encode(msgspec.convert(found, TextHead, from_attributes=True)))
             for data in found.pieces:
-                _send(out, data)
-        _send(out, b"")
+                send(data)
+        send(b"")
     except BrokenPipeError:
         pass
     except UsageError as error:
         _fail(out, str(error).removeprefix(f"{path}: "))
-    except MemoryError:
-        _fail(
-            out, f"more than the {int(memory) / 1e9:.1f} GB would be needed that a file of its size may take."
-        )
     except Exception as error:  # whatever a library raises on damaged bytes
+        if is_scarcity(error):
+            sys.exit(OUT_OF_MEMORY)
         reason = str(error).partition("\n")[0] or type(error).__name__
         _fail(out, f"cannot be read as {FORMATS[kind].title} ({reason}).")
 
 
-def _send(out: BinaryIO, data: bytes) -> None:
-    out.write(LENGTH.pack(len(data)) + data)
-    out.flush()
+def _send(out: BinaryIO, limits: ProcessLimits, data: bytes) -> None:
+    with limits.waiting():
+        out.write(LENGTH.pack(len(data)) + data)
+        out.flush()
 
 
 def _fail(out: BinaryIO, reason: str) -> None:

@@ -113,7 +113,7 @@ class _Columns:
             array = array if points is None else points
         if reason := _reason(array):
             self._reasons.append(f"{listed([name])} {reason}")
-            found = [_Labelled(label, _no_numbers, f"{reason}.") for label in _axes_named(name)]
+            found = [_Labelled(label, _no_numbers, f"{reason}.") for label in axes_named(name)]
             rows = array.rows if isinstance(array, NoNumbers) else max((1, *array.shape))
         else:
             found, rows = list(_of_array(name, array, self._called.of(name))), max(array.shape, default=0)
@@ -198,8 +198,8 @@ def _reason(array: Any) -> str:
     return "" if fits else f"has the shape {tuple(shape)}, not one number in each row"
 
 
-def _axes_named(name: str) -> list[str]:
-    """The axes of a gyroscope that an array has by its name, or what tells sensors apart."""
+def axes_named(name: str) -> list[str]:
+    """Return the axes of a gyroscope that an array has by its name, or what tells sensors apart."""
     if tells_sensors(name) or states_units(name):
         return [name]
     return [label for label in (name, *(named_axis(name, k) for k in range(3))) if gyroscopes_in([label])][:3]

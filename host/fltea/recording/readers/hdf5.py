@@ -1,23 +1,33 @@
-"""Files of HDF5: tables of pandas, and data sets with attributes, as netCDF and NWB have them."""
+"""Files of HDF5: tables of pandas, and data sets with attributes, as netCDF and NWB have them.
+
+A data set may stand in other files, whatever these are. Nothing but the file itself is read.
+"""
 
 import math
+import posixpath
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
+from fltea.recording.files import Note, listed
 from fltea.recording.one_sensor import MOST_SENSORS
 from fltea.recording.readers import pandas_hdf5
-from fltea.recording.readers.arrays import NoNumbers, is_of_matlab, of_arrays
+from fltea.recording.readers.arrays import NoNumbers, axes_named, is_of_matlab, of_arrays
 from fltea.recording.readers.beside import number_of, texts_of
 from fltea.recording.reading import OVERRULE
 from fltea.recording.sheet import Sheet
+from fltea.records.errors import UsageError
 
 MISSING = "_fillvalue", "missing_value"
 NETCDF, NWB = ("scale_factor", "add_offset"), ("conversion", "offset")
 """Attributes by which numbers are multiplied, and what is added then: https://cfconventions.org (8.1 Packed
 Data), and https://nwb-schema.readthedocs.io (TimeSeries), whose `resolution` changes nothing."""
+
+NOT_READ = "copy it into this file: h5repack or h5py write it"
+"""What to do about data sets elsewhere."""
 
 MATLABS = "#refs#", "#subsystem#"
 
@@ -33,12 +43,17 @@ def read(path: Path, _: str) -> Sheet:
 
     def take(path: str, item: Any) -> None:
         name = path.replace("/", ".")
+        if elsewhere := outside(item):
+            found[name] = NoNumbers(elsewhere, max((1, *item.shape)))
+            return
         attributes = _attributes_of(item)
         if path.endswith("/starting_time") and "rate" in attributes:  # of NWB's group
             facts[f"{name.rpartition('.')[0]}.rate"] = attributes["rate"]
         if isinstance(item, h5py.Group):
             facts.update({f"{name}.{key}".lstrip("."): value for key, value in attributes.items()})
             if pandas_hdf5.is_table(item):
+                if elsewhere := _parts_elsewhere(item):
+                    raise UsageError(f"{path or 'its table'}: {elsewhere}.")
                 tables.update(
                     {f"{name}.{column}": one for column, one in pandas_hdf5.columns_of(item).items()}
                 )
@@ -51,9 +66,65 @@ def read(path: Path, _: str) -> Sheet:
                 facts.update({f"{name}@{key}": value for key, value in kept.items()})
 
     file = h5py.File(path, "r")
+    links = _links_elsewhere(file)
+    for name, why in links.items():
+        if axes_named(name.replace("/", ".")):
+            raise UsageError(f"{name} {why}.")
+        found[name.replace("/", ".")] = NoNumbers(why)
     take("", file)
     file.visititems(take)
-    return of_arrays(tables or found, attributes=facts, doubts=doubts)
+    sheet = of_arrays(tables or found, attributes=facts, doubts=doubts)
+    return replace(
+        sheet, notes=tuple(Note("reading", f"{path}: {name} {why}.") for name, why in links.items())
+    )
+
+
+def outside(item: Any) -> str:
+    """Return where a data set stands if that is outside its file, "" if not, in words without a subject."""
+    import h5py
+
+    if not isinstance(item, h5py.Dataset):
+        return ""
+    if item.is_virtual:
+        names = sorted({source.file_name for source in item.virtual_sources()})
+        return f"is put together of other data sets ({listed(names)}), which may be missing; {NOT_READ}"
+    if item.external:
+        return f"stands in other files ({listed(sorted({name for name, *_ in item.external}))}); {NOT_READ}"
+    return ""
+
+
+def _links_elsewhere(file: Any) -> dict[str, str]:
+    """The links that lead out of a file, directly or by way of another, and where to."""
+    import h5py
+
+    found: dict[str, str] = {}
+    inner: dict[str, str] = {}
+
+    def take(path: str, link: Any) -> None:
+        if isinstance(link, h5py.ExternalLink):
+            found[path] = f"is a link to another file ({link.filename}); {NOT_READ}"
+        elif isinstance(link, h5py.SoftLink):
+            inner[path] = posixpath.normpath(posixpath.join("/", posixpath.dirname(path), link.path))[1:]
+
+    file.visititems_links(take)
+    outer = dict(found)
+    for path, to in inner.items():
+        for other, why in outer.items():
+            if to == other or to.startswith(f"{other}/"):
+                found[path] = why
+    return found
+
+
+def _parts_elsewhere(group: Any) -> str:
+    """Which part of a table of pandas' stands outside its file, and where, "" if none does."""
+    import h5py
+
+    for name in group:
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            return f"its part {name} is a link; {NOT_READ}"
+        if elsewhere := outside(group[name]):
+            return f"its part {name} {elsewhere}"
+    return ""
 
 
 def _attributes_of(item: Any) -> dict[str, Any]:
@@ -72,7 +143,7 @@ def _parts_of(path: str, data: Any) -> Iterator[tuple[str, Any]]:
         return
     group, _, field = path.rpartition("/")
     for number, reference in enumerate(np.asarray(data[()]).reshape(-1), 1):
-        if reference and isinstance(one := data.file[reference], h5py.Dataset):
+        if reference and isinstance(one := data.file[reference], h5py.Dataset) and not outside(one):
             yield f"{group}({number})/{field}", one
 
 

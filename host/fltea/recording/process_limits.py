@@ -1,0 +1,160 @@
+"""What a process apart may take that reads a file, and why it ended if it took more: all limits of it.
+
+The system enforces each of them, whatever a library does: processor time, the time in which nothing comes,
+memory, and no byte on the disk. Where the session has lower limits of its own, those count. The process ends
+with the one that started it.
+"""
+
+import contextlib
+import ctypes
+import errno
+import os
+import resource
+import signal
+import sys
+from collections.abc import Iterator
+
+import msgspec
+
+from fltea.recording.quota import Quota
+from fltea.records.errors import FlteaError, UsageError
+from fltea.records.scarce import MB, is_scarcity, least_of
+
+STARTUP_S = 10
+"""Of processor time, to load a library: on a Raspberry Pi the largest takes four."""
+
+STARTUP_BYTES = 2 << 30
+"""Of address space that interpreter and libraries reserve."""
+
+LEAST_BYTES = 256 * MB
+"""Of address space; with less some libraries try for ever to get more."""
+
+SILENT_RATIO = 4
+"""How many times its processor time a process may be silent: it may share a processor, or wait for a disk."""
+
+OUT_OF_MEMORY = 75
+"""The exit code of a process that gets no more."""
+
+PR_SET_PDEATHSIG = 1
+"""Of prctl(2) in Linux."""
+
+FALLS = signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE, signal.SIGSYS
+
+
+class ProcessLimits(msgspec.Struct, frozen=True):
+    """Limits of one process. parent: the number of the one that starts it.
+
+    cpu_s: processor time. silent_s: between two pieces that it sends. memory_bytes: of addresses.
+    is_cpu_ours, is_memory_ours: whether these are of the file's quota, not lower ones of the session.
+    """
+
+    parent: int
+    cpu_s: int
+    silent_s: int
+    memory_bytes: int
+    is_cpu_ours: bool = True
+    is_memory_ours: bool = True
+
+    @classmethod
+    def of(cls, quota: Quota) -> "ProcessLimits":
+        """Return the limits for a file's quota, within those of this session."""
+        cpu_s = STARTUP_S + round(quota.seconds)
+        memory_bytes = STARTUP_BYTES + 2 * quota.limits.whole_bytes
+        least_s = least_of(resource.RLIMIT_CPU, cpu_s)
+        least_bytes = least_of(resource.RLIMIT_AS, memory_bytes)
+        silent_s = SILENT_RATIO * cpu_s
+        ours = least_s == cpu_s, least_bytes == memory_bytes
+        return cls(os.getpid(), least_s, silent_s, least_bytes, *ours)
+
+    def hold(self) -> None:
+        """Hold this process, which is to read, to its limits, and end it with its parent."""
+        if sys.platform == "linux":
+            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != self.parent:  # it ended before that
+            os._exit(1)
+        for number in (signal.SIGXCPU, signal.SIGALRM):  # which another program may have set aside
+            signal.signal(number, signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_SETMASK, ())
+        for what, most in (
+            (resource.RLIMIT_AS, self.memory_bytes),
+            (resource.RLIMIT_FSIZE, 0),
+            (resource.RLIMIT_CORE, 0),
+        ):
+            most = _within(what, most)
+            resource.setrlimit(what, (most, most))
+        hard = _within(resource.RLIMIT_CPU, self.cpu_s + 1)
+        # SIGXCPU comes a second before SIGKILL, and tells what ended the process.
+        resource.setrlimit(resource.RLIMIT_CPU, (min(self.cpu_s, max(1, hard - 1)), hard))
+        signal.alarm(self.silent_s)
+
+    @contextlib.contextmanager
+    def waiting(self) -> Iterator[None]:
+        """Do not count the time in which the one that started this process is waited for."""
+        signal.alarm(0)
+        try:
+            yield
+        finally:
+            signal.alarm(self.silent_s)
+
+    def ended(self, quota: Quota, code: int) -> FlteaError:
+        """Return why a process that had to send more ended. code: as `subprocess` gives it."""
+        path = quota.path
+        number = -code if code < 0 else 0
+        if code == OUT_OF_MEMORY and self.is_memory_ours:
+            needed = f"more than the {self.memory_bytes / 1e9:.1f} GB would be needed"
+            return UsageError(f"{path}: {needed} that a file of its size may take.")
+        has_room = self.is_memory_ours or self.memory_bytes > LEAST_BYTES
+        if number == signal.SIGXCPU and self.is_cpu_ours and has_room:
+            return quota.too_slow()
+        if has_room and (number == signal.SIGXCPU or (number == signal.SIGKILL and self.cpu_s <= 1)):
+            return FlteaError(
+                f"{path}: reading it takes more than the {self.cpu_s} s of processor time that this session "
+                "allows a process (ulimit -t). Raise that limit."
+            )
+        if number == signal.SIGALRM:
+            return FlteaError(
+                f"{path}: nothing came of it for {self.silent_s} s, and little processor time was used. Is "
+                "it on a disk that does not answer, or is the machine overloaded? Try again, or copy it to a "
+                "local disk first."
+            )
+        if not self.is_memory_ours:
+            return FlteaError(
+                f"{path}: {_ended(code)}, most likely since this session limits a process to "
+                f"{self.memory_bytes / MB:.0f} MB of addresses (ulimit -v). Raise that limit."
+            )
+        if number == signal.SIGKILL:
+            return FlteaError(
+                f"{path}: {_ended(code)}, most likely since the memory ran out (`journalctl -k` tells). "
+                "Close other programs, or raise the memory of the container or service, and try again."
+            )
+        if number in FALLS or not number:
+            return UsageError(f"{path}: cannot be read: {_ended(code)}. Is the file damaged?")
+        return FlteaError(f"{path}: {_ended(code)}, by somebody who ended it. Try again.")
+
+
+def _within(what: int, most: int) -> int:
+    """The limit, or the one that cannot be exceeded."""
+    hard = resource.getrlimit(what)[1]
+    return most if hard == resource.RLIM_INFINITY else min(most, hard)
+
+
+def _ended(code: int) -> str:
+    if code == OUT_OF_MEMORY:
+        return "reading it needs more memory than there is"
+    if code >= 0:
+        return f"its library failed on it (exit code {code})"
+    number = -code
+    name = signal.Signals(number).name if number in {*signal.Signals} else f"signal {number}"
+    if number in FALLS:
+        return f"its library failed on it ({signal.strsignal(number)}, {name})"
+    return f"the process that read it was killed by the system ({name})"
+
+
+def not_started(path: object, error: OSError) -> FlteaError:
+    """Return what to raise where no process can be started."""
+    advice = "Close other programs, or raise the limit of processes (ulimit -u) or of memory."
+    if error.errno in (errno.EMFILE, errno.ENFILE):
+        advice = "Raise the limit of open files (ulimit -n)."
+    elif not is_scarcity(error):
+        advice = "Is the installation of Python whole?"
+    return FlteaError(f"{path}: no process can be started to read it ({error.strerror or error}). {advice}")
