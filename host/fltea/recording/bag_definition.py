@@ -5,7 +5,7 @@ these lengths are read at once; a library that knows every type takes some 20 µ
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -128,6 +128,8 @@ def _flat(
                 yield None
                 return
             for i in range(1 if count is None else count):
+                if count is not None and next(lines, None) is None:
+                    raise ValueError("a definition of too many parts")
                 place = f"{name}." if count is None else f"{name}[{i}]."
                 yield from _flat(body, place, about, parts, lines, depth - 1)
 
@@ -168,10 +170,11 @@ def read_columns(
     wanted: Sequence[str],
     is_ros1: bool,
     words: Words | None = None,
+    check: Callable[[], None] = lambda: None,
 ) -> Columns:
     """Read numbers of messages as they are in a bag, in their order; those of another layout are left out.
 
-    words: takes the texts among the fields that are wanted.
+    words: takes the texts among the fields that are wanted. check: is called often, and may raise an error.
     """
     words = Words() if words is None else words
     length = np.fromiter(map(len, messages), np.int64, len(messages))
@@ -187,7 +190,7 @@ def read_columns(
             if not len(written_so) or (kind is not None and size < CDR_HEAD):
                 continue
             body = data[written_so] if kind is None else data[written_so, CDR_HEAD:]
-            for row, values in _read(body, definition, wanted, order, widest, words):
+            for row, values in _read(body, definition, wanted, order, widest, words, check):
                 rows.append(alike[written_so[row]])
                 numbers.append(values)
     row = np.concatenate(rows)
@@ -202,6 +205,7 @@ def _read(
     order: str,
     widest: int,
     words: Words,
+    check: Callable[[], None],
 ) -> Iterator[Columns]:
     """Columns of messages alike in length (n, length), which begin where alignment is counted from."""
     size = data.shape[1]
@@ -212,6 +216,7 @@ def _read(
     layouts: list[tuple[NDArray[np.int64], int, dict[str, tuple[int, str]]]]
     layouts = [(np.arange(len(data)), 0, {})]
     for field in definition.fields:
+        check()
         width = int(field.code[1])
         after = []
         for rows, at, places in layouts[:MOST_LAYOUTS]:

@@ -22,6 +22,7 @@ from fltea.recording.columns import Chosen
 from fltea.recording.files import AT_ONCE, Note, Recording, Stored, check_span, listed
 from fltea.recording.message_stamps import Stamps, Times, is_arrival
 from fltea.recording.npz_arrays import NUMBER_BYTES
+from fltea.recording.quota import Quota
 from fltea.recording.reading import Answer, Missing, NotStated, asked_with, given_options, not_stated
 from fltea.recording.sample_times import Floats, Ints, Marks
 from fltea.recording.session import LATEST_NS
@@ -33,7 +34,6 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.records.visible import visible
 from fltea.settings.extras import load
 from fltea.settings.how import How
-from fltea.settings.limits import Limits
 
 COLUMNS, NUMBERS = ("gyro", "accel", "stamp", "arrival"), 8
 """What waits in a temporary file, and how many numbers of each sample that is."""
@@ -46,12 +46,15 @@ ZSTD = b"\x28\xb5\x2f\xfd"
 
 
 class Gathered:
-    """Messages of one topic. how: what the user says of them. sensor: which of several in them is meant."""
+    """Messages of one topic. how: what the user says of them. sensor: which of several in them is meant.
+
+    quota: what decoding them may take.
+    """
 
     def __init__(
-        self, path: Path, topic: Topic, layout: Layout, sensor: str | None, how: How, limits: Limits
+        self, path: Path, topic: Topic, layout: Layout, sensor: str | None, how: How, quota: Quota
     ) -> None:
-        self._path, self._how, self._limits = path, how, limits
+        self._path, self._how, self._quota, self._limits = path, how, quota, quota.limits
         self._where = f"{path}: topic {visible(topic.name)}"
         self._topic, self._layout = topic, layout
         self._rate, self._accel, self._notes = scales(self._where, layout, how)
@@ -92,7 +95,7 @@ class Gathered:
         arrivals, data, by = zip(*self._waiting, strict=True)
         self._waiting.clear()
         messages = list(map(_unpacked, data))
-        imu = self._topic.read(messages, self._layout)
+        imu = self._topic.read(messages, self._layout, self._quota)
         self._unusable += len(messages) - len(np.unique(imu.row))
         arrival_ns = np.array(arrivals, np.int64)
         publishers = self._publishers(np.array(by, np.str_), arrival_ns)[imu.row]

@@ -3,7 +3,7 @@
 Of ROS' sensor_msgs/Imu and of PX4's types that is known; of all others the definition in the bag tells it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Literal, NamedTuple
 
@@ -169,14 +169,16 @@ def _px4_layout(name: str, own: Definition | None) -> Layout:
     )
 
 
-def read_ros(messages: Sequence[bytes], layout: Layout, *, is_ros1: bool) -> Imu:
-    """Read messages as they are in a bag, in their order."""
+def read_ros(
+    messages: Sequence[bytes], layout: Layout, *, is_ros1: bool, check: Callable[[], None] = lambda: None
+) -> Imu:
+    """Read messages as they are in a bag, in their order. check: is called often, and may raise an error."""
     is_fifo = "samples" in layout.more
     gyro = [f"{axis}[{i}]" for axis in layout.gyro for i in range(FIFO)] if is_fifo else [*layout.gyro]
     wanted = [*layout.time, *gyro, *layout.accel, *layout.more, *layout.tell]
     row, values, words = np.empty(0, np.int64), np.empty((0, len(wanted))), Words()
     for definition in layout.definitions:
-        row, values = read_columns(messages, definition, wanted, is_ros1, words)
+        row, values = read_columns(messages, definition, wanted, is_ros1, words, check)
         if len(row):
             break
     values, tell = np.split(values, [len(wanted) - len(layout.tell)], axis=1)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from fltea.recording.bag_imu import Encoding, Imu, read_ros, ros_layout
 from fltea.recording.bag_names import Layout
+from fltea.recording.quota import Quota
 
 LONGEST_MESSAGE = 1 << 16
 """Bytes; an Imu message has 350."""
@@ -40,28 +41,33 @@ class Topic(NamedTuple):
         """Whether each message names its numbers, as those of other programs than ROS do."""
         return self.encoding in ("json", "protobuf")
 
-    def layout(self, messages: list[bytes], sensor: str | None) -> Layout | None:
+    def layout(self, messages: list[bytes], sensor: str | None, quota: Quota) -> Layout | None:
         """Return what its messages hold, by the first of them; None: no gyroscope's numbers.
 
         sensor: which of several gyroscopes in a message is meant.
 
         Raises:
-            UsageError: the axes of one sensor state different units.
+            TooManyFields: they have more than are looked at.
+            UsageError: the axes of one sensor state different units, or looking took too much time.
         """
         assert self.encoding is not None
         if not self.is_of_objects:
             return ros_layout(self.type, self.encoding, self.schema, sensor)
         from fltea.recording.bag_objects import layout_of
 
-        return layout_of(messages, self.encoding, self.type, self.schema, sensor)
+        return layout_of(messages, self.encoding, self.type, self.schema, sensor, quota)
 
-    def read(self, messages: list[bytes], layout: Layout) -> Imu:
-        """Read messages as they are in the file, in their order; what is none is left out."""
+    def read(self, messages: list[bytes], layout: Layout, quota: Quota) -> Imu:
+        """Read messages as they are in the file, in their order; what is none is left out.
+
+        Raises:
+            UsageError: they take too much time.
+        """
         if not self.is_of_objects:
-            return read_ros(messages, layout, is_ros1=self.encoding == "ros1")
+            return read_ros(messages, layout, is_ros1=self.encoding == "ros1", check=quota.check)
         from fltea.recording.bag_objects import read_objects
 
-        return read_objects(messages, layout, str(self.encoding), self.type, self.schema)
+        return read_objects(messages, layout, str(self.encoding), self.type, self.schema, quota)
 
 
 def encoding_of(name: str) -> Encoding | None:

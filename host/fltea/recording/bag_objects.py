@@ -14,7 +14,8 @@ import numpy as np
 from fltea.recording.bag_imu import FRAME, Imu
 from fltea.recording.bag_names import Layout, Texts, named_layout
 from fltea.recording.column_names import is_time, named_axis, tells_sensors
-from fltea.recording.one_sensor import as_word
+from fltea.recording.one_sensor import as_float, as_word
+from fltea.recording.quota import MOST_FIELDS, Quota, TooManyFields
 from fltea.recording.readers.beside import scale_of, units_of
 from fltea.recording.text_labels import DEEPEST, decode_object, units_beside, without_axis
 from fltea.recording.text_times import with_seconds
@@ -34,22 +35,29 @@ MOST_TRIED, MOST_TEXTS = 100, 10_000
 
 
 def layout_of(
-    messages: Sequence[bytes], encoding: str, kind: str, schema: bytes, sensor: str | None
+    messages: Sequence[bytes], encoding: str, kind: str, schema: bytes, sensor: str | None, quota: Quota
 ) -> Layout | None:
     """Return what messages hold, by the first of them that holds a gyroscope's numbers.
 
     kind, schema: of the messages, by the channel. sensor: which of several gyroscopes in a message is meant.
 
     Raises:
-        UsageError: the axes of one sensor state different units.
+        TooManyFields: they have more than are looked at.
+        UsageError: the axes of one sensor state different units, or looking took too much time.
     """
     decode = _decoder(encoding, kind, schema)
     texts = (_texts_of_json if encoding == "json" else _texts_of_protobuf)(kind, schema)
-    for message in messages[:MOST_TRIED]:
+    tried = set[tuple[str, ...]]()
+    for message in quota.messages(messages[:MOST_TRIED]):
         try:
             found = decode(message)
+        except TooManyFields:
+            raise
         except (ValueError, RecursionError):
             continue
+        if (names := tuple(found)) in tried:
+            continue
+        tried.add(names)
         said = Texts(partial(_about, texts), dict(zip(found, units_beside(found), strict=True)).__getitem__)
         layout = named_layout(list(found), kind, said, sensor)
         if layout is not None:
@@ -82,15 +90,20 @@ def _telling(found: dict[str, Any], known: Container[str]) -> tuple[tuple[str, .
     return tuple(tell), tuple(others[:MOST_OTHERS])
 
 
-def read_objects(messages: Sequence[bytes], layout: Layout, encoding: str, kind: str, schema: bytes) -> Imu:
+def read_objects(
+    messages: Sequence[bytes], layout: Layout, encoding: str, kind: str, schema: bytes, quota: Quota
+) -> Imu:
     """Read messages as they are in a file, in their order; what is none is left out.
 
     null counts as a number that is missing.
+
+    Raises:
+        UsageError: they take too much time.
     """
     decode = _decoder(encoding, kind, schema)
     names = [*layout.time, *layout.gyro, *layout.accel]
     rows, numbers, told = [], [], []
-    for row, message in enumerate(messages):
+    for row, message in enumerate(quota.messages(messages)):
         try:
             found = decode(message)
             line = [_as_number(found.get(name) if name in layout.accel else found[name])[0] for name in names]
@@ -131,11 +144,18 @@ def _as_number(value: Any) -> tuple[float, bool]:
     if isinstance(value, str):
         text = with_seconds(value)
         return float(text), text != value
-    return float(value), False
+    return as_float(value), False
 
 
 def _decoder(encoding: str, kind: str, schema: bytes) -> Decoder:
-    return decode_object if encoding == "json" else decoder_of(kind, schema)
+    return _decode_json if encoding == "json" else decoder_of(kind, schema)
+
+
+def _decode_json(data: bytes) -> dict[str, Any]:
+    found = decode_object(data)
+    if len(found) > MOST_FIELDS:
+        raise TooManyFields
+    return found
 
 
 def _about(texts: dict[str, str], name: str) -> Iterator[str]:
@@ -202,6 +222,20 @@ def _files_of(schema: bytes) -> Any:
         return None
 
 
+def _fields_left(message: Any, most: int) -> int:
+    """How many fields a message has less than `most`, also those that it does not hold; below 0: more."""
+    left = most - len(message.DESCRIPTOR.fields)
+    for field, value in message.ListFields() if left >= 0 else ():
+        if field.message_type is None:
+            continue
+        parts = [value] if hasattr(value, "ListFields") else value
+        for part in parts.values() if hasattr(parts, "values") else parts:
+            left = _fields_left(part, left) if hasattr(part, "ListFields") else left - 1
+            if left < 0:
+                break
+    return left
+
+
 @lru_cache(maxsize=8)
 def decoder_of(kind: str, schema: bytes) -> Decoder:
     """Return what decodes messages that a FileDescriptorSet describes.
@@ -227,11 +261,16 @@ def decoder_of(kind: str, schema: bytes) -> Decoder:
 
     def decode(data: bytes) -> dict[str, Any]:
         try:
+            message = message_class.FromString(data)
+            if _fields_left(message, MOST_FIELDS) < 0:
+                raise TooManyFields
             found = json_format.MessageToDict(
-                message_class.FromString(data),
+                message,
                 preserving_proto_field_name=True,
                 always_print_fields_with_no_presence=True,
             )
+        except TooManyFields:
+            raise
         except Exception as error:  # DecodeError has no base of its own
             raise ValueError(str(error)) from error
         return decode_object(msgspec.json.encode(found))

@@ -80,7 +80,15 @@ def which_of(column: str, values: Collection[str]) -> Missing:
 
 def as_word(value: float) -> str:
     """Return what a number that tells sensors apart is called; those of devices have many digits."""
-    return repr(float(value)).removesuffix(".0")
+    return repr(as_float(value)).removesuffix(".0")
+
+
+def as_float(value: float) -> float:
+    """Return a number as JSON and protobuf give it; a whole one of hundreds of digits is infinite."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 def tells_apart(cells: Sequence[str], times: Floats | None, values: Floats) -> bool:

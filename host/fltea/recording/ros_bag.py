@@ -13,6 +13,7 @@ from fltea.recording.bag_ros1 import read_ros1
 from fltea.recording.bag_ros2 import read_mcap, read_sqlite, unpacked_file
 from fltea.recording.files import MOST_NAMES, Note, Stored, listed
 from fltea.recording.lines import shown
+from fltea.recording.quota import Quota, TooManyFields
 from fltea.recording.reading import Answer, Evidence, Missing, not_stated
 from fltea.records.errors import UsageError
 from fltea.records.visible import visible
@@ -40,6 +41,7 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
     notes: list[Note] = []
     chosen: Topic | None = None
     gathered: Gathered | None = None
+    quota = _quota(path, limits)
     for item in _batches(path, limits):
         if isinstance(item, Note):
             notes.append(item)
@@ -48,13 +50,17 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
         is_named, sensor = _named(topic, how)
         counts[topic] = counts.get(topic, 0) + item.count
         if item.data and topic not in layouts:
-            layouts[topic] = _layout(path, item, sensor)
+            try:
+                layouts[topic] = _layout(path, item, sensor, quota)
+            except TooManyFields as error:
+                layouts[topic] = None
+                notes.append(Note("bag_messages", f"{path}: topic {visible(topic.name)}: {error}."))
         layout = layouts.get(topic)
         if layout is None or not item.count or not is_named:
             continue
         known = None if chosen is None else layouts[chosen]
         if known is None or (layout.is_known and not known.is_known):
-            chosen, gathered = topic, Gathered(path, topic, layout, sensor, how, limits)
+            chosen, gathered = topic, Gathered(path, topic, layout, sensor, how, quota)
         if gathered is not None and chosen is not None and topic.name == chosen.name:
             gathered.add(item, layout)
     if chosen is None or gathered is None:
@@ -81,9 +87,18 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
     return stored._replace(about=_about(chosen, counts), topic=chosen.name, reading=reading)
 
 
-def _layout(path: Path, batch: Batch, sensor: str | None) -> Layout | None:
+def _quota(path: Path, limits: Limits) -> Quota:
+    """What decoding the messages of all files of a bag may take."""
     try:
-        return batch.topic.layout(batch.data, sensor)
+        files = files_of(path) if path.is_dir() else [path]
+        return Quota(path, limits, sum(file.stat().st_size for file in files))
+    except OSError:  # opening it tells why
+        return Quota(path, limits, 0)
+
+
+def _layout(path: Path, batch: Batch, sensor: str | None, quota: Quota) -> Layout | None:
+    try:
+        return batch.topic.layout(batch.data, sensor, quota)
     except UsageError as error:
         raise UsageError(f"{path}: topic {visible(batch.topic.name)}: {error}") from error
 

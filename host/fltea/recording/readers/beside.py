@@ -51,7 +51,7 @@ def number_of(value: Any, other: float = math.nan) -> float:
     """Return the one number that a value holds, NaN if it holds none or several; `other` if it is None."""
     try:
         return float(other if value is None else np.asarray(value, np.float64).reshape(()))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return math.nan
 
 
