@@ -221,7 +221,6 @@ def test_a_real_process_says_it_too() -> None:
         (UnicodeEncodeError("utf-8", "\udcff", 0, 1, "surrogates"), UsageError, "not UTF-8"),
         (FileNotFoundError(2, "No such file", "x" * 5000), UsageError, "No such file: xxx"),
         (OSError(28, "No space left", "out"), FlteaError, "No space left: out"),
-        (MemoryError(), FlteaError, "more memory"),
         (OverflowError("too large"), UsageError, "too large"),
         (TypeError("ours"), None, ""),
         (AssertionError(), None, ""),

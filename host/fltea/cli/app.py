@@ -21,6 +21,7 @@ from fltea.cli.record import export, info, record, recover
 from fltea.cli.reproduce import bench, reproduce
 from fltea.cli.run import run
 from fltea.records.errors import FlteaError, UsageError, of_input
+from fltea.records.scarce import check_address_space, is_scarcity, scarcity
 from fltea.records.secret import refuse_secrets
 from fltea.records.version import __version__
 from fltea.wire import layout as wire
@@ -29,6 +30,8 @@ EXIT_CODES = (
     "Exit codes: 0: ended as asked. 1: failed while running. 2: the command line, the configuration or an "
     "input file is wrong. 130: interrupted by Ctrl-C."
 )
+
+HELP = ["-h", "--help"]
 
 app = typer.Typer(
     name="fltea",
@@ -41,7 +44,7 @@ app = typer.Typer(
         "`fltea identify FILE` or `fltea run`; `fltea doctor` helps when something fails."
     ),
     epilog=EXIT_CODES,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": HELP},
 )
 
 
@@ -57,15 +60,21 @@ def main() -> None:
         if sys.stdout is None:
             raise UsageError("standard output is closed; give it a file, a pipe or /dev/null.")
         refuse_secrets(sys.argv[1:])
+        if not {*sys.argv[1:]} & {*HELP, "--version"}:
+            check_address_space()
         app()
     except KeyboardInterrupt:
         sys.exit(130)
     except Exception as error:
-        failure = error if isinstance(error, FlteaError) else of_input(error)
+        failure = error if isinstance(error, FlteaError) else _failure(error)
         if failure is None or (failure is not error and sys.flags.dev_mode):
             raise
         say(f"fltea: error: {failure}")
         sys.exit(failure.exit_code)
+
+
+def _failure(error: Exception) -> FlteaError | None:
+    return scarcity(error) if is_scarcity(error) else of_input(error)
 
 
 def _show_version(wanted: bool) -> None:

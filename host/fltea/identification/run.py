@@ -46,6 +46,7 @@ from fltea.identification.workers import Workers
 from fltea.records.arrays import Array
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES, AXES
+from fltea.records.scarce import is_scarcity, scarcity
 from fltea.records.temporary import work_folder
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
 from fltea.settings.live import LiveConfig
@@ -385,5 +386,7 @@ def _take_fltea(of: _Recording, result: Any) -> None:
 
 
 def _text(error: Any) -> str:
+    if is_scarcity(error):
+        return str(scarcity(error))
     text = str(error)
     return text if isinstance(error, FlteaError | ValueError) and text else f"{type(error).__name__}: {text}"

@@ -18,16 +18,13 @@ import msgspec
 
 from fltea.recording.quota import Quota
 from fltea.records.errors import FlteaError, UsageError
-from fltea.records.scarce import MB, is_scarcity, least_of
+from fltea.records.scarce import LEAST_BYTES, MB, is_scarcity, least_of
 
 STARTUP_S = 10
 """Of processor time, to load a library: on a Raspberry Pi the largest takes four."""
 
 STARTUP_BYTES = 2 << 30
 """Of address space that interpreter and libraries reserve."""
-
-LEAST_BYTES = 256 * MB
-"""Of address space; with less some libraries try for ever to get more."""
 
 SILENT_RATIO = 4
 """How many times its processor time a process may be silent: it may share a processor, or wait for a disk."""
@@ -155,6 +152,6 @@ def not_started(path: object, error: OSError) -> FlteaError:
     advice = "Close other programs, or raise the limit of processes (ulimit -u) or of memory."
     if error.errno in (errno.EMFILE, errno.ENFILE):
         advice = "Raise the limit of open files (ulimit -n)."
-    elif not is_scarcity(error):
+    elif not (error.errno == errno.EAGAIN or is_scarcity(error)):
         advice = "Is the installation of Python whole?"
     return FlteaError(f"{path}: no process can be started to read it ({error.strerror or error}). {advice}")

@@ -66,8 +66,6 @@ def of_input(error: BaseException) -> FlteaError | None:
     match error:
         case RecursionError():
             what = "something in it is nested too deeply"
-        case MemoryError():
-            what, kind = "it needs more memory than there is", FlteaError
         case UnicodeError():
             what = "a name or a text in it is not UTF-8"
         case OSError():

@@ -7,10 +7,12 @@ from collections.abc import Iterator
 from fltea.records.errors import FlteaError
 
 MB = 1_000_000
+
+LEAST_BYTES = 256 * MB
+"""Of address space, to compute anything: with less, some libraries end the process, and some never end."""
+
 WORDS = "can't start new thread", "failed to map segment", "cannot allocate memory", "memory allocation"
 """In errors of threads, of the loader of libraries, and of libraries that have no kind of error for it."""
-
-ERRNOS = errno.ENOMEM, errno.EAGAIN
 
 
 def least_of(what: int, ours: int) -> int:
@@ -24,11 +26,20 @@ def address_space() -> int | None:
     return None if soft == resource.RLIM_INFINITY else soft
 
 
+def check_address_space() -> None:
+    """Raise FlteaError where this process may have so few addresses that nothing can be computed."""
+    if (limit := address_space()) is not None and limit < LEAST_BYTES:
+        raise FlteaError(
+            f"this session limits a process to {limit / MB:.0f} MB of addresses (ulimit -v), and numpy with "
+            f"its libraries and threads needs {LEAST_BYTES / MB:.0f} MB to begin with. Raise that limit."
+        )
+
+
 def is_scarcity(error: BaseException) -> bool:
     """Whether an error says, or was caused by one that says, that the system gives no more."""
     return any(
         isinstance(one, MemoryError)
-        or (isinstance(one, OSError) and one.errno in ERRNOS)
+        or (isinstance(one, OSError) and one.errno == errno.ENOMEM)
         or (
             isinstance(one, RuntimeError | ImportError | OSError)
             and any(w in str(one).lower() for w in WORDS)
