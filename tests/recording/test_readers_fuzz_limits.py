@@ -1,0 +1,137 @@
+"""Files that reach outside themselves or have wide messages, and sessions with few resources: an error."""
+
+import contextlib
+import json
+import os
+import resource
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from corpus_files import HERE
+from fltea.recording import process_limits
+from fltea.recording.readers import hdf5
+from fltea.recording.ros_bag import open_bag
+from fltea.records.errors import FlteaError
+from fltea.settings.limits import Limits
+from fltea.sources.replay import ReplaySource
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import Writer
+
+MB = 1_000_000
+START_NS = 1_700_000_000_000_000_000
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fuzz")
+    os.mkfifo(folder / "pipe")
+    (folder / "other").write_bytes(np.zeros(3000).tobytes())
+    return folder
+
+
+ELSEWHERE = st.sampled_from(["storage", "virtual", "link", "soft", "here"])
+TARGETS = st.sampled_from(["pipe", "other", "gone", "a.h5", "/dev/zero", ".", "../x", "part%b.h5", "é"])
+PLACES = st.sampled_from(
+    ["gyro_dps", "imu/gyro_dps", "time_s", "imu/axis1", "imu/block0_values", "imu/table", "x"]
+)
+
+
+@pytest.mark.slow
+@given(st.lists(st.tuples(PLACES, ELSEWHERE, TARGETS), min_size=1, max_size=4), st.booleans())
+@settings(max_examples=60)
+def test_hdf5_never_reads_another_file(
+    folder: Path, places: list[tuple[str, str, str]], is_pandas: bool
+) -> None:
+    """A pipe would be waited for, and /dev/zero never ends: neither is opened."""
+    path = folder / "a.h5"
+    with h5py.File(path, "w") as file:
+        if is_pandas:
+            file.create_group("imu").attrs.update({"pandas_type": "frame", "nblocks": 1})
+            file["imu/block0_items"] = [b"gyro_x_dps"]
+        for place, kind, target in places:
+            with contextlib.suppress(ValueError, OSError, RuntimeError):  # the place is taken
+                _put(file, place, kind, target)
+    before = os.getcwd()
+    os.chdir(folder)
+    try:
+        with contextlib.suppress(FlteaError, KeyError):  # `foreign` makes a sentence of what a library raises
+            sheet = hdf5.read(path, "")
+            for block in sheet.blocks(range(len(sheet.names))):
+                assert not (block == 0).any()  # nothing of the other files, and nothing made up
+    finally:
+        os.chdir(before)
+
+
+def _put(file: Any, place: str, kind: str, target: str) -> None:
+    match kind:
+        case "storage":
+            file.create_dataset(place, (1000, 3), "f8", external=[(target, 0, h5py.h5f.UNLIMITED)])
+        case "virtual":
+            layout = h5py.VirtualLayout((1000, 3), "f8")
+            layout[:] = h5py.VirtualSource(target, "x", (1000, 3))
+            file.create_virtual_dataset(place, layout)
+        case "link":
+            file[place] = h5py.ExternalLink(target, "/")
+        case "soft":
+            file[place] = h5py.SoftLink(target)
+        case _:
+            file[place] = np.random.default_rng(1).normal(size=(1000, 3))
+
+
+def _wide(fields: int, depth: int, lists: int, value: Any) -> dict[str, Any]:
+    found: dict[str, Any] = {f"f{k}": value for k in range(fields)}
+    found |= {f"l{k}": [value] * 3 for k in range(lists)}
+    for _ in range(depth):
+        found = {"inner": found}
+    return {"gyro_x_dps": 0.1, "gyro_y_dps": 0.2, "gyro_z_dps": 0.3} | found
+
+
+@pytest.mark.slow
+@given(
+    fields=st.sampled_from([0, 10, 990, 1001, 5000]),
+    depth=st.integers(0, 8),
+    lists=st.sampled_from([0, 3, 400]),
+    value=st.sampled_from([0, 10**400, -(10**400), 1e308, "x", None, {}, [], True]),
+    topics=st.integers(1, 4),
+)
+@settings(max_examples=25)
+def test_messages_of_any_width(
+    folder: Path, fields: int, depth: int, lists: int, value: Any, topics: int
+) -> None:
+    path = folder / "a.mcap"
+    data = json.dumps(_wide(fields, depth, lists, value)).encode()
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        for topic in range(topics):
+            channel = writer.register_channel(f"/imu{topic}", "json", 0)
+            for k in range(20):
+                at_ns = START_NS + k * 10_000_000
+                writer.add_message(channel, at_ns, data, at_ns)
+        writer.finish()
+    with contextlib.suppress(FlteaError):
+        open_bag(path, limits=Limits(max_chunk_mb=1, max_mb=1, seconds=60.0))
+
+
+@pytest.mark.slow
+@given(
+    name=st.sampled_from(["pandas.parquet", "phyphox.xlsx", "h5py.h5"]),
+    addresses=st.integers(20 * MB, 600 * MB),
+    seconds=st.sampled_from([1, 2, 60]),
+)
+@settings(max_examples=6)
+def test_a_session_with_little_of_anything(name: str, addresses: int, seconds: int) -> None:
+    """It is read, or refused for the session's sake; the file is not to blame."""
+    session = {resource.RLIMIT_AS: addresses, resource.RLIMIT_CPU: seconds}
+    said: FlteaError | None = None
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(process_limits, "least_of", lambda what, ours: min(ours, session[what]))
+        try:
+            ReplaySource(HERE / name)
+        except FlteaError as error:
+            said = error
+    assert said is None or (said.exit_code == 1 and ("ulimit -v" in str(said) or "ulimit -t" in str(said)))
