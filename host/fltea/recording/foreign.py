@@ -23,7 +23,6 @@ from fltea.records.errors import UsageError
 from fltea.records.scarce import is_scarcity
 
 
-
 def main(limits: str, descriptor: str, kind: str, path: str, topic: str) -> None:
     """Read a file within `ProcessLimits`, and write nothing but to the pipe."""
     held = msgspec.json.decode(limits, type=ProcessLimits)
