@@ -18,6 +18,7 @@ from gen_protocol import tables
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
+from site_chips import chips
 from site_records import records, schema
 from site_settings import cell, code, settings
 
@@ -57,6 +58,7 @@ def messages() -> str:
 
 
 PARTS: dict[str, Callable[[], str]] = {
+    "chips": chips,
     "commands": commands,
     "errors": errors,
     "messages": messages,

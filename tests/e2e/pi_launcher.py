@@ -21,7 +21,7 @@ from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import fractional_world
 
 LONGEST_NS = 200_000_000
-"""The chip's FIFO holds a third of a second."""
+"""Shorter than the chip's FIFO lasts, which is 0.36 s."""
 
 
 class RealHost:

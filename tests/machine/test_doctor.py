@@ -14,6 +14,8 @@ from fltea.machine.doctor.diagnosis import check_source, examine
 from fltea.machine.doctor.finding import Finding
 from fltea.settings.config import load_configs
 from fltea.settings.extras import how_to_install
+from fltea.sources.i2c.chips import CHIPS
+from fltea.wire.sensors import SENSORS
 
 
 def outputs(system: FakeSystem, **settings: object) -> list[Finding]:
@@ -148,6 +150,15 @@ def test_the_chip_on_the_bus(
     found = finding_of(findings, "sensor")
     assert (found.level, says in found.message) == (level, True), found
     assert found.remedy is None if remedy is None else remedy in str(found.remedy)
+
+
+@pytest.mark.parametrize("who_am_i", SENSORS)
+def test_every_chip_that_a_pi_reads_is_known(system: FakeSystem, who_am_i: int) -> None:
+    system.put("/dev/i2c-1")
+    system.registers = {0x68: {CHIPS[SENSORS[who_am_i].family].who_am_i: who_am_i}}
+    found = finding_of(list(check_i2c(system, "i2c:///dev/i2c-1")), "sensor")
+    assert found.message.startswith(f"{SENSORS[who_am_i].name} answers at /dev/i2c-1, address 0x68")
+    assert found.level == ("warning" if SENSORS[who_am_i].note else "ok")
 
 
 def test_a_bus_that_is_missing_closed_too_fast_or_misspelt(system: FakeSystem) -> None:

@@ -20,7 +20,7 @@ from smbus2 import i2c_msg
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tools.due_emulator.icm20948 import Icm20948
+from tools.due_emulator.chip import Chip
 from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import Motion, World
 
@@ -92,7 +92,7 @@ class FakeHost:
 class FakeBus:
     """`smbus2.SMBus` with one chip. inject: errno that a transaction fails with, or None."""
 
-    def __init__(self, host: FakeHost, chip: Mpu9250 | Icm20948, baud: int = 400_000) -> None:
+    def __init__(self, host: FakeHost, chip: Chip, baud: int = 400_000) -> None:
         self.host = host
         self.chip = chip
         self.inject: Injection = lambda messages: None
@@ -174,7 +174,7 @@ class Pi:
         url: str = "///dev/i2c-1?addr=0x68",
         start_ns: int = 0,
         overrides: dict[str, object] | None = None,
-        model: type[Mpu9250 | Icm20948] = Mpu9250,
+        model: Callable[..., Chip] = Mpu9250,
         **chip: object,
     ) -> None:
         self.host = FakeHost(start_ns)

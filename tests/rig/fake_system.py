@@ -24,7 +24,7 @@ class FakeSystem(System):
         self.kept: bool | None = True
         self.free = 100_000_000_000
         self.without: set[str] = set()
-        self.registers: dict[int, int | OSError] = {}
+        self.registers: dict[int, int | dict[int, int] | OSError] = {}
 
     def serial_ports(self) -> list[Any]:
         return self.ports
@@ -54,7 +54,7 @@ class FakeSystem(System):
         answer = self.registers.get(address, OSError(121, "Remote I/O error"))
         if isinstance(answer, OSError):
             raise answer
-        return answer
+        return answer.get(register, 0) if isinstance(answer, dict) else answer
 
     def put(self, name: str, content: str | bytes = "") -> None:
         path = self.path(name)

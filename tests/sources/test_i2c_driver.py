@@ -1,19 +1,17 @@
-"""The driver against the emulated chips: what it writes, what it believes, what it tries again.
-
-Register facts: RM-MPU-9250A-00, for the MPU-6050 RM-MPU-6000A-00, for the ICM-20948 DS-000189 (revision 1.3);
-numbers typed by hand. A register of the ICM-20948's bank 2 has 0x200 above it.
-"""
+"""The driver against the emulated chips: what it writes, what it believes, what it tries again."""
 
 import errno
 import itertools
 import re
 
 import pytest
+from emulated_chips import EMULATED
 from fake_smbus import MS, FakeBus, FakeHost, TellsTime, taken_ns
 from fltea.sources.i2c import mpu9250_registers as reg
-from fltea.sources.i2c.driver import TRIES, Driver, SensorFault, TransferFailed, chip_of
+from fltea.sources.i2c.chips import chip_of
+from fltea.sources.i2c.driver import TRIES, Driver, SensorFault, TransferFailed
 from fltea.wire.layout import FaultCode
-from fltea.wire.sensors import MPU_FAMILY
+from fltea.wire.sensors import SENSORS
 from host_support import ROOT
 from smbus2 import i2c_msg
 
@@ -21,7 +19,7 @@ from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
 
 HEADER = ROOT / "firmware/core/mpu9250_registers.h"
-PERIOD_MS: dict[type, int] = {Mpu9250: 10, Icm20948: 8}
+EVERY_CHIP = pytest.mark.parametrize("who_am_i", SENSORS, ids=lambda who_am_i: SENSORS[who_am_i].name)
 
 
 class Bench:
@@ -52,17 +50,10 @@ class Bench:
         left = list(numbers)
         self.bus.inject = lambda messages: (left.pop(0) or None) if left else None
 
-    def kept(self, register: int) -> int:
-        if isinstance(self.chip, Icm20948):
-            return self.chip.register(register)
-        return self.chip.read_block(register, 1)[0]
 
-    def spoil(self, register: int, value: int) -> None:
-        """Let a register hold something else, without the driver's doing."""
-        if isinstance(self.chip, Icm20948):
-            self.chip.spoil(register, value)
-        else:
-            self.chip.write_register(register, value)
+def of_chip(who_am_i: int) -> Bench:
+    assert who_am_i in EMULATED, f"tests/rig/emulated_chips.py has no {SENSORS[who_am_i].name}"
+    return Bench(EMULATED[who_am_i].model, **EMULATED[who_am_i].options)
 
 
 @pytest.fixture
@@ -89,65 +80,24 @@ def test_firmware_and_host_mean_the_same_registers() -> None:
     assert ours_alone == (35, 58, 106, 114, 116)
 
 
-@pytest.mark.parametrize(
-    ("bench", "expected", "output_hz"),
-    [
-        (
-            Bench(),
-            {
-                0x19: 9,  # 1 kHz / (1 + 9)
-                0x1A: 0x41,  # DLPF_CFG 1: 184 Hz; FIFO_MODE
-                0x1B: 0x18,  # ±2000 deg/s
-                0x1C: 0x00,  # ±2 g
-                0x1D: 0x01,  # 184 Hz
-                0x23: 0xF8,  # temperature, three axes, acceleration
-                0x38: 0x10,  # FIFO_OFLOW_EN
-                0x6A: 0x40,
-                0x6B: 0x01,
-            },
-            100,
-        ),
-        # Neither FIFO_MODE nor ACCEL_CONFIG_2.
-        (Bench(who_am_i=0x68), {0x1A: 0x01, 0x1B: 0x18, 0x1D: 0x00}, 100),
-        (
-            Bench(Icm20948),
-            {
-                0x006: 0x01,  # awake, the best clock
-                0x007: 0x00,  # all axes
-                0x200: 8,  # 1125 Hz / (1 + 8)
-                0x201: 0x07,  # GYRO_DLPFCFG 0: 196.6 Hz; ±2000 deg/s; filter on
-                0x209: 0x01,
-                0x210: 0,
-                0x211: 8,
-                0x214: 0x01,  # ACCEL_DLPFCFG 0: 246 Hz; ±2 g; filter on
-                0x067: 0x1E,  # acceleration and the rate of three axes
-                0x069: 0x01,
-                0x068: 0x00,  # as long as it is set, the FIFO stays empty
-                0x003: 0x40,
-            },
-            125,
-        ),
-    ],
-    ids=["MPU-9250", "MPU-6050", "ICM-20948"],
-)
-def test_what_is_set(bench: Bench, expected: dict[int, int], output_hz: int) -> None:
-    bench.set_up()
-    assert {register: bench.kept(register) for register in expected} == expected
-    assert bench.chip.output_hz == output_hz
+@EVERY_CHIP
+def test_what_is_set(who_am_i: int) -> None:
+    bench, facts = of_chip(who_am_i).set_up(), EMULATED[who_am_i]
+    assert {register: bench.chip.register(register) for register in facts.kept} == facts.kept
+    assert bench.chip.output_hz == 1000 / facts.period_ms
     assert bench.driver.i2c_errors == 0
 
 
-@pytest.mark.parametrize("who_am_i", [*MPU_FAMILY, 0xEA])
+@EVERY_CHIP
 def test_every_known_chip_is_set_up_and_read(who_am_i: int) -> None:
-    bench = Bench(Icm20948) if who_am_i == 0xEA else Bench(who_am_i=who_am_i)
-    bench.set_up().wait(42)
-    size, period_ms = bench.driver.chip.sample.size, PERIOD_MS[type(bench.chip)]
-    assert bench.driver.level()[:2] == (42 // period_ms * size, False)
+    bench, facts = of_chip(who_am_i).set_up(), EMULATED[who_am_i]
+    bench.wait(42)
+    size = bench.driver.chip.sample.size
+    assert bench.driver.level()[:2] == (42 // facts.period_ms * size, False)
     samples = [bench.driver.counts(row) for row in bench.driver.read_samples(3)]
     times_ms = [taken_ns(tuple(map(float, rate)), accel) / MS for accel, _, rate in samples]
-    assert [b - a for a, b in itertools.pairwise(times_ms)] == [period_ms] * 2
-    old = who_am_i == 0x68
-    assert {temperature for _, temperature, _ in samples} == {-3920 if old else 1335}  # 25 °C
+    assert [b - a for a, b in itertools.pairwise(times_ms)] == [facts.period_ms] * 2
+    assert {temperature for _, temperature, _ in samples} == {facts.at_25_c}
     assert bench.driver.identify() == who_am_i
     bench.driver.check_settings()
     assert bench.driver.i2c_errors == 0
@@ -218,19 +168,23 @@ def test_a_broken_read_of_the_fifo_is_never_repeated(bench: Bench) -> None:
     assert bench.driver.level().bytes % 14
 
 
-@pytest.mark.parametrize(("model", "fits"), [(Mpu9250, 36), (Icm20948, 42)])
-def test_level_and_overflow(model: type[Mpu9250 | Icm20948], fits: int) -> None:
-    bench, period_ms = Bench(model).set_up(), PERIOD_MS[model]
-    size = bench.driver.chip.sample.size
+@EVERY_CHIP
+def test_level_and_overflow(who_am_i: int) -> None:
+    bench, facts = of_chip(who_am_i).set_up(), EMULATED[who_am_i]
+    size, fits, period_ms = bench.driver.chip.sample.size, facts.holds, facts.period_ms
+    assert bench.driver.chip.fifo_s == pytest.approx(fits * period_ms / 1000)
     bench.wait((fits - 1) * period_ms + 2)
     level = bench.driver.level()
     assert (level.bytes, level.overflowed) == ((fits - 1) * size, False)
     assert 0 < level.after_ns - level.before_ns < MS
     bench.wait(40)
     level = bench.driver.level()
-    assert (level.bytes, level.overflowed) == (512, True)
-    rows = [row for _ in range(2) for row in bench.driver.read_samples(fits // 2)]
-    assert rows[-1][0] - rows[0][0] == (fits - 1) * period_ms * 10, "the oldest are kept; ticks of 0.1 ms"
+    assert (level.bytes, level.overflowed) == (bench.driver.chip.fifo_bytes, True)
+    if facts.keeps_oldest:
+        rows: list[tuple[int, ...]] = []
+        while len(rows) < fits:
+            rows += bench.driver.read_samples(min(15, fits - len(rows)))
+        assert rows[-1][0] - rows[0][0] == (fits - 1) * period_ms * 10, "the oldest are kept; ticks of 0.1 ms"
     assert bench.driver.level().overflowed, "the flag is cleared by reading it, but what it told stays true"
     bench.driver.restart_fifo()
     assert bench.driver.level()[:2] == (0, False)
@@ -244,24 +198,17 @@ def test_more_than_the_data_sheet_says_counts_as_overflow() -> None:
     assert level.overflowed
 
 
-@pytest.mark.parametrize(
-    ("model", "register", "bit"),
-    [
-        *((Mpu9250, register, 0x08) for register in (0x19, 0x1A, 0x1B, 0x1C, 0x1D, 0x23)),
-        *(
-            (Icm20948, register, 0x01)
-            for register in (0x006, 0x007, 0x200, 0x201, 0x210, 0x211, 0x214, 0x067, 0x069)
-        ),
-    ],
-)
-def test_a_setting_that_got_lost_is_found(model: type[Mpu9250 | Icm20948], register: int, bit: int) -> None:
-    bench = Bench(model).set_up()
-    kept = bench.kept(register)
-    bench.spoil(register, kept ^ bit)
-    with pytest.raises(SensorFault) as lost:
-        bench.driver.check_settings()
-    assert lost.value.code == FaultCode.READBACK_MISMATCH
-    assert lost.value.detail == register << 16 | kept << 8 | kept ^ bit
+@EVERY_CHIP
+def test_a_setting_that_got_lost_is_found(who_am_i: int) -> None:
+    facts = EMULATED[who_am_i]
+    for register in facts.lost:
+        bench = of_chip(who_am_i).set_up()
+        kept = bench.chip.register(register)
+        bench.chip.spoil(register, kept ^ facts.lost_bit)
+        with pytest.raises(SensorFault) as lost:
+            bench.driver.check_settings()
+        assert lost.value.code == FaultCode.READBACK_MISMATCH
+        assert lost.value.detail == register << 16 | kept << 8 | kept ^ facts.lost_bit
 
 
 def test_a_flipped_bit_of_a_setting_is_asked_again(bench: Bench) -> None:
@@ -271,7 +218,7 @@ def test_a_flipped_bit_of_a_setting_is_asked_again(bench: Bench) -> None:
     assert bench.driver.i2c_errors == 1
 
 
-@pytest.mark.parametrize("who_am_i", [0x71, 0xEA])
+@EVERY_CHIP
 def test_bits_without_a_meaning_may_be_anything(who_am_i: int) -> None:
     for setting in chip_of(who_am_i).settings:
         assert setting.kept(setting.value | ~setting.meaning & 0xFF)

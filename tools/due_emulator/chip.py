@@ -94,6 +94,14 @@ class Chip:
         """Reset values, and the clock started again if they let it run."""
         raise NotImplementedError
 
+    def register(self, register: int) -> int:
+        """What a register holds, without the bus; its number with 256 times the bank."""
+        raise NotImplementedError
+
+    def spoil(self, register: int, value: int) -> None:
+        """Change a register behind the driver's back."""
+        raise NotImplementedError
+
     # Power
 
     def power_off(self) -> None:

@@ -107,6 +107,14 @@ class Mpu9250(Chip):
             return 8000.0 if self.variant.has_fchoice else 8000.0 / divider
         return 1000.0 / divider
 
+    def register(self, register: int) -> int:
+        """What a register holds, without the bus."""
+        return self._registers[register]
+
+    def spoil(self, register: int, value: int) -> None:
+        """Change a register behind the driver's back."""
+        self._store(register, value)
+
     # Power
 
     def power_on(self, who_am_i: int | None = None) -> None:

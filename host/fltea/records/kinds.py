@@ -127,7 +127,7 @@ ERROR_KINDS = {
         "Check what the sensor is; its scales may not hold.",
     ),
     "fifo_overflow": ErrorKind(
-        "The FIFO of an I²C sensor overflowed: it was not read for a third of a second.",
+        "The FIFO of an I²C sensor overflowed: it was not read for longer than it holds samples.",
         "Give the machine less to do; the text counts lost samples.",
     ),
     "fifo_restarted": ErrorKind(

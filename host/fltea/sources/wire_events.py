@@ -37,7 +37,7 @@ from fltea.wire.message_events import (
 )
 from fltea.wire.messages import VERSION, Refused
 from fltea.wire.ports import TICK_NS
-from fltea.wire.sensors import NO_SENSOR, RELATIVES, SENSORS, sensor_name
+from fltea.wire.sensors import NO_SENSOR, SENSORS, relative_text, sensor_name
 
 SILENCE_S = 5.0
 """A device that says nothing, or nothing that can be read, for this long is reported."""
@@ -192,8 +192,7 @@ class WireEvents:
         if who in self._reported_sensors:
             return
         self._reported_sensors.add(who)
-        if who in RELATIVES:
-            text = f"the sensor is no MPU-9250 but {sensor_name(who)}, {RELATIVES[who]}"
+        if text := relative_text(who):
             yield Trouble("sensor_relative", f"{self.url}: {text}", host_ns, fatal=False)
         elif who not in SENSORS:
             text = (

@@ -1,46 +1,79 @@
-"""The MPU-9250 family and the ICM-20948: who answers to which WHO_AM_I, and the scale of its thermometer.
+"""The sensors that fltea knows: who answers with which WHO_AM_I, and the scale of its thermometer.
 
 Sources: MPU-9250 register map RM-MPU-9250A-00, registers 65-66 and 117; MPU-6050 register map
 RM-MPU-6000A-00, registers 65-66 and 117; ICM-20948 data sheet DS-000189, 8.1 and 8.30.
+
+A sensor on a Raspberry Pi's bus has its registers in `sources/i2c`, by the name of its family.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Counts = NDArray[np.int16] | NDArray[np.float64]
 
-MPU_FAMILY = {
-    0x71: "MPU-9250",
-    0x73: "MPU-9255",
-    0x70: "MPU-6500",
-    0x68: "MPU-6050",
-    0x75: "MPU-9250 clone (0x75)",
-    0x78: "MPU-9250 clone (0x78)",
-}
-"""WHO_AM_I to name, of chips that have the MPU-9250's registers."""
 
-ICM20948 = 0xEA
-SENSORS = MPU_FAMILY | {ICM20948: "ICM-20948"}
-"""WHO_AM_I to name, of all chips with a known scale."""
+class Sensor(NamedTuple):
+    """One kind of chip.
+
+    family: the key in `sources.i2c.chips.CHIPS` of those that have the same registers. lsb_per_c, zero_c: the
+    counts of the thermometer a °C, and the temperature of 0 counts [°C]. note: what the owner of a relative
+    or a clone of the MPU-9250 ought to know, else "".
+    """
+
+    name: str
+    family: str
+    lsb_per_c: float
+    zero_c: float
+    note: str = ""
+
+    @property
+    def is_clone(self) -> bool:
+        """Whether the chip is sold under another one's name."""
+        return self.note == _CLONE
+
+
+_CLONE = "a chip sold as MPU-9250: its scales are taken for the same, its noise may be any."
+_SIX_AXES = "often sold as MPU-9250: the same kind of gyroscope, but no magnetometer."
+_OLDER = "an older chip sold in its place: the scales are the same, the noise is not."
+
+SENSORS = {
+    0x71: Sensor("MPU-9250", "mpu9250", 333.87, 21.0),
+    0x73: Sensor("MPU-9255", "mpu9250", 333.87, 21.0),
+    0x70: Sensor("MPU-6500", "mpu9250", 333.87, 21.0, _SIX_AXES),
+    0x68: Sensor("MPU-6050", "mpu9250", 340.0, 36.53, _OLDER),
+    0x75: Sensor("MPU-9250 clone (0x75)", "mpu9250", 333.87, 21.0, _CLONE),
+    0x78: Sensor("MPU-9250 clone (0x78)", "mpu9250", 333.87, 21.0, _CLONE),
+    0xEA: Sensor("ICM-20948", "icm20948", 333.87, 21.0),
+}
+"""All kinds by WHO_AM_I. A new one is added here, and its family in `sources/i2c`."""
 
 NO_SENSOR = 0
 """WHO_AM_I in HELLO while no sensor has answered."""
 
-_CLONE = "a chip sold as MPU-9250: its scales are taken for the same, its noise may be any."
-RELATIVES = {
-    0x70: "often sold as MPU-9250: the same kind of gyroscope, but no magnetometer.",
-    0x68: "an older chip sold in its place: the scales are the same, the noise is not.",
-    0x75: _CLONE,
-    0x78: _CLONE,
-}
-"""What the owner of a relative or clone ought to know."""
+_UNKNOWN = SENSORS[0x71]
+"""What an unknown chip's thermometer is taken for."""
+
+
+def known_sensors() -> str:
+    """Return the names of all kinds in a sentence; clones go without saying."""
+    *others, last = (one.name for one in SENSORS.values() if not one.is_clone)
+    return f"{', '.join(others)} or {last}"
+
+
+def relative_text(who_am_i: int) -> str | None:
+    """Return what the owner of a relative or a clone ought to know; None for any other chip."""
+    sensor = SENSORS.get(who_am_i)
+    return f"the sensor is no MPU-9250 but {sensor.name}, {sensor.note}" if sensor and sensor.note else None
 
 
 def sensor_name(who_am_i: int) -> str:
     """Return the name of the chip with this WHO_AM_I: "no sensor" for 0, the number for an unknown one."""
     if who_am_i == NO_SENSOR:
         return "no sensor"
-    return SENSORS.get(who_am_i, f"unknown sensor (WHO_AM_I 0x{who_am_i:02X})")
+    sensor = SENSORS.get(who_am_i)
+    return sensor.name if sensor else f"unknown sensor (WHO_AM_I 0x{who_am_i:02X})"
 
 
 def temperature_counts(celsius: float, who_am_i: int | None) -> int:
@@ -57,4 +90,5 @@ def temperature_c(raw: Counts, who_am_i: int | None) -> NDArray[np.float64]:
 
 def temperature_scale(who_am_i: int | None) -> tuple[float, float]:
     """Return counts of TEMP_OUT a °C, and the temperature of 0 counts."""
-    return (340.0, 36.53) if who_am_i == 0x68 else (333.87, 21.0)
+    sensor = _UNKNOWN if who_am_i is None else SENSORS.get(who_am_i, _UNKNOWN)
+    return sensor.lsb_per_c, sensor.zero_c

@@ -7,10 +7,11 @@ from fltea.machine.devices import find_buses, is_raspberry_pi
 from fltea.machine.doctor.finding import Finding, ok, problem, warning
 from fltea.machine.host_system import System, permission_remedy
 from fltea.records.errors import UsageError
-from fltea.sources.i2c import icm20948, mpu9250_registers
 from fltea.sources.i2c.bus import detect_command
-from fltea.sources.i2c.source import ADDRESSES, parse_url
-from fltea.wire.sensors import ICM20948, MPU_FAMILY, RELATIVES, SENSORS, sensor_name
+from fltea.sources.i2c.chip import Family
+from fltea.sources.i2c.chips import ADDRESSES, CHIPS, ask_identity
+from fltea.sources.i2c.source import parse_url
+from fltea.wire.sensors import SENSORS, known_sensors, sensor_name
 
 FASTEST_HZ = 400_000
 ENABLE = "sudo raspi-config nonint do_i2c 0, then reboot (elsewhere: dtparam=i2c_arm=on in config.txt)."
@@ -59,10 +60,10 @@ def _speed(system: System, bus: str) -> Iterator[Finding]:
 
 
 def _who_am_i(system: System, bus: str, address: int) -> int:
-    who = system.read_i2c_register(bus, address, mpu9250_registers.WHO_AM_I)
-    if who not in MPU_FAMILY and system.read_i2c_register(bus, address, icm20948.WHO_AM_I) == ICM20948:
-        return ICM20948
-    return who
+    def ask(family: Family) -> int:
+        return system.read_i2c_register(bus, address, family.who_am_i & 0xFF)
+
+    return ask_identity(ask, CHIPS.values())[0]
 
 
 def _chip(system: System, bus: str, address: int) -> Iterator[Finding]:
@@ -83,7 +84,7 @@ def _chip(system: System, bus: str, address: int) -> Iterator[Finding]:
             yield problem(
                 "sensor",
                 f"no chip answers at {where}, but at 0x{elsewhere:02X}: {sensor_name(answers[elsewhere])}.",
-                f"--source 'i2c://{bus}?addr=0x{elsewhere:02X}' (or the chip's pin AD0 to the other level).",
+                f"--source 'i2c://{bus}?addr=0x{elsewhere:02X}' ({ADDRESSES[address]} gives this one).",
             )
         else:
             yield problem(
@@ -95,11 +96,11 @@ def _chip(system: System, bus: str, address: int) -> Iterator[Finding]:
         return
     who = answers[address]
     name = f"{sensor_name(who)} answers at {where}"
-    if who in RELATIVES:
-        yield warning("sensor", f"{name}: {RELATIVES[who]}")
-    elif who in SENSORS:
-        yield ok("sensor", name)
+    sensor = SENSORS.get(who)
+    if sensor is None:
+        remedy = "another chip, or a bad contact on SDA?"
+        yield problem("sensor", f"{name}: no {known_sensors()}.", remedy)
+    elif sensor.note:
+        yield warning("sensor", f"{name}: {sensor.note}")
     else:
-        yield problem(
-            "sensor", f"{name}: no MPU-9250 or ICM-20948.", "another chip, or a bad contact on SDA?"
-        )
+        yield ok("sensor", name)

@@ -10,32 +10,14 @@ from typing import NamedTuple
 
 from smbus2 import i2c_msg
 
-from fltea.sources.i2c import icm20948, mpu9250_registers
 from fltea.sources.i2c.bus import Bus
-from fltea.sources.i2c.chip import Chip, Setting
-from fltea.sources.i2c.icm20948 import ICM20948
-from fltea.sources.i2c.mpu9250 import mpu9250
-from fltea.wire import sensors
+from fltea.sources.i2c.chip import Family, Setting
+from fltea.sources.i2c.chips import CHIPS, ask_identity, chip_of
 from fltea.wire.layout import FaultCode
-from fltea.wire.sensors import MPU_FAMILY
-
-GYRO_RANGE_DPS = 2000.0
-GYRO_LSB_PER_DPS = 16.4
-ACCEL_RANGE_G = 2.0
-ACCEL_LSB_PER_G = 16384.0
-"""Sensitivities of all chips here: PS-MPU-9250A-01 and DS-000189, 3.1 and 3.2."""
-
-CHIPS = ("mpu9250", "icm20948")
-"""Names of the families, for whoever wants to say which it is."""
+from fltea.wire.sensors import SENSORS
 
 BURST_BYTES = 252
-"""Whole samples of all chips; some adapters move no more than 255 bytes in one message."""
-
-RESET_S = 0.1
-"""After a reset the registers answer like after power-up: within 100 ms (PS-MPU-9250A-01, start-up time)."""
-SETTLE_S = 0.05
-"""The gyroscope needs 35 ms from sleep (PS-MPU-9250A-01 and DS-000189, 3.1), where an MPU-6050 and an
-ICM-20948 are after their reset."""
+"""The longest read; some adapters move no more than 255 bytes in one message."""
 
 TRIES = 3
 NOT_ACKNOWLEDGED = frozenset({errno.EREMOTEIO, errno.ENXIO})
@@ -45,11 +27,6 @@ PASSING = NOT_ACKNOWLEDGED | {errno.EIO, errno.ETIMEDOUT, errno.EAGAIN, errno.EI
 
 Counts = tuple[tuple[int, ...], int, tuple[int, ...]]
 """Acceleration, temperature and rate."""
-
-
-def chip_of(who_am_i: int) -> Chip:
-    """Return the registers and settings of the chip with this WHO_AM_I."""
-    return ICM20948 if who_am_i == sensors.ICM20948 else mpu9250(who_am_i)
 
 
 class SensorFault(Exception):
@@ -91,10 +68,11 @@ class Driver:
     def __init__(self, address: int, now_ns: Callable[[], int], family: str = "") -> None:
         self.bus: Bus | None = None
         self.address = address
-        self.chip = ICM20948 if family == "icm20948" else mpu9250(0)
+        self._families = [CHIPS[family]] if family else list(CHIPS.values())
+        self._family = self._families[0]  # that of `chip`
+        self.chip = self._family.chip(0)
         self.i2c_errors = 0
         self.retried = False
-        self._family = family
         self._now_ns = now_ns
         self._bank: int | None = None
         self._overflowed = False
@@ -107,24 +85,22 @@ class Driver:
             SensorFault: a chip that is not known: it might have other registers or scales.
             TransferFailed: nobody answers.
         """
-        who_am_i = None
-        for family in [self._family] if self._family else CHIPS:
-            for _ in range(2):  # a wrong answer may be a bit that flipped on the wires
-                answer = self._ask(family)
-                who_am_i = answer if who_am_i is None else who_am_i
-                if answer in (MPU_FAMILY if family == "mpu9250" else (sensors.ICM20948,)):
-                    return answer
-        raise SensorFault(FaultCode.SENSOR_UNKNOWN, who_am_i or 0)
+        # Each is asked twice: a wrong answer may be a bit that flipped on the wires.
+        who_am_i, known = ask_identity(self._ask, self._families, tries=2)
+        if not known:
+            raise SensorFault(FaultCode.SENSOR_UNKNOWN, who_am_i)
+        return who_am_i
 
     def start_reset(self, who_am_i: int) -> None:
-        """Give every register its reset value; the next transfer has to wait for `RESET_S`."""
+        """Give every register its reset value; the next transfer has to wait for the chip's `reset_s`."""
+        self._family = CHIPS[SENSORS[who_am_i].family]
         self.chip = chip_of(who_am_i)
         self._bank = None
         self._write(*self.chip.reset)
         self._bank = None
 
     def configure(self) -> None:
-        """Write and read back every setting; then the gyroscope needs `SETTLE_S`.
+        """Write and read back every setting; then the gyroscope needs `settle_s`.
 
         Raises:
             SensorFault: a register did not keep its setting.
@@ -183,18 +159,16 @@ class Driver:
         """Take a sample apart; the temperature is that of the last `level` if the FIFO has none."""
         return row[:3], self._temperature if self.chip.temperature is not None else row[3], row[-3:]
 
-    def _ask(self, family: str) -> int:
+    def _ask(self, family: Family) -> int:
         """Ask for the identity in the place where this family has it.
 
-        The bank is selected only if the chip is known to have banks: another kind of chip might take it for
-        something else.
+        The bank is selected only if the chip is known to have these banks: another kind of chip might take it
+        for something else.
         """
-        if family == "mpu9250":
-            return self._transfer_read(mpu9250_registers.WHO_AM_I, 1, PASSING)[0]
-        if self.chip.bank_select is not None:
+        if family is self._family and self.chip.bank_select is not None:
             self._bank = None
-            return self._read(icm20948.WHO_AM_I, 1)[0]
-        return self._transfer_read(icm20948.WHO_AM_I, 1, PASSING)[0]
+            return self._read(family.who_am_i, 1)[0]
+        return self._transfer_read(family.who_am_i & 0xFF, 1, PASSING)[0]
 
     def _confirm(self, first: int, n: int, settings: list[Setting]) -> None:
         """Read n registers, and read a wrong one again, since a bit may have flipped on the wires."""

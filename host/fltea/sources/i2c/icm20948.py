@@ -10,7 +10,7 @@ The FIFO takes acceleration and rate only: in which place the temperature would 
 from struct import Struct
 from typing import Final
 
-from fltea.sources.i2c.chip import Chip, Setting
+from fltea.sources.i2c.chip import AD0, Chip, Family, Setting
 
 BANK_2: Final = 0x200
 """What stands above a register's number for bank 2."""
@@ -79,8 +79,14 @@ SETTINGS = (
 ICM20948 = Chip(
     rate_hz=1125 / (1 + DIVIDER),
     clock_error=0.1,  # the PLL's deviation is within what TIMEBASE_CORRECTION_PLL can express [4.14]
+    gyro_range_dps=2000.0,  # [3.1, 3.2]
+    gyro_lsb_per_dps=16.4,
     gyro_dlpf_hz=196.6,
+    accel_range_g=2.0,
+    accel_lsb_per_g=16384.0,
     reset=(PWR_MGMT_1, 0x80),
+    reset_s=0.1,
+    settle_s=0.05,  # the gyroscope needs 35 ms from sleep, where the chip is after its reset [3.1]
     settings=SETTINGS,
     checked=(
         (PWR_MGMT_1, 2),
@@ -98,3 +104,5 @@ ICM20948 = Chip(
     temperature=TEMP_OUT_H,
     bank_select=BANK_SELECT,
 )
+
+FAMILY = Family("icm20948", WHO_AM_I, AD0, lambda who_am_i: ICM20948)

@@ -3,7 +3,7 @@
 from struct import Struct
 
 from fltea.sources.i2c import mpu9250_registers as reg
-from fltea.sources.i2c.chip import Chip, Setting
+from fltea.sources.i2c.chip import AD0, Chip, Family, Setting
 
 RATE_HZ = 100.0
 SAMPLE = Struct(">7h")
@@ -32,8 +32,14 @@ def mpu9250(who_am_i: int) -> Chip:
     return Chip(
         rate_hz=RATE_HZ,
         clock_error=0.03,
+        gyro_range_dps=2000.0,  # PS-MPU-9250A-01, 3.1 and 3.2
+        gyro_lsb_per_dps=16.4,
         gyro_dlpf_hz=188.0 if old else 184.0,
+        accel_range_g=2.0,
+        accel_lsb_per_g=16384.0,
         reset=(reg.PWR_MGMT_1, reg.RESET),
+        reset_s=0.1,  # PS-MPU-9250A-01, start-up time
+        settle_s=0.05,  # it needs 35 ms from sleep [PS-MPU-9250A-01, 3.1], where an MPU-6050 is after a reset
         settings=tuple(s for s in settings if not (old and s.register == reg.ACCEL_CONFIG_2)),
         checked=((reg.SMPLRT_DIV, reg.FIFO_EN + 1 - reg.SMPLRT_DIV),),
         # An MPU-6050 resets its FIFO only while it is off.
@@ -46,3 +52,6 @@ def mpu9250(who_am_i: int) -> Chip:
         fifo_data=reg.FIFO_R_W,
         overflow=(reg.INT_STATUS, reg.FIFO_OVERFLOW),
     )
+
+
+FAMILY = Family("mpu9250", reg.WHO_AM_I, AD0, mpu9250)

@@ -1,11 +1,12 @@
-"""Reads an MPU-9250 or ICM-20948 on a Linux I²C bus: `i2c:///dev/i2c-1?addr=0x68`.
+"""Reads one of `chips.CHIPS` on a Linux I²C bus: `i2c:///dev/i2c-1?addr=0x68`.
 
-The sensor's FIFO holds a third of a second, so that this program may be held up for as long without a loss.
+The sensor's FIFO holds samples for `Chip.fifo_s`, so this program may be held up for as long without a loss.
 It is read every 20 to 30 ms, at random: at a multiple of the sensor's own period each reading would come
 equally late after a sample, and how late would look like the drift of a clock.
 """
 
 import hashlib
+import math
 import os
 import platform
 import random
@@ -24,31 +25,17 @@ from fltea.records.stats import DeviceStatus, LinkStats
 from fltea.records.version import __version__
 from fltea.sources.i2c import bus as i2c_bus
 from fltea.sources.i2c.bus import Bus, explain_open_failure
-from fltea.sources.i2c.driver import (
-    ACCEL_LSB_PER_G,
-    ACCEL_RANGE_G,
-    CHIPS,
-    GYRO_LSB_PER_DPS,
-    GYRO_RANGE_DPS,
-    RESET_S,
-    SETTLE_S,
-    TRIES,
-    Driver,
-    SensorFault,
-    TransferFailed,
-)
+from fltea.sources.i2c.chip import Chip
+from fltea.sources.i2c.chips import ADDRESSES, CHIPS
+from fltea.sources.i2c.driver import TRIES, Driver, SensorFault, TransferFailed
 from fltea.sources.i2c.fifo_reader import FifoReader
 from fltea.sources.i2c.texts import bus_lost_text, fault_text, loss_text
 from fltea.wire.layout import FaultCode
-from fltea.wire.sensors import NO_SENSOR, RELATIVES, sensor_name
+from fltea.wire.sensors import NO_SENSOR, relative_text, sensor_name
 
-ADDRESSES = (0x68, 0x69)
-"""The chip's addresses with its pin AD0 at GND, and at 3.3 V."""
 POLL_S = (0.02, 0.03)
 FRESH_POLL_S = 0.001
 SLICE_S = 0.05
-LOST_POLLS = 15
-"""So many failing ones in a row take longer than the FIFO lasts."""
 SET_UP_S = 1.0
 """A chip that fails its set-up needs no haste."""
 PROBE_S = 0.1
@@ -100,10 +87,14 @@ def parse_url(rest: str) -> Place:
     except ValueError:
         address = 0
     if address not in ADDRESSES:
-        raise UsageError(
-            f"i2c:{rest}: addr is 0x68 (AD0 at GND) or 0x69 (AD0 at 3.3 V), not '{text}'. {usual}."
-        )
+        known = " or ".join(f"0x{one:02X} ({how})" for one, how in ADDRESSES.items())
+        raise UsageError(f"i2c:{rest}: addr is {known}, not '{text}'. {usual}.")
     return Place(parts.path, address, chip or "")
+
+
+def lost_polls(chip: Chip) -> int:
+    """Return how many polls in a row, if they fail, take longer than the FIFO lasts."""
+    return math.ceil(chip.fifo_s / (sum(POLL_S) / 2))
 
 
 def device_id(path: str, address: int) -> str:
@@ -216,9 +207,9 @@ class I2cSource:
         self._unanswered = False
         try:
             driver.start_reset(self._who_am_i)
-            yield from self._wait(RESET_S)
+            yield from self._wait(driver.chip.reset_s)
             driver.configure()
-            yield from self._wait(SETTLE_S)
+            yield from self._wait(driver.chip.settle_s)
             driver.restart_fifo()
         except SensorFault as fault:
             yield from self._report_fault(fault.code, fault.detail)
@@ -248,7 +239,7 @@ class I2cSource:
                 return
             except TransferFailed:
                 failing += 1
-                if failing == LOST_POLLS:
+                if failing == lost_polls(self._driver.chip):
                     yield from self._report_fault(FaultCode.SENSOR_LOST, TRIES * failing)
                     return
             else:
@@ -258,10 +249,11 @@ class I2cSource:
             yield from self._report_losses()
 
     def _hello(self) -> Hello:
+        chip = self._driver.chip
         return Hello(
             source=self.url,
             host_ns=self._host.host_ns(),
-            rate_hz=self._driver.chip.rate_hz,
+            rate_hz=chip.rate_hz,
             sampling_mode="fifo",
             boot_id=self._boot_id,
             device_id=self._device_id,
@@ -269,11 +261,11 @@ class I2cSource:
             who_am_i=self._who_am_i,
             sensor=sensor_name(self._who_am_i),
             sensor_starts=(self._starts - 1) % 65535 + 1,
-            gyro_range_dps=GYRO_RANGE_DPS,
-            gyro_lsb_per_dps=GYRO_LSB_PER_DPS,
-            accel_range_g=ACCEL_RANGE_G,
-            accel_lsb_per_g=ACCEL_LSB_PER_G,
-            gyro_dlpf_hz=self._driver.chip.gyro_dlpf_hz,
+            gyro_range_dps=chip.gyro_range_dps,
+            gyro_lsb_per_dps=chip.gyro_lsb_per_dps,
+            accel_range_g=chip.accel_range_g,
+            accel_lsb_per_g=chip.accel_lsb_per_g,
+            gyro_dlpf_hz=chip.gyro_dlpf_hz,
         )
 
     def _status(self) -> DeviceStatus:
@@ -288,14 +280,14 @@ class I2cSource:
 
     def _report_relative(self) -> Iterator[Trouble]:
         who = self._who_am_i
-        if who in RELATIVES and who != self._reported_relative:
+        text = relative_text(who)
+        if text is not None and who != self._reported_relative:
             self._reported_relative = who
-            text = f"{self.url}: the sensor is no MPU-9250 but {sensor_name(who)}, {RELATIVES[who]}"
-            yield Trouble("sensor_relative", text, self._host.host_ns(), fatal=False)
+            yield Trouble("sensor_relative", f"{self.url}: {text}", self._host.host_ns(), fatal=False)
 
     def _report_losses(self) -> Iterator[Trouble]:
         for cause, missing, doubt in self._reader.losses:
-            kind, text = loss_text(cause, missing, doubt)
+            kind, text = loss_text(cause, missing, doubt, self._driver.chip.fifo_s)
             topic = f"{cause} ±" if doubt else cause
             yield from self._report(kind, topic, f"{self.url}: {text}", fatal=False)
         self._reader.losses.clear()

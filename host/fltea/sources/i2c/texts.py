@@ -1,12 +1,14 @@
 """Texts about failures on a Linux I²C bus for the person who mends it: what, why, what to do."""
 
 from fltea.sources.i2c.bus import detect_command
+from fltea.sources.i2c.chips import ADDRESSES, with_banks
 from fltea.wire import faults
 from fltea.wire.layout import FaultCode
+from fltea.wire.sensors import known_sensors
 
 _WIRES = (
-    "On a Raspberry Pi: VCC to pin 1 (3.3 V), GND to pin 6, SDA to pin 3, SCL to pin 5; AD0 to GND gives "
-    "address 0x68, to 3.3 V 0x69"
+    "On a Raspberry Pi: VCC to pin 1 (3.3 V), GND to pin 6, SDA to pin 3, SCL to pin 5; the address is "
+    + " or ".join(f"0x{address:02X} with {how}" for address, how in ADDRESSES.items())
 )
 
 
@@ -19,11 +21,12 @@ def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
                 f"'{detect_command(path)}' shows which addresses answer."
             )
         case FaultCode.SENSOR_UNKNOWN:
+            keys = " or ".join(f"'&chip={name}'" for name in with_banks())
             return (
                 f"a chip answers at 0x{address:02X} on {path}, but its WHO_AM_I is 0x{detail:02X}: no "
-                "MPU-9250, none of its known relatives, and no ICM-20948. Is it another kind of sensor? 0x00 "
-                "or 0xFF mean a bad contact on SDA, or an ICM-20948 that another program left with another "
-                "bank of registers selected: then add '&chip=icm20948' to the source."
+                f"{known_sensors()}, nor a known clone. Is it another kind of sensor? 0x00 or 0xFF mean a "
+                "bad contact on SDA, or a chip that another program left with another bank of registers "
+                f"selected: then say in the source which it is, by {keys}."
             )
         case FaultCode.BUS_HELD:
             return (
@@ -43,15 +46,18 @@ def bus_lost_text(path: str, error: OSError) -> str:
     )
 
 
-def loss_text(cause: str, missing: int, doubt: int) -> tuple[str, str]:
-    """Return kind and text for samples lost in the sensor's FIFO. doubt: the number is within ± it."""
+def loss_text(cause: str, missing: int, doubt: int, fifo_s: float) -> tuple[str, str]:
+    """Return kind and text for samples lost in the sensor's FIFO, which holds `fifo_s` [s].
+
+    missing: how many; the true number is within ±`doubt`.
+    """
     lost = f"{missing} samples are lost"
     if doubt:
         lost = f"{missing} ± {doubt} samples are lost"
     match cause:
         case "overflow":
             return "fifo_overflow", (
-                "the sensor's FIFO ran over: nobody read it for longer than the third of a second that it "
+                f"the sensor's FIFO ran over: nobody read it for longer than the {fifo_s:.2g} s that it "
                 f"holds; {lost}. Is the machine overloaded, or was the program stopped?"
             )
         case "misaligned":

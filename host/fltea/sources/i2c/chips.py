@@ -1,0 +1,50 @@
+"""The table of all chips that are read on an I²C bus, from which driver, doctor, texts and pages are made.
+
+A new chip is a row in `wire.sensors.SENSORS`, a module here with its registers and its `FAMILY`, and the name
+of that module below. `tests/sources/test_chips.py` names what is missing.
+"""
+
+from collections.abc import Callable, Iterable
+
+from fltea.sources.i2c import icm20948, mpu9250
+from fltea.sources.i2c.chip import Chip, Family
+from fltea.wire.sensors import SENSORS
+
+CHIPS = {family.name: family for family in (mpu9250.FAMILY, icm20948.FAMILY)}
+"""Families by name, in the order in which a chip is asked which it is."""
+
+ADDRESSES = {address: how for family in CHIPS.values() for address, how in family.addresses.items()}
+"""All addresses on the bus, and how a chip gets each."""
+
+
+def chip_of(who_am_i: int) -> Chip:
+    """Return the registers and settings of the known chip with this WHO_AM_I."""
+    return CHIPS[SENSORS[who_am_i].family].chip(who_am_i)
+
+
+def is_of(who_am_i: int, family: Family) -> bool:
+    """Return whether a chip with this WHO_AM_I is known and has the registers of the family."""
+    sensor = SENSORS.get(who_am_i)
+    return sensor is not None and sensor.family == family.name
+
+
+def ask_identity(
+    ask: Callable[[Family], int], families: Iterable[Family], tries: int = 1
+) -> tuple[int, bool]:
+    """Return the WHO_AM_I of a chip, and whether it is known; that of an unknown one is its first answer.
+
+    ask: reads the identity in the place where a family has it. tries: how often each is asked.
+    """
+    first = None
+    for family in families:
+        for _ in range(tries):
+            answer = ask(family)
+            first = answer if first is None else first
+            if is_of(answer, family):
+                return answer, True
+    return first or 0, False
+
+
+def with_banks() -> list[str]:
+    """Return the names of the families that have banks of registers."""
+    return [name for name, family in CHIPS.items() if family.chip(0).bank_select is not None]

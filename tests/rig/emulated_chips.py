@@ -1,0 +1,120 @@
+"""The emulated twin of every chip that is read on an I²C bus, with facts that tests hold the driver against.
+
+Register facts: RM-MPU-9250A-00, for the MPU-6050 RM-MPU-6000A-00, for the ICM-20948 DS-000189 (revision 1.3);
+all numbers are typed by hand, none is taken from the driver. A register of a bank has 256 times the bank
+above its number.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from tools.due_emulator.chip import Chip
+from tools.due_emulator.icm20948 import Icm20948
+from tools.due_emulator.mpu9250 import Mpu9250
+
+
+class Emulated(NamedTuple):
+    """One kind of chip.
+
+    model: takes the world that it is in, and `options`. period_ms: the time between samples. holds: samples
+    that fit its FIFO; keeps_oldest: whether an overflow leaves those whole. at_25_c: counts of its
+    thermometer at 25 °C. kept: values of registers once the chip is set up. lost: registers of which the
+    driver has to notice that the bit `lost_bit` has changed.
+    """
+
+    model: type[Any]
+    options: Mapping[str, Any]
+    name: str
+    period_ms: int
+    gyro_dlpf_hz: float
+    gyro_lsb_per_dps: float
+    accel_lsb_per_g: float
+    holds: int
+    keeps_oldest: bool
+    at_25_c: int
+    kept: Mapping[int, int]
+    lost: tuple[int, ...]
+    lost_bit: int
+
+    def make(self, world: Any, **options: Any) -> Chip:
+        """Return such a chip in a world."""
+        return self.model(world, **(dict(self.options) | options))
+
+
+_MPU9250 = Emulated(
+    Mpu9250,
+    {},
+    "MPU-9250",
+    period_ms=10,
+    gyro_dlpf_hz=184.0,
+    gyro_lsb_per_dps=16.4,
+    accel_lsb_per_g=16384.0,
+    holds=36,
+    keeps_oldest=True,
+    at_25_c=1335,
+    kept={
+        0x19: 9,  # 1 kHz / (1 + 9)
+        0x1A: 0x41,  # DLPF_CFG 1: 184 Hz; FIFO_MODE
+        0x1B: 0x18,  # ±2000 deg/s
+        0x1C: 0x00,  # ±2 g
+        0x1D: 0x01,  # 184 Hz
+        0x23: 0xF8,  # temperature, three axes, acceleration
+        0x38: 0x10,  # FIFO_OFLOW_EN
+        0x6A: 0x40,
+        0x6B: 0x01,
+    },
+    lost=(0x19, 0x1A, 0x1B, 0x1C, 0x1D, 0x23),
+    lost_bit=0x08,
+)
+
+
+def _relative(who_am_i: int, name: str, **others: Any) -> Emulated:
+    return _MPU9250._replace(options={"who_am_i": who_am_i}, name=name, **others)
+
+
+EMULATED = {
+    0x71: _MPU9250,
+    0x73: _relative(0x73, "MPU-9255"),
+    0x70: _relative(0x70, "MPU-6500"),
+    0x68: _relative(
+        0x68,
+        "MPU-6050",
+        gyro_dlpf_hz=188.0,
+        holds=73,
+        keeps_oldest=False,
+        at_25_c=-3920,
+        kept={0x1A: 0x01, 0x1B: 0x18, 0x1D: 0x00},  # neither FIFO_MODE nor ACCEL_CONFIG_2
+        lost=(0x19, 0x1A, 0x1B, 0x1C, 0x23),
+    ),
+    0x75: _relative(0x75, "MPU-9250 clone (0x75)"),
+    0x78: _relative(0x78, "MPU-9250 clone (0x78)"),
+    0xEA: Emulated(
+        Icm20948,
+        {},
+        "ICM-20948",
+        period_ms=8,
+        gyro_dlpf_hz=196.6,
+        gyro_lsb_per_dps=16.4,
+        accel_lsb_per_g=16384.0,
+        holds=42,
+        keeps_oldest=True,
+        at_25_c=1335,
+        kept={
+            0x006: 0x01,  # awake, the best clock
+            0x007: 0x00,  # all axes
+            0x200: 8,  # 1125 Hz / (1 + 8)
+            0x201: 0x07,  # GYRO_DLPFCFG 0: 196.6 Hz; ±2000 deg/s; filter on
+            0x209: 0x01,
+            0x210: 0,
+            0x211: 8,
+            0x214: 0x01,  # ACCEL_DLPFCFG 0: 246 Hz; ±2 g; filter on
+            0x067: 0x1E,  # acceleration and the rate of three axes
+            0x069: 0x01,
+            0x068: 0x00,  # as long as it is set, the FIFO stays empty
+            0x003: 0x40,
+        },
+        lost=(0x006, 0x007, 0x200, 0x201, 0x210, 0x211, 0x214, 0x067, 0x069),
+        lost_bit=0x01,
+    ),
+}
+"""By WHO_AM_I: every one of `fltea.wire.sensors.SENSORS`."""

@@ -1,0 +1,104 @@
+"""Runs with each family of chips on the Raspberry Pi's bus, against its emulated twin."""
+
+import errno
+import random
+from typing import Any
+
+import pytest
+from emulated_chips import EMULATED
+from fake_smbus import MS, Pi, S, TellsTime
+from fltea.sources.i2c.chips import CHIPS, chip_of
+from fltea.wire.sensors import SENSORS
+
+FIRST = {family: next(who for who, one in SENSORS.items() if one.family == family) for family in CHIPS}
+EACH_FAMILY = pytest.mark.parametrize("who_am_i", FIRST.values(), ids=FIRST)
+SETTLED_S = 14
+
+
+def pi_with(who_am_i: int, **options: Any) -> Pi:
+    return Pi(model=EMULATED[who_am_i].model, **EMULATED[who_am_i].options, **options)
+
+
+@EACH_FAMILY
+def test_a_run_without_gaps(who_am_i: int) -> None:
+    pi, facts = pi_with(who_am_i).run_until(6.0), EMULATED[who_am_i]
+    times = pi.check()
+    assert len(times) > 5500 / facts.period_ms
+    assert pi.missing == []
+    assert pi.told == []
+    hello = pi.hello
+    assert (hello.sensor, hello.who_am_i, hello.rate_hz) == (facts.name, who_am_i, 1000 / facts.period_ms)
+    scales = (hello.gyro_dlpf_hz, hello.gyro_lsb_per_dps, hello.accel_lsb_per_g)
+    assert scales == (facts.gyro_dlpf_hz, facts.gyro_lsb_per_dps, facts.accel_lsb_per_g)
+    assert {raw.temperature for raw in pi.raw} == {facts.at_25_c}
+
+
+@EACH_FAMILY
+@pytest.mark.parametrize("share", [-0.6, 0.6])
+def test_a_clock_far_from_its_nominal_rate_is_no_gap(who_am_i: int, share: float) -> None:
+    """The clocks of some chips differ by 10 % from part to part."""
+    ppm = share * chip_of(who_am_i).clock_error * 1e6
+    pi = pi_with(who_am_i, clock_ppm=ppm).run_until(6.0)
+    pi.check(ppm)
+    assert pi.missing == []
+    assert pi.told == []
+
+
+@EACH_FAMILY
+def test_a_program_that_is_held_up(who_am_i: int) -> None:
+    """For less than the FIFO holds, which loses nothing, and for longer."""
+    pi, facts = pi_with(who_am_i), EMULATED[who_am_i]
+    holds_ms = facts.holds * facts.period_ms
+    pi.host.stall(SETTLED_S * S, (holds_ms - 50) * MS)
+    pi.host.stall((SETTLED_S + 2) * S, (holds_ms + 800) * MS)
+    pi.run_until(SETTLED_S + 4 + holds_ms / 1000).check()
+    assert pi.told == ["fifo_overflow"]
+    assert f"longer than the {holds_ms / 1000:.2g} s that it holds" in pi.texts
+    assert len(pi.missing) == 1
+    assert pi.missing[0] == pytest.approx(800 / facts.period_ms, abs=10)
+
+
+@EACH_FAMILY
+def test_a_bus_that_fails_for_less_than_the_fifo_holds_sets_no_sensor_up_again(who_am_i: int) -> None:
+    pi, facts = pi_with(who_am_i), EMULATED[who_am_i]
+    fails_s = 0.8 * facts.holds * facts.period_ms / 1000
+    for at_s, error in ((SETTLED_S, errno.EREMOTEIO), (SETTLED_S + fails_s, None)):
+        pi.host.at(round(at_s * S), lambda error=error: setattr(pi.bus, "inject", lambda messages: error))
+    pi.run_until(SETTLED_S + fails_s + 1).check()
+    assert pi.epochs == ["start"]
+    assert (pi.missing, pi.told) == ([], [])
+
+
+@EACH_FAMILY
+def test_errors_on_the_bus_mix_up_no_registers(who_am_i: int) -> None:
+    """Also those of the transfer that selects a bank: what is read then would be another register."""
+    pi, chance = pi_with(who_am_i), random.Random(5)
+
+    def inject(messages: object) -> int | None:
+        pi.bus.broken_at = chance.random()
+        return chance.choice([errno.EREMOTEIO, errno.EIO]) if chance.random() < 0.03 else None
+
+    pi.host.at(12_000 * MS, lambda: setattr(pi.bus, "inject", inject))
+    pi.run_until(15.0).check()
+    assert pi.epochs == ["start"]
+    assert pi.status.i2c_errors > 10
+    assert set(pi.told) <= {"fifo_restarted"}
+
+
+@pytest.mark.parametrize("who_am_i", [who for family, who in FIRST.items() if family != "mpu9250"])
+def test_a_chip_in_the_place_of_another(who_am_i: int) -> None:
+    """An MPU-9250 is taken out, and a chip of another family put in: another rate, another epoch."""
+    pi, facts = pi_with(FIRST["mpu9250"]), EMULATED[who_am_i]
+    pi.at(2.0, pi.chip.power_off)
+
+    def exchange() -> None:
+        pi.chip = pi.bus.chip = facts.make(TellsTime())
+        pi.chip.advance(pi.host.now_ns)
+
+    pi.host.at(3_000 * MS, exchange)
+    pi.run_until(6.0)
+    assert [h.sensor for h in pi.of(type(pi.hello))] == ["MPU-9250", facts.name]
+    assert pi.hello.rate_hz == 1000 / facts.period_ms
+    assert pi.epochs == ["start", "sensor_restart"]
+    assert pi.pipeline.stats().sample_counts.before_hello == 0
+    assert len(pi.raw) > 2500 / facts.period_ms

@@ -1,0 +1,64 @@
+"""The table of chips is whole: what a new one lacks is named, with the file that it belongs in.
+
+That the driver reads it as its data sheet says, `test_i2c_driver.py` and `test_chip_runs.py` show for each.
+"""
+
+import site_chips
+from emulated_chips import EMULATED
+from fltea.sources.i2c import chips, texts
+from fltea.sources.i2c.chips import ADDRESSES, CHIPS, chip_of
+from fltea.sources.i2c.source import POLL_S
+from fltea.wire.layout import FaultCode
+from fltea.wire.sensors import SENSORS
+from host_support import ROOT
+
+FOLDER = ROOT / "host/fltea/sources/i2c"
+
+
+def test_every_module_of_a_family_is_in_the_table() -> None:
+    modules = [file.stem for file in FOLDER.glob("*.py") if "\nFAMILY = " in file.read_text(encoding="utf-8")]
+    forgotten = [name for name in modules if getattr(chips, name, None) is None]
+    assert not forgotten, f"sources/i2c/chips.py: CHIPS has no {forgotten}"
+    assert len(modules) == len(CHIPS), "sources/i2c/chips.py: CHIPS lacks a FAMILY, or two have one name"
+
+
+def test_every_sensor_has_a_family_and_every_family_a_sensor() -> None:
+    unknown = {one.name: one.family for one in SENSORS.values() if one.family not in CHIPS}
+    assert not unknown, f"sources/i2c/chips.py: CHIPS has no family for {unknown}"
+    empty = CHIPS.keys() - {one.family for one in SENSORS.values()}
+    assert not empty, f"wire/sensors.py: SENSORS has no WHO_AM_I of {empty}"
+
+
+def test_every_sensor_has_an_emulated_twin() -> None:
+    missing = [one.name for who_am_i, one in SENSORS.items() if who_am_i not in EMULATED]
+    assert not missing, f"tests/rig/emulated_chips.py: EMULATED has no {missing}"
+    assert {who: one.name for who, one in SENSORS.items()} == {who: one.name for who, one in EMULATED.items()}
+
+
+def test_the_fifo_of_every_chip_outlasts_two_polls() -> None:
+    for who_am_i, sensor in SENSORS.items():
+        assert chip_of(who_am_i).fifo_s > 2 * max(POLL_S), sensor.name
+
+
+def test_texts_name_every_chip_and_every_address() -> None:
+    unknown = texts.fault_text(FaultCode.SENSOR_UNKNOWN, 0x12, "/dev/i2c-1", 0x68)
+    missing = texts.fault_text(FaultCode.SENSOR_MISSING, 0, "/dev/i2c-1", 0x68)
+    for who_am_i, sensor in SENSORS.items():
+        assert sensor.is_clone or sensor.name in unknown
+        assert (chip_of(who_am_i).bank_select is None) == (f"&chip={sensor.family}'" not in unknown)
+    for address, how in ADDRESSES.items():
+        assert f"0x{address:02X} with {how}" in missing
+
+
+def test_the_page_has_a_row_for_every_chip() -> None:
+    table = site_chips.chips()
+    for who_am_i, sensor in SENSORS.items():
+        facts = EMULATED[who_am_i]
+        (row,) = [line for line in table.splitlines() if f"| `0x{who_am_i:02X}` |" in line]
+        cells = [cell.strip() for cell in row.strip("|").split("|")]
+        assert cells[0] == sensor.name
+        assert cells[2] == f"`{sensor.family}`"
+        assert cells[3] == f"{1000 / facts.period_ms:g} Hz"
+        assert cells[-1] == f"{facts.holds} samples, {facts.holds * facts.period_ms / 1000:.2g} s"
+    page = (ROOT / "host/docs/guide/raspberry_pi.md").read_text(encoding="utf-8")
+    assert "\n<!-- generated: chips -->\n" in page
