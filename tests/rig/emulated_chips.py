@@ -18,8 +18,8 @@ class Emulated(NamedTuple):
 
     model: takes the world that it is in, and `options`. period_ms: the time between samples. holds: samples
     that fit its FIFO; keeps_oldest: whether an overflow leaves those whole. at_25_c: counts of its
-    thermometer at 25 °C. kept: values of registers once the chip is set up. lost: registers of which the
-    driver has to notice that the bit `lost_bit` has changed.
+    thermometer at 25 °C; counts_a_c: how many more for each °C. kept: values of registers once the chip is set
+    up. lost: registers of which the driver has to notice that the bit `lost_bit` has changed.
     """
 
     model: type[Any]
@@ -32,6 +32,7 @@ class Emulated(NamedTuple):
     holds: int
     keeps_oldest: bool
     at_25_c: int
+    counts_a_c: float
     kept: Mapping[int, int]
     lost: tuple[int, ...]
     lost_bit: int
@@ -52,6 +53,7 @@ _MPU9250 = Emulated(
     holds=36,
     keeps_oldest=True,
     at_25_c=1335,
+    counts_a_c=333.87,
     kept={
         0x19: 9,  # 1 kHz / (1 + 9)
         0x1A: 0x41,  # DLPF_CFG 1: 184 Hz; FIFO_MODE
@@ -83,6 +85,7 @@ EMULATED = {
         holds=73,
         keeps_oldest=False,
         at_25_c=-3920,
+        counts_a_c=340.0,
         kept={0x1A: 0x01, 0x1B: 0x18, 0x1D: 0x00},  # neither FIFO_MODE nor ACCEL_CONFIG_2
         lost=(0x19, 0x1A, 0x1B, 0x1C, 0x23),
     ),
@@ -99,6 +102,7 @@ EMULATED = {
         holds=42,
         keeps_oldest=True,
         at_25_c=1335,
+        counts_a_c=333.87,
         kept={
             0x006: 0x01,  # awake, the best clock
             0x007: 0x00,  # all axes

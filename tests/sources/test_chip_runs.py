@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from emulated_chips import EMULATED
 from fake_smbus import MS, Pi, S, TellsTime
-from fltea.sources.i2c.chips import CHIPS, chip_of
+from fltea.sources.i2c.chips import chip_of
 from fltea.wire.sensors import SENSORS
 
-FIRST = {family: next(who for who, one in SENSORS.items() if one.family == family) for family in CHIPS}
+FIRST = {one.family: who_am_i for who_am_i, one in reversed(SENSORS.items())}
 EACH_FAMILY = pytest.mark.parametrize("who_am_i", FIRST.values(), ids=FIRST)
 SETTLED_S = 14
 

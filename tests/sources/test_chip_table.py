@@ -3,23 +3,28 @@
 That the driver reads it as its data sheet says, `test_i2c_driver.py` and `test_chip_runs.py` show for each.
 """
 
+import importlib
+
+import numpy as np
+import pytest
 import site_chips
 from emulated_chips import EMULATED
-from fltea.sources.i2c import chips, texts
+from fltea.sources.i2c import texts
 from fltea.sources.i2c.chips import ADDRESSES, CHIPS, chip_of
 from fltea.sources.i2c.source import POLL_S
 from fltea.wire.layout import FaultCode
-from fltea.wire.sensors import SENSORS
+from fltea.wire.sensors import SENSORS, temperature_c
 from host_support import ROOT
 
 FOLDER = ROOT / "host/fltea/sources/i2c"
 
 
 def test_every_module_of_a_family_is_in_the_table() -> None:
-    modules = [file.stem for file in FOLDER.glob("*.py") if "\nFAMILY = " in file.read_text(encoding="utf-8")]
-    forgotten = [name for name in modules if getattr(chips, name, None) is None]
-    assert not forgotten, f"sources/i2c/chips.py: CHIPS has no {forgotten}"
-    assert len(modules) == len(CHIPS), "sources/i2c/chips.py: CHIPS lacks a FAMILY, or two have one name"
+    files = [file for file in FOLDER.glob("*.py") if "\nFAMILY = " in file.read_text(encoding="utf-8")]
+    for file in files:
+        family = importlib.import_module(f"fltea.sources.i2c.{file.stem}").FAMILY
+        assert family is CHIPS.get(family.name), f"sources/i2c/chips.py: CHIPS has no FAMILY of {file.name}"
+    assert len(files) == len(CHIPS) > 1
 
 
 def test_every_sensor_has_a_family_and_every_family_a_sensor() -> None:
@@ -33,6 +38,13 @@ def test_every_sensor_has_an_emulated_twin() -> None:
     missing = [one.name for who_am_i, one in SENSORS.items() if who_am_i not in EMULATED]
     assert not missing, f"tests/rig/emulated_chips.py: EMULATED has no {missing}"
     assert {who: one.name for who, one in SENSORS.items()} == {who: one.name for who, one in EMULATED.items()}
+
+
+def test_every_thermometer_has_its_scale() -> None:
+    for who_am_i, facts in EMULATED.items():
+        for counts, celsius in ((facts.at_25_c, 25.0), (facts.at_25_c + round(10 * facts.counts_a_c), 35.0)):
+            found = float(temperature_c(np.array([counts], np.int16), who_am_i)[0])
+            assert found == pytest.approx(celsius, abs=0.01), f"wire/sensors.py: SENSORS, {facts.name}"
 
 
 def test_the_fifo_of_every_chip_outlasts_two_polls() -> None:

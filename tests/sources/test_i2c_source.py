@@ -11,6 +11,7 @@ from fltea.records.events import LinkDown, Trouble
 from fltea.records.records import Error, Sample
 from fltea.sources.i2c import bus as i2c_bus
 from fltea.sources.i2c import source as i2c
+from fltea.sources.i2c.chips import CHIPS
 from fltea.sources.i2c.source import I2cSource, SystemClock, parse_url
 from fltea.stream.decode import Decoded, Decoder
 from fltea.wire import layout as wire
@@ -47,7 +48,7 @@ def test_the_url(rest: str, path: str, address: int) -> None:
         ("///dev/i2c-1?adr=0x68", "no key 'adr'"),
         ("///dev/i2c-1?addr=0x70", "not '0x70'"),
         ("///dev/i2c-1?addr=", "not ''"),
-        ("///dev/i2c-1?chip=bmi088", "mpu9250 or icm20948, not 'bmi088'"),
+        ("///dev/i2c-1?chip=bmi088", f"{' or '.join(CHIPS)}, not 'bmi088'"),
         ("///dev/i2c-1?addr=0x68&rate_hz=200", "no key 'rate_hz'"),
     ],
 )
