@@ -18,8 +18,8 @@ class Emulated(NamedTuple):
 
     model: takes the world that it is in, and `options`. period_ms: the time between samples. holds: samples
     that fit its FIFO; keeps_oldest: whether an overflow leaves those whole. at_25_c: counts of its
-    thermometer at 25 °C; counts_a_c: how many more for each °C. kept: values of registers once the chip is set
-    up. lost: registers of which the driver has to notice that the bit `lost_bit` has changed.
+    thermometer at 25 °C; counts_a_c: how many more for each °C. kept: values of registers once the chip is
+    set up. lost: registers of which the driver has to notice that the bit `lost_bit` has changed.
     """
 
     model: type[Any]
