@@ -19,6 +19,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from site_chips import chips
+from site_outputs import outputs
 from site_records import records, schema
 from site_settings import cell, code, settings
 
@@ -62,6 +63,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "commands": commands,
     "errors": errors,
     "messages": messages,
+    "outputs": outputs,
     "records": records,
     "settings": settings,
     "metrics": metrics,

@@ -17,7 +17,7 @@ from fltea.service.ingest.inbox import Inbox
 from fltea.service.ingest.mqtt import MqttFrames
 from fltea.service.ingest.receivers import receiver_of
 from fltea.settings.config import load_configs
-from fltea.settings.outputs import MqttConfig
+from fltea.settings.mqtt import MqttConfig
 from frames_messages import second_of
 from host_support import PATIENCE_S, QUICK, Daemon, Processes, wait_until
 from mosquitto_support import Stage, make_authority

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from fltea.records.records import Gap
-from fltea.settings.outputs import MqttConfig
+from fltea.settings.mqtt import MqttConfig
 from fltea.sinks.mqtt import delivery, link
 from fltea.sinks.mqtt.sink import MqttSink
 from host_support import Processes, wait_until

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from fltea.fleet import program
 from fltea.fleet.program import Fleet, Plan
-from fltea.settings.outputs import MqttConfig
+from fltea.settings.mqtt import MqttConfig
 
 HELLO = b'{"rate_hz":100.0}'
 FIT = b'{"seq":1,"epoch":1,"samples":1,"axes":{"gyro_x":{"verdict":"white","text":"","unit":"deg/s"}}}'

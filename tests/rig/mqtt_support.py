@@ -10,7 +10,7 @@ from blocks import as_items
 from example_records import GOOD, STATS
 from fltea.records import clock
 from fltea.records.records import AnyRecord, Estimate, Gap, Sample, Stats
-from fltea.settings.outputs import MqttConfig
+from fltea.settings.mqtt import MqttConfig
 from fltea.sinks.mqtt import link, status
 from fltea.sinks.mqtt import sink as mqtt
 from fltea.sinks.mqtt.connection import Acknowledged, Down, Up

@@ -14,7 +14,7 @@ from fltea.service.ingest.inbox import Inbox
 from fltea.service.ingest.loop import Ingest
 from fltea.service.ingest.mqtt import MqttFrames
 from fltea.settings.config import load_configs
-from fltea.settings.outputs import MqttConfig
+from fltea.settings.mqtt import MqttConfig
 from fltea.stream.beside import Beside
 from frames_messages import second_of
 from host_support import PATIENCE_S, closed, wait_until

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from fltea.records.errors import UsageError
 from fltea.settings.config import load_config
-from fltea.settings.outputs import MqttConfig
+from fltea.settings.mqtt import MqttConfig
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.sink import MqttSink
 from hypothesis import given

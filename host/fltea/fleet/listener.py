@@ -13,7 +13,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
 from fltea.fleet.messages import KINDS
-from fltea.settings.outputs import MqttConfig
+from fltea.settings.mqtt import MqttConfig
 from fltea.sinks.mqtt.broker import KEEPALIVE_S, Broker
 
 RETAINED = ("hello", "fit")

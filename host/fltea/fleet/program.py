@@ -18,7 +18,7 @@ from fltea.fleet.history import TABLES, History
 from fltea.fleet.listener import Listener
 from fltea.fleet.roll import MOST_SENSORS, SILENT_S, Roll
 from fltea.fleet.summary import Look, counts, look
-from fltea.settings.outputs import MqttConfig
+from fltea.settings.mqtt import MqttConfig
 
 ASK_AT_ONCE, ASK_TIMES, ASK_EVERY_S = 200, 3, 30.0
 """So many sensors a turn; so often for one of which the broker retains nothing."""

@@ -405,8 +405,8 @@ class Stats(Record, frozen=True, tag="stats"):
     board: DeviceStatus | None = None
     """The device's own counters since its boot; null before its first STATUS."""
     outputs: dict[str, OutputStats] = {}
-    """Each output: `stdout`, `record`, `mqtt`, `dashboard`, `metrics`; none for sources without a pace of
-    their own."""
+    """Each output by its name, as in the table of host/docs/guide/outputs.md; none for sources without a pace
+    of their own."""
     device_estimator: DeviceEstimatorStats | None = None
     """The device's own estimator; null without `--estimate-on device` or `both`."""
     fit_period_s: float | None = None

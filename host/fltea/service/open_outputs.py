@@ -1,17 +1,19 @@
 """Opens the outputs that the configuration asks for; the libraries of each are loaded only then."""
 
-import io
 import sys
 from collections.abc import Collection, Sequence
-from types import ModuleType
 
+import msgspec
+
+from fltea.records.ports import Sink
 from fltea.service.hub import Hub
 from fltea.service.recorder import RecorderOfHub
 from fltea.settings.config import Config
 from fltea.settings.extras import load
 from fltea.settings.ingest import is_shared
+from fltea.settings.outputs import OUTPUTS, Output
 from fltea.sinks.log import LogSink
-from fltea.sinks.ndjson import NdjsonSink
+from fltea.sinks.opening import Opening
 
 
 def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] = ()) -> None:
@@ -21,46 +23,39 @@ def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] =
         UsageError: wrong settings, or a library that is not installed.
         FlteaError: an output that cannot be opened, such as a port that is taken.
     """
-    program = configs[0]
-    to_table = program.format == "table" or (program.format == "auto" and sys.stdout.isatty())
-    if not to_table:
+    program = _with_format(configs[0])
+    configs = [program, *configs[1:]]
+    if program.format != "table":
         hub.add_log(LogSink(_to_stderr, several=len(configs) > 1))
-        if program.format != "none":  # before all that may report something
-            stdout = io.FileIO(sys.stdout.fileno(), "wb", closefd=False)
-            hub.add(NdjsonSink(stdout, samples=program.samples))
     of_record = program.record.for_devices(len(configs))
     recorder = RecorderOfHub(hub, of_record, program.dashboard.record_to, replays)
-    for config in configs:
-        assert config.name is not None
-        if of_record.folder is not None:
-            module = _module("record", "record", "mcap")
-            sink = module.RecordSink(of_record, config.name, hub.report(config.name))
-            recorder.adopt(config.name, hub.add(sink, config.name))
-        if program.mqtt.broker is not None and not is_shared(config.source):
-            module = _module("mqtt.sink", "mqtt", "paho")
-            hub.add(module.MqttSink(program.mqtt, config.name, hub.report(config.name)), config.name)
     shared = [config.name or "" for config in configs if is_shared(config.source)]
-    if program.mqtt.broker is not None and shared:
-        module = _module("mqtt.many", "mqtt", "paho")
-        apart = {config.name for config in configs if not is_shared(config.source)}
-        hub.add(module.ManyMqttSink(program.mqtt, shared[0], hub.report(), apart))
-    if program.metrics.address is not None:
-        module = _module("metrics.sink", "metrics", "prometheus_client")
-        hub.add(module.MetricsSink(program.metrics, hub.outlets, hub.report()))
-    if program.dashboard.address is not None:
-        module = _module("page.sink", "dashboard", "tornado")
-        devices = {config.name: config.estimator.estimate_on for config in configs}
-        page = module.DashboardSink(program.dashboard, devices, hub.report(), recorder)
-        hub.add(page)
-        _to_stderr(f"fltea: live page at {page.url}\n")
-    if to_table:
-        from fltea.sinks.table import TableSink
-
-        hub.add(TableSink())
+    apart = [config.name or "" for config in configs if not is_shared(config.source)]
+    opening = Opening(configs, "", apart, shared, hub.report(), hub.outlets, recorder, _to_stderr)
+    for output in OUTPUTS:
+        if not output.is_on(program):
+            continue
+        if output.each == "device":
+            for name in apart:
+                of_one = opening._replace(device=name, report=hub.report(name))
+                outlet = hub.add(_opened(output, of_one), name)
+                if output.name == "record":
+                    recorder.adopt(name, outlet)
+        elif output.each == "program" or shared:
+            hub.add(_opened(output, opening))
 
 
-def _module(name: str, extra: str, library: str) -> ModuleType:
-    return load(f"fltea.sinks.{name}", library, extra, "this output needs")
+def _opened(output: Output, opening: Opening) -> Sink:
+    module = load(f"fltea.sinks.{output.module}", output.library, output.extra, "this output needs")
+    sink: Sink = module.open_output(opening)
+    return sink
+
+
+def _with_format(program: Config) -> Config:
+    """Return the settings with what the standard output shows."""
+    if program.format != "auto":
+        return program
+    return msgspec.structs.replace(program, format="table" if sys.stdout.isatty() else "ndjson")
 
 
 def _to_stderr(text: str) -> None:

@@ -10,8 +10,9 @@ from fltea.recording.formats import KINDS
 from fltea.recording.kind import is_one_file
 from fltea.records.errors import UsageError
 from fltea.records.ports import Source
-from fltea.settings.config import Config
+from fltea.settings.config import SETTINGS, Config
 from fltea.settings.estimator import BY_DEVICE, EstimatorConfig
+from fltea.settings.outputs import OUTPUTS, Output
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
 from fltea.wire.transport import ANY_BOARD
@@ -110,20 +111,19 @@ def check_shared(configs: Sequence[Config]) -> None:
         UsageError: a setting that is for single devices.
     """
     for config in configs:
-        asked = {
-            "--record": config.record.folder,
-            "--state": config.state.file,
-            "--dashboard": config.dashboard.address,
-            "--once": config.once,
-        }
-        wrong = next(
-            (flag for flag, value in asked.items() if value is not None and value is not False), None
-        )
-        if wrong is not None:
+        wrong = [_flag(output) for output in OUTPUTS if output.is_on(config) and not output.of_many]
+        wrong += ["--state"] * (config.state.file is not None) + ["--once"] * config.once
+        if wrong:
+            others = dict.fromkeys(_flag(output) for output in OUTPUTS if output.of_many and not output.when)
             raise UsageError(
-                f"{wrong} does not work with --source {config.source}, which stands for many devices. Their "
-                "records go to --mqtt, --metrics and the standard output."
+                f"{wrong[0]} does not work with --source {config.source}, which stands for many devices. "
+                f"Their records go to {', '.join(others)} and the standard output."
             )
+
+
+def _flag(output: Output) -> str:
+    """Return the flag that switches an output on."""
+    return SETTINGS[output.on].setting.flags[0]
 
 
 def check_recordable(config: Config, source: Source) -> None:

@@ -19,14 +19,7 @@ from fltea.settings.how import How
 from fltea.settings.ingest import IngestConfig
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.settings.live import LiveConfig
-from fltea.settings.outputs import (
-    DashboardConfig,
-    MetricsConfig,
-    MqttConfig,
-    OutputConfig,
-    RecordConfig,
-    StateConfig,
-)
+from fltea.settings.outputs import Outputs
 from fltea.settings.setting import Setting, Table, all_declared, joined, of_sensor, shown, tables
 from fltea.wire import layout as wire
 
@@ -124,7 +117,7 @@ class ReplayConfig(How, frozen=True):
         return How(**{name: getattr(self, name) for name in How.__struct_fields__})
 
 
-class Config(Table, frozen=True):
+class Config(Outputs, frozen=True):
     """All that `fltea run` can be told; the tables of its TOML file have the same names."""
 
     source: Annotated[
@@ -177,12 +170,6 @@ class Config(Table, frozen=True):
     estimator: EstimatorConfig = EstimatorConfig()
     accel: AccelConfig = AccelConfig()
     live: LiveConfig = LiveConfig()
-    output: OutputConfig = OutputConfig()
-    record: RecordConfig = RecordConfig()
-    mqtt: MqttConfig = MqttConfig()
-    dashboard: DashboardConfig = DashboardConfig()
-    metrics: MetricsConfig = MetricsConfig()
-    state: StateConfig = StateConfig()
     device: dict[str, dict[str, Any]] = msgspec.field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -1,12 +1,17 @@
-"""Settings of the outputs, each with the name of its table in the TOML file (host/docs/guide/outputs.md)."""
+"""The outputs: their settings, named as in the TOML file, and the table of them all.
+
+A new output is its settings, a field of `Outputs` and a row of `OUTPUTS` here, a module in `sinks` with its
+`open_output`, and a look in `machine/doctor/checks_outputs.py`. `tests/service/test_output_table.py` names
+what is missing. Users read host/docs/guide/outputs.md.
+"""
 
 import ipaddress
+from operator import attrgetter
 from typing import Annotated, Literal, NamedTuple, get_args
-from urllib.parse import urlsplit
 
 import msgspec
 
-from fltea.records.secret import refuse_secret
+from fltea.settings.mqtt import MqttConfig
 from fltea.settings.setting import Setting, Table
 
 Recorded = Literal[
@@ -131,103 +136,6 @@ class RecordConfig(Table, frozen=True):
         return msgspec.structs.replace(self, channels=usual if self.channels is None else self.channels)
 
 
-class BrokerAddress(NamedTuple):
-    """Where an MQTT broker listens."""
-
-    host: str
-    port: int
-    tls: bool
-
-    def __str__(self) -> str:
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"{'mqtts' if self.tls else 'mqtt'}://{host}:{self.port}"
-
-
-class MqttConfig(Table, frozen=True):
-    """Publishing to an MQTT broker; off without one."""
-
-    broker: Annotated[
-        str | None,
-        Setting(
-            "MQTT broker to publish to: HOST[:PORT], or mqtts://HOST[:PORT] for TLS; user and password "
-            "from FLTEA_MQTT_USER and FLTEA_MQTT_PASSWORD.",
-            flags=("--mqtt",),
-            metavar="BROKER",
-            example="mqtts://broker.example",
-        ),
-    ] = None
-    prefix: Annotated[str, Setting("Beginning of all topics.")] = "fltea"
-    discovery: Annotated[
-        str | None,
-        Setting(
-            "Prefix under which Home Assistant looks for devices; each board then appears there by itself.",
-            example="homeassistant",
-        ),
-    ] = None
-    estimate_every: Annotated[
-        int,
-        Setting(
-            "Publish the estimate of every N-th sample (`seq` a multiple of N). The larger of this and "
-            "`output.every` counts.",
-            unit="samples",
-            least=1,
-        ),
-    ] = 10
-    sample_every: Annotated[int, Setting("The same for samples; 0: none.", unit="samples", least=0)] = 0
-    stream_qos: Annotated[
-        Literal[0, 1],
-        Setting("Quality of service of estimates and samples; everything else has 1."),
-    ] = 0
-    tls: Annotated[bool, Setting("Use TLS, as with mqtts://.")] = False
-    ca: Annotated[
-        str | None,
-        Setting("PEM file of the authority that signed the broker's certificate.", example="ca.pem"),
-    ] = None
-    cert: Annotated[str | None, Setting("PEM file of this client's certificate.", example="client.pem")] = (
-        None
-    )
-    key: Annotated[str | None, Setting("PEM file of the certificate's key.", example="client.key")] = None
-    insecure: Annotated[bool, Setting("Accept any certificate of the broker.")] = False
-    password_file: Annotated[
-        str | None, Setting("File with one line USER:PASSWORD.", example="/etc/fltea/mqtt")
-    ] = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name, topic in (("prefix", self.prefix), ("discovery", self.discovery)):
-            for level in () if topic is None else topic.split("/"):
-                if not level or any(c in "+#" or ord(c) < 32 for c in level) or level.startswith("$"):
-                    raise ValueError(f"{name} must be a topic without +, #, a leading $ or empty levels")
-        if self.key is not None and self.cert is None:
-            raise ValueError("key belongs to a certificate: give cert too")
-        tls_only = [name for name in ("ca", "cert", "insecure") if getattr(self, name)]
-        if self.broker is not None and tls_only and not self.address().tls:
-            raise ValueError(f"{tls_only[0]} has no use without TLS: write mqtts://, or tls = true")
-        if self.broker is not None:
-            self.address()
-
-    def address(self) -> BrokerAddress:
-        """Take the broker's address apart.
-
-        Raises:
-            ValueError: it is none; the text does not repeat it.
-            UsageError: there is a password in it.
-        """
-        assert self.broker is not None
-        refuse_secret("mqtt.broker", self.broker, "mqtt")
-        try:
-            url = urlsplit(self.broker if "://" in self.broker else f"mqtt://{self.broker}")
-            tls = self.tls or url.scheme == "mqtts"
-            port = url.port if url.port is not None else 8883 if tls else 1883
-            host = url.hostname or ""
-            host.encode("idna")
-        except ValueError:  # UnicodeError is one
-            host, port = "", 0
-        if not host or not port or url.scheme not in ("mqtt", "mqtts") or url.path.strip("/") or url.query:
-            raise ValueError("broker must be HOST, HOST:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT")
-        return BrokerAddress(host, port, tls)
-
-
 def _address(what: str, flag: str, port: int) -> Setting:
     return Setting(
         f"{what}, PORT or HOST:PORT; without a host for this machine only.",
@@ -323,3 +231,68 @@ class StateConfig(Table, frozen=True):
         float,
         Setting("Time between snapshots; another is written at the end.", unit="s", above=0),
     ] = 60.0
+
+
+class Outputs(Table, frozen=True, kw_only=True):
+    """The tables of the outputs; by keyword only, so that they stand behind what `Config` has of its own."""
+
+    output: OutputConfig = OutputConfig()
+    record: RecordConfig = RecordConfig()
+    mqtt: MqttConfig = MqttConfig()
+    dashboard: DashboardConfig = DashboardConfig()
+    metrics: MetricsConfig = MetricsConfig()
+    state: StateConfig = StateConfig()
+
+
+class Output(NamedTuple):
+    """One output.
+
+    name: the key of its counts in `stats.outputs`. on: path of the setting that switches it on, by any value
+    or by one of `when`. module: of `fltea.sinks`, which has `open_output`. each: opened once for the program,
+    for each device, or once for all sources that stand for many devices. section: the heading on the page of
+    outputs; what: the output gives, in that page's table. extra, library: the extra of the package and the
+    module that it needs. of_many: whether it takes the records of sources that stand for many devices.
+    """
+
+    name: str
+    on: str
+    module: str
+    each: Literal["program", "device", "shared source"]
+    section: str
+    what: str
+    extra: str = ""
+    library: str = ""
+    when: tuple[str, ...] = ()
+    of_many: bool = True
+
+    def is_on(self, config: Outputs) -> bool:
+        """Return whether the configuration asks for this output."""
+        value = attrgetter(self.on)(config)
+        return value in self.when if self.when else value is not None
+
+
+_LINES = "Lines as a table", "records as lines of JSON"
+_TABLE = "Lines as a table", "a live table on a terminal"
+_RECORD = "Recordings in MCAP", "all bytes and records in files"
+_MQTT = "MQTT", "records to a broker"
+
+OUTPUTS = (
+    Output("stdout", "format", "ndjson", "program", *_LINES, when=("ndjson",)),
+    Output("record", "record.folder", "record", "device", *_RECORD, "record", "mcap", of_many=False),
+    Output("mqtt", "mqtt.broker", "mqtt.sink", "device", *_MQTT, "mqtt", "paho"),
+    Output("mqtt", "mqtt.broker", "mqtt.many", "shared source", *_MQTT, "mqtt", "paho"),
+    Output(
+        *("metrics", "metrics.address", "metrics.sink", "program"),
+        *("Metrics", "the newest figures for Prometheus"),
+        *("metrics", "prometheus_client"),
+    ),
+    Output(
+        *("dashboard", "dashboard.address", "page.sink", "program"),
+        *("Live page", "verdicts and drawings in a browser"),
+        *("dashboard", "tornado"),
+        of_many=False,
+    ),
+    Output("stdout", "format", "table", "program", *_TABLE, when=("table",)),
+)
+"""All outputs in the order in which they are opened: lines before all that may report something, and the
+table, which takes the terminal, last. The log on stderr is none of them: nothing of its own is counted."""

@@ -1,11 +1,14 @@
 """One JSON object a line on a binary stream (host/docs/reference/records.md)."""
 
+import io
+import sys
 import time
 from typing import BinaryIO
 
 from fltea.records.block import Block
 from fltea.records.ports import Item, Printed, Sink, SinkClosed, Wanted
 from fltea.sinks.lines import BlockLines
+from fltea.sinks.opening import Opening
 from fltea.sinks.record_json import record_json
 
 BUFFER = 1 << 18
@@ -55,3 +58,9 @@ class NdjsonSink(Sink):
     def close(self) -> None:
         """Write what was added; the stream stays open."""
         self.flush()
+
+
+def open_output(opening: Opening) -> NdjsonSink:
+    """Write to the standard output."""
+    stdout = io.FileIO(sys.stdout.fileno(), "wb", closefd=False)
+    return NdjsonSink(stdout, samples=opening.program.samples)

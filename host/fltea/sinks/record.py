@@ -15,6 +15,7 @@ from fltea.records.ports import Item, Printed, Report, Sink, Wanted
 from fltea.records.records import AnyRecord, Error, Hello
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.lines import BlockLines
+from fltea.sinks.opening import Opening
 from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer
 from fltea.sources.as_wire import as_stated
 
@@ -274,3 +275,9 @@ def _explain(folder: Path, error: OSError, resume_mb: float) -> tuple[str, str]:
         f"recording to {folder} stopped: {error.strerror}. All else goes on; a new file is tried every "
         f"{RETRY_NS // 10**9} s. Is the disk still there, and may this program write to it?"
     )
+
+
+def open_output(opening: Opening) -> RecordSink:
+    """Record one device for as long as the program runs."""
+    settings = opening.program.record.for_devices(len(opening.configs))
+    return RecordSink(settings, opening.device, opening.report)

@@ -31,6 +31,7 @@ from fltea.records.records import (
 from fltea.records.visible import visible
 from fltea.sinks import table_of_device
 from fltea.sinks.changes import MOVES, sentence, time_of
+from fltea.sinks.opening import Opening
 from fltea.sinks.page.axis_sentence import answer_of, axis_sentence
 from fltea.sinks.page.fits import Fits
 from fltea.sinks.table_of_device import grid
@@ -311,3 +312,8 @@ def _unit(axis: AxisEstimate) -> str:
 
 def _rate(value: float | None) -> str:
     return "" if value is None else f"{'+' if value >= 0 else ''}{figure(value, 4)}"
+
+
+def open_output(opening: Opening) -> TableSink:
+    """Take the terminal."""
+    return TableSink()

@@ -9,13 +9,14 @@ from fltea.machine.host_system import System
 from fltea.records.version import __version__
 from fltea.settings.config import Config
 from fltea.settings.extras import how_to_install
+from fltea.settings.outputs import OUTPUTS
 from fltea.wire import layout as wire
 
 RULE = "70-fltea.rules"
 RULE_FOLDERS = ("/etc/udev/rules.d", "/run/udev/rules.d", "/usr/lib/udev/rules.d", "/lib/udev/rules.d")
 INSTALL_RULE = "sudo make install-udev, in a clone of fltea; then plug the board in again."
 UNIT = "fltea.service"
-PACKAGES = {"record": "mcap", "mqtt": "paho", "dashboard": "tornado", "metrics": "prometheus_client"}
+PACKAGES = {output.extra: output.library for output in OUTPUTS if output.extra}
 """Optional parts of fltea, and the module that each needs."""
 
 
@@ -41,14 +42,9 @@ def check_program() -> Iterator[Finding]:
 
 def check_packages(config: Config, system: System) -> Iterator[Finding]:
     """Yield a finding on the packages of outputs; only those that are asked for have to be there."""
-    asked = {
-        "record": config.record.folder,
-        "mqtt": config.mqtt.broker,
-        "dashboard": config.dashboard.address,
-        "metrics": config.metrics.address,
-    }
+    asked = {output.extra for output in OUTPUTS if output.is_on(config)}
     missing = [extra for extra, module in PACKAGES.items() if not system.has_module(module)]
-    needed = [extra for extra in missing if asked[extra] is not None]
+    needed = [extra for extra in missing if extra in asked]
     if needed:
         yield problem(
             "packages",

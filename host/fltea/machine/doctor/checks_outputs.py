@@ -5,13 +5,13 @@ import itertools
 import os
 import socket
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from fltea.machine.doctor.finding import Finding, ok, problem, warning
 from fltea.machine.host_system import System, first_existing
 from fltea.settings.config import Config
-from fltea.settings.outputs import MqttConfig, listen_address
+from fltea.settings.outputs import OUTPUTS, listen_address
 
 CONNECT_S = 3.0
 DAYS_LEFT = 7.0
@@ -24,18 +24,15 @@ SERVICE_USER = "fltea"
 def check_outputs(configs: Sequence[Config], system: System) -> Iterator[Finding]:
     """Yield a finding on everything that the configuration names as an output."""
     config = configs[0]  # outputs are the same for all devices
-    if config.record.folder is not None:
-        yield from _recordings(Path(config.record.folder), len(configs), system)
+    for name in dict.fromkeys(output.name for output in OUTPUTS if output.is_on(config)):
+        if name in LOOKS:
+            yield from LOOKS[name](configs, system)
     if config.state.file is not None:
         yield from _snapshot(Path(config.state.file))
-    if config.mqtt.broker is not None:
-        yield _broker(config.mqtt)
-    for name, address in (("dashboard", config.dashboard.address), ("metrics", config.metrics.address)):
-        if address is not None:
-            yield _listener(name, str(address), system)
 
 
-def _recordings(folder: Path, devices: int, system: System) -> Iterator[Finding]:
+def _recordings(configs: Sequence[Config], system: System) -> Iterator[Finding]:
+    devices, folder = len(configs), Path(configs[0].record.folder or "")
     yield from _writable("recordings", folder)
     free_bytes, known = system.free_bytes(folder), _recording_rate(folder)
     bytes_per_s = known or TYPICAL_BYTES_PER_S * devices
@@ -88,20 +85,28 @@ def _snapshot(file: Path) -> Iterator[Finding]:
         yield problem("state", f"there is no folder {folder}.", f"mkdir -p {folder}")
 
 
-def _broker(settings: MqttConfig) -> Finding:
-    host, port, *_ = settings.address()
+def _broker(configs: Sequence[Config], system: System) -> Iterator[Finding]:
+    host, port, *_ = configs[0].mqtt.address()
     try:
         socket.create_connection((host, port), CONNECT_S).close()
     except OSError as error:
-        return problem(
+        yield problem(
             "mqtt",
             f"the broker at {host}, port {port}, cannot be reached ({error.strerror or error}).",
             "is it running, does it listen on that address and port, is a firewall between? fltea goes on "
             "without it and tries again.",
         )
-    return ok(
-        "mqtt", f"something answers at {host}, port {port}; whether it lets fltea in shows when it runs"
-    )
+    else:
+        text = f"something answers at {host}, port {port}; whether it lets fltea in shows when it runs"
+        yield ok("mqtt", text)
+
+
+def _page(configs: Sequence[Config], system: System) -> Iterator[Finding]:
+    yield _listener("dashboard", str(configs[0].dashboard.address), system)
+
+
+def _metrics(configs: Sequence[Config], system: System) -> Iterator[Finding]:
+    yield _listener("metrics", str(configs[0].metrics.address), system)
 
 
 def _listener(check: str, address: str, system: System) -> Finding:
@@ -125,3 +130,12 @@ def _listener(check: str, address: str, system: System) -> Finding:
             check, f"{host}:{port} cannot be used ({error.strerror or error}).", "give PORT or HOST:PORT."
         )
     return ok(check, f"{host}:{port} is free")
+
+
+LOOKS: dict[str, Callable[[Sequence[Config], System], Iterator[Finding]]] = {
+    "record": _recordings,
+    "mqtt": _broker,
+    "metrics": _metrics,
+    "dashboard": _page,
+}
+"""What is looked at before an output is used, by its name in `OUTPUTS`; the standard output needs none."""

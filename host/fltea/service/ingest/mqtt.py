@@ -13,7 +13,7 @@ from paho.mqtt.subscribeoptions import SubscribeOptions
 
 from fltea.records.ports import Report
 from fltea.service.ingest.inbox import Inbox
-from fltea.settings.outputs import MqttConfig
+from fltea.settings.mqtt import MqttConfig
 from fltea.sinks.mqtt.broker import KEEPALIVE_S, Broker
 
 BACKOFF_S = (0.5, 1.0, 2.0, 5.0, 10.0)

@@ -28,6 +28,7 @@ from fltea.records.records import (
 from fltea.settings.outputs import MetricsConfig, listen_address
 from fltea.sinks.listening import cannot_listen, is_own, own_names, url_of
 from fltea.sinks.metrics.families import Families, Newest
+from fltea.sinks.opening import Opening
 
 POLL_S = 0.1
 NOT_OURS = (
@@ -172,3 +173,8 @@ def _listen(host: str, port: int, handler: type[_Handler]) -> _Server:
         return (_Server6 if ":" in host else _Server)((host, port), handler)
     except (OSError, UnicodeError) as error:
         raise cannot_listen("[metrics] address", host, port, error) from error
+
+
+def open_output(opening: Opening) -> MetricsSink:
+    """Answer Prometheus."""
+    return MetricsSink(opening.program.metrics, opening.outlets, opening.report)

@@ -15,7 +15,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 from fltea.records.errors import UsageError
 from fltea.records.ports import Report
 from fltea.settings.login_file import read_login
-from fltea.settings.outputs import BrokerAddress, MqttConfig
+from fltea.settings.mqtt import BrokerAddress, MqttConfig
 
 USER, PASSWORD = "FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"
 KEEPALIVE_S = 15

@@ -16,13 +16,14 @@ from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.ports import Departed, Item, Report, Sink
 from fltea.records.records import Record
 from fltea.records.repeat import OnceAMinute
-from fltea.settings.outputs import MqttConfig
+from fltea.settings.mqtt import MqttConfig
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.connection import POLL_S, Up
 from fltea.sinks.mqtt.link import Link
 from fltea.sinks.mqtt.shared import SharedConnection
 from fltea.sinks.mqtt.sink import FAREWELL_S, MqttSink
 from fltea.sinks.mqtt.status import Status
+from fltea.sinks.opening import Opening
 
 LOOK_S = 0.5
 """The time between two looks at all devices; those that have sent something are looked at at once."""
@@ -150,3 +151,8 @@ class ManyMqttSink(Sink):
         """Report once what all devices meet at the same time, such as a broker that is away."""
         if self._once_a_minute.is_due(kind, host_ns()):
             self._report(kind, message)
+
+
+def open_output(opening: Opening) -> ManyMqttSink:
+    """Publish what all devices of shared sources say."""
+    return ManyMqttSink(opening.program.mqtt, opening.shared[0], opening.report, set(opening.apart))

@@ -9,7 +9,7 @@ from fltea.records.block import Block
 from fltea.records.identities import MOST, FewIdentities
 from fltea.records.ports import Item, Report, Sink, Wanted
 from fltea.records.records import AnyRecord, DeviceEstimates, DeviceFits, Estimate, Fit, Hello, Record, Stats
-from fltea.settings.outputs import MqttConfig
+from fltea.settings.mqtt import MqttConfig
 from fltea.sinks.lines import BlockLines
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.delivery import BACKLOG, Delivery, Message
@@ -17,6 +17,7 @@ from fltea.sinks.mqtt.discovery import discovery, discovery_topic
 from fltea.sinks.mqtt.link import Link
 from fltea.sinks.mqtt.shared import SharedConnection
 from fltea.sinks.mqtt.status import DeviceStatus, status_of
+from fltea.sinks.opening import Opening
 from fltea.sinks.record_json import record_json
 
 FAREWELL_S = 5.0
@@ -267,3 +268,8 @@ def device_level(hello: Hello, device: str) -> str:
     """Return the board's own identifier, else the device's name, as one level of a topic."""
     name = (hello.device_id or device)[:LONGEST_NAME]
     return re.sub(r"[+#/\x00-\x1f\x7f-\x9f]", "_", name) or "_"
+
+
+def open_output(opening: Opening) -> MqttSink:
+    """Publish what one device says."""
+    return MqttSink(opening.program.mqtt, opening.device, opening.report)

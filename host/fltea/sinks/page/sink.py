@@ -13,6 +13,7 @@ from fltea.settings.estimator import EstimateOn
 from fltea.settings.login_file import read_login
 from fltea.settings.outputs import DashboardConfig
 from fltea.sinks.listening import own_names, url_of
+from fltea.sinks.opening import Opening
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.requests import ROUTES, PageSite
 from fltea.sinks.page.state import State
@@ -82,3 +83,11 @@ class DashboardSink(Sink):
         self._ready.set()
         self._loop.start()
         self._loop.close(all_fds=True)
+
+
+def open_output(opening: Opening) -> DashboardSink:
+    """Serve the page, and say where it is."""
+    devices = {config.name or "": config.estimator.estimate_on for config in opening.configs}
+    page = DashboardSink(opening.program.dashboard, devices, opening.report, opening.recorder)
+    opening.say(f"fltea: live page at {page.url}\n")
+    return page

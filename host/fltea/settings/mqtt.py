@@ -1,0 +1,104 @@
+"""Settings of the output to an MQTT broker."""
+
+from typing import Annotated, Literal, NamedTuple
+from urllib.parse import urlsplit
+
+from fltea.records.secret import refuse_secret
+from fltea.settings.setting import Setting, Table
+
+
+class BrokerAddress(NamedTuple):
+    """Where an MQTT broker listens."""
+
+    host: str
+    port: int
+    tls: bool
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{'mqtts' if self.tls else 'mqtt'}://{host}:{self.port}"
+
+
+class MqttConfig(Table, frozen=True):
+    """Publishing to an MQTT broker; off without one."""
+
+    broker: Annotated[
+        str | None,
+        Setting(
+            "MQTT broker to publish to: HOST[:PORT], or mqtts://HOST[:PORT] for TLS; user and password "
+            "from FLTEA_MQTT_USER and FLTEA_MQTT_PASSWORD.",
+            flags=("--mqtt",),
+            metavar="BROKER",
+            example="mqtts://broker.example",
+        ),
+    ] = None
+    prefix: Annotated[str, Setting("Beginning of all topics.")] = "fltea"
+    discovery: Annotated[
+        str | None,
+        Setting(
+            "Prefix under which Home Assistant looks for devices; each board then appears there by itself.",
+            example="homeassistant",
+        ),
+    ] = None
+    estimate_every: Annotated[
+        int,
+        Setting(
+            "Publish the estimate of every N-th sample (`seq` a multiple of N). The larger of this and "
+            "`output.every` counts.",
+            unit="samples",
+            least=1,
+        ),
+    ] = 10
+    sample_every: Annotated[int, Setting("The same for samples; 0: none.", unit="samples", least=0)] = 0
+    stream_qos: Annotated[
+        Literal[0, 1],
+        Setting("Quality of service of estimates and samples; everything else has 1."),
+    ] = 0
+    tls: Annotated[bool, Setting("Use TLS, as with mqtts://.")] = False
+    ca: Annotated[
+        str | None,
+        Setting("PEM file of the authority that signed the broker's certificate.", example="ca.pem"),
+    ] = None
+    cert: Annotated[str | None, Setting("PEM file of this client's certificate.", example="client.pem")] = (
+        None
+    )
+    key: Annotated[str | None, Setting("PEM file of the certificate's key.", example="client.key")] = None
+    insecure: Annotated[bool, Setting("Accept any certificate of the broker.")] = False
+    password_file: Annotated[
+        str | None, Setting("File with one line USER:PASSWORD.", example="/etc/fltea/mqtt")
+    ] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, topic in (("prefix", self.prefix), ("discovery", self.discovery)):
+            for level in () if topic is None else topic.split("/"):
+                if not level or any(c in "+#" or ord(c) < 32 for c in level) or level.startswith("$"):
+                    raise ValueError(f"{name} must be a topic without +, #, a leading $ or empty levels")
+        if self.key is not None and self.cert is None:
+            raise ValueError("key belongs to a certificate: give cert too")
+        tls_only = [name for name in ("ca", "cert", "insecure") if getattr(self, name)]
+        if self.broker is not None and tls_only and not self.address().tls:
+            raise ValueError(f"{tls_only[0]} has no use without TLS: write mqtts://, or tls = true")
+        if self.broker is not None:
+            self.address()
+
+    def address(self) -> BrokerAddress:
+        """Take the broker's address apart.
+
+        Raises:
+            ValueError: it is none; the text does not repeat it.
+            UsageError: there is a password in it.
+        """
+        assert self.broker is not None
+        refuse_secret("mqtt.broker", self.broker, "mqtt")
+        try:
+            url = urlsplit(self.broker if "://" in self.broker else f"mqtt://{self.broker}")
+            tls = self.tls or url.scheme == "mqtts"
+            port = url.port if url.port is not None else 8883 if tls else 1883
+            host = url.hostname or ""
+            host.encode("idna")
+        except ValueError:  # UnicodeError is one
+            host, port = "", 0
+        if not host or not port or url.scheme not in ("mqtt", "mqtts") or url.path.strip("/") or url.query:
+            raise ValueError("broker must be HOST, HOST:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT")
+        return BrokerAddress(host, port, tls)

@@ -1,0 +1,119 @@
+"""The table of outputs is whole: what a new one lacks is named, with the file that it belongs in."""
+
+import ast
+import importlib
+import re
+import tomllib
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import site_outputs
+from fltea.machine.doctor.checks_outputs import LOOKS
+from fltea.records.errors import UsageError
+from fltea.service import open_outputs as opening
+from fltea.service.hub import Hub
+from fltea.service.open_source import check_shared
+from fltea.settings.config import SETTINGS, Config, load_config, load_configs
+from fltea.settings.outputs import OUTPUTS, Output, Outputs
+from host_support import ROOT, closed
+from memory_sink import Memory
+
+SINKS = ROOT / "host/fltea/sinks"
+NO_OUTPUTS = {"output", "state"}
+"""Tables of `Outputs` that hold for all outputs, and the snapshots."""
+NOT_IN_THE_TABLE = {"log"}
+"""Sinks that are no output of their own."""
+UNSEEN = {"stdout"}
+"""Nothing can be looked at before it is used."""
+
+EACH = pytest.mark.parametrize("output", OUTPUTS, ids=lambda output: output.module)
+
+
+def sinks() -> Iterator[str]:
+    """Every module that defines a `Sink`, as `Output.module` names it."""
+    for file in SINKS.rglob("*.py"):
+        for node in ast.parse(file.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and any(ast.unparse(base) == "Sink" for base in node.bases):
+                yield ".".join(file.relative_to(SINKS).with_suffix("").parts)
+
+
+def switched_on(output: Output) -> dict[str, Any]:
+    return {output.on: output.when[0] if output.when else SETTINGS[output.on].setting.example}
+
+
+def test_every_table_of_settings_and_every_sink_has_a_row() -> None:
+    tables = {output.on.partition(".")[0] for output in OUTPUTS}
+    forgotten = [name for name in Outputs.__struct_fields__ if name not in tables | NO_OUTPUTS]
+    assert not forgotten, f"settings/outputs.py: OUTPUTS has no row that [{forgotten}] switches on"
+    unused = {*sinks()} - {output.module for output in OUTPUTS} - NOT_IN_THE_TABLE
+    assert not unused, f"settings/outputs.py: OUTPUTS has no row for sinks/{unused}"
+
+
+@EACH
+def test_every_row_has_its_setting_its_sink_and_its_extra(output: Output) -> None:
+    assert output.on in SETTINGS, f"settings/outputs.py: Outputs has no setting {output.on}"
+    assert SETTINGS[output.on].setting.flags, f"{output.on} has no flag that switches {output.name} on"
+    assert not output.is_on(Config(format="none"))
+    assert output.is_on(load_config(None, {"format": "none"} | switched_on(output)))
+    module = importlib.import_module(f"fltea.sinks.{output.module}")
+    assert hasattr(module, "open_output"), f"sinks/{output.module} has no open_output"
+    assert module.open_output.__annotations__["return"].name == output.name
+    if output.extra:
+        project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+        extras = project["optional-dependencies"]
+        assert output.extra in extras, f"pyproject.toml has no extra {output.extra}"
+        assert re.search(rf"[\[,]{output.extra}[\],]", extras["outputs"][0]), "pyproject.toml: extra outputs"
+    assert bool(output.extra) == bool(output.library)
+
+
+def test_the_doctor_looks_at_every_output() -> None:
+    names = {output.name for output in OUTPUTS} - UNSEEN
+    assert not names - LOOKS.keys(), f"machine/doctor/checks_outputs.py: LOOKS has no {names - LOOKS.keys()}"
+    assert not LOOKS.keys() - names
+
+
+@EACH
+def test_the_page_of_outputs_has_a_section_and_a_row_for_each(output: Output) -> None:
+    page = (ROOT / "host/docs/guide/outputs.md").read_text(encoding="utf-8")
+    assert f"\n## {output.section}\n" in page, f"guide/outputs.md has no section {output.section}"
+    assert "\n<!-- generated: outputs -->\n" in page
+    rows = [line for line in site_outputs.outputs().splitlines() if line.startswith(f"| [`{output.name}`]")]
+    assert any(f"`{site_outputs.switch(output)}`" in row for row in rows)
+
+
+@EACH
+@pytest.mark.parametrize("shared", [False, True], ids=["", "with a source of many"])
+def test_each_is_opened_as_often_as_its_row_says(
+    output: Output, shared: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[tuple[str, str]] = []
+
+    def load(module: str, *extra: str) -> SimpleNamespace:
+        def open_output(of: opening.Opening) -> Memory:
+            opened.append((module, of.device))
+            return Memory("stdout")
+
+        return SimpleNamespace(open_output=open_output)
+
+    monkeypatch.setattr(opening, "load", load)
+    urls = ["synthetic:?seed=1", "synthetic:?seed=2", *(["mqtt://broker.example"] if shared else [])]
+    configs = load_configs(None, {"format": "none"} | switched_on(output), urls)
+    hub = Hub(lambda error: None)
+    opening.open_outputs(configs, hub)
+    assert closed(hub)
+    names = [config.name or "" for config in configs[:2]]
+    expected = {"program": [""], "device": names, "shared source": [""] * shared}[output.each]
+    assert [name for module, name in opened if module == f"fltea.sinks.{output.module}"] == expected
+
+
+@EACH
+def test_sources_of_many_devices_refuse_what_is_for_single_ones(output: Output) -> None:
+    settings = {"format": "none", "source": "mqtt://broker.example"} | switched_on(output)
+    config = load_config(None, settings)
+    if output.of_many:
+        check_shared([config])
+        return
+    with pytest.raises(UsageError, match=f"^{SETTINGS[output.on].setting.flags[0]} does not work"):
+        check_shared([config])
