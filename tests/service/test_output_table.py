@@ -46,7 +46,7 @@ def switched_on(output: Output) -> dict[str, Any]:
 def test_every_table_of_settings_and_every_sink_has_a_row() -> None:
     tables = {output.on.partition(".")[0] for output in OUTPUTS}
     forgotten = [name for name in Outputs.__struct_fields__ if name not in tables | NO_OUTPUTS]
-    assert not forgotten, f"settings/outputs.py: OUTPUTS has no row that [{forgotten}] switches on"
+    assert not forgotten, f"settings/outputs.py: OUTPUTS has no row for the settings {forgotten}"
     unused = {*sinks()} - {output.module for output in OUTPUTS} - NOT_IN_THE_TABLE
     assert not unused, f"settings/outputs.py: OUTPUTS has no row for sinks/{unused}"
 
@@ -59,7 +59,8 @@ def test_every_row_has_its_setting_its_sink_and_its_extra(output: Output) -> Non
     assert output.is_on(load_config(None, {"format": "none"} | switched_on(output)))
     module = importlib.import_module(f"fltea.sinks.{output.module}")
     assert hasattr(module, "open_output"), f"sinks/{output.module} has no open_output"
-    assert module.open_output.__annotations__["return"].name == output.name
+    name = module.open_output.__annotations__["return"].name
+    assert name == output.name, f"sinks/{output.module} has the name {name}, its row {output.name}"
     if output.extra:
         project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
         extras = project["optional-dependencies"]
@@ -71,7 +72,7 @@ def test_every_row_has_its_setting_its_sink_and_its_extra(output: Output) -> Non
 def test_the_doctor_looks_at_every_output() -> None:
     names = {output.name for output in OUTPUTS} - UNSEEN
     assert not names - LOOKS.keys(), f"machine/doctor/checks_outputs.py: LOOKS has no {names - LOOKS.keys()}"
-    assert not LOOKS.keys() - names
+    assert not LOOKS.keys() - names, f"settings/outputs.py: OUTPUTS has no {LOOKS.keys() - names}"
 
 
 @EACH
