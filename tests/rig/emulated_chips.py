@@ -39,7 +39,8 @@ class Emulated(NamedTuple):
 
     def make(self, world: Any, **options: Any) -> Chip:
         """Return such a chip in a world."""
-        return self.model(world, **(dict(self.options) | options))
+        chip: Chip = self.model(world, **(dict(self.options) | options))
+        return chip
 
 
 _MPU9250 = Emulated(

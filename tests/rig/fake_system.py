@@ -1,5 +1,6 @@
 """A machine of our own making: a folder for its root, and set answers to what cannot be put into a folder."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -24,7 +25,7 @@ class FakeSystem(System):
         self.kept: bool | None = True
         self.free = 100_000_000_000
         self.without: set[str] = set()
-        self.registers: dict[int, int | dict[int, int] | OSError] = {}
+        self.registers: Mapping[int, int | dict[int, int] | OSError] = {}
 
     def serial_ports(self) -> list[Any]:
         return self.ports

@@ -17,6 +17,7 @@ from fltea.service.hub import Hub
 from fltea.service.open_source import check_shared
 from fltea.settings.config import SETTINGS, Config, load_config, load_configs
 from fltea.settings.outputs import OUTPUTS, Output, Outputs
+from fltea.sinks.opening import Opening
 from host_support import ROOT, closed
 from memory_sink import Memory
 
@@ -92,7 +93,7 @@ def test_each_is_opened_as_often_as_its_row_says(
     opened: list[tuple[str, str]] = []
 
     def load(module: str, *extra: str) -> SimpleNamespace:
-        def open_output(of: opening.Opening) -> Memory:
+        def open_output(of: Opening) -> Memory:
             opened.append((module, of.device))
             return Memory("stdout")
 
