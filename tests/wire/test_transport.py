@@ -16,7 +16,7 @@ from fltea.wire import transport
 from fltea.wire.permission import Group, User
 from fltea.wire.reader import Reader
 from fltea.wire.transport import Port, explain_open_failure
-from host_support import PATIENCE_S, each_ended, wait_until
+from host_support import PATIENCE_S, ROOT, each_ended, wait_until
 from terminal import Terminal
 
 
@@ -191,6 +191,23 @@ def test_no_permission_names_what_opens_the_port(monkeypatch) -> None:
 def test_urls_that_no_retry_can_cure_are_refused(url: str) -> None:
     with pytest.raises(UsageError, match="no serial port that this program knows"):
         Port(url, 250000)
+
+
+@pytest.mark.parametrize("scheme", ["spy", "SPY", "alt", "cp2110"])
+def test_urls_that_write_files_or_load_classes_are_refused_before_pyserial_sees_them(
+    scheme: str, tmp_path: Path
+) -> None:
+    """pyserial's `spy` empties the file of `?file=` when the URL is parsed, before anything is opened."""
+    file = tmp_path / "mine"
+    file.write_text("kept")
+    with pytest.raises(UsageError, match=f"'{scheme.lower()}://' is not among the kinds of addresses"):
+        Port(f"{scheme}:///dev/null?file={file}", 250000)
+    assert file.read_text() == "kept"
+
+
+@pytest.mark.parametrize("scheme", transport.SCHEMES)
+def test_each_kind_of_address_is_documented(scheme: str) -> None:
+    assert f"`serial:{scheme}://" in (ROOT / "host/docs/guide/sources.md").read_text("utf-8")
 
 
 def test_a_port_that_dies_at_once_is_tried_ever_more_slowly(monkeypatch) -> None:

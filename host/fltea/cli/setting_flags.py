@@ -25,7 +25,7 @@ Sources = Annotated[
         "--source",
         "-s",
         metavar="URL",
-        help="`serial:PORT` (a device path, socket://HOST:PORT, hwgrep://REGEXP), "
+        help="`serial:PORT` (a device path, socket://HOST:PORT, rfc2217://HOST:PORT, hwgrep://REGEXP), "
         "`i2c:///dev/i2c-1?addr=0x68` (a sensor on a Raspberry Pi), `iio:NAME` (a sensor with a "
         "driver of the Linux kernel), `replay:FILE` (a recording, of any kind that `fltea identify` takes), "
         "`stdin:` or `serial-text:PORT?baud=115200` (lines of CSV or NDJSON, live), `mqtt://BROKER` "

@@ -30,6 +30,9 @@ ANY_BOARD = f"hwgrep://VID:PID=({'|'.join(f'{v:04X}' for v in DUE_VENDORS)}):{DU
 
 READ_TIMEOUT_S = 0.1
 SOCKET = "socket://"
+SCHEMES = ("socket", "rfc2217", "hwgrep", "loop")
+"""What may stand before `://`. pyserial knows others, which write files or load classes that a URL names."""
+
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 QUEUE_BYTES = 1 << 20
 """Bytes that a consumer may be behind: half a minute of a full line, minutes of samples."""
@@ -46,7 +49,7 @@ def check_url(url: str, baud: int) -> None:
     """Refuse what no retry can cure.
 
     Raises:
-        UsageError: an unknown kind of URL, or 1200 baud (which erases a Due's flash).
+        UsageError: a kind of URL that is not among `SCHEMES`, or 1200 baud (which erases a Due's flash).
     """
     if baud == FORBIDDEN_BAUD:
         raise UsageError(
@@ -56,13 +59,16 @@ def check_url(url: str, baud: int) -> None:
     if baud <= 0:
         raise UsageError(f"a baud rate of {baud} is not possible; the firmware speaks 250000 baud.")
     try:
+        scheme, is_url, _ = url.lower().partition("://")  # as pyserial reads it
+        if is_url and scheme not in SCHEMES:
+            raise ValueError(f"'{scheme}://' is not among the kinds of addresses that it opens")
         serial.serial_for_url(url, baudrate=baud, do_not_open=True)
         if url.startswith(SOCKET) and urlsplit(url).port is None:
             raise ValueError("its port number is missing")
     except (ValueError, re.error) as error:
         raise UsageError(
             f"'{url}' is no serial port that this program knows ({error}). Give a device path such as "
-            "/dev/ttyACM0, or socket://HOST:PORT, hwgrep://REGEXP, loop://."
+            "/dev/ttyACM0, or socket://HOST:PORT, rfc2217://HOST:PORT, hwgrep://REGEXP, loop://."
         ) from error
     except serial.SerialException:
         pass  # hwgrep:// without a match: the port may appear later
@@ -103,8 +109,8 @@ def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
 class Port:
     """One serial URL: how it is opened and read, and when it is tried again.
 
-    url: whatever `serial.serial_for_url` opens. The port is taken exclusively. Opening raises DTR where
-    there is one (which resets a Due); nothing here touches it. latency_s: how old its first bytes may become
+    url: a device's path, or a URL of one of `SCHEMES`. The port is taken exclusively. Opening raises DTR
+    where there is one (which resets a Due); nothing here touches it. latency_s: how old its first bytes may become
     before `Ports` gives them. overflow_bytes: read and thrown away, because whoever takes them was too slow.
     """
 
