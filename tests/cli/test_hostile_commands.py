@@ -31,7 +31,7 @@ BASES = {
     "export": ["export", "rest.npz", "--to", "out.npz", "--force"],
     "recover": ["recover", "rest.mcap"],
     "doctor": ["doctor", "--source", "replay:rest.npz"],
-    "flash": ["flash", "--dry-run", "--method", "bossac", "--port", "/dev/null"],
+    "flash": ["flash", "--dry-run", "--method", "bossac", "--erase-unknown-board", "--port", "/dev/null"],
     "fleet": ["fleet", "--mqtt", "127.0.0.1:1", "--json"],
     "inspect": ["inspect", "rest.npz"],
     "simulate": ["simulate", "out.csv", "-n", "20", "--window", "20"],
@@ -129,7 +129,16 @@ WHOLE = {
     "state": [*FAST, "--pace", "fast", "-s", "synthetic:?n=60", "--state"],
     "model": ["simulate", "out.csv", "-n", "10", "--model"],
     "password": ["fleet", "--mqtt", "127.0.0.1:1", "--listen", "0", "--password-file"],
-    "image": ["flash", "--dry-run", "--method", "bossac", "--port", "/dev/null", "--image"],
+    "image": [
+        "flash",
+        "--dry-run",
+        "--method",
+        "bossac",
+        "--erase-unknown-board",
+        "--port",
+        "/dev/null",
+        "--image",
+    ],
 }
 """Files that are read whole."""
 

@@ -31,6 +31,10 @@ def board() -> Iterator[SpeakingPort]:
         yield port
 
 
+UNKNOWN = "--erase-unknown-board"
+"""A pseudo-terminal has no USB id."""
+
+
 class Desk:
     """A board, an image, and a folder of tools that is the whole PATH of the command."""
 
@@ -59,7 +63,7 @@ class Desk:
         return path.read_text().splitlines() if path.exists() else []
 
     def run(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
-        return fltea_here("flash", "--port", self.board.port, *arguments)
+        return fltea_here("flash", "--port", self.board.port, UNKNOWN, *arguments)
 
     def write(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         return self.run("--image", self.image, *arguments)
@@ -76,7 +80,7 @@ def desk(tmp_path: Path, board: SpeakingPort, monkeypatch: pytest.MonkeyPatch) -
 
 def test_bossac_after_a_touch_at_1200_baud(desk: Desk) -> None:
     desk.add("bossac")
-    done = fltea("flash", "--port", desk.board.port, "--image", desk.image, "--yes")
+    done = fltea("flash", "--port", desk.board.port, UNKNOWN, "--image", desk.image, "--yes")
     assert (done.returncode, done.stderr) == (0, "")
     assert "runs '0.1.0 due 12ab34cd'" in done.stdout
     name = desk.board.port.removeprefix("/dev/")
@@ -121,7 +125,7 @@ def test_arduino_cli_comes_first_then_platformio_then_bossac(desk: Desk) -> None
 def test_a_dry_run_does_nothing(desk: Desk) -> None:
     desk.add("bossac")
     before, port = desk.board.speed(), desk.board.port
-    done = fltea("flash", "--port", port, "--image", desk.image, "--dry-run")
+    done = fltea("flash", "--port", port, UNKNOWN, "--image", desk.image, "--dry-run")
     assert done.returncode == 0
     touch, erase, calm, erase_again, write = (line.split("#")[0].strip() for line in done.stdout.splitlines())
     assert (touch, erase) == (f"stty -F {port} 1200", "sleep 1")
@@ -248,6 +252,36 @@ def test_no_other_port_is_ever_touched(
     with pytest.raises(error, match=text) as refused:
         flash.find_port(board.port if wanted else None)
     assert type(refused.value) is error
+
+
+@pytest.mark.parametrize("usb_id", [(None, None), (0x0403, 0x6001)], ids=["no USB id", "of another chip"])
+def test_a_port_that_nothing_names_a_due_is_opened_only_with_the_flag(
+    usb_id: tuple[int | None, int | None], desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Opening at 1200 baud erases; `--yes` alone is no word on which board that may be."""
+    ports(monkeypatch, (desk.board.port, *usb_id))
+    desk.add("bossac")
+    before, given = desk.board.speed(), ("--port", desk.board.port, "--image", desk.image, "--yes")
+    for more in ([], ["--dry-run"]):
+        done = fltea_here("flash", *given, *more)
+        assert (done.returncode, UNKNOWN in done.stderr) == (2, True)
+    assert (desk.calls(), desk.board.speed()) == ([], before)
+    assert fltea_here("flash", *given, UNKNOWN).returncode == 0
+    assert len(desk.calls()) == 2
+
+
+def test_the_flag_does_not_open_a_native_port(board: SpeakingPort, monkeypatch: pytest.MonkeyPatch) -> None:
+    ports(monkeypatch, (board.port, *NATIVE))
+    with pytest.raises(UsageError, match="native port"):
+        flash.find_port(board.port, erase_unknown=True)
+
+
+def test_a_due_needs_no_flag(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `make flash PORT=PORT` calls it."""
+    ports(monkeypatch, (desk.board.port, *DUE))
+    desk.add("bossac")
+    done = fltea_here("flash", "--port", desk.board.port, "--image", desk.image, "--yes")
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_a_link_to_the_port_will_do(

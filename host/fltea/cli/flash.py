@@ -29,12 +29,21 @@ def flash(
             "bare-metal image. `auto`: the first of them that is installed."
         ),
     ] = "auto",
+    erase_unknown_board: Annotated[
+        bool,
+        typer.Option(
+            "--erase-unknown-board",
+            help="Go on at a --port whose USB id does not name a Due's programming port. Whatever board is "
+            "there is erased.",
+        ),
+    ] = False,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the commands and do nothing.")] = False,
 ) -> None:
     """Write the firmware to an Arduino Due, and check that it runs.
 
-    What was on the board is erased. Wiring and both ports of the firmware: firmware/README.md.
+    What was on the board is erased, so only a port whose USB id names the programming port of a Due is
+    opened. Wiring and both ports of the firmware: firmware/README.md.
 
     For example:
 
@@ -44,21 +53,22 @@ def flash(
     """
     from fltea.machine import flash as flashing
 
-    plan = flashing.make_plan(method, flashing.find_port(port), image, flashing.clone_root())
+    found = flashing.find_port(port, erase_unknown=erase_unknown_board)
+    plan = flashing.make_plan(method, found, image, flashing.clone_root())
     if plan.warning:
         say(f"fltea: warning: {plan.warning}")
     if dry_run:
         print_lines("\n".join(plan.lines()))
         return
     if not yes:
-        _ask(plan)
+        _ask(plan, "whatever board is" if erase_unknown_board else "the Due")
     flashing.carry_out(plan)
     hello = flashing.wait_for_hello(plan.port, plan.build_id)
     checked = "" if plan.build_id else " (no file beside the image names its build)"
     print_lines(f"{plan.port}: runs '{visible(hello.firmware_version)}'{checked}. Next: fltea run")
 
 
-def _ask(plan: "Plan") -> None:
+def _ask(plan: "Plan", what: str) -> None:
     if not sys.stdin.isatty():
         raise UsageError("flashing erases what is on the board; give --yes if that is meant.")
-    typer.confirm(f"Erase the Due at {plan.port} and write fltea's firmware with {plan.method}?", abort=True)
+    typer.confirm(f"Erase {what} at {plan.port} and write fltea's firmware with {plan.method}?", abort=True)

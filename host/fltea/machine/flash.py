@@ -66,6 +66,10 @@ WRONG_PORT = (
 )
 
 
+ERASE_UNKNOWN = "--erase-unknown-board"
+"""The option that lets a port be opened at 1200 baud whose USB id does not name a Due."""
+
+
 class Plan(NamedTuple):
     """The steps of flashing, in their order."""
 
@@ -95,11 +99,13 @@ def clone_root() -> Path | None:
     return root if (root / "firmware/arduino/fltea/fltea.ino").is_file() else None
 
 
-def find_port(wanted: str | None) -> str:
+def find_port(wanted: str | None, *, erase_unknown: bool = False) -> str:
     """Return the path of the programming port: `wanted`, or that of the only Due of this machine.
 
+    erase_unknown: `wanted` may be a port whose USB id does not name the programming port of a Due.
+
     Raises:
-        UsageError: `wanted` is another device, or there are several Dues.
+        UsageError: `wanted` is another device, or nobody knows what it is, or there are several Dues.
         FlteaError: there is no such port.
     """
     ports = {os.path.realpath(p.device): (p.vid, p.pid) for p in list_ports.comports()}
@@ -112,9 +118,8 @@ def find_port(wanted: str | None) -> str:
             raise FlteaError(f"{wanted}: there is no such port. {list_ports_text()}")
         if path in natives:
             raise UsageError(f"{wanted} {WRONG_PORT}.")
-        vid, pid = ports.get(path, (None, None))
-        if vid is not None and pid is not None and path not in dues:
-            raise UsageError(f"{wanted} is no Arduino Due (its USB id is {vid:04x}:{pid:04x}).")
+        if path not in dues and not erase_unknown:
+            raise UsageError(_unknown(wanted, *ports.get(path, (None, None))))
         return path
     if len(dues) > 1:
         raise UsageError(f"there are several Dues: {', '.join(sorted(dues))}. Choose one with --port.")
@@ -125,6 +130,17 @@ def find_port(wanted: str | None) -> str:
     raise FlteaError(
         "no Arduino Due found (USB id 2341:003d or 2a03:003d). Is it plugged in by its programming port, the "
         f"one beside the power socket, with a cable that carries data? {list_ports_text()}"
+    )
+
+
+def _unknown(port: str, vid: int | None, pid: int | None) -> str:
+    if vid is None or pid is None:
+        what = f"{port} has no USB id, so nobody knows whether an Arduino Due is there"
+    else:
+        what = f"{port} is no Arduino Due (its USB id is {vid:04x}:{pid:04x}, a Due's 2341:003d or 2a03:003d)"
+    return (
+        f"{what}. Nothing was opened, since that erases some boards. If it is the programming port of a "
+        f"Due all the same, as with another USB chip: {ERASE_UNKNOWN}. {list_ports_text()}"
     )
 
 

@@ -110,8 +110,9 @@ class Port:
     """One serial URL: how it is opened and read, and when it is tried again.
 
     url: a device's path, or a URL of one of `SCHEMES`. The port is taken exclusively. Opening raises DTR
-    where there is one (which resets a Due); nothing here touches it. latency_s: how old its first bytes may become
-    before `Ports` gives them. overflow_bytes: read and thrown away, because whoever takes them was too slow.
+    where there is one (which resets a Due); nothing here touches it. latency_s: how old its first bytes may
+    become before `Ports` gives them. overflow_bytes: read and thrown away, because whoever takes them was
+    too slow.
     """
 
     def __init__(self, url: str, baud: int, latency_s: float = 0.0) -> None:
