@@ -46,6 +46,28 @@ def script(action: str, **environment: str | Path) -> subprocess.CompletedProces
     return run(SCRIPT, action, **environment)
 
 
+SHUT = "umask 077; exec "
+"""What a shell of a careful administrator does before any command."""
+
+INSTALLER = """#!/bin/sh
+# Does to the umask what Python's venv and pip do to it: nothing.
+case "$*" in
+"-m venv "*) mkdir -p "$3/bin" "$3/lib" && : > "$3/pyvenv.cfg" && cp "$0" "$3/bin/python" ;;
+"-m pip "*)
+    here=$(dirname "$0")
+    echo > "$here/../lib/module.py"
+    echo '#!/bin/sh' > "$here/fltea"
+    chmod +x "$here/fltea" ;;
+esac
+"""
+
+
+def modes(folder: Path) -> dict[str, int]:
+    """Of all that is in a folder, and of itself."""
+    paths = (folder, *folder.rglob("*"))
+    return {str(path.relative_to(folder)): stat.S_IMODE(path.stat().st_mode) for path in paths}
+
+
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
     done = script("install", DESTDIR=tmp_path / "tree", PREFIX="/usr/lib/fltea")
@@ -176,6 +198,34 @@ def test_everything_is_written_into_the_tree(tree: Path) -> None:
     assert stat.S_IMODE((tree / "etc/fltea/mqtt.env").stat().st_mode) == 0o600
     unit = (tree / "etc/systemd/system" / UNIT).read_text("utf-8")
     assert "\nExecStart=/usr/lib/fltea/bin/fltea run --config /etc/fltea/fltea.toml --format none\n" in unit
+
+
+def test_what_is_installed_under_a_strict_umask_can_be_read(tmp_path: Path) -> None:
+    done = run("sh", "-c", f"{SHUT}{SCRIPT} install", DESTDIR=tmp_path / "tree")
+    assert (done.returncode, done.stderr) == (0, "")
+    found = modes(tmp_path / "tree")
+    assert found.pop("etc/fltea/mqtt.env") == 0o600  # its password
+    assert set(found.values()) == {0o755, 0o644}
+
+
+def test_a_program_installed_under_a_strict_umask_is_run_by_any_user(tmp_path: Path) -> None:
+    """The second time over what an earlier installation left unreadable."""
+    python, program = tmp_path / "python", tmp_path / "opt/program"
+    python.write_text(INSTALLER)
+    python.chmod(0o700)
+    wanted = {".": 0o755, "bin": 0o755, "lib": 0o755, "bin/fltea": 0o755}
+    for _ in range(2):
+        done = run("sh", "-c", f"{SHUT}{SCRIPT} program", PREFIX=program, PYTHON=python)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert modes(program) == wanted | {
+            "bin/python": 0o755,
+            "lib/module.py": 0o644,
+            "pyvenv.cfg": 0o644,
+        }
+        assert stat.S_IMODE(program.parent.stat().st_mode) == 0o755
+        for path in program.rglob("*"):
+            path.chmod(path.stat().st_mode & 0o700)
+        program.chmod(0o700)
 
 
 def test_the_unit_allows_as_many_descriptors_as_the_program_would_take() -> None:

@@ -1,12 +1,15 @@
 #!/usr/bin/env bash
-# Puts fltea on this machine as a service, or only its udev rule, or takes it off again.
+# Puts fltea on this machine as a service, or only its udev rule or program, or takes it off again.
 # Usage: service.sh install|udev|uninstall          (make install-service, install-udev, uninstall-service)
+#        service.sh program                         the program alone, into PREFIX, for another supervisor
 #   PREFIX=/opt/fltea    where the program goes, in a virtual environment of its own
 #   DESTDIR=             put the files into this tree and touch nothing else; the program itself is then the
 #                        packager's business (a wheel), and PREFIX names where it will be
 set -euo pipefail
+# The service and every user read and run what is put down here, whatever the umask of the one who installs.
+umask 022
 cd "$(dirname "$0")/../.."
-action=${1:?usage: service.sh install|udev|uninstall}
+action=${1:?usage: service.sh install|program|udev|uninstall}
 prefix=${PREFIX:-/opt/fltea}
 tree=${DESTDIR:-}
 python=${PYTHON:-python3}
@@ -59,6 +62,10 @@ put_program() {
         PATH="$prefix/bin:$PATH" "${pip[@]}" --config-settings=build-dir="$build" .; }; then
         refuse "the program could not be installed; see above. It needs g++ and python3-dev, and the network."
     fi
+    chmod -R u+rwX,go+rX,go-w "$prefix" # also what an earlier installation made under another umask
+}
+
+put_command() {
     if [ ! -e "$command" ] || [ "$(readlink "$command")" = "$prefix/bin/fltea" ]; then
         install -d "$(dirname "$command")"
         ln -sf "$prefix/bin/fltea" "$command"
@@ -91,6 +98,7 @@ install)
             "with SIGTERM to end it and no restart after exit code 2; or give DESTDIR=FOLDER to only write the files."
     need_root install-service
     put_program
+    put_command
     put fltea.sysusers "$user" 644
     systemd-sysusers "$user"
     put 70-fltea.rules "$rule" 644
@@ -107,6 +115,10 @@ install)
     say "    its settings: $settings, then: sudo systemctl restart fltea"
     say "    its data:     /var/lib/fltea"
     say "    undo:         sudo make uninstall-service"
+    ;;
+program)
+    put_program
+    say "the program is $prefix/bin/fltea"
     ;;
 udev)
     [ -n "$tree" ] || need_root install-udev
@@ -137,6 +149,6 @@ uninstall)
     say "    sudo rm -r $tree/etc/fltea $tree/var/lib/fltea && sudo userdel fltea"
     ;;
 *)
-    refuse "usage: service.sh install|udev|uninstall"
+    refuse "usage: service.sh install|program|udev|uninstall"
     ;;
 esac
