@@ -1,5 +1,6 @@
 """Snapshots: what goes on, bit for bit, and what must not."""
 
+import errno
 import os
 import random
 import shutil
@@ -227,6 +228,19 @@ def test_a_second_program_is_told_who_has_the_file(tmp_path: Path) -> None:
     assert f"another fltea (process {os.getpid()}) keeps its snapshots there" in done.stderr
     held.close()
     assert fltea_here(*command).returncode == 0
+
+
+def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As NFS without its lock daemon is one; the command line is right."""
+
+    def refuse(held: int, operation: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(state_module.fcntl, "flock", refuse)
+    done = fltea_here("run", "-s", "synthetic:?n=300", "--once", "--state", str(tmp_path / "state"))
+    assert done.returncode == 1
+    assert "lock cannot be taken ([Errno 37] No locks available)" in done.stderr
+    assert "On a file system without locks" in done.stderr
 
 
 def test_what_is_new_is_written_soon_and_not_a_period_later(

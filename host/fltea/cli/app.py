@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from fltea.cli import standard_output
 from fltea.cli.devices import devices, doctor
 from fltea.cli.flash import flash
 from fltea.cli.fleet import fleet
@@ -57,14 +58,22 @@ def main() -> None:
     gc.freeze()  # what has been loaded stays
     atexit.register(gc.freeze)  # or the interpreter, which ends, looks for cycles in all there is: 40 ms
     try:
-        if sys.stdout is None:
-            raise UsageError("standard output is closed; give it a file, a pipe or /dev/null.")
+        standard_output.prepare()
         refuse_secrets(sys.argv[1:])
         if not {*sys.argv[1:]} & {*HELP, "--version"}:
             check_address_space()
-        app()
+        try:
+            app()
+        except SystemExit as end:
+            if not end.code:
+                standard_output.finish()
+            raise
     except KeyboardInterrupt:
         sys.exit(130)
+    except standard_output.OutputFailed as error:
+        standard_output.silence_stdout()
+        say(f"fltea: error: {error.as_failure()}")
+        sys.exit(FlteaError.exit_code)
     except Exception as error:
         failure = error if isinstance(error, FlteaError) else _failure(error)
         if failure is None or (failure is not error and sys.flags.dev_mode):
@@ -124,13 +133,9 @@ def inspect(
                 if number == limit:
                     break
         print(summary(reader), flush=True)
-    except OSError as error:
-        from fltea.service.daemon import silence_stdout
-
-        silence_stdout()
-        if isinstance(error, BrokenPipeError):
-            return
-        raise FlteaError(f"cannot write the output: {error}.") from error
+    except BrokenPipeError:
+        standard_output.silence_stdout()
+        return
     if not reader.counts["frames"]:
         raise FlteaError(
             f"{source}: not one valid frame. Is it raw output of the firmware, at the right baud rate?"

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import typer
 
-from fltea.cli.output import print_lines
+from fltea.cli.output import escaped, print_lines
 from fltea.cli.setting_flags import ConfigFile, Sources, takes_settings
 from fltea.records.visible import visible, visible_lines
 
@@ -45,7 +45,7 @@ def devices(
         ports = [_probed(port) for port in ports]
     if json:
         for entry in [*ports, *buses, *sensors]:
-            print(msgspec.json.encode(entry).decode())
+            print(escaped(msgspec.json.encode(entry).decode()))
         return
     found_lines = [*map(_port_lines, ports), *map(_bus_lines, buses), *map(_iio_lines, sensors)]
     for lines in found_lines:
@@ -136,7 +136,7 @@ def doctor(
         problems += finding.level == "problem"
         warnings += finding.level == "warning"
         if json:
-            print(msgspec.json.encode(finding).decode(), flush=True)
+            print(escaped(msgspec.json.encode(finding).decode()), flush=True)
         else:
             _show(finding, several=len(configs) > 1)
     if not json:

@@ -1,16 +1,15 @@
 """The command `fltea fleet`."""
 
-import os
 import signal
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fltea.cli.output import say
+from fltea.cli.output import escaped, say
 from fltea.cli.setting_flags import ConfigFile, takes_settings
+from fltea.cli.standard_output import silence_stdout
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings import duration
 from fltea.settings.extras import load
@@ -190,7 +189,7 @@ def _print(running: "Fleet", every_s: float | None) -> None:
 
     def line() -> None:
         running.look_now()
-        print(msgspec.json.encode(running.summary()).decode(), flush=True)
+        print(escaped(msgspec.json.encode(running.summary()).decode()), flush=True)
 
     running.start()
     try:
@@ -202,7 +201,7 @@ def _print(running: "Fleet", every_s: float | None) -> None:
             _turn(running, every_s)
             line()
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        silence_stdout()
     finally:
         running.close()
 

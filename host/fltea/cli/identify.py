@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fltea.cli import exports, many
-from fltea.cli.output import AsJson, end_with, print_result, progress_bar, say
+from fltea.cli.output import AsJson, end_with, escaped, print_result, progress_bar, say
 from fltea.cli.setting_flags import FILTERS, RECORDING, ConfigFile, takes_settings
 from fltea.identification.dask_address import check_address, trust_warning
 from fltea.recording.formats import ENDINGS
@@ -273,9 +273,8 @@ def identify(
     if program is not None:
         print_result(exports.lines_for(reports[0], *program, inflation))
     elif as_json:
-        print_result(
-            json_module.dumps(findings.document(reports), ensure_ascii=False, allow_nan=False) + "\n"
-        )
+        text = json_module.dumps(findings.document(reports), ensure_ascii=False, allow_nan=False)
+        print_result(escaped(text) + "\n")
     else:
         _show(reports, details=details)
     if report is not None and (written := page.write(report, reports)):

@@ -1,6 +1,7 @@
 """How commands that compute something show it: a bar on stderr meanwhile, the result on stdout."""
 
 import contextlib
+import json
 import sys
 import threading
 import time
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fltea.cli.standard_output import silence_stdout
 from fltea.records.errors import FlteaError
 from fltea.records.secret import hidden
 from fltea.records.visible import visible_lines
@@ -137,13 +139,18 @@ def write_files(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
     return [folder / name for name in contents]
 
 
+def escaped(text: str) -> str:
+    r"""Return JSON as standard output can hold it: with `\u03b1` for α where it has ASCII alone."""
+    try:
+        text.encode(sys.stdout.encoding or "utf-8")
+    except UnicodeEncodeError:
+        return "".join(c if c.isascii() else json.dumps(c)[1:-1] for c in text)
+    return text
+
+
 def print_result(text: str) -> None:
     """Write to stdout; a reader that has left is no failure."""
     try:
         print(text, end="", flush=True)
-    except OSError as error:
-        from fltea.service.daemon import silence_stdout
-
+    except BrokenPipeError:
         silence_stdout()
-        if not isinstance(error, BrokenPipeError):
-            raise FlteaError(f"cannot write the output: {error}.") from error

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from fltea.cli.output import end_with, print_lines, say
+from fltea.cli.output import end_with, escaped, print_lines, say
 from fltea.cli.setting_flags import LIMITS, RECORDING, takes_settings
 from fltea.records.errors import FlteaError, Incomplete, UsageError
 from fltea.settings.config import load_config
@@ -91,7 +91,7 @@ def info(
             failures.append(error)
             continue
         if json:
-            print(msgspec.json.encode(summary).decode())
+            print(escaped(msgspec.json.encode(summary).decode()))
         else:
             print_lines(("\n" if number else "") + as_text(summary))
         if summary.unread:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from fltea.cli.output import AsJson, print_result, progress_bar, say
+from fltea.cli.output import AsJson, escaped, print_result, progress_bar, say
 from fltea.cli.setting_flags import takes_settings
 from fltea.records.errors import UsageError
 from fltea.settings.config import load_config
@@ -188,7 +188,7 @@ def _readings(seeds: int, as_json: bool) -> None:
 
 
 def _print_json(found: dict[str, Any]) -> None:
-    print_result(json.dumps(found, ensure_ascii=False, allow_nan=False) + "\n")
+    print_result(escaped(json.dumps(found, ensure_ascii=False, allow_nan=False)) + "\n")
 
 
 def bench(

@@ -63,20 +63,29 @@ def of_input(error: BaseException) -> FlteaError | None:
     None of all others, which are faults of the program: they keep their traceback.
     """
     kind: type[FlteaError] = UsageError
+    happened = "the command line, or a file that it names, cannot be used"
     match error:
         case RecursionError():
             what = "something in it is nested too deeply"
         case UnicodeError():
             what = "a name or a text in it is not UTF-8"
+        case OSError() if error.errno == errno.ENOLCK:
+            what, kind, happened = _said(error), FlteaError, "the file system has no locks, or none left"
+        case OSError() if error.errno is not None and error.errno not in OF_NAMES:
+            what, kind, happened = _said(error), FlteaError, "the system refused what the program needs"
         case OSError():
-            what = f"{error.strerror}: {error.filename}" if error.filename is not None else str(error)
-            kind = UsageError if error.errno in OF_NAMES else FlteaError
+            what = _said(error)
+            kind = FlteaError if error.errno is None else UsageError
         case ValueError() | ArithmeticError():
             what = str(error)
         case _:
             return None
     shown = what if len(what) <= MOST_SHOWN else f"{what[:MOST_SHOWN]}…"
     return kind(
-        f"the command line, or a file that it names, cannot be used: {shown}. (If it is right, this is a "
-        "fault of fltea: `python -X dev -m fltea …` shows where.)"
+        f"{happened}: {shown}. (If that cannot be, this is a fault of fltea: "
+        "`python -X dev -m fltea …` shows where.)"
     )
+
+
+def _said(error: OSError) -> str:
+    return f"{error.strerror}: {error.filename}" if error.filename is not None else str(error)

@@ -286,9 +286,3 @@ def _last_words(text: str) -> None:
     with contextlib.suppress(OSError):
         if select.select([], [2], [], 0)[1]:
             os.write(2, visible_lines(f"fltea: {text}\n").encode())
-
-
-def silence_stdout() -> None:
-    """Let what is still buffered go nowhere, so that Python does not complain when it flushes at its end."""
-    with contextlib.suppress(OSError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

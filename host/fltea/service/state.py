@@ -172,6 +172,12 @@ def _hold(path: Path) -> int:
         raise UsageError(
             f"--state {path}: another fltea (process {who}) keeps its snapshots there. Give each one file."
         ) from None
+    except OSError as error:
+        os.close(held)
+        raise FlteaError(
+            f"--state {path}: its lock {lock} cannot be taken ({error}). On a file system without locks "
+            "a second fltea would overwrite the snapshots unseen: keep them on a disk of this machine."
+        ) from error
     os.truncate(held, 0)
     os.write(held, b"%d\n" % os.getpid())
     return held
