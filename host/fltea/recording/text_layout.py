@@ -14,6 +14,7 @@ from fltea.recording.columns import Chosen, choose
 from fltea.recording.dialects import Facts, dialect_of, may_be_of_a_dialect, names_kinds
 from fltea.recording.evidence import axes_of
 from fltea.recording.files import Note, listed
+from fltea.recording.header_choices import Choices
 from fltea.recording.lines import shown
 from fltea.recording.named_lines import NamedLines
 from fltea.recording.text_fields import (
@@ -118,6 +119,7 @@ class LayoutFinder:
         self._kinds_at_hand: Kinds = Kinds() if before is None else before._kinds_at_hand
         self._thousands: Thousands = Thousands() if before is None else before._thousands
         self._known: dict[tuple[str, int, int] | str, bool] = {} if before is None else before._known
+        self._choices, self._had_rows = Choices() if before is None else before._choices, before is not None
 
     def take(self, number: int, line: str) -> Layout | None:
         """Look at the next line; the layout if it is a row.
@@ -232,8 +234,12 @@ class LayoutFinder:
                 return
         names, units = header.names, self._units
         beside = units if units is not None and len(units) == len(names) else None
-        facts = self.facts(names)
-        self._chosen = choose(f"{self._where}:{header.line}", names, beside, len(names), self._how, facts)
+        where, facts = f"{self._where}:{header.line}", self.facts(names)
+        self._chosen = self._choices.of(
+            (header.text, header.separator, units and tuple(units)),
+            lambda: choose(where, names, beside, len(names), self._how, facts),
+            had_rows=self._had_rows,
+        )
         self._header = header
 
     def _of_row(self, number: int, line: str) -> Layout | None:

@@ -268,11 +268,15 @@ class TextReader:
     def _begin(self, layout: Layout) -> RowParser:
         self._begins = True
         self.chosen = self.chosen or layout.chosen
-        self._sensors.begin(layout.chosen, len(self._sample))
-        self.layout, self._parser = layout, RowParser(layout)
         if layout.again:
             self._layouts[layout.again[0]] = layout
-        self.notes += layout.notes
+        self.notes += [note for note in layout.notes if note not in self.notes]
+        return self._go_on(layout)
+
+    def _go_on(self, layout: Layout) -> RowParser:
+        """Read rows by a layout from here on."""
+        self._sensors.begin(layout.chosen, len(self._sample))
+        self.layout, self._parser = layout, RowParser(layout)
         return self._parser
 
     def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
@@ -324,10 +328,10 @@ class TextReader:
     def _names_again(self, parser: RowParser, line: str, data: bytes, begin: int, end: int) -> RowParser:
         """A line of names, or of units, that was there before."""
         known = self._layouts.get(line)
-        if known is not None and line != parser.layout.again[0]:
-            return self._begin(known)
         if known is not None:
             self._page_begins(data, begin, end)
+            if line != parser.layout.again[0]:
+                parser = self._go_on(known)
         elif line in self._layouts:
             self._count(Bad(self.lines + 1, "header", f"other columns than before: {shown(line)}"))
         return parser
