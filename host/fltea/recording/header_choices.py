@@ -1,7 +1,7 @@
 """What was chosen of each header of a text: one that comes again is not looked at anew (pure).
 
-To choose columns, their units and their sensor takes milliseconds. A sender that prints its header before each
-row, or one that nobody can read, would cost them with every row.
+To choose columns, their units and their sensor takes milliseconds. A sender that prints its header before
+each row, or one that nobody can read, would cost them with every row.
 """
 
 from collections.abc import Callable, Hashable
