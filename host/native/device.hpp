@@ -19,15 +19,16 @@ namespace fltea {
 
 // Why `advance` came back. What is to be done is the caller's; then it is called again.
 enum class Stop : int {
-    kEnd,         // all samples are taken
-    kMore,        // nothing has happened; there is more
-    kStatsDue,    // before a sample: it arrived when statistics were due
-    kGap,         // before a sample: others are missing, over which the sensors have predicted
-    kEpoch,       // before a sample: an epoch begins with it, and waits for `begin`
-    kHappened,    // after a sample: a bias has stepped, motion has begun or ended, an axis was lost
-    kWindowFull,  // after a sample: the start-up window of a sensor is full
-    kFitCounts,   // after a sample: from the next one on a fit counts
-    kFitDue,      // after a sample: a fit is to begin
+    kEnd,          // all samples are taken
+    kMore,         // nothing has happened; there is more
+    kStatsDue,     // before a sample: it arrived when statistics were due
+    kGap,          // before a sample: others are missing, over which the sensors have predicted
+    kEpoch,        // before a sample: an epoch begins with it, and waits for `begin`
+    kHappened,     // after a sample: a bias has stepped, motion has begun or ended, an axis was lost
+    kWindowFull,   // after a sample: the start-up window of a sensor is full
+    kFitCounts,    // after a sample: from the next one on a fit counts
+    kFitDue,       // after a sample: a fit is to begin
+    kRateDiffers,  // after a sample: the device's clock contradicts the rate that its HELLO states
 };
 
 // Whether it is with the next sample that something is to be done, not with the last one.
@@ -106,8 +107,12 @@ class Device {
         if (const Stop after = due_after(); after != Stop::kEnd) return {after, at, 0, 0};
         while (at < from.n) {
             if (from.host_ns[at] >= stats_due_ns) return {Stop::kStatsDue, at, 0, 0};
-            if (!place.knows_hello()) {
-                place.note_before_hello(1);
+            if (place.rate_differs() || !place.knows_hello()) {
+                if (place.rate_differs()) {
+                    place.note_rate_differs(from.sequence[at], from.device_us[at]);
+                } else {
+                    place.note_before_hello(from.sequence[at], from.device_us[at]);
+                }
                 ++at;
                 continue;
             }
@@ -156,6 +161,10 @@ class Device {
             window_is_full_ = false;
             return Stop::kWindowFull;
         }
+        if (place.has_news()) {
+            place.told_news();
+            return Stop::kRateDiffers;
+        }
         if (is_new_) return Stop::kEnd;  // numbers are of the epoch before
         const std::int64_t seq = place.newest().seq;
         if (seq >= fit_counts) {
@@ -182,8 +191,8 @@ class Device {
         Stop stop = Stop::kMore;
         if (!happened_.empty()) stop = Stop::kHappened;
         const std::int64_t seq = place.newest().seq;
-        const bool is_over =
-            given_ == run_.n && next == from.n && !window_is_full_ && seq < fit_counts && seq < fit_due;
+        const bool is_over = given_ == run_.n && next == from.n && !window_is_full_ && !place.has_news() &&
+                             seq < fit_counts && seq < fit_due;
         return {stop == Stop::kMore && is_over ? Stop::kEnd : stop, next, begin, end};
     }
 
@@ -255,7 +264,7 @@ class Device {
             seq_.push_back(now.seq);
             device_us_.push_back(now.epoch_us);
             host_ns_.push_back(is_timed ? judged_ns_ : timebase.add(now.seq, now.epoch_us, ns));
-            if (now.seq >= fit_counts || now.seq >= fit_due) break;
+            if (now.seq >= fit_counts || now.seq >= fit_due || place.rate_differs()) break;
         }
     }
 

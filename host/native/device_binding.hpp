@@ -96,6 +96,8 @@ inline nb::object told(const fltea::Device& device, const fltea::SampleColumns& 
         for (const std::vector<fltea::Lost>& one : device.lost_meanwhile()) lost.append(as_list(one));
         return nb::make_tuple(judged.missing, judged.seq, device.judged_ns(), lost);
     }
+    if (found.stop == Stop::kRateDiffers)
+        return nb::make_tuple(device.place.stated_hz(), device.place.measured_hz());
     if (found.stop != Stop::kHappened) return nb::none();
     nb::list happened;
     for (const Happening& one : device.happened()) {
@@ -184,9 +186,10 @@ class Device {
         return nb::make_tuple(static_cast<int>(found.stop), found.next, columns, told(device_, from, found));
     }
 
-    std::tuple<std::int64_t, std::int64_t, std::int64_t, std::int64_t, std::int64_t> counts() const {
+    std::tuple<std::int64_t, std::int64_t, std::int64_t, std::int64_t, std::int64_t, std::int64_t> counts()
+        const {
         const fltea::PlaceCounts& c = device_.place.counts();
-        return {c.delivered, c.lost, c.gaps, c.duplicates, c.before_hello};
+        return {c.delivered, c.lost, c.gaps, c.duplicates, c.before_hello, c.rate_differs};
     }
     void note_lost(std::int64_t count) { device_.place.note_lost(count); }
     // Sequence, device's and host's time as they came, number and time in the epoch, of the newest sample.

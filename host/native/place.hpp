@@ -1,13 +1,16 @@
 // Where a sample stands in its epoch: number and device time without the wire's wraps, and what is missing
 // before it. The rules are those of protocol/README.md: SAMPLE's sequence numbers the sampling instants, so
 // within a boot delivered + lost = due, also where the sensor was set up again; where sequence and time
-// disagree the device was restarted or exchanged, and nothing is believed until its next HELLO.
+// disagree the device was restarted or exchanged, and nothing is believed until its next HELLO. Where they
+// go on to disagree in the same way, the device contradicts itself, and nothing is believed until it agrees.
 #pragma once
 
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
+
+#include "rate_watch.hpp"
 
 namespace fltea {
 
@@ -17,7 +20,7 @@ constexpr const char* kEpochReasons[] = {"",    "start",  "restart", "sensor_res
                                          "gap", "silence"};
 
 struct PlaceCounts {
-    std::int64_t delivered, lost, gaps, duplicates, before_hello;
+    std::int64_t delivered, lost, gaps, duplicates, before_hello, rate_differs;
 };
 
 // The newest sample: as it came, and its number and time in the epoch.
@@ -51,13 +54,22 @@ class Place {
         } else if (is_another_sensor && pending_ == EpochReason::kNone) {
             pending_ = EpochReason::kSensorRestart;
         }
+        const bool is_another_rate = period_us_ != 1e6 / rate_hz;
         has_boot_ = knows_hello_ = true;
         period_us_ = 1e6 / rate_hz;
+        if (is_another_boot || is_another_sensor || is_another_rate) {
+            seen_ = {};
+            believe();
+        }
         longest_gap_ = longest_gap;
     }
 
     // No sample is believed until the next HELLO: it may come from another device.
-    void forget_hello() { knows_hello_ = false; }
+    void forget_hello() {
+        knows_hello_ = disagreed_ = false;
+        seen_ = {};
+        believe();
+    }
     bool knows_hello() const { return knows_hello_; }
 
     // A new epoch begins with the next sample, where a recording states that one began.
@@ -103,8 +115,9 @@ class Place {
         if (step < 1 || disagreement_us > kClockTolerance * double(step) * period_us_ + period_us_ ||
             std::fabs(double(step_us) - host_step_us) > double(kMaxHostDisagreementUs)) {
             pending_ = EpochReason::kDiscontinuity;
-            forget_hello();
-            ++counts_.before_hello;
+            knows_hello_ = false;
+            disagreed_ = true;
+            note_before_hello(sequence, device_us);
             return {Judged::kUnusable, EpochReason::kNone, 0, 0, 0};
         }
         const std::int64_t missing = step - 1;
@@ -134,7 +147,25 @@ class Place {
         counts_.lost += count;
         counts_.gaps += count > 0;
     }
-    void note_before_hello(std::int64_t count) { counts_.before_hello += count; }
+    // A sample without a HELLO is left out. If its number and time have disagreed with those before, all that
+    // follow may do so in the same way.
+    void note_before_hello(std::int64_t sequence, std::int64_t device_us) {
+        ++counts_.before_hello;
+        if (disagreed_) watch(sequence, device_us);
+    }
+
+    // Whether the device contradicts itself, so that no sample is believed; and a sample of that time.
+    bool rate_differs() const { return rate_differs_; }
+    void note_rate_differs(std::int64_t sequence, std::int64_t device_us) {
+        ++counts_.rate_differs;
+        if (watch(sequence, device_us) == RateWatch::kAgrees) believe();
+    }
+    // Whether that has been found with the last sample, which is told once; the rates, as HELLO states it and
+    // by the device's clock.
+    bool has_news() const { return has_news_; }
+    void told_news() { has_news_ = false; }
+    double stated_hz() const { return 1e6 / period_us_; }
+    double measured_hz() const { return watch_.rate_hz(); }
 
     // Whether the next sample may follow on the newest one.
     bool goes_on() const { return any_ && knows_hello_ && pending_ == EpochReason::kNone; }
@@ -156,7 +187,33 @@ class Place {
         newest_.device_us = device_us;
         newest_.host_ns = host_ns;
         ++counts_.delivered;
+        watch(sequence, device_us);
     }
+
+    // Compares all samples since a HELLO, used or not. While the next one is waited for, nothing is said: it
+    // may be of another device.
+    RateWatch::Verdict watch(std::int64_t sequence, std::int64_t device_us) {
+        if (!seen_.any) watch_.begin();
+        const std::int64_t step = (sequence - seen_.sequence) & (kSequenceWrap - 1);
+        const std::int64_t step_us = (device_us - seen_.device_us) & (kTimeWrapUs - 1);
+        const RateWatch::Verdict found = watch_.add(step, step_us, period_us_);
+        const RateWatch::Verdict known = found == RateWatch::kUnknown ? seen_.verdict : found;
+        seen_ = {true, sequence, device_us, known};
+        if (known == RateWatch::kDiffers && knows_hello_ && !rate_differs_) rate_differs_ = has_news_ = true;
+        return found;
+    }
+
+    // What was left out was counted, so it is missing to nobody: an epoch begins.
+    void believe() {
+        if (rate_differs_ && pending_ == EpochReason::kNone) pending_ = EpochReason::kDiscontinuity;
+        rate_differs_ = has_news_ = false;
+    }
+
+    struct Seen {
+        bool any;
+        std::int64_t sequence, device_us;
+        RateWatch::Verdict verdict;  // the last one
+    };
 
     Newest newest_ = {};
     PlaceCounts counts_ = {};
@@ -164,6 +221,10 @@ class Place {
     double period_us_ = 0;
     std::int64_t longest_gap_ = 0;
     bool any_ = false, has_boot_ = false, knows_hello_ = false;
+    RateWatch watch_;
+    Seen seen_ = {};
+    bool disagreed_ = false;  // number and time, and no other HELLO was heard since
+    bool rate_differs_ = false, has_news_ = false;
 };
 
 inline EpochReason epoch_reason_of(const char* name) {

@@ -17,7 +17,7 @@ from msgspec import structs
 
 LONG = 60_000
 LSB = 0.1
-QUIET = Counts(1000, 1000, 0, 1, *[0] * 8)
+QUIET = Counts(1000, 1000, 0, 1, *[0] * 9)
 
 
 def kinds(y: Array, lsb: float | None = None) -> dict[str, str]:

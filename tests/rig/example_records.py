@@ -55,7 +55,7 @@ STATS = Stats(
     clock_ppm=-62.5,
     startup_remaining=123,
     link=LinkStats(51, 41, {"crc": 2, "cobs": 3}, 4, 6, 7, 1),
-    sample_counts=SampleStats(delivered=1234, lost=56, gaps=70, duplicates=8, before_hello=9),
+    sample_counts=SampleStats(delivered=1234, lost=56, gaps=70, duplicates=8, before_hello=9, rate_differs=3),
     axes={
         "gyro_x": AxisStats(0.1, 0.02, 5, {"order_box": 13, "held": 1}, 0.25, 1.5, tracker=TRACKER),
         "accel_z": AxisStats(0.1, 0.02, 2, {}, unit=ACCEL_UNIT),

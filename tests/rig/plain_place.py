@@ -39,15 +39,54 @@ def steps_between(last: RawSample, raw: RawSample, hello: Hello) -> int | None:
     return steps if steps >= 1 and abs(elapsed_us - steps * period_us) <= tolerance_us else None
 
 
+class RateWatch:
+    """Whether times and numbers of samples go on to differ from the rate of HELLO in the same way."""
+
+    def __init__(self) -> None:
+        self.begin()
+
+    def begin(self) -> None:
+        """Compare nothing with what was before."""
+        self._last: tuple[int, int] | None = None
+        self._pairs: list[tuple[int, int]] = []
+        self.says: str | None = None
+
+    def add(self, sequence: int, device_us: int, period_us: float) -> str | None:
+        """Compare with the sample before; "differs" or "agrees", where that can be said anew."""
+        last, self._last = self._last, (sequence, device_us)
+        if last is None:
+            return None
+        step, step_us = (sequence - last[0]) % 2**16, (device_us - last[1]) % 2**32
+        steps, us = (sum(column) for column in zip(*self._pairs, strict=True)) if self._pairs else (0, 0)
+        is_alike = not self._pairs or 2 * abs(step_us * steps - us * step) <= us * step
+        if not 1 <= step <= 64 or not step_us or not is_alike:
+            self._pairs = []
+            return None
+        self._pairs.append((step, step_us))
+        steps, us = steps + step, us + step_us
+        found = None
+        if len(self._pairs) >= 20:
+            if abs(us - steps * period_us) > 0.05 * steps * period_us + 2 * period_us:
+                found = "differs"
+            elif steps >= 200:
+                found = "agrees"
+            self._pairs = [] if steps >= 200 else self._pairs
+        self.says = found or self.says
+        return found
+
+
 class Place:
     """Finds where samples stand, and counts what became of all that came (protocol/README.md)."""
 
     def __init__(self, config: Config) -> None:
         self._max_gap = config.link.max_gap
         self.hello: Hello | None = None
-        self.delivered = self.lost = self.gaps = self.duplicates = self.before_hello = 0
+        self.delivered = self.lost = self.gaps = self.duplicates = self.before_hello = self.rate_differs = 0
+        self._watch, self.contradicts, self._disagreed = RateWatch(), False, False
+        self.news = False
         self._boot: tuple[int | None, str | None] | None = None
         self._sensor_starts: int | None = None
+        self._rate_hz = 0.0
         self._reason: EpochReason | None = "start"  # why the next sample begins an epoch
         self._last: RawSample | None = None
         self._seq = self._device_us = 0
@@ -57,16 +96,23 @@ class Place:
         boot, before = (hello.boot_id, hello.device_id), self._boot
         sensor_began = hello.sensor_starts != self._sensor_starts
         is_news = boot != before or sensor_began or self.hello is None
+        is_another_rate = self._rate_hz != hello.rate_hz
         if before is not None and boot != before:
             self._reason = "restart"
         elif sensor_began and self._reason is None:
             self._reason = "sensor_restart"
         self._boot, self._sensor_starts, self.hello = boot, hello.sensor_starts, hello
+        self._rate_hz = hello.rate_hz
+        if boot != before or sensor_began or is_another_rate:
+            self._watch.begin()
+            self._believe()
         return is_news
 
     def on_link_down(self) -> None:
         """Believe no sample until the next HELLO: it may be another device's."""
-        self.hello = None
+        self.hello, self._disagreed = None, False
+        self._watch.begin()
+        self._believe()
 
     def on_break(self, reason: EpochReason) -> None:
         """A recording says that its next sample begins an epoch; what is known of it already counts more."""
@@ -76,8 +122,15 @@ class Place:
     def place(self, raw: RawSample) -> Placed | None:
         """Where a sample stands; None for one that cannot be used."""
         last, hello, reason = self._last, self.hello, self._reason
+        if self.contradicts:
+            self.rate_differs += 1
+            if self._compare(raw) == "agrees":
+                self._believe()
+            return None
         if hello is None:
             self.before_hello += 1
+            if self._disagreed:
+                self._compare(raw)
             return None
         if last is None or reason not in (None, "sensor_restart"):  # nothing of before counts any more
             return self._used(raw, Placed(raw.sequence, raw.device_us, 0, reason))
@@ -92,6 +145,8 @@ class Place:
         if steps is None or abs(elapsed_us - elapsed_on_host_us) > LONGEST_DISAGREEMENT_US:
             self._reason, self.hello = "discontinuity", None  # a restart, or another device: who is it?
             self.before_hello += 1
+            self._disagreed = True
+            self._compare(raw)
             return None
         missing = steps - 1
         self.lost += missing
@@ -104,4 +159,17 @@ class Place:
         self.delivered += 1
         self._last, self._reason = raw, None
         self._seq, self._device_us = placed.seq, placed.device_us
+        self._compare(raw)
         return placed
+
+    def _compare(self, raw: RawSample) -> str | None:
+        found = self._watch.add(raw.sequence, raw.device_us, 1e6 / self._rate_hz)
+        # While a HELLO is waited for, it may be another device.
+        if self._watch.says == "differs" and self.hello is not None and not self.contradicts:
+            self.contradicts = self.news = True
+        return found
+
+    def _believe(self) -> None:
+        if self.contradicts and self._reason is None:
+            self._reason = "discontinuity"
+        self.contradicts = self.news = False

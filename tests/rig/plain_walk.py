@@ -190,6 +190,9 @@ class PlainWalk:
         if is_due:
             yield Sample(*place, gyro_dps, accel_ms2, temperature_c, raw.flags, device=device)
         yield from self._estimate(place, gyro_dps, accel_ms2, is_due=is_due)
+        if self._place.news:
+            self._place.news = False
+            yield self._error("rate_differs", "rate_differs")
 
     def _estimate(
         self, place: Stated, gyro_dps: Vector, accel_ms2: Vector | None, *, is_due: bool
@@ -295,7 +298,12 @@ class PlainWalk:
             startup_remaining=max((one.startup_remaining for one in self._sensors), default=0),
             link=self._source.link_stats(),
             sample_counts=SampleStats(
-                place.delivered, place.lost, place.gaps, place.duplicates, place.before_hello
+                place.delivered,
+                place.lost,
+                place.gaps,
+                place.duplicates,
+                place.before_hello,
+                place.rate_differs,
             ),
             axes={
                 axis: msgspec.structs.replace(stats, tracker=tracker[axis])

@@ -56,6 +56,8 @@ def words_of(error: Error) -> str:
     """Of an axis its name, of several their names: the rest is for a person."""
     if error.kind in OF_AN_AXIS:
         return error.message.split()[0]
+    if error.kind == "rate_differs":
+        return error.kind
     if error.kind == "no_axis":
         return error.message.removeprefix("channels names ").partition(", which")[0]
     return error.message

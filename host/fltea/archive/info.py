@@ -33,9 +33,9 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     """The summary of one recording.
 
     whole: its files were finished in an orderly way, and all are read. breaks: places where the recorder
-    missed something. epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello: as
-    in `stats`. steps, motions: of the biases and of the sensor, as the records in it say; None where it
-    has none of these records. resets: other boots of the device heard. rate_hz, clock_ppm: of the longest
+    missed something. epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello,
+    rate_differs: as in `stats`. steps, motions: of the biases and of the sensor, as the records in it say;
+    None where it has none of these records. resets: other boots of the device heard. rate_hz, clock_ppm: of the longest
     epoch. notes: what reading it reported, as the texts of `error` records. unread: why a file cannot be
     read, or not all of it. about: what else the file says of itself. reading: how another program's file was
     understood, each answer with its evidence.
@@ -56,6 +56,7 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     gaps: int
     duplicates: int
     before_hello: int
+    rate_differs: int
     resets: int
     epochs: dict[str, int]
     rate_hz: float | None
@@ -149,6 +150,7 @@ def summarise(
         gaps=count.gaps,
         duplicates=count.duplicates,
         before_hello=count.before_hello,
+        rate_differs=count.rate_differs,
         resets=max(0, len(boots) - 1),
         epochs=dict(epochs),
         rate_hz=longest[1],
@@ -189,6 +191,8 @@ def as_text(s: Summary) -> str:
         lines.append(("start", f"{start:%Y-%m-%d %H:%M:%S} UTC"))
     lines.append(("duration", _duration(s.duration_s)))
     early = "" if is_foreign else f", {s.before_hello} before a HELLO"
+    if s.rate_differs:
+        early += f", {s.rate_differs} whose times contradict the rate of HELLO"
     lines.append(("samples", f"{s.samples}, {s.lost} lost in {s.gaps} gaps{early}"))
     reasons = ", ".join(f"{count} x {reason}" for reason, count in s.epochs.items()) or "none"
     if not is_foreign or reasons != "1 x start":

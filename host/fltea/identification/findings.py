@@ -103,6 +103,7 @@ def doubts(report: FileReport) -> list[str]:
     counts = (
         (c.duplicates, "came twice"),
         (c.before_hello, "could not be used, since their device was not known"),
+        (c.rate_differs, "were not used, since their device contradicts itself on its rate"),
         (c.late, "were read late"),
         (c.retried, "were read at the second attempt"),
         (c.saturated, "are at the end of the range"),

@@ -161,11 +161,15 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
         for found in decoder.feed(event):
             if isinstance(found, Decoded):
                 groups.add(found, decoder)
+    c = decoder.counts
+    if decoder.contradiction is not None:
+        if c.rate_differs > c.delivered:
+            raise UsageError(f"{request.name}: {decoder.contradiction}")
+        reported.append(source_trap("rate_differs", decoder.contradiction))
     used = groups.largest()
     if used.hello is None:
         raise UsageError(f"{request.name}: holds no samples that can be used.")
-    c = decoder.counts
-    lost = c.lost, c.gaps, c.duplicates, c.before_hello
+    lost = c.lost, c.gaps, c.duplicates, c.before_hello, c.rate_differs
     gaps = used.gaps()
     bridged = gaps.lost_up_to(bridge(len(used), gaps))
     counts = Counts(groups.samples, len(used), used.first, groups.stretches, bridged, *lost, *used.flagged)

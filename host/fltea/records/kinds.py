@@ -67,8 +67,9 @@ ERROR_KINDS = {
         "Let the sender write its time, and name that column (`--time-column`).",
     ),
     "rate_differs": ErrorKind(
-        "Samples come at another rate than `--rate` or the IIO driver says.",
-        "Give the rate that the text names, or a column of times (`--time-column`).",
+        "Samples come at another rate than `--rate`, the IIO driver, or a board's HELLO says.",
+        "Give the rate that the text names, or a column of times (`--time-column`). Of a board: correct its "
+        "firmware; until both agree, its samples are counted (`sample_counts.rate_differs`) and not used.",
     ),
     "no_trigger": ErrorKind(
         "An IIO device has no trigger; the text lists those that exist.",

@@ -72,6 +72,8 @@ class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Samples that came twice and were dropped."""
     before_hello: int
     """Samples that could not be used because their HELLO had not been heard."""
+    rate_differs: int = 0
+    """Samples that were not used because the device's clock contradicts the rate that its HELLO states."""
 
 
 class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -42,6 +42,8 @@ class Stop(IntEnum):
     """After a sample: from the next one on a fit counts."""
     FIT_DUE = 8
     """After a sample: a fit is to begin."""
+    RATE_DIFFERS = 9
+    """After a sample: no more are believed. Told: the rate that HELLO states, and by the device's clock."""
 
 
 OfSensors = list[tuple[list[Any], list[Any] | None] | None]
@@ -95,12 +97,19 @@ class Decoder:
         self.epoch = 0
         self._unix_offset_ns, self._max_gap = unix_offset_ns, max_gap
         self._hello: Hello | None = None
+        self.contradiction: str | None = None
+        """What the user has to know if the device's clock contradicted its HELLO (`feed` alone notes it)."""
         self._template = _empty(device, output or OutputConfig())
 
     @property
     def hello(self) -> Hello | None:
         """The newest HELLO; None where it is not known which device it is."""
         return self._hello if self.native.knows_hello else None
+
+    @property
+    def source(self) -> str:
+        """Where the samples come from, as the newest HELLO says; "" before the first."""
+        return "" if self._hello is None else self._hello.source
 
     @property
     def counts(self) -> SampleStats:
@@ -171,6 +180,8 @@ class Decoder:
                 self.begin([])
             elif stop == Stop.GAP:
                 missing, *_ = told
+            elif stop == Stop.RATE_DIFFERS:
+                self.contradiction = explain_rate(self.source, *told)
             if rows is None:
                 continue
             first, samples, _ = rows
@@ -178,6 +189,16 @@ class Decoder:
             assert self._hello is not None
             yield Decoded(self.block(samples), own, self._hello, missing, reason)
             missing, reason = 0, None
+
+
+def explain_rate(source: str, stated_hz: float, measured_hz: float) -> str:
+    """Return what the user has to know of a device that contradicts itself."""
+    return (
+        f"{source}: HELLO states {stated_hz:.4g} Hz, and by the device's own clock and numbers its samples "
+        f"come at {measured_hz:.4g} Hz. One of them is wrong, and all that is in seconds or Hz with it, so the "
+        "samples are counted (rate_differs) and not used until both agree. Correct the rate, or the clock, in "
+        "its firmware."
+    )
 
 
 def _empty(device: str | None, output: OutputConfig) -> Block:

@@ -28,7 +28,7 @@ from fltea.settings.ingest import is_partitioned
 from fltea.stream.beside import Beside
 from fltea.stream.board import BoardEstimates
 from fltea.stream.channels import explain_lost
-from fltea.stream.decode import Decoder, FirstSample, Rows, Stop
+from fltea.stream.decode import Decoder, FirstSample, Rows, Stop, explain_rate
 from fltea.stream.epoch import NEVER, Beginning, Item, Moment, Notice, Standing
 from fltea.stream.fit_times import turn
 from fltea.stream.live import LiveFits
@@ -205,6 +205,10 @@ class Pipeline:
         self._fits.look(moment, self._sensors.tracks)
         self._set_looks()
         return iter(())
+
+    def _on_rate_differs(self, told: Any) -> Iterator[Output]:
+        """The device's clock contradicts its HELLO."""
+        yield self._error("rate_differs", explain_rate(self._decoder.source, *told))
 
     def _set_looks(self) -> None:
         assert self._fits is not None
@@ -402,6 +406,7 @@ HANDLERS: dict[Stop, Callable[[Pipeline, Any], Iterator[Output]]] = {
     Stop.WINDOW_FULL: Pipeline._on_window_full,
     Stop.FIT_COUNTS: Pipeline._on_fit_counts,
     Stop.FIT_DUE: Pipeline._on_fit_due,
+    Stop.RATE_DIFFERS: Pipeline._on_rate_differs,
 }
 """What each stop of the native device leads to; nothing at `END` and `MORE`."""
 

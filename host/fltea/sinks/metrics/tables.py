@@ -87,6 +87,11 @@ STATS = (
         "Samples before the first HELLO, which cannot be used.",
         "sample_counts.before_hello",
     ),
+    counter(
+        "samples_rate_differs",
+        "Samples of a device whose clock contradicts its HELLO, which are not used.",
+        "sample_counts.rate_differs",
+    ),
     counter("epochs", "Epochs begun.", "epoch"),
     gauge("sample_rate_hertz", "Sampling rate by the host's clock.", "rate_hz"),
     gauge("clock_drift_ratio", "How much faster than the host's the device's clock runs.", "clock_ppm", 1e-6),
