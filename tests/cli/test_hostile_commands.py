@@ -5,6 +5,7 @@ Every option of every command takes every word of `WORDS`, as every setting does
 
 import os
 import random
+import stat
 from pathlib import Path
 from typing import Any
 
@@ -210,6 +211,30 @@ def test_a_file_that_is_read_whole_may_be_anything(kind: str) -> None:
             [*WHOLE[kind], name], (0, 2) if (kind, name) in (("state", "none"), ("state", "\udcff")) else (2,)
         )
         assert len(text) < 1000
+
+
+WRITES = {
+    "simulate": (["simulate", "out.csv", "-n", "20", "--window", "20"], ["out.csv"]),
+    "export": (["export", "rest.npz", "--to", "out.npz", "--force"], ["out.npz"]),
+    "run": ([*FAST, "--pace", "fast", "-s", "synthetic:?n=120", "--state", "state"], ["state"]),
+    "record": (["record", "-s", "synthetic:?n=100", "--for", "0.1", "kept"], ["kept/*.mcap"]),
+}
+"""Commands that write, and the files that come of it."""
+
+
+@pytest.mark.parametrize("umask", [0o000, 0o027, 0o077], ids=oct)
+def test_files_have_the_rights_that_the_umask_leaves(umask: int) -> None:
+    """Neither more than it leaves, nor so few that what was written cannot be read by others whom it lets."""
+    before = os.umask(umask)
+    try:
+        for command, _ in WRITES.values():
+            check(command, (0,))
+    finally:
+        os.umask(before)
+    for _, names in WRITES.values():
+        found = [path for name in names for path in Path().glob(name)]
+        assert found
+        assert {stat.S_IMODE(path.stat().st_mode) for path in found} == {0o666 & ~umask}
 
 
 def test_a_real_process_says_it_too() -> None:

@@ -204,6 +204,28 @@ def wrong_version(stage: Stage) -> Outcome:
     return scene.outcome(excuse="those of that firmware", figures={"frames refused": refused}, wrong=wrong)
 
 
+def contradicting_rate(stage: Stage) -> Outcome:
+    """The board comes back with a firmware whose HELLO states twice its rate, then with the right one."""
+    scene = Scene(stage)
+    with scene.fault() as board:
+        board.boot(stated_hz=2 * RATE_HZ)
+        scene.send_until_error("rate_differs")
+        board.send(120)
+        board.boot()
+    scene.finish()
+    program, sent = scene.program, board.boots[1]
+    epochs = {record["epoch"] for record in program.of("epoch") if record["boot_id"] == sent.boot_id}
+    delivered = sum(record["epoch"] in epochs for record in program.of("sample"))
+    unused = program.of("stats")[-1]["sample_counts"]["rate_differs"]
+    wrong = []
+    if delivered + unused != sent.due:
+        wrong.append(f"{delivered} delivered + {unused} counted as rate_differs are not the {sent.due} sent")
+    if "estimate" in {record["class"] for record in program.records if record.get("epoch") in epochs}:
+        wrong.append("estimates at a rate that the board's clock contradicts")
+    figures = {"delivered before it was known": delivered, "counted as rate_differs": unused}
+    return scene.outcome(excuse="those of the contradicting boot", figures=figures, wrong=wrong)
+
+
 def _damaged(stage: Stage, damage: Damage) -> Outcome:
     scene = Scene(stage)
     with scene.fault() as board:
@@ -241,4 +263,5 @@ CASES = (
     Case("daemon stopped until the line is full", long_stall_of_the_program),
     Case("sequence and time wrap, 20 samples lost at each", wraps),
     Case("firmware of another protocol version", wrong_version),
+    Case("a contradicting rate", contradicting_rate),
 )

@@ -27,14 +27,18 @@ Instants = set[tuple[int, int]]
 class Boot:
     """What one boot of the board did. sequence, device_us: of its first sampling instant.
 
-    counts: what the gyroscope gave at each instant. frames: all that were put on the line, of any kind.
+    protocol_major, stated_hz: what HELLO states. counts: what the gyroscope gave at each instant. frames: all
+    that were put on the line, of any kind.
     """
 
-    def __init__(self, boot_id: int, sequence: int, device_us: int, protocol_major: int) -> None:
+    def __init__(
+        self, boot_id: int, sequence: int, device_us: int, protocol_major: int, stated_hz: int
+    ) -> None:
         self.boot_id = boot_id
         self.sequence = sequence
         self.device_us = device_us
         self.protocol_major = protocol_major
+        self.stated_hz = stated_hz
         self.counts: list[tuple[int, int, int]] = []
         self.frames = 0
 
@@ -108,7 +112,7 @@ class Board:
     def boot(self, **how: int) -> None:
         """Start again in the middle of whatever is on the line.
 
-        sequence, device_us: of the first sampling instant. protocol_major: what HELLO states.
+        sequence, device_us: of the first sampling instant. protocol_major, stated_hz: what HELLO states.
         """
         self._begin_boot(**how)
         self._write(b"\0" + self._frame(self._hello()))
@@ -172,9 +176,13 @@ class Board:
     # --- inside ---
 
     def _begin_boot(
-        self, sequence: int = 0, device_us: int = 0, protocol_major: int = wire.PROTOCOL_MAJOR
+        self,
+        sequence: int = 0,
+        device_us: int = 0,
+        protocol_major: int = wire.PROTOCOL_MAJOR,
+        stated_hz: int = RATE_HZ,
     ) -> None:
-        self.boots.append(Boot(len(self.boots) + 1, sequence, device_us, protocol_major))
+        self.boots.append(Boot(len(self.boots) + 1, sequence, device_us, protocol_major, stated_hz))
         self._begin_ns = time.monotonic_ns()
 
     def _tick(self) -> bytes:
@@ -206,6 +214,7 @@ class Board:
         return HELLO._replace(
             protocol_major=boot.protocol_major,
             boot_id=boot.boot_id,
+            sample_rate=boot.stated_hz * 1000,
             device_id=b"faults".ljust(16, b"\0"),
             firmware_version="faults",
         )
