@@ -10,24 +10,19 @@ import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
 from fltea.fleet import databases
 from fltea.fleet import history as histories
 from fltea.fleet.clock import Clock
-from fltea.fleet.databases import Postgres, Sqlite
-from fltea.fleet.figures import Figure
+from fltea.fleet.databases import Sqlite
 from fltea.fleet.history import COLUMNS, TABLES, History
 from fltea.fleet.history_table import write
 from fltea.fleet.roll import Axis
 from fltea.records.errors import UsageError
+from history_support import add, axis, opened, rows_of, times_of, write_out
 from host_support import PATIENCE_S, fltea_here
-
-
-def opened(path: Path | None, every_s: float) -> History:
-    return History(Sqlite(path, TABLES), every_s)
 
 
 @pytest.fixture
@@ -38,35 +33,9 @@ def history(tmp_path: Path) -> Iterator[History]:
     made.close()
 
 
-def add(history: History, *unix_s: float, device: str = "a") -> None:
-    """Let a device have a fit at each of these times."""
-    for second in unix_s:
-        history.add(second, device, {"gyro_x": axis()})
-
-
-def times_of(history: History, device: str) -> list[float]:
-    return [row["unix_s"] for row in rows_of(history, device)]
-
-
-def write_out(history: History, before_unix_s: float = -math.inf) -> int:
-    """Let it write and prune; how many rows were pruned."""
-    before = history.pruned
-    history.work(before_unix_s)
-    history.settle()
-    return history.pruned - before
-
-
-def rows_of(history: History, device: str, most: int = 2000) -> list[dict[str, Any]]:
-    return history.of_device(device, most).result()
-
-
 def database(history: History) -> Sqlite:
     assert isinstance(history._database, Sqlite)
     return history._database
-
-
-def axis(verdict: str = "white", value: float = 1.0) -> Axis:
-    return Axis(verdict, "text", "deg/s", 100, {"N": Figure(value, value - 0.1, value + 0.1)}, 0.0)
 
 
 def test_fits_are_kept_now_and_then_and_at_each_change(tmp_path: Path) -> None:
@@ -236,100 +205,6 @@ def test_a_wall_clock_that_jumps() -> None:
     assert (clock.unix_s(), clock.jumps, clock.long_jump) == (4e9, 2, True)
 
 
-BIN = sorted(Path("/usr/lib/postgresql").glob("*/bin"))
-NOBODY = 65534
-
-
-class Server:
-    """A PostgreSQL of our own, on a socket in a folder; it refuses to run as root."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        folder.mkdir()
-        if os.geteuid() == 0:
-            os.chown(folder, NOBODY, NOBODY)
-            for parent in folder.parents:
-                if parent != Path("/tmp") and os.stat(parent).st_uid == 0 and parent.is_relative_to("/tmp"):
-                    parent.chmod(0o755)
-        self.call("initdb", "-D", folder / "data", "-U", "me", "-A", "trust", "--no-sync")
-        self.start()
-        self.url = f"postgresql://me@/postgres?host={folder}"
-
-    def call(self, program: str, *arguments: str | Path) -> None:
-        user = NOBODY if os.geteuid() == 0 else None
-        command = [str(BIN[-1] / program), *map(str, arguments)]
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=self.folder, user=user, group=user)
-
-    def start(self) -> None:
-        options = f"-c listen_addresses= -c unix_socket_directories={self.folder} -c fsync=off"
-        self.call(
-            "pg_ctl", "-D", self.folder / "data", "-l", self.folder / "log", "-o", options, "-w", "start"
-        )
-
-    def signal(self, number: int) -> None:
-        """To all of its processes, each of which serves a connection."""
-        first = int((self.folder / "data/postmaster.pid").read_text().split()[0])
-        for pid in (first, *map(int, Path(f"/proc/{first}/task/{first}/children").read_text().split())):
-            os.kill(pid, number)
-
-    def stop(self) -> None:
-        self.call("pg_ctl", "-D", self.folder / "data", "-m", "immediate", "-w", "stop")
-
-
-def test_postgres_keeps_the_same_and_may_go_and_come_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Not installed by `make setup`: it is for those who have a server already."""
-    pytest.importorskip("psycopg", reason="psycopg is not installed")
-    if not BIN:
-        pytest.skip("no PostgreSQL server: sudo apt-get install postgresql")
-    server = Server(tmp_path / "pg")
-    try:
-        database = Postgres(server.url, TABLES)
-        history = History(database, 0.0)
-        for number in range(10):
-            history.add(1000.0 + number, "a", {"gyro_x": axis(value=number)})
-        history.add_alert(1005.0, "raised", "silent", "a", "it's text")
-        write_out(history)
-        found = rows_of(history, "a")
-        assert [(row["unix_s"], row["N"], row["K"]) for row in found] == [
-            (1000.0 + n, n, None) for n in range(10)
-        ]
-        assert history.alerts().result()[0]["text"] == "it's text"
-        assert write_out(history, 1006.0) == 7
-        server.stop()
-        add(history, 2000.0)
-        write_out(history)
-        assert (history.lost, history.waiting, history.trouble_kind) == (0, 1, "history_lost")
-        assert rows_of(history, "a") == []
-        server.start()
-        monkeypatch.setattr(databases, "AGAIN_S", 0.0)
-        database._again_s = 0.0
-        add(history, 3000.0)
-        history.add(3000.0, "nul\0", {"gyro_x": axis()})
-        write_out(history)
-        assert (history.trouble, history.waiting, history.lost) == ("", 0, 1)
-        assert len(rows_of(history, "a")) == 6
-        server.signal(signal.SIGSTOP)
-        monkeypatch.setattr(histories, "STUCK_S", 0.0)
-        add(history, 4000.0)
-        history.work()
-        history.work()
-        history.settle()
-        server.signal(signal.SIGCONT)
-        assert (history.trouble_kind, history.waiting) == ("history_lost", 1)
-        history.close()
-        assert history.lost == 1
-        with Postgres(server.url, TABLES)._connected() as made:
-            made.execute("UPDATE fltea_fleet SET version = 9")
-        with pytest.raises(UsageError, match="another version"):
-            Postgres(server.url, TABLES)
-    finally:
-        server.stop()
-    with pytest.raises(UsageError, match="Does the server run"):
-        Postgres(server.url, TABLES)
-
-
 def test_a_row_that_no_database_takes_is_lost_alone(history: History) -> None:
     add(history, 1000.0)
     history.add(1001.0, "a", {"gyro_x": Axis("white", "text", "deg/s", 10**30, {}, 0.0)})
@@ -363,3 +238,18 @@ def test_an_export_that_cannot_be_written_is_a_message(tmp_path: Path, out: str,
     assert done.returncode != 0
     assert words in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_database_that_fails_costs_no_row(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever it says of itself: only the values of a row are a reason to leave a row out."""
+    add(history, 1.0, 2.0)
+
+    def damaged(commands: object) -> None:
+        raise sqlite3.DatabaseError("database disk image is malformed")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(history._database, "write", damaged)
+        write_out(history)
+    assert (history.lost, history.waiting, history.trouble_kind) == (0, 2, "history_lost")
+    write_out(history)
+    assert (times_of(history, "a"), history.lost, history.trouble) == ([1.0, 2.0], 0, "")

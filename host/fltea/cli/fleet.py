@@ -235,7 +235,7 @@ def _export(history: Path | None, postgres: str | None, out: Path) -> None:
 
     if out.suffix != ".parquet":
         raise UsageError(f"--export {out}: the table is Parquet; call it NAME.parquet.")
-    database = Sqlite(history, TABLES) if postgres is None else Postgres(postgres, TABLES)
+    database = Sqlite(history, TABLES) if postgres is None else Postgres(postgres, (), to_write=False)
     try:
         say(f"{out}: {write(database, out)} rows")
     except OSError as error:

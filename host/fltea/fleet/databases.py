@@ -1,6 +1,7 @@
 """Where the history is kept: a file of SQLite, or a PostgreSQL server that is there already."""
 
 import contextlib
+import logging
 import os
 import socket
 import sqlite3
@@ -30,6 +31,19 @@ OPTIONS = "-c statement_timeout=10s -c lock_timeout=5s"
 
 SILENT_MS = 10_000
 
+MAKING = 0x464C5445
+"""The advisory lock of who makes the tables: of two programs that make them at once, one would fail."""
+
+SAYS = {
+    "53100": ("disk_full", "is the server's disk full?"),
+    "25006": ("history_lost", "is the server a standby now, or was it made read only?"),
+    "42501": ("history_lost", "may this account still write to its tables?"),
+    "42": ("history_lost", "was a table dropped or changed? One that is missing is made at the next start."),
+    "55P03": ("history_lost", "does another program hold the tables?"),
+    "57014": ("history_lost", "is the server too busy, or does another program hold the tables?"),
+}
+"""Codes of PostgreSQL, or the classes that they begin with: kind of the failure, and what to look for."""
+
 Row = tuple[Any, ...]
 
 
@@ -37,15 +51,15 @@ class Sqlite:
     """A file; with its log ahead of the file (WAL) a transaction is there whole or not at all.
 
     It is used by one thread at a time. path: None keeps `MEMORY_ROWS` of each table in memory. name: for
-    messages, without secrets. failures: what it raises; away: those after which the same may work later, as
-    when the disk was full.
+    messages, without secrets. failures: what it raises; of_a_row: those for which the values of a row are to
+    blame. After any other failure the same may work later, as when the disk was full.
 
     Raises:
         UsageError: the file is no such database, or cannot be written.
     """
 
     failures: type[Exception] = sqlite3.Error
-    away: tuple[type[Exception], ...] = (sqlite3.OperationalError,)
+    of_a_row: tuple[type[Exception], ...] = (sqlite3.DataError, sqlite3.IntegrityError)
 
     def __init__(self, path: Path | None, tables: Sequence[str]) -> None:
         self.name = str(path or "in memory")
@@ -95,7 +109,11 @@ class Sqlite:
         yield from self.connection.execute(query, parameters)
 
     def write(self, commands: Sequence[tuple[str, Sequence[Row]]]) -> None:
-        """Run commands, each for many rows of parameters, in one transaction."""
+        """Run commands, each for many rows of parameters, in one transaction.
+
+        After a failure that is not `of_a_row` the same commands may be given again. No row is then there
+        twice.
+        """
         try:
             self.connection.execute("BEGIN")
             for command, rows in commands:
@@ -130,50 +148,58 @@ class Sqlite:
 class Postgres:
     """A database of a server, used as `Sqlite` is; a lost connection is opened again by what is asked next.
 
+    to_write: make the tables that are missing; without it a server that is read only may be read, too.
+
     Raises:
         UsageError: it cannot be reached, the account may not use it, or its tables are of another version.
     """
 
-    def __init__(self, url: str, tables: Sequence[str]) -> None:
+    def __init__(self, url: str, tables: Sequence[str], *, to_write: bool = True) -> None:
         refuse_secret("--postgres", url, "postgresql")
         self._library: ModuleType = load("psycopg", "psycopg", "postgres", "--postgres needs")
+        # It warns of what it has tidied up behind a failure, which we report ourselves.
+        logging.getLogger("psycopg").setLevel(logging.ERROR)
         self.failures: type[Exception] = self._library.Error
-        self.away: tuple[type[Exception], ...] = (
-            self._library.OperationalError,
-            self._library.InterfaceError,
-        )
+        self.of_a_row: tuple[type[Exception], ...] = (self._library.DataError, self._library.IntegrityError)
         self._url = url
         self._connection: Any = None
         self._failure = ""
         self._again_s = 0.0
+        self._unsure: int | None = None
         try:
             info = self._library.conninfo.conninfo_to_dict(url)
             self._options = f"{info.get('options', '')} {OPTIONS}".strip()
             self.name = f"postgres {info.get('dbname', '')}@{info.get('host', 'local')}"
-            connection = self._connected()
-            with connection.transaction():
-                connection.execute("CREATE TABLE IF NOT EXISTS fltea_fleet (version INTEGER NOT NULL)")
-                found = connection.execute("SELECT version FROM fltea_fleet").fetchone()
-                _check_version(self.name, 0 if found is None else found[0])
-                for command in tables:
-                    connection.execute(command.replace(" REAL", " DOUBLE PRECISION"))
-                if found is None:
-                    connection.execute("INSERT INTO fltea_fleet VALUES (%s)", (SCHEMA_VERSION,))
+            self._prepare(tables, to_write)
         except UsageError:
             self.close()
             raise
         except self.failures as error:
+            self.close()
             reason = str(error).partition("\n")[0]
             raise UsageError(
                 f"--postgres: cannot be used ({reason}). Does the server run, is there such a "
                 "database, and may this account make tables in it?"
             ) from error
 
+    def _prepare(self, tables: Sequence[str], to_write: bool) -> None:
+        connection = self._connected()
+        with connection.transaction():
+            if to_write:
+                connection.execute("SELECT pg_advisory_xact_lock(%s)", (MAKING,))
+                connection.execute("CREATE TABLE IF NOT EXISTS fltea_fleet (version INTEGER NOT NULL)")
+            found = connection.execute("SELECT version FROM fltea_fleet").fetchone()
+            _check_version(self.name, 0 if found is None else found[0])
+            for command in tables if to_write else ():
+                connection.execute(command.replace(" REAL", " DOUBLE PRECISION"))
+            if to_write and found is None:
+                connection.execute("INSERT INTO fltea_fleet VALUES (%s)", (SCHEMA_VERSION,))
+
     def cause(self, error: Exception) -> tuple[str, str]:
         """See `Sqlite`."""
-        if isinstance(error, self.away):
-            return "history_lost", "is the server away? It is tried again."
-        return "history_lost", "may this account still write to its tables?"
+        code = getattr(error, "sqlstate", None) or ""
+        kind, question = SAYS.get(code) or SAYS.get(code[:2]) or ("history_lost", "is the server away?")
+        return kind, f"{question} It is tried again."
 
     def rows(self, query: str, parameters: Sequence[Any] = ()) -> Iterator[Row]:
         """See `Sqlite`."""
@@ -182,11 +208,35 @@ class Postgres:
             yield from cursor.execute(query.replace("?", "%s"), parameters)
 
     def write(self, commands: Sequence[tuple[str, Sequence[Row]]]) -> None:
-        """See `Sqlite`."""
+        """See `Sqlite`.
+
+        Where the answer to COMMIT got lost, the server is asked what became of that transaction.
+        """
         connection = self._connected()
+        if self._unsure is not None and self._is_committed(connection, self._unsure):
+            self._unsure = None
+            return
+        self._unsure = None
         with connection.transaction(), connection.cursor() as cursor:
             for command, rows in commands:
                 cursor.executemany(command.replace("?", "%s"), rows)
+            number = cursor.execute("SELECT txid_current()").fetchone()[0]
+            self._unsure = number
+        self._unsure = None
+
+    def _is_committed(self, connection: Any, number: int) -> bool:
+        """Whether a transaction took place after all.
+
+        Raises:
+            psycopg.OperationalError: it is still under way.
+        """
+        try:
+            (status,) = connection.execute("SELECT txid_status(%s)", (number,)).fetchone()
+        except self.of_a_row:  # another server, which has not come to that number
+            return False
+        if status == "in progress":
+            raise self._library.OperationalError("what was written last is still under way")
+        return bool(status == "committed")
 
     def delete_older(self, table: str, before_unix_s: float, most: int) -> int:
         """See `Sqlite`."""
@@ -213,7 +263,7 @@ class Postgres:
         if self._connection is not None and not self._connection.closed:
             return self._connection
         if self._failure and time.monotonic() < self._again_s:
-            raise self.away[0](self._failure)
+            raise self._library.OperationalError(self._failure)
         try:
             self._connection = self._library.connect(
                 self._url,
@@ -221,6 +271,7 @@ class Postgres:
                 connect_timeout=CONNECT_S,
                 tcp_user_timeout=SILENT_MS,
                 options=self._options,
+                client_encoding="utf8",  # whatever the database has: it tells us what it cannot hold
             )
         except self.failures as error:
             self._failure, self._again_s = str(error), time.monotonic() + AGAIN_S

@@ -45,7 +45,7 @@ TABLES = (
 )
 
 INSERT_FIT = f"INSERT INTO fit ({', '.join(COLUMNS)}) VALUES ({', '.join('?' * len(COLUMNS))})"
-INSERT_ALERT = "INSERT INTO alert VALUES (?, ?, ?, ?, ?)"
+INSERT_ALERT = f"INSERT INTO alert ({', '.join(ALERT_COLUMNS)}) VALUES (?, ?, ?, ?, ?)"
 
 Row = tuple[Any, ...]
 
@@ -76,6 +76,8 @@ class History:
         self.trouble = self.trouble_kind = ""
         self._last: dict[str, dict[str, _Kept]] = {}
         self._waiting: deque[tuple[str, Row]] = deque()
+        self._batch: list[tuple[str, Row]] = []
+        """Rows of the transaction that is under way, or that failed and is tried again as it was."""
         self._lock = threading.Lock()
         self._thread = ThreadPoolExecutor(1, "history")
         self._work: Future[None] | None = None
@@ -84,7 +86,7 @@ class History:
     @property
     def waiting(self) -> int:
         """Rows that are due and not written yet."""
-        return len(self._waiting)
+        return len(self._waiting) + len(self._batch)
 
     def add(self, unix_s: float, device_id: str, axes: Mapping[str, Axis]) -> None:
         """Keep the axes of a fit, those that are due."""
@@ -136,7 +138,7 @@ class History:
 
     def alerts(self, most: int = 200) -> "Future[list[dict[str, Any]]]":
         """The newest alerts, the newest first."""
-        query = f"SELECT * FROM alert ORDER BY unix_s DESC LIMIT {most}"
+        query = f"SELECT {', '.join(ALERT_COLUMNS)} FROM alert ORDER BY unix_s DESC LIMIT {most}"
         return self._thread.submit(self._answers, ALERT_COLUMNS, query, ())
 
     def close(self) -> None:
@@ -146,13 +148,14 @@ class History:
             if wait([last], LAST_S).not_done:
                 self._database.interrupt()
         self._thread.shutdown()
-        self.lost += len(self._waiting)
+        self.lost += self.waiting
         self._waiting.clear()
+        self._batch.clear()
         self._database.close()
 
     def _put(self, rows: list[tuple[str, Row]]) -> None:
         with self._lock:
-            room = max(0, MOST_WAITING - len(self._waiting))
+            room = max(0, MOST_WAITING - self.waiting)
             self._waiting.extend(rows[:room])
             self.lost += len(rows[room:])
 
@@ -160,7 +163,7 @@ class History:
 
     def _write_and_prune(self, before_unix_s: float) -> None:
         try:
-            while self._waiting:
+            while self.waiting:
                 self._write()
             for table in ("fit", "alert"):
                 self.pruned += self._database.delete_older(table, before_unix_s, AT_ONCE)
@@ -171,36 +174,43 @@ class History:
     def _write(self) -> None:
         """A transaction; whole fits, since the rows of a fit are put there together."""
         with self._lock:
-            rows = [self._waiting.popleft() for _ in range(min(AT_ONCE, len(self._waiting)))]
-            while self._waiting and self._waiting[0][1][:2] == rows[-1][1][:2]:
-                rows.append(self._waiting.popleft())
+            rows = self._batch
+            if not rows:
+                rows += [self._waiting.popleft() for _ in range(min(AT_ONCE, len(self._waiting)))]
+                while self._waiting and self._waiting[0][1][:2] == rows[-1][1][:2]:
+                    rows.append(self._waiting.popleft())
         try:
             self._database.write(_by_command(rows))
-        except self._database.away:
-            self._put_back(rows)
-            raise
-        except Exception:  # of one row, whatever the library calls it: the others have to go on
-            self._write_one_by_one(rows)
-
-    def _write_one_by_one(self, rows: list[tuple[str, Row]]) -> None:
-        for place, row in enumerate(rows):
-            try:
-                self._database.write(_by_command([row]))
-            except self._database.away:
-                self._put_back(rows[place:])
+        except Exception as error:
+            if self._is_of_the_database(error):
                 raise
-            except Exception:
+            self._write_one_by_one()  # a row is to blame: the others have to go on
+        self._batch = []
+
+    def _write_one_by_one(self) -> None:
+        with self._lock:
+            self._waiting.extendleft(reversed(self._batch))
+            left = len(self._batch)
+            self._batch = []
+        for _ in range(left):
+            with self._lock:
+                self._batch = [self._waiting.popleft()]
+            try:
+                self._database.write(_by_command(self._batch))
+            except Exception as error:
+                if self._is_of_the_database(error):
+                    raise
                 self.lost += 1
 
-    def _put_back(self, rows: list[tuple[str, Row]]) -> None:
-        with self._lock:
-            room = max(0, MOST_WAITING - len(self._waiting))
-            self.lost += len(rows[room:])
-            self._waiting.extendleft(reversed(rows[:room]))
+    def _is_of_the_database(self, error: Exception) -> bool:
+        """Whether no row is to blame, so that the same may be written later."""
+        return isinstance(error, self._database.failures) and not isinstance(error, self._database.of_a_row)
 
     def _answers(self, names: Iterable[str], query: str, parameters: tuple[Any, ...]) -> list[dict[str, Any]]:
         try:
             return [dict(zip(names, row, strict=True)) for row in self._database.rows(query, parameters)]
+        except self._database.of_a_row:  # the name of a sensor that the database cannot hold
+            return []
         except self._database.failures as error:
             self._explain(error, "read")
             return []
