@@ -1,10 +1,11 @@
 """Files on any file system: what a pattern names, in a fixed order, and nothing else."""
 
+import itertools
 import os
 from pathlib import Path
 
 import pytest
-from fltea.cluster.listing import JOURNAL, File, Unlisted, files_of
+from fltea.cluster.listing import JOURNAL, MOST_LEVELS, File, Unlisted, files_of
 from fltea.records.errors import FlteaError, UsageError
 
 NAMES = (
@@ -165,6 +166,29 @@ def test_what_a_file_system_says_is_told(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr("fltea.cluster.listing.file_system", lambda protocol: locked)
     with pytest.raises(FlteaError, match=r"s3://lab/a.csv: cannot be listed \(PermissionError: no cred"):
         list(files_of(["s3://lab/a.csv"]))
+
+
+class Maze(Cloud):
+    """A recording and a folder in each folder, as of a server that makes folders up."""
+
+    def isfile(self, path: str) -> bool:
+        return False
+
+    def info(self, path: str) -> dict[str, object]:
+        return {"name": path, "type": "directory", "size": 0}
+
+    def ls(self, path: str, detail: bool) -> list[dict[str, object]]:
+        return [self.info(f"{path}/d"), Cloud.info(self, f"{path}/a.csv")]
+
+
+def test_folders_without_an_end_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was found by then is read, and a row says where it ended."""
+    monkeypatch.setattr("fltea.cluster.listing.file_system", lambda protocol: Maze())
+    *files, last = itertools.islice(files_of(["s3://lab"]), 1000)
+    assert len(files) == MOST_LEVELS + 1
+    assert isinstance(last, Unlisted)
+    assert last.folder.url == "s3://lab" + "/d" * (MOST_LEVELS + 1)
+    assert "64 folders deep" in last.reason
 
 
 @pytest.mark.parametrize(

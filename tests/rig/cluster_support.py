@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
+from urllib.request import Request, urlopen
 
 import pytest
 from fltea.cli import app as cli
@@ -103,6 +104,7 @@ def s3_server() -> Iterator[Any]:
 
     from fltea.cluster.listing import file_system
     from moto.server import ThreadedMotoServer
+    from s3fs import S3FileSystem
 
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
@@ -118,6 +120,8 @@ def s3_server() -> Iterator[Any]:
     before = {name: os.environ.get(name) for name in known}
     os.environ.update(known)
     try:
+        urlopen(Request(f"{known['AWS_ENDPOINT_URL']}/moto-api/reset", method="POST")).close()
+        S3FileSystem.clear_instance_cache()  # of a server before this one
         system = file_system("s3")
         system.mkdir("lab")
         yield system

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from fltea.cluster.listing import STAMPS, WEB, File, file_system
+from fltea.cluster.whole_ranges import WholeRanges
 from fltea.records.errors import FlteaError
 
 PINNED = ("s3", "s3a")
@@ -26,7 +27,7 @@ def open_bytes(file: File, *, whole: bool = False) -> Iterator[BinaryIO]:
     """Open a file for ranges; nothing is read ahead. whole: it is read once, from its beginning to its end.
 
     Raises:
-        FlteaError: it is not what it was when it was listed.
+        FlteaError: it is not what it was when it was listed; while it is read, a range does not come whole.
         OSError: the file system failed; it may raise others.
     """
     system = file_system(file.protocol)
@@ -42,7 +43,7 @@ def open_bytes(file: File, *, whole: bool = False) -> Iterator[BinaryIO]:
     is_pinned = file.protocol in PINNED
     with _opened(system, file) as stream:
         _check(file, stream.details if is_pinned else system.info(file.path))
-        yield stream
+        yield stream if file.protocol == "file" else WholeRanges(file, stream)  # type: ignore[misc]
         if not is_pinned:
             _check(file, system.info(file.path))
 

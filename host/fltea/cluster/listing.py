@@ -24,6 +24,8 @@ LONGEST_NAME = 60
 """Of a copy, without its ending."""
 STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "Last-Modified", "updated", "created")
 """What file systems call it when a file is no longer the same, the surest first."""
+MOST_LEVELS = 64
+"""Of folders in one another: a server that makes them up, or leads back to the first one, has no end."""
 SILENT_S = 60.0
 """How long a web server may send nothing."""
 PACKAGES = {"gs": "gcsfs", "gcs": "gcsfs", "abfs": "adlfs", "az": "adlfs"}
@@ -189,6 +191,10 @@ def _below(system: Any, protocol: str, folder: str, depth: int | None) -> Iterat
         if now in seen:
             continue
         seen.add(now)
+        if level > MOST_LEVELS:
+            reason = f"lies {MOST_LEVELS} folders deep; does the server make folders up? Name the one below"
+            yield Unlisted(File(_url(protocol, now), protocol, now, -1, ""), reason)
+            continue
         try:
             inside = sorted(system.ls(now, detail=True), key=lambda one: str(one["name"]))
         except (FileNotFoundError, PermissionError) as error:
