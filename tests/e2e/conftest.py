@@ -1,10 +1,14 @@
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
-from host_support import Processes
+from host_support import Processes, each_ended
 from mosquitto_support import Stage
+from nats_support import single
+from nats_worker import Servers, Start, Worker
+
+from tools.faults.server import Server
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -31,3 +35,25 @@ def chromium() -> "Iterator[Browser]":
     from browser_support import browsers  # the library is an extra
 
     yield from browsers()
+
+
+@pytest.fixture
+def server(stage: Stage, tmp_path: Path) -> Servers:
+    """Start a NATS server."""
+
+    def make(**options: Any) -> Server:
+        one = single(tmp_path / "nats", **options)
+        stage.callback(one.kill)
+        return one
+
+    return make
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    """Start a worker of a NATS server."""
+
+    def make(server: Server, **settings: Any) -> Worker:
+        return Worker(f"nats://127.0.0.1:{server.port}", **settings)
+
+    yield from each_ended(make, lambda one: one.frames.close())

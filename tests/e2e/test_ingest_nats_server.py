@@ -4,68 +4,23 @@ import asyncio
 import gc
 import socket
 import threading
-from collections.abc import Callable, Coroutine, Iterator
-from pathlib import Path
 from typing import Any
 
-import nats
 import pytest
 from fltea.records.clock import host_ns, unix_offset_ns
-from fltea.service.ingest.inbox import Inbox, Left, Message, Resumed, Served
+from fltea.service.ingest.inbox import Left, Message, Resumed, Served
 from fltea.service.ingest.kept import Kept, pack
 from fltea.service.ingest.mapping import partition_of
-from fltea.service.ingest.nats import NatsFrames
 from fltea.service.ingest.nats_reports import explain_no_connection
 from fltea.service.ingest.store import Unfit
-from fltea.settings.config import load_configs
-from host_support import each_ended, wait_until
+from host_support import wait_until
 from mosquitto_support import Stage
-from nats_support import PARTITIONS, mapping, single
+from nats_support import PARTITIONS, mapping
+from nats_worker import Servers, Start, Worker, ask, publish, taken
 from paho.mqtt.enums import MQTTProtocolVersion
 
 from tools.faults.server import Server, free_port
 from tools.nats_users import render
-
-Servers = Callable[..., Server]
-Start = Callable[..., "Worker"]
-
-
-@pytest.fixture
-def server(stage: Stage, tmp_path: Path) -> Servers:
-    def make(**options: Any) -> Server:
-        one = single(tmp_path / "nats", **options)
-        stage.callback(one.kill)
-        return one
-
-    return make
-
-
-class Worker:
-    """The part of a worker that talks to the server."""
-
-    def __init__(self, url: str, start: bool = True, **settings: Any) -> None:
-        flags = {"format": "none", "ingest.partitions": PARTITIONS}
-        flags |= {f"ingest.{key}": value for key, value in settings.items()}
-        (config,) = load_configs(None, flags, [url])
-        self.told: list[tuple[str, str]] = []
-        self.inbox = Inbox(100, 1 << 20)
-        self.frames = NatsFrames(config, self.inbox, lambda kind, text: self.told.append((kind, text)))
-        if start:
-            self.frames.start()
-
-    def texts(self, kind: str) -> str:
-        return " ".join(text for one, text in self.told if one == kind)
-
-    def serves_all(self) -> bool:
-        return all(self.frames.partitions.serves(number) for number in range(PARTITIONS))
-
-
-@pytest.fixture
-def start() -> Iterator[Start]:
-    def make(server: Server, **settings: Any) -> Worker:
-        return Worker(f"nats://127.0.0.1:{server.port}", **settings)
-
-    yield from each_ended(make, lambda one: one.frames.close())
 
 
 @pytest.fixture
@@ -74,40 +29,6 @@ def serving(server: Servers, start: Start) -> tuple[Server, Worker]:
     worker = start(one)
     wait_until(worker.serves_all, "all partitions")
     return one, worker
-
-
-def taken(worker: Worker, timeout_s: float) -> list[Message | Served | Resumed | Left]:
-    """All that waits, in its order."""
-    found: list[Message | Served | Resumed | Left] = []
-    messages, behind = worker.inbox.take(timeout_s)
-    while messages or behind:
-        found += [*messages, *([] if behind is None else [behind])]
-        messages, behind = worker.inbox.take(0) if worker.inbox.has_messages else ([], None)
-    return found
-
-
-def ask(server: Server, what: Callable[[Any], Coroutine[Any, Any, Any]], **options: Any) -> Any:
-    """What a client of the server finds."""
-
-    async def connected() -> Any:
-        client = await nats.connect(f"nats://127.0.0.1:{server.port}", allow_reconnect=False, **options)
-        try:
-            return await what(client)
-        finally:
-            await client.close()
-
-    return asyncio.run(connected())
-
-
-def publish(server: Server, *messages: tuple[str, bytes], **options: Any) -> None:
-    """Let the server have messages: subject, content."""
-
-    async def all_of_them(client: Any) -> None:
-        for subject, data in messages:
-            await client.publish(subject, data)
-        await client.flush()
-
-    ask(server, all_of_them, **options)
 
 
 async def subjects(client: Any) -> dict[str, int]:

@@ -1,6 +1,7 @@
 """What another worker needs to go on with a device: its estimators, and how far it has come (pure)."""
 
 import zlib
+from typing import Annotated
 
 import msgspec
 
@@ -17,7 +18,7 @@ class Kept(msgspec.Struct, frozen=True):
     hello: the newest HELLO of the device, so that its samples can be used at once. unix_ns: when.
     """
 
-    mark: int
+    mark: Annotated[int, msgspec.Meta(ge=0)]
     unix_ns: int
     hello: Hello | None = None
     state: DeviceState | None = None

@@ -6,7 +6,7 @@ on the condition that its revision is still the one that was seen; of two that t
 """
 
 from collections.abc import Iterable, Mapping
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import msgspec
 
@@ -21,7 +21,7 @@ class Lease(msgspec.Struct, frozen=True):
     """owner: worker, "" if it was given back. done: the last message of the stream that it has walked."""
 
     owner: str
-    done: int = 0
+    done: Annotated[int, msgspec.Meta(ge=0)] = 0
 
 
 class Seen(NamedTuple):

@@ -96,7 +96,7 @@ class NatsFrames:
                 flush_timeout=LEASE_S,
                 allow_reconnect=False,
                 max_reconnect_attempts=1,  # at the first connection too, where the library tries 60 times
-                error_cb=_ignore,
+                error_cb=self._heard,
             )
             self._reports.on_server()
             serving = asyncio.create_task(self._serve_over(client))
@@ -112,6 +112,10 @@ class NatsFrames:
             self.partitions.let_go_of_all()
             await client.close()
 
+    async def _heard(self, error: Exception) -> None:
+        """Take an error that the library tells of; those of the connection it raises as well."""
+        self._reports.refused(error)
+
     async def _serve_over(self, client: Client) -> None:
         """Serve over one connection, until closed."""
         # A busy server is not away: leases know by themselves when nothing may be walked.
@@ -122,7 +126,7 @@ class NatsFrames:
         await self.partitions.renew()  # a server whose store is full fails here, and is not back
         renewed_s, probed_s = time.monotonic(), -PROBE_S
         self.connected = True
-        if self._reports.back():
+        if self._reports.is_down:
             self.partitions.wait_for_others()
         while not self._stop.is_set():
             if time.monotonic() - renewed_s >= RENEW_S:
@@ -131,7 +135,8 @@ class NatsFrames:
             if time.monotonic() - probed_s >= PROBE_S:
                 probed_s = time.monotonic()
                 self._reports.mapping(await mapping.look(client, self.worker, self._settings.partitions))
-            await self.partitions.share_out()
+            if await self.partitions.share_out():
+                self._reports.back()
             await asyncio.sleep(LOOK_S)
         await self.partitions.give_all_back()
 
@@ -148,10 +153,6 @@ def _on_library_error(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) 
     """Pass over how a task ended that nobody waits for, if that is how a broken connection shows in it."""
     if not isinstance(context.get("exception"), OSError | NatsError | Unfit):
         loop.default_exception_handler(context)
-
-
-async def _ignore(error: Exception) -> None:
-    """Ignore an error that the library raises as well."""
 
 
 def _login(config: Config) -> _Login:

@@ -28,15 +28,30 @@ class Reports:
         self._once_a_minute = OnceAMinute()
         self._reached = self._clock_reported = False
         self._down: set[bool] = set()
+        self._refusal = ""
         self._differences: set[str] = set()
 
     def begin(self) -> None:
         """Begin to connect."""
-        self._reached = False
+        self._reached, self._refusal = False, ""
 
     def on_server(self) -> None:
         """Take note that it is a NATS server that answers."""
         self._reached = True
+
+    def refused(self, error: Exception) -> None:
+        """Take note of what the server says beside its answers: it does not answer what it forbids.
+
+        Whether devices' frames may be published is the matter of `mapping`.
+        """
+        text = str(error)
+        if "permissions" in text.lower() and '"fltea.' not in text:
+            self._refusal = text.removeprefix("nats: ")
+
+    @property
+    def is_down(self) -> bool:
+        """Whether an outage was reported that has not ended."""
+        return bool(self._down)
 
     def down(self, error: Exception) -> None:
         """Report an outage: each reason once, no server or one that is not fit."""
@@ -44,16 +59,14 @@ class Reports:
         if unfit in self._down:
             return
         self._down.add(unfit)
-        text = explain(error) if self._reached else explain_no_connection(error)
+        text = self._explain(error) if self._reached else explain_no_connection(error)
         self._of_server("nats_settings" if unfit else "nats_lost", f"{text} It is tried again.")
 
-    def back(self) -> bool:
-        """Report the end of an outage; return whether there was one."""
-        was_down = bool(self._down)
-        if was_down:
+    def back(self) -> None:
+        """Report the end of an outage, if there was one."""
+        if self._down:
             self._down = set()
             self._report("nats_back", f"{self._url} is back; devices go on from their snapshots.")
-        return was_down
 
     def differences(self, differs: Sequence[str]) -> None:
         """Report once what exists on the server otherwise than the settings have it."""
@@ -87,11 +100,17 @@ class Reports:
     def snapshot(self, key: str, error: NatsError) -> None:
         """Report that a snapshot cannot be stored."""
         if self._once_a_minute.is_due("snapshot", host_ns()):
-            self._of_server("snapshot_failed", f"{key} cannot be kept: {explain(error)}")
+            self._of_server("snapshot_failed", f"{key} cannot be kept: {self._explain(error)}")
 
     def left(self, partition: int, error: BaseException) -> None:
-        """Report that a partition is given back since its messages cannot be pulled."""
-        self._of_server("partition_left", f"partition {partition} is given back: {explain(error)}")
+        """Report that a partition is given back since its messages cannot be pulled.
+
+        Each reason once a minute, whichever partition it is: it is soon taken again, and given back again.
+        """
+        reason = type(error), getattr(error, "err_code", None)
+        if self._once_a_minute.is_due(reason, host_ns()):
+            text = f"partition {partition} is given back: {self._explain(error)}"
+            self._of_server("partition_left", f"{text} It is tried again.")
 
     def taken(
         self,
@@ -119,6 +138,15 @@ class Reports:
         if unreadable:
             text += f" Snapshots of {unreadable} more cannot be read: were they of another version?"
         self._report("partition_taken", text)
+
+    def _explain(self, error: BaseException) -> str:
+        if isinstance(error, TimeoutError) and self._refusal:
+            return (
+                f"this account may not do what a worker has to ({self._refusal}). It publishes and reads "
+                "$JS.API.>, $KV.>, _INBOX.> and fltea.>: give it the permissions of a worker "
+                "(python -m tools.nats_users writes one)."
+            )
+        return explain(error)
 
     def _of_server(self, kind: str, text: str) -> None:
         self._report(kind, f"{self._url}: {text}")

@@ -22,7 +22,10 @@ from fltea.service.ingest.nats_reports import Reports
 from fltea.service.ingest.store import Store
 
 GRACE_S = 2 * RENEW_S
-"""After an outage of the server: who comes back first would else take all, and give it back at once."""
+"""After an outage of the server: who comes back first would else take all, and give it back at once.
+
+A partition whose messages cannot be pulled is left to others for as long.
+"""
 
 STEADY_NS = 50_000_000
 """A change of the server's clock against ours that is smaller is how long the question took."""
@@ -75,6 +78,8 @@ class Partitions:
         self._held: dict[int, Held] = {}
         self._sightings = Sightings()
         self._takes_from_s = 0.0
+        self._left_s: dict[int, float] = {}
+        """When a partition was given back since its messages could not be pulled."""
         self._loop: asyncio.AbstractEventLoop | None = None
         self._puts: set[concurrent.futures.Future[None]] = set()
 
@@ -162,14 +167,19 @@ class Partitions:
         """The last message that anybody has walked."""
         return max(held.before, self.done.get(partition, 0))
 
-    async def share_out(self) -> None:
-        """Let go of what is lost or too much; take what is free, up to this worker's share."""
+    async def share_out(self) -> bool:
+        """Let go of what is lost or too much; take what is free, up to this worker's share.
+
+        Returns:
+            False if nothing was taken since it is too early.
+        """
         for partition, held in list(self._held.items()):
             failed = held.task.exception() if held.task is not None and held.task.done() else None
             if isinstance(failed, ConnectionError | ConnectionClosedError):
                 raise failed
             if failed is not None:
                 self._reports.left(partition, failed)
+                self._left_s[partition] = time.monotonic()
                 await self._give_back(partition)
             elif held.lapsed and held.is_fresh() and not held.resuming:
                 await self._pull_again(partition, held)
@@ -180,15 +190,18 @@ class Partitions:
         for partition in surplus(self._held, self._total, workers):
             await self._give_back(partition)
         if now_s < self._takes_from_s:
-            return
+            return False
+        self._left_s = {one: left_s for one, left_s in self._left_s.items() if now_s - left_s < GRACE_S}
         for partition in range(self._total):
             if len(self._held) >= share(self._total, workers):
                 break
             seen = self._sightings.of(f"lease.{partition}")
-            if partition not in self._held and is_free(seen, now_s):
+            may_take = partition not in self._held and partition not in self._left_s
+            if may_take and is_free(seen, now_s):
                 await self._take(
                     partition, lease_of(seen.value) if seen else Lease(""), seen and seen.revision
                 )
+        return True
 
     async def _take(self, partition: int, before: Lease, revision: int | None) -> None:
         """Take a lease, load the snapshots, and begin to pull behind the oldest of them."""

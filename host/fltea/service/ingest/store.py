@@ -5,11 +5,19 @@ snapshots must not end the service.
 """
 
 import contextlib
+from enum import Enum
 from typing import NamedTuple
 
 from nats.errors import NoRespondersError
 from nats.js import JetStreamContext
-from nats.js.api import AckPolicy, ConsumerConfig, DeliverPolicy, DiscardPolicy, StreamConfig
+from nats.js.api import (
+    AckPolicy,
+    ConsumerConfig,
+    DeliverPolicy,
+    DiscardPolicy,
+    RetentionPolicy,
+    StreamConfig,
+)
 from nats.js.errors import APIError, NotFoundError, ServiceUnavailableError
 from nats.js.kv import KeyValue
 
@@ -39,6 +47,10 @@ COMPARED = (
     "max_msg_size",
     "discard",
     "num_replicas",
+    "retention",
+    "max_msgs",
+    "max_consumers",
+    "sealed",
 )
 
 
@@ -103,7 +115,12 @@ class Store:
     async def _need(self, wanted: StreamConfig) -> None:
         s = self._settings
         wanted = wanted.evolve(
-            max_age=s.keep_s, num_replicas=s.replicas, duplicate_window=min(DUPLICATE_S, s.keep_s)
+            max_age=s.keep_s,
+            num_replicas=s.replicas,
+            duplicate_window=min(DUPLICATE_S, s.keep_s),
+            retention=RetentionPolicy.LIMITS,
+            max_msgs=-1,
+            max_consumers=-1,
         )
         name = wanted.name or ""
         try:
@@ -229,4 +246,4 @@ def _of(config: StreamConfig, key: str) -> object:
     value = getattr(config, key)
     if key == "subjects":
         return " ".join(sorted(value or []))
-    return value.value if isinstance(value, DiscardPolicy) else value
+    return value.value if isinstance(value, Enum) else value
