@@ -238,6 +238,41 @@ def test_what_was_under_way_is_no_failure_of_the_files(tmp_path: Path) -> None:
         identify_all([ASK.request(path)], ASK.settings, Gone(), Here())
 
 
+class Liar(Here):
+    """Gives something else in place of every result."""
+
+    def __init__(self, lie: Callable[[Any], Any]) -> None:
+        self._lie = lie
+
+    def submit(self, task: Callable[..., Any], *arguments: Any) -> "Future[Any]":
+        future: Future[Any] = Future()
+        future.set_result(self._lie(task(*arguments)))
+        return future
+
+
+@pytest.mark.parametrize(
+    "lie",
+    [
+        lambda rows: None,
+        lambda rows: [],
+        lambda rows: [msgspec.structs.asdict(row) for row in rows],
+        lambda rows: [msgspec.structs.replace(row, file="/other") for row in rows],
+        lambda rows: [msgspec.structs.replace(row, settings="of another version") for row in rows],
+        lambda rows: [msgspec.structs.replace(row, kind=7) for row in rows],
+        lambda rows: [msgspec.structs.replace(row, values={"unknown": 1.0}) for row in rows],
+    ],
+)
+def test_what_is_no_answer_is_not_in_the_table(lie: Callable[[Any], Any], tmp_path: Path) -> None:
+    """The file has a row that says so, and the next run does it."""
+    path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
+    assert identified(str(path), ASK, out, Liar(lie)).failed == 1
+    (row,) = rows_in(out)
+    assert (row["file"], row["again"]) == (str(path), True)
+    assert "the worker's answer is none to what it was asked" in row["error"]
+    assert go(str(path), out).failed == 0
+    assert [row["error"] for row in rows_in(out)] == [None]
+
+
 Command = Callable[..., tuple[int, str]]
 QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100", "--jobs", "1")
 

@@ -4,16 +4,22 @@ Messages of Dask are pickles, which run what their sender says.
 """
 
 import re
+from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
+from typing import Any
 from unittest.mock import Mock
 
 import pytest
+from cluster_support import ASK, identified, open_table
 from fltea import __version__
 from fltea.cli import identify as command
 from fltea.identification import dask_workers
 from fltea.identification.dask_address import check_address, trust_warning
+from fltea.identification.workers import Here, UnfitWorker
 from fltea.records.errors import UsageError
 from host_support import fltea_here
+from identify_files import counts, npz
 
 
 @pytest.mark.parametrize(
@@ -144,3 +150,27 @@ def test_workers_that_are_none_of_ours_are_left_at_once(
     with pytest.raises(UsageError, match=re.escape(text)):
         dask_workers.DaskWorkers("tcp://x:1")
     client.close.assert_called_once_with()
+
+
+def test_a_worker_of_another_version_that_joins_later_ends_the_work(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """It was not there when versions were looked at; none of its answers are taken, and no file is blamed."""
+
+    def joined(task: Callable[..., Any], *arguments: Any) -> "Future[Any]":
+        with monkeypatch.context() as patch:
+            patch.setattr(dask_workers, "__version__", "0.0")
+            return Here().submit(task, *arguments)
+
+    client = Mock()
+    client.run.return_value = {"a": __version__}
+    client.nthreads.return_value = {"a": 1}
+    client.status = "running"
+    client.get_executor.return_value.submit = joined
+    monkeypatch.setattr(dask_workers, "_connected", lambda address: client)
+    path = npz(tmp_path / "a.npz", counts(1000, 1))
+    workers = dask_workers.DaskWorkers("tcp://x:1")
+    with pytest.raises(UnfitWorker, match=f"has fltea 0.0, and this is {re.escape(__version__)}"):
+        identified(str(path), ASK, tmp_path / "v.parquet", workers)
+    with open_table(tmp_path / "v.parquet") as table:
+        assert len(table) == 0

@@ -59,6 +59,9 @@ class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     traps: list[str] | None = None
 
 
+_row = msgspec.json.Decoder(Row)
+
+
 class Key(msgspec.Struct, frozen=True):
     """Which file as it was then, and how it was identified."""
 
@@ -69,6 +72,18 @@ class Key(msgspec.Struct, frozen=True):
         """A row of it."""
         file = self.file
         return Row(file=file.url, size=file.size, stamp=file.stamp, settings=self.settings, **values)
+
+    def has(self, row: object) -> bool:
+        """Whether this is a row of it, whose values are of their types and have their columns."""
+        if not isinstance(row, Row) or not row.values.keys() <= set(VALUE_COLUMNS):
+            return False
+        try:
+            _row.decode(msgspec.json.encode(row))
+        except (msgspec.MsgspecError, TypeError):
+            return False
+        file = self.file
+        ours = (file.url, file.size, file.stamp, self.settings)
+        return (row.file, row.size, row.stamp, row.settings) == ours
 
 
 def failed(key: Key, reason: str, *, again: bool, parts: int = 1) -> list[Row]:

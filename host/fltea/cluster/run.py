@@ -128,6 +128,9 @@ class _Loop(HandOut[_Task]):
             self._fail(task, str(result), again=not isinstance(result, UsageError))
         elif isinstance(result, BaseException):
             self._fail(task, f"{type(result).__name__}: {result}", again=True)
+        elif not self._is_answer(task, result):
+            reason = f"the worker's answer is none to what it was asked (a {type(result).__name__})"
+            self._fail(task, f"{reason}. Does it have the same fltea as this machine?", again=True)
         elif task.do is cuts_of:
             self._cut(file, result)
         elif pieces is None:
@@ -140,6 +143,17 @@ class _Loop(HandOut[_Task]):
             self._report(self.progress)
             if None not in pieces.sums:
                 self._next.appendleft(_Task(fit_pieces, (file, self._ask, pieces.sums), file))
+
+    def _is_answer(self, task: _Task, result: Any) -> bool:
+        """Whether a result is of the kind that its task gives, and is told of its file."""
+        if task.do is sum_piece:
+            return isinstance(result, PieceSums | str)
+        if not isinstance(result, list):
+            return False
+        if task.do is cuts_of:
+            return all(isinstance(one, Cut) for one in result)
+        key = Key(task.file, self._digest)
+        return bool(result) and all(key.has(row) for row in result)
 
     def _cut(self, file: File, cuts: list[Cut]) -> None:
         if not cuts:

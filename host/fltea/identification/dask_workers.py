@@ -4,6 +4,7 @@ Dask itself does again what a worker was doing when it died. Each task takes its
 worker needs the files or another worker; its result is counted when it arrives, which it does once.
 """
 
+import platform
 import time
 import warnings
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from distributed import Client
 from distributed.security import Security
 
 from fltea.identification.dask_address import ENCRYPTED
-from fltea.identification.workers import Workers
+from fltea.identification.workers import UnfitWorker, Workers
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.version import __version__
 
@@ -79,7 +80,7 @@ class DaskWorkers(Workers):
             # It would rather have large data scattered, but what is scattered is lost with its worker.
             warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
             try:
-                future: Future[T] = self._executor.submit(task, *arguments)
+                future: Future[T] = self._executor.submit(_of_version, __version__, task, *arguments)
             except Exception as error:
                 self._check_scheduler(error)
                 raise
@@ -177,3 +178,18 @@ def _check_certificate(address: str) -> None:
 
 def _version() -> str:
     return __version__
+
+
+def _of_version(version: str, task: Callable[..., T], *arguments: Any) -> T:
+    """Do a task on a worker, which may have come long after the others were looked at.
+
+    Raises:
+        UnfitWorker: it has another version than who asks: its answer would stand beside those of that one.
+    """
+    if version != __version__:
+        raise UnfitWorker(
+            f"--dask: a worker on {platform.node()} that joined the cluster has fltea {__version__}, and "
+            f"this is {version}. Install the same there, or end that worker, and give the same command "
+            "again; what is in the table of --out is not done again."
+        )
+    return task(*arguments)

@@ -9,7 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, 
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
-from fltea.identification.workers import Workers
+from fltea.identification.workers import UnfitWorker, Workers
 from fltea.records.errors import FlteaError
 
 CHECK_S = 5.0
@@ -54,7 +54,7 @@ class HandOut(Generic[T]):
         """Work until nothing is left.
 
         Raises:
-            FlteaError: the workers are gone.
+            FlteaError: the workers are gone, or one of them is unfit.
         """
         while self._fill() or self._pending:
             done, _ = wait(self._pending, CHECK_S, FIRST_COMPLETED)
@@ -86,6 +86,8 @@ class HandOut(Generic[T]):
             result = future.result()
         except BrokenExecutor:
             return False
+        except UnfitWorker:
+            raise
         except CancelledError as error:  # Dask does so when it has lost its scheduler
             self._workers.check()
             result = error

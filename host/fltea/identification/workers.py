@@ -14,11 +14,17 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from fltea.records.errors import FlteaError
+
 T = TypeVar("T")
 
 SAFE_PATH = "PYTHONSAFEPATH"
 SMALL = 6_000_000
 """Samples of all axes together, 5 hours of three, up to which processes take long to start."""
+
+
+class UnfitWorker(FlteaError):
+    """One of the workers must be given nothing. That ends all the work: it would fail each task it gets."""
 
 
 class Workers:
