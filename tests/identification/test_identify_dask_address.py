@@ -164,7 +164,7 @@ def test_a_worker_of_another_version_that_joins_later_ends_the_work(
 
     client = Mock()
     client.run.return_value = {"a": __version__}
-    client.nthreads.return_value = {"a": 1}
+    client.sync.return_value = {"a": 1}
     client.status = "running"
     client.get_executor.return_value.submit = joined
     monkeypatch.setattr(dask_workers, "_connected", lambda address: client)

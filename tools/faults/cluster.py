@@ -64,6 +64,10 @@ class Cluster:
 
     kill = close
 
+    def pause(self) -> None:
+        """Let it stand still, and its lines stay open."""
+        self._process.send_signal(signal.SIGSTOP)
+
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:

@@ -25,6 +25,8 @@ T = TypeVar("T")
 CONNECT_S = 10.0
 LONELY_S = 60.0
 """How long a cluster may be without any worker."""
+SILENT_S = 60.0
+"""How long a scheduler may leave a question without an answer: one that stands still keeps its line open."""
 RETRIES = 3
 """Tries of a task that has failed; those of a task whose worker died are counted by the scheduler."""
 SETTINGS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and …__CLIENT__KEY"
@@ -104,11 +106,12 @@ class DaskWorkers(Workers):
         """Return the number of threads of all workers.
 
         Raises:
-            FlteaError: the scheduler is gone.
+            FlteaError: the scheduler is gone, or does not answer.
         """
         self._check_scheduler()
         try:
-            return sum(self._client.nthreads().values())
+            ask = self._client.scheduler.ncores
+            return sum(self._client.sync(ask, callback_timeout=SILENT_S).values())
         except Exception as error:
             self._check_scheduler(error)
             raise
@@ -117,8 +120,9 @@ class DaskWorkers(Workers):
         if self._client.status == "running" and not isinstance(cause, OSError):
             return
         raise FlteaError(
-            f"--dask {self._address}: the scheduler is gone, and what it was doing is lost. Start it and its "
-            "workers, and give the same command again; what is in the table of --out is not done again."
+            f"--dask {self._address}: the scheduler is gone, or does not answer, and what it was doing is "
+            "lost. Start it and its workers, and give the same command again; what is in the table of --out "
+            "is not done again."
         ) from cause
 
     def close(self) -> None:
