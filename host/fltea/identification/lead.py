@@ -17,7 +17,7 @@ def lead(axis: AxisReport) -> str:
     A figure that the recording does not tell, and of which it knows no bound, is left out.
     """
     r = axis.result
-    found = [r.verdict.kind]
+    found: list[str] = [r.verdict.kind]
     if r.order.alpha.value is not None:
         found += [f"α {interval(r.order.alpha)}", f"f {interval(r.order.f)}"]
     found += _level(axis)
