@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 from blocks import of
-from fltea.recording.part import AppendOnly
+from fltea.recording.append_only import AppendOnly
 from fltea.recording.scan import Scan
 from fltea.records import clock
 from fltea.records.events import Chunk

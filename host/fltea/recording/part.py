@@ -1,9 +1,6 @@
 """Writes one MCAP file of a recording, so that a program killed at any moment leaves what can be read."""
 
 import contextlib
-import errno
-import fcntl
-import os
 import struct
 import threading
 import zlib
@@ -29,6 +26,7 @@ from mcap.writer import MCAP0_MAGIC
 from zstandard import ZstdCompressor
 
 from fltea._native import McapChunks
+from fltea.recording.append_only import AppendOnly
 from fltea.recording.schema import record_schema
 from fltea.recording.session import HELLO, LINK, SESSION, WIRE, LinkMessage, PartInfo
 from fltea.records.events import Ints, Reads
@@ -36,67 +34,6 @@ from fltea.records.records import Hello
 from fltea.records.version import __version__
 
 CHUNK_BYTES = 1 << 20
-NO_RESERVING = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
-
-
-class AppendOnly:
-    """A new file that is written in one piece at every flush.
-
-    good_bytes: length after the last flush that succeeded; `cut` goes back to it.
-    """
-
-    def __init__(self, path: Path, reserve_bytes: int) -> None:
-        self.good_bytes = 0
-        self._pending = bytearray()
-        self._fd = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o666)
-        with contextlib.suppress(OSError):  # not every file system has locks
-            fcntl.flock(self._fd, fcntl.LOCK_EX)  # whoever would mend the file sees that it is in use
-        try:
-            if reserve_bytes:
-                _reserve(self._fd, reserve_bytes)
-        except OSError:
-            os.close(self._fd)
-            path.unlink(missing_ok=True)
-            raise
-
-    def write(self, data: bytes) -> None:
-        """Keep bytes for the next flush."""
-        self._pending += data
-
-    def tell(self) -> int:
-        """Length of the file, as it will be after the next flush."""
-        return self.good_bytes + len(self._pending)
-
-    def flush(self) -> None:
-        """Hand everything to the operating system; OSError if it does not take it."""
-        done = 0
-        while done < len(self._pending):
-            done += os.write(self._fd, memoryview(self._pending)[done:])
-        self.good_bytes += done
-        self._pending.clear()
-
-    def cut(self) -> None:
-        """Remove what a failed flush wrote of a record, if the disk still lets us, and close."""
-        with contextlib.suppress(OSError):
-            os.ftruncate(self._fd, self.good_bytes)
-        self.close()
-
-    def close(self) -> None:
-        """Close the file; may be called twice."""
-        fd, self._fd = self._fd, -1
-        if fd >= 0:
-            with contextlib.suppress(OSError):
-                os.close(fd)
-
-
-def _reserve(fd: int, size_bytes: int) -> None:
-    """Make sure that there is room for so much, then give it back."""
-    try:
-        os.posix_fallocate(fd, 0, size_bytes)
-    except OSError as error:
-        if error.errno not in NO_RESERVING:
-            raise
-    os.ftruncate(fd, 0)
 
 
 class _Packer(threading.local):
@@ -124,6 +61,7 @@ class PartWriter:
 
     Raises:
         OSError: from the constructor and from `flush` and `finish`, the disk's; call `abandon` then.
+        Meddled: from `flush` and `finish`, which is an OSError too: the file is gone, or has been cut short.
     """
 
     def __init__(
@@ -178,11 +116,14 @@ class PartWriter:
 
     def flush(self) -> None:
         """End the chunk and hand everything to the operating system."""
+        self._file.check()
         self._end_chunk()
         self._file.flush()
 
-    def finish(self) -> None:
-        """Write summary and indexes, and close."""
+    def finish(self, *, moved: bool = False) -> None:
+        """Write summary and indexes, and close. moved: also where the file has another path by now."""
+        if not moved:
+            self._file.check()
         self._end_chunk()
         self._file.write(_bytes_of(DataEnd(0)))
         begin = at = self._file.tell()

@@ -13,6 +13,9 @@ FORMAT = 1
 WIRE, LINK = "wire", "link"
 """Last parts of the topics of raw bytes and of what happened to the line; records have their class there."""
 
+WIRE_CHANNEL, LINK_CHANNEL = 1, 2
+"""Their ids in each file, so that they can be read without the chunk that says so."""
+
 OVERFLOW = "overflow"
 """Kind of a gap that the recorder itself made, being too slow: it did not see what it missed."""
 

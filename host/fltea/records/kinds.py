@@ -283,6 +283,14 @@ ERROR_KINDS = {
         "The recording stopped because the disk failed; it is tried again every 5 s.",
         "Check the disk and the folder that the text names.",
     ),
+    "record_deleted": ErrorKind(
+        "Another program deleted a file of a recording while it was written, or cut it short; the text counts.",
+        "Find what did it. The recording goes on in a new file, in the same folder.",
+    ),
+    "record_moved": ErrorKind(
+        "Another program moved a file of a recording while it was written; nothing is lost.",
+        "Nothing to do; the recording goes on in a new file, in the same folder.",
+    ),
     "record_resumed": ErrorKind(
         "The recording goes on in a new file; the text says how much was not recorded.",
         "Nothing to do.",

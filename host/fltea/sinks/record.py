@@ -6,6 +6,7 @@ from typing import get_args
 
 import msgspec
 
+from fltea.recording.append_only import Meddled
 from fltea.recording.schema import encode_message
 from fltea.recording.session import OVERFLOW, WIRE_WRAP, LinkMessage
 from fltea.records import clock
@@ -16,7 +17,8 @@ from fltea.records.records import AnyRecord, Error, Hello
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.lines import BlockLines
 from fltea.sinks.opening import Opening
-from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer
+from fltea.sinks.record_loss import lost_of, told
+from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer, summed
 from fltea.sources.as_wire import as_stated
 
 FLUSH_NS = 750_000_000
@@ -29,6 +31,9 @@ REFUSED = ("version", "bad_hello")
 """Errors of a device whose samples are not believed until its next good HELLO."""
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
+
+DELETED = "record_deleted"
+"""Kind of a gap whose file another program has taken away: there is nothing to wait for."""
 
 KINDS: dict[str, type[AnyRecord]] = {str(kind.__struct_config__.tag): kind for kind in get_args(AnyRecord)}
 """Records by the names of their classes."""
@@ -45,7 +50,7 @@ class RecordSink(Sink):
     """One device's session: files one after the other, in a folder that may hold others.
 
     A disk that is full or fails stops the recording, not the program: what is not recorded is counted, and a
-    new file begins when there is room again. hello: what is known of a device that is running already.
+    new file begins when there is room again; at once if another program took the file away. hello: what is known of a device that is running already.
     path: the newest file; trouble: why nothing is recorded at the moment.
 
     Raises:
@@ -114,6 +119,9 @@ class RecordSink(Sink):
             return
         try:
             self._part.flush(now_ns)
+        except Meddled as error:
+            self._stop(error)
+            self._begin()  # at once: the device may be silent for long
         except OSError as error:
             self._stop(error)
 
@@ -121,7 +129,7 @@ class RecordSink(Sink):
         """Mark the place, and forget what was known of the device."""
         self._hello = None
         if self._part is not None:
-            self._part.add_link(LinkMessage("gap", kind=OVERFLOW, items=count), self._log_ns)
+            self._part.add_gap(LinkMessage("gap", kind=OVERFLOW, items=count), self._log_ns)
 
     def close(self) -> None:
         """Finish the file."""
@@ -215,13 +223,14 @@ class RecordSink(Sink):
             return
         self._retry_ns = now_ns + RETRY_NS
         assert self._offset_ns is not None
-        reserve_bytes = 0 if self._gap is None else int(self._settings.resume_mb * 1e6)
+        waited = self._gap is not None and self._gap.kind != DELETED
+        reserve_bytes = int(self._settings.resume_mb * 1e6) if waited else 0
         path, part = self._session.next_path, None
         try:
             writer = self._session.begin(self._offset_ns, self._hello, reserve_bytes)
             part = OpenPart(writer, self._hello, self._now_ns, now_ns)
             if self._gap is not None:
-                part.add_link(self._gap, self._log_ns)
+                part.add_gap(self._gap, self._log_ns)
                 part.flush(now_ns)
         except OSError as error:
             if part is not None:
@@ -248,18 +257,44 @@ class RecordSink(Sink):
 
     def _stop(self, error: OSError) -> None:
         """Give the file up, report it once, and begin to count what is not recorded."""
+        part, self._part = self._part, None
+        if isinstance(error, Meddled) and part is not None:
+            self._lose_file(part, error)
+            return
         unflushed = NOTHING
-        if self._part is not None:
-            unflushed = self._part.unflushed
-            self._part.writer.abandon()
-            self._finished_bytes += self._part.writer.size_bytes
-            self._part = None
-        if self._gap is not None:
+        if part is not None:
+            unflushed = part.unflushed
+            part.writer.abandon()
+            self._finished_bytes += part.writer.size_bytes
+        if self._gap is not None and self._gap.kind != DELETED:
             return
         kind, text = _explain(self._session.folder, error, self._settings.resume_mb)
         self.lost += unflushed.items
-        self._gap = msgspec.structs.replace(unflushed, kind=kind)
+        self._gap = msgspec.structs.replace(summed(unflushed, self._gap or NOTHING), kind=kind)
         self._retry_ns = clock.host_ns() + RETRY_NS
+        self.trouble = text
+        self._report(kind, text)
+
+    def _lose_file(self, part: OpenPart, error: Meddled) -> None:
+        """Give up a file that another program took away, report it, and let the next one begin at once."""
+        lost = lost_of(part, error)
+        if error.what == "moved":
+            try:
+                part.writer.finish(moved=True)
+            except OSError as other:
+                self._part = part
+                self._stop(other)
+                return
+        else:
+            part.writer.abandon()
+        if error.what != "deleted":
+            self._finished_bytes += part.writer.size_bytes
+        kind, text = told(part.writer.path, error, lost.items)
+        self.lost += lost.items.items
+        if kind == DELETED:
+            gap = summed(lost.items, lost.gaps)
+            self._gap = msgspec.structs.replace(summed(gap, self._gap or NOTHING), kind=kind)
+        self._retry_ns = 0
         self.trouble = text
         self._report(kind, text)
 

@@ -1,5 +1,6 @@
 """The files of one recorded session, one after the other, in a folder that may hold others."""
 
+import errno
 import os
 import secrets
 import time
@@ -24,6 +25,9 @@ NOTHING = LinkMessage("gap")
 """A gap with nothing in it."""
 
 
+NO_DISK = "the folder is gone, and what is left of its path is on another disk"
+
+
 def longer(gap: LinkMessage, items: int, size_bytes: int = 0, chunks: int = 0) -> LinkMessage:
     """Return the same gap, so many items longer."""
     return msgspec.structs.replace(
@@ -31,16 +35,22 @@ def longer(gap: LinkMessage, items: int, size_bytes: int = 0, chunks: int = 0) -
     )
 
 
+def summed(gap: LinkMessage, other: LinkMessage) -> LinkMessage:
+    """Return the first of two gaps, longer by the second."""
+    return longer(gap, other.items, other.bytes, other.chunks)
+
+
 class OpenPart:
     """A file that is being written.
 
     began_ns: when it was begun, on the source's clock. flushed_ns: when it was flushed, on the host's.
-    unflushed: what is lost if it fails now.
+    unflushed: what is lost if it fails now; flushed: what is lost besides if the file is deleted. gaps: what it
+    says is missing, which nobody knows any more then.
     """
 
     def __init__(self, writer: PartWriter, hello: Hello | None, began_ns: int, now_ns: int) -> None:
         self.writer, self.began_ns, self.flushed_ns = writer, began_ns, now_ns
-        self.unflushed = NOTHING
+        self.unflushed = self.flushed = self.gaps = NOTHING
         self._noted, self._notes = hello, 0
 
     def add(self, topic: str, log_ns: int, publish_ns: int, data: bytes) -> None:
@@ -51,6 +61,11 @@ class OpenPart:
     def add_link(self, message: LinkMessage, log_ns: int, publish_ns: int | None = None) -> None:
         """Write what happened to the connection; publish_ns: None if the times are the same."""
         self.add(LINK, log_ns, log_ns if publish_ns is None else publish_ns, encode_message(message))
+
+    def add_gap(self, gap: LinkMessage, log_ns: int) -> None:
+        """Write what is missing here, which is no item of the recording itself."""
+        self.writer.add(LINK, log_ns, log_ns, encode_message(gap))
+        self.gaps = summed(self.gaps, gap)
 
     def add_reads(self, reads: Reads, offset_ns: int, sequence: int) -> None:
         """Write what came over the wire, as `PartWriter.add_reads`."""
@@ -67,11 +82,11 @@ class OpenPart:
         """Hand everything to the operating system.
 
         Raises:
-            OSError: the disk is full, or fails.
+            OSError: the disk is full, or fails; `Meddled` if the file is gone.
         """
         self.flushed_ns = now_ns
         self.writer.flush()
-        self.unflushed = NOTHING
+        self.flushed, self.unflushed = summed(self.flushed, self.unflushed), NOTHING
 
     def note(self, hello: Hello) -> None:
         """Note a HELLO as metadata if it differs from the one before."""
@@ -102,6 +117,7 @@ class Session:
             ) from error
         if not os.access(self.folder, os.W_OK | os.X_OK):
             raise UsageError(f"--record {self.folder}: no permission to write into this folder.")
+        self._disk = self.folder.stat().st_dev
 
     @property
     def next_path(self) -> Path:
@@ -112,8 +128,9 @@ class Session:
         """Begin the next file, which counts with `parts` once it is known to work.
 
         Raises:
-            OSError: the disk is full, or fails.
+            OSError: the disk is full, fails, or is gone.
         """
+        self._find_folder()
         info = PartInfo(
             session=self._name,
             part=self.parts,
@@ -124,3 +141,15 @@ class Session:
             hello=hello,
         )
         return PartWriter(self.next_path, info, self._kinds, reserve_bytes)
+
+    def _find_folder(self) -> None:
+        """Make the folder again if it was deleted; not where its disk was taken away, on the disk below."""
+        place = self.folder.absolute()
+        while not place.exists():
+            place = place.parent
+        disk = place.stat().st_dev
+        if place != self.folder.absolute():
+            if disk != self._disk:
+                raise OSError(errno.ENODEV, NO_DISK)
+            self.folder.mkdir(parents=True, exist_ok=True)
+        self._disk = disk

@@ -17,9 +17,11 @@ from fltea.recording.changes import Changes
 from fltea.recording.scan import BEGIN, CHANNEL, END, LOG_TIME, PUBLISH_TIME, SEQUENCE, Damage, Messages, Scan
 from fltea.recording.session import (
     LINK,
+    LINK_CHANNEL,
     OVERFLOW,
     SESSION,
     WIRE,
+    WIRE_CHANNEL,
     WIRE_WRAP,
     Entry,
     LinkMessage,
@@ -36,8 +38,7 @@ from fltea.wire.sensors import NO_SENSOR
 
 SUFFIX = ".mcap"
 
-OWN_CHANNELS = {1: WIRE, 2: LINK}
-"""Ids that `fltea.recording.part` gives; without the chunk that says so, the others can still be read."""
+OWN_CHANNELS = {WIRE_CHANNEL: WIRE, LINK_CHANNEL: LINK}
 
 PART_OF_NAME = re.compile(r"(.+)_\d{3,}(\.recovered)?\.mcap")
 

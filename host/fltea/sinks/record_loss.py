@@ -1,0 +1,68 @@
+"""What is lost of a file that another program deleted, moved or cut short while it was written."""
+
+import contextlib
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from fltea.recording.append_only import Meddled
+from fltea.recording.scan import BEGIN, END, Messages, Scan
+from fltea.recording.session import LINK_CHANNEL, WIRE_CHANNEL, LinkMessage
+from fltea.records.errors import UsageError
+from fltea.sinks.record_session import NOTHING, OpenPart, longer, summed
+
+
+class Held(NamedTuple):
+    """What a file holds: items, and what it says is missing."""
+
+    items: LinkMessage
+    gaps: LinkMessage
+
+
+def lost_of(part: OpenPart, error: Meddled) -> Held:
+    """Return what was written to a file and is gone: all, or what stood behind the place where it was cut."""
+    written = summed(part.flushed, part.unflushed)
+    if error.what == "moved":
+        return Held(NOTHING, NOTHING)
+    if error.what == "deleted":
+        return Held(written, part.gaps)
+    left = _held_by(part.writer.path)
+    return Held(_less(written, left.items), _less(part.gaps, left.gaps))
+
+
+def told(path: Path, error: Meddled, lost: LinkMessage) -> tuple[str, str]:
+    """Return kind and text of what to report."""
+    if error.what == "moved":
+        to = f" to {error.where}" if error.where else ""
+        return "record_moved", (
+            f"{path} was moved away{to} while it was written. It is finished there; the recording goes on in a "
+            "new file."
+        )
+    return "record_deleted", (
+        f"{path} was {error.what} by another program while it was written: {lost.items} items of it, with "
+        f"{lost.bytes} bytes of the wire, are lost. The recording goes on in a new file. Which files are "
+        "removed when room is needed?"
+    )
+
+
+def _held_by(path: Path) -> Held:
+    """Read what a file still holds."""
+    items = gaps = NOTHING
+    with contextlib.suppress(OSError, ValueError, UsageError):  # what cannot be read is lost
+        for found in Scan(path):
+            if not isinstance(found, Messages):
+                continue
+            wire = found.of_channels([WIRE_CHANNEL]).table
+            size_bytes = int((wire[:, END] - wire[:, BEGIN]).sum())
+            items = longer(items, len(found.table), size_bytes, len(wire))
+            for message in found.of_channels([LINK_CHANNEL]).each():
+                link = msgspec.json.decode(message.data, type=LinkMessage)
+                if link.event == "gap":
+                    gaps = summed(gaps, link)
+                    items = longer(items, -1)
+    return Held(items, gaps)
+
+
+def _less(gap: LinkMessage, other: LinkMessage) -> LinkMessage:
+    return longer(gap, -other.items, -other.bytes, -other.chunks)
