@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from fltea.recording.part_reader import read_entries
 from fltea.recording.session import WIRE
 from fltea.service.descriptors import RESERVE
-from fltea.sources.mcap import find_sessions, read_entries
+from fltea.sources.mcap import find_sessions
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from host_support import WIRE_HELLO, each_ended

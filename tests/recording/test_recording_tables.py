@@ -265,10 +265,15 @@ def test_a_sum_counts_what_the_live_run_counted(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("many_chunks")
-def test_a_sum_says_that_a_file_was_cut(tmp_path: Path) -> None:
-    record(tmp_path, transport(samples=100), end=False)
+def test_a_sum_says_that_a_file_is_being_written_or_was_cut(tmp_path: Path) -> None:
+    _, sink = record(tmp_path, transport(samples=100), end=False)
     found = summarise(files(tmp_path), 100)
-    assert not found.whole
+    assert (found.whole, found.being_written) == (False, True)
+    assert "still being written" in as_text(found)
+    assert "killed" not in as_text(found)
+    kill(sink)
+    found = summarise(files(tmp_path), 100)
+    assert (found.whole, found.being_written) == (False, False)
     assert "not finished: killed" in as_text(found)
 
 

@@ -8,6 +8,7 @@ import msgspec
 import pytest
 import standin
 from blocks import of
+from fltea.recording.part_reader import read_info
 from fltea.recording.schema import encode_message, record_schema
 from fltea.recording.session import LinkMessage, from_metadata
 from fltea.records import clock
@@ -21,7 +22,6 @@ from fltea.settings.outputs import FEW_DEVICES, RECORDED, RecordConfig
 from fltea.sinks import record as record_module
 from fltea.sinks.record import KINDS
 from fltea.sinks.record_session import MOST_NOTES
-from fltea.sources.mcap import read_info
 from fltea.sources.synthetic import parse_noise
 from fltea.wire.messages import encode
 from host_support import hello

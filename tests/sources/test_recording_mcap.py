@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from blocks import in_samples, of
+from fltea.recording.part_reader import read_entries
 from fltea.recording.scan import HEAD
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Opened, RawBlock, RawSample, Tick, Trouble
@@ -15,14 +16,14 @@ from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
 from fltea.sinks import record as record_module
 from fltea.sources.as_wire import AsWire
-from fltea.sources.mcap import McapRecording, find_session, read_entries
+from fltea.sources.mcap import McapRecording, find_session
 from fltea.sources.replay import ReplaySource
 from fltea.sources.synthetic import SyntheticSource
 from fltea.sources.wire_events import WireEvents
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from mcap.opcode import Opcode
-from mcap_support import OFFSET_NS, SMALL, files, record, replay, transport, without
+from mcap_support import OFFSET_NS, SMALL, files, kill, record, replay, transport, without
 
 
 @pytest.fixture
@@ -190,7 +191,8 @@ def test_cut_at_every_byte_it_gives_what_was_whole_before(tmp_path: Path) -> Non
 
 @pytest.mark.usefixtures("many_chunks")
 def test_a_file_of_a_power_cut_ends_in_zeros(tmp_path: Path) -> None:
-    live, _ = record(tmp_path, transport(samples=100), end=False)
+    live, sink = record(tmp_path, transport(samples=100), end=False)
+    kill(sink)
     path = files(tmp_path)[0]
     with path.open("ab") as file:
         file.write(bytes(5000))

@@ -18,9 +18,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import psutil
+from fltea.recording.part_reader import Batch, read_batches
 from fltea.recording.scan import BEGIN, END
 from fltea.recording.session import WIRE
-from fltea.sources.mcap import Batch, find_sessions, read_batches
+from fltea.sources.mcap import find_sessions
 from numpy.typing import NDArray
 
 from tools.bench.feeder import RATE_HZ

@@ -7,8 +7,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fltea.recording.part_reader import read_entries
 from fltea.recording.session import LINK, WIRE, LinkMessage
-from fltea.sources.mcap import find_session, read_entries
+from fltea.sources.mcap import find_session
 from fltea.sources.wire_events import SILENCE_S
 from msgspec import json
 

@@ -33,9 +33,11 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     """The summary of one recording.
 
     whole: its files were finished in an orderly way, and all are read. breaks: places where the recorder
-    missed something. epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello,
-    rate_differs: as in `stats`. steps, motions: of the biases and of the sensor, as the records in it say;
-    None where it has none of these records. resets: other boots of the device heard. rate_hz, clock_ppm: of the longest
+    missed something; unrecorded_items, unrecorded_bytes: what it counted there. damaged_bytes: what of the
+    files cannot be read. missing: which files before the first are not there. being_written: by a program.
+    epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello, rate_differs: as
+    in `stats`. steps, motions: of the biases and of the sensor, as the records in it say; None where it
+    has none of these records. resets: other boots of the device heard. rate_hz, clock_ppm: of the longest
     epoch. notes: what reading it reported, as the texts of `error` records. unread: why a file cannot be
     read, or not all of it. about: what else the file says of itself. reading: how another program's file was
     understood, each answer with its evidence.
@@ -68,6 +70,11 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     unread: list[str] = []
     about: str = ""
     reading: list[Answer] = []
+    unrecorded_items: int = 0
+    unrecorded_bytes: int = 0
+    damaged_bytes: int = 0
+    missing: str = ""
+    being_written: bool = False
 
 
 def sessions(paths: Sequence[Path]) -> list[list[Path]]:
@@ -141,7 +148,7 @@ def summarise(
         hello=hello,
         files=len(files),
         size_bytes=sum(map(_size_bytes, files)),
-        whole=not (mcap and mcap.torn) and not (cut or unread),
+        whole=not (mcap and (mcap.torn or mcap.open or mcap.missing_before)) and not (cut or unread),
         breaks=mcap.breaks if mcap else 0,
         start_unix_ns=first_ns if source.unix_offset_ns else None,
         duration_s=0.0 if first_ns is None else (last_ns - first_ns) * 1e-9,
@@ -162,6 +169,11 @@ def summarise(
         unread=unread,
         about=source.about if isinstance(source, ReplaySource) else "",
         reading=list(source.reading) if isinstance(source, ReplaySource) else [],
+        unrecorded_items=mcap.unrecorded_items if mcap else 0,
+        unrecorded_bytes=mcap.unrecorded_bytes if mcap else 0,
+        damaged_bytes=mcap.damaged_bytes if mcap else 0,
+        missing=mcap.missing_before if mcap else "",
+        being_written=bool(mcap and mcap.open),
     )
 
 
@@ -181,11 +193,7 @@ def as_text(s: Summary) -> str:
     if s.about:
         lines.append(("about", s.about))
     lines += [(one.question, one) for one in s.reading]
-    remedy = "" if s.about or is_foreign else " (fltea recover)"  # which is for our files
-    state = "whole" if s.whole else f"not finished: killed, cut, damaged or still being written{remedy}"
-    if s.unread:
-        state = "not all could be read"
-    lines.append(("files", f"{s.files}, {_size(s.size_bytes)}, {state}"))
+    lines.append(("files", f"{s.files}, {_size(s.size_bytes)}, {_state(s)}"))
     if s.start_unix_ns is not None:
         start = datetime.fromtimestamp(s.start_unix_ns * 1e-9, UTC)
         lines.append(("start", f"{start:%Y-%m-%d %H:%M:%S} UTC"))
@@ -201,7 +209,7 @@ def as_text(s: Summary) -> str:
         lines.append(("bias", f"{s.steps} steps; the sensor moved {s.motions} times"))
     if not is_foreign:
         lines.append(("resets", f"{s.resets} of the device, {s.link.reconnects} times reconnected"))
-        lines.append(("breaks", f"{s.breaks} in the recording itself"))
+        lines.append(("breaks", f"{s.breaks} in the recording itself{_missed(s)}"))
     if s.link.frames:
         bad = ", ".join(f"{count} {reason}" for reason, count in s.link.bad_frames.items()) or "no bad one"
         lines.append(("frames", f"{s.link.frames}, {bad}; {s.link.bytes / 1e6:.1f} MB from the wire"))
@@ -211,6 +219,29 @@ def as_text(s: Summary) -> str:
     lines += [("note", note) for note in s.notes]
     lines += [("not read", why) for why in s.unread]
     return "\n".join(f"{name:<13} {visible(str(text))}" for name, text in lines)
+
+
+def _state(s: Summary) -> str:
+    """Return in what state the files are."""
+    faults = ["not all could be read"] if s.unread else []
+    faults += [s.missing] if s.missing else []
+    if s.being_written:
+        faults.append("still being written")
+    if not faults and not s.whole:
+        is_foreign = s.hello is not None and s.hello.sampling_mode == OF_A_FILE
+        remedy = "" if s.about or is_foreign else " (fltea recover)"  # which is for our files
+        faults.append(f"not finished: killed, cut or damaged{remedy}")
+    return ", ".join(faults) or "whole"
+
+
+def _missed(s: Summary) -> str:
+    """Return what is missing in the recording, as far as it was counted."""
+    found = ""
+    if s.unrecorded_items:
+        found += f"; {s.unrecorded_items} items with {s.unrecorded_bytes} bytes of the wire were not recorded"
+    if s.damaged_bytes:
+        found += f"; {s.damaged_bytes} bytes of the files cannot be read"
+    return found
 
 
 def _hello_lines(h: Hello) -> list[tuple[str, str]]:

@@ -45,6 +45,7 @@ from fltea.identification.traps import Trap, of_axis
 from fltea.identification.workers import Workers
 from fltea.records.arrays import Array
 from fltea.records.errors import FlteaError, UsageError
+from fltea.records.kinds import FILE_TROUBLES
 from fltea.records.records import ACCEL_AXES, AXES
 from fltea.records.scarce import is_scarcity, scarcity
 from fltea.records.temporary import work_folder
@@ -353,11 +354,12 @@ class _Loop(HandOut[_Task]):
             needed = options.estimator.startup_needed + LEAST
             if len(series.y) < needed:
                 report.recording, report.axes = None, {}
+                wrong = [f" {trap.text}" for trap in recording.traps if trap.kind in FILE_TROUBLES][:1]
                 report.failure = UsageError(
                     f"{report.name}: {len(series.y)} samples, {len(series.y) * h:.1f} s, are too short for a "
                     f"verdict; {needed} are the least (the start-up window takes "
                     f"{options.estimator.startup_needed}: --startup). Record ten minutes at rest, or an "
-                    "hour to know the bias instability."
+                    f"hour to know the bias instability.{''.join(wrong)}"
                 )
                 self._total -= USUAL_TASKS
                 return

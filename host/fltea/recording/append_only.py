@@ -14,7 +14,7 @@ NAME_OF_DELETED = ".nfs"
 
 
 class Meddled(OSError):
-    """Another program deleted, moved or cut short a file while it was written; nothing more was written to it.
+    """Another program deleted, moved or cut short a file while it was written; it gets nothing more.
 
     what: which of these. where: the path that a moved file has now, empty if the system does not tell.
     """

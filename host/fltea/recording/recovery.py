@@ -1,12 +1,12 @@
 """Makes a whole MCAP file of a torn or damaged one: what can be read, with summary and indexes."""
 
-import fcntl
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from mcap.records import Channel, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
+from fltea.recording.in_use import is_in_use
 from fltea.recording.scan import LOG_TIME, ChunkEnd, Damage, Messages, Scan
 from fltea.records.errors import UsageError
 from fltea.records.small_file import open_file
@@ -53,12 +53,8 @@ def recover(path: Path, *, in_place: bool, limits: Limits = DEFAULT_LIMITS) -> R
 
 
 def _check_unused(path: Path, file: BinaryIO) -> None:
-    try:
-        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise UsageError(f"{path}: a running program still writes it; stop that first.") from error
-    except OSError:  # a file system without locks
-        pass
+    if is_in_use(file):
+        raise UsageError(f"{path}: a running program still writes it; stop that first.")
 
 
 def _examine(path: Path, limits: Limits) -> Recovered:

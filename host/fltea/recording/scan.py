@@ -1,6 +1,5 @@
-"""Reads one MCAP file as far as it can be read: whole, torn at its end, or damaged within."""
+"""Reads one MCAP file as far as it can be read: whole, torn at its end, damaged, or with holes."""
 
-import struct
 import zlib
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
@@ -16,6 +15,16 @@ from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from fltea import _native
+from fltea.recording.resync import (
+    HEAD,
+    WINDOW_BYTES,
+    begins_record,
+    behind_zeros,
+    chunk_bytes,
+    chunk_length,
+    data_end,
+    next_chunk,
+)
 from fltea.recording.session import LATEST_NS
 from fltea.recording.unpack import unpacked_lz4, unpacked_zstd
 from fltea.records.errors import UsageError
@@ -23,14 +32,14 @@ from fltea.records.events import Ints
 from fltea.records.small_file import open_file
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
-HEAD = struct.Struct("<BQ")
-"""Of every record: its kind and the length of what follows."""
-
 CHUNK_HEAD_BYTES = 1 << 10
 """More than what stands before the data in a chunk."""
 
 MAX_DESCRIPTION_BYTES = 16 << 20
 """Of metadata, a schema or a channel: thousands of times what ours have. In memory it is ten times larger."""
+
+MOST_DAMAGED_FILES, MOST_DAMAGED_BYTES = 4, 64 << 20
+"""So many times the file, and so much more, is read of what is damaged, in search of what is not."""
 
 BEGIN, END, CHANNEL, SEQUENCE, LOG_TIME, PUBLISH_TIME = range(1, 7)
 """Columns of `Messages.table`."""
@@ -69,14 +78,17 @@ class Messages:
 
 
 class Damage(NamedTuple):
-    """A chunk that cannot be read; the records after it can. offset: in the file [bytes]."""
+    """A record or hole that cannot be read; what is behind it can. size: 0 if all is read [bytes]."""
 
     offset: int
     text: str
+    size: int
 
     @property
     def said(self) -> str:
         """The same for a person."""
+        if not self.size:
+            return f"has a wrong length at byte {self.offset} ({self.text})"
         return f"is damaged at byte {self.offset} ({self.text})"
 
 
@@ -90,8 +102,8 @@ Item = Schema | Channel | Messages | Metadata | Damage | ChunkEnd
 class Scan:
     """One pass through a file; memory for one chunk.
 
-    After it, `whole` says whether the file was finished in an orderly way, and `lost_bytes` how much of its
-    end cannot be read.
+    After it, `whole` says whether the file was finished in an orderly way, `lost_bytes` how much of its end
+    cannot be read, and `why` what is wrong there, if more than that it ends.
     """
 
     def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS) -> None:
@@ -99,6 +111,13 @@ class Scan:
         self._limits = limits
         self.whole = False
         self.lost_bytes = 0
+        self.why = ""
+        self._size = 0
+        self._known = (
+            0  # behind the last chunk that could be read: what a wrong length has skipped is searched
+        )
+        self._last = 0, 0  # where the newest record began, and how long it claimed to be
+        self._spent_bytes = 0
 
     def __iter__(self) -> Iterator[Item]:
         """Yield what is in the file, in its order.
@@ -109,43 +128,89 @@ class Scan:
             UsageError: a record of it would take more memory than the limits allow.
         """
         with open_file(self.path) as file:
-            size = file.seek(0, 2)
+            self._size = size = file.seek(0, 2)
             file.seek(0)
             magic = file.read(len(MCAP0_MAGIC))
             if not MCAP0_MAGIC.startswith(magic):
                 raise ValueError("it is no MCAP file")
-            good = len(magic)
-            while (head := file.read(HEAD.size)) and len(head) == HEAD.size:
-                kind, length = HEAD.unpack(head)
-                if kind == 0 or length > size - file.tell():
-                    break  # torn, or the zeros that a power cut leaves
+            self._known = at = len(magic)
+            while size - at >= HEAD.size:
+                file.seek(at)
+                kind, length = HEAD.unpack(file.read(HEAD.size))
+                if kind == Opcode.CHUNK and (other := self._true_length(file, at, length)) is not None:
+                    text = f"a chunk that claims to have {length} bytes, and has {other}, which are read"
+                    yield Damage(at, text, 0)
+                    length = other
+                elif not begins_record(file, at, size):
+                    hole, at = self._hole(file, at, kind, length)
+                    if hole is None:
+                        break
+                    yield hole
+                    continue
                 if kind == Opcode.DATA_END:  # only summary and indexes follow
                     self.whole = _ends_with_magic(file, size)
-                    good = size
+                    at = size
                     break
+                self._last = at, length
+                at += HEAD.size + length
                 yield from self._items(kind, length, file)
-                good = file.tell()
-            self.lost_bytes = size - good
+            self.lost_bytes = size - at
+
+    def _true_length(self, file: BinaryIO, at: int, length: int) -> int | None:
+        """Return the length of a chunk by its fields, if its head claims another and a record follows."""
+        found = chunk_length(file, at)
+        if found is None or found.by_fields == length:
+            return None
+        end = at + HEAD.size + found.by_fields
+        return found.by_fields if end <= self._size and begins_record(file, end, self._size) else None
+
+    def _hole(self, file: BinaryIO, at: int, kind: int, length: int) -> tuple[Damage | None, int]:
+        """Return what cannot be read from byte `at` on, and where to go on; None if nothing follows."""
+        room = self._size - at - HEAD.size
+        self.why = (
+            "they are zeros" if kind == 0 else f"a record that claims {length} bytes, and {room} are left"
+        )
+        if self._spent_bytes > MOST_DAMAGED_FILES * self._size + MOST_DAMAGED_BYTES:
+            self.why = "too much of the file is damaged"
+            return None, at
+        self._spent_bytes += WINDOW_BYTES
+        begin = next_chunk(file, self._known, self._size)
+        if kind == 0 and (begin is None or begin > at):
+            begin = behind_zeros(file, at, self._size) or begin
+        if begin is None:
+            end = data_end(file, at, self._size)
+            if end is None:
+                return None, at
+            self.whole, begin = True, end
+        self._known = max(self._known, begin + 1)
+        last, claimed = self._last
+        if begin < at:  # a length before has led here, beyond records that can be read
+            at, text = last, f"a record that claims {claimed} bytes, and no record follows there"
+        else:
+            what = "zeros" if kind == 0 else f"a record of {length} bytes, of which the file has {room},"
+            text = f"{what} behind a record that claims {claimed} bytes; {begin - at} bytes are skipped"
+        return Damage(at, text, max(1, begin - at)), self._size if self.whole else begin
 
     def _items(self, kind: int, length: int, file: BinaryIO) -> Iterator[Item]:
-        offset = file.tell() - HEAD.size
+        offset = self._last[0]
         place = f"{self.path}: the record at byte {offset}"
         if kind not in (Opcode.CHUNK, Opcode.METADATA, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
-            file.seek(length, 1)
             return
         if kind in (Opcode.CHUNK, Opcode.MESSAGE) and length > self._limits.chunk_bytes + CHUNK_HEAD_BYTES:
             raise self._limits.chunk_too_large(place, length)
         if kind not in (Opcode.CHUNK, Opcode.MESSAGE) and length > MAX_DESCRIPTION_BYTES:
-            file.seek(length, 1)
-            yield Damage(offset, f"a description of {length} bytes")
+            yield Damage(offset, f"a description of {length} bytes", HEAD.size + length)
             return
+        file.seek(offset + HEAD.size)
         body = file.read(length)
         stream = ReadDataStream(BytesIO(body))
         try:
             match kind:
                 case Opcode.CHUNK:
-                    yield from _records(_unpacked(Chunk.read(stream), self._limits, place))
+                    chunk = Chunk.read(stream)
+                    yield from _records(_unpacked(chunk, self._limits, place))
                     yield ChunkEnd()
+                    self._known = max(self._known, offset + HEAD.size + chunk_bytes(chunk))
                 case Opcode.METADATA:
                     yield Metadata.read(stream)
                 case Opcode.SCHEMA:
@@ -157,7 +222,13 @@ class Scan:
         except (MemoryError, UsageError):
             raise
         except Exception as error:  # whatever struct, zstandard and the library raise on damaged bytes
-            yield Damage(offset, f"{type(error).__name__}: {error}")
+            self._known = max(self._known, offset + 1)
+            self._spent_bytes += length
+            text = f"{type(error).__name__}: {error}"
+            found = chunk_length(file, offset)
+            if found is not None and found.by_fields > length:
+                text = f"a chunk that claims to have {length} bytes, and by its fields has {found.by_fields}"
+            yield Damage(offset, text, HEAD.size + length)
 
 
 def _ends_with_magic(file: BinaryIO, size: int) -> bool:

@@ -79,8 +79,12 @@ ERROR_KINDS = {
         "The times of samples are uneven or impossible, so the samples are left out.",
         "Give the unit of the times (`--time-unit`), or the rate (`--rate`; for IIO `?rate_hz=`).",
     ),
+    "recording_open": ErrorKind(
+        "A recording was read while a program writes it; what had reached the disk was read.",
+        "Nothing to do; read it again when that program has ended.",
+    ),
     "cut_recording": ErrorKind(
-        "A recording ends amid a line or message, or without its index; what is there was read.",
+        "A recording ends amid a line or message, without its index, or has a wrong length; what is there was read.",
         "Nothing to do; `fltea recover` gives an MCAP file its index again.",
     ),
     "unread_file": ErrorKind(
@@ -284,7 +288,7 @@ ERROR_KINDS = {
         "Check the disk and the folder that the text names.",
     ),
     "record_deleted": ErrorKind(
-        "Another program deleted a file of a recording while it was written, or cut it short; the text counts.",
+        "Another program deleted a file of a recording, or cut it short, while it was written.",
         "Find what did it. The recording goes on in a new file, in the same folder.",
     ),
     "record_moved": ErrorKind(
@@ -305,3 +309,6 @@ ERROR_KINDS = {
     ),
 }
 """All kinds by their names, in the order of the way from the port to the outputs."""
+
+FILE_TROUBLES = ("recording_open", "cut_recording", "unread_file", "recording_gap")
+"""Kinds that say that not all of a file could be read: then there may be more samples than were found."""

@@ -50,8 +50,9 @@ class RecordSink(Sink):
     """One device's session: files one after the other, in a folder that may hold others.
 
     A disk that is full or fails stops the recording, not the program: what is not recorded is counted, and a
-    new file begins when there is room again; at once if another program took the file away. hello: what is known of a device that is running already.
-    path: the newest file; trouble: why nothing is recorded at the moment.
+    new file begins when there is room again; at once if another program took the file away. hello: what is
+    known of a device that is running already. path: the newest file; trouble: why nothing is recorded at the
+    moment.
 
     Raises:
         UsageError: the folder cannot be made or written to.

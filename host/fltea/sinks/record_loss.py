@@ -36,8 +36,8 @@ def told(path: Path, error: Meddled, lost: LinkMessage) -> tuple[str, str]:
     if error.what == "moved":
         to = f" to {error.where}" if error.where else ""
         return "record_moved", (
-            f"{path} was moved away{to} while it was written. It is finished there; the recording goes on in a "
-            "new file."
+            f"{path} was moved away{to} while it was written. It is finished there; the recording goes on in "
+            "a new file."
         )
     return "record_deleted", (
         f"{path} was {error.what} by another program while it was written: {lost.items} items of it, with "

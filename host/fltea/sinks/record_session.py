@@ -44,8 +44,8 @@ class OpenPart:
     """A file that is being written.
 
     began_ns: when it was begun, on the source's clock. flushed_ns: when it was flushed, on the host's.
-    unflushed: what is lost if it fails now; flushed: what is lost besides if the file is deleted. gaps: what it
-    says is missing, which nobody knows any more then.
+    unflushed: what is lost if it fails now; flushed: what is lost, too, if the file is deleted. gaps: what it
+    says is missing.
     """
 
     def __init__(self, writer: PartWriter, hello: Hello | None, began_ns: int, now_ns: int) -> None:

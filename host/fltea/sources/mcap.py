@@ -11,22 +11,18 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from mcap.records import Channel, Metadata
 
 from fltea.recording.changes import Changes
-from fltea.recording.scan import BEGIN, CHANNEL, END, LOG_TIME, PUBLISH_TIME, SEQUENCE, Damage, Messages, Scan
+from fltea.recording.part_reader import Batch, Part, Torn, entries_of, read_batches, read_info
+from fltea.recording.scan import BEGIN, CHANNEL, END, LOG_TIME, PUBLISH_TIME, SEQUENCE, Damage, Messages
 from fltea.recording.session import (
     LINK,
-    LINK_CHANNEL,
     OVERFLOW,
-    SESSION,
     WIRE,
-    WIRE_CHANNEL,
     WIRE_WRAP,
     Entry,
     LinkMessage,
     PartInfo,
-    from_metadata,
 )
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, Failed, Ints, Opened, RawBlock, Reads, Trouble
@@ -38,24 +34,9 @@ from fltea.wire.sensors import NO_SENSOR
 
 SUFFIX = ".mcap"
 
-OWN_CHANNELS = {WIRE_CHANNEL: WIRE, LINK_CHANNEL: LINK}
-
 PART_OF_NAME = re.compile(r"(.+)_\d{3,}(\.recovered)?\.mcap")
 
 _link = msgspec.json.Decoder(LinkMessage)
-
-
-class Part(NamedTuple):
-    """One file of a recording."""
-
-    path: Path
-    info: PartInfo
-
-
-class Torn(NamedTuple):
-    """The end of a file without its index. text: for a person."""
-
-    text: str
 
 
 class Session(NamedTuple):
@@ -172,76 +153,14 @@ def name_of(path: Path) -> Path:
     return path.with_name(match[1]) if match else path
 
 
-def read_info(path: Path) -> PartInfo:
-    """Return what a file says of itself.
-
-    Raises:
-        UsageError: it cannot be read, or is no recording of fltea.
-    """
-    try:
-        for item in Scan(path):
-            if isinstance(item, Metadata) and item.name == SESSION:
-                return from_metadata(item.metadata)
-            if isinstance(item, Messages) and len(item.table):
-                break
-    except (OSError, ValueError) as error:
-        raise UsageError(f"{path}: cannot be read as a recording ({error}).") from error
-    raise UsageError(f"{path}: is no recording of fltea, or was cut before anything was written.")
-
-
-class Batch(NamedTuple):
-    """Successive messages of a file. topics: by channel, without the device."""
-
-    messages: Messages
-    topics: dict[int, str]
-
-
-def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch | Damage | Torn]:
-    """Yield all messages of a file; at its end a `Torn` if it was not finished.
-
-    Raises:
-        UsageError: the file cannot be read any more, or would take more memory than the limits allow.
-    """
-    topics = dict(OWN_CHANNELS)
-    prefix = f"/{part.info.device}/"
-    scan = Scan(part.path, limits)
-    try:
-        for item in scan:
-            match item:
-                case Channel():
-                    topics[item.id] = item.topic.removeprefix(prefix)
-                case Messages():
-                    yield Batch(item, topics)
-                case Damage():
-                    yield item
-    except (OSError, ValueError) as error:
-        raise UsageError(f"{part.path}: cannot be read ({error}).") from error
-    if not scan.whole:
-        yield Torn(
-            f"{part.path}: has no index, because its program was killed or still writes it; what reached "
-            f"the disk is read ({scan.lost_bytes} bytes at its end are not)."
-        )
-
-
-def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry]:
-    """Yield the messages one by one; those that are damaged, or were torn off, are left out."""
-    return _entries_of(read_batches(part, limits))
-
-
-def _entries_of(items: Iterator[Batch | Damage | Torn]) -> Iterator[Entry]:
-    for batch in items:
-        if not isinstance(batch, Batch):
-            continue
-        for channel, sequence, log_ns, publish_ns, data in batch.messages.each():
-            yield Entry(batch.topics.get(channel, ""), log_ns, publish_ns, sequence, data)
-
-
 class McapRecording:
     """Gives the events of a recording, or its messages, once.
 
-    name: what HELLO gives as the source. `breaks` counts the places where something was not recorded, `torn`
-    the files that were not finished, `unread` says why others cannot be read, or not all of them. `changes`
-    counts steps and motions as far as `events` has come.
+    name: what HELLO gives as the source. As of the events so far, `breaks` counts the places where something
+    was not recorded, `torn` the files that were not finished, `open` those that a program still writes;
+    `unread` says why others cannot be read, or not all of them. `unrecorded_items` and `unrecorded_bytes` are
+    what the recorder itself counted as lost, `damaged_bytes` what of its files cannot be read. Steps and
+    motions are in `changes`.
     """
 
     live = prompt = False
@@ -250,7 +169,8 @@ class McapRecording:
         self.parts = parts = session.parts
         self.unread = list(session.unread.values())
         self._limits = limits
-        self.breaks = self.torn = 0
+        self.breaks = self.torn = self.open = 0
+        self.unrecorded_items = self.unrecorded_bytes = self.damaged_bytes = 0
         self.changes = Changes()
         self._name = name
         self._wire = WireEvents(name)
@@ -266,6 +186,19 @@ class McapRecording:
     def unix_offset_ns(self) -> int:
         """The difference from the recorder's monotonic clock to Unix time in ns, as of the last event."""
         return self._wire.unix_offset_ns
+
+    @property
+    def missing_before(self) -> str:
+        """Which files before the first are not there, as text for a person; empty if none is missing."""
+        name, number = name_of(self.parts[0].path), self.parts[0].info.part
+        beside = {path.name.removesuffix(SUFFIX).removesuffix(".recovered") for path in _of_session(name)}
+        missing = [k for k in range(number) if f"{name.name}_{k:03}" not in beside]
+        if not missing:
+            return ""
+        first, last = missing[0], missing[-1]
+        return (
+            f"part {first:03} is missing" if first == last else f"parts {first:03} to {last:03} are missing"
+        )
 
     def link_stats(self) -> LinkStats:
         """Count what arrived and what was lost on the way."""
@@ -283,25 +216,35 @@ class McapRecording:
                     case Batch():
                         self.changes.count_in(item.messages, item.topics)
                         yield from self._on_batch(item, part.info)
-                    case Damage():
-                        self._break(f"{part.path.name} {item.said}", None)
-                    case Torn(text):
-                        self.torn += 1
+                    case Damage(size=0):
+                        text = f"{part.path} {item.said}."
                         yield Trouble("cut_recording", text, self._now_ns, fatal=False)
+                    case Damage():
+                        self.damaged_bytes += item.size
+                        self._break(f"{part.path.name} {item.said}", None)
+                    case Torn():
+                        self.torn += not item.is_open
+                        self.open += item.is_open
+                        yield Trouble(
+                            "recording_open" if item.is_open else "cut_recording",
+                            item.text,
+                            self._now_ns,
+                            fatal=False,
+                        )
         for why in self.unread:
             yield Trouble("unread_file", why, self._now_ns, fatal=False)
 
     def entries(self) -> Iterator[tuple[Part, Entry]]:
         """Yield the messages one by one, with their file; those that are damaged are left out."""
         for part in self.parts:
-            for entry in _entries_of(self._items_of(part)):
+            for entry in entries_of(self._items_of(part)):
                 yield part, entry
 
     def _items_of(self, part: Part) -> Iterator[Batch | Damage | Torn]:
         """Yield what is in a file, and note the first damage of it."""
         is_damaged = False
         for item in read_batches(part, self._limits):
-            if isinstance(item, Damage) and not is_damaged:
+            if isinstance(item, Damage) and item.size and not is_damaged:
                 is_damaged = True
                 what = f"{part.path}: {item.said}; what stands before and after that is read."
                 self.unread.append(what)
@@ -351,6 +294,8 @@ class McapRecording:
             self._break("a message about the line is damaged", None)
             return
         if link.event == "gap":
+            self.unrecorded_items += link.items
+            self.unrecorded_bytes += link.bytes
             why = f"{link.items} items, {link.bytes} bytes of the wire were not recorded ({link.kind})"
             self._break(why, None if link.kind == OVERFLOW else info.hello)
         elif link.event == "opened":

@@ -26,6 +26,7 @@ from fltea.records.events import (
     Trouble,
     host_ns_of,
 )
+from fltea.records.kinds import FILE_TROUBLES
 from fltea.records.records import Hello, Sample
 from fltea.records.stats import LinkStats
 from fltea.settings.extras import load
@@ -38,6 +39,10 @@ if TYPE_CHECKING:
     from fltea.sources.mcap import McapRecording
 
 AT_ONCE = 8192
+
+MOST_TROUBLES = 3
+"""So much that is wrong with a file is said where it leaves too few samples."""
+
 """Samples of a block."""
 
 
@@ -76,6 +81,7 @@ class ReplaySource:
         self.about = self.topic = ""
         self.reading: tuple[Answer, ...] = ()
         self.axes: tuple[str, ...] = ()
+        troubles: list[str] = []
         printable = str(path).encode(errors="replace").decode()  # a name may hold bytes that are no text
         name = f"replay:{printable}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
         opened = open_recording(path, how, limits) if is_one_file(path) else None
@@ -90,7 +96,7 @@ class ReplaySource:
         elif opened is None:
             check_options(path, "mcap", how)
             open_again = open_mcap([path], name, limits)
-            samples = _count_samples(open_again(), startup + 1)
+            samples, troubles = _count_samples(open_again(), startup + 1)
             self._mcap = open_again()
             self._events = self._mcap.events()
         else:
@@ -98,6 +104,11 @@ class ReplaySource:
             samples = opened.samples
             self._offset_ns, self.about = opened.start_unix_ns, opened.about
             self.topic, self.reading, self.axes = opened.topic, opened.reading, opened.axes
+        if samples <= startup and troubles:
+            raise UsageError(
+                f"{path}: {samples} samples can be read, of which the start-up window alone takes {startup}. "
+                f"What is wrong with it: {' '.join(troubles[:MOST_TROUBLES])}"
+            )
         if samples <= startup:
             raise UsageError(
                 f"{path}: {samples} rows, but the start-up window alone takes {startup} and estimates begin "
@@ -190,15 +201,17 @@ def _mcap_library() -> ModuleType:
     return load("fltea.sources.mcap", "mcap", "record", "MCAP recordings need")
 
 
-def _count_samples(recording: "McapRecording", limit: int) -> int:
-    """Count the samples of a recording that may be long, no further than to the limit."""
-    count = 0
+def _count_samples(recording: "McapRecording", limit: int) -> tuple[int, list[str]]:
+    """Count the samples of a recording that may be long, up to the limit, and what is wrong so far."""
+    count, troubles = 0, []
     for event in recording.events():
+        if isinstance(event, Trouble) and event.kind in FILE_TROUBLES:
+            troubles.append(event.message)
         if isinstance(event, RawBlock):
             count += len(event.sequence)
             if count >= limit:
                 break
-    return count
+    return count, troubles
 
 
 def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterator[Event]:

@@ -1,0 +1,122 @@
+"""Reads one file of a recording: what it says of itself, its messages, and what is wrong with it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from mcap.records import Channel, Metadata
+
+from fltea.recording.in_use import is_in_use
+from fltea.recording.scan import Damage, Messages, Scan
+from fltea.recording.session import (
+    LINK,
+    LINK_CHANNEL,
+    SESSION,
+    WIRE,
+    WIRE_CHANNEL,
+    Entry,
+    PartInfo,
+    from_metadata,
+)
+from fltea.records.errors import UsageError
+from fltea.records.small_file import open_file
+from fltea.settings.limits import DEFAULT_LIMITS, Limits
+
+OWN_CHANNELS = {WIRE_CHANNEL: WIRE, LINK_CHANNEL: LINK}
+
+
+class Part(NamedTuple):
+    """One file of a recording."""
+
+    path: Path
+    info: PartInfo
+
+
+class Torn(NamedTuple):
+    """The end of a file without its index. text: for a person; is_open: a program still writes it."""
+
+    text: str
+    is_open: bool
+
+
+def read_info(path: Path) -> PartInfo:
+    """Return what a file says of itself.
+
+    Raises:
+        UsageError: it cannot be read, or is no recording of fltea.
+    """
+    try:
+        for item in Scan(path):
+            if isinstance(item, Metadata) and item.name == SESSION:
+                return from_metadata(item.metadata)
+            if isinstance(item, Messages) and len(item.table):
+                break
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path}: cannot be read as a recording ({error}).") from error
+    raise UsageError(f"{path}: is no recording of fltea, or was cut before anything was written.")
+
+
+class Batch(NamedTuple):
+    """Successive messages of a file. topics: by channel, without the device."""
+
+    messages: Messages
+    topics: dict[int, str]
+
+
+def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch | Damage | Torn]:
+    """Yield all messages of a file; at its end a `Torn` if it was not finished.
+
+    Raises:
+        UsageError: the file cannot be read any more, or would take more memory than the limits allow.
+    """
+    topics = dict(OWN_CHANNELS)
+    prefix = f"/{part.info.device}/"
+    scan = Scan(part.path, limits)
+    is_open = _is_open(part.path)  # asked before: whoever finishes it meanwhile was not killed
+    try:
+        for item in scan:
+            match item:
+                case Channel():
+                    topics[item.id] = item.topic.removeprefix(prefix)
+                case Messages():
+                    yield Batch(item, topics)
+                case Damage():
+                    yield item
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{part.path}: cannot be read ({error}).") from error
+    if not scan.whole:
+        yield _torn(part.path, scan, is_open)
+
+
+def _is_open(path: Path) -> bool:
+    try:
+        with open_file(path) as file:
+            return is_in_use(file)
+    except OSError:
+        return False  # reading it says why
+
+
+def _torn(path: Path, scan: Scan, is_open: bool) -> Torn:
+    if is_open:
+        text = f"{path}: a program still writes it; what has reached the disk is read."
+        return Torn(text, is_open)
+    why = f": {scan.why}" if scan.lost_bytes and scan.why else ""
+    text = (
+        f"{path}: has no index, because its program was killed or it was cut off; what reached the disk is "
+        f"read ({scan.lost_bytes} bytes at its end are not{why})."
+    )
+    return Torn(text, is_open)
+
+
+def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry]:
+    """Yield the messages one by one; those that are damaged, or were torn off, are left out."""
+    return entries_of(read_batches(part, limits))
+
+
+def entries_of(items: Iterator[Batch | Damage | Torn]) -> Iterator[Entry]:
+    """Yield the messages of a file one by one."""
+    for batch in items:
+        if not isinstance(batch, Batch):
+            continue
+        for channel, sequence, log_ns, publish_ns, data in batch.messages.each():
+            yield Entry(batch.topics.get(channel, ""), log_ns, publish_ns, sequence, data)

@@ -1,0 +1,156 @@
+"""Finds the next record of an MCAP file behind bytes that are none: a hole, or a length that lies."""
+
+import errno
+import os
+import struct
+from typing import BinaryIO, NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import Chunk
+from mcap.writer import MCAP0_MAGIC
+
+HEAD = struct.Struct("<BQ")
+"""Of every record: its kind and the length of what follows."""
+
+DATA_END_BYTES = 4
+FOOTER = struct.Struct("<BQQQI")
+
+PACKERS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
+"""How a chunk names what packed it. Of chunks that are not packed there is nothing to search for."""
+
+PACKER_AT = HEAD.size + 28
+"""Where that stands in a chunk: behind its times, size and checksum."""
+
+WINDOW_BYTES = 1 << 16
+IN_A_ROW = 3
+"""Heads that have to follow each other where only their lengths tell that they are heads."""
+
+
+LAST_KIND = Opcode.DATA_END
+"""Kinds above are of other programs, or of a later format."""
+
+
+def begins_record(file: BinaryIO, at: int, size: int) -> bool:
+    """Whether a record may begin at byte `at`, or the file ends there.
+
+    A length takes eight bytes, so bytes that are no head hardly ever look like one; but the end of a time with
+    a small number behind it does. Behind a kind that is not known, one that is has to follow.
+    """
+    file.seek(at)
+    head = file.read(HEAD.size)
+    if len(head) < HEAD.size:
+        return not head
+    kind, length = HEAD.unpack(head)
+    if kind == 0 or length > size - at - HEAD.size or (kind == Opcode.DATA_END and length != DATA_END_BYTES):
+        return False
+    if kind <= LAST_KIND:
+        return True
+    file.seek(at + HEAD.size + length)
+    return 0 < int.from_bytes(file.read(1)) <= LAST_KIND
+
+
+class ChunkLength(NamedTuple):
+    """Two lengths of a chunk: what its head claims, and what follows from the fields in it."""
+
+    claimed: int
+    by_fields: int
+
+
+def chunk_length(file: BinaryIO, at: int) -> ChunkLength | None:
+    """Return the lengths of the chunk that begins at byte `at`; None if none can begin there."""
+    file.seek(at)
+    data = file.read(PACKER_AT + 64)
+    if len(data) < PACKER_AT + 12 or data[0] != Opcode.CHUNK:
+        return None
+    _, claimed = HEAD.unpack_from(data)
+    (name,) = struct.unpack_from("<I", data, PACKER_AT)
+    if name > 32 or len(data) < PACKER_AT + 12 + name:
+        return None
+    (packed,) = struct.unpack_from("<Q", data, PACKER_AT + 4 + name)
+    return ChunkLength(claimed, _chunk_bytes(name, packed))
+
+
+def chunk_bytes(chunk: Chunk) -> int:
+    """Return how many bytes a chunk has behind its head."""
+    return _chunk_bytes(len(chunk.compression), len(chunk.data))
+
+
+def _chunk_bytes(packer: int, packed: int) -> int:
+    return PACKER_AT - HEAD.size + 4 + packer + 8 + packed
+
+
+def behind_zeros(file: BinaryIO, at: int, size: int) -> int | None:
+    """Return where zeros from byte `at` on end, if some records follow each other there."""
+    data_at = begin = _data_at(file, at, size)
+    for _ in range(IN_A_ROW):
+        if begin is None or not begins_record(file, begin, size):
+            return None
+        if begin == size:
+            break
+        file.seek(begin)
+        kind, length = HEAD.unpack(file.read(HEAD.size))
+        if kind == Opcode.DATA_END:
+            break
+        begin += HEAD.size + length
+    return data_at
+
+
+def next_chunk(file: BinaryIO, begin: int, size: int) -> int | None:
+    """Return where the next packed chunk begins whose two lengths agree; None if there is none."""
+    at = begin
+    while (data_at := _data_at(file, at, size)) is not None:
+        at = max(begin, data_at - PACKER_AT)
+        file.seek(at)
+        window = file.read(WINDOW_BYTES)
+        if not window:  # it was cut since
+            return None
+        for place in _places(window):
+            one = at + place - PACKER_AT
+            lengths = chunk_length(file, one) if one >= begin else None
+            if lengths and lengths.claimed == lengths.by_fields <= size - one - HEAD.size:
+                return one
+        if at + len(window) >= size:
+            return None
+        at += len(window) - len(PACKERS[0])
+    return None
+
+
+def data_end(file: BinaryIO, begin: int, size: int) -> int | None:
+    """Return where the summary begins, if a file that was finished has one behind byte `begin`."""
+    at = size - FOOTER.size - len(MCAP0_MAGIC)
+    if at < begin:
+        return None
+    file.seek(at)
+    data = file.read()
+    kind, length, summary, _, _ = FOOTER.unpack_from(data)
+    if data[FOOTER.size :] != MCAP0_MAGIC or (kind, length) != (Opcode.FOOTER, FOOTER.size - HEAD.size):
+        return None
+    return summary if begin < summary <= at else None
+
+
+def _data_at(file: BinaryIO, begin: int, size: int) -> int | None:
+    """Return where the first byte is that is not 0; what the disk does not hold is not read."""
+    at = begin
+    while at < size:
+        try:
+            at = file.seek(at, os.SEEK_DATA)
+        except OSError as error:
+            if error.errno == errno.ENXIO:
+                return None
+            file.seek(at)  # a file system that does not tell
+        window = file.read(WINDOW_BYTES)
+        if rest := window.lstrip(b"\0"):
+            return at + len(window) - len(rest)
+        at += len(window) or size
+    return None
+
+
+def _places(window: bytes) -> list[int]:
+    """Where a packer is named."""
+    found = []
+    for name in PACKERS:
+        place = window.find(name)
+        while place >= 0:
+            found.append(place)
+            place = window.find(name, place + 1)
+    return sorted(found)
