@@ -13,8 +13,15 @@ struct ChunkRecord {
     std::int64_t kind, begin, end, channel, sequence, log_time, publish_time;
 };
 
-// Appends the records of a chunk; false if one of them runs beyond its end, or cannot be.
-inline bool index_chunk(const std::uint8_t* data, std::size_t size, std::vector<ChunkRecord>& records) {
+// Why a chunk cannot be read: nothing, if `what` is empty. at: of the record in the chunk; claimed, left: its
+// length, and what the chunk has behind its head.
+struct ChunkFault {
+    const char* what = "";
+    std::uint64_t at = 0, claimed = 0, left = 0;
+};
+
+// Appends the records of a chunk, up to one that runs beyond its end or cannot be.
+inline ChunkFault index_chunk(const std::uint8_t* data, std::size_t size, std::vector<ChunkRecord>& records) {
     constexpr std::size_t kHead = 9, kMessageHead = 22;
     constexpr std::uint8_t kMessage = 0x05;
     const auto number = [](const std::uint8_t* at, int bytes) {
@@ -25,17 +32,18 @@ inline bool index_chunk(const std::uint8_t* data, std::size_t size, std::vector<
     const auto is_time = [](std::uint64_t value) { return value <= INT64_MAX; };
     std::size_t at = 0;
     while (at < size) {
-        if (size - at < kHead) return false;
+        if (size - at < kHead) return {"half a head of a record", at, 0, size - at};
         const std::uint8_t kind = data[at];
         const std::uint64_t length = number(data + at + 1, 8);
         at += kHead;
-        if (length > size - at) return false;
+        if (length > size - at) return {"a record longer than its chunk", at - kHead, length, size - at};
         ChunkRecord record = {
             kind, static_cast<std::int64_t>(at), static_cast<std::int64_t>(at + length), 0, 0, 0, 0};
         if (kind == kMessage) {
             const std::uint8_t* head = data + at;
-            if (length < kMessageHead || !is_time(number(head + 6, 8)) || !is_time(number(head + 14, 8))) {
-                return false;
+            if (length < kMessageHead) return {"a message without times", at - kHead, length, size - at};
+            if (!is_time(number(head + 6, 8)) || !is_time(number(head + 14, 8))) {
+                return {"a message after the year 2262", at - kHead, length, size - at};
             }
             record.begin += static_cast<std::int64_t>(kMessageHead);
             record.channel = static_cast<std::int64_t>(number(head, 2));
@@ -46,7 +54,7 @@ inline bool index_chunk(const std::uint8_t* data, std::size_t size, std::vector<
         records.push_back(record);
         at += static_cast<std::size_t>(length);
     }
-    return true;
+    return {};
 }
 
 }  // namespace fltea

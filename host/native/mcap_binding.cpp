@@ -91,8 +91,13 @@ class McapChunks {
 // The records of an unpacked chunk, seven numbers each (chunk_index.hpp).
 nb::bytes chunk_records(nb::bytes chunk) {
     std::vector<fltea::ChunkRecord> records;
-    if (!fltea::index_chunk(static_cast<const uint8_t*>(chunk.data()), chunk.size(), records)) {
-        throw nb::value_error("a record runs beyond the end of its chunk");
+    const fltea::ChunkFault fault =
+        fltea::index_chunk(static_cast<const uint8_t*>(chunk.data()), chunk.size(), records);
+    if (*fault.what) {
+        const std::string text = std::string(fault.what) + ": at byte " + std::to_string(fault.at) +
+                                 " of the chunk, it claims " + std::to_string(fault.claimed) +
+                                 " bytes, and " + std::to_string(fault.left) + " are left";
+        throw nb::value_error(text.c_str());
     }
     return nb::bytes(records.data(), records.size() * sizeof(fltea::ChunkRecord));
 }

@@ -19,8 +19,9 @@ namespace {
 std::atomic<std::int64_t> unix_shift_ns{0};
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-constexpr std::size_t kMostBytes = 1 << 16;  // of one read
-constexpr int kMostPorts = 64;               // of one round
+constexpr std::int64_t kEndOfDatesNs = 4'102'444'800 * 1'000'000'000;  // as in fltea.records.clock
+constexpr std::size_t kMostBytes = 1 << 16;                            // of one read
+constexpr int kMostPorts = 64;                                         // of one round
 constexpr std::uint64_t kClose = ~std::uint64_t{0};
 
 // As long as the machine sleeps, this clock goes on where there is such a one.
@@ -58,7 +59,8 @@ class SignalsBlocked {
 
 Stamp stamp_now() {
     const std::int64_t host_ns = now_ns(kClock);
-    return {host_ns, now_ns(CLOCK_REALTIME) + unix_shift_ns.load() - host_ns};
+    const std::int64_t unix_ns = now_ns(CLOCK_REALTIME) + unix_shift_ns.load();
+    return {host_ns, unix_ns >= 0 && unix_ns < kEndOfDatesNs ? unix_ns - host_ns : 0};
 }
 
 void shift_unix_clock(std::int64_t ns) { unix_shift_ns = ns; }

@@ -48,6 +48,8 @@ EXPECTED = {
     "browser killed in mid-stream": Expected(),
     "three open pages that do not read": Expected(),
     "disk full, later room again": Expected(reported=("disk_full", "record_resumed")),
+    "a recording's file deleted": Expected(reported=("record_deleted", "record_resumed")),
+    "a recording's folder deleted": Expected(reported=("record_deleted", "record_resumed")),
     "`kill -9` while recording": Expected(excused=None, reported=("resumed",), others=None),
     "two daemons on one port": Expected(excused=None, reported=("port_busy", "start")),
     "clock set an hour forward, two back": Expected(500, reported=("restart",)),
@@ -120,6 +122,8 @@ WHAT_ELSE: dict[str, Any] = {
     "daemon stopped until the line is full": the_board_dropped_as_many,
     "MQTT broker killed, back after a while": messages_were_lost,
     "disk full, later room again": bytes_were_not_recorded,
+    "a recording's file deleted": bytes_were_not_recorded,
+    "a recording's folder deleted": bytes_were_not_recorded,
     "three open pages that do not read": pages_were_open,
 }
 

@@ -1,8 +1,13 @@
 """Faults of the outputs: each may lose its own records, counted, and no other may notice."""
 
 import re
+import shutil
 import socket
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+
+from fltea.sources.mcap import find_session
 
 from tools.faults.case import Case, Outcome
 from tools.faults.daemon import RECORDING, Scene, read_recording
@@ -83,8 +88,34 @@ def disk_full(stage: Stage) -> Outcome:
         board.send(100 if stage.short else 2000)
         disk.free()
         scene.send_until_error("record_resumed")
+    return _recorded_or_counted(scene, disk.inside)
+
+
+def file_deleted(stage: Stage) -> Outcome:
+    """The file that is being recorded is deleted."""
+    return _taken_away(stage, lambda scene: next(scene.recording.glob("*.mcap")).unlink())
+
+
+def folder_deleted(stage: Stage) -> Outcome:
+    """The folder that is being recorded to is deleted, with the file."""
+    return _taken_away(stage, lambda scene: shutil.rmtree(scene.recording))
+
+
+def _taken_away(stage: Stage, take: Callable[[Scene], None]) -> Outcome:
+    scene = Scene(stage, *PAGE)
+    with scene.fault(before=150 if stage.short else 2000) as board:
+        take(scene)
+        scene.send_until_error("record_resumed")
+        board.send(100 if stage.short else 2000)
+    found = _recorded_or_counted(scene, scene.recording)
+    parts = [part.info.part for part in find_session([scene.recording]).parts]
+    return found if parts == [1] else replace(found, wrong=[*found.wrong, f"the parts are {parts}"])
+
+
+def _recorded_or_counted(scene: Scene, folder: Path) -> Outcome:
+    """Finish; each byte of the wire has to be recorded or counted, and each item that is lost, too."""
     scene.finish()
-    recorded, last = read_recording(disk.inside), scene.program.of("stats")[-1]
+    recorded, last = read_recording(folder), scene.program.of("stats")[-1]
     of_link, missing = last["link"]["bytes"], sum(gap.bytes for gap in recorded.gaps)
     items = sum(gap.items for gap in recorded.gaps)
     figures = {
@@ -119,4 +150,6 @@ CASES = (
     Case("browser killed in mid-stream", browser_killed),
     Case("three open pages that do not read", page_that_does_not_read),
     Case("disk full, later room again", disk_full),
+    Case("a recording's file deleted", file_deleted),
+    Case("a recording's folder deleted", folder_deleted),
 )

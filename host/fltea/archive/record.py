@@ -14,6 +14,7 @@ from fltea.records.ports import Source
 from fltea.records.records import AnyRecord, Error, Gap, Hello
 from fltea.records.visible import visible_lines
 from fltea.service.daemon import StopOnSignal
+from fltea.service.date import DateWatch
 from fltea.service.open_source import check_recordable, check_shared, open_source
 from fltea.settings.config import Config
 from fltea.settings.ingest import is_shared
@@ -69,6 +70,8 @@ class _Recorder:
             self._as_wire = AsWire(lambda: source.unix_offset_ns)
         self._folder = Path(config.record.folder or ".")
         self._live = sys.stderr.isatty()
+        self._date = DateWatch(self._tell)
+        self._date.look()
         self._status_ns = clock.host_ns()
 
     def take(self, event: Event) -> None:
@@ -82,6 +85,7 @@ class _Recorder:
         now_ns = clock.host_ns()
         if now_ns - self._status_ns >= (STATUS_NS if self._live else STATUS_QUIET_NS):
             self._status_ns = now_ns
+            self._date.look()
             self._say(self.summary(), passing=True)
 
     @property

@@ -33,8 +33,8 @@ LAST_KIND = Opcode.DATA_END
 def begins_record(file: BinaryIO, at: int, size: int) -> bool:
     """Whether a record may begin at byte `at`, or the file ends there.
 
-    A length takes eight bytes, so bytes that are no head hardly ever look like one; but the end of a time with
-    a small number behind it does. Behind a kind that is not known, one that is has to follow.
+    A length takes eight bytes, so bytes that are no head hardly ever look like one; but the end of a time
+    with a small number behind it does. Behind a kind that is not known, one that is has to follow.
     """
     file.seek(at)
     head = file.read(HEAD.size)

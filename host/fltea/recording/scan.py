@@ -262,7 +262,7 @@ def _records(data: bytes) -> Iterator[Schema | Channel | Messages]:
     table = np.frombuffer(_native.chunk_records(data), np.int64).reshape(-1, 7)
     kind = table[:, 0]
     if len(table) and table[:, LOG_TIME:].max() > LATEST_NS:
-        raise McapError("a message of a time that cannot be")
+        raise McapError("a message after the year 2116: the clock was wrong")
     described = np.flatnonzero((kind == Opcode.CHANNEL) | (kind == Opcode.SCHEMA))
     begin = 0
     for place in [*described.tolist(), len(kind)]:

@@ -73,7 +73,7 @@ def from_metadata(metadata: dict[str, str]) -> PartInfo:
         check_hello(hello)
     info = msgspec.convert({**metadata, "hello": hello}, PartInfo, strict=False)
     if max(abs(info.offset_ns), abs(info.created_ns)) > LATEST_NS:
-        raise ValueError("its times cannot be")
+        raise ValueError("its times are not in the years up to 2116: the clock of its recorder was wrong")
     return info
 
 

@@ -279,6 +279,10 @@ ERROR_KINDS = {
         "The broker is back; the text says after how long, and how many records were lost.",
         "Nothing to do.",
     ),
+    "clock_wrong": ErrorKind(
+        "The machine's clock says a date before 1970 or after 2099; times count from the machine's start.",
+        "Set the clock: give the machine a time server, or a battery for its clock.",
+    ),
     "disk_full": ErrorKind(
         "No room or quota is left: the recording stopped, or the history of `fltea fleet` waits.",
         "Make room; it then goes on by itself.",

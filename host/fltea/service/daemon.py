@@ -16,6 +16,7 @@ from fltea.records.errors import FlteaError, Incomplete, SourceFailed, UsageErro
 from fltea.records.ports import Source
 from fltea.records.visible import visible_lines
 from fltea.service.bell import Bell
+from fltea.service.date import DateWatch
 from fltea.service.descriptors import check_descriptors
 from fltea.service.ending import Awaited, Ending
 from fltea.service.hub import Hub
@@ -111,6 +112,7 @@ class _Run:
         self._lock = threading.Lock()
         self._running = len(configs)
         self._manager = ServiceManager()
+        self._date = DateWatch(self._hub.report())
         self._beside = BesideThread(sum(not is_shared(config.source) for config in configs))
         self._walks: list[Walk] = []
         self._ingests: list[Ingest] = []
@@ -197,6 +199,7 @@ class _Run:
     def _wait(self, done: Callable[[], bool]) -> None:
         moving: list[Walk | Ingest] = [*self._walks, *self._ingests]
         while not (done() or self._stop.asked):
+            self._date.look()
             self._stop.bell.wait(LOOK_S)
             self._stop.bell.clear()
             if time.monotonic() - min(one.moved_s for one in moving) < STUCK_S:

@@ -1,10 +1,10 @@
 """All outputs of a running program: who gets which record, what each has lost, and what they report."""
 
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 from fltea.records.block import Block
+from fltea.records.clock import unix_ns
 from fltea.records.events import Reads, TransportEvent
 from fltea.records.ports import Departed, Item, Printed, Sink, Wanted
 from fltea.records.records import AnyRecord, Error
@@ -131,7 +131,7 @@ class Hub:
         """Return what an output calls to report a trouble: an `error` record goes to all."""
 
         def report(kind: str, message: str) -> None:
-            error = Error(kind, message, time.time_ns(), device=device)
+            error = Error(kind, message, unix_ns(), device=device)
             outlets = [*self._shared, *(self._of.get(device, ()) if device else self._all_of_devices())]
             for outlet in outlets:
                 outlet.put((error,))

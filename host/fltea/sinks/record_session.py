@@ -3,7 +3,6 @@
 import errno
 import os
 import secrets
-import time
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,6 +12,7 @@ import msgspec
 from fltea.recording.part import PartWriter
 from fltea.recording.schema import encode_message
 from fltea.recording.session import LINK, LinkMessage, PartInfo
+from fltea.records import clock
 from fltea.records.errors import UsageError
 from fltea.records.events import Ints, Reads
 from fltea.records.records import AnyRecord, Hello
@@ -137,7 +137,7 @@ class Session:
             device=self._device,
             fltea=__version__,
             offset_ns=offset_ns,
-            created_ns=time.time_ns(),
+            created_ns=clock.unix_ns(),
             hello=hello,
         )
         return PartWriter(self.next_path, info, self._kinds, reserve_bytes)
