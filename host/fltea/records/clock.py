@@ -37,6 +37,6 @@ def wrong_date() -> str:
         return ""
     return (
         f"the machine's clock says the year {1970 + unix_s // 31_556_952}, which is not believed: times "
-        "count from the machine's start, in the year 1970, until it is set. Has this machine a battery for its "
+        "count from the machine's start, in the year 1970, until it is set. Has it a battery for its "
         "clock, and does it reach a time server?"
     )
