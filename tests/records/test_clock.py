@@ -22,7 +22,7 @@ YEAR_NS = 31_556_952 * 10**9
 WRONG_NS = {"2150": 124 * YEAR_NS, "2232, the last that Linux takes": 206 * YEAR_NS, "1960": -67 * YEAR_NS}
 
 
-@pytest.fixture(params=WRONG_NS.values(), ids=WRONG_NS)
+@pytest.fixture(params=[*WRONG_NS.values()], ids=[*WRONG_NS])
 def wrong_clock(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(time, "time_ns", lambda: NOW_NS + request.param)
     shift_unix_clock(request.param)

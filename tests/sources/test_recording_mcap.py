@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from blocks import in_samples, of
 from fltea.recording.part_reader import read_entries
-from fltea.recording.scan import HEAD
+from fltea.recording.resync import HEAD
 from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Opened, RawBlock, RawSample, Tick, Trouble
 from fltea.records.records import Epoch, Error, Estimate, Gap, Hello, Sample

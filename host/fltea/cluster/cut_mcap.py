@@ -13,7 +13,8 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
 from fltea.cluster.cut import Cut, Ranges, even_pieces
-from fltea.recording.scan import HEAD, MAX_DESCRIPTION_BYTES
+from fltea.recording.resync import HEAD
+from fltea.recording.scan import MAX_DESCRIPTION_BYTES
 from fltea.recording.session import HELLO, SESSION, PartInfo, from_metadata
 from fltea.records.records import Hello
 

@@ -11,7 +11,6 @@ Enums and flags stay plain integers in the tuples, so that a value unknown to th
 `SCALE` maps a field to the factor by which its count becomes a value in the unit of its docstring.
 """
 
-# ruff: noqa: D102 - the module docstring says what pack and unpack do
 from enum import IntEnum, IntFlag
 from struct import Struct
 from typing import Any, ClassVar, Final, NamedTuple, Self, TypeAlias
