@@ -40,22 +40,18 @@ MOST_BYTES = 40_000_000
 """Twice the limits, and what is made of a recording within them."""
 
 Change = tuple[float, bytes, int]
-<<<<<<< HEAD
-place = st.floats(0, 1, exclude_max=True)
+places = st.floats(0, 1, exclude_max=True)
 LENGTHS = [byte * count for byte in (b"\x00", b"\xff") for count in (1, 2, 4, 8)]
 """The least and the largest length of what follows, as formats write it."""
-
-changes = st.lists(
-    st.tuples(place, st.binary(max_size=12), st.integers(0, 12))
-    | st.builds(lambda at, length: (at, length, len(length)), place, st.sampled_from(LENGTHS)),
-=======
-places = st.floats(0, 1, exclude_max=True)
 holes = st.tuples(places, st.integers(13, 3000)).map(lambda hole: (hole[0], bytes(hole[1]), hole[1]))
-"""Zeros, as who cuts or punches a file that is being written leaves them."""
+"""Zeros, as they are left where a file that is being written is cut short or punched."""
 
 changes = st.lists(
-    st.one_of(st.tuples(places, st.binary(max_size=12), st.integers(0, 12)), holes),
->>>>>>> 5943657e (faults: a recording's file and its folder are deleted; each byte is recorded or counted)
+    st.one_of(
+        st.tuples(places, st.binary(max_size=12), st.integers(0, 12)),
+        st.builds(lambda at, length: (at, length, len(length)), places, st.sampled_from(LENGTHS)),
+        holes,
+    ),
     min_size=1,
     max_size=4,
 )

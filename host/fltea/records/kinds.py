@@ -84,7 +84,8 @@ ERROR_KINDS = {
         "Nothing to do; read it again when that program has ended.",
     ),
     "cut_recording": ErrorKind(
-        "A recording ends amid a line or message, without its index, or has a wrong length; what is there was read.",
+        "A recording ends amid a line or message, without its index, or has a wrong length; what is there "
+        "was read.",
         "Nothing to do; `fltea recover` gives an MCAP file its index again.",
     ),
     "unread_file": ErrorKind(

@@ -195,9 +195,9 @@ def explain_rate(source: str, stated_hz: float, measured_hz: float) -> str:
     """Return what the user has to know of a device that contradicts itself."""
     return (
         f"{source}: HELLO states {stated_hz:.4g} Hz, and by the device's own clock and numbers its samples "
-        f"come at {measured_hz:.4g} Hz. One of them is wrong, and all that is in seconds or Hz with it, so the "
-        "samples are counted (rate_differs) and not used until both agree. Correct the rate, or the clock, in "
-        "its firmware."
+        f"come at {measured_hz:.4g} Hz. One of them is wrong, and all that is in seconds or Hz with it, so "
+        "the samples are counted (rate_differs) and not used until both agree. Correct the rate, or the "
+        "clock, in its firmware."
     )
 
 
