@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from fltea.spectrum.frontier import native
+from fltea.spectrum.candidate_models import native
 from fltea.spectrum.periodogram import Binned, Periodogram, binned, used_ordinates
 from generated import rendered, update
 

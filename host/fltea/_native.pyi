@@ -97,7 +97,7 @@ class Decoder:
 
 # What a thread waits for with select.poll, and is rung by who need not have Python's lock. OSError: no
 # descriptor is left.
-class Bell:
+class WakeUp:
     def fileno(self) -> int: ...
     def ring(self) -> None: ...
 
@@ -127,7 +127,7 @@ class Round:
     def overflow_bytes(self, port: int) -> int: ...
 
     # Waits until something is due and takes it. Of each text bytes, and of each device when its
-    # newest bytes arrived and how many records are its; and port, kind (`LineStop`) and what is told of what
+    # newest bytes arrived and how many records are its; and port, kind (`PortStop`) and what is told of what
     # has happened.
     def run(
         self, timeout_s: float

@@ -10,9 +10,9 @@
 #include <stdexcept>
 #include <vector>
 
-#include "place.hpp"
 #include "sample_columns.hpp"
 #include "sensor.hpp"
+#include "sequence_tracker.hpp"
 #include "timebase.hpp"
 
 namespace fltea {
@@ -69,7 +69,7 @@ class Device {
   public:
     static constexpr std::int64_t kNever = std::int64_t(1) << 62;
 
-    Place place;
+    SequenceTracker place;
     Timebase timebase;
     Scales scales = {};
     std::vector<Sensor> sensors;

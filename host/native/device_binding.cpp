@@ -19,7 +19,7 @@ std::vector<std::int64_t> unix_times(const std::vector<std::int64_t>& seq,
 }  // namespace
 
 void bind_device(nb::module_& m) {
-    m.attr("CLOCK_TOLERANCE") = fltea::Place::kClockTolerance;
+    m.attr("CLOCK_TOLERANCE") = fltea::SequenceTracker::kClockTolerance;
     m.def(
         "stands_before_sample",
         [](int stop) { return fltea::stands_before_sample(static_cast<fltea::Stop>(stop)); },

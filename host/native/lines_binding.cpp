@@ -1,5 +1,5 @@
 // fltea._native.Lines and RunPrinter: rows of columns as lines of JSON, for Python
-// (host/fltea/sinks/lines.py).
+// (host/fltea/sinks/json_lines.py).
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/pair.h>

@@ -19,7 +19,7 @@ struct Found {
     double level;  // around it
 };
 
-// Constants of the search; those that two searches share are host/fltea/spectrum/lines.py's.
+// Constants of the search; those that two searches share are host/fltea/spectrum/spectral_lines.py's.
 constexpr double kFlank = 48;  // ordinates in the shortest flank
 constexpr double kWidestShare = 0.08;
 constexpr std::size_t kShortestFlank =

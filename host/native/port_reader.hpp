@@ -12,9 +12,9 @@
 #include <thread>
 #include <vector>
 
-#include "bell.hpp"
 #include "descriptor.hpp"
 #include "port_read.hpp"
+#include "wake_up.hpp"
 
 namespace fltea {
 
@@ -76,7 +76,7 @@ class PortReader {
     const std::size_t capacity_;
     const int owner_;  // the process; one that is forked from it has no thread to wait for
     const Descriptor epoll_;
-    const Bell close_;
+    const WakeUp close_;
     std::mutex mutex_;
     std::condition_variable due_;
     std::vector<std::unique_ptr<Port>> ports_;

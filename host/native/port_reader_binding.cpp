@@ -68,11 +68,11 @@ void bind_port_reader(nb::module_& m) {
         }
     });
     m.def("shift_unix_clock", &fltea::shift_unix_clock, nb::arg("ns"));
-    nb::class_<fltea::Bell>(m, "Bell")
+    nb::class_<fltea::WakeUp>(m, "Bell")
         .def(nb::init<>())
-        .def("fileno", &fltea::Bell::number)
-        .def("ring", &fltea::Bell::ring)
-        .def("clear", &fltea::Bell::clear);
+        .def("fileno", &fltea::WakeUp::number)
+        .def("ring", &fltea::WakeUp::ring)
+        .def("clear", &fltea::WakeUp::clear);
     nb::class_<PortReader>(m, "PortReader")
         .def(nb::init<std::size_t>(), nb::arg("capacity"))
         .def("add", &PortReader::add, nb::arg("port"), nb::arg("descriptor"), nb::arg("closes"),

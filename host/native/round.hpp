@@ -10,15 +10,15 @@
 #include <utility>
 #include <vector>
 
-#include "line_walk.hpp"
 #include "port_reader.hpp"
+#include "port_stream.hpp"
 
 namespace fltea {
 
 // What has happened on a port that is the caller's.
 struct Happened {
     int port;
-    LineStop stop;
+    PortStop stop;
 };
 
 // Records of one device that were printed, and when the newest bytes behind them arrived.
@@ -40,10 +40,10 @@ class Round {
         : reader_(capacity), tick_ns_(tick_ns), texts_(texts) {}
 
     PortReader& reader() { return reader_; }
-    LineWalk& line(std::size_t port) { return *ports_[port].walk; }
+    PortStream& line(std::size_t port) { return *ports_[port].walk; }
     std::size_t size() const { return ports_.size(); }
 
-    void add(std::unique_ptr<LineWalk> walk, std::vector<RunPrinter*>* printers, std::int64_t latency_ns) {
+    void add(std::unique_ptr<PortStream> walk, std::vector<RunPrinter*>* printers, std::int64_t latency_ns) {
         ports_.push_back({std::move(walk), printers, latency_ns, stamp_now().host_ns + tick_ns_});
     }
 
@@ -86,7 +86,7 @@ class Round {
 
   private:
     struct Port {
-        std::unique_ptr<LineWalk> walk;
+        std::unique_ptr<PortStream> walk;
         std::vector<RunPrinter*>* printers;
         std::int64_t latency_ns, tick_ns;  // the second: when nothing will have come for a while
         bool has_ended = false;
@@ -113,14 +113,14 @@ class Round {
             one.is_left = false;
             return;
         }
-        LineStop stop = LineStop::kFault;
+        PortStop stop = PortStop::kFault;
         try {
             stop = one.walk->walk(now_ns);
         } catch (const std::exception& error) {  // of one device: the others go on
             one.fault = error.what();
             one.has_ended = true;
         }
-        one.is_left = stop != LineStop::kNothing;
+        one.is_left = stop != PortStop::kNothing;
         for (std::size_t text = 0; text < one.printers->size() && text < texts_.size(); ++text) {
             RunPrinter& printer = *(*one.printers)[text];
             if (printer.size() == 0) continue;

@@ -1,4 +1,4 @@
-// fltea._native.Round: all devices on ports, taken without Python's lock (host/fltea/service/lines.py).
+// fltea._native.Round: all devices on ports, taken without Python's lock (host/fltea/service/port_loop.py).
 #include <nanobind/nanobind.h>
 
 #include <cstring>
@@ -15,8 +15,8 @@ namespace nb = nanobind;
 
 namespace {
 
-using fltea::LineStop;
-using fltea::LineWalk;
+using fltea::PortStop;
+using fltea::PortStream;
 using fltea::RunRows;
 
 // Columns of rows that waited, in the order of RunRows, as arrays.
@@ -88,7 +88,7 @@ class Round {
         auto& of_device = nb::cast<device_binding::Device&>(device);
         auto& of_wire = nb::cast<wire_line_binding::WireLine&>(wire);
         kept_.append(nb::make_tuple(wire, device));
-        round_.add(std::make_unique<LineWalk>(of_wire.native(), of_device.native(), of_device.printers()),
+        round_.add(std::make_unique<PortStream>(of_wire.native(), of_device.native(), of_device.printers()),
                    &of_device.printers(), latency_ns);
     }
 
@@ -98,7 +98,7 @@ class Round {
     void touch(std::size_t port, std::int64_t now_ns) { at(port), round_.touch(port, now_ns); }
     void end(std::size_t port) { at(port), round_.end(port); }
     void wants(std::size_t port, bool rows, bool text, bool reads, std::int64_t patience_ns) {
-        LineWalk& line = at(port);
+        PortStream& line = at(port);
         line.wants_rows = rows;
         line.wants_text = text;
         line.wants_reads = reads;
@@ -127,10 +127,10 @@ class Round {
         }
         nb::list happened;
         for (const fltea::Happened& one : happened_) {
-            LineWalk& line = round_.line(static_cast<std::size_t>(one.port));
+            PortStream& line = round_.line(static_cast<std::size_t>(one.port));
             const std::string& fault = round_.fault(static_cast<std::size_t>(one.port));
             const nb::object what =
-                one.stop == LineStop::kFault ? nb::object(nb::str(fault.c_str())) : told(line, one.stop);
+                one.stop == PortStop::kFault ? nb::object(nb::str(fault.c_str())) : told(line, one.stop);
             happened.append(nb::make_tuple(one.port, static_cast<int>(one.stop), what));
         }
         return nb::make_tuple(printed, happened);
@@ -148,26 +148,26 @@ class Round {
     }
 
   private:
-    LineWalk& at(std::size_t port) {
+    PortStream& at(std::size_t port) {
         if (port >= round_.size()) throw nb::index_error("no such port");
         return round_.line(port);
     }
 
-    static nb::object told(LineWalk& line, LineStop stop) {
+    static nb::object told(PortStream& line, PortStop stop) {
         switch (stop) {
-            case LineStop::kItem:
+            case PortStop::kItem:
                 return wire_line_binding::as_tuple(line.item());
-            case LineStop::kStop: {
+            case PortStop::kStop: {
                 const fltea::Advanced& found = line.advanced();
                 return nb::make_tuple(static_cast<int>(found.stop), line.stopped_ns(),
                                       device_binding::told(line.device(), line.samples(), found));
             }
-            case LineStop::kRows: {
+            case PortStop::kRows: {
                 const nb::tuple rows = as_tuple(line.rows());
                 line.rows().clear();
                 return nb::make_tuple(line.is_unprinted(), rows);
             }
-            case LineStop::kReads: {
+            case PortStop::kReads: {
                 const fltea::PortNews& news = line.reads();
                 const nb::tuple columns = columns_of(news.reads);
                 const nb::tuple reads = nb::make_tuple(nb::bytes(news.bytes.data(), news.bytes.size()),
@@ -175,13 +175,13 @@ class Round {
                 line.reads() = fltea::PortNews();
                 return reads;
             }
-            case LineStop::kLost: {
+            case PortStop::kLost: {
                 const fltea::PortNews& news = line.news();
                 return nb::make_tuple(news.error, news.lost.host_ns, news.lost.unix_offset_ns,
                                       line.has_worked());
             }
-            case LineStop::kNothing:
-            case LineStop::kFault:
+            case PortStop::kNothing:
+            case PortStop::kFault:
                 break;
         }
         return nb::none();

@@ -1,4 +1,5 @@
-// The samples of a device's runs as lines of JSON: columns are counted as host/fltea/sinks/lines.py has them.
+// The samples of a device's runs as lines of JSON: columns are counted as host/fltea/sinks/json_lines.py has
+// them.
 #pragma once
 
 #include <cstddef>

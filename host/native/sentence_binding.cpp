@@ -1,5 +1,5 @@
-// Sentences of noise for Python (host/fltea/spectrum/frontier.py): bins once, then any number of fits to
-// them.
+// Sentences of noise for Python (host/fltea/spectrum/candidate_models.py): bins once, then any number of fits
+// to them.
 #include "sentence_binding.hpp"
 
 #include <nanobind/ndarray.h>

@@ -29,7 +29,7 @@ CLASSES = (
 OF_MAPPINGS = {"get", "items", "keys", "values"}
 OF_TUPLES = {"count", "index"}
 MADE_BY_INIT = {
-    fltea.Recording: {"name", "counts", "traps", "reading"},
+    fltea.Recording: {"name", "counts", "data_checks", "reading"},
     fltea.Live: {"rate_hz", "axes", "unit", "steps"},
     fltea.LiveReport: {"samples", "rate_hz"},
 }

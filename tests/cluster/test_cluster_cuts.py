@@ -113,7 +113,7 @@ def cut_up(make: Callable[[Path], Path], folder: Path) -> tuple[Loaded, list[Loa
         (folder / str(number)).mkdir()
         pieces.append(load(ask.request(write_piece(file, cut, folder / str(number)))))
     assert len(pieces) >= 3
-    assert not any(trap.kind == "cut_recording" for one in pieces for trap in one.traps)
+    assert not any(data_check.kind == "cut_recording" for one in pieces for data_check in one.data_checks)
     return load(ask.request(Path(file.path))), pieces
 
 

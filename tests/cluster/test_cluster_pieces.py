@@ -122,7 +122,7 @@ def test_a_piece_without_a_number_is_a_gap(tmp_path: Path) -> None:
     (row,) = fit_pieces(file, ask(4), summed(file))
     assert (row.error, row.parts, row.samples, row.lost) == (None, 3, FEW * 3 // 4, FEW // 4)
     assert (row.lost, row.kind) == (whole.lost, whole.kind)
-    assert "missing_numbers" in (row.traps or [])
+    assert "missing_numbers" in (row.data_checks or [])
     nothing = saved(tmp_path, holed * np.nan)
     (row,) = fit_pieces(nothing, ask(4), summed(nothing))
     assert "a.npy from byte" in (row.error or "")

@@ -59,7 +59,18 @@ def test_from_s3_and_again(s3: Any, tmp_path: Path) -> None:
     assert bad["error"].startswith("s3://lab/2026-11/b.npz: cannot be read as .npz")
     assert (x["axis"], y["axis"]) == ("gyro_x", "gyro_y")
     (alone,) = (row for row in identify_file(next(files_of([str(local)])), ASK) if row.axis == "gyro_x")
-    for name in ("kind", "text", "p_white", "R", "N", "N_low", "fltea_alpha", "lsb", "samples", "traps"):
+    for name in (
+        "kind",
+        "text",
+        "p_white",
+        "R",
+        "N",
+        "N_low",
+        "fltea_alpha",
+        "lsb",
+        "samples",
+        "data_checks",
+    ):
         assert x[name] == (alone.values[name] if name in alone.values else getattr(alone, name))
 
     again = go("s3://lab/2026-11/**/*.npz", out)

@@ -19,7 +19,10 @@ DIGEST = ASK.digest()
 
 def rows(of: File, axes: int = 2) -> list[Row]:
     key = Key(of, DIGEST)
-    return [key.row(axis=f"gyro_{'xyz'[i]}", values={"alpha": 0.5 + i}, traps=["short"]) for i in range(axes)]
+    return [
+        key.row(axis=f"gyro_{'xyz'[i]}", values={"alpha": 0.5 + i}, data_checks=["short"])
+        for i in range(axes)
+    ]
 
 
 def test_what_was_added_is_there_and_done(tmp_path: Path) -> None:
@@ -41,7 +44,7 @@ def test_what_was_added_is_there_and_done(tmp_path: Path) -> None:
         ("s3://lab/1.csv", "gyro_y", 1.5),
         ("s3://lab/2.csv", "gyro_x", 0.5),
     ]
-    assert found[0]["traps"] == ["short"]
+    assert found[0]["data_checks"] == ["short"]
     assert found[0]["K"] is None
 
 

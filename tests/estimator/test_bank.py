@@ -118,8 +118,8 @@ def test_each_row_tells_whether_the_innovations_are_white_however_rows_are_cut()
     y = noise(4000, quantised=False)
     y[:, 0] = lfilter(*butter(2, 20.0, fs=1 / H), y[:, 0])
     y[1500:2100, 2] = lfilter(*butter(2, 20.0, fs=1 / H), y[1500:2100, 2])
-    settled = config(startup=100, variant="triple", guard="faithful", R=0.02)
-    one, many = Bank(AXES, settled, H, None), Bank(AXES, settled, H, None)
+    accepted = config(startup=100, variant="triple", guard="faithful", R=0.02)
+    one, many = Bank(AXES, accepted, H, None), Bank(AXES, accepted, H, None)
     one.run(y[:100]), many.run(y[:100])
     whole, parts, asked = one.run(y[100:]).white, [], []
     for begin in range(100, 4000, 50):

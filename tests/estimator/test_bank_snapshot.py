@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from bank_support import AXES, COLUMNS, H
 from fltea.estimator.bank import Bank
-from fltea.estimator.belief import Belief
 from fltea.estimator.engine import instruction_sets
+from fltea.estimator.filter_model import FilterModel
 from fltea.estimator.snapshot import OnlineState
 from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
@@ -128,8 +128,11 @@ def test_nothing_is_kept_of_a_start_up_window_or_with_a_constant_axis() -> None:
         ({"whiteness": b""}, "innovations"),
         ({"whiteness": b"\xff" * 8}, "innovations"),
         ({"whiteness": bytes(3 * 8 * 25)}, "innovations"),
-        ({"beliefs": {"gyro_x": Belief(0.5, 0.1, 0.4, 0.1, -1.0, 0.1)}}, "gyro_x cannot go on with"),
-        ({"tuned": ("gyro_x",), "beliefs": {"gyro_x": Belief(2.5, 0, 0, 0, 0, 0)}}, "gyro_x cannot go on"),
+        ({"beliefs": {"gyro_x": FilterModel(0.5, 0.1, 0.4, 0.1, -1.0, 0.1)}}, "gyro_x cannot go on with"),
+        (
+            {"tuned": ("gyro_x",), "beliefs": {"gyro_x": FilterModel(2.5, 0, 0, 0, 0, 0)}},
+            "gyro_x cannot go on",
+        ),
         ({"supervisors": b""}, "supervisors"),
         ({"supervisors": b"\xff" * 84}, "supervisors"),
         ({"supervisors": bytes(27) + b"\1" + bytes(56)}, "supervisors"),

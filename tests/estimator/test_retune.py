@@ -9,8 +9,8 @@ import pytest
 from bank_support import AXES, COLUMNS, H
 from engine_cases import GYROSCOPE, reference_run, run_changing, same, white, with_
 from fltea.estimator.bank import Bank, Variances
-from fltea.estimator.belief import Belief
 from fltea.estimator.engine import Engine, instruction_sets
+from fltea.estimator.filter_model import FilterModel
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
@@ -138,7 +138,7 @@ def test_a_bank_in_its_start_up_window_cannot_be_told() -> None:
         Bank(AXES, CONFIG, H, None).retune({})
 
 
-BELIEF = Belief(0.7, 0.05, 0.6, 0.02, -2.5, 0.8)
+BELIEF = FilterModel(0.7, 0.05, 0.6, 0.02, -2.5, 0.8)
 
 
 @pytest.mark.parametrize("variant", ["joint", "triple"])
@@ -189,7 +189,7 @@ def test_deviations_count_what_the_fit_leaves_open_and_how_far_the_filter_has_go
         BELIEF._replace(alpha_std=math.nan),
     ],
 )
-def test_a_bank_refuses_a_belief_that_cannot_be(belief: Belief) -> None:
+def test_a_bank_refuses_a_belief_that_cannot_be(belief: FilterModel) -> None:
     bank, _ = begun()
     before = dict(bank.variances)
     for axis in ("gyro_x", "gyro_y"):

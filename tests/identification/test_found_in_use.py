@@ -22,8 +22,11 @@ def identified(y: np.ndarray) -> AxisReport:
     return identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
 
 
-def traps(found: AxisReport) -> dict[str, str]:
-    return {trap.kind: f"{trap.severity}: {trap.text} {trap.remedy}" for trap in found.traps}
+def data_checks(found: AxisReport) -> dict[str, str]:
+    return {
+        data_check.kind: f"{data_check.severity}: {data_check.text} {data_check.remedy}"
+        for data_check in found.data_checks
+    }
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -48,7 +51,7 @@ def test_an_axis_that_is_constant_at_first_is_judged() -> None:
     assert (found.result.fltea, found.result.fltea_other) == (None, None)
     assert "constant in the start-up window" in found.result.fltea_reason
     assert "FLTEA was not run: the axis is constant" in findings.settings(found)
-    assert "stuck" in traps(found)
+    assert "stuck" in data_checks(found)
     assert not any(label.startswith("FLTEA") for label, _ in findings.rows(found))
 
 
@@ -66,7 +69,7 @@ def test_a_sensor_that_was_moved(hz: float) -> None:
     (span,) = found.motion
     assert (span.begin_s, span.end_s) == (pytest.approx(40, abs=0.7), pytest.approx(70, abs=1.5))
     assert span.largest == pytest.approx(30, abs=1)
-    assert traps(found)["motion"].startswith("warning: The sensor moved from 40 to 7")
+    assert data_checks(found)["motion"].startswith("warning: The sensor moved from 40 to 7")
     assert not found.bias_steps
 
 
@@ -90,12 +93,12 @@ def test_the_null_test_says_its_level() -> None:
 
 
 def test_one_record_is_said_to_be_long_enough() -> None:
-    """Ten minutes by the trap "short", unless the verdict asks for more."""
+    """Ten minutes by the data check "short", unless the verdict asks for more."""
     found = identified(white(6000, 1, 1)[0])
-    assert "Record ten minutes or more" in traps(found)["short"]
+    assert "Record ten minutes or more" in data_checks(found)["short"]
     y = draw(AxisModel((White(1.0), Order(0.5, -1.0, 10.0))), H, 20_000, np.random.default_rng(0))[0]
     found = identified(y)
-    assert "ten minutes" not in traps(found)["short"]
+    assert "ten minutes" not in data_checks(found)["short"]
     assert "Record longer, or use" in found.result.verdict.text
 
 

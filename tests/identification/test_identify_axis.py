@@ -9,8 +9,8 @@ from fltea.identification.axis import AxisResult, IdentifyOptions, with_copies
 from fltea.identification.shuffled import estimate
 from fltea.identification.sums import examined
 from fltea.settings.estimator import EstimatorConfig
-from fltea.spectrum.lines import Peak
 from fltea.spectrum.periodogram import FEWEST
+from fltea.spectrum.spectral_lines import Peak
 from fltea.spectrum.verdict import decide
 from identify_files import identify_axis
 from identify_support import H, ar, long_recursion, white

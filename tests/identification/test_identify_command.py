@@ -68,10 +68,10 @@ def test_json(recording: Path) -> None:
     assert file["axes"]["gyro_x"]["verdict"]["kind"] == "white"
     assert file["axes"]["gyro_x"]["order"]["alpha"]["value"] is None
     assert file["axes"]["gyro_y"]["verdict"]["kind"] == "line"
-    assert "line" in [trap["kind"] for trap in file["axes"]["gyro_y"]["traps"]]
+    assert "line" in [data_check["kind"] for data_check in file["axes"]["gyro_y"]["data_checks"]]
 
 
-def test_every_trap_is_told(tmp_path: Path) -> None:
+def test_every_data_check_is_told(tmp_path: Path) -> None:
     """Three bad axes: drift, torn reads and a resonance; coarse counts; outliers and a line; all repeat."""
     n = 6000
     k = np.arange(n)
@@ -83,10 +83,11 @@ def test_every_trap_is_told(tmp_path: Path) -> None:
     raw[31::40] = raw[30::40]
     path = npz(tmp_path / "bad.npz", raw, t_host_s=k / 99)
     (file,) = strict(here(path, "--json")[0])["files"]
-    assert {trap["kind"] for trap in file["traps"]} == {"repeated", "sample rate"}
+    assert {data_check["kind"] for data_check in file["data_checks"]} == {"repeated", "sample rate"}
     assert file["clock_ppm"] == pytest.approx(-10_000, rel=0.05)
     found = {
-        name: {trap["kind"]: trap["text"] for trap in axis["traps"]} for name, axis in file["axes"].items()
+        name: {data_check["kind"]: data_check["text"] for data_check in axis["data_checks"]}
+        for name, axis in file["axes"].items()
     }
     assert set(found["gyro_x"]) == {"short", "offset", "drift", "torn reads", "resonance"}
     assert set(found["gyro_y"]) == {"short", "quantisation"}

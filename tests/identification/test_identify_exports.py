@@ -265,7 +265,7 @@ def sound_and_bad(folder: Path) -> Path:
 
 @pytest.mark.parametrize("flag", ["--export-model", "--imu-yaml", "--gauss-markov"])
 def test_nothing_is_written_of_bad_data(flag: str, tmp_path: Path) -> None:
-    """An imu.yaml came from pure rounding, beside a trap that said "bad"."""
+    """An imu.yaml came from pure rounding, beside a data check that said "bad"."""
     command = ("identify", sound_and_bad(tmp_path), "--rate", "100", "--shuffles", "0", "--jobs", "1")
     done = fltea_here(*command, flag, tmp_path / "out", columns=300)
     assert done.returncode == 1
@@ -305,14 +305,16 @@ def test_no_figure_goes_on_from_an_axis_that_is_bad(tmp_path: Path) -> None:
 
 
 def test_what_is_wrong_with_all_of_a_recording_withholds(tmp_path: Path) -> None:
-    """Two sensors by turns: the trap is the recording's, and the axes have it."""
+    """Two sensors by turns: the data check is the recording's, and the axes have it."""
     y = 0.1 * white(3000, 2, 1).T + np.resize([0.2, -0.2], 3000)[:, None]
     np.savetxt(tmp_path / "a.csv", y, "%.9g", ",", header="gyro_x_dps,gyro_y_dps", comments="")
     (found,) = identify_all(
         [Request((tmp_path / "a.csv",), how=How(rate_hz=100.0))], settings(shuffles=0), Here()
     )
     assert found.recording is not None
-    assert [trap.kind for trap in found.recording.traps if trap.severity == "bad"] == ["alternates"]
+    assert [
+        data_check.kind for data_check in found.recording.data_checks if data_check.severity == "bad"
+    ] == ["alternates"]
     for axis in found.axes.values():
         assert isinstance(axis, AxisReport)
         assert "--sensor 1/2" in axis.withheld

@@ -10,6 +10,7 @@ from fltea.estimator.lanes import Lanes
 from fltea.identification import findings
 from fltea.identification.allan import allan, overlapping
 from fltea.identification.axis import IdentifyOptions
+from fltea.identification.data_checks import axis_data_checks
 from fltea.identification.gaps import (
     LONGEST_BRIDGE,
     Gaps,
@@ -30,7 +31,6 @@ from fltea.identification.sums import (
     one_a_depth,
     parts_of,
 )
-from fltea.identification.traps import axis_traps
 from fltea.identification.workers import Here
 from fltea.records.arrays import Array
 from fltea.spectrum.noise_figures import noise_figures
@@ -158,7 +158,7 @@ def test_fifty_gaps_of_a_second() -> None:
     whole, broken = examined(y, H), examined(seen, H, gaps=gaps)
     assert decide(broken.evidence).kind == decide(whole.evidence).kind
     # The powers below the gaps' distance are gone, but those of more than a third are there.
-    assert len(broken.evidence.frontier.data.lam) > 0.3 * len(whole.evidence.frontier.data.lam)
+    assert len(broken.evidence.candidates.data.lam) > 0.3 * len(whole.evidence.candidates.data.lam)
 
 
 @given(st.lists(st.sampled_from((300, 301, 2000, 5000)), min_size=1, max_size=4))
@@ -216,12 +216,14 @@ def test_nothing_stands_out_across_a_gap() -> None:
     y = np.cumsum(white(4000, 1, 7)[0]) / 30 + white(4000, 1, 8)[0] / 1000
     y[2000:] += 20
     seen, gaps = y, Gaps(np.array([2000]), np.array([0]))
-    assert "outliers" in [trap.kind for trap in axis_traps(y, H)]
-    assert "outliers" not in [trap.kind for trap in axis_traps(seen, H, gaps=gaps)]
+    assert "outliers" in [data_check.kind for data_check in axis_data_checks(y, H)]
+    assert "outliers" not in [data_check.kind for data_check in axis_data_checks(seen, H, gaps=gaps)]
     y[3000] += 5
     late = Gaps(np.array([2000]), np.array([1000]))
-    (trap,) = (trap for trap in axis_traps(y, H, gaps=late) if trap.kind == "outliers")
-    assert "the first at 40 s" in trap.text
+    (data_check,) = (
+        data_check for data_check in axis_data_checks(y, H, gaps=late) if data_check.kind == "outliers"
+    )
+    assert "the first at 40 s" in data_check.text
 
 
 def test_a_recording_with_losses(tmp_path: Path) -> None:

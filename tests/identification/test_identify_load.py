@@ -26,7 +26,7 @@ def test_npz_in_deg_per_s(tmp_path: Path) -> None:
         assert (series.unit, series.lsb) == ("deg/s", 1 / LSB_PER_DPS)
     assert found.counts.used == found.counts.samples == 300
     assert (found.counts.stretches, found.counts.lost) == (1, 0)
-    assert not found.traps
+    assert not found.data_checks
 
 
 def test_all_stretches(tmp_path: Path) -> None:
@@ -42,9 +42,9 @@ def test_all_stretches(tmp_path: Path) -> None:
     c = found.counts
     assert (c.samples, c.used, c.used_from, c.stretches) == (500, 500, 0, 3)
     assert (c.lost, c.gaps, c.bridged) == (3, 1, 3)
-    (trap,) = found.traps
-    assert trap.kind == "gaps"
-    assert "500 of 500 samples, in 3 stretches, are used. 3 lost ones are filled in" in trap.text
+    (data_check,) = found.data_checks
+    assert data_check.kind == "gaps"
+    assert "500 of 500 samples, in 3 stretches, are used. 3 lost ones are filled in" in data_check.text
 
 
 def test_so_many_short_gaps_are_bridged_by_nothing(tmp_path: Path) -> None:
@@ -53,7 +53,7 @@ def test_so_many_short_gaps_are_bridged_by_nothing(tmp_path: Path) -> None:
     path = npz(tmp_path / "a.npz", counts(200), time_s=seq / RATE_HZ, seq=seq)
     found = load(Request((path,)))
     assert (found.counts.used, found.counts.lost, found.counts.bridged) == (200, 49, 0)
-    assert "drawn" not in found.traps[0].text
+    assert "drawn" not in found.data_checks[0].text
 
 
 def test_csv_with_its_columns(tmp_path: Path) -> None:
@@ -84,7 +84,9 @@ def test_ndjson_with_a_new_scale(told: bool, tmp_path: Path) -> None:
     found = load(Request((path,)))
     assert (found.counts.used, found.counts.used_from, found.counts.stretches) == (60, 30, 2)
     assert not len(found.axes["gyro_x"].gaps.at)
-    assert "60 of 90 samples, in 2 stretches, are used. The others are of another" in found.traps[0].text
+    assert (
+        "60 of 90 samples, in 2 stretches, are used. The others are of another" in found.data_checks[0].text
+    )
     assert found.axes["gyro_x"].lsb == 1 / 131
     assert (found.counts.late, found.counts.retried, found.counts.saturated) == (0, 1, 0)
 
@@ -119,7 +121,7 @@ def test_clock_against_arrivals(tmp_path: Path) -> None:
     path = npz(tmp_path / "a.npz", counts(2000), t_host_s=np.arange(2000) / 99)
     found = load(Request((path,)))
     assert found.clock_ppm == pytest.approx(-10_000, rel=0.05)
-    assert [trap.kind for trap in found.traps] == ["sample rate"]
+    assert [data_check.kind for data_check in found.data_checks] == ["sample rate"]
 
 
 @pytest.mark.parametrize(

@@ -32,8 +32,8 @@ from fltea.recording.csv_file import open_csv
 from fltea.recording.npz_file import open_npz
 from fltea.records.errors import FlteaError, UsageError
 from fltea.sources.synthetic import NoiseSettings
-from fltea.spectrum.lines import Peak
 from fltea.spectrum.periodogram import binned, periodogram
+from fltea.spectrum.spectral_lines import Peak
 from host_support import QUICK, fltea, strict_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -187,7 +187,7 @@ def test_a_model_has_the_spectrum_of_what_was_identified(name: str) -> None:
     peak = Peak("line", 20.0, 0.1, 0.01, 5.0, (19.0, 21.0))
     model = modelled(looked.figures.sentence, (peak,), 2.0, H)
     assert model.resonances == (Lorentzian(20.0, 0.1, 0.04),)
-    data = looked.summed.seen.evidence.frontier.data
+    data = looked.summed.seen.evidence.candidates.data
     off = (data.power[0] / model_spectrum(AxisModel(model.parts), data.lam, H) - 1) * np.sqrt(data.counts)
     assert np.abs(off[data.counts >= 8]).max() < 5
     assert abs(off.mean()) < 0.3

@@ -273,7 +273,7 @@ def test_the_profile_has_the_interval_of_the_order() -> None:
     assert alpha.value is not None
     assert alpha.low is not None
     assert alpha.high is not None
-    deviance = profile(looked.summed.seen.evidence.frontier, ORDERS)
+    deviance = profile(looked.summed.seen.evidence.candidates, ORDERS)
     assert np.interp(alpha.value, ORDERS, deviance) < 0.5
     for end in (alpha.low, alpha.high):
         assert np.interp(end, ORDERS, deviance) == pytest.approx(CRITICAL, abs=1.5)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.identification import judges, traps
+from fltea.identification import data_checks, judges
+from fltea.identification.data_checks import DataCheck, axis_data_checks, of_axis, withheld
 from fltea.identification.gaps import Gaps, no_gaps
 from fltea.identification.judges import judge, judge_one
 from fltea.identification.resolution import decimals, step
-from fltea.identification.traps import Trap, axis_traps, of_axis, withheld
 from fltea.recording.reading import Answer, Evidence, Question
 from fltea.records.arrays import Array
 from fltea.records.records import ACCEL_AXES, AXES
@@ -29,9 +29,9 @@ def judged(
     gaps: Gaps | None = None,
     reading: Sequence[Answer] = (),
     lsb: float | None = None,
-) -> dict[str, Trap]:
+) -> dict[str, DataCheck]:
     found = judge(axes.__getitem__, dict.fromkeys(axes, lsb), h, gaps or no_gaps(), reading)
-    return {trap.kind: trap for trap in found}
+    return {data_check.kind: data_check for data_check in found}
 
 
 def gyro(y: Array, offset: float = 0.0) -> dict[str, Array]:
@@ -53,8 +53,10 @@ def test_reads_that_are_no_measurements(values: tuple[int, ...], lsb: float | No
     """Full-scale values only were "white noise"."""
     y = 0.03 * np.random.default_rng(1).choice(values, (3, 6000))
     found = judge(gyro(y).__getitem__, dict.fromkeys(AXES, lsb), H, no_gaps())
-    broken = [trap for trap in found if trap.kind == "broken reads"]
-    assert [(trap.severity, trap.axes) for trap in broken] == [("bad", (name,)) for name in AXES]
+    broken = [data_check for data_check in found if data_check.kind == "broken reads"]
+    assert [(data_check.severity, data_check.axes) for data_check in broken] == [
+        ("bad", (name,)) for name in AXES
+    ]
     assert f"There are {len(values)} values only" in broken[0].text
 
 
@@ -88,10 +90,10 @@ def test_sensors_by_turns(sensors: int, of: str, colour: str) -> None:
     axes = gyro(y + turns) if of == "gyro" else {**gyro(y), **accel(9.81)}
     if of == "accel":
         axes["accel_y"] = axes["accel_y"] + 0.05 * turns
-    trap = judged(axes)["alternates"]
-    assert (trap.severity, trap.axes) == ("bad", ())
-    assert f"--sensor 1/{sensors} " in trap.remedy
-    assert ("accel_y" if of == "accel" else "gyro_x") in trap.text
+    data_check = judged(axes)["alternates"]
+    assert (data_check.severity, data_check.axes) == ("bad", ())
+    assert f"--sensor 1/{sensors} " in data_check.remedy
+    assert ("accel_y" if of == "accel" else "gyro_x") in data_check.text
 
 
 def test_sensors_by_turns_with_a_gap() -> None:
@@ -134,18 +136,18 @@ def test_held_values_of_an_accelerometer() -> None:
     at = (np.arange(n) * 62.5 / 200).astype(int)
     found = judged({**gyro(white(n, 3, 1)), **{name: y[at] for name, y in fresh.items()}}, h)
     assert set(found) == {"repeated"}
-    trap = found["repeated"]
-    assert (trap.severity, trap.axes) == ("bad", ACCEL_AXES)
-    assert "The values change 62.5 times a second, not 200." in trap.text
+    data_check = found["repeated"]
+    assert (data_check.severity, data_check.axes) == ("bad", ACCEL_AXES)
+    assert "The values change 62.5 times a second, not 200." in data_check.text
 
 
 def test_reads_that_fail_by_chance_have_no_rate() -> None:
     y = white(N, 3, 1)
     for i in np.flatnonzero(np.random.default_rng(1).random(N) < 0.2).tolist():
         y[:, i] = y[:, i - 1]
-    trap = judged(gyro(y))["repeated"]
-    assert trap.severity == "bad"
-    assert "times a second" not in trap.text
+    data_check = judged(gyro(y))["repeated"]
+    assert data_check.severity == "bad"
+    assert "times a second" not in data_check.text
 
 
 @pytest.mark.parametrize("places", [2, 3, 4])
@@ -153,9 +155,9 @@ def test_one_axis_with_few_decimals_has_no_repeats(places: int) -> None:
     """Of 30 clean series 27 had some."""
     for seed in range(30):
         y = np.round(0.2 + 0.2 * white(N, 1, seed)[0], places)
-        assert [trap.kind for trap in judge_one(y, "deg/s", None, H)] == []
+        assert [data_check.kind for data_check in judge_one(y, "deg/s", None, H)] == []
         uneven = np.round(np.rint(y * 131) / 131, 3)  # counts of 1/131, and then decimals
-        assert [trap.kind for trap in judge_one(uneven, "deg/s", None, H)] == []
+        assert [data_check.kind for data_check in judge_one(uneven, "deg/s", None, H)] == []
 
 
 @pytest.mark.parametrize(
@@ -173,11 +175,11 @@ def test_one_axis_with_few_decimals_has_no_repeats(places: int) -> None:
 )
 def test_gravity(length: float, severity: str | None, what: str) -> None:
     """An accelerometer in g was read as m/s² in silence, and imu.yaml written."""
-    trap = judged(accel(length)).get("gravity")
-    assert (trap and trap.severity) == severity
-    if trap is not None:
-        assert what in trap.remedy
-        assert trap.axes == ACCEL_AXES
+    data_check = judged(accel(length)).get("gravity")
+    assert (data_check and data_check.severity) == severity
+    if data_check is not None:
+        assert what in data_check.remedy
+        assert data_check.axes == ACCEL_AXES
     assert "gravity" not in judged(accel(length), reading=said("accelerometer", "given"))
 
 
@@ -191,10 +193,10 @@ def test_gravity_takes_all_axes() -> None:
 def test_a_gyroscope_that_no_mems_is(N_deg: float, mean: float) -> None:
     """A bag in deg/s is read as rad/s by convention: 57.3 times too large."""
     y = (N_deg / 60 / np.sqrt(H) * white(N, 3, 1) + mean) * IN_RAD_S
-    trap = judged(gyro(y), reading=said("unit", "convention"))["unit"]
-    assert trap.severity == "bad"
-    assert "--units deg/s, or whichever it is" in trap.remedy
-    assert "if the rates are in rad/s" in trap.text
+    data_check = judged(gyro(y), reading=said("unit", "convention"))["unit"]
+    assert data_check.severity == "bad"
+    assert "--units deg/s, or whichever it is" in data_check.remedy
+    assert "if the rates are in rad/s" in data_check.text
     assert "unit" not in judged(gyro(y / IN_RAD_S), reading=said("unit", "convention"))
     better: list[Evidence] = ["given", "stated", "dialect"]
     assert not any("unit" in judged(gyro(y), reading=said("unit", one)) for one in better)
@@ -239,12 +241,14 @@ def test_decimals_are_told_from_counts(quantum: float, unit: str, written: str) 
 def test_rounding_by_decimals_is_not_the_sensors(sigma: float) -> None:
     """White noise rounded to 0.01 rad/s gave a file for a filter, and "choose a smaller range"."""
     y = np.round(0.01 * (sigma * white(N, 1, 1)[0] + 0.47), 2) * IN_RAD_S
-    (trap,) = (trap for trap in axis_traps(y, H) if trap.kind in ("decimals", "quantisation"))
-    assert (trap.kind, trap.severity) == ("decimals", "bad")
-    assert "steps of 0.01 rad/s" in trap.text
-    assert "write more of them" in trap.remedy
+    (data_check,) = (
+        data_check for data_check in axis_data_checks(y, H) if data_check.kind in ("decimals", "quantisation")
+    )
+    assert (data_check.kind, data_check.severity) == ("decimals", "bad")
+    assert "steps of 0.01 rad/s" in data_check.text
+    assert "write more of them" in data_check.remedy
     assert "0.01" not in withheld(
-        trap for trap in axis_traps(y, H, 0.01 * IN_RAD_S) if trap.kind == "decimals"
+        data_check for data_check in axis_data_checks(y, H, 0.01 * IN_RAD_S) if data_check.kind == "decimals"
     )
 
 
@@ -254,20 +258,20 @@ def test_the_step_of_many_values() -> None:
     assert step(np.ones(100)) is None
 
 
-def test_every_trap_is_in_the_guide() -> None:
+def test_every_data_check_is_in_the_guide() -> None:
     guide = (Path(__file__).parents[2] / "host/docs/guide/verdict.md").read_text(encoding="utf-8")
     told = set(re.findall(r"`([a-z ]+)`", "".join(re.findall(r"^\| (`.*?) \|", guide, re.MULTILINE))))
-    sources = [Path(module.__file__ or "").read_text(encoding="utf-8") for module in (traps, judges)]
-    made = {kind for text in sources for kind in re.findall(r'Trap\(\s*"([a-z ]+)"', text)}
+    sources = [Path(module.__file__ or "").read_text(encoding="utf-8") for module in (data_checks, judges)]
+    made = {kind for text in sources for kind in re.findall(r'Data check\(\s*"([a-z ]+)"', text)}
     assert len(made) > 12
     assert made | {"decimals", "quantisation", "line", "resonance"} <= told
 
 
 def test_what_is_bad_withholds() -> None:
     found = [
-        Trap("a", "bad", "A.", "Do a.", ("gyro_x",)),
-        Trap("b", "warning", "B.", ""),
-        Trap("c", "bad", "C.", ""),
+        DataCheck("a", "bad", "A.", "Do a.", ("gyro_x",)),
+        DataCheck("b", "warning", "B.", ""),
+        DataCheck("c", "bad", "C.", ""),
     ]
     assert withheld(found) == "A. Do a. C. "
     assert withheld(of_axis(found, "gyro_y")) == "C. "

@@ -8,8 +8,8 @@ from fltea.identification.workers import Processes
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum import periodogram as spectrum
 from fltea.spectrum.innovation_whiteness import InnovationSums, innovations
-from fltea.spectrum.lines import find_peaks
 from fltea.spectrum.periodogram import periodogram
+from fltea.spectrum.spectral_lines import find_peaks
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -46,7 +46,7 @@ def test_peaks_are_found_in_whatever_block_they_stand(monkeypatch):
     expected = find_peaks(periodogram(y, H))
     assert expected
     for block in (100, 1000, 3777):
-        monkeypatch.setattr("fltea.spectrum.lines.AT_ONCE", block)
+        monkeypatch.setattr("fltea.spectrum.spectral_lines.AT_ONCE", block)
         assert find_peaks(periodogram(y, H)) == expected
 
 

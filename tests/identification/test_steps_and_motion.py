@@ -9,7 +9,7 @@ import pytest
 from fltea.identification.advice import EXPECT_STEPS
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.axis_report import AxisReport
-from fltea.identification.event_traps import EVENT_TRAPS, popcorn_noise
+from fltea.identification.event_checks import EVENT_CHECKS, popcorn_noise
 from fltea.identification.findings import document
 from fltea.identification.gaps import Gaps, no_gaps
 from fltea.identification.lead import lead
@@ -36,7 +36,7 @@ def identified(y: Array, gaps: Gaps | None = None) -> AxisReport:
 
 
 def told(found: AxisReport) -> list[str]:
-    return [trap.text for trap in found.traps if trap.kind in EVENT_TRAPS]
+    return [data_check.text for data_check in found.data_checks if data_check.kind in EVENT_CHECKS]
 
 
 def white(seed: int = 1, axes: int = 1) -> Array:
@@ -55,7 +55,7 @@ def test_white_noise_with_a_step_is_white_noise_and_the_step_is_told(size: float
     (step,) = found.bias_steps
     assert step.at_s == pytest.approx(at * H, abs=3 * 0.3 * (SIGMA / size) ** 2)
     assert step.size == pytest.approx(size, abs=4 * step.size_std)
-    assert "drift" not in {trap.kind for trap in found.traps}
+    assert "drift" not in {data_check.kind for data_check in found.data_checks}
     (text,) = told(found)
     assert text.startswith(f"Bias: step of +{step.size:.3f}"[:18])
     assert f"deg/s at {step.at_s:.1f} s" in text
@@ -223,7 +223,9 @@ def test_too_many_steps_for_a_spectrum_between_them_are_told_beside_the_first_lo
     found = identified(SIGMA * rng.standard_normal(3000) + (np.arange(3000) // 40 % 2))
     assert len(found.bias_steps) > 8
     assert found.result.longest_stretch > 2000
-    assert any("every 0.800 s" in trap.text for trap in found.traps if trap.kind == "comb")
+    assert any(
+        "every 0.800 s" in data_check.text for data_check in found.data_checks if data_check.kind == "comb"
+    )
     (text,) = (text for text in told(found) if text.startswith("Popcorn noise"))
     assert text.endswith("All figures include the steps: there are too few samples between them.")
 

@@ -39,8 +39,8 @@ def test_it_is_called_what_it_is_and_the_noise_about_it_is_white(stay_s: float, 
         levels(rng, 40_000, stay_s) + rng.normal(0.3, noise, 40_000), rate_hz=100.0, unit="deg/s"
     )
     assert found.motion == ()
-    (trap,) = (trap for trap in found.traps if trap.kind == "telegraph")
-    assert "step between two levels, 0.2 and 0.4 deg/s" in trap.text
+    (data_check,) = (data_check for data_check in found.data_checks if data_check.kind == "telegraph")
+    assert "step between two levels, 0.2 and 0.4 deg/s" in data_check.text
     assert found.verdict == "relaxations"
     assert found.text.startswith("Telegraph (popcorn) noise")
     assert "About the levels: White noise" in found.text
@@ -109,7 +109,7 @@ def test_the_levels_behind_a_filter_or_with_slow_noise_about_them(about: str) ->
     else:
         y = y + rng.normal(0, 0.005, n) + lfilter([0.002], [1, -0.99], rng.normal(0, 1, n))
     found = fltea.identify(y, rate_hz=100.0, unit="deg/s")
-    kinds = {trap.kind for trap in found.traps}
+    kinds = {data_check.kind for data_check in found.data_checks}
     assert "telegraph" in kinds
     assert kinds.isdisjoint({"motion", "outliers"})
     assert found.withheld == ""

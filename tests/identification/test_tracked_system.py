@@ -53,10 +53,10 @@ def test_three_answers() -> None:
 
 
 def test_as_long_a_record_as_is_said_would_tell() -> None:
-    untold = [
+    not_notified = [
         offset_walk_found(learned([White(0.01)], walking(100.0, k), H), H, Interval()) for k in range(20)
     ]
-    lengths = [found.tells_s for found in untold if found.tells_s is not None]
+    lengths = [found.tells_s for found in not_notified if found.tells_s is not None]
     n = round(float(np.median(lengths)) / H)
     certain = 0
     for seed in range(10):

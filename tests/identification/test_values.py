@@ -4,7 +4,7 @@ import fltea
 import numpy as np
 import pytest
 from fltea.identification.advice import CURE_FIRST
-from fltea.identification.values import value_traps
+from fltea.identification.values import value_data_checks
 from fltea.records.arrays import Array
 from identify_support import ar, long_recursion, white
 
@@ -12,7 +12,7 @@ N = 20_000
 
 
 def kinds(y: Array) -> dict[str, str]:
-    return {trap.kind: trap.severity for trap in value_traps(y, "deg/s")}
+    return {data_check.kind: data_check.severity for data_check in value_data_checks(y, "deg/s")}
 
 
 @pytest.mark.parametrize(("band", "severity"), [(0.3, "warning"), (0.6, "bad"), (1.5, "bad")])
@@ -40,7 +40,7 @@ def test_what_is_said_and_that_nothing_is_built_on_it() -> None:
     assert "nearer to it than 0.15 deg/s: a dead band" in found.withheld
     assert found.now is None
     assert found.text.endswith(CURE_FIRST)
-    told = {trap.kind for trap in found.traps}
+    told = {data_check.kind for data_check in found.data_checks}
     assert "repeated" not in told, "no sample came twice"
     assert "outliers" not in told, "what is outside of the band is the noise"
 
@@ -60,8 +60,8 @@ def test_clipping(counts: int | None) -> None:
     y = y if counts is None else np.rint(y * counts) / counts
     assert kinds(y) == {}
     assert kinds(np.clip(y, -2, 2)) == {"clipped": "bad"}
-    (trap,) = value_traps(np.minimum(y, 1.5), "deg/s")
-    assert "exactly 1.5 deg/s" in trap.text
+    (data_check,) = value_data_checks(np.minimum(y, 1.5), "deg/s")
+    assert "exactly 1.5 deg/s" in data_check.text
 
 
 NOISES = {

@@ -317,8 +317,8 @@ def test_the_seed_that_is_drawn_is_the_median_of_those_that_are_finite() -> None
     outcome = make_outcome([False, False, False, True], order=[5.0, 1.0, 9.0, 6.0])
     assert median_seed(short(1), {4000: outcome})[0] == 0
     white = gyroscope.white_noise()["x"]
-    settled = make_outcome([False] * 3, settled_order=[0.1, 0.2, 0.3], order=[3.0, 9.0, 1.0])
-    assert median_seed(white, {1500: settled})[0] == 1
+    accepted = make_outcome([False] * 3, settled_order=[0.1, 0.2, 0.3], order=[3.0, 9.0, 1.0])
+    assert median_seed(white, {1500: accepted})[0] == 1
     assert median_seed(short(1), {4000: make_outcome([True, True])}) == (0, "not one of 2 is finite")
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fltea.noise import parts as p
 from fltea.noise import spectra as spectrum
-from fltea.spectrum.frontier import native
+from fltea.spectrum.candidate_models import native
 from fltea.spectrum.periodogram import periodogram
 from hypothesis import given
 from hypothesis import strategies as st

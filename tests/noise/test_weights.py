@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
-# 48: in floats 49 * (1/49) is not 1, a trap for the factor that must vanish.
+# 48: in floats 49 * (1/49) is not 1, a data check for the factor that must vanish.
 @pytest.mark.parametrize("order", [*range(9), 48])
 def test_integer_orders_are_signed_binomials_and_end_in_exact_zeros(order: int) -> None:
     c = weights(float(order), 100)

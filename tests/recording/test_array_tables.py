@@ -7,9 +7,9 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from blocks import samples_of
-from fltea.recording.apart import open_apart
 from fltea.recording.files import Stored
 from fltea.recording.npy_file import open_npy
+from fltea.recording.reader_process import open_in_process
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
@@ -33,7 +33,7 @@ def table(folder: Path, columns: dict[str, object], **how: object) -> Stored:
 
 
 def open_parquet(path: Path, how: How, limits: Limits = DEFAULT_LIMITS) -> Stored:
-    return open_apart("parquet", path, how, limits)
+    return open_in_process("parquet", path, how, limits)
 
 
 def refusal(read, *arguments: object, **how: object) -> str:

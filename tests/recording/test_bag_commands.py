@@ -41,7 +41,7 @@ def test_info_and_export(tmp_path: Path, kind: str) -> None:
     np.testing.assert_array_equal(again.accel_ms2, some.accel_ms2)
 
 
-def test_identify_has_the_unit_of_acceleration_and_traps_of_the_bag(
+def test_identify_has_the_unit_of_acceleration_and_data_checks_of_the_bag(
     tmp_path: Path,
 ) -> None:
     rest = even(N)
@@ -49,7 +49,7 @@ def test_identify_has_the_unit_of_acceleration_and_traps_of_the_bag(
     data = path.read_bytes()
     path.write_bytes(data[: len(data) * 3 // 4])
     loaded = load(Request((path,), ("gyro_x", "accel_z")))
-    assert {"bag_stamps", "cut_recording"} <= {trap.kind for trap in loaded.traps}
+    assert {"bag_stamps", "cut_recording"} <= {data_check.kind for data_check in loaded.data_checks}
     accel = loaded.axes["accel_z"]
     assert (accel.unit, accel.lsb) == ("m/s²", None)
     assert np.mean(accel.y) == pytest.approx(9.81, rel=1e-3)
@@ -58,12 +58,12 @@ def test_identify_has_the_unit_of_acceleration_and_traps_of_the_bag(
     assert len(summary.notes) == 2
 
 
-def test_clocks_that_go_at_different_rates_are_a_trap(tmp_path: Path) -> None:
+def test_clocks_that_go_at_different_rates_are_a_data_check(tmp_path: Path) -> None:
     rest = even(N, 50.0)
     late = (np.array(rest.stamp_ns) + np.arange(N) * 200_000).tolist()  # 1 % slower
     loaded = load(Request((write_bag(tmp_path / "a.bag", {"/imu": rest._replace(arrival_ns=late)}),)))
     assert loaded.clock_ppm == pytest.approx(-9900, rel=0.02)
-    assert "sample rate" in {trap.kind for trap in loaded.traps}
+    assert "sample rate" in {data_check.kind for data_check in loaded.data_checks}
 
 
 def test_several_bags_are_several_recordings(tmp_path: Path) -> None:

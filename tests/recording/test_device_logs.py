@@ -10,8 +10,8 @@ import nptdms
 import numpy as np
 import pytest
 from corpus_files import IMU_FORM, dataflash, ulog
-from fltea.recording.apart import open_apart
 from fltea.recording.files import Stored
+from fltea.recording.reader_process import open_in_process
 from fltea.recording.reading import NotStated
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
@@ -27,7 +27,9 @@ OTHER = np.random.default_rng(2).normal(scale=0.02, size=(N, 3)).astype(np.float
 def opened(kind: str, path: Path, **how: Any) -> Stored:
     """Libraries that keep their files open, or are made to write nothing, are in the process apart."""
     return (
-        open_here(kind, path, **how) if kind == "ulg" else open_apart(kind, path, How(**how), DEFAULT_LIMITS)
+        open_here(kind, path, **how)
+        if kind == "ulg"
+        else open_in_process(kind, path, How(**how), DEFAULT_LIMITS)
     )
 
 
@@ -313,4 +315,4 @@ def test_damaged_logs_are_refused_with_a_reason(tmp_path: Path) -> None:
         with pytest.raises(
             UsageError, match=r"cannot be read as|holds no columns|is a PX4 log with no|no messages"
         ):
-            open_apart(kind, path, How(), DEFAULT_LIMITS)
+            open_in_process(kind, path, How(), DEFAULT_LIMITS)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import openpyxl
 import pytest
-from fltea.recording.apart import open_text
 from fltea.recording.files import Stored
+from fltea.recording.reader_process import open_text
 from fltea.recording.readers.excel import read
 from fltea.records.errors import UsageError
 from fltea.settings.how import How

@@ -13,10 +13,10 @@ import scipy.io
 from corpus_edits import Case, Figures, falsified, figures, text_of
 from corpus_files import ACCEL_MS2, GYRO_DPS, HERE, RATE_HZ, TIMES_S
 from corpus_reading import OPTIONS, UNREAD_DIALECTS, how_of, pairs
-from fltea.recording.apart import open_text
 from fltea.recording.formats import FORMATS, loaded
 from fltea.recording.kind import open_one_file
 from fltea.recording.opening import open_recording
+from fltea.recording.reader_process import open_text
 from fltea.recording.sheet import Sheet, open_sheet, with_sample
 from fltea.records.errors import UsageError
 from fltea.settings.how import How

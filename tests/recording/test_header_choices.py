@@ -1,7 +1,5 @@
 """A header before each row: its columns are chosen once, and no run begins that did not."""
 
-from collections.abc import Iterator
-
 import pytest
 from fltea.recording import text_layout
 from fltea.recording.columns import choose
@@ -22,7 +20,7 @@ OTHERS = {
 
 
 @pytest.fixture
-def chosen(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[object]]:
+def chosen(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     """The names of each header of which columns were chosen."""
     found: list[object] = []
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fltea.recording.files import Stored
 from fltea.recording.groups import gyroscopes_in
-from fltea.recording.readers.beside import rate_of
+from fltea.recording.readers.file_facts import rate_of
 from hypothesis import given
 from hypothesis import strategies as st
 from table_support import (

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.recording.lines import LONGEST_LINE
+from fltea.recording.raw_lines import LONGEST_LINE
 from fltea.recording.table import Rows
 from fltea.recording.text_numbers import RowParser
 from fltea.recording.text_rows import TextReader

@@ -24,7 +24,7 @@ OTHERS = {
     "identification/data_sheet.py": (2, RANGE),
     "identification/findings.py": (1, SIGN),
     "identification/forecast.py": (3, TARGET),
-    "identification/traps.py": (3, RANGE),
+    "identification/data_checks.py": (3, RANGE),
     "lab/reproduce/open_choices.py": (2, RANGE),
     "lab/reproduce/scenarios.py": (1, RANGE),
     "machine/doctor/checks_link.py": (1, RANGE),

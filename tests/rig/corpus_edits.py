@@ -77,7 +77,7 @@ def figures(stored: Stored) -> Figures:
         None if whole.accel_ms2 is None else float(np.linalg.norm(whole.accel_ms2.mean(axis=0))),
         {answer.question: answer for answer in stored.reading},
         "\n".join(note.text for note in stored.notes),
-        frozenset(trap.kind for trap in marks),
+        frozenset(data_check.kind for data_check in marks),
     )
 
 

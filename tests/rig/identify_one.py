@@ -7,12 +7,12 @@ import msgspec
 from fltea.identification.axis import IdentifyOptions, with_fltea
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.conclusions import conclude
+from fltea.identification.data_checks import DataCheck
 from fltea.identification.forecast import Asked
 from fltea.identification.left_out import without
 from fltea.identification.load import Series
 from fltea.identification.one_axis import MOST_LOOKS, LookedAt, concluded, examine, run_fltea, with_events
 from fltea.identification.sensor_events import watch
-from fltea.identification.traps import Trap
 from fltea.settings.live import LiveConfig
 
 
@@ -22,7 +22,7 @@ def identify_series(
     options: IdentifyOptions,
     figures: bool,
     forecast: Asked = False,
-    known: Sequence[Trap] = (),
+    known: Sequence[DataCheck] = (),
     live: LiveConfig | None = None,
 ) -> AxisReport:
     """Return all that is found out about one axis by itself, but for its shuffled copies.

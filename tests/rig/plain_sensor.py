@@ -124,11 +124,11 @@ class Sensor:
         there = sum(one is not None for one in rows)
         if columns and there % 100 == 0:
             self._white[axis] = whiteness(rows).is_white is True
-        settled = self._white[axis] and self.config.tuned_by != "live"
+        accepted = self._white[axis] and self.config.tuned_by != "live"
         if columns is None:
-            return FlteaEstimate(settled=settled)
+            return FlteaEstimate(accepted=accepted)
         numbers = (one if math.isfinite(one) else None for one in columns[:6])
-        return FlteaEstimate(**dict(zip(COLUMNS, numbers, strict=True)), valid=True, settled=settled)
+        return FlteaEstimate(**dict(zip(COLUMNS, numbers, strict=True)), valid=True, accepted=accepted)
 
     def miss(self, count: int) -> list[Loss]:
         """Predict over lost samples; who was lost meanwhile. In the start-up window they do not matter."""

@@ -3,7 +3,7 @@
 It is the oracle of `fltea.stream.pipeline`, and the page on which to read what that does. A sample comes into
 `PlainWalk.feed`, and on its way
 
-1. `plain_place.Place` gives it its number and its device time, which do not wrap, and tells what was lost;
+1. `plain_place.SequenceTracker` gives it its number and its device time, unwrapped, and tells what was lost;
 2. `one_by_one.Timebase` gives it its host time, by a line through the earliest arrivals of ten minutes;
 3. `in_units` makes deg/s, m/s² and °C of its counts, by the scales of the newest HELLO;
 4. `plain_tracks.SensorTracks` tells the bias of each axis, and whether the sensor moves;

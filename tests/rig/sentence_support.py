@@ -76,8 +76,8 @@ def sound(e: Evidence, verdict: Verdict) -> None:
     if not verdict.has_order:
         assert order == type(order)()
         assert not orders
-    has_order = any(isinstance(part, p.Order | p.Arfima) for part in winner(e, verdict).parts(e.frontier.h))
-    assert has_order == (verdict.has_order and (verdict.kind == "fractional" or e.frontier.lead > 0))
+    has_order = any(isinstance(part, p.Order | p.Arfima) for part in winner(e, verdict).parts(e.candidates.h))
+    assert has_order == (verdict.has_order and (verdict.kind == "fractional" or e.candidates.lead > 0))
     for interval in (order.alpha, order.f, order.F, order.s2, order.R):
         low, value, high = interval.low, interval.value, interval.high
         assert low is None or high is None or value is None or low <= value <= high

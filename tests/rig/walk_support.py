@@ -8,12 +8,14 @@ from fltea.records.events import Event, RawBlock, RawSample, block_of
 from fltea.records.records import AnyRecord
 from fltea.records.stats import LinkStats
 from fltea.settings.config import Config, load_config
-from fltea.stream.beside import Beside
+from fltea.stream.fit_worker import FitWorker
 from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
 from host_support import hello
 
 SMALL = {"estimator.window": 50, "estimator.startup": 20, "link.max_gap": 60}
+PLAIN = SMALL | {"live.on": False}
+NO_FILTERS = PLAIN | {"estimator.startup": 10**6}
 COUNTS = np.rint(np.random.default_rng(5).normal((3, -40, 0), 8, (1300, 3))).astype(int).tolist()
 
 
@@ -60,7 +62,7 @@ def walk(
     *,
     prompt: bool = True,
     watched: bool = True,
-    beside: Beside | None = None,
+    beside: FitWorker | None = None,
     number: int = 0,
     **set_: object,
 ) -> tuple[list[AnyRecord | Block], Pipeline]:

@@ -9,8 +9,8 @@ from fltea.service.ingest.floods import BURST_BYTES, MESSAGE_BYTES, SECOND_BYTES
 from fltea.service.ingest.inbox import Inbox
 from fltea.service.ingest.losses import Losses
 from fltea.service.pressure import LATE_NS, LOOKS, QUIET_NS, STEP_NS, Pressure
-from fltea.stream.beside import Beside
 from fltea.stream.fit_times import LookTimes
+from fltea.stream.fit_worker import FitWorker
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -109,24 +109,24 @@ def test_what_is_left_at_the_end_is_counted_by_device() -> None:
 
 
 def test_fits_come_more_rarely_while_messages_wait_and_oftener_when_it_is_calm() -> None:
-    beside = Beside(100)
+    fit_worker = FitWorker(100)
     kinds: list[str] = []
-    pressure, now_ns = Pressure(beside, lambda kind, message: kinds.append(kind)), 1000 * S
+    pressure, now_ns = Pressure(fit_worker, lambda kind, message: kinds.append(kind)), 1000 * S
     for k in range(60):
         now_ns += S
         pressure.waited(2 * LATE_NS)
         pressure.look(now_ns)
         assert kinds or k < LOOKS - 1, "devices that begin together are no reason"
-    assert beside.slower == 2 ** len(kinds) == 64
+    assert fit_worker.slower == 2 ** len(kinds) == 64
     assert set(kinds) == {"fits_slowed"}
-    while beside.slower > 1:
-        before, since_ns = beside.slower, now_ns
-        while beside.slower == before:
+    while fit_worker.slower > 1:
+        before, since_ns = fit_worker.slower, now_ns
+        while fit_worker.slower == before:
             now_ns += S
             pressure.waited(LATE_NS // 10)
             pressure.look(now_ns)
         assert now_ns - since_ns >= min(QUIET_NS, STEP_NS)
-    assert beside.slower == 1
+    assert fit_worker.slower == 1
     assert len(kinds) == 6
 
 
@@ -145,9 +145,9 @@ def test_a_shared_load_slows_every_device_alike() -> None:
 
     config: Any = load_config(None, {})
     given = load_config(None, {"live.period_s": 5})
-    assert [period_s(config, Beside(n)) for n in (1, 12, 120)] == [1, 1, 10]
-    assert period_s(config, Beside(120, slower=4)) == 40
-    assert [period_s(given, Beside(1200, slower)) for slower in (1, 2)] == [5, 10]
+    assert [period_s(config, FitWorker(n)) for n in (1, 12, 120)] == [1, 1, 10]
+    assert period_s(config, FitWorker(120, slower=4)) == 40
+    assert [period_s(given, FitWorker(1200, slower)) for slower in (1, 2)] == [5, 10]
 
 
 @given(st.lists(st.tuples(st.integers(0, BURST_BYTES), st.integers(-2 * S, 20 * S)), max_size=30))

@@ -15,7 +15,7 @@ from fltea.service.ingest.inbox import Left, Served
 from fltea.service.ingest.kept import Kept, pack, unpack
 from fltea.service.ingest.loop import Ingest
 from fltea.settings.config import load_configs
-from fltea.stream.beside import Beside
+from fltea.stream.fit_worker import FitWorker
 from fltea.stream.snapshot import DeviceState, LastSample, missing_since
 from frames_messages import second_of
 from host_support import closed, wait_until
@@ -77,8 +77,10 @@ class Worker:
         }
         (config,) = load_configs(None, flags, ["nats://test"])
         self.hub, self.sink, self.receiver = Hub(lambda error: None), Memory(), FakeReceiver()
-        self._outlet = self.hub.add(self.sink)
-        self.ingest = Ingest(config, self.hub, lambda inbox, report: self.receiver, lambda *_: None, Beside())  # type: ignore[arg-type, return-value]
+        self._sink_queue = self.hub.add(self.sink)
+        self.ingest = Ingest(
+            config, self.hub, lambda inbox, report: self.receiver, lambda *_: None, FitWorker()
+        )  # type: ignore[arg-type, return-value]
 
     @property
     def lines(self) -> dict[str, Line]:

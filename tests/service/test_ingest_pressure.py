@@ -15,7 +15,7 @@ from fltea.service.ingest.loop import Ingest
 from fltea.service.ingest.mqtt import MqttFrames
 from fltea.settings.config import load_configs
 from fltea.settings.mqtt import MqttConfig
-from fltea.stream.beside import Beside
+from fltea.stream.fit_worker import FitWorker
 from frames_messages import second_of
 from host_support import PATIENCE_S, closed, wait_until
 from memory_sink import Memory
@@ -61,10 +61,10 @@ class Scene:
         flags = {"name": "w", "format": "none", "live.on": False, "estimator.window": 200, **set_}
         (config,) = load_configs(None, flags, [Flood.url])
         self.sink, self.hub = Memory("held").held(), Hub(lambda error: None)
-        self.outlet = self.hub.add(self.sink)
+        self.sink_queue = self.hub.add(self.sink)
         self.errors: list[Exception | None] = []
         self.ingest = Ingest(
-            config, self.hub, lambda inbox, report: self._flood(inbox), self._on_end, Beside()
+            config, self.hub, lambda inbox, report: self._flood(inbox), self._on_end, FitWorker()
         )
         self.ingest.inbox.queue_bytes = queue_bytes
         self._thread = threading.Thread(target=self.ingest.run)
@@ -107,7 +107,7 @@ def test_an_output_that_takes_nothing_for_long_holds_the_broker_and_loses_nothin
     scene.sink.go.set()
     wait_until(lambda: scene.samples == 100 * len(DEVICES) * SECONDS, "all samples")
     scene.end()
-    assert scene.outlet.stats().dropped == 0
+    assert scene.sink_queue.stats().dropped == 0
     assert scene.ingest.inbox.overflow_bytes == {}
     (stats, *_) = reversed(of(Stats, scene.sink.items))
     assert (stats.sample_counts.lost, stats.link.overflow_bytes) == (0, 0)
@@ -117,7 +117,7 @@ def test_what_is_left_at_the_end_is_counted_and_said() -> None:
     scene = Scene(queue_bytes=100_000)
     wait_until(scene.is_held, "that the flood is held")
     scene.end()
-    assert counted(scene) + scene.outlet.stats().dropped == 100 * scene.flood.taken
+    assert counted(scene) + scene.sink_queue.stats().dropped == 100 * scene.flood.taken
     texts = [one.message for one in of(Error, scene.sink.items) if one.kind == "frames_overflow"]
     assert any("when the program ended" in text for text in texts)
     last = {one.device: one.link.overflow_bytes for one in of(Stats, scene.sink.items)}

@@ -14,22 +14,22 @@ from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.events import Event, Ints, Trouble
 from fltea.records.records import Error, Hello, Stats
+from fltea.service.device_stream import DeviceStream
 from fltea.service.hub import Hub
-from fltea.service.lines import HANDLERS, LineLoop, LineStop, has_line
 from fltea.service.open_source import open_source
+from fltea.service.port_loop import HANDLERS, PortLoop, PortStop, has_port
 from fltea.service.pressure import Pressure
-from fltea.service.walk import Walk
 from fltea.settings.config import load_config
 from fltea.sources.serial import SerialSource
-from fltea.stream.beside import Beside
 from fltea.stream.decode import Rows
+from fltea.stream.fit_worker import FitWorker
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from host_support import PATIENCE_S, WIRE_HELLO, each_ended, wait_until
 from memory_sink import Memory
 
 
-class Watched(Walk):
+class Watched(DeviceStream):
     """A walk that tells its line what it takes."""
 
     line: "Line"
@@ -98,7 +98,7 @@ class FakePressure(Pressure):
     """Keeps what it is told."""
 
     def __init__(self) -> None:
-        super().__init__(Beside(), lambda kind, message: None)
+        super().__init__(FitWorker(), lambda kind, message: None)
         self.waited_ns: list[int] = []
         self.looks = 0
 
@@ -115,7 +115,7 @@ class Running:
     def __init__(self, hub: Hub, *lines: Line) -> None:
         self.ended: list[tuple[Any, Exception | None]] = []
         self.pressure = FakePressure()
-        self.loop = LineLoop(
+        self.loop = PortLoop(
             [line.walk for line in lines],
             lambda walk, error: self.ended.append((walk, error)),
             hub,
@@ -246,8 +246,8 @@ def test_a_walk_that_fails_is_finished_and_the_loop_ends_with_the_last(lines, ru
 
 def test_at_the_end_nothing_waits_for_more(hub, lines, monkeypatch, running) -> None:
     """Of many devices, samples in blocks wait: here far longer than the test."""
-    monkeypatch.setattr("fltea.service.lines.PATIENCE_NS", 10**12)
-    monkeypatch.setattr("fltea.service.lines.DEVICES_A_SECOND", 0)
+    monkeypatch.setattr("fltea.service.port_loop.PATIENCE_NS", 10**12)
+    monkeypatch.setattr("fltea.service.port_loop.DEVICES_A_SECOND", 0)
     (line,) = lines(1)
     one = running(line)
     line.send(40)
@@ -322,7 +322,7 @@ def test_a_fault_of_the_loop_itself_ends_every_walk(monkeypatch, hub, lines) -> 
 
 
 def test_each_thing_that_may_happen_has_a_handler() -> None:
-    assert set(HANDLERS) == set(LineStop)
+    assert set(HANDLERS) == set(PortStop)
 
 
 @pytest.mark.parametrize(
@@ -340,4 +340,4 @@ def test_which_sources_have_a_line(url: str, expected: bool) -> None:
     class Of:
         source = open_source(load_config(None, {"source": url}))
 
-    assert has_line(Of()) is expected  # type: ignore[arg-type]
+    assert has_port(Of()) is expected  # type: ignore[arg-type]

@@ -8,9 +8,9 @@ from blocks import of
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Chunk
 from fltea.records.records import Error, Hello, Sample
+from fltea.service.device_stream import DeviceStream
 from fltea.service.hub import Hub
 from fltea.service.recorder import REPLAYED, RecorderOfHub
-from fltea.service.walk import Walk
 from fltea.settings.config import load_config
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.record import RecordSink
@@ -70,7 +70,7 @@ def test_a_source_without_a_wire_is_recorded_from_then_on(tmp_path: Path) -> Non
     hub, recorder = made(tmp_path)
     config = load_config(None, {"name": "due", "estimator.startup": 20, "estimator.window": 50})
     source = SyntheticSource("n=900&seed=1", realtime=False)
-    walk = Walk(source, config, hub, None)
+    walk = DeviceStream(source, config, hub, None)
     said: Hello | None = None
     seen = 0
     for event in source.events():

@@ -21,7 +21,7 @@ def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
 
     def once() -> Callable[[], bool]:
         """Done after one look."""
-        stop.bell.ring()
+        stop.wake_up.ring()
         return iter((False, True)).__next__
 
     run._wait(once())
@@ -47,7 +47,7 @@ def test_a_signal_ends_the_waiting() -> None:
             if len(looks) == 2:
                 signal.raise_signal(signal.SIGTERM)
                 signal.raise_signal(signal.SIGINT)
-                assert stop.bell.wait(0), "or it would be seen only at the next look"
+                assert stop.wake_up.wait(0), "or it would be seen only at the next look"
             return False
 
         run._wait(done)

@@ -19,7 +19,7 @@ from fltea.records.identities import MOST
 from fltea.records.ports import LATENCY_BOUNDS_MS
 from fltea.records.records import ACCEL_UNIT, Epoch, Error, Estimate, EstimatorInfo, Fit, Sample
 from fltea.records.stats import LinkStats, SampleStats
-from fltea.service.outlet import Outlet
+from fltea.service.sink_queue import SinkQueue
 from fltea.settings.outputs import MetricsConfig
 from fltea.sinks.metrics.families import Families
 from fltea.sinks.metrics.sink import MetricsSink
@@ -74,11 +74,11 @@ def serve(monkeypatch: pytest.MonkeyPatch) -> Iterator[Serve]:
     monkeypatch.setattr("fltea.sinks.metrics.sink.POLL_S", 0.01)  # the end comes sooner
 
     def start(
-        *records: Any, outlets: Any = list, told: list[str] | None = None, **settings: Any
+        *records: Any, sink_queues: Any = list, told: list[str] | None = None, **settings: Any
     ) -> MetricsSink:
         told = [] if told is None else told
         config = MetricsConfig(address="0", **settings)
-        sink = MetricsSink(config, outlets, lambda kind, text: told.append(kind))
+        sink = MetricsSink(config, sink_queues, lambda kind, text: told.append(kind))
         for item in as_items(records):
             sink.write(item)
         return sink
@@ -177,11 +177,11 @@ def test_old_estimate_is_not_shown_as_if_it_were_live(serve: Serve, monkeypatch:
 
 @given(st.lists(st.tuples(st.floats(0, 5000), st.integers(1, 50)), max_size=20))
 def test_latency_is_a_histogram_in_seconds(entries: list[tuple[float, int]]) -> None:
-    outlet = Outlet(Memory("nowhere"), lambda outlet, error: None)
+    sink_queue = SinkQueue(Memory("nowhere"), lambda sink_queue, error: None)
     for ms, weight in entries:
-        outlet.latency.add(ms, weight)
+        sink_queue.latency.add(ms, weight)
     registry = CollectorRegistry()
-    registry.register(Families({}, {}, lambda: [("due", outlet)]))
+    registry.register(Families({}, {}, lambda: [("due", sink_queue)]))
     found = parse(generate_latest(registry).decode())
     name = "fltea_output_latency_seconds"
     labels = {"output": "nowhere", "device": "due"}
@@ -195,10 +195,10 @@ def test_latency_is_a_histogram_in_seconds(entries: list[tuple[float, int]]) -> 
 
 
 def test_several_devices_and_their_outputs_of_one_name_are_kept_apart(serve: Serve) -> None:
-    outlets = [Outlet(Memory("nowhere"), lambda outlet, error: None) for _ in range(3)]
-    outlets[1].put([STATS, STATS])
+    sink_queues = [SinkQueue(Memory("nowhere"), lambda sink_queue, error: None) for _ in range(3)]
+    sink_queues[1].put([STATS, STATS])
     other = msgspec.structs.replace(STATS, device="pi", sample_counts=SampleStats(1, 2, 3, 4, 5))
-    sink = serve(STATS, other, outlets=lambda: list(zip((None, "due", "pi"), outlets, strict=True)))
+    sink = serve(STATS, other, sink_queues=lambda: list(zip((None, "due", "pi"), sink_queues, strict=True)))
     found = scrape(sink.url)
     assert value(found, "fltea_samples_delivered_total", device="due") == 1234
     assert value(found, "fltea_samples_delivered_total", device="pi") == 1

@@ -282,7 +282,7 @@ def test_the_number_of_devices_decides_when_the_outputs_are_opened(tmp_path: Pat
     configs = [load_config(None, common | {"name": f"d{k}"}) for k in range(devices)]
     hub = Hub(lambda error: None)
     open_outputs(configs, hub)
-    sinks: list[Any] = [outlet.sink for device, outlet in hub.outlets() if device is not None]
+    sinks: list[Any] = [sink_queue.sink for device, sink_queue in hub.sink_queues() if device is not None]
     hub.close()
     assert len(sinks) == devices
     assert {Sample in sink._topics for sink in sinks} == {devices <= FEW_DEVICES}

@@ -10,7 +10,7 @@ from fltea.records.block import Block
 from fltea.records.events import Event, RawBlock
 from fltea.records.ports import Wanted
 from fltea.settings.config import load_config
-from fltea.sinks.lines import BlockLines, run_printer
+from fltea.sinks.json_lines import BlockLines, run_printer
 from fltea.stream.pipeline import Pipeline
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -13,7 +13,7 @@ from fltea.noise.parts import Order
 from fltea.sources.synthetic import NoiseGenerator, NoiseSettings
 from fltea.spectrum.allan_curve import fit_allan, live_allan
 from fltea.spectrum.allan_dof import degrees_of_freedom, full_overlap
-from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, Sentence
 from fltea.spectrum.periodogram import binned, periodogram
 from identify_support import H, white
 
@@ -150,7 +150,7 @@ WHITE = Sentence((0,), (0.0,), 0.0)
 def fitted(y, noise, N):
     sums = sums_of(y)
     return fit_allan(
-        sums.points(), sums.span, H, "deg/s", Frontier(binned(periodogram(y, H)), H, len(y)), noise, N
+        sums.points(), sums.span, H, "deg/s", CandidateModels(binned(periodogram(y, H)), H, len(y)), noise, N
     )
 
 
@@ -179,5 +179,5 @@ def test_white_noise_and_its_model():
 @pytest.mark.parametrize("y", [np.empty(0), np.ones(99), np.ones(5000)])
 def test_nothing_where_there_is_no_curve(y):
     sums = sums_of(y)
-    frontier = Frontier(binned(periodogram(white(3000, 1, 1)[0], H)), H, 3000)
-    assert fit_allan(sums.points(), sums.span, H, "deg/s", frontier, WHITE, 0.1) is None
+    candidates = CandidateModels(binned(periodogram(white(3000, 1, 1)[0], H)), H, 3000)
+    assert fit_allan(sums.points(), sums.span, H, "deg/s", candidates, WHITE, 0.1) is None

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fltea.spectrum.frontier import Frontier, native, order_in_white
+from fltea.spectrum.candidate_models import CandidateModels, native, order_in_white
 from fltea.spectrum.intervals import OrderFit, order_fit
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import Periodogram, binned
@@ -53,7 +53,7 @@ def on_host(counts: NDArray[np.int16], gaps: dict[int, int]) -> Octaves:
 
 def order_of(whole: Periodogram, h: float) -> OrderFit:
     """White noise and an order up to 2, as the board fits them."""
-    f = Frontier(binned(whole), h, 0)
+    f = CandidateModels(binned(whole), h, 0)
     return order_fit(f, order_in_white(f.native))
 
 

@@ -79,9 +79,9 @@ def test_the_deviation_of_an_orders_bias_is_that_about_the_mean_to_come(
     assert not moving.any()
     sums = np.vstack([np.zeros(3), np.cumsum(states, axis=0)])
     truth = (sums[1 + AHEAD :] - sums[1:-AHEAD]) / AHEAD + OFFSETS
-    settled = slice(6000, n - AHEAD)
-    error = (found[: n - AHEAD, :, 0] - truth[: n - AHEAD])[settled]
-    within = np.abs(error) < 2 * found[settled, :, 1]
+    accepted = slice(6000, n - AHEAD)
+    error = (found[: n - AHEAD, :, 0] - truth[: n - AHEAD])[accepted]
+    within = np.abs(error) < 2 * found[accepted, :, 1]
     assert 0.93 < within.mean() < 0.97
 
 

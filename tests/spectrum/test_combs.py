@@ -5,16 +5,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from fltea.identification.axis import look
+from fltea.identification.data_checks import axis_data_checks
 from fltea.identification.judges import held
-from fltea.identification.traps import axis_traps
 from fltea.records.arrays import Array
 from fltea.spectrum import comb_words
 from fltea.spectrum.comb import find_comb
 from fltea.spectrum.evidence import ANYTIME_LEVEL
-from fltea.spectrum.lines import Repeats
 from fltea.spectrum.octave_comb import find_octave_comb
 from fltea.spectrum.periodogram import periodogram
 from fltea.spectrum.spectral import examine
+from fltea.spectrum.spectral_lines import Repeats
 from fltea.spectrum.verdict import decide
 from identify_support import H, ar, white
 from numpy_octaves import fed
@@ -71,7 +71,7 @@ def test_live(n: int, what: tuple[float, ...]) -> None:
     assert peak.repeats is not None
     assert peak.repeats.period_s == pytest.approx(what[0], rel=5e-3)
     assert decide(evidence).kind == "comb"
-    assert float(evidence.frontier.plain.spectrum(np.array([1.0]), H)[0]) == pytest.approx(1, abs=0.2)
+    assert float(evidence.candidates.plain.spectrum(np.array([1.0]), H)[0]) == pytest.approx(1, abs=0.2)
 
 
 def hum(n: int, seed: int) -> Array:
@@ -137,7 +137,10 @@ def test_the_samples_are_not_those_of_the_glitches() -> None:
     changed = np.flatnonzero(stretch.y != y)
     assert len(changed) / len(y) < 0.05
     assert set(np.flatnonzero(glitches(20_000, 1.0, 1, 10.0))) <= set(changed.tolist())
-    kinds = {trap.kind for trap in axis_traps(stretch.y, H, peaks=found.summed.seen.evidence.peaks)}
+    kinds = {
+        data_check.kind
+        for data_check in axis_data_checks(stretch.y, H, peaks=found.summed.seen.evidence.peaks)
+    }
     assert kinds == {"short", "comb"}
 
 
@@ -187,7 +190,7 @@ def test_a_median_filter_is_named(samples: int, step: float) -> None:
     assert found.verdict.kind == "low-pass"
     assert f"White noise through a median filter of about {samples} samples." in found.verdict.what
     assert "resonance" not in found.verdict.text
-    assert "median filter" in {trap.kind for trap in axis_traps(y, H)}
+    assert "median filter" in {data_check.kind for data_check in axis_data_checks(y, H)}
     assert held([y], [None], H) == (), "no sample was delivered twice"
     # The density of a long record, which is 8 to 14 % over that of the noise before the filter.
     long = median(white(1_000_000, 1, 99)[0], samples)
@@ -233,7 +236,7 @@ NO_MEDIAN: dict[str, Callable[[Array], Array]] = {
 def test_no_median_filter_where_there_is_none(name: str) -> None:
     for seed in range(4):
         y = NO_MEDIAN[name](white(20_000, 1, seed)[0])
-        assert "median filter" not in {trap.kind for trap in axis_traps(y, H)}
+        assert "median filter" not in {data_check.kind for data_check in axis_data_checks(y, H)}
 
 
 # --- a line whose frequency wanders ---

@@ -4,8 +4,8 @@ from functools import partial
 
 import numpy as np
 import pytest
+from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.drift_rate import drift_rate, slope_variance
-from fltea.spectrum.frontier import Frontier
 from fltea.spectrum.periodogram import binned, periodogram
 from identify_support import H, Truth, composite, white
 
@@ -41,7 +41,7 @@ def test_variance_of_coloured_noise(kind: str) -> None:
 def test_interval_holds_the_rate_of_white_noise() -> None:
     n, held = 4000, 0
     for y in white(n, 50, 5):
-        model = Frontier(binned(periodogram(y, H)), H, n).plain
+        model = CandidateModels(binned(periodogram(y, H)), H, n).plain
         found = drift_rate(y + 0.01 * H * np.arange(n), H, partial(model.spectrum, h=H))
         held += found.low < 0.01 < found.high
     assert held >= 43

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, Sentence
 from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.intervals import order_deviation, order_fit
 from fltea.spectrum.periodogram import binned, periodogram
@@ -14,12 +14,12 @@ from tools.validation.evaluate.cramer_rao import bound
 ALPHA, G, R = 0.8, -0.025, 1 / 3
 
 
-def series(n: int, seed: int) -> Frontier:
+def series(n: int, seed: int) -> CandidateModels:
     y = long_recursion(ALPHA, G, n, seed) + math.sqrt(R) * white(n, 1, seed + 50)[0]
-    return Frontier(binned(periodogram(y, H)), H, n)
+    return CandidateModels(binned(periodogram(y, H)), H, n)
 
 
-def best(f: Frontier) -> Sentence:
+def best(f: CandidateModels) -> Sentence:
     assert f.order is not None
     return f.order
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fltea.noise import parts as p
 from fltea.noise.parts import CODES
-from fltea.spectrum.frontier import Frontier, native
+from fltea.spectrum.candidate_models import CandidateModels, native
 from fltea.spectrum.intervals import AT_BOUND, BY_F, BY_NOISE, BY_PARAMETER, BY_STEP, CRITICAL, interval_end
 from identify_support import H
 from sentence_support import bins
@@ -48,7 +48,7 @@ def test_an_end_is_found_though_the_best_fit_has_no_white_noise() -> None:
     compared = 0
     for seed in range(12):
         truth = (p.White(0.05), p.Order(0.5, -2.0, 1 / H))
-        f = Frontier(bins(truth, 40_000, H, seed), H, 40_000)
+        f = CandidateModels(bins(truth, 40_000, H, seed), H, 40_000)
         best = f.order
         if best is None or best.codes != (0, ORDER) or best.eta[0] > best.eta[3] - 7:
             continue

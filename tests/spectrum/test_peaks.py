@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from fltea import _native
 from fltea.records.arrays import Array
-from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral import _above_slow_lines
+from fltea.spectrum.spectral_lines import Peak, find_peaks
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H, ar, long_recursion, white

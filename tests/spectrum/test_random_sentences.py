@@ -95,7 +95,7 @@ def is_there(kind: str, parts: Parts) -> bool:
 
 def says_less_than_it_knows(e: Evidence, kind: str, text: str) -> bool:
     """Whether it says "white" or "too faint" though a model is ahead that no peak explains."""
-    ahead = -e.frontier.bic(e.frontier.plain) > e.apart
+    ahead = -e.candidates.bic(e.candidates.plain) > e.apart
     return ahead and (kind == "white" or "too faint" in text) and not e.peaks
 
 

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 from fltea.noise import parts as p
-from fltea.spectrum.frontier import Frontier, Sentence, native, order_in_white, order_of
+from fltea.spectrum.candidate_models import CandidateModels, Sentence, native, order_in_white, order_of
 from fltea.spectrum.intervals import CRITICAL, estimated, order_fit
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.reading import read
@@ -75,8 +75,8 @@ def slow_fit(parts: Parts, data: Binned, held: tuple[int, float] | None = None) 
     return float(found.fun)
 
 
-def fitted(parts: Parts, data: Binned, n: int) -> tuple[Frontier, Sentence]:
-    f = Frontier(data, H, n)
+def fitted(parts: Parts, data: Binned, n: int) -> tuple[CandidateModels, Sentence]:
+    f = CandidateModels(data, H, n)
     codes = [part.code for part in parts]
     eta, nll = f.native.fit(codes, [one for part in parts for one in part.eta(H)])
     return f, Sentence(tuple(codes), tuple(eta), nll)
@@ -123,13 +123,13 @@ def test_the_order_s_interval_is_that_of_the_slow_profile() -> None:
 
 @pytest.mark.parametrize("n", [3_000, 60_000])
 def test_a_later_look_finds_the_ends_that_a_first_one_finds(n: int) -> None:
-    first = Frontier(bins(NOISES["order"], n, H, 1), H, n)
+    first = CandidateModels(bins(NOISES["order"], n, H, 1), H, n)
     assert first.order is not None
     order_fit(first, first.order)
     more = bins(NOISES["order"], n, H, 2)
     power = (first.data.power + 0.05 * more.power) / 1.05
     data = more._replace(counts=1.05 * more.counts, power=power)
-    later, fresh = Frontier(data, H, n, first.fits), Frontier(data, H, n)
+    later, fresh = CandidateModels(data, H, n, first.fits), CandidateModels(data, H, n)
     assert later.order is not None
     assert fresh.order is not None
     found, anew = order_fit(later, later.order), order_fit(fresh, fresh.order)
@@ -190,25 +190,25 @@ def test_intervals_of_an_order_hold_the_truth(alpha: float, power: float) -> Non
 
 @pytest.mark.parametrize("name", NOISES)
 def test_of_exact_spectra_the_search_finds_the_parts(name: str) -> None:
-    f = Frontier(bins(NOISES[name], 200_000, H, None), H, 0)
+    f = CandidateModels(bins(NOISES[name], 200_000, H, None), H, 0)
     best = f.ordered if name == "order" else f.plain
     assert {type(part) for part in best.parts(H)} == {type(part) for part in NOISES[name]}
     assert (f.lead > 6) == (name == "order")
 
 
 def test_orders_that_two_relaxations_describe_are_none() -> None:
-    f = Frontier(bins(NOISES["two relaxations"], 100_000, H, 3), H, 0)
+    f = CandidateModels(bins(NOISES["two relaxations"], 100_000, H, 3), H, 0)
     assert f.lead < 0
     assert f.gain(f.rich) >= f.gain(f.plain) - 1e-6
 
 
 def test_fitted_again_it_stays_and_follows() -> None:
-    first = Frontier(bins(NOISES["order"], 60_000, H, 3), H, 0)
-    same = Frontier(first.data, H, 0, first.fits)
+    first = CandidateModels(bins(NOISES["order"], 60_000, H, 3), H, 0)
+    same = CandidateModels(first.data, H, 0, first.fits)
     assert same.plain.nll == pytest.approx(first.plain.nll, abs=1e-2)
-    more = Frontier(bins(NOISES["order"], 64_000, H, 4), H, 0, first.fits)
+    more = CandidateModels(bins(NOISES["order"], 64_000, H, 4), H, 0, first.fits)
     assert more.ordered.codes == first.ordered.codes if first.ordered else False
-    found, fresh = order_of(more.ordered), order_of(Frontier(more.data, H, 0).ordered)
+    found, fresh = order_of(more.ordered), order_of(CandidateModels(more.data, H, 0).ordered)
     assert found == pytest.approx(fresh, abs=0.01)
 
 
@@ -233,7 +233,7 @@ def test_the_order_in_white_noise_is_up_to_two(alpha: float) -> None:
 )
 def test_what_cannot_be_fitted_is_refused(change: Callable[[Binned], Binned], words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        Frontier(change(bins([p.White(1.0)], 5000, H, 1)), H, 0)
+        CandidateModels(change(bins([p.White(1.0)], 5000, H, 1)), H, 0)
 
 
 @pytest.mark.parametrize("codes", [[], [1], [0, 10], [0, 99], [0, 200], [0] + [3] * 9])
@@ -244,7 +244,7 @@ def test_what_is_no_sentence_is_refused(codes: list[int]) -> None:
 
 
 def test_what_is_left_at_the_zero_of_a_mean_is_no_rise() -> None:
-    f = Frontier(bins([p.White(1.0), p.Mean(4), p.Floor(1e-3)], 200_000, H, 1), H, 0)
+    f = CandidateModels(bins([p.White(1.0), p.Mean(4), p.Floor(1e-3)], 200_000, H, 1), H, 0)
     mean_of_4, alternating = p.MEAN_FROM + 4, p.CODES.index(p.Alternating)
     f.plain = Sentence((0, mean_of_4, alternating), (0.0, 2.2, -11.5), f.plain.nll)
     found = read(f, 0.01)

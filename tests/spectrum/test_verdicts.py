@@ -14,10 +14,10 @@ from fltea.spectrum import wording
 from fltea.spectrum.drift import SlowPower
 from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL, Evidence
 from fltea.spectrum.intervals import estimated
-from fltea.spectrum.lines import Peak
 from fltea.spectrum.noise_figures import level as level_of
 from fltea.spectrum.reading import Reading
 from fltea.spectrum.residuals import kolmogorov
+from fltea.spectrum.spectral_lines import Peak
 from fltea.spectrum.stationarity import Change
 from fltea.spectrum.verdict import Verdict, decide, winner
 from identify_support import H, white
@@ -148,9 +148,9 @@ HUMP, EDGE = p.Resonance(0.28, 9.6, 7.1), p.Resonance(2.3, 44.6, 9.0)
 def test_what_is_clearly_there_is_never_too_faint(hump: p.Resonance, n: int) -> None:
     """No maximum that stands out, and yet a resonance is far ahead of white noise."""
     e, verdict = seen([p.White(1.0), hump], n, 1)
-    assert -e.frontier.bic(e.frontier.plain) > e.apart
+    assert -e.candidates.bic(e.candidates.plain) > e.apart
     assert verdict.kind == "resonance", verdict.text
-    assert p.Resonance in e.frontier.plain.kinds
+    assert p.Resonance in e.candidates.plain.kinds
 
 
 @pytest.mark.parametrize(
@@ -174,8 +174,11 @@ def test_what_is_behind_a_high_pass_is_said_with_it(parts: list[p.Part], n: int,
     assert "through a high-pass" in verdict.text or "and a high-pass" in verdict.text
     assert "nothing can be said of drift" in verdict.text
     assert not e.drifts
-    assert p.Walk not in e.frontier.plain.kinds
-    assert level_of(estimated(e.frontier, e.frontier.plain), e.frontier, e.frontier.plain).K.value is None
+    assert p.Walk not in e.candidates.plain.kinds
+    assert (
+        level_of(estimated(e.candidates, e.candidates.plain), e.candidates, e.candidates.plain).K.value
+        is None
+    )
 
 
 def running_mean_taken_off(n: int, taps: int, seed: int) -> np.ndarray:
@@ -220,8 +223,8 @@ def ordered() -> Evidence:
     ("at", "over_rich", "same", "reading", "said"),
     [
         # At 0: the sentence that is compared with white noise, the one that stands, and a walk or an order.
-        (0.0, 0.0, ALIKE, None, lambda e, v: wording.names(e.frontier.ordered.kinds) in v.rules[3].figure),
-        (0.0, 0.0, ALIKE, None, lambda e, v: winner(e, v) is e.frontier.order),
+        (0.0, 0.0, ALIKE, None, lambda e, v: wording.names(e.candidates.ordered.kinds) in v.rules[3].figure),
+        (0.0, 0.0, ALIKE, None, lambda e, v: winner(e, v) is e.candidates.order),
         (0.0, 0.0, ALIKE, NOTHING._replace(drifts=True), lambda e, v: v.kind != "drift"),
         # At what counts as apart: a claim, an order beside other parts, and one beside nothing.
         (6.0, 50.0, {}, None, lambda e, v: v.kind == "fractional"),
@@ -246,11 +249,11 @@ def test_how_far_an_order_is_ahead_decides(
     step: float,
 ) -> None:
     """Each question turns where the lead passes its bound, and only there."""
-    frontier = copy(ordered.frontier)
-    frontier.lead, frontier.lead_over_rich = at + step, over_rich
+    candidates = copy(ordered.candidates)
+    candidates.lead, candidates.lead_over_rich = at + step, over_rich
     for name, other in same.items():
-        setattr(frontier, name, getattr(frontier, other))
-    e = ordered._replace(frontier=frontier, reading=reading or ordered.reading)
+        setattr(candidates, name, getattr(candidates, other))
+    e = ordered._replace(candidates=candidates, reading=reading or ordered.reading)
     assert said(e, decide(e)) == (step > 0)
 
 

@@ -36,8 +36,8 @@ def test_what_was_skipped_is_told_once_a_minute_and_not_compared() -> None:
     assert {e.seq for e in compared if e.comparable} == set(range(STARTUP, 100))
     assert {a.why_not for e in compared if e.seq >= 100 for a in e.axes.values()} == {"device_skipped"}
     assert all(e.axes["gyro_x"].fltea.valid for e in compared)
-    told = [e.message for e in of(Error, records) if e.kind == "device_skipped"]
-    assert [text.split("samples")[0].split("skipped")[1].strip() for text in told] == ["1", "60", "60"]
+    details = [e.message for e in of(Error, records) if e.kind == "device_skipped"]
+    assert [text.split("samples")[0].split("skipped")[1].strip() for text in details] == ["1", "60", "60"]
     assert walk.stats().device_estimator.skipped == 129
 
 
@@ -45,9 +45,9 @@ def test_a_constant_axis_is_null_and_told_once() -> None:
     counts = [(x, -7, z) for x, _, z in noise(150)]
     for who in ("device", "both"):
         records = feed(pipeline(who), events(Board().run(counts)))
-        told = [e for e in of(Error, records) if e.kind == "constant_axis"]
-        assert len(told) == 1, who
-        assert "gyro_y" in told[0].message
+        details = [e for e in of(Error, records) if e.kind == "constant_axis"]
+        assert len(details) == 1, who
+        assert "gyro_y" in details[0].message
         for e in estimates_of(who, records):
             assert [a.valid for a in of_filters(e)] == [True, False, True]
             assert of_filters(e)[1].alpha is None
@@ -102,10 +102,10 @@ def test_settings_that_are_not_finite_are_told_and_nothing_is_compared() -> None
 def test_a_device_that_never_estimates_is_told_of_once(who: str) -> None:
     walk = pipeline(who)
     records = feed(walk, events(Board(None).run(noise(1200))))
-    told = of(Error, records)
-    assert [e.kind for e in told] == ["no_device_estimates"]
-    assert told[0].host_ns == of(Sample, records)[500].host_ns
-    assert "--estimate-on host" in told[0].message
+    details = of(Error, records)
+    assert [e.kind for e in details] == ["no_device_estimates"]
+    assert details[0].host_ns == of(Sample, records)[500].host_ns
+    assert "--estimate-on host" in details[0].message
     assert walk.stats().device_estimator is None
     assert len(of(Estimate, records)) == (0 if who == "device" else 1200 - 500)
 
@@ -135,9 +135,9 @@ def test_settings_that_nobody_uses_are_told_once() -> None:
     for who in ("device", "both"):
         walk = pipeline(who, estimator__window=50, estimator__state__Q=1.0)
         restarted = [*Board().run(noise(40)), *Board(hello=WIRE_HELLO._replace(boot_id=9)).run(noise(40))]
-        told = [e.message for e in of(Error, feed(walk, events(restarted))) if e.kind == "settings_unused"]
-        assert len(told) == 1
-        assert told[0].startswith("estimator.window, estimator.state: ")
+        details = [e.message for e in of(Error, feed(walk, events(restarted))) if e.kind == "settings_unused"]
+        assert len(details) == 1
+        assert details[0].startswith("estimator.window, estimator.state: ")
     assert not of(Error, feed(pipeline("device"), events(Board().run(noise(40)))))
 
 

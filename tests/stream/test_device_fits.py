@@ -20,7 +20,7 @@ from fltea.sinks.table import DeviceView
 from fltea.stream import board_fits
 from fltea.stream.board_fits import BoardFits
 from fltea.stream.epoch import Moment
-from fltea.stream.live import SettledFit
+from fltea.stream.live import AcceptedFit
 from fltea.wire import layout as wire
 from fltea.wire.message_events import bins_event, fit_event
 from hypothesis import given
@@ -60,15 +60,15 @@ def spectra(total: int, number: int = 1) -> list[wire.Spectrum]:
 
 
 def board_of(host: AxisFit | None = None) -> BoardFits:
-    board = BoardFits("due", lambda _: SettledFit(fit=host))
+    board = BoardFits("due", lambda _: AcceptedFit(fit=host))
     board.begin(100.0)
     return board
 
 
-def told(
+def details(
     messages: Iterable[wire.Fit | wire.Spectrum], host: AxisFit | None = None, fits: BoardFits | None = None
 ) -> list[DeviceFits]:
-    board = fits or BoardFits("due", lambda _: SettledFit(fit=host))
+    board = fits or BoardFits("due", lambda _: AcceptedFit(fit=host))
     found: list[DeviceFits] = []
     for one in messages:
         if isinstance(one, wire.Fit):
@@ -81,7 +81,7 @@ def told(
 
 
 def test_a_fit_is_told_at_once_and_with_its_bins_again() -> None:
-    once, again = told([FIT, *spectra(12)], HOST)
+    once, again = details([FIT, *spectra(12)], HOST)
     assert (once.seq, once.epoch, once.device_us, once.host_ns, once.device) == (*PLACE, "due")
     fit = once.axes["gyro_y"]
     assert fit.alpha == Interval(0.5, 0.5 - 1.96 * 0.0625, 0.5 + 1.96 * 0.0625)
@@ -108,14 +108,14 @@ def test_bins_are_fitted_here_too() -> None:
     sent = [FIT]
     for first in range(0, 60, 5):
         sent.append(wire.Spectrum(wire.Axis.GYRO_Y, 1, first, 60, *bins[first : first + 5].ravel().tolist()))
-    _, again = told(sent, fits=board)
+    _, again = details(sent, fits=board)
     assert again.axes["gyro_y"].alpha_of_bins == pytest.approx(1.0, abs=0.15)
     # Two bins of one frequency, as two stretches of samples have them, are fitted there only.
     twice = [
         message._replace(frequency_1=message.frequency_0) if i == 3 else message
         for i, message in enumerate(sent)
     ]
-    _, again = told(twice, fits=board)
+    _, again = details(twice, fits=board)
     assert again.axes["gyro_y"].spectrum is not None
     assert again.axes["gyro_y"].alpha_of_bins is None
 
@@ -125,13 +125,13 @@ def test_bins_of_which_some_were_lost_are_not_told(lost: int) -> None:
     sent = spectra(12)
     del sent[lost]
     # The next spectrum is whole again.
-    fits = [one.axes["gyro_y"] for one in told([FIT, *sent, FIT._replace(number=11), *spectra(12, 11)])]
+    fits = [one.axes["gyro_y"] for one in details([FIT, *sent, FIT._replace(number=11), *spectra(12, 11)])]
     assert [(fit.number, fit.spectrum is not None) for fit in fits] == [(1, False), (11, False), (11, True)]
 
 
 def test_bins_of_another_fit_are_not_told() -> None:
-    assert len(told([FIT, *spectra(12, number=2)])) == 1
-    assert told(spectra(12)) == []
+    assert len(details([FIT, *spectra(12, number=2)])) == 1
+    assert details(spectra(12)) == []
 
 
 NUMBERS = dict.fromkeys(("alpha", "alpha_std", "f", "s2", "r", "ratio_white", "ratio_relaxation"), 0.0)
@@ -144,7 +144,7 @@ NUMBERS = dict.fromkeys(("alpha", "alpha_std", "f", "s2", "r", "ratio_white", "r
 def test_white_noise_has_no_order_and_without_a_spectrum_there_is_no_figure(
     verdict: str, changed: dict[str, Any], R: float | None
 ) -> None:
-    (record,) = told([FIT._replace(verdict=wire.FitVerdict[verdict.upper()], **changed)], HOST)
+    (record,) = details([FIT._replace(verdict=wire.FitVerdict[verdict.upper()], **changed)], HOST)
     fit = record.axes["gyro_y"]
     assert (fit.verdict, fit.alpha, fit.R) == (verdict, Interval(), Interval(R))
     assert fit.f == fit.s2 == Interval()
@@ -152,7 +152,7 @@ def test_white_noise_has_no_order_and_without_a_spectrum_there_is_no_figure(
 
 
 def test_bins_that_had_no_room_are_told() -> None:
-    (record,) = told([FIT._replace(flags=wire.FitFlags.BINS_LEFT_OUT)])
+    (record,) = details([FIT._replace(flags=wire.FitFlags.BINS_LEFT_OUT)])
     assert record.axes["gyro_y"].bins_left_out
 
 
@@ -166,27 +166,27 @@ def test_bins_that_had_no_room_are_told() -> None:
 def test_bins_that_no_spectrum_has_are_counted_and_not_told(changed: dict[str, float]) -> None:
     board = board_of()
     sent = spectra(12)
-    assert len(told([FIT, sent[0], sent[1]._replace(**changed), sent[2]], fits=board)) == 1
+    assert len(details([FIT, sent[0], sent[1]._replace(**changed), sent[2]], fits=board)) == 1
     assert board.refused == 1
     later = FIT._replace(number=2)
-    assert len(told([later, *spectra(12, 2)], fits=board)) == 2
+    assert len(details([later, *spectra(12, 2)], fits=board)) == 2
 
 
 def test_a_faulty_device_cannot_make_it_keep_or_calculate_more_and_more(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     board = board_of()
-    told([FIT], fits=board)
+    details([FIT], fits=board)
     empty, part = wire.Spectrum(wire.Axis.GYRO_Y, 1, 0, 0, *(0.0,) * 15), spectra(12)[0]
     for one in (empty, part._replace(total=255), part, part._replace(first=5)):
-        assert told([one] * 300, fits=board) == []
+        assert details([one] * 300, fits=board) == []
         assert sum(map(len, board._bins.values())) <= 51
-        told([FIT], fits=board)
+        details([FIT], fits=board)
     # Bins of fits that follow each other within a second are not fitted again.
     asked: list[float] = []
     monkeypatch.setattr(board_fits, "order_of_bins", lambda _, rate_hz: asked.append(rate_hz))
     for number in range(50):
-        told([FIT._replace(number=number), *spectra(7, number)], fits=board)
+        details([FIT._replace(number=number), *spectra(7, number)], fits=board)
     assert asked == [100.0]
     later = PLACE._replace(host_ns=PLACE.host_ns + 10**9)
     list(board.on_fit(fit_event(FIT, 1), AXES, later))
@@ -209,7 +209,7 @@ def test_a_faulty_device_cannot_make_it_keep_or_calculate_more_and_more(
 def test_an_order_that_the_data_do_not_define_has_no_ends(
     changed: dict[str, Any], low: float | None, high: float | None
 ) -> None:
-    (record,) = told([FIT._replace(**changed)])
+    (record,) = details([FIT._replace(**changed)])
     assert record.axes["gyro_y"].alpha == Interval(0.5, low, high)
     assert record.axes["gyro_y"].alpha_difference is None
 
@@ -228,7 +228,7 @@ ABSURD = {
 @pytest.mark.parametrize(("field", "value"), [(name, one) for name, some in ABSURD.items() for one in some])
 def test_what_no_fit_can_be_is_counted_and_not_told(field: str, value: Any) -> None:
     board = board_of()
-    assert told([FIT._replace(**{field: value})], fits=board) == []
+    assert details([FIT._replace(**{field: value})], fits=board) == []
     assert board.came == 1
     assert board.refused == (field != "axis")
 
@@ -274,7 +274,7 @@ def test_whatever_a_device_says_becomes_figures_of_a_fit_or_nothing(
     several: list[list[wire.Fit | wire.Spectrum]],
 ) -> None:
     board = board_of(HOST)
-    for record in (one for sent in several for one in told(sent, fits=board)):
+    for record in (one for sent in several for one in details(sent, fits=board)):
         for fit in record.axes.values():
             alpha = fit.alpha
             assert alpha.value is None or 0 <= alpha.value <= 2
@@ -332,7 +332,7 @@ def test_a_host_that_estimates_alone_says_nothing_of_them() -> None:
 def test_the_page_says_them_in_words() -> None:
     history = DeviceHistory("due", "both")
     assert facts_of_device.fit(history, "gyro_y") is None
-    for record in told([FIT, *spectra(7)], HOST):
+    for record in details([FIT, *spectra(7)], HOST):
         history.write(record)
     shown = facts_of_device.fit(history, "gyro_y")
     assert shown is not None
@@ -340,7 +340,7 @@ def test_the_page_says_them_in_words() -> None:
     assert "896 samples" in shown["text"]
     assert "0.50 of the half-width" in shown["text"]
     assert history.fits.device_spectra["gyro_y"].hz[-1] == 7.0
-    (white,) = told([FIT._replace(verdict=wire.FitVerdict.WHITE)], HOST)
+    (white,) = details([FIT._replace(verdict=wire.FitVerdict.WHITE)], HOST)
     history.write(white)
     shown = facts_of_device.fit(history, "gyro_y")
     assert shown is not None
@@ -350,7 +350,7 @@ def test_the_page_says_them_in_words() -> None:
 
 def test_the_table_and_the_metrics_have_them() -> None:
     view = DeviceView()
-    (record,) = told([FIT], HOST)
+    (record,) = details([FIT], HOST)
     view.add(record)
     console = Console(file=io.StringIO(), width=120)
     console.print(Group(*view.lines(120)))

@@ -37,13 +37,13 @@ def record(accel: bool = True) -> RawBlock:
     return RawBlock(n, n * 10_000, n * 10_000_000, np.rint(gyro), of_accel)
 
 
-def told(items: Sequence[AnyRecord | Block]) -> list[Step | Motion]:
+def details(items: Sequence[AnyRecord | Block]) -> list[Step | Motion]:
     return [one for one in items if isinstance(one, Step | Motion)]
 
 
 def test_a_step_and_motion_are_told_with_time_and_size() -> None:
     items, pipeline = walk([hello(), record()], live__period_s=5)
-    step, turns, stops, tilts, lies = told(items)
+    step, turns, stops, tilts, lies = details(items)
     assert isinstance(step, Step)
     assert (step.axis, step.unit) == ("gyro_y", "deg/s")
     assert abs(step.seq - STEP) < 10
@@ -100,4 +100,4 @@ def test_they_stand_behind_the_same_samples_in_any_cut(settings: dict[str, objec
 
 def test_without_an_accelerometer_a_tilt_is_not_seen() -> None:
     items, _ = walk([hello(), record(accel=False)], live__period_s=5)
-    assert [one.by for one in told(items) if isinstance(one, Motion)] == ["gyro_z", "gyro_z"]
+    assert [one.by for one in details(items) if isinstance(one, Motion)] == ["gyro_z", "gyro_z"]

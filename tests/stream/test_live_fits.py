@@ -12,8 +12,8 @@ from fltea.records.records import Epoch, Error, Estimate, Fit, Hello, Stats
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream import live
-from fltea.stream.beside import Beside
 from fltea.stream.fit_times import Look, LookTimes, turn
+from fltea.stream.fit_worker import FitWorker
 from fltea.stream.snapshot import DeviceState
 from host_support import hello
 from hypothesis import given, settings
@@ -74,30 +74,30 @@ def test_named_axes_of_both_sensors_are_fitted() -> None:
 
 def test_with_many_devices_the_default_period_is_longer() -> None:
     for devices, period_s, seqs in ((12, 1.0, [99, 199, 299]), (30, 2.5, [249])):
-        items, pipeline = walk([hello(), raw(range(380))], beside=Beside(devices))
+        items, pipeline = walk([hello(), raw(range(380))], fit_worker=FitWorker(devices))
         assert pipeline.stats().fit_period_s == period_s
         assert [f.seq for f in of(Fit, items)] == seqs
-    items, _ = walk([hello(), raw(range(350))], beside=Beside(50), live__period_s=1)
+    items, _ = walk([hello(), raw(range(350))], fit_worker=FitWorker(50), live__period_s=1)
     assert [f.seq for f in of(Fit, items)] == [99, 199, 299]
 
 
 def test_many_devices_have_turns_so_that_their_fits_do_not_come_together() -> None:
     found = []
     for number in range(6):
-        items, _ = walk([hello(), raw(range(800))], beside=Beside(24), number=number)
+        items, _ = walk([hello(), raw(range(800))], fit_worker=FitWorker(24), number=number)
         seqs = [f.seq for f in of(Fit, items)]
         assert seqs[1] - seqs[0] == 200, "and each as often as before"
         found.append(seqs[0])
     assert found[0] == 199
     ends = [*sorted(found), found[0] + 200]
     assert min(b - a for a, b in itertools.pairwise(ends)) >= 18
-    items, _ = walk([hello(), raw(range(350))], beside=Beside(2), number=1)
+    items, _ = walk([hello(), raw(range(350))], fit_worker=FitWorker(2), number=1)
     assert [f.seq for f in of(Fit, items)] == [99, 199, 299], "few need none"
 
 
 @given(st.integers(13, 2000), st.integers(1, 5000))
 def test_turns_are_spread_over_the_period(devices: int, period: int) -> None:
-    turns = sorted(turn(Beside(devices), number, period) for number in range(devices))
+    turns = sorted(turn(FitWorker(devices), number, period) for number in range(devices))
     assert turns[0] == 0
     assert turns[-1] < period
     assert max(b - a for a, b in itertools.pairwise([*turns, period])) <= 3 * period / devices + 1
@@ -142,7 +142,7 @@ def test_the_fits_that_settle_are_the_same_whether_or_not_there_are_others(
 ) -> None:
     """Some samples are lost, each time 70; the record may have begun long before the epoch."""
 
-    def settled(*, every: bool) -> list[int]:
+    def accepted(*, every: bool) -> list[int]:
         times, found = LookTimes(100.0, grows=True, every=every), []
         times.begin(period)
         taken, counts, noticed = before, 0, False
@@ -161,7 +161,7 @@ def test_the_fits_that_settle_are_the_same_whether_or_not_there_are_others(
                     found.append(number)
         return found
 
-    assert settled(every=True) == settled(every=False)
+    assert accepted(every=True) == accepted(every=False)
 
 
 def test_something_that_is_noticed_is_looked_at_within_the_second() -> None:

@@ -160,9 +160,9 @@ def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:
     assert invalid, "this case is there to diverge"
     assert all(v is None for e in invalid for v in msgspec.structs.astuple(e.axes["gyro_x"].fltea)[:6])
     assert pipeline.stats().axes["gyro_x"].restarts == len(invalid)
-    told = [e for e in of(Error, records) if e.kind == "axis_runaway"]
-    assert len(told) == 3, "each axis once a minute"
-    for error in told:
+    details = [e for e in of(Error, records) if e.kind == "axis_runaway"]
+    assert len(details) == 3, "each axis once a minute"
+    for error in details:
         sample, estimate = [r for r in records[: records.index(error)] if not isinstance(r, Error)][-2:]
         assert isinstance(sample, Sample)
         assert isinstance(estimate, Estimate)

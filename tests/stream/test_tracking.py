@@ -16,7 +16,7 @@ from fltea.records.records import Corrected, CorrectedAxis, Estimate, Motion, Sa
 from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import Looked, Noise
-from fltea.stream.live import NO_FIT, SettledFit
+from fltea.stream.live import NO_FIT, AcceptedFit
 from fltea.stream.tracking import SensorTracks
 from host_support import hello
 from numpy.typing import NDArray
@@ -43,9 +43,9 @@ def sensor(bias: float | str = "startup") -> SensorTracks:
     return SensorTracks({"gyro_x": 0}, EstimatorConfig(bias=bias), LiveConfig(), H, "deg/s")
 
 
-def settled(
-    one: SensorTracks, verdict: VerdictKind, noise: Noise | None = None, before: SettledFit = NO_FIT
-) -> SettledFit:
+def accepted(
+    one: SensorTracks, verdict: VerdictKind, noise: Noise | None = None, before: AcceptedFit = NO_FIT
+) -> AcceptedFit:
     looked = Looked(AxisFit(verdict, "", "deg/s", 1e-9), noise)
     return before.followed_by(looked, one.learner("gyro_x"))
 
@@ -64,7 +64,7 @@ def test_each_sample_has_its_bias_from_the_sixteenth_on() -> None:
 def test_whatever_a_fit_finds_is_tracked_or_leaves_what_was(part: Part) -> None:
     one, y = sensor(), np.random.default_rng(1).standard_normal((1000, 1))
     one.run(y)
-    one.go_by("gyro_x", settled(one, "white", Noise((White(1.0), part), drifts=False, samples=1000)))
+    one.go_by("gyro_x", accepted(one, "white", Noise((White(1.0), part), drifts=False, samples=1000)))
     assert np.isfinite(one.run(y).bias).all()
 
 
@@ -130,7 +130,7 @@ def test_a_walk_goes_on_from_what_the_pipeline_saved() -> None:
 def test_a_verdict_stands_once_two_fits_agree(kinds: list[VerdictKind], stands: str | None) -> None:
     one, found = sensor(), NO_FIT
     for kind in kinds:
-        found = settled(one, kind, before=found)
+        found = accepted(one, kind, before=found)
     assert (found.stands.verdict if found.stands else None) == stands
 
 
@@ -138,7 +138,7 @@ def test_what_stands_is_what_the_columns_say() -> None:
     one = sensor()
     one.go_by(
         "gyro_x",
-        settled(one, "fractional")._replace(stands=AxisFit("fractional", "", "deg/s", alpha=Interval(0.5))),
+        accepted(one, "fractional")._replace(stands=AxisFit("fractional", "", "deg/s", alpha=Interval(0.5))),
     )
     found = one.run(np.zeros((3, 1)) + np.arange(3)[:, None])
     assert isinstance(found, TrackedColumns)
@@ -155,10 +155,10 @@ def test_a_short_fit_counts_only_if_it_makes_the_samples_much_likelier_than_the_
     for k in range(1, len(y)):
         y[k] -= a * y[k - 1]
     one.run(y)
-    one.go_by("gyro_x", settled(one, "white", Noise((White(float(y.var())),), False, 1000)))
+    one.go_by("gyro_x", accepted(one, "white", Noise((White(float(y.var())),), False, 1000)))
     assert dict(one.stats())["gyro_x"].model == "walks"
     alternating = Noise((White(1e-4), Alternating(float(y.std()), 0.03)), False, 1000)
-    one.go_by("gyro_x", settled(one, "undecided", alternating))
+    one.go_by("gyro_x", accepted(one, "undecided", alternating))
     assert dict(one.stats())["gyro_x"].model != "walks"
 
 
@@ -166,7 +166,7 @@ def test_a_mean_of_samples_is_a_noise_that_it_can_go_by() -> None:
     """The number of them is no figure to be rounded."""
     one = sensor()
     one.run(drifting(4000, 0.0))
-    one.go_by("gyro_x", settled(one, "low-pass", Noise((White(0.02), Mean(4)), False, 4000)))
+    one.go_by("gyro_x", accepted(one, "low-pass", Noise((White(0.02), Mean(4)), False, 4000)))
     assert dict(one.stats())["gyro_x"].model != "walks"
 
 
@@ -174,7 +174,7 @@ def test_an_offset_walks_where_the_fit_has_no_part_for_it() -> None:
     one = sensor()
     y = drifting(6000, 0.001)
     found = one.run(y)
-    one.go_by("gyro_x", settled(one, "white", Noise((White(0.02),), False, 6000)))
+    one.go_by("gyro_x", accepted(one, "white", Noise((White(0.02),), False, 6000)))
     stats = dict(one.stats())["gyro_x"]
     K = stats.K
     # It drifts by more than its white noise makes the angle walk: 0.14 deg/s √(0.01 s · 60 s).
@@ -206,7 +206,7 @@ def test_a_model_that_is_the_same_is_not_made_again(monkeypatch: pytest.MonkeyPa
     known = NO_FIT
     for samples, sigma in ((4000, 0.1), (4400, 0.101), (4400, 0.12), (9000, 0.12)):
         noise = Noise((White(0.02), Relaxation(sigma, 0.5)), False, samples)
-        known = settled(one, "relaxations", noise, known)
+        known = accepted(one, "relaxations", noise, known)
         one.go_by("gyro_x", known)
     assert len(made) == 3
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from blocks import ndjson, of, records_of
 from fltea.estimator.bank import Bank, Variances
-from fltea.estimator.belief import Belief
+from fltea.estimator.filter_model import FilterModel
 from fltea.records.block import Block
 from fltea.records.events import RawSample, block_of
 from fltea.records.fit import AxisFit, FitHighPass, FitLowPass, Interval
@@ -46,7 +46,7 @@ def with_(**changes: Interval) -> AxisFit:
 
 def test_s2_and_r_are_handed_over_to_three_digits() -> None:
     """With the order that goes with them, whose deviations are those of the wider sides of the intervals."""
-    belief = Belief(0.8, 0.102, 0.775, 0.0383, -1.0, 0.765)
+    belief = FilterModel(0.8, 0.102, 0.775, 0.0383, -1.0, 0.765)
     assert handed_over(KNOWN, None) == (Variances(0.01, 0.02), belief)
     # More white noise and less of the state, or the other way round: the data hardly tell, and need not.
     open_ = with_(s2=Interval(0.01, 0.001, 0.1), R=Interval(0.02, 0.0, None))
@@ -94,7 +94,7 @@ def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
     bank = Bank(("gyro_x", "gyro_y", "gyro_z"), by_hand, 0.01, 1 / 16.4)
     y = raw(range(830)).gyro / 16.4
     bank.run(y[:20])
-    at, told = 20, 0
+    at, details = 20, 0
     for place, fit in enumerate(items):
         if not isinstance(fit, Fit):
             continue
@@ -113,8 +113,8 @@ def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
             assert one.null_p is not None
             if one.null_p < ANYTIME_LEVEL and handed is not None:
                 bank.retune({axis: handed.variances}, {axis: handed.belief})
-                told += 1
-    assert told > 3
+                details += 1
+    assert details > 3
     for axis, stats in pipeline.stats().axes.items():
         assert bank.variances[axis] == (stats.Q_in_use, stats.R_in_use)
         assert stats.tuned == (axis in bank.tuned)
@@ -126,19 +126,19 @@ def test_an_axis_is_settled_once_it_is_tuned_if_it_is_to_be_and_its_innovations_
 ) -> None:
     items, pipeline = walk([hello(), raw(range(900))], estimator__tuning=tuning)
     columns = [one.estimates[0] for one in items if isinstance(one, Block) and one.estimates]
-    settled = np.concatenate([one.settled for one in columns])
-    assert not settled[:199].any()
+    accepted = np.concatenate([one.accepted for one in columns])
+    assert not accepted[:199].any()
     tuned = [one.tuned for one in pipeline.stats().axes.values()]
     bank = Bank(("gyro_x", "gyro_y", "gyro_z"), pipeline._config.estimator, 0.01, 1 / 16.4)
     if tuning == "startup":
         y = raw(range(900)).gyro / 16.4
         bank.run(y[:20])
-        np.testing.assert_array_equal(settled, bank.run(y[20:]).white)
-        assert settled.any()
+        np.testing.assert_array_equal(accepted, bank.run(y[20:]).white)
+        assert accepted.any()
     else:
         assert any(tuned)
-        assert (settled.any(axis=0) <= tuned).all()
-        assert settled[-1].any()
+        assert (accepted.any(axis=0) <= tuned).all()
+        assert accepted[-1].any()
 
 
 @pytest.mark.slow

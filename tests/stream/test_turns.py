@@ -4,7 +4,7 @@ from itertools import pairwise
 
 from blocks import cuts, in_blocks, ndjson, of
 from fltea.records.records import Stats
-from fltea.stream.beside import Beside
+from fltea.stream.fit_worker import FitWorker
 from host_support import hello
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,7 +14,7 @@ SECOND_NS, PERIOD_NS = 10**9, 10**7
 
 
 def times_ns(devices: int, number: int) -> list[int]:
-    items, _ = walk([hello(), raw(range(450))], beside=Beside(devices), number=number)
+    items, _ = walk([hello(), raw(range(450))], fit_worker=FitWorker(devices), number=number)
     return [one.host_ns for one in of(Stats, items)]
 
 
@@ -35,6 +35,6 @@ def test_of_few_devices_all_come_with_the_second() -> None:
 @settings(max_examples=25, deadline=None)
 def test_they_do_not_depend_on_how_samples_were_put_together(places: list[int], number: int) -> None:
     block = raw(range(450))
-    whole, _ = walk([hello(), block], beside=Beside(31), number=number)
-    cut, _ = walk([hello(), *in_blocks(block, places)], beside=Beside(31), number=number)
+    whole, _ = walk([hello(), block], fit_worker=FitWorker(31), number=number)
+    cut, _ = walk([hello(), *in_blocks(block, places)], fit_worker=FitWorker(31), number=number)
     assert ndjson(cut) == ndjson(whole)

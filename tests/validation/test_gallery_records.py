@@ -61,9 +61,9 @@ def test_figures_that_count() -> None:
 
 
 def test_tables() -> None:
-    wrong, whole, untold = (one for one in tables(MADE) if not isinstance(one, str))
+    wrong, whole, not_notified = (one for one in tables(MADE) if not isinstance(one, str))
     assert wrong.rows == [("1 relaxation", "100 Hz, 10 min", "fractional 1 of 2", "white")]
-    assert untold.rows == [("white", "100 Hz, 10 min", "undecided 1 of 2", "too short")]
+    assert not_notified.rows == [("white", "100 Hz, 10 min", "undecided 1 of 2", "too short")]
     lines = whole.markdown().splitlines()
     assert lines[2] == "| noise | truth | 100 Hz, 10 min |"
     assert lines[4] == "| white | Gaussian white noise | white 1, undecided? 1 |"

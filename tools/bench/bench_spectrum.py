@@ -11,8 +11,8 @@ from fltea.noise import spectra
 from fltea.noise.allan_deviation import model_adev
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.allan_curve import live_allan
+from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.evidence import ANYTIME_LEVEL
-from fltea.spectrum.frontier import Frontier
 from fltea.spectrum.intervals import order_fit
 from fltea.spectrum.live_axes import LiveAxes, Looked
 from fltea.spectrum.octaves import LANE_BYTES, Octaves
@@ -129,14 +129,14 @@ def _sentences() -> list[Work]:
         sums = Octaves(1)
         sums.add(_drawn(parts, USUAL))
         lines = sums.periodogram(0, H)
-        found.append(examine(lines, USUAL * H, USUAL, level=ANYTIME_LEVEL).evidence.frontier)
+        found.append(examine(lines, USUAL * H, USUAL, level=ANYTIME_LEVEL).evidence.candidates)
     each = 1e3 / len(found)
     return [
         ("sentences of an axis: a search", "ms", each, lambda: [
-            Frontier(one.data, H, USUAL) for one in found
+            CandidateModels(one.data, H, USUAL) for one in found
         ]),
         ("sentences of an axis: fitted again", "ms", each, lambda: [
-            Frontier(one.data, H, USUAL, one.fits) for one in found
+            CandidateModels(one.data, H, USUAL, one.fits) for one in found
         ]),
         ("sentences of an axis: intervals of the order", "ms", each, lambda: [
             order_fit(one, one.order) for one in found if one.order is not None

@@ -22,7 +22,7 @@ import numpy as np
 from fltea.records.events import Chunk, Opened
 from fltea.settings.config import load_config
 from fltea.sinks.ndjson import NdjsonSink
-from fltea.stream.beside import Beside
+from fltea.stream.fit_worker import FitWorker
 from fltea.stream.pipeline import Pipeline
 
 from tools.bench.feeder import PERIOD_NS, frames
@@ -59,7 +59,7 @@ def part_of(file: str) -> str:
     return max(names, default=(0, OTHER))[1]
 
 
-class Apart(Beside):
+class Apart(FitWorker):
     """Makes looks of the fit where their result is asked for, as it is usual, and says when one is made."""
 
     making = False
@@ -107,7 +107,7 @@ def measure() -> dict[str, Any]:
 def _measure(at_once: int) -> dict[str, Any]:
     source, apart = FedSource("profile", prompt=False), Apart()
     looks = Looks(apart)
-    pipeline = Pipeline(source, load_config(None, {"source": "serial:profile"}), beside=apart)
+    pipeline = Pipeline(source, load_config(None, {"source": "serial:profile"}), fit_worker=apart)
     reads = list(_reads(at_once))
     with FileIO(os.devnull, "wb") as stream:
         sink = NdjsonSink(stream, samples=False)

@@ -14,11 +14,11 @@ import numpy as np
 from fltea.records.arrays import Array
 from fltea.spectrum.drift import FALSE_ALARM as FALSE_DRIFT
 from fltea.spectrum.evidence import ANYTIME_LEVEL, APART, LEVEL, Evidence
-from fltea.spectrum.lines import FALSE_ALARM
 from fltea.spectrum.live_axes import FEWEST_SAMPLES
 from fltea.spectrum.octave_lines import find_octave_peaks
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.spectral import Looks, examine
+from fltea.spectrum.spectral_lines import FALSE_ALARM
 from fltea.spectrum.stationarity import find_change
 from fltea.spectrum.verdict import decide
 from fltea.stream.fit_times import LookTimes
@@ -101,7 +101,7 @@ def _evidence(sums: Octaves, looks: Looks, taken: int) -> Evidence:
 def _look(sums: Octaves, looks: Looks, taken: int, *, is_search: bool) -> dict[str, float]:
     """The levels from which on the rules speak now; some do only where everything is searched for."""
     e = _evidence(sums, looks, taken)
-    f = e.frontier
+    f = e.candidates
     bic = min(f.bic(one) for one in (f.plain, f.ordered) if one is not None)
     by_level = FALSE_ALARM / LEVEL
     found: list[float] = []

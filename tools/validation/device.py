@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from fltea.noise.simulation import quantise
-from fltea.spectrum.frontier import Frontier, order_in_white
+from fltea.spectrum.candidate_models import CandidateModels, order_in_white
 from fltea.spectrum.intervals import order_fit
 from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.octaves import Octaves
@@ -133,10 +133,10 @@ def compare(counts: Counts) -> dict[str, Any]:
     octaves = Octaves(1)
     octaves.add(counts[:, np.newaxis].astype(np.float64))
     spectra = octaves.periodogram(0, H)
-    frontier = Frontier(binned(spectra), H, len(counts))
-    white = p_value(frontier.ratio_white, spectra.ordinates) >= LEVEL
-    best = order_in_white(frontier.native)
-    order = order_fit(frontier, best).alpha
+    candidates = CandidateModels(binned(spectra), H, len(counts))
+    white = p_value(candidates.ratio_white, spectra.ordinates) >= LEVEL
+    best = order_in_white(candidates.native)
+    order = order_fit(candidates, best).alpha
     half = (order.high - order.low) / 2 if order.low is not None and order.high is not None else None
     return {
         "board": found.alpha,

@@ -11,13 +11,13 @@ from fltea.api.drawing import Drawing
 from fltea.identification.allan import scales
 from fltea.identification.allan_file import COLUMNS, rows, write_allan
 from fltea.identification.axis import AxisResult
-from fltea.identification.event_traps import EVENT_TRAPS
+from fltea.identification.data_checks import DataCheck
+from fltea.identification.event_checks import EVENT_CHECKS
 from fltea.identification.forecast import Forecast, Now
 from fltea.identification.navigation_filter import NavigationFilter
 from fltea.identification.quantities import Quantities, quantities
 from fltea.identification.sensor_events import BiasStep, MotionSpan
 from fltea.identification.tracked_system import OffsetWalkFound
-from fltea.identification.traps import Trap
 from fltea.records.fit import FitSpectrum, FittedAxis
 from fltea.records.plus_minus import plus_minus
 from fltea.records.quantity import Quantity
@@ -60,7 +60,7 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     """Steps of the bias. The spectrum does not go across them."""
     motion: tuple[MotionSpan, ...]
     """When the sensor moved. Samples in motion are in no figure."""
-    traps: tuple[Trap, ...]
+    data_checks: tuple[DataCheck, ...]
     """What in the data can mislead."""
     withheld: str
     """Why `now`, `forecast`, `walk` and `filter` are None: what is bad in the data, and what to do; "" where
@@ -123,7 +123,7 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
         if self.now is not None:
             value = plus_minus(self.now.bias, self.now.bias_std)
             found.append(f"Bias({self.now.bias_s:g} s) at the end: {value} {self.unit}.")
-        found += [trap.text for trap in self.traps if trap.kind in EVENT_TRAPS]
+        found += [data_check.text for data_check in self.data_checks if data_check.kind in EVENT_CHECKS]
         return " ".join(found)
 
 

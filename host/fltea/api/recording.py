@@ -17,6 +17,7 @@ from fltea.api.identified import Report
 from fltea.api.series import agreed, examine, of_series, watched_looks
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.counts import Counts
+from fltea.identification.data_checks import DataCheck, of_axis
 from fltea.identification.forecast import Asked
 from fltea.identification.load import (
     ACCEL_UNIT,
@@ -27,7 +28,6 @@ from fltea.identification.load import (
     load,
     recordings,
 )
-from fltea.identification.traps import Trap, of_axis
 from fltea.recording.reading import Answer
 from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
@@ -49,7 +49,7 @@ class Recording(Mapping[str, Array]):
         """What was opened."""
         self.counts: Counts = loaded.counts
         """How many samples the recording holds, how many are used, and what is missing."""
-        self.traps: tuple[Trap, ...] = loaded.traps
+        self.data_checks: tuple[DataCheck, ...] = loaded.data_checks
         """What is wrong with the recording as a whole; empty where nothing is."""
         self.reading: tuple[Answer, ...] = tuple(
             replace(one, why=in_python(one.why)) for one in loaded.reading
@@ -111,7 +111,7 @@ class Recording(Mapping[str, Array]):
         examined = {}
         for name, series in self._loaded.axes.items():
             with self._of_axis(name):
-                examined[name] = examine(series, h, options, of_axis(self.traps, name))
+                examined[name] = examine(series, h, options, of_axis(self.data_checks, name))
         with python_words():
             watched = watched_looks(self._loaded.axes, self._loaded.accel, examined, h, options)
         tracked = agreed({name: one.examined for name, one in watched.items()}, h)
@@ -157,7 +157,9 @@ class Recording(Mapping[str, Array]):
             f"<td>{escape(self.units[name])}</td></tr>"
             for name, y in self.items()
         )
-        problems = "".join(f"<br>{escape(f'{trap.text} {trap.remedy}')}" for trap in self.traps)
+        problems = "".join(
+            f"<br>{escape(f'{data_check.text} {data_check.remedy}')}" for data_check in self.data_checks
+        )
         reading = "".join(
             f"<tr><th>{one.question}</th><td>{escape(str(one))}</td></tr>" for one in self.reading
         )

@@ -13,8 +13,10 @@ from fltea.identification.about_levels import look_at
 from fltea.identification.advice import doubted, expecting_steps
 from fltea.identification.allan import allan_of
 from fltea.identification.axis import AxisResult, IdentifyOptions, Looked, described, fltea_axis, with_fltea
+from fltea.identification.axis_checks import checks_of
 from fltea.identification.conclusions import conclude, in_agreement, tracked_of
-from fltea.identification.event_traps import event_traps
+from fltea.identification.data_checks import DataCheck, withheld
+from fltea.identification.event_checks import event_checks
 from fltea.identification.fltea_fit import fltea_fits
 from fltea.identification.forecast import Asked
 from fltea.identification.forecast_judge import Learned
@@ -24,8 +26,6 @@ from fltea.identification.load import Series
 from fltea.identification.one_axis import MOST_LOOKS
 from fltea.identification.sensor_events import AxisEvents, watch
 from fltea.identification.slow_noise import with_slow_noise
-from fltea.identification.traps import Trap, withheld
-from fltea.identification.traps_of_axis import traps_of
 from fltea.records.arrays import Array
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import spectrum_of
@@ -81,10 +81,10 @@ class Examined(NamedTuple):
     series: Series
     looked: Looked
     found: AxisResult
-    traps: tuple[Trap, ...]
+    data_checks: tuple[DataCheck, ...]
     why: str
     tracked: Learned | None
-    known: Sequence[Trap]
+    known: Sequence[DataCheck]
     left_out: LeftOut
 
 
@@ -127,7 +127,7 @@ def examine(
     series: Series,
     h: float,
     options: IdentifyOptions,
-    known: Sequence[Trap] = (),
+    known: Sequence[DataCheck] = (),
     left_out: LeftOut | None = None,
 ) -> Examined:
     """Look at an axis; known: what is wrong with it by the recording as a whole.
@@ -137,10 +137,10 @@ def examine(
     looked, series, out, telegraph = look_at(series, h, options, left_out)
     fltea_axis(looked, series.lsb, options).why_not(h)
     found = described(looked)
-    traps = (*known, *traps_of(looked, series, found, telegraph))
-    why = withheld(traps)
+    data_checks = (*known, *checks_of(looked, series, found, telegraph))
+    why = withheld(data_checks)
     tracked = None if why else tracked_of(looked, telegraph)
-    return Examined(series, looked, found, traps, why, tracked, known, out)
+    return Examined(series, looked, found, data_checks, why, tracked, known, out)
 
 
 def of_series(
@@ -152,10 +152,10 @@ def of_series(
     forecast: Asked = False,
 ) -> Identified:
     """Return what was found out about an axis that was watched; tracked: its system."""
-    (series, looked, found, traps, _, _, _, out), events = watched
+    (series, looked, found, data_checks, _, _, _, out), events = watched
     is_left_out = out.is_like(events.left_out)
-    traps = (*event_traps(events, series.unit, is_left_out=is_left_out), *traps)
-    if why := withheld(traps):
+    data_checks = (*event_checks(events, series.unit, is_left_out=is_left_out), *data_checks)
+    if why := withheld(data_checks):
         tracked, found = None, doubted(found)
     h = looked.h
     curve = None
@@ -192,7 +192,7 @@ def of_series(
         filter=follows and follows.filter,
         bias_steps=events.steps,
         motion=events.motion,
-        traps=traps,
+        data_checks=data_checks,
         withheld=in_python(why),
         details=found,
     )

@@ -131,14 +131,16 @@ def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str])
     which the other axes have.
     """
     from fltea.identification.axis_report import AxisReport
-    from fltea.identification.findings import traps
+    from fltea.identification.findings import data_checks
 
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
     rest = [name for name, axis in good.items() if not axis.withheld]
     if len(rest) == len(good) or not (flags or of_axes):
         return
-    bad = [(where, trap) for where, trap in traps(report) if trap.severity == "bad"]
-    reasons = " ".join(f"{where and f'{where}: '}{trap.text} {trap.remedy}" for where, trap in bad)
+    bad = [(where, data_check) for where, data_check in data_checks(report) if data_check.severity == "bad"]
+    reasons = " ".join(
+        f"{where and f'{where}: '}{data_check.text} {data_check.remedy}" for where, data_check in bad
+    )
     gyro = [name for name in rest if name in AXES]
     # A model file has no gyro_y without gyro_x.
     possible = rest and flags and ("--export-model" not in flags or gyro == list(AXES[: len(gyro)]))

@@ -376,8 +376,8 @@ def _fail(reports: "Sequence[FileReport]", files: Sequence[str], of_axes: Sequen
     for report in reports:
         if report.failure is not None:
             failures.append(report.failure)
-        traps = report.recording.traps if report.recording else ()
-        if unread := [trap.text for trap in traps if trap.kind == "unread_file"]:
+        data_checks = report.recording.data_checks if report.recording else ()
+        if unread := [data_check.text for data_check in data_checks if data_check.kind == "unread_file"]:
             failures.append(Incomplete(unread))
         failures += [
             UsageError(f"{report.name}: {name}: {axis.error}")

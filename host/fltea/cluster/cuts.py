@@ -10,8 +10,8 @@ import numpy as np
 from fltea.cluster.cut import Cut, Ranges, even_pieces
 from fltea.recording.bag_ros1 import LENGTH, VERSION, Op, next_record
 from fltea.recording.csv_file import HEAD_BYTES
-from fltea.recording.lines import LONGEST_LINE, UTF_16
 from fltea.recording.npz_arrays import read_header
+from fltea.recording.raw_lines import LONGEST_LINE, UTF_16
 from fltea.recording.text_rows import TextReader
 from fltea.records.errors import UsageError
 from fltea.settings.how import How

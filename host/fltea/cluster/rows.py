@@ -7,8 +7,8 @@ import msgspec
 
 from fltea.cluster.listing import File
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
+from fltea.identification.data_checks import DataCheck, of_axis
 from fltea.identification.load import Loaded
-from fltea.identification.traps import Trap, of_axis
 
 VALUES = ("alpha", "f", "F", "s2", "R")
 COEFFICIENTS = ("N", "B", "K")
@@ -56,7 +56,7 @@ class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     """the filter's last; None of what was summed in parts: a filter cannot be cut"""
     fltea_f: float | None = None
     fltea_describes_noise: bool | None = None
-    traps: list[str] | None = None
+    data_checks: list[str] | None = None
 
 
 _row = msgspec.json.Decoder(Row)
@@ -123,7 +123,7 @@ def _axis(key: Key, recording: Loaded, name: str, axis: AxisReport | Failure, se
         fltea_alpha=r.fltea and r.fltea.alpha,
         fltea_f=r.fltea and r.fltea.f,
         fltea_describes_noise=r.fltea and r.fltea.describes_noise,
-        traps=trap_kinds((*of_axis(recording.traps, name), *axis.traps)),
+        data_checks=data_check_kinds((*of_axis(recording.data_checks, name), *axis.data_checks)),
         values=with_ends(r.order, VALUES) | allan,
         **about,
     )
@@ -135,9 +135,9 @@ def of_recording(recording: Loaded) -> dict[str, Any]:
     return {"device_id": hello.device_id, "sensor": hello.sensor, "lost": recording.counts.lost}
 
 
-def trap_kinds(traps: Iterable[Trap]) -> list[str]:
+def data_check_kinds(data_checks: Iterable[DataCheck]) -> list[str]:
     """Return each kind once."""
-    return sorted({trap.kind for trap in traps})
+    return sorted({data_check.kind for data_check in data_checks})
 
 
 def with_ends(of: Any, names: Iterable[str]) -> dict[str, float | None]:

@@ -13,7 +13,16 @@ import numpy as np
 from fltea.cluster.cut import Cut
 from fltea.cluster.listing import File
 from fltea.cluster.pieces import write_piece
-from fltea.cluster.rows import COEFFICIENTS, VALUES, Key, Row, failed, of_recording, trap_kinds, with_ends
+from fltea.cluster.rows import (
+    COEFFICIENTS,
+    VALUES,
+    Key,
+    Row,
+    data_check_kinds,
+    failed,
+    of_recording,
+    with_ends,
+)
 from fltea.cluster.whole import Ask
 from fltea.identification.gaps import bridged
 from fltea.identification.load import Series, load
@@ -56,7 +65,7 @@ class PieceSums(msgspec.Struct, frozen=True):
 
     rate_hz: float
     about: dict[str, object]
-    traps: list[str]
+    data_checks: list[str]
     axes: dict[str, AxisSums]
     seconds: float
     empty: str = ""
@@ -92,8 +101,8 @@ def sum_piece(file: File, cut: Cut, ask: Ask) -> PieceSums | str:
                 return reason
             seconds = time.monotonic() - begin
             return PieceSums(0.0, {"lost": error.rows}, ["missing_numbers"], {}, seconds, reason)
-    about, traps = of_recording(found), trap_kinds(found.traps)
-    return PieceSums(found.hello.rate_hz, about, traps, axes, time.monotonic() - begin)
+    about, data_checks = of_recording(found), data_check_kinds(found.data_checks)
+    return PieceSums(found.hello.rate_hz, about, data_checks, axes, time.monotonic() - begin)
 
 
 def _sums(series: Series) -> AxisSums:
@@ -135,7 +144,7 @@ def fit_pieces(file: File, ask: Ask, pieces: Sequence[PieceSums]) -> list[Row]:
         "lost": sum(int(str(one.about["lost"])) for one in counted),
         "parts": len(used),
         "rate_hz": rate_hz,
-        "traps": sorted({trap for one in counted for trap in one.traps}),
+        "data_checks": sorted({data_check for one in counted for data_check in one.data_checks}),
     }
     rows = []
     for name in largest.axes:
@@ -186,7 +195,7 @@ def _fitted(pieces: Sequence[AxisSums], h: float, ask: Ask) -> dict[str, object]
 
 
 def _allan_values(sums: Octaves, seen: Spectral, noise: NoiseFigures, unit: str) -> dict[str, float | None]:
-    points, f = sums.allan(0), seen.evidence.frontier
+    points, f = sums.allan(0), seen.evidence.candidates
     try:
         found = live_allan(points.factors, points.avar, points.terms, points.samples, f.h, unit)
     except ValueError:

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from fltea import _native
 from fltea.estimator.baseline import Baseline, BaselineRule, Moments
-from fltea.estimator.belief import Belief
 from fltea.estimator.engine import CAUSES, instruction_sets, interventions_of
+from fltea.estimator.filter_model import FilterModel
 from fltea.estimator.lane_settings import LaneSettings, native_table
 from fltea.estimator.lanes import LaneBlock, Lost
 from fltea.estimator.snapshot import OnlineState
@@ -109,7 +109,9 @@ class Bank:
         """
         return [Lost(*one) for one in self.native.skip(count)]
 
-    def retune(self, variances: Mapping[str, Variances], beliefs: Mapping[str, Belief] | None = None) -> None:
+    def retune(
+        self, variances: Mapping[str, Variances], beliefs: Mapping[str, FilterModel] | None = None
+    ) -> None:
         """Give axes other variances, from the next sample on and for where they begin again.
 
         The states and what the filters remember of them stay. beliefs: orders and parameters with which some
@@ -196,7 +198,7 @@ class Bank:
             whiteness,
         )
 
-    def _believe(self, beliefs: dict[str, Belief]) -> None:
+    def _believe(self, beliefs: dict[str, FilterModel]) -> None:
         """Note what the deviations of α and of f rest on from here."""
         self.beliefs = beliefs
         known = map(beliefs.get, self.axes)

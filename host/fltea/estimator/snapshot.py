@@ -6,7 +6,7 @@ import zlib
 import msgspec
 
 from fltea import _native
-from fltea.estimator.belief import Belief
+from fltea.estimator.filter_model import FilterModel
 from fltea.settings.estimator import LARGEST
 
 MOST_RESTARTS = 1 << 52
@@ -32,7 +32,7 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     supervisors: bytes | None = None
     Q: tuple[float, ...] | None = None
     tuned: tuple[str, ...] = ()
-    beliefs: dict[str, Belief] = {}
+    beliefs: dict[str, FilterModel] = {}
     whiteness: bytes | None = None
 
     def check(self, axes: tuple[str, ...]) -> None:

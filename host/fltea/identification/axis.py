@@ -19,10 +19,10 @@ from fltea.spectrum.drift_rate import drift_rate
 from fltea.spectrum.innovation_whiteness import Innovations
 from fltea.spectrum.intervals import Estimated, OrderFit
 from fltea.spectrum.likelihood_ratio import critical_values
-from fltea.spectrum.lines import Peak
 from fltea.spectrum.noise_figures import NoiseFigures, SentenceSummary, noise_figures, summaries
 from fltea.spectrum.null_constants import PROBABILITIES
 from fltea.spectrum.spectral import Band
+from fltea.spectrum.spectral_lines import Peak
 from fltea.spectrum.verdict import Verdict, decide
 
 NOT_RUN = "nobody asked for it"
@@ -90,7 +90,7 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Slope of the straight line through the longest stretch, a second."""
     band: Band
     sentences: dict[str, SentenceSummary]
-    """All sentences that were compared (`fltea.spectrum.frontier`), those that did not win, too."""
+    """All sentences that were compared (`fltea.spectrum.candidate_models`), those that did not win, too."""
     stands: Literal["plain", "order"]
     """Which of them has `parts`."""
     peaks: tuple[Peak, ...]
@@ -170,8 +170,8 @@ def described(looked: Looked) -> AxisResult:
         level=looked.figures.level,
         drift_rate=drift_rate(longest, h, looked.figures.spectrum(h)),
         band=seen.band,
-        sentences=summaries(e.frontier),
-        stands="plain" if looked.figures.sentence is e.frontier.plain else "order",
+        sentences=summaries(e.candidates),
+        stands="plain" if looked.figures.sentence is e.candidates.plain else "order",
         peaks=e.peaks,
         fltea=None,
         fltea_other=None,

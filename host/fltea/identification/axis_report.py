@@ -6,6 +6,7 @@ import msgspec
 
 from fltea.identification.axis import AxisResult
 from fltea.identification.curves import Curves
+from fltea.identification.data_checks import DataCheck
 from fltea.identification.data_sheet import SheetComparison, compare
 from fltea.identification.forecast import Forecast, Now
 from fltea.identification.forecast_judge import Learned
@@ -16,7 +17,6 @@ from fltea.identification.noise_model import AxisModel
 from fltea.identification.reproduction import Reproduction
 from fltea.identification.sensor_events import BiasCourse, BiasStep, MotionSpan
 from fltea.identification.tracked_system import OffsetWalkFound
-from fltea.identification.traps import Trap
 from fltea.records.errors import FlteaError
 from fltea.spectrum.allan_curve import Allan
 
@@ -40,7 +40,7 @@ class AxisReport(msgspec.Struct, frozen=True):
     allan: Allan | None
     reproduction: Reproduction | None
     allan_reason: str
-    traps: tuple[Trap, ...]
+    data_checks: tuple[DataCheck, ...]
     curves: Curves | None
     now: Now | None = None
     """The bias at the end of the recording."""

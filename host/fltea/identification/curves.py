@@ -16,7 +16,7 @@ from fltea.identification.sums import left_in
 from fltea.noise.parts import Arfima, Order
 from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
-from fltea.spectrum.frontier import Frontier
+from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.intervals import little_white
 from fltea.spectrum.periodogram import binned
 
@@ -76,14 +76,14 @@ def curves(looked: Looked, lsb: float | None, options: IdentifyOptions, *, with_
     return Curves(
         Spectrum(whole.lam / (2 * np.pi * looked.h), whole.power[0], whole.counts),
         ORDERS,
-        profile(looked.summed.seen.evidence.frontier, ORDERS),
+        profile(looked.summed.seen.evidence.candidates, ORDERS),
         path,
         _autocorrelation(tested),
         len(tested),
     )
 
 
-def profile(f: Frontier, orders: Array) -> Array:
+def profile(f: CandidateModels, orders: Array) -> Array:
     """Return 2 log L of the best fit with an order below it, (k,), of the best fits that have these orders.
 
     Each begins at the one before, from the best on to both sides.

@@ -206,8 +206,8 @@ def _bias(title: str, axis: AxisReport, curves: Curves) -> str:
     known = np.isfinite(high - low)
     if known.any():
         usual = float(np.median(c.bias_std[known]))
-        settled = c.bias[known & (c.bias_std <= SETTLED * usual)]  # not at first, nor after a step
-        bottom, top = float(settled.min()), float(settled.max())
+        accepted = c.bias[known & (c.bias_std <= SETTLED * usual)]  # not at first, nor after a step
+        bottom, top = float(accepted.min()), float(accepted.max())
         margin = 4 * usual + 0.1 * (top - bottom)
         ends = bottom - margin, top + margin
         shown += _marks([step.at_s for step in axis.bias_steps], ends, "step")

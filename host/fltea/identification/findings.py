@@ -9,11 +9,11 @@ from fltea.identification.allan import scales
 from fltea.identification.axis import AxisResult
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.comparison import compared
+from fltea.identification.data_checks import DataCheck
 from fltea.identification.fltea_fit import FlteaFit
 from fltea.identification.lead import interval
 from fltea.identification.load import GYRO_UNIT
 from fltea.identification.shuffled import ShuffledBand
-from fltea.identification.traps import Trap
 from fltea.records.fit import Interval
 from fltea.records.odds import odds
 from fltea.records.plus_minus import plus_minus
@@ -56,7 +56,7 @@ def _file(report: FileReport) -> dict[str, Any]:
             "sensor": hello.sensor,
             "clock_ppm": report.recording.clock_ppm,
             "samples": msgspec.to_builtins(report.recording.counts),
-            "traps": msgspec.to_builtins(report.recording.traps),
+            "data_checks": msgspec.to_builtins(report.recording.data_checks),
             "reading": msgspec.to_builtins(report.recording.reading),
         }
     return found | {"axes": {name: _axis(axis) for name, axis in report.axes.items()}}
@@ -111,20 +111,20 @@ def doubts(report: FileReport) -> list[str]:
     return [f"{count:,} samples {what}." for count, what in counts if count]
 
 
-def traps(report: FileReport) -> list[tuple[str, Trap]]:
+def data_checks(report: FileReport) -> list[tuple[str, DataCheck]]:
     """Return all of a recording with their axis, the worst first.
 
     What several axes have in common comes once.
     """
-    found: dict[tuple[str, str], tuple[list[str], Trap]] = {}
-    of_axes = [(name, axis.traps) for name, axis in report.axes.items() if isinstance(axis, AxisReport)]
-    of_all = report.recording.traps if report.recording else ()
+    found: dict[tuple[str, str], tuple[list[str], DataCheck]] = {}
+    of_axes = [(name, axis.data_checks) for name, axis in report.axes.items() if isinstance(axis, AxisReport)]
+    of_all = report.recording.data_checks if report.recording else ()
     for name, those in [("", of_all), *of_axes]:
-        for trap in those:
-            found.setdefault((trap.kind, trap.text), ([], trap))[0].extend(
-                one for one in trap.axes or (name,) if one in report.axes or not one
+        for data_check in those:
+            found.setdefault((data_check.kind, data_check.text), ([], data_check))[0].extend(
+                one for one in data_check.axes or (name,) if one in report.axes or not one
             )
-    named = [(", ".join(filter(None, names)), trap) for names, trap in found.values()]
+    named = [(", ".join(filter(None, names)), data_check) for names, data_check in found.values()]
     return sorted(named, key=lambda one: SEVERITIES.index(one[1].severity))
 
 

@@ -9,8 +9,8 @@ from fltea.identification.comb_samples import WithoutComb, without_comb
 from fltea.identification.gaps import Stretch
 from fltea.records.arrays import Array
 from fltea.spectrum.comb import Comb, find_comb
-from fltea.spectrum.lines import Peak, Repeats, find_peaks
 from fltea.spectrum.periodogram import Periodogram, periodogram
+from fltea.spectrum.spectral_lines import Peak, Repeats, find_peaks
 
 CHUNK, MOST_DEVIATIONS = 128, 12.0
 """The same numbers as in firmware/core/engine/gate.hpp."""

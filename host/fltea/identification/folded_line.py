@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from fltea.records.arrays import Array
-from fltea.spectrum.frontier import Frontier
-from fltea.spectrum.lines import Peak
+from fltea.spectrum.candidate_models import CandidateModels
+from fltea.spectrum.spectral_lines import Peak
 
 LEAST_HEIGHT = 30.0
 """The density about frequency 0 over that at the highest frequencies, below which N is that of both."""
@@ -33,13 +33,13 @@ BETWEEN, SURE = (1.2, 2.3), 5.0
 between which noise jumps have a ratio of 1."""
 
 
-def folded_line(y: Array, h: float, frontier: Frontier) -> Peak | None:
+def folded_line(y: Array, h: float, candidates: CandidateModels) -> Peak | None:
     """Return the hump of such a line in y (n,), or None.
 
     frontier: the models of its spectrum. h: sampling period in s.
     """
-    lam = frontier.data.lam
-    density = frontier.plain.spectrum(lam, h)
+    lam = candidates.data.lam
+    density = candidates.plain.spectrum(lam, h)
     floor, top = float(np.median(density[lam > lam[-1] / 2])), float(density[:8].mean())
     if top < LEAST_HEIGHT * floor:
         return None
@@ -52,7 +52,7 @@ def folded_line(y: Array, h: float, frontier: Frontier) -> Peak | None:
         return None
     to_hz = 1 / (2 * np.pi * h)
     inside = lam <= edge
-    counts, power = frontier.data.counts, frontier.data.power[0]
+    counts, power = candidates.data.counts, candidates.data.power[0]
     excess = float((counts * (power - floor))[inside].sum() / (counts * power).sum())
     return Peak(
         kind="resonance",

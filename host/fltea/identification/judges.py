@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fltea.identification.data_checks import DataCheck
 from fltea.identification.gaps import Gaps, cut, no_gaps
 from fltea.identification.repeated import repeats
 from fltea.identification.resolution import LONG, step, thin
-from fltea.identification.traps import Trap
-from fltea.identification.values import HIDE, value_traps
+from fltea.identification.values import HIDE, value_data_checks
 from fltea.recording.candidates import MOST_MEAN_DPS, MOST_N, USUAL
 from fltea.recording.reading import Answer
 from fltea.records.arrays import Array, median
@@ -92,21 +92,21 @@ def judge(
     h: float,
     gaps: Gaps,
     reading: Sequence[Answer] = (),
-) -> Iterator[Trap]:
+) -> Iterator[DataCheck]:
     """Look at all axes of a recording, at a sampling period of h s.
 
     read: returns the samples (n,) of an axis; one axis at a time is in memory. lsb: one count of each axis in
     its unit, if it is known. reading: how the file was understood, as far as that is told.
     """
     seen = {name: _look(read(name), one, unit_of(name), gaps) for name, one in lsb.items()}
-    kept = [trap for names in (AXES, ACCEL_AXES) for trap in _held(read, lsb, h, names)]
+    kept = [data_check for names in (AXES, ACCEL_AXES) for data_check in _held(read, lsb, h, names)]
     yield from kept
     # Of values that are held regularly some samples are always the same as their neighbours.
-    by_turns = [] if any(trap.severity == "bad" for trap in kept) else list(_alternating(seen, h))
+    by_turns = [] if any(data_check.severity == "bad" for data_check in kept) else list(_alternating(seen, h))
     yield from by_turns
     for name, axis in seen.items():
         if axis.broken and not by_turns:
-            yield Trap("broken reads", "bad", axis.broken, BROKEN_REMEDY, (name,))
+            yield DataCheck("broken reads", "bad", axis.broken, BROKEN_REMEDY, (name,))
     if not any(one.question == "accelerometer" and one.evidence == "given" for one in reading):
         yield from _gravity([seen[name].mean for name in ACCEL_AXES if name in seen])
     unit = next((one for one in reading if one.question == "unit" and one.evidence == "convention"), None)
@@ -114,29 +114,29 @@ def judge(
         yield from _like_mems(seen, h, unit)
 
 
-def judge_one(y: Array, unit: str, lsb: float | None, h: float) -> Iterator[Trap]:
+def judge_one(y: Array, unit: str, lsb: float | None, h: float) -> Iterator[DataCheck]:
     """Look at one axis (n,) that comes from no recording."""
     seen = _look(y, lsb, unit, no_gaps())
-    if not any(trap.kind in HIDE for trap in value_traps(y, unit)):
+    if not any(data_check.kind in HIDE for data_check in value_data_checks(y, unit)):
         yield from held([y], [lsb], h)
     yield from _alternating({"it": seen}, h)
     if seen.broken:
-        yield Trap("broken reads", "bad", seen.broken, BROKEN_REMEDY)
+        yield DataCheck("broken reads", "bad", seen.broken, BROKEN_REMEDY)
 
 
 def _held(
     read: Callable[[str], Array], lsb: Mapping[str, float | None], h: float, names: Sequence[str]
-) -> tuple[Trap, ...]:
+) -> tuple[DataCheck, ...]:
     its = tuple(name for name in names if name in lsb)
     return held(map(read, its), [lsb[name] for name in its], h, its)
 
 
 def held(
     y: Iterable[Array], lsb: Sequence[float | None], h: float, names: tuple[str, ...] = ()
-) -> tuple[Trap, ...]:
+) -> tuple[DataCheck, ...]:
     """Look for samples of all axes of a sensor, each (n,), that were delivered twice; lsb of each, if known.
 
-    names: the axes, for the trap.
+    names: the axes, for the data check.
     """
     filtered = []
 
@@ -151,7 +151,7 @@ def held(
     share = (seen.same - seen.expected) / seen.pairs
     every = seen.change_every if share > HELD_SHARE else None
     return (
-        Trap(
+        DataCheck(
             "repeated",
             "bad" if share > HELD_SHARE else "warning",
             f"{seen.same} samples ({seen.same / seen.pairs:.2%}) are the same as the one before on every "
@@ -230,14 +230,14 @@ def _without_glitches(against: Array) -> Array:
     return np.where(near, 0.0, against)
 
 
-def _alternating(seen: Mapping[str, Axis], h: float) -> Iterator[Trap]:
-    """Yield the trap of rows by turns, which is of all axes: rows are mixed, not axes."""
+def _alternating(seen: Mapping[str, Axis], h: float) -> Iterator[DataCheck]:
+    """Yield the data check of rows by turns, which is of all axes: rows are mixed, not axes."""
     found = {name: axis.turns for name, axis in seen.items() if axis.turns is not None}
     if not found:
         return
     name = max(found, key=lambda one: (found[one].severe, found[one].sensors))
     worst, long = found[name], seen[name].samples * h >= ALTERNATES_S
-    yield Trap(
+    yield DataCheck(
         "alternates",
         "bad" if worst.severe and long else "warning",
         f"The rows alternate: every {ORDINALS[worst.sensors]} sample is of another kind, for "
@@ -280,7 +280,7 @@ def _broken(y: Array, lsb: float | None, unit: str) -> str:
     )
 
 
-def _gravity(means: Sequence[float]) -> Iterator[Trap]:
+def _gravity(means: Sequence[float]) -> Iterator[DataCheck]:
     """Yield what is wrong with the length of gravity; means: of all axes of an accelerometer, in m/s²."""
     length = math.hypot(*means)
     if len(means) < len(ACCEL_AXES) or length < LEAST_MS2 or _is_gravity(length):
@@ -288,9 +288,9 @@ def _gravity(means: Sequence[float]) -> Iterator[Trap]:
     shown = f"The accelerometer at rest shows {length:.4g} m/s²; gravity is 9.81."
     for what, factor, flag in UNITS_OF_GRAVITY:
         if _is_gravity(length * factor):
-            yield Trap("gravity", "bad", f"{shown} {what}", f"Say its unit: {flag}.", ACCEL_AXES)
+            yield DataCheck("gravity", "bad", f"{shown} {what}", f"Say its unit: {flag}.", ACCEL_AXES)
             return
-    yield Trap(
+    yield DataCheck(
         "gravity",
         "warning",
         f"{shown} No usual unit makes it that.",
@@ -303,7 +303,7 @@ def _is_gravity(length: float) -> bool:
     return abs(length / STANDARD_GRAVITY_MS2 - 1) < GRAVITY
 
 
-def _like_mems(seen: Mapping[str, Axis], h: float, unit: Answer) -> Iterator[Trap]:
+def _like_mems(seen: Mapping[str, Axis], h: float, unit: Answer) -> Iterator[DataCheck]:
     """Yield what noise and mean at rest say against a unit that only a convention told."""
     gyro, accel = ([seen[name] for name in names if name in seen] for names in (AXES, ACCEL_AXES))
     shakes = math.hypot(*(axis.rest[1] for axis in accel)) > SHAKES * math.hypot(
@@ -314,7 +314,7 @@ def _like_mems(seen: Mapping[str, Axis], h: float, unit: Answer) -> Iterator[Tra
     N = float(np.median([axis.rest[1] for axis in gyro])) * math.sqrt(h) * ROOT_HOUR
     mean = max((axis.rest[0] for axis in gyro), key=abs)
     if N > MOST_N or abs(mean) > MOST_MEAN_DPS:
-        yield Trap(
+        yield DataCheck(
             "unit",
             "bad",
             f"N is {N:.3g} deg/√h and the mean {mean:.3g} deg/s if the rates are in {unit.value}, as the "

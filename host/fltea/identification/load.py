@@ -13,9 +13,9 @@ import numpy as np
 
 from fltea.archive.info import sessions
 from fltea.identification.counts import Counts
+from fltea.identification.data_checks import DataCheck, source_data_check, timing_data_checks
 from fltea.identification.gaps import Gaps, bridge, no_gaps
 from fltea.identification.judges import judge
-from fltea.identification.traps import Trap, source_trap, timing_traps
 from fltea.recording.bag_files import bags_in
 from fltea.recording.kind import is_one_file
 from fltea.recording.opening import check_options
@@ -76,7 +76,7 @@ class Series(NamedTuple):
 class Loaded(NamedTuple):
     """One recording. clock_ppm: how much faster the device's clock runs than the host's, None if unknown.
 
-    traps: those of the recording as a whole. topic: of a bag, "" of other files. reading: how another
+    data checks: those of the recording as a whole. topic: of a bag, "" of other files. reading: how another
     program's file was understood, each answer with its evidence.
     """
 
@@ -84,7 +84,7 @@ class Loaded(NamedTuple):
     counts: Counts
     axes: dict[str, Series]
     clock_ppm: float | None
-    traps: tuple[Trap, ...]
+    data_checks: tuple[DataCheck, ...]
     topic: str = ""
     reading: tuple[Answer, ...] = ()
     accel: tuple[Array, ...] = ()
@@ -154,10 +154,10 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
         events, offset = recording.events(), lambda: recording.unix_offset_ns
     decoder = Decoder(offset, MAX_GAP)
     groups = _Groups(folder, gyro_names)
-    reported: list[Trap] = []
+    reported: list[DataCheck] = []
     for event in events:
         if isinstance(event, Trouble):
-            reported.append(source_trap(event.kind, event.message))
+            reported.append(source_data_check(event.kind, event.message))
         for found in decoder.feed(event):
             if isinstance(found, Decoded):
                 groups.add(found, decoder)
@@ -165,7 +165,7 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     if decoder.contradiction is not None:
         if c.rate_differs > c.delivered:
             raise UsageError(f"{request.name}: {decoder.contradiction}")
-        reported.append(source_trap("rate_differs", decoder.contradiction))
+        reported.append(source_data_check("rate_differs", decoder.contradiction))
     used = groups.largest()
     if used.hello is None:
         raise UsageError(f"{request.name}: holds no samples that can be used.")
@@ -175,9 +175,9 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
     counts = Counts(groups.samples, len(used), used.first, groups.stretches, bridged, *lost, *used.flagged)
     axes, clock_ppm = used.axes(gaps), None if used.no_clock else used.ppm
     chosen = _chosen(axes, request, reading)
-    traps = _traps(used, counts, axes, clock_ppm, chosen, reading)
+    data_checks = _data_checks(used, counts, axes, clock_ppm, chosen, reading)
     return Loaded(
-        used.hello, counts, chosen, clock_ppm, (*_most(reported), *traps), topic, reading, _accel(axes)
+        used.hello, counts, chosen, clock_ppm, (*_most(reported), *data_checks), topic, reading, _accel(axes)
     )
 
 
@@ -186,26 +186,30 @@ def _accel(axes: dict[str, Series]) -> tuple[Array, ...]:
     return found if any(np.ptp(y) > 0 for y in found) else ()  # some put zeros there
 
 
-def _most(reported: list[Trap]) -> list[Trap]:
+def _most(reported: list[DataCheck]) -> list[DataCheck]:
     """Return as many as a person reads, and all files that are not used."""
-    unread = [trap for trap in reported if trap.kind == "unread_file"]
-    return unread + [trap for trap in reported if trap.kind != "unread_file"][:MOST_REPORTED]
+    unread = [data_check for data_check in reported if data_check.kind == "unread_file"]
+    return (
+        unread + [data_check for data_check in reported if data_check.kind != "unread_file"][:MOST_REPORTED]
+    )
 
 
-def _traps(
+def _data_checks(
     used: "_Group",
     counts: Counts,
     axes: dict[str, Series],
     clock_ppm: float | None,
     wanted: Collection[str],
     reading: Sequence[Answer] = (),
-) -> tuple[Trap, ...]:
+) -> tuple[DataCheck, ...]:
     """Return what is wrong with the recording, or with axes of it that are wanted."""
     assert used.hello is not None
-    of_time = timing_traps(counts, used.hello.rate_hz, clock_ppm)
+    of_time = timing_data_checks(counts, used.hello.rate_hz, clock_ppm)
     lsb = {name: one.lsb for name, one in axes.items()}
     found = judge(used.axis, lsb, 1 / used.hello.rate_hz, used.gaps(), reading)
-    return *of_time, *(trap for trap in found if not trap.axes or set(trap.axes) & set(wanted))
+    return *of_time, *(
+        data_check for data_check in found if not data_check.axes or set(data_check.axes) & set(wanted)
+    )
 
 
 def _chosen(axes: dict[str, Series], request: Request, reading: Sequence[Answer]) -> dict[str, Series]:

@@ -9,8 +9,8 @@ import numpy as np
 
 from fltea.noise.parts import FILTERS, AnyPart, Floor, Part, Relaxation, Walk, White, high_pass_of, spectrum
 from fltea.records.arrays import Array
-from fltea.spectrum.frontier import Sentence
-from fltea.spectrum.lines import Peak
+from fltea.spectrum.candidate_models import Sentence
+from fltea.spectrum.spectral_lines import Peak
 
 AROUND = 4
 """Noise is drawn for a circle of at least this many records, of which one is cut out."""

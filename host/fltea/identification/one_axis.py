@@ -15,10 +15,12 @@ from fltea.identification.axis import (
     described,
     fltea_axis,
 )
+from fltea.identification.axis_checks import checks_of
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.conclusions import Conclusions, tracked_of
 from fltea.identification.curves import curves
-from fltea.identification.event_traps import event_traps
+from fltea.identification.data_checks import DataCheck, withheld
+from fltea.identification.event_checks import event_checks
 from fltea.identification.fltea_fit import FlteaAxis, FlteaFits, fltea_fits
 from fltea.identification.left_out import LeftOut
 from fltea.identification.load import Series
@@ -26,8 +28,6 @@ from fltea.identification.noise_model import modelled
 from fltea.identification.reproduction import check_comparable, reproduction
 from fltea.identification.sensor_events import AxisEvents
 from fltea.identification.slow_noise import with_slow_noise
-from fltea.identification.traps import Trap, withheld
-from fltea.identification.traps_of_axis import traps_of
 from fltea.records.fit import Interval
 
 MOST_LOOKS = 3
@@ -93,16 +93,16 @@ def concluded(axis: AxisReport, found: Conclusions) -> AxisReport:
 def with_events(axis: AxisReport, found: AxisEvents) -> AxisReport:
     """Return the report of an axis with what happened to it."""
     is_left_out = axis.left_out.is_like(found.left_out)
-    traps = (*event_traps(found, axis.unit, is_left_out=is_left_out), *axis.traps)
+    data_checks = (*event_checks(found, axis.unit, is_left_out=is_left_out), *axis.data_checks)
     axis = msgspec.structs.replace(
         axis,
         result=expecting_steps(axis.result, found.steps),
-        traps=traps,
+        data_checks=data_checks,
         bias_steps=found.steps,
         motion=found.motion,
         course=found.course,
     )
-    if axis.withheld or not (why := withheld(traps)):
+    if axis.withheld or not (why := withheld(data_checks)):
         return axis
     nothing = dict.fromkeys(("now", "forecast", "filter", "walk", "tracked"))
     return msgspec.structs.replace(axis, withheld=why, result=doubted(axis.result), **nothing)
@@ -113,7 +113,7 @@ def examine(
     h: float,
     options: IdentifyOptions,
     figures: bool,
-    known: Sequence[Trap] = (),
+    known: Sequence[DataCheck] = (),
     left_out: LeftOut | None = None,
     details: bool = True,
 ) -> AxisReport:
@@ -134,8 +134,8 @@ def examine(
     curve, drawn, reason = None, None, ""
     with ThreadPoolExecutor(1) as beside:  # of a long record either takes as long as the spectrum
         its_curve = beside.submit(allan_of, looked, series.unit)
-        traps = traps_of(looked, series, result, telegraph)
-        why = withheld((*known, *traps))
+        data_checks = checks_of(looked, series, result, telegraph)
+        why = withheld((*known, *data_checks))
         tracked = None if why else tracked_of(looked, telegraph)
     try:
         curve = its_curve.result()
@@ -153,7 +153,7 @@ def examine(
         curve,
         drawn,
         reason,
-        traps,
+        data_checks,
         curves=curves(looked, series.lsb, options, with_path=not why_no_path) if figures else None,
         tracked=tracked,
         left_out=out,

@@ -8,7 +8,7 @@ up as those of a walk do.
 import math
 from collections.abc import Sequence
 
-from fltea.identification.event_traps import popcorn_noise
+from fltea.identification.event_checks import popcorn_noise
 from fltea.identification.forecast_judge import Learned
 from fltea.identification.sensor_events import BiasStep
 from fltea.noise.system import System

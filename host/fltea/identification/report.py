@@ -87,9 +87,9 @@ def _section(report: FileReport, pictures: dict[str, dict[str, str]]) -> Iterato
         yield f'<p class="bad">{escape(str(report.failure))}</p></section>'
         return
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
-    for axes, trap in findings.traps(report):
-        if trap.severity == "bad":
-            said = escape(f"{axes}{axes and ': '}{trap.text} {trap.remedy}")
+    for axes, data_check in findings.data_checks(report):
+        if data_check.severity == "bad":
+            said = escape(f"{axes}{axes and ': '}{data_check.text} {data_check.remedy}")
             yield f'<p class="verdict bad">{said} {WITHHELD}</p>'
     for name, axis in report.axes.items():
         if isinstance(axis, AxisReport):
@@ -100,7 +100,7 @@ def _section(report: FileReport, pictures: dict[str, dict[str, str]]) -> Iterato
     for axes_of_one in findings.by_sensor(good):
         yield _table(axes_of_one, findings.level_rows)
     yield from _sentences(findings.sheets(good))
-    yield _traps(report)
+    yield _data_checks(report)
     if good:
         tables = [_table(axes_of_one, findings.rows) for axes_of_one in findings.by_sensor(good)]
         yield _folded("All figures", [*tables, *_sentences(findings.remarks(good))])
@@ -154,8 +154,11 @@ def _table(axes: dict[str, AxisReport], rows_of: Callable[[AxisReport], list[fin
     return table(rows, ["", *axes], ["th"])
 
 
-def _traps(report: FileReport) -> str:
+def _data_checks(report: FileReport) -> str:
     rows: list[Sequence[str]] = []
-    rows += [(trap.severity, axes or "all", trap.text, trap.remedy) for axes, trap in findings.traps(report)]
+    rows += [
+        (data_check.severity, axes or "all", data_check.text, data_check.remedy)
+        for axes, data_check in findings.data_checks(report)
+    ]
     rows += [("", "", text) for text in findings.doubts(report)]
-    return "<h3>Traps</h3>" + table(rows, kinds=("word", "", "text", "text")) if rows else ""
+    return "<h3>Data checks</h3>" + table(rows, kinds=("word", "", "text", "text")) if rows else ""

@@ -19,6 +19,7 @@ from fltea.identification.axis import (
 )
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.conclusions import Conclusions, conclude, in_agreement
+from fltea.identification.data_checks import DataCheck, of_axis
 from fltea.identification.fltea_fit import LEAST, FlteaFits
 from fltea.identification.forecast import Asked
 from fltea.identification.forecast_judge import Learned
@@ -41,7 +42,6 @@ from fltea.identification.sensor_events import (
 )
 from fltea.identification.shuffled import Copies, estimate, groups
 from fltea.identification.telegraph import without_levels
-from fltea.identification.traps import Trap, of_axis
 from fltea.identification.workers import Workers
 from fltea.records.arrays import Array
 from fltea.records.errors import FlteaError, UsageError
@@ -171,7 +171,7 @@ class _Recording:
 
     h: float
     accel: tuple[Array, ...]
-    traps: tuple[Trap, ...]
+    data_checks: tuple[DataCheck, ...]
     axes: list[_Axis] = field(default_factory=list)
     watches: int = 0
 
@@ -305,7 +305,7 @@ class _Loop(HandOut[_Task]):
         axis.looks += 1
         axis.is_examined = False
         out = None if axis.events is None else axis.events.left_out
-        known = of_axis(of.traps, axis.name)
+        known = of_axis(of.data_checks, axis.name)
         settings = self._settings
         arguments = axis.series, of.h, axis.options, settings.figures, known, out, settings.details
         return _Task(examine, arguments, report, axis, of=of)
@@ -343,7 +343,7 @@ class _Loop(HandOut[_Task]):
         """Plan the first look at each axis."""
         h = recording.h
         self._workers.expect(sum(len(series.y) for series in recording.axes.values()))
-        of = _Recording(h, recording.accel, recording.traps)
+        of = _Recording(h, recording.accel, recording.data_checks)
         for name, series in recording.axes.items():
             report.axes[name] = Failure("not done")  # keeps the order of the axes
             try:
@@ -354,7 +354,11 @@ class _Loop(HandOut[_Task]):
             needed = options.estimator.startup_needed + LEAST
             if len(series.y) < needed:
                 report.recording, report.axes = None, {}
-                wrong = [f" {trap.text}" for trap in recording.traps if trap.kind in FILE_TROUBLES][:1]
+                wrong = [
+                    f" {data_check.text}"
+                    for data_check in recording.data_checks
+                    if data_check.kind in FILE_TROUBLES
+                ][:1]
                 report.failure = UsageError(
                     f"{report.name}: {len(series.y)} samples, {len(series.y) * h:.1f} s, are too short for a "
                     f"verdict; {needed} are the least (the start-up window takes "

@@ -12,12 +12,12 @@ from fltea.identification.folded_line import folded_line
 from fltea.identification.gaps import LONGEST_BRIDGE, Gaps, Stretch, bridged, no_gaps
 from fltea.identification.swing_period import with_period
 from fltea.records.arrays import Array
-from fltea.spectrum.lines import Peak
 from fltea.spectrum.median_filter import MedianFilter, find_median_filter
 from fltea.spectrum.octave_lines import around
 from fltea.spectrum.octaves import SHORTEST, Drift, Lines, Octaves, Parts, in_order, put_together
 from fltea.spectrum.periodogram import Periodogram, check_enough, periodogram
 from fltea.spectrum.spectral import Spectral, examine
+from fltea.spectrum.spectral_lines import Peak
 
 Bands = tuple[tuple[float, float], ...]
 
@@ -186,7 +186,7 @@ def examined_stretches(
             sums = octaves_of_stretches(stretches)
             lines, drift = lines_of_stretches(stretches, sums, h)
     seen = examined_sums(lines, drift, sums, samples, h, from_hz, notch, peaks, before, median)
-    folded = folded_line(longest, h, seen.evidence.frontier) if peaks is not None else None
+    folded = folded_line(longest, h, seen.evidence.candidates) if peaks is not None else None
     if folded is not None and peaks is not None:
         peaks = (*peaks, folded)
         from_hz = max(from_hz, folded.notch_hz[1])

@@ -9,16 +9,16 @@ from rich.text import Text
 
 from fltea.identification import comparison, findings
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
+from fltea.identification.data_checks import DataCheck
 from fltea.identification.forecast_tables import forecast_tables
 from fltea.identification.lead import lead
-from fltea.identification.traps import Trap
 from fltea.records.visible import visible_lines
 
 COLOURS = {"bad": "bold red", "warning": "yellow", "note": "dim"}
 
 
 def show(console: Console, report: FileReport, first: bool = True, *, details: bool = False) -> None:
-    """Show one recording: the verdicts, forecasts and traps, and with details a table of all figures."""
+    """Show one recording: verdicts, forecasts and data checks, and with `details` all figures as a table."""
     if not first:
         console.print()
     console.print(_shown(report.name, style="bold"), _shown(findings.heading(report)), soft_wrap=True)
@@ -26,9 +26,9 @@ def show(console: Console, report: FileReport, first: bool = True, *, details: b
         console.print(_shown(str(report.failure), style="red"))
         return
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
-    found = findings.traps(report)
+    found = findings.data_checks(report)
     # A verdict on bad data is read as one on good data if the mark comes behind it.
-    _traps(console, [one for one in found if one[1].severity == "bad"])
+    _data_checks(console, [one for one in found if one[1].severity == "bad"])
     for name, axis in report.axes.items():
         console.print(_verdict(name, axis))
     for name, axis in good.items():
@@ -42,17 +42,17 @@ def show(console: Console, report: FileReport, first: bool = True, *, details: b
         _details(console, good)
     for line in dict.fromkeys(axis.allan_reason for axis in good.values() if axis.allan_reason):
         console.print(_shown(f"{line[0].upper()}{line[1:].removesuffix('.')}."))
-    _traps(console, [one for one in found if one[1].severity != "bad"])
+    _data_checks(console, [one for one in found if one[1].severity != "bad"])
     for doubt in findings.doubts(report):
         console.print(_shown(doubt))
 
 
-def _traps(console: Console, traps: Sequence[tuple[str, Trap]]) -> None:
-    for where, trap in traps:
-        text = _shown(f"{trap.severity}: ", style=COLOURS[trap.severity])
+def _data_checks(console: Console, data_checks: Sequence[tuple[str, DataCheck]]) -> None:
+    for where, data_check in data_checks:
+        text = _shown(f"{data_check.severity}: ", style=COLOURS[data_check.severity])
         plain = "default not dim not bold"
         text.append_text(_shown(f"{where}: " if where else "", style=plain))
-        text.append_text(_shown(f"{trap.text} {trap.remedy}", style=plain))
+        text.append_text(_shown(f"{data_check.text} {data_check.remedy}", style=plain))
         console.print(text)
 
 

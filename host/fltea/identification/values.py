@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fltea.identification.data_checks import DataCheck
 from fltea.identification.resolution import LONG
-from fltea.identification.traps import Trap
 from fltea.records.arrays import Array
 
 PARTS, MOST_PARTS = 8, 5
@@ -24,7 +24,7 @@ LEAST, LEAST_OF_ALL = 500, 100
 NEIGHBOURS = 3
 """Values on either side that tell how far values are apart."""
 OFTEN = 20
-"""Times that samples come to a value, at least. A value that the sensor was stuck at once is another trap."""
+"""Least number of times that the samples reach a value. A sensor that is stuck once is another data check."""
 TOO_OFTEN, BESIDE_A_GAP = 3.0, 2.0
 """Samples of a value over those of its neighbours, by itself and beside a gap."""
 GAP = 1.75
@@ -51,7 +51,7 @@ REMEDY = (
 
 
 HIDE = "dead band", "common value", "few values"
-"""Kinds of traps that explain why neighbours are equal so often."""
+"""Kinds of data checks that explain why neighbours are equal so often."""
 
 
 class _Values(NamedTuple):
@@ -70,7 +70,7 @@ class _Common(NamedTuple):
     is_bad: bool
 
 
-def value_traps(y: Array, unit: str) -> Iterator[Trap]:
+def value_data_checks(y: Array, unit: str) -> Iterator[DataCheck]:
     """Yield what the values of samples y (n,), in this unit, show."""
     samples = np.asarray(y, dtype=np.float64)[:LONG]
     few = few_values(samples, unit)
@@ -89,8 +89,8 @@ def value_traps(y: Array, unit: str) -> Iterator[Trap]:
     yield from _clipped(ends, [one.values for one in values], need, len(samples), unit)
 
 
-def few_values(y: Array, unit: str) -> Trap | None:
-    """Return the trap of samples (n,) that have a few values only, and stay at each for long."""
+def few_values(y: Array, unit: str) -> DataCheck | None:
+    """Return the data check of samples (n,) that have a few values only, and stay at each for long."""
     if len(np.unique(y[:BEGIN])) > FEW_VALUES or not 2 <= len(values := np.unique(y)) <= FEW_VALUES:
         return None
     at = np.searchsorted(values, y)
@@ -99,7 +99,7 @@ def few_values(y: Array, unit: str) -> Trap | None:
     if (counts < SHORTEST_STAY * stays).any():
         return None
     names = ", ".join(f"{one:.4g}" for one in values.tolist())
-    return Trap(
+    return DataCheck(
         "few values",
         "bad",
         f"There are only {len(values)} values, {names} {unit}, one after the other for "
@@ -138,14 +138,14 @@ def _came(is_it: NDArray[np.bool_]) -> int:
     return int(np.count_nonzero(is_it[1:] & ~is_it[:-1]))
 
 
-def _too_frequent(common: list[_Common], unit: str) -> Iterator[Trap]:
+def _too_frequent(common: list[_Common], unit: str) -> Iterator[DataCheck]:
     share = float(np.mean([one.share for one in common]))
     value, gap = common[0].value, float(np.median([one.gap for one in common]))
     if gap:
         kind, what = "dead band", f", and none is nearer to it than {gap:.3g} {unit}: a dead band"
     else:
         kind, what = "common value", ", far more than have values near it"
-    yield Trap(
+    yield DataCheck(
         kind,
         "bad" if 2 * sum(one.is_bad for one in common) > len(common) else "warning",
         f"{share:.2%} of the samples are exactly {value:.4g} {unit}{what}."
@@ -170,8 +170,8 @@ def _at_end(part: Array, of: _Values, end: int) -> int:
 
 def _clipped(
     ends: list[tuple[int, int]], values: list[Array], need: int, n: int, unit: str
-) -> Iterator[Trap]:
-    """Yield the trap of values that are clipped; ends: of each part, samples at the lowest and the highest.
+) -> Iterator[DataCheck]:
+    """Yield the data check of clipped values. ends: of each part, samples at the lowest and the highest.
 
     need: in how many parts it has to be seen. n: samples of all parts.
     """
@@ -185,7 +185,7 @@ def _clipped(
             total += sum(counts)
     if shown:
         share = total / n
-        yield Trap(
+        yield DataCheck(
             "clipped",
             "bad" if share >= BAD_CLIPPED else "warning",
             f"{share:.2%} of the samples are exactly {' or '.join(shown)}, and none is beyond: the values "

@@ -19,6 +19,7 @@ from fltea.recording.bag_twice import held_twice
 from fltea.recording.bag_units import AtRest, Scale, at_rest, check_rates, measured_accel, scales
 from fltea.recording.candidates import units_table
 from fltea.recording.columns import Chosen
+from fltea.recording.decompress import decompressed_zstd
 from fltea.recording.files import AT_ONCE, Note, Recording, Stored, check_span, listed
 from fltea.recording.message_stamps import Stamps, Times, is_arrival
 from fltea.recording.npz_arrays import NUMBER_BYTES
@@ -28,7 +29,6 @@ from fltea.recording.sample_times import Floats, Ints, Marks
 from fltea.recording.session import LATEST_NS
 from fltea.recording.spool import Spool
 from fltea.recording.table import Plausible, is_of_sensor
-from fltea.recording.unpack import unpacked_zstd
 from fltea.records.errors import UsageError
 from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.records.visible import visible
@@ -326,7 +326,7 @@ def _unpacked(message: bytes) -> bytes:
         return message
     zstandard = load("zstandard", "zstandard", "ros", "Bags that are packed in zstd need")
     with contextlib.suppress(zstandard.ZstdError):
-        return unpacked_zstd(message, LONGEST_MESSAGE)
+        return decompressed_zstd(message, LONGEST_MESSAGE)
     return b""
 
 

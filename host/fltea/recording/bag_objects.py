@@ -16,7 +16,7 @@ from fltea.recording.bag_names import Layout, Texts, named_layout
 from fltea.recording.column_names import is_time, named_axis, tells_sensors
 from fltea.recording.one_sensor import as_float, as_word
 from fltea.recording.quota import MOST_FIELDS, Quota, TooManyFields
-from fltea.recording.readers.beside import scale_of, units_of
+from fltea.recording.readers.file_facts import scale_of, units_of
 from fltea.recording.text_labels import DEEPEST, decode_object, units_beside, without_axis
 from fltea.recording.text_times import with_seconds
 from fltea.records.records import AXES

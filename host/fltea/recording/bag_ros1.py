@@ -12,8 +12,8 @@ from typing import BinaryIO, NamedTuple
 
 from fltea.recording.bag_files import ROS1
 from fltea.recording.bag_messages import Batch, Topic
+from fltea.recording.decompress import decompressed_bz2, decompressed_lz4
 from fltea.recording.files import Note
-from fltea.recording.unpack import unpacked_bz2, unpacked_lz4
 from fltea.settings.extras import load
 from fltea.settings.limits import Limits
 
@@ -140,7 +140,7 @@ def _read_chunk(
             load("lz4.frame", "lz4", "ros", "Bags that are packed in LZ4 need")
         most = limits.chunk_bytes + 1
         try:
-            data = (unpacked_lz4 if compression == b"lz4" else unpacked_bz2)(packed, most)
+            data = (decompressed_lz4 if compression == b"lz4" else decompressed_bz2)(packed, most)
         except (OSError, ValueError, RuntimeError, EOFError) as error:
             return str(error)
         if len(data) == most:

@@ -49,7 +49,7 @@ def scales(where: str, layout: Layout, how: How) -> tuple[Scale | None, Scale | 
     """
     notes: list[Note] = []
 
-    def settled(
+    def accepted(
         names: Sequence[str], said: Said | None, given: str | None, option: str, parse: Parse
     ) -> Scale | None:
         if said is not None and said.against and not (how.overrule and given):
@@ -81,10 +81,10 @@ def scales(where: str, layout: Layout, how: How) -> tuple[Scale | None, Scale | 
             f"{where}: {title(layout.gyro)} may have to be changed by {changed}, and --units {how.units} "
             f"says not whether that is done. If they are in {how.units} as they stand, add --overrule."
         )
-    rate = settled(layout.gyro, layout.rate, how.units, "--units", parse_units)
+    rate = accepted(layout.gyro, layout.rate, how.units, "--units", parse_units)
     if how.accel_units is not None and not layout.accel:
         raise UsageError(f"{where}: --accel-units is given, and its messages have no accelerometer.")
-    accel = settled(layout.accel, layout.accel_unit, how.accel_units, "--accel-units", parse_accel_unit)
+    accel = accepted(layout.accel, layout.accel_unit, how.accel_units, "--accel-units", parse_accel_unit)
     return rate, accel, notes
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fltea.recording.files import LONGEST_NAME, listed
-from fltea.recording.lines import shown
+from fltea.recording.raw_lines import shown
 from fltea.recording.sample_times import PLAUSIBLE_HZ, SECONDS, Floats
 from fltea.recording.units import parse_units
 from fltea.records.units import SQRT_HOUR, STANDARD_GRAVITY_MS2

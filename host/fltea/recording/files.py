@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.recording.lines import shown
+from fltea.recording.raw_lines import shown
 from fltea.recording.reading import Answer
 from fltea.recording.sample_times import LONGEST_S
 from fltea.recording.session import HIGHEST_RATE_HZ, LOWEST_RATE_HZ

@@ -85,7 +85,7 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
             (".gz", ".bz2", ".xz", ".zip"),
             _each("plain.csv.gz plain.csv.bz2 plain.csv.xz"),
             magic=(b"\x1f\x8b", b"BZh", b"\xfd7zXZ", ZIP),
-            opener="fltea.recording.packed:open_packed",
+            opener="fltea.recording.compressed:open_packed",
         ),
         "xlsx": Format(
             "Excel",

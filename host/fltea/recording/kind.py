@@ -13,7 +13,7 @@ import msgspec
 from fltea.recording.bag_files import is_bag_folder, is_ros_mcap
 from fltea.recording.column_names import times_in
 from fltea.recording.formats import FORMATS, KINDS, MAGIC, UNREAD, ZIP, Kind
-from fltea.recording.lines import BOM, UTF_16, shown
+from fltea.recording.raw_lines import BOM, UTF_16, shown
 from fltea.recording.text_fields import rows_alike
 from fltea.records.errors import UsageError
 from fltea.records.small_file import open_stream

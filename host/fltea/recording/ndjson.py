@@ -8,7 +8,7 @@ import msgspec
 from fltea.recording.changes import CLASSES, MotionMark, StepMark
 from fltea.recording.files import LARGEST_DPS
 from fltea.recording.kind import is_stream
-from fltea.recording.lines import lines
+from fltea.recording.raw_lines import lines
 from fltea.recording.session import LATEST_NS, check_hello
 from fltea.records.errors import UsageError
 from fltea.records.records import ACCEL_AXES, AXES, EpochReason, Hello, Record, Sample

@@ -46,9 +46,9 @@ def open_recording(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_L
     content = {} if file is None else {"file": file}
     try:
         if form.reader:
-            from fltea.recording.apart import open_apart
+            from fltea.recording.reader_process import open_in_process
 
-            return open_apart(kind, path, how, limits)
+            return open_in_process(kind, path, how, limits)
         return cast(Stored | Printed, loaded(form.opener)(path, limits=limits, **said, **content))
     except NotStated as error:
         error.args = (_with_command(str(error), path, how),)

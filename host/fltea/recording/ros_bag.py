@@ -12,8 +12,8 @@ from fltea.recording.bag_names import Layout
 from fltea.recording.bag_ros1 import read_ros1
 from fltea.recording.bag_ros2 import read_mcap, read_sqlite, unpacked_file
 from fltea.recording.files import MOST_NAMES, Note, Stored, listed
-from fltea.recording.lines import shown
 from fltea.recording.quota import Quota, TooManyFields
+from fltea.recording.raw_lines import shown
 from fltea.recording.reading import Answer, Evidence, Missing, not_stated
 from fltea.records.errors import UsageError
 from fltea.records.visible import visible

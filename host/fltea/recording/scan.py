@@ -15,6 +15,7 @@ from mcap.records import Channel, Chunk, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from fltea import _native
+from fltea.recording.decompress import decompressed_lz4, decompressed_zstd
 from fltea.recording.resync import (
     HEAD,
     WINDOW_BYTES,
@@ -26,7 +27,6 @@ from fltea.recording.resync import (
     next_chunk,
 )
 from fltea.recording.session import LATEST_NS
-from fltea.recording.unpack import unpacked_lz4, unpacked_zstd
 from fltea.records.errors import UsageError
 from fltea.records.events import Ints
 from fltea.records.small_file import open_file
@@ -241,9 +241,9 @@ def _unpacked(chunk: Chunk, limits: Limits, place: str) -> bytes:
     most = min(chunk.uncompressed_size, limits.chunk_bytes)
     match chunk.compression:
         case "zstd":
-            data = unpacked_zstd(chunk.data, most + 1, limits.chunk_bytes)
+            data = decompressed_zstd(chunk.data, most + 1, limits.chunk_bytes)
         case "lz4":
-            data = unpacked_lz4(chunk.data, most + 1)
+            data = decompressed_lz4(chunk.data, most + 1)
         case "":
             data = chunk.data
         case _:

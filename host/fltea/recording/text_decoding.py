@@ -2,7 +2,7 @@
 
 import codecs
 
-from fltea.recording.lines import BOM, UTF_16
+from fltea.recording.raw_lines import BOM, UTF_16
 from fltea.recording.text_forms import BEGINNING, YAML, YamlDocuments
 
 BEGIN_BYTES, MOST_HELD = 256, 4096

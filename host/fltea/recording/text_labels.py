@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from fltea.recording.column_names import accel_axis_of, axis_of, is_time, named_axis
-from fltea.recording.readers.beside import unit_of, units_of
+from fltea.recording.readers.file_facts import unit_of, units_of
 from fltea.recording.units import accel_unit, is_unit, rate_unit, time_scale
 from fltea.recording.wanted import NUMBER
 from fltea.records.records import AXES

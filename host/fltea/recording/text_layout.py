@@ -15,8 +15,8 @@ from fltea.recording.dialects import Facts, dialect_of, may_be_of_a_dialect, nam
 from fltea.recording.evidence import axes_of
 from fltea.recording.files import Note, listed
 from fltea.recording.header_choices import Choices
-from fltea.recording.lines import shown
 from fltea.recording.named_lines import NamedLines
+from fltea.recording.raw_lines import shown
 from fltea.recording.text_fields import (
     COMMENTS,
     MOST_COLUMNS,
@@ -119,7 +119,8 @@ class LayoutFinder:
         self._kinds_at_hand: Kinds = Kinds() if before is None else before._kinds_at_hand
         self._thousands: Thousands = Thousands() if before is None else before._thousands
         self._known: dict[tuple[str, int, int] | str, bool] = {} if before is None else before._known
-        self._choices, self._had_rows = Choices() if before is None else before._choices, before is not None
+        self._choices: Choices = Choices() if before is None else before._choices
+        self._had_rows = before is not None
 
     def take(self, number: int, line: str) -> Layout | None:
         """Look at the next line; the layout if it is a row.

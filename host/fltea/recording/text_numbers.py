@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fltea._native import plain_rows
-from fltea.recording.lines import LONGEST_LINE, shown
+from fltea.recording.raw_lines import LONGEST_LINE, shown
 from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.text_fields import is_blank, is_comment
 from fltea.recording.text_labels import values_in

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from fltea.recording.candidates import columns_table
 from fltea.recording.columns import choose
 from fltea.recording.dialects import Facts
-from fltea.recording.lines import shown
+from fltea.recording.raw_lines import shown
 from fltea.recording.reading import Missing, given_options, not_stated
 from fltea.recording.text_fields import (
     all_numbers,

@@ -17,7 +17,7 @@ from fltea.recording.columns import Chosen
 from fltea.recording.files import Note
 from fltea.recording.flash_lines import FlashLines
 from fltea.recording.label_lines import LabelLines
-from fltea.recording.lines import BOM, LONGEST_LINE, shown
+from fltea.recording.raw_lines import BOM, LONGEST_LINE, shown
 from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.sensor_lines import SensorLines
 from fltea.recording.table import Rows, joined

@@ -15,22 +15,22 @@ from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.errors import FlteaError, Incomplete, SourceFailed, UsageError
 from fltea.records.ports import Source
 from fltea.records.visible import visible_lines
-from fltea.service.bell import Bell
 from fltea.service.date import DateWatch
 from fltea.service.descriptors import check_descriptors
+from fltea.service.device_stream import DeviceStream
 from fltea.service.ending import Awaited, Ending
 from fltea.service.hub import Hub
-from fltea.service.lines import LineLoop, has_line
 from fltea.service.open_outputs import open_outputs
 from fltea.service.open_source import check_recordable, check_shared, open_source
+from fltea.service.port_loop import PortLoop, has_port
 from fltea.service.pressure import Pressure
 from fltea.service.state import StateFile
 from fltea.service.systemd import ServiceManager
-from fltea.service.walk import Walk
+from fltea.service.wake_up import WakeUp
 from fltea.settings.config import Config
 from fltea.settings.ingest import is_shared
 from fltea.sources.replay import ReplaySource
-from fltea.stream.beside import BesideThread
+from fltea.stream.fit_worker import FitThread
 
 if TYPE_CHECKING:
     from fltea.service.ingest.loop import Ingest
@@ -73,7 +73,7 @@ class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
 
     def __init__(self) -> None:
         self.asked = self.armed = False
-        self.bell = Bell()
+        self.wake_up = WakeUp()
         self.count = 0
         self._before: dict[signal.Signals, object] = {}
 
@@ -97,7 +97,7 @@ class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
     def ask(self) -> None:
         """Ask for the end."""
         self.asked = True
-        self.bell.ring()
+        self.wake_up.ring()
 
 
 class _Run:
@@ -113,8 +113,8 @@ class _Run:
         self._running = len(configs)
         self._manager = ServiceManager()
         self._date = DateWatch(self._hub.report())
-        self._beside = BesideThread(sum(not is_shared(config.source) for config in configs))
-        self._walks: list[Walk] = []
+        self._fit_worker = FitThread(sum(not is_shared(config.source) for config in configs))
+        self._walks: list[DeviceStream] = []
         self._ingests: list[Ingest] = []
 
     def run(self) -> tuple[FlteaError | None, bool]:
@@ -147,17 +147,17 @@ class _Run:
             ending.wait([*_closing(sources), *self._hub.close()])
             raise
         self._walks = [
-            Walk(source, config, self._hub, state, self._beside, number)
+            DeviceStream(source, config, self._hub, state, self._fit_worker, number)
             for number, (source, config) in enumerate(zip(sources, configs, strict=True))
         ]
         live = bool(shared) or any(source.live for source in sources)
-        on_lines = [walk for walk in self._walks if has_line(walk)]
-        pressure = Pressure(self._beside, self._hub.report())
-        lines = LineLoop(on_lines, self._end, self._hub, pressure) if on_lines else None
+        on_lines = [walk for walk in self._walks if has_port(walk)]
+        pressure = Pressure(self._fit_worker, self._hub.report())
+        lines = PortLoop(on_lines, self._end, self._hub, pressure) if on_lines else None
         threads = [
             threading.Thread(target=self._pump, args=(walk,), name=f"walk {walk.name}")
             for walk in self._walks
-            if not has_line(walk)
+            if not has_port(walk)
         ]
         if lines is not None:
             threads.append(threading.Thread(target=lines.run, name="lines"))
@@ -178,7 +178,7 @@ class _Run:
             [
                 *_closing([*sources, *self._ingests]),
                 *(Awaited(thread.name.strip(), _has_ended(thread)) for thread in threads),
-                Awaited("looks", self._beside.close),
+                Awaited("looks", self._fit_worker.close),
             ]
         )
         saving = [] if state is None else [_begun(state.close, "state", kept=True)]
@@ -197,11 +197,11 @@ class _Run:
         return self._stop.asked or self._failure is not None
 
     def _wait(self, done: Callable[[], bool]) -> None:
-        moving: list[Walk | Ingest] = [*self._walks, *self._ingests]
+        moving: list[DeviceStream | Ingest] = [*self._walks, *self._ingests]
         while not (done() or self._stop.asked):
             self._date.look()
-            self._stop.bell.wait(LOOK_S)
-            self._stop.bell.clear()
+            self._stop.wake_up.wait(LOOK_S)
+            self._stop.wake_up.clear()
             if time.monotonic() - min(one.moved_s for one in moving) < STUCK_S:
                 self._manager.alive()
 
@@ -211,7 +211,7 @@ class _Run:
         print(text, file=sys.stderr, flush=True)
         self._wait(lambda: False)
 
-    def _pump(self, walk: Walk) -> None:
+    def _pump(self, walk: DeviceStream) -> None:
         """Walk one source to its end, in a thread of its own."""
         try:
             for event in walk.source.events():
@@ -230,23 +230,23 @@ class _Run:
         from fltea.service.ingest.loop import Ingest  # few have many devices behind a broker
         from fltea.service.ingest.receivers import receiver_of
 
-        return Ingest(config, self._hub, receiver_of(config), self._end, self._beside)
+        return Ingest(config, self._hub, receiver_of(config), self._end, self._fit_worker)
 
-    def _end(self, walk: "Walk | Ingest", error: Exception | None) -> None:
+    def _end(self, walk: "DeviceStream | Ingest", error: Exception | None) -> None:
         """A walk has ended: by itself, or with a fault, which must not leave a daemon that looks alive."""
         failure: FlteaError | None = None
         if isinstance(error, FlteaError):
             failure = error
         elif error is not None:
             failure = FlteaError(f"{walk.name}: internal fault: {type(error).__name__}: {error}")
-        elif isinstance(walk, Walk) and walk.failure is not None:
+        elif isinstance(walk, DeviceStream) and walk.failure is not None:
             failure = SourceFailed(walk.failure.message)
         with self._lock:
             self._running -= 1
             self._failure = self._failure or failure
             if failure is not None or not self._running:
                 self._done = True
-                self._stop.bell.ring()
+                self._stop.wake_up.ring()
 
     def _on_output_end(self, error: Exception | None) -> None:
         with self._lock:

@@ -31,16 +31,16 @@ def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] =
     recorder = RecorderOfHub(hub, of_record, program.dashboard.record_to, replays)
     shared = [config.name or "" for config in configs if is_shared(config.source)]
     apart = [config.name or "" for config in configs if not is_shared(config.source)]
-    opening = Opening(configs, "", apart, shared, hub.report(), hub.outlets, recorder, _to_stderr)
+    opening = Opening(configs, "", apart, shared, hub.report(), hub.sink_queues, recorder, _to_stderr)
     for output in OUTPUTS:
         if not output.is_on(program):
             continue
         if output.each == "device":
             for name in apart:
                 of_one = opening._replace(device=name, report=hub.report(name))
-                outlet = hub.add(_opened(output, of_one), name)
+                sink_queue = hub.add(_opened(output, of_one), name)
                 if output.name == "record":
-                    recorder.adopt(name, outlet)
+                    recorder.adopt(name, sink_queue)
         elif output.each == "program" or shared:
             hub.add(_opened(output, opening))
 

@@ -13,7 +13,7 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.records.ports import RecordingView
 from fltea.records.records import Hello
 from fltea.service.hub import Hub
-from fltea.service.outlet import Outlet
+from fltea.service.sink_queue import SinkQueue
 from fltea.settings.extras import load
 from fltea.settings.outputs import RecordConfig
 
@@ -37,26 +37,26 @@ class RecorderOfHub:
         self._settings = msgspec.structs.replace(settings, folder=settings.folder or folder)
         self._folder = Path(self._settings.folder or folder).absolute()
         self._lock = threading.Lock()
-        self._fixed: dict[str, Outlet] = {}
-        self._running: dict[str, Outlet] = {}
+        self._fixed: dict[str, SinkQueue] = {}
+        self._running: dict[str, SinkQueue] = {}
         self._began_s: dict[str, float] = {}
         self._done: dict[str, tuple[str | None, int]] = {}
         self._free: tuple[float, int | None] = (-FREE_EVERY_S, None)
 
-    def adopt(self, device: str, outlet: Outlet) -> None:
+    def adopt(self, device: str, sink_queue: SinkQueue) -> None:
         """Take note of a recording that runs as long as the program."""
-        self._fixed[device] = outlet
+        self._fixed[device] = sink_queue
         self._began_s[device] = time.monotonic()
 
     def view(self, device: str) -> RecordingView:
         """How the recording of a device is."""
-        outlet = self._fixed.get(device) or self._running.get(device)
+        sink_queue = self._fixed.get(device) or self._running.get(device)
         folder, free = str(self._folder), self._free_bytes()
-        if outlet is None:
+        if sink_queue is None:
             file, size = self._done.get(device, (None, 0))
             why_not = REPLAYED if device in self._replays else ""
             return RecordingView(False, False, folder, file, size, free_bytes=free, why_not=why_not)
-        sink: Any = outlet.sink
+        sink: Any = sink_queue.sink
         return RecordingView(
             on=True,
             fixed=device in self._fixed,
@@ -65,7 +65,7 @@ class RecorderOfHub:
             size_bytes=sink.size_bytes,
             seconds=time.monotonic() - self._began_s[device],
             lost=sink.lost,
-            trouble=FAULT if outlet.join(0) else sink.trouble,
+            trouble=FAULT if sink_queue.join(0) else sink.trouble,
             free_bytes=free,
         )
 
@@ -97,12 +97,12 @@ class RecorderOfHub:
         with self._lock:
             if device in self._fixed:
                 raise FlteaError("This recording was started with --record and ends with the program.")
-            outlet = self._running.pop(device, None)
-            if outlet is None:
+            sink_queue = self._running.pop(device, None)
+            if sink_queue is None:
                 return
-            self._hub.remove(outlet, device)
-            finished = outlet.join(FINISH_S)
-            sink: Any = outlet.sink
+            self._hub.remove(sink_queue, device)
+            finished = sink_queue.join(FINISH_S)
+            sink: Any = sink_queue.sink
             self._done[device] = None if sink.path is None else sink.path.name, sink.size_bytes
             if not finished:
                 raise FlteaError(

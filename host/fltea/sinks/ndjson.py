@@ -7,7 +7,7 @@ from typing import BinaryIO
 
 from fltea.records.block import Block
 from fltea.records.ports import Item, Printed, Sink, SinkClosed, Wanted
-from fltea.sinks.lines import BlockLines
+from fltea.sinks.json_lines import BlockLines
 from fltea.sinks.opening import Opening
 from fltea.sinks.record_json import record_json
 

@@ -21,7 +21,7 @@ class Opening(NamedTuple):
     apart: Sequence[str]
     shared: Sequence[str]
     report: Report
-    outlets: Callable[[], Sequence[tuple[str | None, OutputView]]]
+    sink_queues: Callable[[], Sequence[tuple[str | None, OutputView]]]
     recorder: Recorder
     say: Callable[[str], object]
 

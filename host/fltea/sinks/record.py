@@ -15,7 +15,7 @@ from fltea.records.events import Chunk, Failed, Opened, Reads
 from fltea.records.ports import Item, Printed, Report, Sink, Wanted
 from fltea.records.records import AnyRecord, Error, Hello
 from fltea.settings.outputs import RecordConfig
-from fltea.sinks.lines import BlockLines
+from fltea.sinks.json_lines import BlockLines
 from fltea.sinks.opening import Opening
 from fltea.sinks.record_loss import lost_of, told
 from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer, summed

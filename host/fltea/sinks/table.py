@@ -241,7 +241,7 @@ class DeviceView:
                 plus_minus(own.f, own.f_std),
                 _rate(own.state),
                 _rate(own.innovation),
-                "" if own.settled else "settling",
+                "" if own.accepted else "settling",
                 *bars,
             )
         return table

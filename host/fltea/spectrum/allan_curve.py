@@ -18,7 +18,7 @@ from fltea.records.fit import FitAllan, Level
 from fltea.spectrum.allan_coefficients import Coefficient, Points, coefficients
 from fltea.spectrum.allan_dof import degrees_of_freedom
 from fltea.spectrum.bias_instability import bias_instability
-from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, Sentence
 
 CONFIDENCE = 0.95
 SHORTEST_RECORD = 100
@@ -58,7 +58,7 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         count = tuple(np.asarray(differences, dtype=np.float64).tolist())
         return cls(tau, deviation, low, high, degrees, count, *coefficients(found, h, unit))
 
-    def with_model(self, f: Frontier, stands: Sentence, level: Level, unit: str) -> "Allan":
+    def with_model(self, f: CandidateModels, stands: Sentence, level: Level, unit: str) -> "Allan":
         """Return the curve beside the model that stands for the noise: with N and K of that model, and B.
 
         Short averaging times of the curve are bent where a filter takes power away, and long ones by all else
@@ -112,7 +112,7 @@ def fit_allan(
     samples: float,
     h: float,
     unit: str,
-    f: Frontier,
+    f: CandidateModels,
     noise: Sentence,
     N: float | None,
 ) -> FitAllan | None:

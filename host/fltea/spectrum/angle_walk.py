@@ -35,8 +35,8 @@ from fltea.noise.parts import (
 )
 from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
+from fltea.spectrum.candidate_models import BY_CHANCE, CandidateModels, Sentence
 from fltea.spectrum.evidence import APART
-from fltea.spectrum.frontier import BY_CHANCE, Frontier, Sentence
 from fltea.spectrum.intervals import around, interval_end, slopes
 from fltea.spectrum.reading import NO_WHITE
 
@@ -55,7 +55,7 @@ RISING = (0.4, 1.0), (1.0, 1.0)
 """The same of a rise: δ, and its density at half the rate."""
 
 
-def angle_walk(f: Frontier, sentence: Sentence) -> Interval:
+def angle_walk(f: CandidateModels, sentence: Sentence) -> Interval:
     """Return N, per root second: by what the angle walks at random, with its interval.
 
     N is of the density at low frequencies of all that is neither slow nor an order: white noise, and whatever
@@ -72,7 +72,7 @@ def angle_walk(f: Frontier, sentence: Sentence) -> Interval:
     return Interval(found.value, low, high)
 
 
-def _of_one(f: Frontier, sentence: Sentence) -> Interval:
+def _of_one(f: CandidateModels, sentence: Sentence) -> Interval:
     """Return N with its interval if the sentence is right."""
     words = list(sentence.words())
     # Beside a filter a hump is of the filter's shape, and its foot is of the pass band.
@@ -101,7 +101,7 @@ def _of_one(f: Frontier, sentence: Sentence) -> Interval:
     return Interval(here, *(_walk_of(math.log(value) + one, f.h) for one in (-deviation, deviation)))
 
 
-def _as_good(f: Frontier, sentence: Sentence) -> Iterator[Sentence]:
+def _as_good(f: CandidateModels, sentence: Sentence) -> Iterator[Sentence]:
     """Yield the other sentences that describe the data as well as this one."""
     if sentence is not f.plain and _stands_beside(f.plain, sentence):
         yield f.plain
@@ -124,7 +124,9 @@ def _stands_beside(other: Sentence, sentence: Sentence) -> bool:
     return 2 * (other.nll - sentence.nll) + dearer < APART
 
 
-def _with(f: Frontier, sentence: Sentence, kind: type[Part], left_out: tuple[type[Part], ...]) -> Sentence:
+def _with(
+    f: CandidateModels, sentence: Sentence, kind: type[Part], left_out: tuple[type[Part], ...]
+) -> Sentence:
     """Return the best fit with one more part, a fast relaxation or a rise, and without the kinds `left_out`.
 
     It begins where the last one of the same parts was found.
@@ -156,7 +158,7 @@ def _relaxing(rest: list[float], rate: float, share: float) -> list[float]:
     return [rest[0] + math.log1p(-share / 2), *rest[1:], variance, math.log(rate)]
 
 
-def _profile(f: Frontier, sentence: Sentence) -> tuple[float, float]:
+def _profile(f: CandidateModels, sentence: Sentence) -> tuple[float, float]:
     """Return the ends of N of the sentence's white noise by the profile of the likelihood."""
     limits = around(f, sentence.eta[0])
     low, high = (

@@ -13,16 +13,16 @@ from msgspec.structs import replace
 
 from fltea.noise.parts import Arfima, Order, Relaxation, Walk, White, free_of, kind_of
 from fltea.spectrum.allan_coefficients import Coefficient, not_known
+from fltea.spectrum.candidate_models import CandidateModels, Sentence
 from fltea.spectrum.evidence import APART
 from fltea.spectrum.flicker import Flicker, flicker
-from fltea.spectrum.frontier import Frontier, Sentence
 from fltea.spectrum.intervals import CRITICAL
 
 SLOW_KINDS = (White, Relaxation, Walk, Order, Arfima)
 """Parts that describe the frequencies to which the three terms are fitted."""
 
 
-def bias_instability(of_curve: Coefficient, f: Frontier, stands: Sentence, unit: str) -> Coefficient:
+def bias_instability(of_curve: Coefficient, f: CandidateModels, stands: Sentence, unit: str) -> Coefficient:
     """Return B in `unit`; of_curve: as the Allan deviation alone has it; stands: the model of the noise."""
     fit = flicker(f, stands)
     if fit is None or not _describes(fit, stands):

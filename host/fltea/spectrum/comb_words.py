@@ -1,6 +1,6 @@
 """What is said of something that happens at equal intervals (pure)."""
 
-from fltea.spectrum.lines import Repeats
+from fltea.spectrum.spectral_lines import Repeats
 
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
 SAME_FREQUENCY = 3e-3

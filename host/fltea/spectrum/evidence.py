@@ -5,14 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fltea.spectrum.candidate_models import CandidateModels, Sentence
 from fltea.spectrum.drift import FALSE_ALARM, SlowPower
-from fltea.spectrum.frontier import Frontier, Sentence
-from fltea.spectrum.lines import Peak
 from fltea.spectrum.median_filter import MedianFilter
 from fltea.spectrum.order_odds import odds_of
 from fltea.spectrum.periodogram import AT_ONCE, Periodogram
 from fltea.spectrum.reading import Reading
 from fltea.spectrum.residuals import farthest
+from fltea.spectrum.spectral_lines import Peak
 from fltea.spectrum.stationarity import Change
 
 LEVEL = 0.05
@@ -37,7 +37,7 @@ class Evidence(NamedTuple):
     p_clean: float
     """The p-value of these above what is called drift."""
     peaks: tuple[Peak, ...]
-    frontier: Frontier
+    candidates: CandidateModels
     """The sentences on the clean ordinates."""
     reading: Reading
     """What the best of them without an order says."""
@@ -70,7 +70,7 @@ class Evidence(NamedTuple):
     @property
     def odds(self) -> float | None:
         """The odds that coloured noise has an order; None: no model that was fitted has one."""
-        return odds_of(self.frontier)
+        return odds_of(self.candidates)
 
     @property
     def apart(self) -> float:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea.noise.parts import Floor, HighPass, Part, Relaxation, Resonance, Walk, White, high_pass_of
-from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, Sentence
 from fltea.spectrum.octaves import WHOLE
 
 SWINGS, RINGS = 2.0, 4.0
@@ -44,7 +44,9 @@ class HighPassed(NamedTuple):
         return *self.parts, self.high_pass
 
 
-def high_passed(f: Frontier, sentence: Sentence, parts: Sequence[Part], from_hz: float) -> HighPassed | None:
+def high_passed(
+    f: CandidateModels, sentence: Sentence, parts: Sequence[Part], from_hz: float
+) -> HighPassed | None:
     """Return what is left of `parts`, which are of the sentence; None without a high-pass."""
     high_pass = high_pass_of(parts)
     if high_pass is None:
@@ -54,13 +56,13 @@ def high_passed(f: Frontier, sentence: Sentence, parts: Sequence[Part], from_hz:
     return HighPassed(high_pass, tuple(one for one in parts if _is_left(one, high_pass, crest, leak)))
 
 
-def stands_for_shape(f: Frontier, sentence: Sentence, from_hz: float) -> bool:
+def stands_for_shape(f: CandidateModels, sentence: Sentence, from_hz: float) -> bool:
     """Return whether all that a sentence has beside a high-pass may be but the shape of another filter."""
     high_pass = high_pass_of(sentence.parts(f.h))
     return high_pass is not None and _crest(f, sentence, high_pass, from_hz) < SWINGS
 
 
-def end_leak(f: Frontier, sentence: Sentence) -> float:
+def end_leak(f: CandidateModels, sentence: Sentence) -> float:
     """Return the mean density that leaks from the ends of the record into the lowest frequencies.
 
     Without a high-pass it is 0: it counts only where a filter has left nothing. The octaves above the lowest
@@ -76,7 +78,7 @@ def end_leak(f: Frontier, sentence: Sentence) -> float:
     return float(np.trapezoid(density / np.sin(lam / 2) ** 2, lam)) / (2 * math.pi * f.samples)
 
 
-def _crest(f: Frontier, sentence: Sentence, high_pass: HighPass, from_hz: float) -> float:
+def _crest(f: CandidateModels, sentence: Sentence, high_pass: HighPass, from_hz: float) -> float:
     """Return the largest density near the corner and above it, over that of white noise."""
     far = min(NEAR * high_pass.corner_hz, 0.5 / f.h)
     hz = np.geomspace(min(from_hz, far / 2), far, POINTS)

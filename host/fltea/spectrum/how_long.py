@@ -6,12 +6,12 @@ that longer records of the fitted models should have, 44 were right within a fac
 """
 
 from fltea.records.plus_minus import NORMAL_95
-from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, Sentence
 from fltea.spectrum.intervals import order_deviation
 
 
 def seconds_more(
-    f: Frontier, sentence: Sentence, target: float, longest_s: float | None = None
+    f: CandidateModels, sentence: Sentence, target: float, longest_s: float | None = None
 ) -> float | None:
     """Return seconds of samples until the 95 % interval of α is ± target, if the noise stays as it is.
 

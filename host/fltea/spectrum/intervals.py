@@ -33,7 +33,7 @@ from fltea.noise.spectra import f_of
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
-from fltea.spectrum.frontier import AT_A_LIMIT, LEAK_OF_CUBIC, Frontier, Sentence, leaking
+from fltea.spectrum.candidate_models import AT_A_LIMIT, LEAK_OF_CUBIC, CandidateModels, Sentence, leaking
 
 CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
@@ -116,7 +116,7 @@ class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Whether it is ARFIMA(1, d, 0), of which α is d and f has no meaning."""
 
 
-def estimated(f: Frontier, sentence: Sentence) -> tuple[Estimated, ...]:
+def estimated(f: CandidateModels, sentence: Sentence) -> tuple[Estimated, ...]:
     """Return the parts of a sentence with their intervals."""
     found = []
     for code, at in sentence.words():
@@ -148,7 +148,7 @@ def estimated(f: Frontier, sentence: Sentence) -> tuple[Estimated, ...]:
     return tuple(found)
 
 
-def _of_order(f: Frontier, sentence: Sentence, code: int, at: int) -> dict[str, Interval]:
+def _of_order(f: CandidateModels, sentence: Sentence, code: int, at: int) -> dict[str, Interval]:
     """Return the parameters of an order, or of ARFIMA, that are no coordinates or have maxima elsewhere.
 
     Of any other part it is nothing.
@@ -168,7 +168,7 @@ def _with_value(found: Interval, value: float) -> Interval:
     return found if found.value is not None else Interval(value)
 
 
-def _step(f: Frontier, sentence: Sentence, at: int) -> Interval:
+def _step(f: CandidateModels, sentence: Sentence, at: int) -> Interval:
     """Return s2 of ARFIMA."""
     d, rate, level = sentence.eta[at : at + 3]
     log_s2 = level + 2 * math.log(-math.expm1(-math.exp(rate)))
@@ -176,7 +176,7 @@ def _step(f: Frontier, sentence: Sentence, at: int) -> Interval:
     return Interval(*_interval(f, by_step, at + 2, "s2", around(f, log_s2)).exp())
 
 
-def _noise(f: Frontier, sentence: Sentence, at: int, Q: float) -> Interval:
+def _noise(f: CandidateModels, sentence: Sentence, at: int, Q: float) -> Interval:
     """Return Q of an order."""
     alpha, logit = sentence.eta[at : at + 2]
     by_noise = _other(sentence, at, BY_NOISE, [alpha, logit, math.log(Q)])
@@ -188,7 +188,7 @@ def _noise(f: Frontier, sentence: Sentence, at: int, Q: float) -> Interval:
     return Interval(Q, *(None if one is None else math.exp(one) for one in ends))
 
 
-def order_fit(f: Frontier, sentence: Sentence) -> OrderFit:
+def order_fit(f: CandidateModels, sentence: Sentence) -> OrderFit:
     """Return the order of a sentence that has one, with its intervals."""
     arfima = sentence.place(Order) is None
     at = sentence.place(Order, Arfima)
@@ -219,7 +219,7 @@ def order_fit(f: Frontier, sentence: Sentence) -> OrderFit:
     return OrderFit(order, parameter, Interval(*F), Interval(*s2), Interval(*R))
 
 
-def _of_maximum(f: Frontier, sentence: Sentence, at: int, first: bool = True) -> list[Ends]:
+def _of_maximum(f: CandidateModels, sentence: Sentence, at: int, first: bool = True) -> list[Ends]:
     """Return α, F, -f, s2 and R with what belongs to their intervals around one maximum.
 
     first: whether it is that of `sentence.nll`. Else it may be lower, and its ends are not kept.
@@ -242,26 +242,26 @@ def _of_maximum(f: Frontier, sentence: Sentence, at: int, first: bool = True) ->
     return [alpha, F, minus_f, s2, R]
 
 
-def _values(f: Frontier, eta: Sequence[float], at: int) -> tuple[float, ...]:
+def _values(f: CandidateModels, eta: Sequence[float], at: int) -> tuple[float, ...]:
     """Return α, F, -f, s2 and R of coordinates."""
     g = g_of_eta(eta[at : at + 2])
     return eta[at], eta[at] + g, -f_of(eta[at], g, f.h), math.exp(eta[at + 2]), math.exp(eta[0])
 
 
-def information_of(f: Frontier, sentence: Sentence) -> Array:
+def information_of(f: CandidateModels, sentence: Sentence) -> Array:
     """Return Fisher's information of a sentence's coordinates, (p, p)."""
     _, rows = slopes(f, sentence.codes, sentence.eta)
     return np.asarray((rows * f.data.counts) @ rows.T)
 
 
-def slopes(f: Frontier, codes: Sequence[int], eta: Sequence[float]) -> tuple[Array, Array]:
+def slopes(f: CandidateModels, codes: Sequence[int], eta: Sequence[float]) -> tuple[Array, Array]:
     """Return a spectrum (bins,) and the slopes of its logarithm by the coordinates, (p, bins)."""
     total, rows = np.empty(len(f.data.lam)), np.empty((len(eta), len(f.data.lam)))
     f.native.slopes(list(codes), list(eta), total, rows)
     return total, rows
 
 
-def order_deviation(f: Frontier, sentence: Sentence) -> float | None:
+def order_deviation(f: CandidateModels, sentence: Sentence) -> float | None:
     """Return the standard deviation of the order by Fisher's information, no other parameter being known."""
     at = sentence.place(Order, Arfima)
     if at is None:
@@ -277,7 +277,7 @@ def order_deviation(f: Frontier, sentence: Sentence) -> float | None:
 
 
 def _interval(
-    f: Frontier,
+    f: CandidateModels,
     sentence: Sentence,
     i: int,
     name: str,
@@ -295,7 +295,7 @@ def _interval(
     return Ends(sentence.eta[i], low, high)
 
 
-def _elsewhere(f: Frontier, sentence: Sentence, at: int) -> list[list[float]]:
+def _elsewhere(f: CandidateModels, sentence: Sentence, at: int) -> list[list[float]]:
     """Return the coordinates of fits with the order held that belong to the interval, wherever they are.
 
     All orders are looked at once for each search; after that those again that made an interval wider.
@@ -317,7 +317,7 @@ def _elsewhere(f: Frontier, sentence: Sentence, at: int) -> list[list[float]]:
     return [eta for eta, nll in fitted if 2 * (nll - sentence.nll) < CRITICAL]
 
 
-def _limits(f: Frontier, code: int, k: int, here: float, side: int) -> tuple[float, float]:
+def _limits(f: CandidateModels, code: int, k: int, here: float, side: int) -> tuple[float, float]:
     """Return where the search for an end stops, and its first step."""
     name = kind_of(code).__struct_fields__[k]
     if name == "tau_s":
@@ -334,7 +334,7 @@ def _limits(f: Frontier, code: int, k: int, here: float, side: int) -> tuple[flo
 
 
 def interval_end(
-    f: Frontier,
+    f: CandidateModels,
     sentence: Sentence,
     i: int,
     side: int,
@@ -370,7 +370,7 @@ def _falls(ends: Sequence[float | None], value: float) -> bool:
     return (low is not None and low > value) or (high is not None and high < value)
 
 
-def _wider(f: Frontier, sentence: Sentence, at: int, value: float, end: float | None) -> float | None:
+def _wider(f: CandidateModels, sentence: Sentence, at: int, value: float, end: float | None) -> float | None:
     """Return an end of K: what leaks of a walk hangs on one step, and is the same at all frequencies."""
     if end is None:
         return None
@@ -390,7 +390,7 @@ def _other(sentence: Sentence, at: int, code: int, first: list[float]) -> Senten
     return sentence._replace(codes=tuple(codes), eta=tuple(eta))
 
 
-def little_white(f: Frontier) -> float:
+def little_white(f: CandidateModels) -> float:
     """Return the logarithm of the R of little white noise, from which a fit finds how much there is.
 
     Where it is as good as none it has no slope, and no fit that begins there would find any.
@@ -398,7 +398,7 @@ def little_white(f: Frontier) -> float:
     return math.log(max(float(np.median(f.data.power[0][-10:])), 1e-300)) - LITTLE
 
 
-def around(f: Frontier, here: float) -> tuple[float, float]:
+def around(f: CandidateModels, here: float) -> tuple[float, float]:
     """Return where the search for a variance's ends stops; one that is as good as 0 may be of any size."""
     return here - LEAST, max(here, f.white.eta[0]) + LEAST
 

@@ -16,8 +16,8 @@ from fltea.records.fit import AxisFit, FitHighPass, FitLowPass, FitSpectrum, Int
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.allan_curve import fit_allan
 from fltea.spectrum.angle_walk import angle_walk
+from fltea.spectrum.candidate_models import Sentence
 from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
-from fltea.spectrum.frontier import Sentence
 from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.octaves import BandCells, Counts, Octaves
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram, binned
@@ -174,7 +174,7 @@ class LiveAxes:
         self, octaves: Octaves, lane: int, used: int, seen: Spectral, drawn: Periodogram | None
     ) -> Looked:
         """Return what the record says of an axis; drawn: what the curves are drawn from."""
-        e, f = seen.evidence, seen.evidence.frontier
+        e, f = seen.evidence, seen.evidence.candidates
         verdict = decide(e)
         noise = winner(e, verdict)
         tracked = f.order if verdict.has_order and f.order is not None else noise

@@ -16,8 +16,8 @@ from fltea.noise.parts import AnyPart, Relaxation
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval, Level
 from fltea.spectrum.angle_walk import angle_walk
+from fltea.spectrum.candidate_models import CandidateModels, Sentence
 from fltea.spectrum.evidence import Evidence
-from fltea.spectrum.frontier import Frontier, Sentence
 from fltea.spectrum.intervals import Estimated, estimated
 from fltea.spectrum.reading import corner_hz
 from fltea.spectrum.verdict import Verdict, winner
@@ -51,7 +51,7 @@ class NoiseFigures(NamedTuple):
 
 def noise_figures(e: Evidence, verdict: Verdict) -> NoiseFigures:
     """Return what a verdict's sentence says in figures."""
-    f = e.frontier
+    f = e.candidates
     sentence = winner(e, verdict)
     parts = tuple(sorted(estimated(f, sentence), key=_place))
     return NoiseFigures(sentence, parts, level(parts, f, sentence))
@@ -64,7 +64,7 @@ def _place(one: Estimated) -> tuple[int, float]:
     return 0 if one.part == "white" else 2, 0.0
 
 
-def level(found: Sequence[Estimated], f: Frontier, sentence: Sentence) -> Level:
+def level(found: Sequence[Estimated], f: CandidateModels, sentence: Sentence) -> Level:
     """Return N and K of a sentence of `f` with these intervals."""
     h = f.h
     by_kind = {one.part: one for one in found}
@@ -80,13 +80,13 @@ def level(found: Sequence[Estimated], f: Frontier, sentence: Sentence) -> Level:
     return Level(N, K, knee_hz, math.sqrt(float(sentence.spectrum(lam, h)[0]) * h))
 
 
-def summaries(f: Frontier) -> dict[str, SentenceSummary]:
+def summaries(f: CandidateModels) -> dict[str, SentenceSummary]:
     """Return the sentences of a frontier by their names there, without those that it does not have."""
     known = {name: getattr(f, name) for name in ("white", "plain", "rich", "pure", "ordered", "order")}
     return {name: _summary(f, one) for name, one in known.items() if one is not None}
 
 
-def _summary(f: Frontier, one: Sentence) -> SentenceSummary:
+def _summary(f: CandidateModels, one: Sentence) -> SentenceSummary:
     parts = one.parts(f.h)
     bic = round(f.bic(one), 6) + 0.0  # not -0
     return SentenceSummary(names(one.kinds), cast(tuple[AnyPart, ...], parts), one.parameters, -one.nll, bic)

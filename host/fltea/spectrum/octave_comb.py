@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from fltea.noise.distributions import f_deviate
 from fltea.records.arrays import Array
 from fltea.spectrum.comb import FALSE_ALARM, FEWEST_TEETH, find_comb
-from fltea.spectrum.lines import Peak, Repeats
 from fltea.spectrum.periodogram import LOWEST, Periodogram
+from fltea.spectrum.spectral_lines import Peak, Repeats
 
 FEWEST_LINES = 5.0
 """Lines from tooth to tooth, of which Hann's window takes up to four."""

@@ -12,9 +12,17 @@ from numpy.typing import NDArray
 
 from fltea import _native
 from fltea.records.arrays import Array
-from fltea.spectrum.lines import FALSE_ALARM, FLANK, LINE_ORDINATES, MOST, SMOOTHEST, Peak, height_over
 from fltea.spectrum.periodogram import Periodogram
 from fltea.spectrum.side_lobes import TELLING, lines_among_lobes, notch_below
+from fltea.spectrum.spectral_lines import (
+    FALSE_ALARM,
+    FLANK,
+    LINE_ORDINATES,
+    MOST,
+    SMOOTHEST,
+    Peak,
+    height_over,
+)
 
 LOBE = 2
 """Lines on each side that a sharp line spreads to."""

@@ -10,7 +10,7 @@ made of relaxations (tools/validation/odds/populations.py, host/docs/evaluation/
 import math
 
 from fltea.records.odds import MOST
-from fltea.spectrum.frontier import Frontier
+from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.order_odds_constants import COEFFICIENTS, ORDINATES
 
 FARTHEST = 40.0
@@ -33,7 +33,7 @@ def order_odds(lead: float, lead_over_rich: float, ordinates: float) -> float:
     return min(max(math.exp(log_odds), 1 / MOST), MOST)
 
 
-def odds_of(f: Frontier) -> float | None:
+def odds_of(f: CandidateModels) -> float | None:
     """Return the odds of an order by the models of a spectrum; None: none that was fitted has one."""
     if f.ordered is None:
         return None

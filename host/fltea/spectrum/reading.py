@@ -28,9 +28,9 @@ from fltea.noise.parts import (
     free_of,
     part_of,
 )
-from fltea.spectrum.frontier import Frontier, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, Sentence
 from fltea.spectrum.high_pass import HighPassed, high_passed
-from fltea.spectrum.lines import Peak
+from fltea.spectrum.spectral_lines import Peak
 
 SLOW = 3.0
 """The frequency over the lowest one below which a corner is as good as none."""
@@ -83,7 +83,7 @@ def corner_hz(part: Relaxation) -> float:
     return 1 / (2 * math.pi * part.tau_s)
 
 
-def read(f: Frontier, from_hz: float, peaks: Sequence[Peak] = (), apart: float = math.inf) -> Reading:
+def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: float = math.inf) -> Reading:
     """Return what is left of the best sentence without an order, without the traces of `peaks`.
 
     from_hz: lowest fitted frequency. apart: in 2 log L, by which a slow relaxation has to differ from a walk,
@@ -159,7 +159,7 @@ def _flat(sentence: Sentence, low_pass: LowPass, h: float, from_hz: float) -> bo
     return bool(low < AS_FILTERS_DIFFER * high)
 
 
-def _behind_with_walk(f: Frontier, part: Relaxation) -> float:
+def _behind_with_walk(f: CandidateModels, part: Relaxation) -> float:
     """Return what 2 log L loses with a walk in the place of a relaxation."""
     codes: list[int] = []
     eta: list[float] = []
@@ -181,7 +181,7 @@ def _stands_out(sentence: Sentence, part: Resonance, h: float) -> bool:
     return bool(top > STANDS_OUT * max(sides))
 
 
-def _ends(f: Frontier, sentence: Sentence, from_hz: float) -> tuple[float, float]:
+def _ends(f: CandidateModels, sentence: Sentence, from_hz: float) -> tuple[float, float]:
     """Return the density of a sentence at the lowest frequency, and the mean of the highest ones.
 
     These are the fitted ones, since a filter's zeros are filled by what lies between neighbours.
@@ -202,7 +202,7 @@ def _highest(part: Relaxation, h: float) -> float:
     return part.sigma**2 * (1 - phi) / (1 + phi)
 
 
-def _is_left_out(part: Part, f: Frontier) -> bool:
+def _is_left_out(part: Part, f: CandidateModels) -> bool:
     """Return whether a resonance is where there are no data, as in the band of a peak."""
     if not isinstance(part, Resonance):
         return False

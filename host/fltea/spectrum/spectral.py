@@ -14,18 +14,18 @@ import numpy as np
 
 from fltea.noise.parts import HighPass, Resonance
 from fltea.records.arrays import Array
+from fltea.spectrum.candidate_models import CandidateModels, native
 from fltea.spectrum.drift import drift_hz, slow_power
 from fltea.spectrum.evidence import APART, LEVEL, Evidence, apart
-from fltea.spectrum.frontier import Frontier, native
 from fltea.spectrum.high_pass import LEAKS_AT_MOST, end_leak
 from fltea.spectrum.likelihood_ratio import p_value
-from fltea.spectrum.lines import Peak, find_peaks
 from fltea.spectrum.median_filter import MedianFilter
 from fltea.spectrum.octave_comb import find_octave_comb
 from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.octaves import BandCells, Drift
 from fltea.spectrum.periodogram import FEWEST, Periodogram, binned
 from fltea.spectrum.reading import read
+from fltea.spectrum.spectral_lines import Peak, find_peaks
 from fltea.spectrum.stationarity import Change, find_change
 
 Bands = tuple[tuple[float, float], ...]
@@ -89,13 +89,13 @@ class Looks:
             found, then = self._found[name] = look(), ordinates
         return cast(T, found)
 
-    def frontier(self, name: str, p: Periodogram, samples: int) -> Frontier:
+    def candidates(self, name: str, p: Periodogram, samples: int) -> CandidateModels:
         """Return the sentences of some ordinates: those of the last search, fitted again, or of a new one."""
         data = binned(p)
         last, then = self._found.get(name, (None, 0.0))
         if last is None or data.ordinates > GROWN * then:
             last, then = None, data.ordinates
-        found = Frontier(data, p.h, samples, last)
+        found = CandidateModels(data, p.h, samples, last)
         self._found[name] = found.fits, then
         return found
 
@@ -153,9 +153,9 @@ def examine(
     except ValueError:
         clean, kept = _clean(rest, clean_from_hz, found)
     peaks, found = peaks[:kept], found[:kept]
-    frontier = looks.frontier("clean", clean, samples)
-    peaks = _unexplained(peaks, whole, frontier)
-    p_clean = p_value(frontier.ratio_white, clean.ordinates)
+    candidates = looks.candidates("clean", clean, samples)
+    peaks = _unexplained(peaks, whole, candidates)
+    p_clean = p_value(candidates.ratio_white, clean.ordinates)
     everything = whole if before is None else before
     ratio = looks.null_ratio("all", everything)
     p_all = without = p_value(ratio, everything.ordinates)
@@ -177,14 +177,14 @@ def examine(
         p_without_peaks=without,
         p_clean=p_clean,
         peaks=seen.combs + peaks,
-        frontier=frontier,
-        reading=read(frontier, clean_from_hz, peaks, apart(level)),
+        candidates=candidates,
+        reading=read(candidates, clean_from_hz, peaks, apart(level)),
         from_hz=clean_from_hz,
         to_hz=to_hz,
         slow=slow_power(
             slow_hz,
             None if slow_line else _slow(rest, from_hz, slow_hz, found),
-            _highest(frontier),
+            _highest(candidates),
             whole.h,
             None if slow_line else drift,
         ),
@@ -262,7 +262,7 @@ def _peaks(whole: Periodogram, false_alarm: float) -> tuple[tuple[Peak, ...], Ba
         return (comb.peak,), ()
 
 
-def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: Frontier) -> tuple[Peak, ...]:
+def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: CandidateModels) -> tuple[Peak, ...]:
     """Return the peaks without the humps of a band between a high-pass and what is faster.
 
     The sentence of what is outside of such a hump has it inside, too.
@@ -304,7 +304,7 @@ def _slow(whole: Periodogram, from_hz: float, slow_hz: float, found: Bands) -> P
     return whole._replace(lam=whole.lam[keep], power=whole.power[keep], weight=weight)
 
 
-def _highest(f: Frontier) -> Callable[[Array], Array]:
+def _highest(f: CandidateModels) -> Callable[[Array], Array]:
     """Return the highest spectrum of the sentences that may be right, with what the record's ends leak."""
     possible = [f.plain] + ([f.ordered] if f.ordered is not None and f.lead > -APART else [])
 

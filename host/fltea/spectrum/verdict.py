@@ -13,8 +13,8 @@ from fltea.noise.parts import Alternating, Quantisation, Rise, Sharpening
 from fltea.records.fit import VerdictKind
 from fltea.records.odds import odds
 from fltea.spectrum import comb_words, median_words, wording
+from fltea.spectrum.candidate_models import BY_CHANCE, Sentence, order_of
 from fltea.spectrum.evidence import APART, Evidence
-from fltea.spectrum.frontier import BY_CHANCE, Sentence, order_of
 from fltea.spectrum.high_pass import stands_for_shape
 from fltea.spectrum.intervals import OrderFit, order_fit
 from fltea.spectrum.reading import ONE_POLE, SLOW, Reading
@@ -107,7 +107,7 @@ def winner(e: Evidence, verdict: Verdict) -> Sentence:
 
     Where the data do not tell whether there is an order, it is the one of lower BIC.
     """
-    f = e.frontier
+    f = e.candidates
     if verdict.has_order and f.order is not None and (verdict.kind == "fractional" or f.lead > 0):
         return f.order
     return f.plain
@@ -115,7 +115,7 @@ def winner(e: Evidence, verdict: Verdict) -> Sentence:
 
 def decide(e: Evidence) -> Verdict:
     """Ask until one question settles it."""
-    q, f = _Questions(), e.frontier
+    q, f = _Questions(), e.candidates
     changed = (
         "no"
         if e.change is None
@@ -159,7 +159,7 @@ def decide(e: Evidence) -> Verdict:
 
 def _claimed(e: Evidence, q: _Questions) -> bool:
     """Return whether the best sentence with an order is ahead of all without one."""
-    f = e.frontier
+    f = e.candidates
     if f.ordered is None:
         return False
     of_order, richer = e.odds or 0.0, LEAST_OVER_RICH + e.apart - APART
@@ -188,7 +188,7 @@ def _claimed(e: Evidence, q: _Questions) -> bool:
 
 def _either(e: Evidence, q: _Questions) -> bool:
     """Return whether a sentence with an order describes the noise nearly as well as those without one."""
-    f = e.frontier
+    f = e.candidates
     if f.pure is None or f.ordered is None:
         return False
     more = f.plain.parameters - f.pure.parameters
@@ -209,7 +209,7 @@ def _either(e: Evidence, q: _Questions) -> bool:
 
 
 def _fractional(e: Evidence, q: _Questions) -> Verdict:
-    f = e.frontier
+    f = e.candidates
     assert f.order is not None
     q.has_order, q.order = True, order_fit(f, f.order)
     what = wording.sentence(f.order.parts(f.h), e, q.order)
@@ -226,7 +226,7 @@ def _fractional(e: Evidence, q: _Questions) -> Verdict:
 
 def _without_order(e: Evidence, q: _Questions) -> Verdict:
     """Return the verdict where no order is claimed, by what the best sentence without one says."""
-    f = e.frontier
+    f = e.candidates
     found = e.reading
     said = wording.sentence(f.plain.parts(f.h) if found.high_pass is None else found.high_pass.told, e)
     q.ask("Are there relaxations in the band?", bool(found.relaxations), said)
@@ -265,7 +265,7 @@ def _without_order(e: Evidence, q: _Questions) -> Verdict:
 
 
 def _both(e: Evidence, q: _Questions, kind: VerdictKind, said: str) -> Verdict:
-    f = e.frontier
+    f = e.candidates
     assert f.order is not None
     q.order = order_fit(f, f.order)
     ordered = wording.sentence(f.order.parts(f.h), e, q.order)
@@ -278,7 +278,7 @@ def _both(e: Evidence, q: _Questions, kind: VerdictKind, said: str) -> Verdict:
 
 
 def _relaxations(e: Evidence, q: _Questions, said: str) -> Verdict:
-    f = e.frontier
+    f = e.candidates
     against = "Nothing looks like an order."
     if f.pure is not None:
         against = wording.odds_of_order(e)
@@ -316,7 +316,7 @@ def _resonance(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict
 
 def _is_but_a_high_pass(e: Evidence) -> bool:
     """Return whether a high-pass leaves nothing to say, so that an order beside one is but its true shape."""
-    f, found = e.frontier, e.reading.high_pass
+    f, found = e.candidates, e.reading.high_pass
     return (
         found is not None
         and found.is_all
@@ -325,7 +325,7 @@ def _is_but_a_high_pass(e: Evidence) -> bool:
 
 
 def _high_pass(e: Evidence, q: _Questions) -> Verdict:
-    f, found = e.frontier, e.reading.high_pass
+    f, found = e.candidates, e.reading.high_pass
     assert found is not None
     said = wording.sentence(found.told, e)
     q.ask("Has a high-pass taken out what is slow?", True, said)
@@ -341,7 +341,7 @@ def _rising(e: Evidence, q: _Questions, said: str) -> Verdict:
     return q.say(
         "anti-persistent",
         f"Noise whose power rises with frequency: {said}.{wording.also_found(e)}",
-        f"It fits better than white noise (BIC lower by {-e.frontier.bic(e.frontier.plain):.0f}), and no "
+        f"It fits better than white noise (BIC lower by {-e.candidates.bic(e.candidates.plain):.0f}), and no "
         f"order fits as well: {wording.UNDEFINED}.",
         "Typical causes: a rounded angle that is differentiated, or a sharpening filter before the output.",
     )
@@ -351,7 +351,7 @@ def _low_pass(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict:
     one = found.low_pass is not None and found.low_pass.poles < ONE_POLE
     if found.low_pass is not None:
         said = f"{wording.capital(f'white noise through {wording.low_pass(found.low_pass, e)}')} ({said})"
-    gain = e.frontier.gain(e.frontier.plain)
+    gain = e.candidates.gain(e.candidates.plain)
     return q.say(
         "low-pass",
         f"{wording.capital(said)}.{wording.also_found(e)}",

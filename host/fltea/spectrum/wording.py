@@ -25,8 +25,8 @@ from fltea.records.odds import odds
 from fltea.spectrum import comb_words
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.intervals import OrderFit
-from fltea.spectrum.lines import Peak
 from fltea.spectrum.reading import ONE_POLE, corner_hz
+from fltea.spectrum.spectral_lines import Peak
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 LIKELY = 10.0
@@ -258,7 +258,7 @@ def null_test(e: Evidence) -> str:
 
 def rejected_by(e: Evidence) -> str:
     """Return what speaks against white noise, where it is missing power; nothing otherwise."""
-    if e.frontier.missing.nll >= e.frontier.null.nll:
+    if e.candidates.missing.nll >= e.candidates.null.nll:
         return ""
     return ": low frequencies have less power than the others, as behind AC coupling or an auto-zero"
 

@@ -27,7 +27,7 @@ from fltea.stream.board_notices import BoardNotices
 from fltea.stream.board_samples import RecentSample, RecentSamples
 from fltea.stream.board_settings import host_settings, info_of
 from fltea.stream.epoch import Beginning, Item, Notice, Standing
-from fltea.stream.live import LiveFits, settled_by
+from fltea.stream.live import LiveFits, accepted_by
 
 AS_STATED = "begun", "every", "queue", "skipped", "longest_axis_us", "fit_every", "longest_slice_us"
 """Of the board's estimator: what its statistics have as it came."""
@@ -43,7 +43,7 @@ class BoardEstimates:
     """
 
     def __init__(self, config: Config, fits: LiveFits | None = None) -> None:
-        self._settled = settled_by(fits)
+        self._settled = accepted_by(fits)
         self._fits = BoardFits(config.name, self._settled)
         self._notices = BoardNotices(config.estimator)
         self.alone = config.estimator.estimate_on == "device"

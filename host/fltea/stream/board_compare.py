@@ -6,10 +6,10 @@ import msgspec
 
 from fltea.records.events import DeviceAxis
 from fltea.records.records import AxisEstimate, DeviceAxisEstimate, FlteaEstimate, WhyNot
-from fltea.stream.live import SettledFit
+from fltea.stream.live import AcceptedFit
 
 
-def estimate_of(e: DeviceAxis, fit: SettledFit, known: AxisEstimate) -> AxisEstimate:
+def estimate_of(e: DeviceAxis, fit: AcceptedFit, known: AxisEstimate) -> AxisEstimate:
     """Return what is known of an axis, with the board's estimate in place of the host's filters."""
     valid, numbers = _numbers(e)
     of_board = FlteaEstimate(*numbers, valid, e.tuned)

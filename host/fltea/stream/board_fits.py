@@ -16,10 +16,10 @@ from fltea.records.events import DeviceBins, DeviceFit
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.plus_minus import NORMAL_95
 from fltea.records.records import DeviceFits
-from fltea.spectrum.frontier import native, order_in_white
+from fltea.spectrum.candidate_models import native, order_in_white
 from fltea.spectrum.periodogram import Binned
 from fltea.stream.epoch import Moment
-from fltea.stream.live import SettledFit
+from fltea.stream.live import AcceptedFit
 
 MOST_ORDER = 2.0
 """Of the model that the board fits."""
@@ -49,8 +49,8 @@ class BoardFits:
     no fit can have.
     """
 
-    def __init__(self, device: str | None, settled: Callable[[str], SettledFit]) -> None:
-        self._device, self._settled = device, settled
+    def __init__(self, device: str | None, accepted: Callable[[str], AcceptedFit]) -> None:
+        self._device, self._settled = device, accepted
         self._newest: dict[str, DeviceAxisFit] = {}
         self._bins: dict[str, list[DeviceBins]] = {}
         self._checked_ns: dict[str, int] = {}

@@ -14,7 +14,7 @@ from fltea.records.stats import AxisStats
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import describes_order
 from fltea.stream.epoch import Notice
-from fltea.stream.live import NO_FIT, SettledFit
+from fltea.stream.live import NO_FIT, AcceptedFit
 from fltea.stream.tuning import HandedOver, handed_over
 
 LONGEST_BRIDGE = 30_000
@@ -43,10 +43,10 @@ class Channels:
         self.config = config
         self._tuned = config.tuned_by == "live"
         self._names, self._unit = tuple(axes), unit
-        self._fits: tuple[SettledFit, ...] = (NO_FIT,) * len(self._names)
+        self._fits: tuple[AcceptedFit, ...] = (NO_FIT,) * len(self._names)
         self.words: tuple[Any, ...] = self._words()
         """What stands in all columns until the next fit: null_p and whiteness of each axis."""
-        self._known: dict[str, SettledFit] = {}
+        self._known: dict[str, AcceptedFit] = {}
         self.bank = Bank(self._names, config, h, resolution, state)
 
     def columns(self, found: Sequence[Array | Bools]) -> AxisColumns:
@@ -62,9 +62,9 @@ class Channels:
         """Which axes wait for a fit to tune them."""
         return [self._tuned and axis not in self.bank.tuned for axis in self._names]
 
-    def go_by(self, settled: Sequence[SettledFit]) -> None:
+    def go_by(self, accepted: Sequence[AcceptedFit]) -> None:
         """Take the fits of the axes that count from the next sample on."""
-        self._fits = tuple(settled)
+        self._fits = tuple(accepted)
         self.words = self._words()
         self._tune()
 
@@ -81,14 +81,14 @@ class Channels:
         if not self._tuned or self.bank.baseline is None:
             return
         new: dict[str, HandedOver] = {}
-        for axis, settled in zip(self._names, self._fits, strict=True):
-            if settled is self._known.get(axis):
+        for axis, accepted in zip(self._names, self._fits, strict=True):
+            if accepted is self._known.get(axis):
                 continue
-            self._known[axis] = settled
-            if settled.fit is None or settled.whiteness != "rejected" or self._is_constant(axis):
+            self._known[axis] = accepted
+            if accepted.fit is None or accepted.whiteness != "rejected" or self._is_constant(axis):
                 continue
             before = self.bank.variances[axis] if axis in self.bank.tuned else None
-            handed = handed_over(settled.fit, before)
+            handed = handed_over(accepted.fit, before)
             if handed is not None:
                 new[axis] = handed
         if new:

@@ -150,8 +150,8 @@ class Decoder:
         """
         stop, place = -1, 0
         while stop != Stop.END:
-            stop, place, rows, told = self.native.advance(raw, place)
-            yield stop, place, rows, told  # type: ignore[misc]
+            stop, place, rows, details = self.native.advance(raw, place)
+            yield stop, place, rows, details  # type: ignore[misc]
 
     def begin(self, sensors: list[Any]) -> None:
         """Begin an epoch. sensors: as `_native.Device.begin` takes them."""
@@ -174,14 +174,14 @@ class Decoder:
 
     def _decoded(self, raw: RawBlock) -> Iterator[Decoded]:
         missing, reason = 0, None
-        for stop, _, rows, told in self.advance(raw):
+        for stop, _, rows, details in self.advance(raw):
             if stop == Stop.EPOCH:
-                reason, missing, *_ = told  # as of FirstSample
+                reason, missing, *_ = details  # as of FirstSample
                 self.begin([])
             elif stop == Stop.GAP:
-                missing, *_ = told
+                missing, *_ = details
             elif stop == Stop.RATE_DIFFERS:
-                self.contradiction = explain_rate(self.source, *told)
+                self.contradiction = explain_rate(self.source, *details)
             if rows is None:
                 continue
             first, samples, _ = rows

@@ -90,7 +90,7 @@ class Standing:
     fit_period_s: float | None = None
     tracker: dict[str, TrackerStats] = field(default_factory=dict)
 
-    def beside(self, of_board: "Standing") -> "Standing":
+    def fit_worker(self, of_board: "Standing") -> "Standing":
         """Return this computer's with the board's, which counts where this computer estimates nothing."""
         return Standing(
             max(self.startup_remaining, of_board.startup_remaining),

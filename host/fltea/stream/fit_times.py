@@ -7,7 +7,7 @@ import math
 from typing import NamedTuple
 
 from fltea.settings.config import Config
-from fltea.stream.beside import Beside
+from fltea.stream.fit_worker import FitWorker
 
 DEVICES_A_SECOND = 12
 """Devices of three axes that may all look once a second: while they are young a search takes 25 ms each."""
@@ -25,19 +25,23 @@ SEARCH_LAG = 50
 also at full speed and of many devices that began together."""
 
 
-def period_s(config: Config, beside: Beside) -> float:
+def period_s(config: Config, fit_worker: FitWorker) -> float:
     """Seconds of samples from look to look at least: more by default where there are many devices."""
     given = config.live.period_s
-    usual_s = max(1.0, beside.devices / DEVICES_A_SECOND) if given is None else given
-    return usual_s if beside.slower == 1 else min(usual_s * beside.slower, max(usual_s, LONGEST_PERIOD_S))
+    usual_s = max(1.0, fit_worker.devices / DEVICES_A_SECOND) if given is None else given
+    return (
+        usual_s
+        if fit_worker.slower == 1
+        else min(usual_s * fit_worker.slower, max(usual_s, LONGEST_PERIOD_S))
+    )
 
 
-def turn(beside: Beside, number: int, period: int) -> int:
+def turn(fit_worker: FitWorker, number: int, period: int) -> int:
     """Return by how much of a period one of many devices does later what all do once in it: they have turns.
 
     number: which of them it is. period: in samples, or in ns. Many begin together, and all walks would wait.
     """
-    return int(number * GOLDEN % 1 * period) if beside.devices > DEVICES_A_SECOND else 0
+    return int(number * GOLDEN % 1 * period) if fit_worker.devices > DEVICES_A_SECOND else 0
 
 
 class Look(NamedTuple):

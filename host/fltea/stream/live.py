@@ -24,9 +24,9 @@ from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello, Whiteness
 from fltea.settings.config import Config
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes, Looked
-from fltea.stream.beside import Beside
 from fltea.stream.epoch import NEVER, Beginning, Moment, Saved
 from fltea.stream.fit_times import Look, LookTimes, period_s, turn
+from fltea.stream.fit_worker import FitWorker
 from fltea.stream.learning import Learned, Learner
 
 NO_VERDICT = ("too few samples",)
@@ -39,7 +39,7 @@ BREAK = 9
 """Lost samples that are not bridged: where nobody knows how many are missing, so many are counted."""
 
 
-class SettledFit(NamedTuple):
+class AcceptedFit(NamedTuple):
     """The live fit that estimates of an axis go by; null_p to three digits, None before the first fit.
 
     Another kind of processor may differ in the last digits of its figures.
@@ -53,16 +53,16 @@ class SettledFit(NamedTuple):
     stands: AxisFit | None = None
     learned: Learned | None = None
 
-    def followed_by(self, looked: Looked, learner: Learner) -> "SettledFit":
+    def followed_by(self, looked: Looked, learner: Learner) -> "AcceptedFit":
         """Return the next one."""
         fit, learned = looked.fit, learner.learned(looked.noise, self.learned)
         agreed = self.fit is not None and self.fit.verdict == fit.verdict and fit.verdict not in NO_VERDICT
         stands = fit if agreed or (self.stands and self.stands.verdict == fit.verdict) else self.stands
         if fit.null_p is None:
-            return SettledFit(fit=fit, stands=stands, learned=learned)
+            return AcceptedFit(fit=fit, stands=stands, learned=learned)
         p = float(f"{fit.null_p:.3g}")
         whiteness: Whiteness = "rejected" if p < ANYTIME_LEVEL else "not rejected"
-        return SettledFit(p, whiteness, fit, stands, learned)
+        return AcceptedFit(p, whiteness, fit, stands, learned)
 
 
 class Tracks(Protocol):
@@ -81,7 +81,7 @@ class _Begun(NamedTuple):
     moment: Moment
     samples: int
     look: Look
-    looks: dict[str, Callable[[], tuple[AxisFit, SettledFit]]]
+    looks: dict[str, Callable[[], tuple[AxisFit, AcceptedFit]]]
     """Of each axis what gives the fit, and what is settled from then on."""
     refilters: int
     """The number of the sample after which what is remembered is filtered anew."""
@@ -102,11 +102,11 @@ class LiveFits:
         *,
         prompt: bool = True,
         watched: bool = True,
-        beside: Beside | None = None,
+        fit_worker: FitWorker | None = None,
         number: int = 0,
     ) -> None:
         self._config, self._number = config, number
-        self._beside = beside or Beside()
+        self._fit_worker = fit_worker or FitWorker()
         self._prompt, self._watched = prompt, watched
         self._rate_hz = 1.0
         self._begun: _Begun | None = None
@@ -115,7 +115,7 @@ class LiveFits:
         self._times = LookTimes(1.0, grows=False, every=False)
         self._noticed = 0
         self._before_first = 0
-        self._settled: dict[str, SettledFit] = {}
+        self._settled: dict[str, AcceptedFit] = {}
         self._drawn_samples = 0
         self._last: Moment | None = None
 
@@ -153,7 +153,7 @@ class LiveFits:
         """Take note of the number of the first sample of an epoch."""
         period = self._period()
         self._times.begin(period)
-        self._before_first = seq - 1 + turn(self._beside, self._number, period)
+        self._before_first = seq - 1 + turn(self._fit_worker, self._number, period)
         if self._begun is not None:  # it counts from the first sample on
             self._begun = self._begun._replace(look=self._begun.look._replace(counts=1))
 
@@ -194,7 +194,7 @@ class LiveFits:
         for sums in self._sums.values():
             for axis, make in sums.look(curves=look.curves, fresh=look.fresh).items():
                 learner = tracks(axis).learner(axis) if look.settles else None
-                looks[axis] = self._beside.begin(partial(_looked, make, self.settled(axis), learner))
+                looks[axis] = self._fit_worker.begin(partial(_looked, make, self.accepted(axis), learner))
         refilters = max(number, look.counts - REFILTERED) if look.settles else NEVER
         self._begun = _Begun(moment, samples, look, looks, refilters)
         self._refilter(number, tracks)
@@ -207,8 +207,8 @@ class LiveFits:
             return
         begun, to_come = self._begun, self._begun.look.counts - number
         refiltered = tuple(
-            self._beside.begin(
-                partial(_refiltered, look, self.settled(axis), tracks(axis).remembered(axis), to_come)
+            self._fit_worker.begin(
+                partial(_refiltered, look, self.accepted(axis), tracks(axis).remembered(axis), to_come)
             )
             for axis, look in begun.looks.items()
         )
@@ -223,7 +223,7 @@ class LiveFits:
         looked = {axis: begun.looks[axis]() for axis in reversed(begun.looks)}
         for wait in reversed(begun.refiltered):
             wait()
-        self._settled = {axis: settled for axis, (_, settled) in looked.items()}
+        self._settled = {axis: accepted for axis, (_, accepted) in looked.items()}
         found = {axis: self._with_stability(axis, looked[axis][0]) for axis in begun.looks}
         yield Fit(*begun.moment, begun.samples, found, device=self._config.name)
 
@@ -249,13 +249,13 @@ class LiveFits:
             found = {axis: replace(one, stable=True) for axis, one in found.items()}
         yield Fit(*moment, self._samples, found, device=self._config.name)
 
-    def settled(self, axis: str) -> SettledFit:
+    def accepted(self, axis: str) -> AcceptedFit:
         """Return the fit that the next estimates of an axis go by."""
         return self._settled.get(axis, NO_FIT)
 
     def period_s(self) -> float | None:
         """Return how often it fits at most; None where there is nothing to fit."""
-        return period_s(self._config, self._beside) if self._sums else None
+        return period_s(self._config, self._fit_worker) if self._sums else None
 
     @property
     def _samples(self) -> int:
@@ -263,37 +263,37 @@ class LiveFits:
 
     def _period(self) -> int:
         """The samples from look to look at least."""
-        return max(1, round(period_s(self._config, self._beside) * self._rate_hz))
+        return max(1, round(period_s(self._config, self._fit_worker) * self._rate_hz))
 
     def _notices(self) -> int:
         return sum(sums.noticed for sums in self._sums.values())
 
     def _with_stability(self, axis: str, fit: AxisFit) -> AxisFit:
-        stands = self.settled(axis).stands
+        stands = self.accepted(axis).stands
         return replace(fit, stable=stands is not None and stands.verdict == fit.verdict)
 
 
-NO_FIT = SettledFit()
+NO_FIT = AcceptedFit()
 
 
 def _looked(
-    make: Callable[[], Looked], settled: SettledFit, learner: Learner | None
-) -> tuple[AxisFit, SettledFit]:
+    make: Callable[[], Looked], accepted: AcceptedFit, learner: Learner | None
+) -> tuple[AxisFit, AcceptedFit]:
     looked = make()
-    return looked.fit, settled if learner is None else settled.followed_by(looked, learner)
+    return looked.fit, accepted if learner is None else accepted.followed_by(looked, learner)
 
 
 def _refiltered(
-    look: Callable[[], tuple[AxisFit, SettledFit]], before: SettledFit, remembered: Remembered, to_come: int
+    look: Callable[[], tuple[AxisFit, AcceptedFit]], before: AcceptedFit, remembered: Remembered, to_come: int
 ) -> None:
     learned = look()[1].learned
     if learned is not None and learned is not before.learned:
         learned.tracker_model.refilter(remembered, to_come)
 
 
-def settled_by(fits: LiveFits | None) -> Callable[[str], SettledFit]:
+def accepted_by(fits: LiveFits | None) -> Callable[[str], AcceptedFit]:
     """Return what gives the fit of an axis; no fit where nothing is fitted."""
-    return (lambda axis: NO_FIT) if fits is None else fits.settled
+    return (lambda axis: NO_FIT) if fits is None else fits.accepted
 
 
 def _sensor_of(hello: Hello) -> tuple[object, ...]:

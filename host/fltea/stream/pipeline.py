@@ -25,12 +25,12 @@ from fltea.records.stats import DeviceStatus, OutputStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import BY_DEVICE
 from fltea.settings.ingest import is_partitioned
-from fltea.stream.beside import Beside
 from fltea.stream.board import BoardEstimates
 from fltea.stream.channels import explain_lost
 from fltea.stream.decode import Decoder, FirstSample, Rows, Stop, explain_rate
 from fltea.stream.epoch import NEVER, Beginning, Item, Moment, Notice, Standing
 from fltea.stream.fit_times import turn
+from fltea.stream.fit_worker import FitWorker
 from fltea.stream.live import LiveFits
 from fltea.stream.sensors import Sensors
 from fltea.stream.snapshot import (
@@ -62,20 +62,20 @@ class Pipeline:
         outputs: Callable[[], dict[str, OutputStats]] = dict,
         state: DeviceState | None = None,
         refuse: Callable[[], None] = lambda: None,
-        beside: Beside | None = None,
+        fit_worker: FitWorker | None = None,
         number: int = 0,
         stats_s: int = 1,
         watched: bool = True,
     ) -> None:
         self._stats_ns = stats_s * SECOND_NS
-        self._stats_offset_ns = turn(beside or Beside(), number, self._stats_ns)
+        self._stats_offset_ns = turn(fit_worker or FitWorker(), number, self._stats_ns)
         self._source, self._config, self._outputs, self._state = source, config, outputs, state
         self._decoder = Decoder(
             lambda: self._source_offset_ns, config.link.max_gap, config.name, config.output
         )
         self._device = self._decoder.native
         self._refuse, self._watched = refuse, watched
-        fits = LiveFits(config, prompt=source.prompt, watched=watched, beside=beside, number=number)
+        fits = LiveFits(config, prompt=source.prompt, watched=watched, fit_worker=fit_worker, number=number)
         self._fits = fits if config.live.on else None
         self._board = (
             BoardEstimates(config, self._fits) if config.estimator.estimate_on in BY_DEVICE else None
@@ -112,12 +112,12 @@ class Pipeline:
 
     def _on_samples(self, raw: RawBlock) -> Iterator[Output]:
         """Take samples, stop for stop."""
-        for stop, row, rows, told in self._decoder.advance(raw):
+        for stop, row, rows, details in self._decoder.advance(raw):
             if rows is not None:
                 yield from self.took(rows, raw.host_ns[rows[0] : rows[0] + len(rows[1][0])])
             if stop in HANDLERS:
                 now_ns = int(raw.host_ns[row]) if stop in BEFORE_SAMPLE else self._now_ns
-                yield from self.stopped(stop, now_ns, told)
+                yield from self.stopped(stop, now_ns, details)
         self._now_ns = int(raw.host_ns[-1])  # also where its last samples could not be used
 
     def took(self, rows: Rows, host_ns: Ints) -> Iterator[Output]:
@@ -129,30 +129,30 @@ class Pipeline:
             yield from self._records(self._board.on_block(block, host_ns))
         self._now_ns = int(host_ns[-1])
 
-    def stopped(self, stop: Stop, now_ns: int, told: Any) -> Iterator[Output]:
+    def stopped(self, stop: Stop, now_ns: int, details: Any) -> Iterator[Output]:
         """Do what a stop of the native device leads to. now_ns: when the sample arrived that it stands at."""
         self._source_offset_ns, self._now_ns = self._source.unix_offset_ns, now_ns
         self._note_offset()
-        return HANDLERS[stop](self, told)
+        return HANDLERS[stop](self, details)
 
     def came_to(self, now_ns: int) -> None:
         """Take note of the time of what needed nothing but the native device."""
         self._now_ns = max(self._now_ns, now_ns)
 
-    def _on_stats_due(self, told: None) -> Iterator[Output]:
+    def _on_stats_due(self, details: None) -> Iterator[Output]:
         """The next sample is the first of a new second."""
         return self._on_time(self._now_ns)
 
-    def _on_gap(self, told: Any) -> Iterator[Output]:
+    def _on_gap(self, details: Any) -> Iterator[Output]:
         """Samples are missing before the next one: say so, and which axes became invalid meanwhile."""
-        missing, seq, unix_ns, lost = told
+        missing, seq, unix_ns, lost = details
         yield Gap(seq - missing, missing, self._decoder.epoch, unix_ns, device=self._config.name)
         for number, losses in enumerate(lost):
             yield from self._on_lost(self._sensors.lost(number, losses))
 
-    def _on_epoch(self, told: Any) -> Iterator[Output]:
+    def _on_epoch(self, details: Any) -> Iterator[Output]:
         """An epoch begins with the next sample, from a snapshot if there is one that fits."""
-        first = FirstSample._make(told)
+        first = FirstSample._make(details)
         hello = self._decoder.hello
         assert hello is not None
         name, missing = self._config.name, first.missing
@@ -174,22 +174,22 @@ class Pipeline:
             self._device.note_lost(between)
             yield Gap(first.seq - between, between, epoch, unix_ns, device=name)
 
-    def _on_happened(self, told: Any) -> Iterator[Output]:
+    def _on_happened(self, details: Any) -> Iterator[Output]:
         """With the last sample axes became invalid, a bias has stepped, or motion has begun or ended."""
         moment = self._moment()
         assert moment is not None
-        for number, losses, event in told:
+        for number, losses, event in details:
             if losses is not None:
                 yield from self._on_lost(self._sensors.lost(number, losses))
             else:
                 yield self._sensors.happened(number, event, moment)
 
-    def _on_window_full(self, told: None) -> Iterator[Output]:
+    def _on_window_full(self, details: None) -> Iterator[Output]:
         """The filters of a sensor can begin."""
         for channels in self._sensors.fill(self._device):
             yield from self._records(channels.notices(self._now_ns))
 
-    def _on_fit_counts(self, told: None) -> Iterator[Output]:
+    def _on_fit_counts(self, details: None) -> Iterator[Output]:
         """The fit that was begun counts from here on."""
         assert self._fits is not None
         found = list(self._fits.counted())
@@ -197,7 +197,7 @@ class Pipeline:
         self._set_looks()
         yield from found  # who prints looks at what stands in records of samples from here on
 
-    def _on_fit_due(self, told: None) -> Iterator[Output]:
+    def _on_fit_due(self, details: None) -> Iterator[Output]:
         """A fit of the samples until now begins, beside the walk."""
         moment = self._moment()
         assert self._fits is not None
@@ -206,9 +206,9 @@ class Pipeline:
         self._set_looks()
         return iter(())
 
-    def _on_rate_differs(self, told: Any) -> Iterator[Output]:
+    def _on_rate_differs(self, details: Any) -> Iterator[Output]:
         """The device's clock contradicts its HELLO."""
-        yield self._error("rate_differs", explain_rate(self._decoder.source, *told))
+        yield self._error("rate_differs", explain_rate(self._decoder.source, *details))
 
     def _set_looks(self) -> None:
         assert self._fits is not None
@@ -336,7 +336,7 @@ class Pipeline:
     def _standing(self) -> Standing:
         """Return how all estimators get on; where the board alone estimates an axis, as it says."""
         whole = self._sensors.standing(self._device)
-        return whole if self._board is None else whole.beside(self._board.standing())
+        return whole if self._board is None else whole.fit_worker(self._board.standing())
 
     def _begin(
         self, beginning: Beginning, first: FirstSample

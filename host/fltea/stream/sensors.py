@@ -42,11 +42,11 @@ class Sensor(NamedTuple):
         """Take the fits that count from the next sample on."""
         if fits is None:
             return
-        settled = [fits.settled(axis) for axis in self.tracks.names]
-        for axis, one in zip(self.tracks.names, settled, strict=True):
+        accepted = [fits.accepted(axis) for axis in self.tracks.names]
+        for axis, one in zip(self.tracks.names, accepted, strict=True):
             self.tracks.go_by(axis, one)
         if self.channels is not None:
-            self.channels.go_by(settled)
+            self.channels.go_by(accepted)
 
     def bridge(self, count: int) -> None:
         """Predict over the time for which the program stood still."""

@@ -20,7 +20,7 @@ from fltea.settings.live import LiveConfig
 from fltea.spectrum.innovation_whiteness import describes
 from fltea.spectrum.live_axes import LONGEST_MOTION_S
 from fltea.stream.learning import Learned, Learner
-from fltea.stream.live import SettledFit
+from fltea.stream.live import AcceptedFit
 
 UNDEFINED = Interval()
 CHECKED_S = 1, 10, 60
@@ -53,7 +53,7 @@ class SensorTracks:
         self, axes: Mapping[str, int], config: EstimatorConfig, live: LiveConfig, h: float, unit: str
     ) -> None:
         self.names, self.places, self.h, self.unit = tuple(axes), list(axes.values()), h, unit
-        self._known: dict[str, SettledFit] = {}
+        self._known: dict[str, AcceptedFit] = {}
         self._offsets = _offsets(config, len(self.names))
         self._bias_s = live.bias_s
         self.tracker = Tracker(self._offsets, rules_of(live, h, unit))
@@ -86,16 +86,16 @@ class SensorTracks:
             tuple(one.f if one else UNDEFINED for one in stands),
         )
 
-    def knows(self, axis: str, settled: SettledFit) -> bool:
+    def knows(self, axis: str, accepted: AcceptedFit) -> bool:
         """Return whether it has taken that."""
-        return settled is self._known.get(axis)
+        return accepted is self._known.get(axis)
 
     def skip(self, count: int) -> None:
         """Predict over lost samples."""
         self.tracker.skip(count)
 
     def learner(self, axis: str) -> Learner:
-        """Return what is to learn from the samples of an axis until now, for `SettledFit.followed_by`."""
+        """Return what is to learn from the samples of an axis until now, for `AcceptedFit.followed_by`."""
         given = self._offsets[self.names.index(axis)] is not None
         return Learner(self.remembered(axis), self.tracker.rules, self.h, self.unit, given)
 
@@ -103,13 +103,13 @@ class SensorTracks:
         """Return what is remembered of the samples of an axis until now."""
         return self.tracker.remembered(self.names.index(axis))
 
-    def go_by(self, axis: str, settled: SettledFit) -> None:
+    def go_by(self, axis: str, accepted: AcceptedFit) -> None:
         """Take what the live fit has found for the noise of an axis, if it is new."""
-        if self.knows(axis, settled):
+        if self.knows(axis, accepted):
             return
-        self._known[axis] = settled
+        self._known[axis] = accepted
         self.words = self._words()
-        learned = settled.learned
+        learned = accepted.learned
         if learned is None or learned is self._learned.get(axis):
             return
         with contextlib.suppress(ValueError):  # no filter can work with it: the last one goes on

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from fltea.estimator.bank import Variances
-from fltea.estimator.belief import Belief
+from fltea.estimator.filter_model import FilterModel
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.plus_minus import NORMAL_95
 from fltea.settings.estimator import LARGEST
@@ -19,7 +19,7 @@ class HandedOver(NamedTuple):
     """The answer of one fit: its parts go together, and no filter is told one of them without the others."""
 
     variances: Variances
-    belief: Belief
+    belief: FilterModel
 
 
 def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
@@ -41,11 +41,11 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
     return HandedOver(Variances(_rounded(s2), _rounded(max(R, LEAST_R * s2))), belief)
 
 
-def _belief(fit: AxisFit) -> Belief | None:
+def _belief(fit: AxisFit) -> FilterModel | None:
     alpha, F, f = _with_std(fit.alpha), _with_std(fit.F), _with_std(fit.f)
     if fit.low_pass is not None or fit.high_pass is not None or alpha is None or F is None or f is None:
         return None  # behind a filter: these are of a filter's input, while the filters see its output
-    belief = Belief(*alpha, *F, *f)
+    belief = FilterModel(*alpha, *F, *f)
     return belief if belief.is_sound and NORMAL_95 * belief.alpha_std <= TUNED_WITHIN else None
 
 

@@ -67,7 +67,7 @@ def count_composite(name: str, series: int) -> list[Row]:
     same = 0
     for _ in range(series):
         e = examined(drawn(COMPOSITES[name], OF_INTERVALS, rng), H).evidence
-        found = found_in_order(estimated(e.frontier, winner(e, decide(e))))
+        found = found_in_order(estimated(e.candidates, winner(e, decide(e))))
         if [one.part for one in found] != [tag(one) for one in truth]:
             continue
         same += 1

@@ -11,7 +11,7 @@ import numpy as np
 from fltea.noise import spectra
 from fltea.noise.parts import g_of_eta
 from fltea.records.arrays import Array
-from fltea.spectrum.frontier import native, order_in_white
+from fltea.spectrum.candidate_models import native, order_in_white
 from fltea.spectrum.intervals import CRITICAL
 from fltea.spectrum.periodogram import binned, periodogram
 from scipy.optimize import minimize

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from fltea.estimator.bank import Bank, Variances
-from fltea.estimator.belief import Belief
+from fltea.estimator.filter_model import FilterModel
 from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ class Tuning(NamedTuple):
     samples: int
     Q: Array
     R: Array
-    beliefs: Sequence[Belief | None] = ()
+    beliefs: Sequence[FilterModel | None] = ()
 
 
 def read(

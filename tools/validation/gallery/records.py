@@ -15,7 +15,7 @@ from fltea.identification.about_levels import look_at
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.left_out import NOTHING
 from fltea.identification.load import GYRO_UNIT, Series
-from fltea.identification.values import value_traps
+from fltea.identification.values import value_data_checks
 from fltea.records.arrays import Array
 from fltea.spectrum.wording import duration
 
@@ -97,16 +97,18 @@ def _seen(y: Array, h: float) -> Row:
         text = "All samples are the same."
         return {"kind": "constant", "text": text, "alpha": None, "lines_hz": [], "ahead": None, "checks": []}
     seen = look_at(Series(SCALE * y, GYRO_UNIT, None), h, IdentifyOptions(), NOTHING).looked
-    evidence, frontier = seen.summed.seen.evidence, seen.summed.seen.evidence.frontier
+    evidence, candidates = seen.summed.seen.evidence, seen.summed.seen.evidence.candidates
     verdict = seen.verdict
     alpha = verdict.order.alpha
     return {
-        "checks": [trap.kind for trap in value_traps(y, GYRO_UNIT) if trap.kind in CHECKS],
+        "checks": [
+            data_check.kind for data_check in value_data_checks(y, GYRO_UNIT) if data_check.kind in CHECKS
+        ],
         "kind": verdict.kind,
         "text": verdict.text,
         "alpha": [alpha.value, alpha.low, alpha.high],
         "lines_hz": [peak.frequency_hz for peak in evidence.peaks],
-        "ahead": None if frontier.ordered is None else frontier.lead_over_rich,
+        "ahead": None if candidates.ordered is None else candidates.lead_over_rich,
     }
 
 
@@ -119,12 +121,12 @@ def tables(rows: list[Row]) -> list[Table | str]:
     """Return what is wrong, the figures that count, the reasons, and truth against verdict."""
     record = ("noise", "record", "verdict")
     wrong = _cells(rows, "wrong", lambda some: ", ".join(some[0]["right"]))
-    untold = _cells(rows, "cannot be told", lambda some: "; ".join({row["reason"]: 0 for row in some}))
+    not_notified = _cells(rows, "cannot be told", lambda some: "; ".join({row["reason"]: 0 for row in some}))
     return [
         *summary(rows),
         Table("Wrong", (*record, "right would be"), wrong),
         _truth_against_verdict(rows),
-        Table("Cannot be told", (*record, "reason"), untold, brief=False),
+        Table("Cannot be told", (*record, "reason"), not_notified, brief=False),
     ]
 
 

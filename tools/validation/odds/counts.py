@@ -21,7 +21,7 @@ def count(population: str, samples: int, first: int, series: int, seed: int) -> 
         rng = np.random.default_rng([seed, samples, zlib.crc32(population.encode()), number])
         parts = POPULATIONS[population][0](rng, samples)
         e = examined(drawn(parts, samples, rng), 1 / RATE_HZ).evidence
-        f, verdict = e.frontier, decide(e)
+        f, verdict = e.candidates, decide(e)
         has = f.ordered is not None
         rows.append(
             {

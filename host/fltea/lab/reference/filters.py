@@ -36,7 +36,7 @@ SPREAD = 1.0
 GAUSSIAN = 2.0
 
 
-class Belief(NamedTuple):
+class FilterModel(NamedTuple):
     """Estimate of a quantity that walks at random: KFo's order (n = 1) or KFw's parameters (n = n_w)."""
 
     mean: Array
@@ -87,8 +87,8 @@ def difference(order: np.float64, h: float, states: Array) -> Difference:
 
 
 def order_filter(
-    prior: Belief, y: Array, rate: Array, states: Array, system: System, R: Array, delta: float
-) -> Belief:
+    prior: FilterModel, y: Array, rate: Array, states: Array, system: System, R: Array, delta: float
+) -> FilterModel:
     """KFo, section 5.1: the order, by the model's answer to three sigma points.
 
     `rate` is A(ŵ_{k-1}) x̂_{k-1} + B u_{k-1}, shape (N,); `y` and `R` have shapes (p,) and (p, p).
@@ -102,7 +102,7 @@ def order_filter(
 
 
 def parameter_filter(
-    prior: Belief,
+    prior: FilterModel,
     y: Array,
     x: Array,
     drive: Array,
@@ -110,7 +110,7 @@ def parameter_filter(
     system: System,
     R: Array,
     delta: float,
-) -> Belief:
+) -> FilterModel:
     """KFw, section 5.3: the parameters, by the model's answer to 2 n_w + 1 sigma points at the new order α̂_k.
 
     `x` (N,) is x̂_{k-1}, `drive` (N,) is B u_{k-1}; the past in `at` does not depend on the parameters.
@@ -148,7 +148,9 @@ def state_filter(x: Array, P: Array, y: Array, C: Array, R: Array) -> tuple[Arra
     return x + K @ innovation, symmetric(kept @ P @ kept.T + K @ R @ K.T), innovation, S
 
 
-def unscented_update(prior: Belief, points: Array, Y: Array, y: Array, R: Array, delta: float) -> Belief:
+def unscented_update(
+    prior: FilterModel, points: Array, Y: Array, y: Array, R: Array, delta: float
+) -> FilterModel:
     """Measurement update common to KFo and KFw, sections 5.1 and 5.3.
 
     `points` (2n+1, n) are the sigma points of the predicted covariance P̃, `Y` (2n+1, p) the outputs that
@@ -165,7 +167,7 @@ def unscented_update(prior: Belief, points: Array, Y: Array, y: Array, R: Array,
     # Equal to the printed P̃ - K Pyy K', as the weighted dx dx' add up to P̃; but rounding cannot make it
     # negative.
     left = dx - dy @ K.T
-    return Belief(
+    return FilterModel(
         mean=prior.mean + correction,
         P=symmetric(left.T @ (Wc[:, np.newaxis] * left) + K @ R @ K.T),
         Q=(1 - delta) * prior.Q + delta * (correction[:, np.newaxis] * correction),
@@ -246,10 +248,10 @@ class Fltea:
         system.check(len(x0), w0)
         p, n_w = len(system.C), len(w0)
         self.system = system
-        self.order = Belief(
+        self.order = FilterModel(
             np.array([order.alpha0], dtype=np.float64), np.array([[order.P0]]), np.array([[order.Q0]])
         )
-        self.parameter = Belief(
+        self.parameter = FilterModel(
             w0.copy(),
             covariance("parameter P0", parameter.P0, n_w),
             covariance("parameter Q0", parameter.Q0, n_w),

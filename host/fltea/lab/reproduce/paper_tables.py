@@ -101,7 +101,7 @@ def gyroscope_rows(
     return [
         {"axis": axis, "L": L, "against": scenario.lengths[0]}
         | outcome_row(outcome, paper.TABLE_5[axis])
-        | settled(outcome, paper.GYRO_SETTLED[axis])
+        | accepted(outcome, paper.GYRO_SETTLED[axis])
         | labels(scenario, options)
         for L, outcome in results.items()
     ]
@@ -110,7 +110,7 @@ def gyroscope_rows(
 def unknown_rows(scenario: Scenario, results: Mapping[int, Outcome], options: Options) -> list[Row]:
     """Section 6.2: errors, and where order and parameter settle; the paper prints no numbers."""
     return [
-        {"L": L, **outcome_row(outcome, None), **settled(outcome), **labels(scenario, options)}
+        {"L": L, **outcome_row(outcome, None), **accepted(outcome), **labels(scenario, options)}
         for L, outcome in results.items()
     ]
 
@@ -120,7 +120,7 @@ def time_rows(times: Mapping[int, Times]) -> list[Row]:
     return [{"L": L, **row._asdict(), "paper_s": paper.TABLE_1[L]} for L, row in times.items()]
 
 
-def settled(outcome: Outcome, printed: tuple[float | None, float | None] = (None, None)) -> Row:
+def accepted(outcome: Outcome, printed: tuple[float | None, float | None] = (None, None)) -> Row:
     """Means of order and parameter over the last third of each run."""
     good = ~outcome.not_finite
     return {

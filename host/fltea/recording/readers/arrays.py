@@ -13,7 +13,7 @@ from fltea.recording.files import AT_ONCE, listed
 from fltea.recording.groups import gyroscopes_in
 from fltea.recording.npz_arrays import KINDS
 from fltea.recording.one_sensor import MOST_SENSORS
-from fltea.recording.readers import beside
+from fltea.recording.readers import file_facts
 from fltea.recording.reading import OVERRULE
 from fltea.recording.sample_times import Floats
 from fltea.recording.sheet import Sheet
@@ -63,7 +63,7 @@ def of_arrays(
         UsageError: none of them holds numbers.
     """
     facts = {**_facts(arrays), **attributes, **{f"{name}@units": unit for name, unit in units.items()}}
-    found, rates = _Columns(facts, doubts), beside.rates_of(facts)
+    found, rates = _Columns(facts, doubts), file_facts.rates_of(facts)
     for name, array in arrays.items():
         if name not in rates:
             found.add(name, array)
@@ -78,7 +78,7 @@ def _facts(arrays: Mapping[str, Any]) -> dict[str, Any]:
             found[name] = array
             continue
         size = MOST_WIDE + 1 if isinstance(array, NoNumbers) else math.prod(array.shape)
-        if size == 1 or (size <= MOST_WIDE and beside.is_of_columns(name)):
+        if size == 1 or (size <= MOST_WIDE and file_facts.is_of_columns(name)):
             found[name] = array[()]
     return found
 
@@ -87,8 +87,11 @@ class _Columns:
     """The columns of arrays so far. facts: what the file says of them."""
 
     def __init__(self, facts: Mapping[str, Any], doubts: Mapping[str, str]) -> None:
-        self._facts, self._doubts, self._said = facts, doubts, beside.units_of(facts)
-        self._called, self._scales = beside.Near(facts, beside.COLUMNS), beside.Near(facts, beside.SCALES)
+        self._facts, self._doubts, self._said = facts, doubts, file_facts.units_of(facts)
+        self._called, self._scales = (
+            file_facts.Near(facts, file_facts.COLUMNS),
+            file_facts.Near(facts, file_facts.SCALES),
+        )
         self._names: list[str] = []
         self._units: list[str] = []
         self._of: list[str] = []
@@ -105,11 +108,11 @@ class _Columns:
         is_of_words = tells_sensors(name) or (states_units(name) and name not in self._facts)
         if is_of_words and (words := _words(array)) is not None:
             array, self._words[name] = words
-        is_fact = name in self._facts and name not in self._words and beside.texts_of(self._facts[name])
+        is_fact = name in self._facts and name not in self._words and file_facts.texts_of(self._facts[name])
         if isinstance(array, str) or is_fact:
             return
         if name not in self._words and not isinstance(array, NoNumbers) and array.dtype.kind in "SUO":
-            points = points_of_time(beside.texts_of(array[()])) if len(array.shape) == 1 else None
+            points = points_of_time(file_facts.texts_of(array[()])) if len(array.shape) == 1 else None
             array = array if points is None else points
         if reason := _reason(array):
             self._reasons.append(f"{listed([name])} {reason}")
@@ -119,9 +122,9 @@ class _Columns:
             found, rows = list(_of_array(name, array, self._called.of(name))), max(array.shape, default=0)
         labels, scales = [one.label for one in found], self._scales.of(name)
         for place, (label, column, why) in enumerate(found if rows > 1 or reason else ()):
-            unit = beside.unit_of(self._said, label, name, place, len(found))
+            unit = file_facts.unit_of(self._said, label, name, place, len(found))
             is_whole = not reason and array.dtype.kind in "iu"
-            scale = beside.scale_of(scales, name, labels, unit, is_whole=is_whole)
+            scale = file_facts.scale_of(scales, name, labels, unit, is_whole=is_whole)
             if scale and is_time(label):
                 why = why or f"{scale} may change its numbers, and not said is how. {OVERRULE}"
             elif scale:
@@ -229,7 +232,7 @@ def _of_array(name: str, array: Any, facts: Mapping[str, Any]) -> Iterator[_Labe
         yield _Labelled(name, partial(_rows, array))
     elif len(array.shape) == 2:
         on_side, width = array.shape[0] < array.shape[1], min(array.shape)
-        named, wrong = beside.columns_of(facts, name, width)
+        named, wrong = file_facts.columns_of(facts, name, width)
         for k in range(width):
             label = _named(name, named[k]) if named else _label(name, k, width)
             column = partial(_on_side if on_side else _upright, array, k)

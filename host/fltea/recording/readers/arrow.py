@@ -11,7 +11,7 @@ import numpy as np
 from fltea.recording.column_names import is_time, named_axis, states_units, tells_sensors
 from fltea.recording.files import AT_ONCE
 from fltea.recording.one_sensor import MOST_SENSORS
-from fltea.recording.readers import beside
+from fltea.recording.readers import file_facts
 from fltea.recording.readers.arrays import MOST_WIDE
 from fltea.recording.sample_times import DAY_S, SECONDS, Floats
 from fltea.recording.sheet import SAMPLE_ROWS, Sheet
@@ -73,13 +73,13 @@ class _Column(NamedTuple):
 def _arrow(schema: Any, rows: int, batches: Batches) -> Sheet:
     columns = list(_columns(schema, batches))
     facts = _facts(schema)
-    said, units = beside.units_of(facts), []
+    said, units = file_facts.units_of(facts), []
     doubts = {one.label: f"holds {one.kind}, no numbers." for one in columns if one.is_bad}
     changed: dict[str, str] = {}
     for one in columns:
-        units.append(beside.unit_of(said, one.label, one.source, one.place or 0, one.of))
+        units.append(file_facts.unit_of(said, one.label, one.source, one.place or 0, one.of))
         is_whole = "int" in str(one.kind)
-        scale = beside.scale_of(facts, one.source, [one.label], units[-1], is_whole=is_whole)
+        scale = file_facts.scale_of(facts, one.source, [one.label], units[-1], is_whole=is_whole)
         if scale and is_time(one.label):
             doubts.setdefault(one.label, f"{scale} may change its numbers, and not said is how.")
         elif scale:
@@ -97,7 +97,7 @@ def _arrow(schema: Any, rows: int, batches: Batches) -> Sheet:
         units,
         rows,
         stamps=tuple(one.label for one in columns if one.is_stamp),
-        rates=beside.rates_of(facts),
+        rates=file_facts.rates_of(facts),
         doubts=doubts,
         changed=changed,
         words={one.label: list(one.words) for one in columns if one.words},

@@ -16,7 +16,7 @@ from fltea.recording.files import Note, listed
 from fltea.recording.one_sensor import MOST_SENSORS
 from fltea.recording.readers import pandas_hdf5
 from fltea.recording.readers.arrays import NoNumbers, axes_named, is_of_matlab, of_arrays
-from fltea.recording.readers.beside import number_of, texts_of
+from fltea.recording.readers.file_facts import number_of, texts_of
 from fltea.recording.reading import OVERRULE
 from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError

@@ -9,13 +9,13 @@ from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.events import Chunk, Reads
 from fltea.records.ports import Report
 from fltea.records.repeat import OnceAMinute
+from fltea.service.device_stream import DeviceStream
 from fltea.service.hub import Hub
 from fltea.service.ingest.inbox import Inbox
 from fltea.service.ingest.receiver import Shared
-from fltea.service.walk import Walk
 from fltea.settings.config import Config
 from fltea.sources.frames import FramesSource
-from fltea.stream.beside import Beside
+from fltea.stream.fit_worker import FitWorker
 from fltea.stream.snapshot import DeviceState
 
 TICK_NS = 2 * 10**9
@@ -35,7 +35,7 @@ class Line:
     kept_ns: when its last snapshot was taken; is_whole: it had the estimators.
     """
 
-    walk: Walk
+    walk: DeviceStream
     source: FramesSource
     heard_ns: int
     looked_ns: int
@@ -61,12 +61,12 @@ class Devices:
         url: str,
         report: Report,
         shared: Shared | None,
-        beside: Beside,
+        fit_worker: FitWorker,
         wait_for_room: Callable[[], object],
     ) -> None:
         self.lines: dict[str, Line] = {}
         self._config, self._hub, self._inbox, self._url = config, hub, inbox, url
-        self._report, self._shared, self._beside = report, shared, beside
+        self._report, self._shared, self._fit_worker = report, shared, fit_worker
         self._wait_for_room = wait_for_room
         self._broken_ns: dict[str, int] = {}
         self._opened = 0
@@ -87,10 +87,10 @@ class Devices:
         url = f"{self._url}/{name}"
         source = FramesSource(url, lambda: self._inbox.overflow_bytes[name])
         config = msgspec.structs.replace(self._config, name=name, source=url)
-        walk = Walk(source, config, self._hub, None, self._beside, self._opened, STATS_S, saved)
+        walk = DeviceStream(source, config, self._hub, None, self._fit_worker, self._opened, STATS_S, saved)
         self._opened += 1
         line = self.lines[name] = Line(walk, source, now_ns, now_ns, partition)
-        self._beside.devices += 1
+        self._fit_worker.devices += 1
         for event in source.open(now_ns, self.offset_ns()):
             walk.take(event)
         return line
@@ -135,5 +135,5 @@ class Devices:
         if not moved and line.partition is not None and self._shared is not None:
             self._shared.drop(line.partition, name)  # else who takes over goes back to where it was then
         self._hub.depart(name, moved=moved)
-        self._beside.devices -= 1
+        self._fit_worker.devices -= 1
         self._inbox.forget(name)

@@ -19,7 +19,7 @@ from fltea.service.ingest.receiver import Receiver
 from fltea.service.ingest.snapshots import Snapshots
 from fltea.service.pressure import LOOK_NS, Pressure
 from fltea.settings.config import Config
-from fltea.stream.beside import Beside
+from fltea.stream.fit_worker import FitWorker
 
 STILL_NS = 5 * 10**9
 """A program that did not look for longer stood still: nobody is taken for silent in that time."""
@@ -69,7 +69,7 @@ class Ingest:
         hub: Hub,
         receiver: Callable[[Inbox, Report], Receiver],
         on_end: Callable[["Ingest", Exception | None], None],
-        beside: Beside,
+        fit_worker: FitWorker,
     ) -> None:
         self.name = config.name or ""
         self.moved_s = time.monotonic()
@@ -79,14 +79,14 @@ class Ingest:
         self._receiver = receiver(self.inbox, self._report)
         shared, url = self._receiver.partitions, self._receiver.url
         self.devices = Devices(
-            config, hub, self.inbox, url, self._report, shared, beside, self._wait_for_room
+            config, hub, self.inbox, url, self._report, shared, fit_worker, self._wait_for_room
         )
         self.snapshots = (
             None if shared is None else Snapshots(shared, limits.snapshot_s, self._report, hub.written)
         )
         self.catching_up = CatchingUp()
         self.hearing = Hearing()
-        self._pressure = Pressure(beside, self._report)
+        self._pressure = Pressure(fit_worker, self._report)
         self._losses = Losses(self.inbox, url)
         self._held_ns = 0
         self._left_out = set[int | None]()

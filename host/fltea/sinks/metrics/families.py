@@ -67,11 +67,11 @@ class Families(Collector):
         self,
         newest: dict[str, Newest],
         errors: dict[tuple[str, str], int],
-        outlets: Callable[[], Sequence[tuple[str | None, OutputView]]],
+        sink_queues: Callable[[], Sequence[tuple[str | None, OutputView]]],
     ) -> None:
         self._newest = newest
         self._errors = errors
-        self._outlets = outlets
+        self._sink_queues = sink_queues
 
     def describe(self) -> list[Metric]:
         """Promise nothing, so that registering does not collect."""
@@ -108,7 +108,7 @@ class Families(Collector):
         yield from families("fit_", DEVICE, tables.FIT, fits)
         errors = CounterMetricFamily("fltea_errors", "Errors reported, by kind.", labels=("device", "kind"))
         yield filled(errors, list(self._errors.copy().items()))
-        yield from _outputs([(device or "", outlet) for device, outlet in self._outlets()])
+        yield from _outputs([(device or "", sink_queue) for device, sink_queue in self._sink_queues()])
 
 
 def _axes(records: Labelled) -> Labelled:
@@ -126,22 +126,22 @@ def _devices(hellos: Sequence[tuple[str, Hello]]) -> Metric:
     return family
 
 
-def _outputs(outlets: Sequence[tuple[str, OutputView]]) -> Iterator[Metric]:
+def _outputs(sink_queues: Sequence[tuple[str, OutputView]]) -> Iterator[Metric]:
     yield from families(
         "output_",
         ("output", "device"),
         tables.OUTPUTS,
-        [((outlet.name, device), outlet.stats()) for device, outlet in outlets],
+        [((sink_queue.name, device), sink_queue.stats()) for device, sink_queue in sink_queues],
     )
     latency = HistogramMetricFamily(
         "fltea_output_latency_seconds",
         "Time from a sample's arrival to its output.",
         labels=("output", "device"),
     )
-    for device, outlet in outlets:
+    for device, sink_queue in sink_queues:
         total, buckets = 0, []
-        for bound, count in zip(_BOUNDS_S, list(outlet.latency.counts), strict=True):
+        for bound, count in zip(_BOUNDS_S, list(sink_queue.latency.counts), strict=True):
             total += count
             buckets.append((bound, float(total)))
-        latency.add_metric((outlet.name, device), buckets, outlet.latency.sum_ms * 1e-3)
+        latency.add_metric((sink_queue.name, device), buckets, sink_queue.latency.sum_ms * 1e-3)
     yield latency

@@ -52,7 +52,7 @@ class MetricsSink(Sink):
     def __init__(
         self,
         settings: MetricsConfig,
-        outlets: Callable[[], Sequence[tuple[str | None, OutputView]]],
+        sink_queues: Callable[[], Sequence[tuple[str | None, OutputView]]],
         report: Report,
     ) -> None:
         self._newest: dict[str, Newest] = {}
@@ -60,7 +60,7 @@ class MetricsSink(Sink):
         self._identities: dict[str, FewIdentities] = {}
         self._report = report
         registry = CollectorRegistry()
-        self._families = Families(self._newest, self._errors, outlets)
+        self._families = Families(self._newest, self._errors, sink_queues)
         registry.register(self._families)
         ProcessCollector(registry=registry)
         host, port = listen_address(str(settings.address))
@@ -177,4 +177,4 @@ def _listen(host: str, port: int, handler: type[_Handler]) -> _Server:
 
 def open_output(opening: Opening) -> MetricsSink:
     """Answer Prometheus."""
-    return MetricsSink(opening.program.metrics, opening.outlets, opening.report)
+    return MetricsSink(opening.program.metrics, opening.sink_queues, opening.report)

@@ -10,7 +10,7 @@ from fltea.records.identities import MOST, FewIdentities
 from fltea.records.ports import Item, Report, Sink, Wanted
 from fltea.records.records import AnyRecord, DeviceEstimates, DeviceFits, Estimate, Fit, Hello, Record, Stats
 from fltea.settings.mqtt import MqttConfig
-from fltea.sinks.lines import BlockLines
+from fltea.sinks.json_lines import BlockLines
 from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.delivery import BACKLOG, Delivery, Message
 from fltea.sinks.mqtt.discovery import discovery, discovery_topic

@@ -5,8 +5,8 @@ import io
 import pytest
 from blocks import of, records_of
 from fltea.records.records import Fit
+from fltea.service.device_stream import DeviceStream
 from fltea.service.hub import Hub
-from fltea.service.walk import Walk
 from fltea.settings.config import load_config
 from fltea.sinks.ndjson import NdjsonSink
 from fltea.sinks.record_json import record_json
@@ -20,7 +20,7 @@ def test_what_is_printed_states_each_fit_as_soon_as_it_counts(size: int) -> None
     hub, output, blocks = Hub(lambda error: None), io.BytesIO(), Memory(capacity=100_000)
     hub.add(NdjsonSink(output, samples=True))
     hub.add(blocks)
-    walk = Walk(Source(), load_config(None, SMALL | {"live.period_s": 0.5}), hub, None)
+    walk = DeviceStream(Source(), load_config(None, SMALL | {"live.period_s": 0.5}), hub, None)
     for boot in range(2):
         walk.take(hello(boot_id=boot))
         for begin in range(0, 600, size):

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 
-class Beside:
+class FitWorker:
     """What the looks of a program share; this one makes each where its result is asked for.
 
     devices: how many there are. slower: how many times rarer than usual looks come, for all alike, because
@@ -48,7 +48,7 @@ class _Work:
         return self._found
 
 
-class BesideThread(Beside):
+class FitThread(FitWorker):
     """Does the work of all in a thread of its own, in the order in which it was begun, until it is closed.
 
     Whoever waits for what nobody has begun does it himself, so that a replay has two cores for its looks.

@@ -12,7 +12,6 @@ import zlib
 from pathlib import Path, PurePosixPath
 from typing import Any, cast
 
-from fltea.recording.apart import open_apart
 from fltea.recording.csv_file import open_csv
 from fltea.recording.files import Note, Stored, listed
 from fltea.recording.formats import FORMATS, KINDS
@@ -20,6 +19,7 @@ from fltea.recording.kind import kind_of_file
 from fltea.recording.ndjson import read_ndjson
 from fltea.recording.opening import Printed, check_options
 from fltea.recording.quota import Quota
+from fltea.recording.reader_process import open_in_process
 from fltea.records.errors import UsageError
 from fltea.records.temporary import nameless_file
 from fltea.settings.how import How
@@ -44,7 +44,7 @@ BESIDE = ("meta", "__macosx", "readme", "license")
 BUFFER_BYTES = 1 << 18
 
 
-def open_packed(path: Path, how: How, limits: Limits) -> Stored | Printed:
+def open_compressed(path: Path, how: How, limits: Limits) -> Stored | Printed:
     """Read what is inside by what it is: text as it comes, other files from a temporary one without a name.
 
     Raises:
@@ -98,7 +98,7 @@ def _open_inside(
         if kind == "ndjson":
             return Printed(*read_ndjson(place, limits=limits, file=content))
         if FORMATS[kind].reader:
-            return open_apart(kind, place, how, limits, whole)
+            return open_in_process(kind, place, how, limits, whole)
     raise UsageError(f"{place}: holds {FORMATS[kind].title}, which is not read while it is packed; {advice}")
 
 

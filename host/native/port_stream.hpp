@@ -17,7 +17,7 @@
 namespace fltea {
 
 // What is the caller's; then `walk` is called again.
-enum class LineStop : int {
+enum class PortStop : int {
     kNothing,  // all that came is taken
     kItem,     // an item of the line (item())
     kStop,     // a stop of the device (advanced(), samples())
@@ -27,9 +27,9 @@ enum class LineStop : int {
     kFault,    // what came cannot be taken (Round::fault), and nothing more is
 };
 
-class LineWalk {
+class PortStream {
   public:
-    LineWalk(WireLine& wire, Device& device, std::vector<RunPrinter*>& printers)
+    PortStream(WireLine& wire, Device& device, std::vector<RunPrinter*>& printers)
         : wire_(wire), device_(device), printers_(printers) {}
 
     // Somebody takes rows, prints lines, takes bytes as they came.
@@ -91,17 +91,17 @@ class LineWalk {
         wire_.silent(now_ns);
     }
 
-    LineStop walk(std::int64_t now_ns) {
+    PortStop walk(std::int64_t now_ns) {
         while (is_busy_) {
-            if (held_ != LineStop::kNothing && !has_new_rows_) {
-                if (rows_.rows() > 0) return LineStop::kRows;  // nothing overtakes samples
-                if (held_ == LineStop::kItem && says_hello() && !reads_.reads.empty())
-                    return LineStop::kReads;
-                return std::exchange(held_, LineStop::kNothing);
+            if (held_ != PortStop::kNothing && !has_new_rows_) {
+                if (rows_.rows() > 0) return PortStop::kRows;  // nothing overtakes samples
+                if (held_ == PortStop::kItem && says_hello() && !reads_.reads.empty())
+                    return PortStop::kReads;
+                return std::exchange(held_, PortStop::kNothing);
             }
             if (has_new_rows_) {
                 if (rows_.rows() > 0 && (is_unprinted_ != is_text_missing_ || !rows_.takes(device_)))
-                    return LineStop::kRows;
+                    return PortStop::kRows;
                 keep_rows();
             } else if (has_samples_) {
                 advance();
@@ -109,21 +109,21 @@ class LineWalk {
                 held_ = next();
             }
             if (rows_.rows() > 0 && (is_unprinted_ || patience_ns == 0 || rows_.rows() >= kMostRows))
-                return LineStop::kRows;
+                return PortStop::kRows;
         }
         if (rows_.rows() > 0 && (is_lost_ || now_ns >= rows_.first_ns() + patience_ns))
-            return LineStop::kRows;
+            return PortStop::kRows;
         const bool has_reads = !reads_.reads.empty();
         if (has_reads && (is_lost_ || reads_.bytes.size() >= kMostBytes ||
                           now_ns >= reads_.reads.front().stamp.host_ns + patience_ns))
-            return LineStop::kReads;
+            return PortStop::kReads;
         if (is_lost_) {
             is_lost_ = false;
             has_worked_ = worked_;
             worked_ = false;
-            return LineStop::kLost;
+            return PortStop::kLost;
         }
-        return LineStop::kNothing;
+        return PortStop::kNothing;
     }
 
   private:
@@ -132,29 +132,29 @@ class LineWalk {
     // Whoever keeps the bytes has those of a HELLO before he learns what it says.
     bool says_hello() const { return item_.kind == LineItem::kFrame && item_.type == Hello::type(); }
 
-    LineStop next() {
+    PortStop next() {
         item_ = wire_.next();
         if (item_.kind != LineItem::kDone) now_ns_ = item_.host_ns;
         switch (item_.kind) {
             case LineItem::kDone:
                 wire_.resume(taken_ns_);
                 is_busy_ = false;
-                return LineStop::kNothing;
+                return PortStop::kNothing;
             case LineItem::kSamples:
                 samples_ = item_.samples;
                 has_samples_ = true;
                 at_ = 0;
-                return LineStop::kNothing;
+                return PortStop::kNothing;
             case LineItem::kBad:
-                return LineStop::kNothing;
+                return PortStop::kNothing;
             case LineItem::kSameHello:  // as a device says once a second
                 if (device_.place.knows_hello() && item_.host_ns < device_.stats_due_ns)
-                    return LineStop::kNothing;
-                return LineStop::kItem;
+                    return PortStop::kNothing;
+                return PortStop::kItem;
             case LineItem::kTick:
-                return item_.host_ns < device_.stats_due_ns ? LineStop::kNothing : LineStop::kItem;
+                return item_.host_ns < device_.stats_due_ns ? PortStop::kNothing : PortStop::kItem;
             default:
-                return LineStop::kItem;
+                return PortStop::kItem;
         }
     }
 
@@ -167,7 +167,7 @@ class LineWalk {
         if (advanced_.begin < advanced_.end) take_rows();
         has_samples_ = advanced_.stop != Stop::kEnd;
         if (!has_samples_) now_ns_ = samples_.host_ns[samples_.n - 1];
-        if (has_samples_ && advanced_.stop != Stop::kMore) held_ = LineStop::kStop;
+        if (has_samples_ && advanced_.stop != Stop::kMore) held_ = PortStop::kStop;
     }
 
     void take_rows() {
@@ -201,7 +201,7 @@ class LineWalk {
     std::int64_t now_ns_ = 0, taken_ns_ = 0;
     bool worked_ = false, has_worked_ = false;
     bool is_busy_ = false, has_samples_ = false, is_lost_ = false;
-    LineStop held_ = LineStop::kNothing;                   // the caller's, once he has all samples before it
+    PortStop held_ = PortStop::kNothing;                   // the caller's, once he has all samples before it
     bool has_new_rows_ = false, is_text_missing_ = false;  // of the newest run
     bool is_unprinted_ = false;                            // rows that wait
 };

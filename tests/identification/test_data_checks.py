@@ -1,15 +1,15 @@
-"""Traps: each planted and found; none in clean noise."""
+"""Data checks: each planted and found; none in clean noise."""
 
 import functools
 
 import numpy as np
 import pytest
 from fltea.identification.counts import Counts
+from fltea.identification.data_checks import axis_data_checks, timing_data_checks
 from fltea.identification.judges import held
-from fltea.identification.traps import axis_traps, timing_traps
 from fltea.records.arrays import Array
-from fltea.spectrum.lines import find_peaks
 from fltea.spectrum.periodogram import periodogram
+from fltea.spectrum.spectral_lines import find_peaks
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from identify_support import H, ar, long_recursion, white
@@ -22,7 +22,11 @@ QUIET = Counts(1000, 1000, 0, 1, *[0] * 9)
 
 def kinds(y: Array, lsb: float | None = None) -> dict[str, str]:
     """Severity of each kind, "short" left out."""
-    return {trap.kind: trap.severity for trap in axis_traps(y, H, lsb) if trap.kind != "short"}
+    return {
+        data_check.kind: data_check.severity
+        for data_check in axis_data_checks(y, H, lsb)
+        if data_check.kind != "short"
+    }
 
 
 @functools.cache
@@ -45,13 +49,13 @@ def test_clean_noise_hardly_ever_has_one(kind: str, lsb: float | None) -> None:
     series = clean(kind)
     if lsb is not None:
         series = np.rint(series / lsb) * lsb
-    found = [trap for y in series for trap in held([y], [lsb], H)]
+    found = [data_check for y in series for data_check in held([y], [lsb], H)]
     assert sum(len(kinds(y, lsb)) for y in series) + len(found) <= 1
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.floats(1e-3, 1e3), st.sampled_from([0.05, 0.3, 1.0]))
-def test_no_trap_at_any_scale(seed: int, scale: float, coarse: float) -> None:
+def test_no_data_check_at_any_scale(seed: int, scale: float, coarse: float) -> None:
     """Thresholds have no unit: what is found does not depend on it."""
     y = np.rint(white(2000, 1, seed)[0] / coarse) * coarse
     wanted = {"quantisation"} if y.std() < 2 * coarse else set()
@@ -61,9 +65,11 @@ def test_no_trap_at_any_scale(seed: int, scale: float, coarse: float) -> None:
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_offset(sign: int) -> None:
-    (trap,) = axis_traps(white(LONG, 1, 1)[0] * 0.1 + sign * 4.5, H)
-    assert (trap.kind, trap.severity) == ("offset", "note")
-    assert trap.text == "The bias is large beside the noise.", "no figure, so that all axes share one note"
+    (data_check,) = axis_data_checks(white(LONG, 1, 1)[0] * 0.1 + sign * 4.5, H)
+    assert (data_check.kind, data_check.severity) == ("offset", "note")
+    assert data_check.text == "The bias is large beside the noise.", (
+        "no figure, so that all axes share one note"
+    )
     assert "offset" not in kinds(white(LONG, 1, 1)[0] + 0.05)
 
 
@@ -71,7 +77,7 @@ def test_offset(sign: int) -> None:
 def test_drift(change: float) -> None:
     y = white(LONG, 1, 1)[0] + change * np.linspace(-0.5, 0.5, LONG)
     assert kinds(y) == {"drift": "warning"}
-    assert f"Drift of {change:+.1f}"[:11] in axis_traps(y, H)[0].text
+    assert f"Drift of {change:+.1f}"[:11] in axis_data_checks(y, H)[0].text
     assert kinds(white(LONG, 1, 1)[0] + 0.02 * np.linspace(-0.5, 0.5, LONG)) == {}
 
 
@@ -88,7 +94,7 @@ def test_quantisation(sigma_lsb: float, severity: str | None, known: bool) -> No
 def test_outliers() -> None:
     y = white(3000, 1, 1)[0]
     y[[100, 1500, 1501]] += [12, -15, -15]
-    found = {trap.kind: trap for trap in axis_traps(y, H)}
+    found = {data_check.kind: data_check for data_check in axis_data_checks(y, H)}
     assert found["outliers"].severity == "warning"
     assert "the first at 1 s" in found["outliers"].text
     y[::50] += 20
@@ -99,9 +105,9 @@ def test_outliers() -> None:
 def test_torn_reads(sign: int) -> None:
     y = counts(white(3000, 1, 1)[0])
     y[[700, 2000]] += sign * 256 * LSB
-    (trap,) = (trap for trap in axis_traps(y, H, LSB) if trap.kind != "short")
-    assert (trap.kind, trap.severity) == ("torn reads", "bad")
-    assert trap.text.startswith("2 jumps")
+    (data_check,) = (data_check for data_check in axis_data_checks(y, H, LSB) if data_check.kind != "short")
+    assert (data_check.kind, data_check.severity) == ("torn reads", "bad")
+    assert data_check.text.startswith("2 jumps")
     y[1000] += 100 * LSB
     assert set(kinds(y, LSB)) == {"torn reads", "outliers"}
     assert "torn reads" not in kinds(y, None)
@@ -122,9 +128,11 @@ def test_saturation(end: int) -> None:
     near = counts(white(3000, 1, 1)[0] + (end - 100 * np.sign(end)) * LSB)
     assert "saturation" not in kinds(near, LSB)
     near[100:110] = end * LSB
-    (trap,) = (trap for trap in axis_traps(near, H, LSB) if trap.kind == "saturation")
-    assert trap.severity == "bad"
-    assert trap.text.startswith("10 samples")
+    (data_check,) = (
+        data_check for data_check in axis_data_checks(near, H, LSB) if data_check.kind == "saturation"
+    )
+    assert data_check.severity == "bad"
+    assert data_check.text.startswith("10 samples")
     assert "saturation" not in kinds(near, None)
 
 
@@ -133,10 +141,10 @@ def test_stuck(lsb: float | None) -> None:
     y = white(3000, 1, 1)[0]
     y = y if lsb is None else np.rint(y / lsb) * lsb
     y[1000:1060] = y[1000]
-    (trap,) = (trap for trap in axis_traps(y, H, lsb) if trap.kind == "stuck")
-    assert trap.severity == "bad"
-    assert "for 6" in trap.text
-    assert "number 1000 on" in trap.text or lsb == 1.0
+    (data_check,) = (data_check for data_check in axis_data_checks(y, H, lsb) if data_check.kind == "stuck")
+    assert data_check.severity == "bad"
+    assert "for 6" in data_check.text
+    assert "number 1000 on" in data_check.text or lsb == 1.0
 
 
 def test_a_constant_axis_is_stuck() -> None:
@@ -149,8 +157,8 @@ def test_repeated_reads(every: int, severity: str, lsb: float | None) -> None:
     y = white(6000, 3, 1)
     y = (y if lsb is None else counts(y)).T
     y[1::every] = y[:-1:every][: len(y[1::every])]
-    (trap,) = held(list(y.T), [lsb] * 3, H)
-    assert (trap.kind, trap.severity) == ("repeated", severity)
+    (data_check,) = held(list(y.T), [lsb] * 3, H)
+    assert (data_check.kind, data_check.severity) == ("repeated", severity)
     y[:, 2] = white(6000, 1, 9)[0]  # one axis that moves on is enough to see that it was no old sample
     assert held(list(y.T), [lsb] * 3, H) == ()
 
@@ -158,10 +166,12 @@ def test_repeated_reads(every: int, severity: str, lsb: float | None) -> None:
 def test_peaks() -> None:
     n = 6000
     y = white(n, 1, 1)[0] + 0.4 * np.sin(2 * np.pi * 31.4 * np.arange(n) * H)
-    (trap,) = (t for t in axis_traps(y, H, None, find_peaks(periodogram(y, H))) if t.kind == "line")
-    assert trap.severity == "warning"
-    assert "31.4 Hz" in trap.text
-    assert "--notch" in trap.remedy
+    (data_check,) = (
+        t for t in axis_data_checks(y, H, None, find_peaks(periodogram(y, H))) if t.kind == "line"
+    )
+    assert data_check.severity == "warning"
+    assert "31.4 Hz" in data_check.text
+    assert "--notch" in data_check.remedy
 
 
 @pytest.mark.parametrize(
@@ -170,16 +180,16 @@ def test_peaks() -> None:
 )
 def test_too_short(n: int, h: float, short: bool) -> None:
     y = white(n, 1, 1)[0]
-    assert any(trap.kind == "short" for trap in axis_traps(y, h)) is short
+    assert any(data_check.kind == "short" for data_check in axis_data_checks(y, h)) is short
 
 
 def test_gaps() -> None:
     lossy = structs.replace(QUIET, lost=3, gaps=1, stretches=2)
-    (few,) = timing_traps(structs.replace(lossy, used=800), 100.0, 20.0)
+    (few,) = timing_data_checks(structs.replace(lossy, used=800), 100.0, 20.0)
     assert (few.kind, few.severity) == ("gaps", "note")
     assert "800 of 1000" in few.text
     for change in ({"used": 400}, {"lost": 50}):
-        (many,) = timing_traps(structs.replace(lossy, **change), 100.0, 20.0)
+        (many,) = timing_data_checks(structs.replace(lossy, **change), 100.0, 20.0)
         assert many.severity == "warning"
 
 
@@ -188,7 +198,7 @@ def test_gaps() -> None:
     [(None, None), (900.0, None), (-7026.0, "warning"), (2000.0, "warning"), (-60_000.0, "bad")],
 )
 def test_sample_rate(ppm: float | None, severity: str | None) -> None:
-    found = list(timing_traps(QUIET, 100.0, ppm))
-    assert [trap.severity for trap in found] == ([severity] if severity else [])
+    found = list(timing_data_checks(QUIET, 100.0, ppm))
+    assert [data_check.severity for data_check in found] == ([severity] if severity else [])
     if severity and ppm:
         assert f"{100 * (1 + ppm * 1e-6):.6g} Hz" in found[0].text

@@ -37,7 +37,7 @@ struct Judged {
     std::int64_t seq, epoch_us;
 };
 
-class Place {
+class SequenceTracker {
   public:
     // After half an hour without a sample the wraps of device time (71.6 minutes) cannot be counted.
     static constexpr std::int64_t kMaxSilenceNs = std::int64_t(30) * 60 * 1'000'000'000;

@@ -11,7 +11,7 @@ from fltea.records.block import AxisColumns, Block, TrackedColumns
 from fltea.records.fit import Interval
 from fltea.records.ports import Wanted
 from fltea.records.records import ACCEL_AXES, AXES
-from fltea.sinks.lines import BlockLines
+from fltea.sinks.json_lines import BlockLines
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -6,7 +6,7 @@ SMALLEST_WINDOW_BYTES = 8 << 20
 """A reader of zstd has to have that much, says its format, however small the content."""
 
 
-def unpacked_zstd(data: bytes, most: int, window: int = 0) -> bytes:
+def decompressed_zstd(data: bytes, most: int, window: int = 0) -> bytes:
     """What a frame of zstd holds, up to `most` bytes. window: the memory that it may ask for."""
     import zstandard  # an extra, and not every bag needs it
 
@@ -14,7 +14,7 @@ def unpacked_zstd(data: bytes, most: int, window: int = 0) -> bytes:
     return bytes(unpacker.stream_reader(data).read(most))
 
 
-def unpacked_lz4(data: bytes, most: int) -> bytes:
+def decompressed_lz4(data: bytes, most: int) -> bytes:
     """What a frame of LZ4 holds, up to `most` bytes; of one that is cut, what is there."""
     import lz4.frame
 
@@ -27,6 +27,6 @@ def unpacked_lz4(data: bytes, most: int) -> bytes:
     return b"".join(pieces)
 
 
-def unpacked_bz2(data: bytes, most: int) -> bytes:
+def decompressed_bz2(data: bytes, most: int) -> bytes:
     """What a stream of bzip2 holds, up to `most` bytes; of one that is cut, what is there."""
     return bz2.BZ2Decompressor().decompress(data, most)

@@ -112,7 +112,7 @@ class Fits:
         self.beside: dict[tuple[int, ...], list[float]] = {} if last is None else last.beside
 
 
-class Frontier:
+class CandidateModels:
     """The sentences fitted to one series. Of `samples`: the length of the record, for what a walk leaks.
 
     white; null and missing: the null test's alternatives, an order up to 1 in white noise, and white noise
@@ -191,7 +191,7 @@ class Frontier:
 
 
 def native(data: Binned, h: float, samples: int) -> _native.Sentences:
-    """Return the native fits of the one series of `data`; arguments as of `Frontier`.
+    """Return the native fits of the one series of `data`; arguments as of `CandidateModels`.
 
     Raises:
         ValueError: no spectrum can be fitted to the data.

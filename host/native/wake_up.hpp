@@ -14,9 +14,9 @@
 
 namespace fltea {
 
-class Bell {
+class WakeUp {
   public:
-    Bell() : descriptor_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+    WakeUp() : descriptor_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
         if (number() < 0) throw std::system_error(errno, std::generic_category(), "eventfd");
     }
 

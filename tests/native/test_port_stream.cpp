@@ -8,7 +8,7 @@
 #include <random>
 #include <string>
 
-#include "line_walk.hpp"
+#include "port_stream.hpp"
 #include "wire_line_rig.hpp"
 
 using namespace fltea;
@@ -111,7 +111,7 @@ class Taker {
 
   private:
     void take_all(std::int64_t now_ns) {
-        for (LineStop stop = LineStop::kItem; stop != LineStop::kNothing;) {
+        for (PortStop stop = PortStop::kItem; stop != PortStop::kNothing;) {
             stop = walk_.walk(now_ns);
             for (RunPrinter* one : printers_) {
                 print(std::string(one->data(), one->size()));
@@ -120,12 +120,12 @@ class Taker {
             take(stop);
         }
     }
-    void take(LineStop stop) {
-        if (stop == LineStop::kItem) on_item(walk_.item());
-        if (stop == LineStop::kStop) on_stop(walk_.advanced());
-        if (stop == LineStop::kLost) say("lost");
-        if (stop == LineStop::kRows) on_rows();
-        if (stop == LineStop::kReads) {
+    void take(PortStop stop) {
+        if (stop == PortStop::kItem) on_item(walk_.item());
+        if (stop == PortStop::kStop) on_stop(walk_.advanced());
+        if (stop == PortStop::kLost) say("lost");
+        if (stop == PortStop::kRows) on_rows();
+        if (stop == PortStop::kReads) {
             bytes = bytes + walk_.reads().bytes;
             walk_.reads() = PortNews();
         }
@@ -200,7 +200,7 @@ class Taker {
     std::vector<RunPrinter*> printers_;
     std::unique_ptr<RunPrinter> printer_;
     Parts parts_;
-    LineWalk walk_{wire_, device_, printers_};
+    PortStream walk_{wire_, device_, printers_};
     int boot_ = 0;
     std::size_t given_ = 0;
 };

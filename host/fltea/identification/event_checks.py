@@ -4,14 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fltea.identification.data_checks import DataCheck, Severity
 from fltea.identification.sensor_events import AxisEvents, BiasStep, MotionSpan
-from fltea.identification.traps import Severity, Trap
 from fltea.sinks.changes import step_words
 from fltea.sinks.words import figure
 from fltea.spectrum.wording import listed
 
-EVENT_TRAPS = MOTION, STEPS = "motion", "bias steps"
-"""The kinds of traps."""
+EVENT_CHECKS = MOTION, STEPS = "motion", "bias steps"
+"""The kinds of data checks."""
 MOST_TOLD = 3
 POPCORN = 6
 """Steps from which on it is said that a bias jumps to and fro between two levels."""
@@ -22,7 +22,7 @@ AGREE = 5.0
 those of steps that follow each other soon are too small."""
 
 
-def event_traps(events: AxisEvents, unit: str, *, is_left_out: bool = True) -> tuple[Trap, ...]:
+def event_checks(events: AxisEvents, unit: str, *, is_left_out: bool = True) -> tuple[DataCheck, ...]:
     """Return what can mislead in an axis of this unit, to which this happened.
 
     is_left_out: whether the spectrum leaves it out; False where too few samples are between.
@@ -32,7 +32,7 @@ def event_traps(events: AxisEvents, unit: str, *, is_left_out: bool = True) -> t
         then = "All figures leave it out." if is_left_out else "All figures include it."
         remedy = "Record at rest: what is slower than the rests between is not seen."
         severity: Severity = "warning" if is_left_out else "bad"
-        found.append(Trap(MOTION, severity, f"The sensor moved {_moved(events.motion)}. {then}", remedy))
+        found.append(DataCheck(MOTION, severity, f"The sensor moved {_moved(events.motion)}. {then}", remedy))
     if events.steps:
         then = (
             "The spectrum is that of the samples between steps."
@@ -42,7 +42,7 @@ def event_traps(events: AxisEvents, unit: str, *, is_left_out: bool = True) -> t
         remedy = (
             "Was the sensor knocked, or did its supply or temperature change? If not, it is the sensor's."
         )
-        found.append(Trap(STEPS, "warning", f"{_stepped(events.steps, unit)} {then}", remedy))
+        found.append(DataCheck(STEPS, "warning", f"{_stepped(events.steps, unit)} {then}", remedy))
     return tuple(found)
 
 

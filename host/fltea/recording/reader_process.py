@@ -40,7 +40,7 @@ FAILED = (1 << 32) - 1
 """In place of a length: a reason follows."""
 
 
-def open_apart(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO | None = None) -> Stored:
+def open_in_process(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO | None = None) -> Stored:
     """Read a file of a kind that has a reader of its own.
 
     file: where the content is, if it is not behind the path, which then is its name only.
@@ -102,7 +102,7 @@ def _process(
 ) -> Iterator[tuple["subprocess.Popen[bytes]", BinaryIO]]:
     """Start `foreign.main`, which has the file open too, and end it. Yields it and what it sends."""
     held = msgspec.json.encode(limits).decode()
-    command = [sys.executable, "-B", "-P", "-m", "fltea.recording.foreign", held]
+    command = [sys.executable, "-B", "-P", "-m", "fltea.recording.by_library", held]
     # One thread a library: each more reserves memory, and takes processor time that is counted here.
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "ARROW_NUM_THREADS"), "1")
     environment = {

@@ -1,6 +1,6 @@
 """What in the data can mislead whoever identifies it, and what to do about it (pure).
 
-Each trap is looked for with a threshold that clean noise, white or coloured, hardly ever reaches.
+Each data check is looked for with a threshold that clean noise, white or coloured, hardly ever reaches.
 """
 
 import math
@@ -17,8 +17,8 @@ from fltea.identification.resolution import LONG, decimals, step, thin
 from fltea.records.arrays import Array, median
 from fltea.records.kinds import ERROR_KINDS
 from fltea.spectrum import comb_words
-from fltea.spectrum.lines import Peak
 from fltea.spectrum.median_filter import find_median_filter
+from fltea.spectrum.spectral_lines import Peak
 
 Severity = Literal["note", "warning", "bad"]
 
@@ -49,7 +49,7 @@ LINE_SHARE = 0.01
 """The share of the power from which on a line is a warning."""
 
 
-class Trap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class DataCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A finding; if its severity is "bad", no figure can be believed before it is cured.
 
     axes: those of the recording that it is about; none: all of them, or the one that it was found in.
@@ -62,22 +62,24 @@ class Trap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     axes: tuple[str, ...] = ()
 
 
-def of_axis(traps: Iterable[Trap], axis: str) -> tuple[Trap, ...]:
+def of_axis(data_checks: Iterable[DataCheck], axis: str) -> tuple[DataCheck, ...]:
     """Return those of a recording that are about one axis."""
-    return tuple(trap for trap in traps if not trap.axes or axis in trap.axes)
+    return tuple(data_check for data_check in data_checks if not data_check.axes or axis in data_check.axes)
 
 
-def withheld(traps: Iterable[Trap]) -> str:
+def withheld(data_checks: Iterable[DataCheck]) -> str:
     """Return why nothing may be built on the figures that these are about, and what to do; "" if all is well.
 
     Models, files for other programs, a comparison with a data sheet and a forecast would carry the wrong
-    figures on to where nobody sees the trap.
+    figures on to where nobody sees the data check.
     """
-    bad = (f"{trap.text} {trap.remedy}" for trap in traps if trap.severity == "bad")
+    bad = (
+        f"{data_check.text} {data_check.remedy}" for data_check in data_checks if data_check.severity == "bad"
+    )
     return " ".join(dict.fromkeys(bad))
 
 
-def axis_traps(
+def axis_data_checks(
     y: Array,
     h: float,
     lsb: float | None = None,
@@ -86,7 +88,7 @@ def axis_traps(
     gaps: Gaps | None = None,
     *,
     longer: str = "ten minutes or more",
-) -> tuple[Trap, ...]:
+) -> tuple[DataCheck, ...]:
     """Look at one axis (n,), at a sampling period of h s.
 
     lsb: one count in the unit of y, if known. peaks: those found in its spectrum. gaps: where samples are
@@ -108,13 +110,13 @@ def axis_traps(
     )
 
 
-def source_trap(kind: str, text: str) -> Trap:
+def source_data_check(kind: str, text: str) -> DataCheck:
     """Return what the recording itself reported, as one of the kinds of `error` records."""
     remedy = ERROR_KINDS[kind].remedy if kind in ERROR_KINDS else ""
-    return Trap(kind, "note", text, remedy)
+    return DataCheck(kind, "note", text, remedy)
 
 
-def timing_traps(c: Counts, rate_hz: float, clock_ppm: float | None) -> Iterator[Trap]:
+def timing_data_checks(c: Counts, rate_hz: float, clock_ppm: float | None) -> Iterator[DataCheck]:
     """Look at what became of time; clock_ppm: the device's clock against the host's."""
     if c.lost or c.gaps or c.stretches > 1:
         share = c.lost / max(c.samples + c.lost, 1)
@@ -126,7 +128,7 @@ def timing_traps(c: Counts, rate_hz: float, clock_ppm: float | None) -> Iterator
             )
         if c.used < c.samples:
             done.append("The others are of another rate or scale.")
-        yield Trap(
+        yield DataCheck(
             "gaps",
             "warning" if c.used < 0.5 * c.samples or share > 0.01 else "note",
             f"{c.lost} samples ({share:.2%}) are missing in {c.gaps} gaps. {' '.join(done)}",
@@ -134,7 +136,7 @@ def timing_traps(c: Counts, rate_hz: float, clock_ppm: float | None) -> Iterator
         )
     if clock_ppm is not None and abs(clock_ppm) > RATE_PPM:
         true_hz = rate_hz * (1 + clock_ppm * 1e-6)
-        yield Trap(
+        yield DataCheck(
             "sample rate",
             "bad" if abs(clock_ppm) > 0.05 * 1e6 else "warning",
             f"The samples come {clock_ppm:+.0f} ppm off the stated rate: {true_hz:.6g} Hz by the host's "
@@ -144,10 +146,10 @@ def timing_traps(c: Counts, rate_hz: float, clock_ppm: float | None) -> Iterator
         )
 
 
-def _too_short(n: int, h: float, longer: str) -> Iterator[Trap]:
+def _too_short(n: int, h: float, longer: str) -> Iterator[DataCheck]:
     seconds = n * h
     if seconds < SHORT_S:
-        yield Trap(
+        yield DataCheck(
             "short",
             "note",
             f"{seconds:.3g} s, {n} samples: too short to separate an order from relaxations.",
@@ -161,14 +163,14 @@ def _unbroken(y: Array, gaps: Gaps) -> Array:
     return y[begin:end] if end - begin >= 2 * BLOCKS else y
 
 
-def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[Trap]:
+def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[DataCheck]:
     block = len(y) // BLOCKS
     means = y[: block * BLOCKS].reshape(BLOCKS, block).mean(axis=1)
     noise = _scale(thin(np.diff(y))) / math.sqrt(2) or float(y.std())
     mean, std = float(y.mean()), float(y.std())
     error = max(float(means.std(ddof=1)), noise / math.sqrt(block)) / math.sqrt(BLOCKS)
     if abs(mean) > max(OFFSET_SHARE * std, SIGNIFICANT * error):
-        yield Trap(
+        yield DataCheck(
             "offset",
             "note",
             "The bias is large beside the noise.",
@@ -182,7 +184,7 @@ def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[Trap]:
     t = slope * math.sqrt(float(k @ k)) / residual
     change = slope * BLOCKS
     if abs(t) > SIGNIFICANT and abs(change) > DRIFT_SHARE * noise:
-        yield Trap(
+        yield DataCheck(
             "drift",
             "warning",
             f"Drift of {change:+.3g} {unit} over {len(y) * h:.3g} s ({abs(t):.0f} standard errors).",
@@ -190,14 +192,14 @@ def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[Trap]:
         )
 
 
-def _quantisation(y: Array, lsb: float | None, unit: str) -> Iterator[Trap]:
+def _quantisation(y: Array, lsb: float | None, unit: str) -> Iterator[DataCheck]:
     quantum = lsb or step(y)
     if quantum is None or (sigma := float(y.std()) / quantum) >= COARSE_LSB:
         return
     written = "" if lsb else decimals(quantum, unit)
     share = min(1 / 12 / sigma**2, 1.0)
     coarse = sigma < TOO_COARSE_LSB
-    yield Trap(
+    yield DataCheck(
         "decimals" if written else "quantisation",
         "bad" if coarse else "warning",
         f"σ is {sigma:.2g} {f'steps of {written}' if written else 'LSB'}: rounding makes up {share:.0%} of "
@@ -209,7 +211,7 @@ def _quantisation(y: Array, lsb: float | None, unit: str) -> Iterator[Trap]:
     )
 
 
-def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> Iterator[Trap]:
+def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> Iterator[DataCheck]:
     # Against the mean of both neighbours, which a drift or slow noise does not move.
     r = y[:-2] + y[2:]
     r /= 2
@@ -233,7 +235,7 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> I
         # Heavy tails have jumps of any size; of torn reads nearly all are of this one.
         torn = int((off < 4 * scale).sum()) if 2 * int((off < 2 * scale).sum()) >= at.size else 0
     if torn:
-        yield Trap(
+        yield DataCheck(
             "torn reads",
             "bad",
             f"{torn} jumps of ±256 LSB for one sample ({first}): bytes of two measurements mixed.",
@@ -242,7 +244,7 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> I
         )
     if (others := int(at.size) - torn) > 0:
         largest = float(size[at - 1].max())
-        yield Trap(
+        yield DataCheck(
             "outliers",
             "bad" if others > 1e-3 * len(y) else "warning",
             f"{others} samples stand out from both neighbours, by up to {largest:.3g} {unit} or "
@@ -251,13 +253,13 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> I
         )
 
 
-def _median_or_outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> Iterator[Trap]:
+def _median_or_outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> Iterator[DataCheck]:
     found = find_median_filter(y)
     if found is None or found.replaces_outliers:
         yield from _outliers(y, h, lsb, unit, gaps)
     # A median filter lets no outlier through, and repeats so many values that the usual difference is small.
     if found is not None:
-        yield Trap(
+        yield DataCheck(
             "median filter",
             "warning",
             f"The samples have been through {found.words}: {found.share:.0%} of them are the same as the one "
@@ -266,10 +268,10 @@ def _median_or_outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: 
         )
 
 
-def _saturation(y: Array, lsb: float | None) -> Iterator[Trap]:
+def _saturation(y: Array, lsb: float | None) -> Iterator[DataCheck]:
     ends = 0 if lsb is None else int((np.abs(y) / lsb >= FULL_SCALE_COUNTS - 0.5).sum())
     if ends:
-        yield Trap(
+        yield DataCheck(
             "saturation",
             "bad",
             f"{ends} samples are at the end of the sensor's range.",
@@ -277,8 +279,8 @@ def _saturation(y: Array, lsb: float | None) -> Iterator[Trap]:
         )
 
 
-def _stuck(y: Array) -> Iterator[Trap]:
-    """Yield the trap of a value that stays the same for longer than by chance."""
+def _stuck(y: Array) -> Iterator[DataCheck]:
+    """Yield the data check of a value that stays the same for longer than by chance."""
     n = len(y)
     same = np.concatenate([[False], y[1:] == y[:-1], [False]])
     edges = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
@@ -292,7 +294,7 @@ def _stuck(y: Array) -> Iterator[Trap]:
     share = min(max((lengths.sum() - longest) / n, commonest), 0.999)
     by_chance = 1 + math.log(n / 1e-6) / -math.log(share)
     if longest >= max(SHORTEST_RUN, by_chance):
-        yield Trap(
+        yield DataCheck(
             "stuck",
             "bad",
             f"One value stands for {longest + 1} samples, from number {first} on.",
@@ -300,14 +302,14 @@ def _stuck(y: Array) -> Iterator[Trap]:
         )
 
 
-def _peaks(peaks: Sequence[Peak]) -> Iterator[Trap]:
+def _peaks(peaks: Sequence[Peak]) -> Iterator[DataCheck]:
     for peak in peaks:
         severity: Severity = "warning" if peak.power_share > LINE_SHARE else "note"
         if peak.repeats is not None:
             text = f"{comb_words.happens(peak.repeats, peak.power_share)}."
-            yield Trap(peak.kind, severity, text, comb_words.next_step(peak.repeats))
+            yield DataCheck(peak.kind, severity, text, comb_words.next_step(peak.repeats))
             continue
-        yield Trap(
+        yield DataCheck(
             peak.kind,
             severity,
             f"A {'narrow line' if peak.kind == 'line' else 'broad resonance'} at {peak.frequency_hz:.4g} Hz, "

@@ -5,7 +5,7 @@ import select
 from fltea import _native
 
 
-class Bell(_native.Bell):
+class WakeUp(_native.WakeUp):
     """Rings until it is cleared; one thread waits for it.
 
     Raises:

@@ -9,9 +9,9 @@ from fltea import _native
 from fltea.records import clock
 from fltea.records.events import Event, Reads
 from fltea.records.ports import Printed
+from fltea.service.device_stream import DeviceStream
 from fltea.service.hub import Hub
 from fltea.service.pressure import LOOK_NS, Pressure
-from fltea.service.walk import Walk
 from fltea.sources.serial import SerialSource
 from fltea.stream.decode import Stop
 from fltea.stream.fit_times import DEVICES_A_SECOND
@@ -25,8 +25,8 @@ PATIENCE_NS = 1_000_000
 by device, and a thousand times a second at most."""
 
 
-class LineStop(IntEnum):
-    """What of a line is Python's, as of host/native/line_walk.hpp."""
+class PortStop(IntEnum):
+    """What of a line is Python's, as of host/native/port_stream.hpp."""
 
     ITEM = 1
     """An item of the wire."""
@@ -42,12 +42,12 @@ class LineStop(IntEnum):
     """What came cannot be taken, and nothing more is."""
 
 
-def has_line(walk: Walk) -> bool:
+def has_port(walk: DeviceStream) -> bool:
     """Whether the operating system says when this walk's source has something to read."""
     return isinstance(walk.source, SerialSource) and walk.source.port.has_descriptor
 
 
-class LineLoop:
+class PortLoop:
     """Lets each walk take what came from its port.
 
     on_end: called, from the loop's thread, with a walk that has ended and the exception that ended it, if one
@@ -56,8 +56,8 @@ class LineLoop:
 
     def __init__(
         self,
-        walks: Sequence[Walk],
-        on_end: Callable[[Walk, Exception | None], None],
+        walks: Sequence[DeviceStream],
+        on_end: Callable[[DeviceStream, Exception | None], None],
         hub: Hub,
         pressure: Pressure,
     ) -> None:
@@ -105,7 +105,7 @@ class LineLoop:
         self._run(WAIT_S if next_ns is None else min(WAIT_S, max(0.0, (next_ns - now_ns) * 1e-9)))
         for place, event in self._openings.opened():
             self._round.touch(place, event.host_ns)
-            self._happened(place, LineLoop._on_port, event)
+            self._happened(place, PortLoop._on_port, event)
         failed = {place for place in self._going if self.walks[place].failure is not None}
         if failed:
             self._hand_on(failed)
@@ -118,8 +118,8 @@ class LineLoop:
         for text, (data, parts) in zip(self._texts, printed, strict=True):
             if data:
                 self._hub.print(text, Printed(data, sum(records for _, records in parts), parts))
-        for place, kind, told in happened:
-            self._happened(place, HANDLERS[kind], told)
+        for place, kind, details in happened:
+            self._happened(place, HANDLERS[kind], details)
 
     def _hand_on(self, places: Iterable[int]) -> None:
         """Wait no longer for more of what has come: these walks are to end."""
@@ -144,13 +144,13 @@ class LineLoop:
             self._pressure.waited(self._round.waited_ns())
             self._pressure.look(now_ns)
 
-    def _happened(self, place: int, handle: "Callable[[LineLoop, int, Any], None]", told: Any) -> None:
+    def _happened(self, place: int, handle: "Callable[[PortLoop, int, Any], None]", details: Any) -> None:
         """Let one walk do what has happened on its port."""
         if place not in self._going:
             return
         walk = self.walks[place]
         try:
-            handle(self, place, told)
+            handle(self, place, details)
         except Exception as error:
             self._end(place)
             self._on_end(walk, error)
@@ -158,12 +158,12 @@ class LineLoop:
     def _on_item(self, place: int, item: Any) -> None:
         self._take(place, self._sources[place].events_of(item))
 
-    def _on_stop(self, place: int, told: Any) -> None:
-        stop, now_ns, of_stop = told
+    def _on_stop(self, place: int, details: Any) -> None:
+        stop, now_ns, of_stop = details
         self.walks[place].stopped(Stop(stop), now_ns, of_stop)
 
-    def _on_rows(self, place: int, told: Any) -> None:
-        unprinted, (arrived_ns, rows) = told
+    def _on_rows(self, place: int, details: Any) -> None:
+        unprinted, (arrived_ns, rows) = details
         self.walks[place].took(arrived_ns, rows, unprinted=unprinted)
 
     def _on_reads(self, place: int, reads: Any) -> None:
@@ -171,8 +171,8 @@ class LineLoop:
         if tap is not None:
             tap(Reads._make(reads))
 
-    def _on_lost(self, place: int, told: Any) -> None:
-        number, host_ns, offset_ns, worked = told
+    def _on_lost(self, place: int, details: Any) -> None:
+        number, host_ns, offset_ns, worked = details
         failed = self._openings.lost(place, number, host_ns, offset_ns, worked=worked)
         self._round.touch(place, failed.host_ns)
         self._on_port(place, failed)
@@ -207,12 +207,12 @@ class LineLoop:
             self._on_end(walk, None)
 
 
-HANDLERS: dict[int, Callable[[LineLoop, int, Any], None]] = {
-    LineStop.ITEM: LineLoop._on_item,
-    LineStop.STOP: LineLoop._on_stop,
-    LineStop.ROWS: LineLoop._on_rows,
-    LineStop.READS: LineLoop._on_reads,
-    LineStop.LOST: LineLoop._on_lost,
-    LineStop.FAULT: LineLoop._on_fault,
+HANDLERS: dict[int, Callable[[PortLoop, int, Any], None]] = {
+    PortStop.ITEM: PortLoop._on_item,
+    PortStop.STOP: PortLoop._on_stop,
+    PortStop.ROWS: PortLoop._on_rows,
+    PortStop.READS: PortLoop._on_reads,
+    PortStop.LOST: PortLoop._on_lost,
+    PortStop.FAULT: PortLoop._on_fault,
 }
 """What each thing that is Python's leads to."""

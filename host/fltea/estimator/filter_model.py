@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 
-class Belief(NamedTuple):
+class FilterModel(NamedTuple):
     """An order and a parameter of known deviations, as a maximum-likelihood fit of all samples has them.
 
     F = h^α f + α goes about its own way, whatever α is, and is what a sample's step says most about.

@@ -5,19 +5,19 @@ from collections.abc import Iterator
 import numpy as np
 
 from fltea.identification.axis import AxisResult, Looked
+from fltea.identification.data_checks import DataCheck, axis_data_checks
 from fltea.identification.gaps import Gaps
 from fltea.identification.load import Series
 from fltea.identification.telegraph import Telegraph, telegraph_words
-from fltea.identification.traps import Trap, axis_traps
-from fltea.identification.values import value_traps
+from fltea.identification.values import value_data_checks
 
 TELEGRAPH = "telegraph"
-"""The kind of trap."""
+"""The kind of data check."""
 
 
-def traps_of(
+def checks_of(
     looked: Looked, series: Series, result: AxisResult, telegraph: Telegraph | None
-) -> tuple[Trap, ...]:
+) -> tuple[DataCheck, ...]:
     """Return what in an axis that was looked at can mislead.
 
     series: what was looked at, with the levels of `telegraph` in it, if there are any.
@@ -29,7 +29,7 @@ def traps_of(
         missing = [one.missing for one in looked.stretches]
         y = np.concatenate([one.y for one in looked.stretches])
         gaps = Gaps(ends[:-1].astype(np.int64), np.array(missing[1:], dtype=np.int64))
-    of_samples = axis_traps(
+    of_samples = axis_data_checks(
         y,
         looked.h,
         series.lsb,
@@ -38,18 +38,18 @@ def traps_of(
         gaps,
         longer="as long as can be" if result.verdict.has_order else "ten minutes or more",
     )
-    values = tuple(value_traps(series.y, series.unit))
-    if any(trap.kind == "dead band" for trap in values):
+    values = tuple(value_data_checks(series.y, series.unit))
+    if any(data_check.kind == "dead band" for data_check in values):
         # What is outside of the band stands out from the one value inside.
-        of_samples = tuple(trap for trap in of_samples if trap.kind != "outliers")
+        of_samples = tuple(data_check for data_check in of_samples if data_check.kind != "outliers")
     return (*values, *_steps_between(telegraph, series.unit), *of_samples)
 
 
-def _steps_between(telegraph: Telegraph | None, unit: str) -> Iterator[Trap]:
+def _steps_between(telegraph: Telegraph | None, unit: str) -> Iterator[DataCheck]:
     """Yield what is told of levels between which an axis steps."""
     if telegraph is None:
         return
-    yield Trap(
+    yield DataCheck(
         TELEGRAPH,
         "warning",
         f"{telegraph_words(telegraph, unit)} The spectrum and its figures are of the noise about the levels. "

@@ -14,12 +14,12 @@ from fltea.records.records import AnyRecord, Epoch, Error, Fit, Hello
 from fltea.service.hub import NOTHING_PRINTED, ByText, Hub
 from fltea.service.state import StateFile
 from fltea.settings.config import Config
-from fltea.sinks.lines import run_printer
+from fltea.sinks.json_lines import run_printer
 from fltea.sources.as_wire import AsWire
 from fltea.sources.frames import FramesSource
 from fltea.sources.serial import SerialSource
-from fltea.stream.beside import Beside
 from fltea.stream.decode import Rows, Stop
+from fltea.stream.fit_worker import FitWorker
 from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
 
@@ -27,7 +27,7 @@ CHANGES_TEXT = {Stop.EPOCH, Stop.FIT_COUNTS}
 """Stops behind which what stands in all records of samples may be another."""
 
 
-class Walk:
+class DeviceStream:
     """Moves everything from a source through its pipeline to the outputs, in whatever thread calls it.
 
     failure: the trouble that ends it under `--once`. moved_s: when it last moved, monotonic; infinity once it
@@ -40,7 +40,7 @@ class Walk:
         config: Config,
         hub: Hub,
         state: StateFile | None,
-        beside: Beside | None = None,
+        fit_worker: FitWorker | None = None,
         number: int = 0,
         stats_s: int = 1,
         saved: DeviceState | None = None,
@@ -56,7 +56,7 @@ class Walk:
             lambda: hub.stats(self.name),
             state.found.get(self.name) if state else saved,
             lambda: state.refuse(self.name) if state else None,
-            beside,
+            fit_worker,
             number,
             stats_s,
             watched=source.live or hub.is_read(self.name),
@@ -94,9 +94,9 @@ class Walk:
         if unprinted:
             self._print_as(next(one for one in found if isinstance(one, Block)))
 
-    def stopped(self, stop: Stop, now_ns: int, told: Any) -> None:
+    def stopped(self, stop: Stop, now_ns: int, details: Any) -> None:
         """Do what a stop of the native device leads to. now_ns: when the sample arrived that it stands at."""
-        self._publish(list(self._pipeline.stopped(stop, now_ns, told)), NOTHING_PRINTED, now_ns)
+        self._publish(list(self._pipeline.stopped(stop, now_ns, details)), NOTHING_PRINTED, now_ns)
         if stop in CHANGES_TEXT:
             self._look_at_words()
 

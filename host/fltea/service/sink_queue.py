@@ -10,7 +10,7 @@ from fltea.records.clock import host_ns
 from fltea.records.events import Reads
 from fltea.records.ports import Departed, Item, Latency, Printed, Sink, SinkClosed
 from fltea.records.stats import OutputStats
-from fltea.service.bell import Bell
+from fltea.service.wake_up import WakeUp
 
 IDLE_S = 0.5
 
@@ -29,7 +29,7 @@ def weight(item: Item | Departed) -> int:
     return item.weight if isinstance(item, Block) else 1
 
 
-class OutletThread:
+class SinkThread:
     """Writes to outlets, one after the other, for as long as it has any.
 
     bell: rung when one of them has something; hurry: one closes.
@@ -37,43 +37,45 @@ class OutletThread:
 
     def __init__(self, name: str) -> None:
         self.changed = threading.Condition()
-        self.bell = Bell()
+        self.wake_up = WakeUp()
         self.hurry = threading.Event()
         self._name = name
-        self._outlets: list[Outlet] = []
+        self._sink_queues: list[SinkQueue] = []
 
     def room(self, capacity: int) -> int:
         """Return how many records may wait in one outlet, which alone would have `capacity`."""
-        return min(capacity, MOST_WAITING // max(1, len(self._outlets)))
+        return min(capacity, MOST_WAITING // max(1, len(self._sink_queues)))
 
-    def add(self, outlet: "Outlet") -> None:
+    def add(self, sink_queue: "SinkQueue") -> None:
         """Begin to write to an outlet."""
         with self.changed:
-            self._outlets.append(outlet)
-            first = len(self._outlets) == 1
+            self._sink_queues.append(sink_queue)
+            first = len(self._sink_queues) == 1
         if first:
             threading.Thread(target=self._run, name=self._name, daemon=True).start()
 
     def _run(self) -> None:
         going, rested_s = True, 0.0
         while going:
-            self.bell.wait(IDLE_S)
+            self.wake_up.wait(IDLE_S)
             # Only who has just written rests: to wake up for each of many that come together costs more.
             self.hurry.wait(max(0.0, rested_s - time.monotonic()))
             with self.changed:
-                self.bell.clear()
+                self.wake_up.clear()
                 self.hurry.clear()
-                outlets = list(self._outlets)
-            ended = [outlet for outlet in outlets if not outlet.write()]
-            rested_s = time.monotonic() + max(outlet.sink.rest_s for outlet in outlets)
+                sink_queues = list(self._sink_queues)
+            ended = [sink_queue for sink_queue in sink_queues if not sink_queue.write()]
+            rested_s = time.monotonic() + max(sink_queue.sink.rest_s for sink_queue in sink_queues)
             with self.changed:
-                self._outlets = [outlet for outlet in self._outlets if outlet not in ended]
-                going = bool(self._outlets)
-            for outlet in ended:
-                outlet.done.set()
+                self._sink_queues = [
+                    sink_queue for sink_queue in self._sink_queues if sink_queue not in ended
+                ]
+                going = bool(self._sink_queues)
+            for sink_queue in ended:
+                sink_queue.done.set()
 
 
-class Outlet:
+class SinkQueue:
     """Feeds one sink.
 
     on_end: called once, from the outlet's thread, when the sink can take no more: with None if its reader
@@ -83,8 +85,8 @@ class Outlet:
     def __init__(
         self,
         sink: Sink,
-        on_end: Callable[["Outlet", Exception | None], None],
-        thread: OutletThread | None = None,
+        on_end: Callable[["SinkQueue", Exception | None], None],
+        thread: SinkThread | None = None,
     ) -> None:
         self.sink = sink
         self.latency = Latency()
@@ -93,7 +95,7 @@ class Outlet:
         self._on_end = on_end
         self._queue: deque[tuple[Item | Departed, int | None]] = deque()
         self._queued = self._waiting = 0  # records that ever were in the queue, and those that are
-        self.thread = thread or OutletThread(f"sink {sink.name}")
+        self.thread = thread or SinkThread(f"sink {sink.name}")
         self._changed = self.thread.changed
         self._ended = self._released = False
         self._written = self._dropped = self._overflow = 0
@@ -127,7 +129,7 @@ class Outlet:
             for item in items:
                 if wait and self.sink.lossless:
                     while self._waiting >= room and not (self._ended or self._released):
-                        self.thread.bell.ring()
+                        self.thread.wake_up.ring()
                         self._changed.wait(IDLE_S)
                 count = weight(item)
                 if self._ended or self._waiting >= room:
@@ -137,7 +139,7 @@ class Outlet:
                     self._queue.append((item, arrived_ns))
                     self._queued += count
                     self._waiting += count
-        self.thread.bell.ring()
+        self.thread.wake_up.ring()
 
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until the queue is less than half full, or has ended; False if it is not in time."""
@@ -163,7 +165,7 @@ class Outlet:
             self.closing = self._released = True
             self.thread.hurry.set()
             self._changed.notify_all()
-        self.thread.bell.ring()
+        self.thread.wake_up.ring()
 
     def release(self) -> None:
         """Hold nobody up any more, who waits for room."""

@@ -14,7 +14,7 @@ from fltea.estimator.tracker import Remembered, TrackerModel
 from fltea.records.events import LinkDown
 from fltea.records.records import Estimate, Fit
 from fltea.stream import fit_times, learning, live
-from fltea.stream.beside import Beside, BesideThread
+from fltea.stream.fit_worker import FitThread, FitWorker
 from host_support import hello
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -37,12 +37,12 @@ class Noticing(QuickAxes):
     def noticed(self, count: int) -> None: ...
 
 
-class Unhurried(Beside):
+class Unhurried(FitWorker):
     """Does the work in a thread of its own, each after a pause of its own; or in vain."""
 
     def __init__(self, pauses_s: Iterable[float], fault: Exception | None = None) -> None:
         super().__init__()
-        self._thread, self._pauses_s, self._fault = BesideThread(), itertools.cycle(pauses_s), fault
+        self._thread, self._pauses_s, self._fault = FitThread(), itertools.cycle(pauses_s), fault
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
         pause_s = next(self._pauses_s)
@@ -73,10 +73,10 @@ def test_fits_count_from_the_same_sample_however_long_they_take_and_the_blocks_a
         block = raw(k for k in range(1300) if k not in lost)
         items, pipeline = walk([hello(), block])
         whole = ndjson([*records_of(items), *pipeline.finish()])
-        beside = Unhurried(pauses_s)
-        items, pipeline = walk([hello(), *in_blocks(block, places)], beside=beside)
+        fit_worker = Unhurried(pauses_s)
+        items, pipeline = walk([hello(), *in_blocks(block, places)], fit_worker=fit_worker)
         assert ndjson([*records_of(items), *pipeline.finish()]) == whole
-        assert beside.close()
+        assert fit_worker.close()
 
 
 def test_what_the_tracker_goes_by_is_made_with_the_looks_and_outlives_the_epoch(
@@ -92,8 +92,8 @@ def test_what_the_tracker_goes_by_is_made_with_the_looks_and_outlives_the_epoch(
     monkeypatch.setattr(live, "LiveAxes", Noticing)
     monkeypatch.setattr(learning, "ENOUGH", 0)
     monkeypatch.setattr(learning, "system_of", system_of)
-    beside = Unhurried([0.0])
-    _, pipeline = walk([hello(), raw(range(700))], beside=beside)
+    fit_worker = Unhurried([0.0])
+    _, pipeline = walk([hello(), raw(range(700))], fit_worker=fit_worker)
     count = len(made)
     assert count
     for event in (LinkDown(1), hello(), raw(range(800, 810))):
@@ -101,7 +101,7 @@ def test_what_the_tracker_goes_by_is_made_with_the_looks_and_outlives_the_epoch(
     tracker = pipeline.stats().axes["gyro_x"].tracker
     assert tracker is not None
     assert tracker.model == "white + relaxation"
-    assert beside.close()
+    assert fit_worker.close()
     assert len(made) == count
 
 
@@ -121,8 +121,8 @@ def test_what_is_remembered_is_filtered_with_the_looks_and_only_the_last_samples
 
     def records(samples: int) -> list[bytes]:
         monkeypatch.setattr(live, "REFILTERED", samples)
-        items, pipeline = walk([hello(), raw(range(1300))], beside=(beside := Unhurried([0.0])))
-        assert beside.close()
+        items, pipeline = walk([hello(), raw(range(1300))], fit_worker=(fit_worker := Unhurried([0.0])))
+        assert fit_worker.close()
         return ndjson([*records_of(items), *pipeline.finish()])
 
     in_the_walk = records(0)
@@ -135,14 +135,14 @@ def test_what_is_remembered_is_filtered_with_the_looks_and_only_the_last_samples
 
 
 def test_a_fault_of_a_look_is_one_of_the_walk() -> None:
-    beside = Unhurried([0.0], KeyError("nothing of the kind"))
+    fit_worker = Unhurried([0.0], KeyError("nothing of the kind"))
     with pytest.raises(KeyError, match="nothing of the kind"):
-        walk([hello(), raw(range(200))], beside=beside)
-    assert beside.close()
+        walk([hello(), raw(range(200))], fit_worker=fit_worker)
+    assert fit_worker.close()
 
 
 def test_looks_of_two_devices_are_made_in_the_order_in_which_they_began() -> None:
-    thread, order, gate, ended = BesideThread(2), list[str](), threading.Event(), threading.Event()
+    thread, order, gate, ended = FitThread(2), list[str](), threading.Event(), threading.Event()
     thread.begin(lambda: order.append(f"first {gate.wait()}"))
     for name in ("b", "a", "b"):
         thread.begin(partial(order.append, name))
@@ -155,7 +155,7 @@ def test_looks_of_two_devices_are_made_in_the_order_in_which_they_began() -> Non
 
 
 def test_who_waits_for_what_nobody_has_begun_does_it_himself_and_nobody_again() -> None:
-    thread, made = BesideThread(), list[threading.Thread]()
+    thread, made = FitThread(), list[threading.Thread]()
     begins, gate, ended = threading.Event(), threading.Event(), threading.Event()
     thread.begin(lambda: begins.set() or gate.wait())
     second = thread.begin(lambda: made.append(threading.current_thread()) or 2)
@@ -172,19 +172,19 @@ def test_who_waits_for_what_nobody_has_begun_does_it_himself_and_nobody_again() 
 def test_two_devices_that_share_a_thread_say_what_each_says_alone() -> None:
     numbers = {"left": range(700), "right": range(90, 800)}
     alone = {k: walk([hello(), raw(seen)])[0] for k, seen in numbers.items()}
-    beside = Unhurried([2e-3, 0.0, 1e-4])
-    each = {k: walk([hello()], beside=beside) for k in numbers}
+    fit_worker = Unhurried([2e-3, 0.0, 1e-4])
+    each = {k: walk([hello()], fit_worker=fit_worker) for k in numbers}
     for begin in range(0, 800, 37):
         for k, seen in numbers.items():
             if part := seen[begin : begin + 37]:
                 each[k][0].extend(each[k][1].feed(raw(part)))
     for k, (items, _) in each.items():
         assert ndjson(records_of(items)) == ndjson(records_of(alone[k]))
-    assert beside.close()
+    assert fit_worker.close()
 
 
 def test_at_the_end_what_was_not_begun_is_left_and_what_was_is_waited_for() -> None:
-    thread, order = BesideThread(), list[str]()
+    thread, order = FitThread(), list[str]()
     begins, gate = threading.Event(), threading.Event()
 
     def first() -> None:
@@ -199,19 +199,19 @@ def test_at_the_end_what_was_not_begun_is_left_and_what_was_is_waited_for() -> N
     gate.set()
     assert thread.close(None)
     assert order == ["first"]
-    assert BesideThread().close(None), "no thread, nothing to wait for"
+    assert FitThread().close(None), "no thread, nothing to wait for"
 
 
 def test_a_snapshot_in_the_middle_of_a_look_changes_nothing() -> None:
     def run(*, saves: bool) -> list[bytes]:
         items: list[object] = []
-        beside = Unhurried([2e-3])
-        _, pipeline = walk([hello()], beside=beside)
+        fit_worker = Unhurried([2e-3])
+        _, pipeline = walk([hello()], fit_worker=fit_worker)
         for begin in range(0, 400, 20):
             items += pipeline.feed(raw(range(begin, begin + 20)))
             if saves:
                 assert pipeline.save() is not None or begin < 20
-        assert beside.close()
+        assert fit_worker.close()
         return ndjson(items)
 
     assert run(saves=True) == run(saves=False)
@@ -248,12 +248,12 @@ def test_estimates_are_the_same_watched_or_not_whatever_is_lost(examples: int) -
     def holds(lost: list[tuple[int, int, int]]) -> None:
         gone = {k for at, before, after in lost for k in range(100 * at - before, 100 * at + after)}
         block = raw(k for k in range(1300) if k not in gone)
-        told, full, unseen = (
+        details, full, unseen = (
             walk([hello(), block], prompt=prompt, watched=watched)[0]
             for prompt, watched in ((True, True), (False, True), (False, False))
         )
-        assert ndjson(records_of(told)) == ndjson(records_of(full))
-        assert of(Estimate, records_of(told)) == of(Estimate, records_of(unseen))
+        assert ndjson(records_of(details)) == ndjson(records_of(full))
+        assert of(Estimate, records_of(details)) == of(Estimate, records_of(unseen))
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "LiveAxes", Noticing)

@@ -7,9 +7,9 @@ import pytest
 from fltea.records.events import Chunk
 from fltea.records.ports import LATENCY_BOUNDS_MS, Latency, Printed, Sink, SinkClosed, Wanted
 from fltea.records.records import AnyRecord, Error, Gap
-from fltea.service.bell import Bell
 from fltea.service.hub import Hub, Tap
-from fltea.service.outlet import Outlet, OutletThread
+from fltea.service.sink_queue import SinkQueue, SinkThread
+from fltea.service.wake_up import WakeUp
 from host_support import PATIENCE_S, closed, wait_until
 from hypothesis import given
 from hypothesis import strategies as st
@@ -32,64 +32,64 @@ class Lossless(Memory):
     lossless = True
 
 
-def started(sink: Sink) -> tuple[Outlet, list[Exception | None]]:
+def started(sink: Sink) -> tuple[SinkQueue, list[Exception | None]]:
     found: list[Exception | None] = []
-    outlet = Outlet(sink, lambda _, error: found.append(error))
-    outlet.start()
-    return outlet, found
+    sink_queue = SinkQueue(sink, lambda _, error: found.append(error))
+    sink_queue.start()
+    return sink_queue, found
 
 
-def finish(outlet: Outlet) -> None:
-    outlet.close()
-    assert outlet.join(PATIENCE_S)
+def finish(sink_queue: SinkQueue) -> None:
+    sink_queue.close()
+    assert sink_queue.join(PATIENCE_S)
 
 
 def test_everything_in_order_flushed_and_closed() -> None:
     sink = Memory()
-    outlet, ended = started(sink)
+    sink_queue, ended = started(sink)
     for k in range(0, 300, 3):
-        outlet.put([gap(k), gap(k + 1), gap(k + 2)])
-    finish(outlet)
+        sink_queue.put([gap(k), gap(k + 1), gap(k + 2)])
+    finish(sink_queue)
     assert sink.items == [gap(k) for k in range(300)]
     assert sink.closed
     assert sink.flushes
     assert ended == []
-    assert (outlet.stats().written, outlet.stats().dropped, outlet.stats().queued) == (300, 0, 0)
+    assert (sink_queue.stats().written, sink_queue.stats().dropped, sink_queue.stats().queued) == (300, 0, 0)
 
 
 def test_a_slow_sink_loses_the_newest_and_is_told_where() -> None:
     sink = Memory(capacity=10).held()
-    outlet, _ = started(sink)
-    outlet.put([gap(0)])
+    sink_queue, _ = started(sink)
+    sink_queue.put([gap(0)])
     assert sink.entered.wait(PATIENCE_S)
-    outlet.put([gap(k) for k in range(1, 31)])
-    assert (outlet.stats().dropped, outlet.stats().queued) == (20, 11)
+    sink_queue.put([gap(k) for k in range(1, 31)])
+    assert (sink_queue.stats().dropped, sink_queue.stats().queued) == (20, 11)
     sink.go.set()
-    finish(outlet)
+    finish(sink_queue)
     assert sink.items == [gap(k) for k in range(11)]
     assert sink.overflows == [(11, 20)]  # the queue was full of older ones
-    assert outlet.stats().written + outlet.stats().dropped == 31
+    assert sink_queue.stats().written + sink_queue.stats().dropped == 31
 
 
 def test_outlets_of_one_thread_share_what_may_wait(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fltea.service.outlet.MOST_WAITING", 20)
+    monkeypatch.setattr("fltea.service.sink_queue.MOST_WAITING", 20)
     sinks = [Memory(capacity=10).held() for _ in range(4)]
-    thread = OutletThread("sinks")
-    outlets = [Outlet(sink, lambda *_: None, thread) for sink in sinks]
-    outlets[0].start()
-    outlets[0].put([gap(0)])
+    thread = SinkThread("sinks")
+    sink_queues = [SinkQueue(sink, lambda *_: None, thread) for sink in sinks]
+    sink_queues[0].start()
+    sink_queues[0].put([gap(0)])
     assert sinks[0].entered.wait(PATIENCE_S)
-    outlets[0].put([gap(k) for k in range(1, 16)])
-    assert (outlets[0].stats().dropped, outlets[0].stats().queued) == (5, 11)
-    for outlet in outlets[1:]:
-        outlet.start()
-        outlet.put([gap(k) for k in range(8)])
-        outlet.close()
-    assert [outlet.stats().dropped for outlet in outlets] == [5, 0, 2, 3]
+    sink_queues[0].put([gap(k) for k in range(1, 16)])
+    assert (sink_queues[0].stats().dropped, sink_queues[0].stats().queued) == (5, 11)
+    for sink_queue in sink_queues[1:]:
+        sink_queue.start()
+        sink_queue.put([gap(k) for k in range(8)])
+        sink_queue.close()
+    assert [sink_queue.stats().dropped for sink_queue in sink_queues] == [5, 0, 2, 3]
     for sink in sinks:
         sink.go.set()
-    outlets[0].close()
-    assert all(outlet.join(PATIENCE_S) for outlet in outlets)
+    sink_queues[0].close()
+    assert all(sink_queue.join(PATIENCE_S) for sink_queue in sink_queues)
     assert [len(sink.items) for sink in sinks] == [11, 8, 6, 5]
     assert sinks[3].overflows == [(5, 3)]
 
@@ -112,65 +112,65 @@ def test_who_comes_faster_than_it_writes_may_wait_for_room() -> None:
 
 def test_a_patient_writer_loses_nothing() -> None:
     sink = Lossless(capacity=5)
-    outlet, _ = started(sink)
+    sink_queue, _ = started(sink)
     for k in range(500):
-        outlet.put([gap(k)], wait=True)
-    finish(outlet)
+        sink_queue.put([gap(k)], wait=True)
+    finish(sink_queue)
     assert sink.items == [gap(k) for k in range(500)]
-    assert outlet.stats().dropped == 0
+    assert sink_queue.stats().dropped == 0
 
 
 def test_nobody_waits_for_a_sink_that_may_lose_something() -> None:
     sink = Memory(capacity=5).held()
-    outlet, _ = started(sink)
-    outlet.put([gap(k) for k in range(20)], wait=True)
+    sink_queue, _ = started(sink)
+    sink_queue.put([gap(k) for k in range(20)], wait=True)
     sink.go.set()
-    finish(outlet)
-    assert outlet.stats().dropped == 20 - outlet.stats().written > 0
+    finish(sink_queue)
+    assert sink_queue.stats().dropped == 20 - sink_queue.stats().written > 0
 
 
 @pytest.mark.parametrize("wait", [False, True])
 def test_the_wire_waits_as_its_source_does(wait: bool) -> None:
-    outlet = Mock()
-    Tap(lambda: [outlet], wait)(Chunk(b"abc", 5))
-    assert outlet.put.call_args.kwargs == {"wait": wait}
+    sink_queue = Mock()
+    Tap(lambda: [sink_queue], wait)(Chunk(b"abc", 5))
+    assert sink_queue.put.call_args.kwargs == {"wait": wait}
 
 
 @pytest.mark.parametrize("error", [SinkClosed(), OSError(28, "No space left"), ZeroDivisionError()])
 def test_a_sink_that_ends_takes_nothing_more_and_counts_it(error: Exception) -> None:
     sink = Memory()
     sink.fail = lambda: error
-    outlet, ended = started(sink)
-    outlet.put([gap(0)])
-    assert outlet.join(PATIENCE_S)
-    outlet.put([gap(1), gap(2)], wait=True)
+    sink_queue, ended = started(sink)
+    sink_queue.put([gap(0)])
+    assert sink_queue.join(PATIENCE_S)
+    sink_queue.put([gap(1), gap(2)], wait=True)
     assert ended == [None if isinstance(error, SinkClosed) else error]
-    assert outlet.stats().dropped >= 2
-    assert outlet.stats().written == 0
+    assert sink_queue.stats().dropped >= 2
+    assert sink_queue.stats().written == 0
 
 
 def test_what_was_in_hand_when_a_sink_broke_is_counted_too() -> None:
     """Every record is written, dropped or waiting; as the sink's own loss it counts once."""
     sink = Memory().held()
-    outlet, _ = started(sink)
-    outlet.put([gap(0)])
+    sink_queue, _ = started(sink)
+    sink_queue.put([gap(0)])
     assert sink.entered.wait(PATIENCE_S)
-    outlet.put([gap(k) for k in range(1, 10)])
+    sink_queue.put([gap(k) for k in range(1, 10)])
     sink.go.set()
     wait_until(lambda: len(sink.items) == 10, "ten records")
     sink.lost = 2
     sink.entered.clear()
     sink.held()
-    outlet.put([gap(k) for k in range(10, 30)])
+    sink_queue.put([gap(k) for k in range(10, 30)])
     assert sink.entered.wait(PATIENCE_S)
-    outlet.put([gap(k) for k in range(30, 35)])
+    sink_queue.put([gap(k) for k in range(30, 35)])
     sink.lost = 7
-    stats = outlet.stats()
+    stats = sink_queue.stats()
     assert (stats.written, stats.dropped, stats.queued) == (8, 2, 25)  # not less than was written before
     sink.fail = ZeroDivisionError
     sink.go.set()
-    assert outlet.join(PATIENCE_S)
-    stats = outlet.stats()
+    assert sink_queue.join(PATIENCE_S)
+    stats = sink_queue.stats()
     assert (stats.written, stats.dropped, stats.queued) == (8, 27, 0)
 
 
@@ -213,7 +213,7 @@ def test_each_output_gets_what_concerns_it() -> None:
     assert log.items == trouble[1:]
     assert all_outputs.stats("left").keys() == {"stdout", "mqtt"}
     assert all_outputs.stats("left")["mqtt"].written == 2
-    assert [device for device, _ in all_outputs.outlets()] == [None, "left", "right"]
+    assert [device for device, _ in all_outputs.sink_queues()] == [None, "left", "right"]
 
 
 def test_outputs_that_print_the_same_are_given_the_same_lines() -> None:
@@ -222,12 +222,12 @@ def test_outputs_that_print_the_same_are_given_the_same_lines() -> None:
     shared, left, right, plain = (Memory(name) for name in ("stdout", "left", "right", "plain"))
     shared.prints = left.prints = some
     right.prints = others
-    outlets = [all_outputs.add(shared), all_outputs.add(left, "left")]
+    sink_queues = [all_outputs.add(shared), all_outputs.add(left, "left")]
     all_outputs.add(right, "right")
     all_outputs.add(plain)
-    assert all_outputs.printing("left") == {some: outlets}
+    assert all_outputs.printing("left") == {some: sink_queues}
     assert all_outputs.printing("right").keys() == {some, others}
-    assert all_outputs.printing("other") == {some: outlets[:1]}
+    assert all_outputs.printing("other") == {some: sink_queues[:1]}
     printed: list[AnyRecord | Printed] = [gap(1), Printed(b"lines", 8)]
     all_outputs.publish("left", [gap(1)], printed={some: printed})
     all_outputs.publish("right", [gap(2)], printed={some: printed})
@@ -240,13 +240,13 @@ def test_outputs_that_print_the_same_are_given_the_same_lines() -> None:
 
 
 def test_a_bell_rings_until_it_is_cleared() -> None:
-    bell = Bell()
-    assert not bell.wait(0)
-    threading.Thread(target=bell.ring).start()
-    assert bell.wait(PATIENCE_S)
-    assert bell.wait(0)
-    bell.clear()
-    assert not bell.wait(0.001)
+    wake_up = WakeUp()
+    assert not wake_up.wait(0)
+    threading.Thread(target=wake_up.ring).start()
+    assert wake_up.wait(PATIENCE_S)
+    assert wake_up.wait(0)
+    wake_up.clear()
+    assert not wake_up.wait(0.001)
 
 
 def test_one_held_output_holds_up_no_other() -> None:

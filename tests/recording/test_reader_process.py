@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from corpus_files import HERE, N
 from fltea.recording import process_limits
-from fltea.recording.apart import open_apart
+from fltea.recording.reader_process import open_in_process
 from fltea.records.errors import UsageError
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import Limits
@@ -146,4 +146,4 @@ def test_what_a_library_prints_is_not_what_it_sends(tmp_path: Path, monkeypatch:
         "import pyulog\n"
     )
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
-    assert open_apart("ulg", HERE / "px4.ulg", AS_IT_SAYS, SMALL).samples == N
+    assert open_in_process("ulg", HERE / "px4.ulg", AS_IT_SAYS, SMALL).samples == N
