@@ -64,9 +64,8 @@ def main() -> None:
             check_address_space()
         try:
             app()
-        except SystemExit as end:
-            if not end.code:
-                standard_output.finish()
+        except SystemExit:
+            standard_output.finish()
             raise
     except KeyboardInterrupt:
         sys.exit(130)
@@ -79,6 +78,8 @@ def main() -> None:
         if failure is None or (failure is not error and sys.flags.dev_mode):
             raise
         say(f"fltea: error: {failure}")
+        with contextlib.suppress(standard_output.OutputFailed):
+            standard_output.finish()
         sys.exit(failure.exit_code)
 
 

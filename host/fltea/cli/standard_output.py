@@ -7,7 +7,7 @@ import io
 import os
 import sys
 import unicodedata
-from typing import Any
+from collections.abc import Iterator
 
 from fltea.records.errors import FlteaError, UsageError
 
@@ -40,16 +40,30 @@ class OutputFailed(OSError):
         return FlteaError(f"cannot write the output: {self}.{remedy}")
 
 
-class _Raw(io.FileIO):
-    """Descriptor 1, with an error of its own."""
+class _Text(io.TextIOWrapper):
+    """Standard output with an error of its own.
 
-    def write(self, data: Any) -> int:
-        try:
-            return super().write(data)
-        except BrokenPipeError:
-            raise
-        except OSError as error:
-            raise OutputFailed(error.errno, error.strerror) from error
+    What writes the bytes stays Python's: one of ours could be interrupted after the write, and Python would
+    write them again.
+    """
+
+    def write(self, text: str) -> int:
+        with _told_apart():
+            return super().write(text)
+
+    def flush(self) -> None:
+        with _told_apart():
+            super().flush()
+
+
+@contextlib.contextmanager
+def _told_apart() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputFailed(error.errno, error.strerror) from error
 
 
 def prepare() -> None:
@@ -63,12 +77,9 @@ def prepare() -> None:
     codecs.register_error(SPELL, spelled)
     found = sys.stdout
     if found is sys.__stdout__ and isinstance(found, io.TextIOWrapper) and found.fileno() == 1:
-        sys.stdout = io.TextIOWrapper(
-            io.BufferedWriter(_Raw(1, "wb", closefd=False)),
-            found.encoding,
-            found.errors,
-            line_buffering=found.line_buffering,
-            write_through=found.write_through,
+        line_by_line, at_once = found.line_buffering, found.write_through
+        sys.stdout = _Text(
+            found.buffer, found.encoding, found.errors, line_buffering=line_by_line, write_through=at_once
         )
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and not stream.encoding.lower().startswith("utf"):
@@ -79,12 +90,15 @@ def finish() -> None:
     """Write what is still buffered.
 
     Raises:
-        OutputFailed: the output does not take it; a reader that has left is no failure.
+        OutputFailed: the output does not take it, and gets no more; a reader that has left is no failure.
     """
     try:
         sys.stdout.flush()
     except BrokenPipeError:
         silence_stdout()
+    except OutputFailed:
+        silence_stdout()
+        raise
 
 
 def silence_stdout() -> None:
