@@ -15,6 +15,7 @@ TARGET = "half of a 95 % interval that is wanted"
 BOUND = "a limit that nothing exceeds"
 SIGN = "the sign itself"
 OTHERS = {
+    "cli/standard_output.py": (1, "the sign itself, and how it is spelled in ASCII"),
     "records/plus_minus.py": (4, "the place where it is made"),
     "archive/info.py": (1, RANGE),
     "cli/app.py": (1, RANGE),
