@@ -651,6 +651,14 @@ class Sentences:
         rows: NDArray[np.float64],
     ) -> None: ...
 
+# The table of parts, in the order of their numbers: name, coordinates (what each is, lowest and highest
+# value), traits, the question of the verdict to which the part is the answer, and what BIC counts beside the
+# coordinates.
+def noise_parts() -> list[tuple[str, list[tuple[str, float, float]], list[str], str, int]]: ...
+
+# Number of the mean of m samples, less m.
+MEAN_FROM: int
+
 # Fills in the spectrum of a sentence at lam.
 def sentence_spectrum(
     codes: list[int],

@@ -153,9 +153,12 @@ class PortStream {
                 return PortStop::kItem;
             case LineItem::kTick:
                 return item_.host_ns < device_.stats_due_ns ? PortStop::kNothing : PortStop::kItem;
-            default:
-                return PortStop::kItem;
+            case LineItem::kFrame:
+            case LineItem::kRefusedVersion:
+            case LineItem::kTrouble:
+                break;
         }
+        return PortStop::kItem;
     }
 
     void advance() {

@@ -29,16 +29,18 @@ struct Sentence {
     bool filtered() const {
         return std::any_of(words.begin(), words.end(), [](const Word& word) { return filters(word.part); });
     }
-    bool ordered() const { return has(kOrder) || has(kArfima); }
     bool same_words(const Sentence& other) const {
         if (words.size() != other.words.size()) return false;
         for (std::size_t i = 0; i < words.size(); ++i)
             if (words[i].part != other.words[i].part || words[i].size != other.words[i].size) return false;
         return true;
     }
-    // As BIC counts them: m of a mean is a number that was sought, and so is the place of a notch, of which
-    // there are many.
-    int parameters() const { return free_of(words) + count(kMean) + count(kNotch); }
+    // As BIC counts them.
+    int parameters() const {
+        int found = free_of(words);
+        for (const Word& word : words) found += row_of(word.part).sought;
+        return found;
+    }
 };
 
 }  // namespace sentence

@@ -9,6 +9,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <cmath>
+#include <iterator>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -198,6 +199,29 @@ class Fitted {
     Bins bins_;
 };
 
+// The table of parts for Python: name, coordinates (what it is, lowest and highest value of its row), traits,
+// to which question it is the answer, how many parameters are sought beside the coordinates. In the order of
+// the parts' numbers.
+using RawCoordinate = std::tuple<std::string, double, double>;
+using RawRow =
+    std::tuple<std::string, std::vector<RawCoordinate>, std::vector<std::string>, std::string, int>;
+
+std::vector<RawRow> noise_parts() {
+    std::vector<RawRow> found;
+    for (const Row& row : kTable) {
+        std::vector<RawCoordinate> coordinates;
+        for (int k = 0; k < row.coordinates.count; ++k) {
+            const Coordinate& one = row.coordinates.at[k];
+            coordinates.emplace_back(kValueNames[one.value], one.low, one.high);
+        }
+        std::vector<std::string> traits;
+        for (std::size_t k = 0; k < std::size(kTraitNames); ++k)
+            if (row.is(1u << k)) traits.emplace_back(kTraitNames[k]);
+        found.emplace_back(row.name, coordinates, traits, kSaysNames[row.says], row.sought);
+    }
+    return found;
+}
+
 // The spectrum of a sentence at any frequencies.
 void spectrum(const std::vector<int>& codes, const std::vector<double>& eta, Column lam, double h,
               OutColumn total) {
@@ -207,7 +231,7 @@ void spectrum(const std::vector<int>& codes, const std::vector<double>& eta, Col
     const std::size_t size = lam.shape(0);
     const LockGivenAway given(size);
     unsigned read = 0;
-    for (const Word& word : words) read |= read_by(word.part);
+    for (const Word& word : words) read |= row_of(word.part).columns;
     const Bins bins(fastest(), Numbers(lam.data(), lam.data() + size), read, h);
     Spectrum here(bins);
     here.at(words, eta.data());
@@ -229,6 +253,8 @@ void bind_sentences(nb::module_& m) {
              nb::arg("side"), nb::arg("limit"), nb::arg("step"), nb::arg("usual"), nb::arg("at_bound"),
              nb::arg("last"))
         .def("slopes", &Fitted::slopes, nb::arg("codes"), nb::arg("eta"), nb::arg("total"), nb::arg("rows"));
+    m.attr("MEAN_FROM") = kMeanFrom;
+    m.def("noise_parts", &noise_parts);
     m.def("sentence_spectrum", &spectrum, nb::arg("codes"), nb::arg("eta"), nb::arg("lam"), nb::arg("h"),
           nb::arg("total"));
 }

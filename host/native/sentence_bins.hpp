@@ -15,34 +15,6 @@
 namespace fltea {
 namespace sentence {
 
-// Columns that only some parts read.
-enum Read : unsigned { kSquare = 1, kTurn = 2, kLogSize = 4, kBranch = 8, kAllColumns = 15 };
-
-inline unsigned read_by(Part part) {
-    switch (part) {
-        case kWhite:
-        case kFloor:
-        case kMean:
-            return 0;
-        case kResonance:
-            return kTurn;
-        case kOrder:
-        case kOrderByF:
-        case kOrderByf:
-        case kOrderByQ:
-        case kRise:
-        case kHighPass:
-            return kLogSize;
-        case kArfima:
-        case kArfimaByStep:
-            return kLogSize | kSquare;
-        case kLowPass:
-            return kBranch;
-        default:
-            return kSquare;
-    }
-}
-
 // A pack that lies across two lines of the cache costs twice as much to write. C++11 has no allocation that
 // is aligned so far, so what it gave is kept in front.
 template <class T>

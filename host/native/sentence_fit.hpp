@@ -17,74 +17,61 @@ typedef std::vector<Word> Words;
 
 inline int free_of(const Words& words) {
     int count = 0;
-    for (const Word& word : words) count += kFree[word.part];
+    for (const Word& word : words) count += free_of(word.part);
     return count;
+}
+
+// The parts without any of some traits, and with one of others, or with whatever traits if these are 0.
+inline std::vector<Part> parts_with(unsigned traits, unsigned without = 0) {
+    std::vector<Part> found;
+    for (const Row& row : kTable)
+        if ((traits == 0 || row.is(traits)) && !row.is(without | kOther)) found.push_back(row.part);
+    return found;
 }
 
 // Lowest and highest value of each parameter of a word.
 inline void bounds_of(const Word& word, const Bins& bins, double slowest, double* low, double* high) {
     const double power = std::log(bins.mean), least = power - kSmallest, most = power + kLargest;
     const double slow = std::log(bins.lowest / slowest), top = std::log(kPi);
-    const auto set = [&](int i, double from, double to) {
-        low[i] = from;
-        high[i] = to;
-    };
-    switch (word.part) {
-        case kWhite:
-        case kWalk:
-        case kQuantised:
-        case kFloor:
-            set(0, least, most);
-            break;
-        case kRelaxation:
-        case kAlternating:
-            set(0, least, most);
-            set(1, slow, top);
-            break;
-        case kOrder:
-        case kOrderByF:
-        case kOrderByf:
-        case kOrderByQ:
-            set(0, bins.lowest_order, bins.highest_order);
-            set(1, -kLogitEnd, kLogitEnd);
-            if (word.part == kOrderByF) set(0, -2.0, kHighestOrder), set(1, -kLogitEnd, 2 * kLn2);
-            if (word.part == kOrderByf) set(1, -kLogitEnd, 2 * kLn2 - 2 * std::fmin(bins.log_h, 0.0));
-            set(2, least, most);
-            if (word.part == kOrderByQ)
-                set(2, least - 4 * std::fabs(bins.log_h), most + 4 * std::fabs(bins.log_h));
-            break;
-        case kArfima:
-        case kArfimaByStep:
-            set(0, bins.lowest_order, std::fmin(bins.highest_order, 1.0));
-            set(1, slow, kNoPole);
-            set(2, least, most);
-            break;
-        case kResonance:
-            set(0, least, most);
-            set(1, std::log(bins.lowest), top);
-            set(2, -9.0, kWidestPeak);
-            break;
-        case kRise:
-            set(0, least, most);
-            set(1, 0.1, 2.0);
-            break;
-        case kLowPass:
-            set(0, 2 * std::log(bins.lowest), 4.5);
-            set(1, -kLogitEnd, kLogitEnd);
-            break;
-        case kHighPass:
-            set(0, 2 * std::log(bins.lowest), kHighestHighPass);
-            set(1, -kLogitEnd, kLogitEnd);
-            break;
-        case kSharp:
-            set(0, -0.2495, 2.0);
-            break;
-        case kNotch:
-            set(0, std::log(bins.lowest), top - 1e-3);
-            set(1, -7.0, 1.0);
-            break;
-        default:
-            break;
+    const double by_h = 4 * std::fabs(bins.log_h);
+    const Coordinates& own = row_of(word.part).coordinates;
+    for (int k = 0; k < own.count; ++k) {
+        const Coordinate& one = own.at[k];
+        const auto set = [&](double from, double to) {
+            low[k] = from;
+            high[k] = to;
+        };
+        switch (one.value) {
+            case kLevel:
+            case kPower:
+                set(least, most);
+                break;
+            case kRate:
+                set(slow, top);
+                break;
+            case kPole:
+                set(slow, kNoPole);
+                break;
+            case kAlpha:
+                set(std::fmax(one.low, bins.lowest_order), std::fmin(one.high, bins.highest_order));
+                break;
+            case kNumber:
+            case kShape:
+                set(one.low, one.high);
+                break;
+            case kFrequency:
+                set(std::log(bins.lowest), top + one.high);
+                break;
+            case kCorner:
+                set(2 * std::log(bins.lowest), one.high);
+                break;
+            case kMinusF:
+                set(one.low, 2 * kLn2 - 2 * std::fmin(bins.log_h, 0.0));
+                break;
+            case kNoise:
+                set(least - by_h, most + by_h);
+                break;
+        }
     }
 }
 
@@ -114,12 +101,13 @@ class Spectrum {
         int next = 0;
         for (const Word& word : words) {
             double* slope[3] = {nullptr, nullptr, nullptr};
-            const bool filter = filters(word.part), floor = word.part == kFloor;
-            for (int k = 0; k < kFree[word.part]; ++k, ++next) {
+            const int own = free_of(word.part);
+            const bool filter = filters(word.part), floor = row_of(word.part).is(kBehind);
+            for (int k = 0; k < own; ++k, ++next) {
                 slope[k] = row(next);
                 by_[next] = filter ? floor_.data() : floor ? part_.data() : over_.data();
             }
-            const double* const at = eta + next - kFree[word.part];
+            const double* const at = eta + next - own;
             if (!kernel.word(columns, word, at, part_.data(), slope))
                 return std::numeric_limits<double>::infinity();
             if (filter) {
@@ -226,7 +214,7 @@ inline double score(Room& room, const Words& words, double* eta, int held, const
     int next = 0;
     for (const Word& word : words) {
         bounds_of(word, room.bins, patience.slowest, low + next, high + next);
-        next += kFree[word.part];
+        next += free_of(word.part);
     }
     for (int i = 0; i < free; ++i)
         if (i != held) eta[i] = std::fmin(std::fmax(eta[i], low[i]), high[i]);

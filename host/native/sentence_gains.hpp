@@ -94,7 +94,7 @@ class Gains {
         const bool filter = filters(one.word.part);
         const double* shape = one.shape.data();
         if (!filter) {
-            const Numbers& by = one.word.part == kFloor ? over_ : passed_;
+            const Numbers& by = row_of(one.word.part).is(kBehind) ? over_ : passed_;
             bins_.kernel->times(size_, shape, by.data(), row_.data());
             shape = row_.data();
         }
@@ -145,61 +145,105 @@ constexpr double kNearlyOnePole = -4.0;  // logit of the poles of a filter
 // What may be added, at a power of 1.
 typedef std::vector<Candidate> Candidates;
 
-inline Candidates parts_to_add(const Bins& bins) {
-    const double lowest = std::log(bins.lowest), top = std::log(kPi), range = top - lowest;
+// All candidates of one part, from its row of the table.
+class Trials {
+  public:
+    Trials(const Bins& bins, Candidates& into)
+        : bins_(bins), into_(into), lowest_(std::log(bins.lowest)), top_(std::log(kPi)) {}
+
+    void add(const Row& row) {
+        const Starts& from = row.starts;
+        switch (from.start) {
+            case kNever:
+                break;
+            case kOnce:
+                at(row, 0, 0, 0);
+                break;
+            case kListed:
+                for (int k = 0; k < from.count; ++k)
+                    filters(row.part) ? at(row, from.at[k], 0, 0) : at(row, 0, from.at[k], 0);
+                break;
+            case kCorners:
+                corners(row);
+                break;
+            case kPeaks:
+                peaks(row);
+                break;
+            case kLowPasses:
+                for (double corner = 2 * lowest_ + 2; corner < 4.3; corner += 0.9)
+                    for (const double poles : {-4.0, -2.6, -1.2, 0.5}) at(row, corner, poles, 0);
+                break;
+            case kHighPasses:
+                for (double corner = 2 * lowest_ + 0.5; corner < kHighestHighPass; corner += 1.3) {
+                    at(row, corner, kNearlyOnePole, 0);
+                    into_.push_back(leaking(bins_, into_.back()));
+                }
+                break;
+            case kNotches:
+                for (double on = std::fmax(top_ - 3, lowest_ + 0.1); on < top_ - 0.02; on += 0.12)
+                    for (const double width : {0.05, 0.2}) at(row, on, std::log(width), 0);
+                break;
+            case kMeans:
+                for (const int m : {2, 3, 4, 5, 8, 10})
+                    into_.push_back(candidate(bins_, Word{row.part, m}, 0, 0, 0));
+                break;
+            case kOrders:
+                orders(row);
+                break;
+            case kArfimas:
+                for (const double d : {0.25, 0.45, 0.7})
+                    for (const double rate : {-3.0, -1.5, -0.3}) at(row, d, rate, 0);
+                break;
+        }
+    }
+
+  private:
+    void at(const Row& row, double a, double b, double c) {
+        into_.push_back(candidate(bins_, Word{row.part, 0}, a, b, c));
+    }
+    void corners(const Row& row) {
+        const double range = top_ - lowest_;
+        const int count = 1 + static_cast<int>(std::lround(4 * range / std::log(10.0)));
+        for (int i = 1; i <= count; ++i) at(row, 0, lowest_ + range * i / count, 0);
+    }
+    void peaks(const Row& row) {
+        const double widths[3][2] = {{0.05, 0.12}, {0.12, 0.25}, {0.35, 0.5}};
+        for (const auto& width : widths)
+            for (double on = lowest_ + 1; on < top_ - 0.02; on += width[1])
+                at(row, 0, on, std::log(width[0]));
+    }
+    void orders(const Row& row) {
+        for (const double alpha : {0.2, 0.35, 0.5, 0.65, 0.8, 0.95}) {
+            const double most = std::exp(kLn2 * alpha);
+            for (int i = 0; i < 6; ++i) {
+                const double corner = std::exp(lowest_ + 0.5 + (top_ - lowest_ - 1) * (i - 1) / 4.0);
+                const double share = std::fmin(std::pow(2 * std::sin(corner / 2), alpha) / most, 0.98);
+                at(row, alpha, i ? std::log(share / (1 - share)) : -15.0, 0);
+            }
+        }
+    }
+
+    const Bins& bins_;
+    Candidates& into_;
+    double lowest_, top_;
+};
+
+inline Candidates trials(const Bins& bins, const std::vector<Part>& parts) {
     Candidates found;
-    const int corners = 1 + static_cast<int>(std::lround(4 * range / std::log(10.0)));
-    const auto add = [&](Part part, double b, double c) {
-        found.push_back(candidate(bins, Word{part, 0}, 0, b, c));
-    };
-    for (int i = 1; i <= corners; ++i) add(kRelaxation, lowest + range * i / corners, 0);
-    add(kWalk, 0, 0);
-    add(kQuantised, 0, 0);
-    add(kFloor, 0, 0);
-    for (const double delta : {0.3, 0.6, 1.5}) add(kRise, delta, 0);
-    for (const double rate : {-2.0, -0.7, 0.3}) add(kAlternating, rate, 0);
-    const double widths[3][2] = {{0.05, 0.12}, {0.12, 0.25}, {0.35, 0.5}};
-    for (const auto& width : widths)
-        for (double at = lowest + 1; at < top - 0.02; at += width[1]) add(kResonance, at, std::log(width[0]));
+    Trials of(bins, found);
+    for (const Part part : parts) of.add(row_of(part));
     return found;
 }
 
-inline Candidates filters_to_add(const Bins& bins) {
-    const double lowest = std::log(bins.lowest), top = std::log(kPi);
-    Candidates found;
-    const auto add = [&](Word word, double a, double b) { found.push_back(candidate(bins, word, a, b, 0)); };
-    for (double corner = 2 * lowest + 2; corner < 4.3; corner += 0.9)
-        for (const double poles : {-4.0, -2.6, -1.2, 0.5}) add(Word{kLowPass, 0}, corner, poles);
-    for (double corner = 2 * lowest + 0.5; corner < kHighestHighPass; corner += 1.3) {
-        add(Word{kHighPass, 0}, corner, kNearlyOnePole);
-        found.push_back(leaking(bins, found.back()));
-    }
-    for (const double s : {-0.05, 0.05}) add(Word{kSharp, 0}, s, 0);
-    for (double at = std::fmax(top - 3, lowest + 0.1); at < top - 0.02; at += 0.12)
-        for (const double width : {0.05, 0.2}) add(Word{kNotch, 0}, at, std::log(width));
-    for (const int m : {2, 3, 4, 5, 8, 10}) add(Word{kMean, m}, 0, 0);
-    return found;
-}
+inline Candidates parts_to_add(const Bins& bins) { return trials(bins, parts_with(0, kFilter | kOrdered)); }
+
+inline Candidates filters_to_add(const Bins& bins) { return trials(bins, parts_with(kFilter)); }
 
 inline Candidates orders_to_add(const Bins& of) {
     Bins bins = of;
     bins.lowest_order = 0;
     bins.highest_order = kHighestOrder;
-    const double lowest = std::log(bins.lowest), top = std::log(kPi);
-    Candidates found;
-    for (const double alpha : {0.2, 0.35, 0.5, 0.65, 0.8, 0.95}) {
-        const double most = std::exp(kLn2 * alpha);
-        for (int i = 0; i < 6; ++i) {
-            const double corner = std::exp(lowest + 0.5 + (top - lowest - 1) * (i - 1) / 4.0);
-            const double share = std::fmin(std::pow(2 * std::sin(corner / 2), alpha) / most, 0.98);
-            const double logit = i ? std::log(share / (1 - share)) : -15.0;
-            found.push_back(candidate(bins, Word{kOrder, 0}, alpha, logit, 0));
-        }
-    }
-    for (const double d : {0.25, 0.45, 0.7})
-        for (const double rate : {-3.0, -1.5, -0.3})
-            found.push_back(candidate(bins, Word{kArfima, 0}, d, rate, 0));
-    return found;
+    return trials(bins, parts_with(kOrdered));
 }
 
 // What one of these gives. It depends on the bins, and not on what is in them, so that the axes of a sensor,

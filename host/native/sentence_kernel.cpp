@@ -310,10 +310,11 @@ bool word_at(const Columns& b, Word word, const double* eta, double* part, doubl
         case kNotch:
             notch(b, eta, part, slope);
             return true;
-        default:
+        case kMean:
             for (std::size_t i = 0; i < n; ++i) part[i] = mean_gain(b.lam[i], b.spread[i], word.size);
             return true;
     }
+    return false;
 }
 
 double nll(const Columns& b, const double* total) {

@@ -9,49 +9,17 @@
 
 #include <cstddef>
 
+#include "sentence_parts.hpp"
+
 namespace fltea {
 namespace sentence {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kLn2 = 0.69314718055994530942;
 
-enum Part : int {
-    kWhite,         // log R
-    kRelaxation,    // log σ², log h/τ
-    kWalk,          // log of the variance of a step
-    kOrder,         // α, logit(-g / 2^α), log s2
-    kResonance,     // log of the height, log of the frequency in rad a sample, log of width over frequency
-    kQuantised,     // log of the variance of the noise whose differences these are
-    kRise,          // log of the power at π, δ: the power goes with |1 - e^{-iλ}|^2δ
-    kLowPass,       // log c, logit of the poles: 1 / (1 + (λ² / c)^n), sampled
-    kSharp,         // s: the filter -s, 1 + 2 s, -s, which sharpens, or smooths if s < 0
-    kNotch,         // log of the frequency, log of width over frequency
-    kMean,          // the mean of m samples, m fixed
-    kAlternating,   // log σ², log h/τ: as a relaxation, of which every second sample has its sign changed
-    kFloor,         // log of the variance of white noise that no filter has changed: rounding
-    kArfima,        // d, log rate, log s2: an order without f, ARFIMA(1, d, 0), φ = e^-rate
-    kHighPass,      // log c, logit of the poles: 1 / (1 + (c / |1 - e^{-iλ}|²)^n)
-    kOrderByF,      // F = g + α, log -g, log s2: the same as kOrder, to hold F
-    kOrderByf,      // α, log -f, log s2: the same, to hold f (or g, with h = 1)
-    kOrderByQ,      // α, logit(-g / 2^α), log Q: the same, to hold Q
-    kArfimaByStep,  // d, log rate, log of the variance of a step: the same as kArfima, to hold that variance
-    kParts
-};
-
-constexpr int kFree[kParts] = {1, 2, 1, 3, 3, 1, 2, 2, 1, 2, 0, 2, 1, 3, 2, 3, 3, 3, 3};
 constexpr int kMostFree = 24;
 constexpr double kMostPoles = 24;
-constexpr double kHighestOrder = 1.999;
 constexpr double kSmallest = 30, kLargest = 30;  // log of a power over the mean
-constexpr double kLogitEnd = 16;
-constexpr double kNoPole = 2.5;  // φ = 5e-6
-constexpr double kHighestHighPass =
-    -0.96;                            // log c of a corner at a tenth of the sample rate: above is a rise
-constexpr double kWidestPeak = -1.0;  // what is wider has no maximum to be seen
-
-inline bool filters(Part part) {
-    return part == kLowPass || part == kHighPass || part == kSharp || part == kNotch || part == kMean;
-}
+constexpr double kNoPole = 2.5;                  // φ = 5e-6
 
 // One part of a sentence; `size` is m of kMean.
 struct Word {

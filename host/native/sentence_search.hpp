@@ -89,32 +89,22 @@ class Search {
     static constexpr double kNothing = 12;  // log of the mean power over white noise that is as good as none
 
     struct Allowed {
-        bool slow = true;  // relaxations and walks
+        bool slow = true;  // parts that have a memory
         bool only_low_pass = false;
     };
 
-    static std::vector<Part> orders() { return {kOrder, kArfima}; }
+    static std::vector<Part> orders() { return parts_with(kOrdered); }
     double cost(const Sentence& s, double price) const {
         return s.known() ? 2 * s.nll + price * s.parameters() : std::numeric_limits<double>::infinity();
     }
 
     bool fits_in(const Sentence& s, const Word& word, const Allowed& allowed) const {
-        const auto few = [&](int most) { return s.count(word.part) < most; };
-        switch (word.part) {
-            case kRelaxation:
-                return allowed.slow && few(kRelaxations);
-            case kWalk:
-                // A high-pass makes of it what white noise behind the filter is, too.
-                return allowed.slow && few(1) && !s.has(kHighPass);
-            case kResonance:
-                return few(kResonances);
-            case kFloor:
-                return s.filtered() && few(1);
-            case kLowPass:
-                return few(1) && !s.has(kMean);
-            default:
-                return few(1);
-        }
+        const Row& row = row_of(word.part);
+        if (s.count(word.part) >= row.most || (row.is(kSlow) && !allowed.slow)) return false;
+        // A high-pass makes of a walk what white noise behind the filter is, too.
+        if (row.is(kEndless) && s.has(kHighPass)) return false;
+        if (row.is(kBehind) && !s.filtered()) return false;
+        return word.part != kLowPass || !s.has(kMean);
     }
 
     struct Ranked {
@@ -150,18 +140,15 @@ class Search {
 
     Sentence with(const Sentence& before, const Ranked& one) {
         const Candidate& candidate = *one.candidate;
-        const Sentence s = candidate.word.part == kHighPass ? removed(before, {kWalk}) : before;
+        const Sentence s = candidate.word.part == kHighPass ? removed(before, parts_with(kEndless)) : before;
         Words words = s.words;
         std::vector<double> eta = s.eta;
         eta[0] = std::fmax(eta[0], power_ - kNothing);
         words.push_back(candidate.word);
         const std::size_t first = eta.size();
-        eta.insert(eta.end(), candidate.eta, candidate.eta + kFree[candidate.word.part]);
-        if (candidate.word.part == kOrder || candidate.word.part == kArfima) {
-            eta[first + 2] = one.gain.log_power;
-        } else if (!filters(candidate.word.part)) {
-            eta[first] = one.gain.log_power;
-        }
+        eta.insert(eta.end(), candidate.eta, candidate.eta + free_of(candidate.word.part));
+        const int power = power_of(candidate.word.part);
+        if (power >= 0) eta[first + static_cast<std::size_t>(power)] = one.gain.log_power;
         const bool low = candidate.word.part == kLowPass, high = candidate.word.part == kHighPass;
         if ((low || high) && !s.has(kFloor)) {
             // Rounding behind the filter, without which a steep one fits nothing.
@@ -204,7 +191,7 @@ class Search {
             for (std::size_t i = 1; i < s.words.size(); ++i) {
                 const Part part = s.words[i].part;
                 const bool named = std::find(only.begin(), only.end(), part) != only.end();
-                if (only.empty() ? part == kOrder || part == kArfima : !named) continue;
+                if (only.empty() ? row_of(part).is(kOrdered) : !named) continue;
                 if (part == kRise && !s.has(kQuantised)) keep(as_quantised(s, i), price, next);
                 if (!filters(part) && sure[i] > kSure * price) continue;
                 keep(without_word(s, i), price, next);
@@ -228,12 +215,12 @@ class Search {
         for (std::size_t i = 0; i < s.words.size(); ++i) {
             const Part part = s.words[i].part;
             double unit[kMostFree] = {0};
-            if (kFree[part]) {
+            if (free_of(part)) {
                 unit[at] = 1;
                 substitute(free, information, unit, true);
                 found[i] = 1 / unit[at];
             }
-            at += kFree[part];
+            at += free_of(part);
         }
         return found;
     }
@@ -250,7 +237,7 @@ class Search {
         std::vector<double> eta;
         std::size_t at = 0;
         for (std::size_t i = 0; i < s.words.size(); ++i) {
-            const std::size_t count = static_cast<std::size_t>(kFree[s.words[i].part]);
+            const std::size_t count = static_cast<std::size_t>(free_of(s.words[i].part));
             if (i != left_out) {
                 words.push_back(s.words[i]);
                 eta.insert(eta.end(), s.eta.begin() + static_cast<std::ptrdiff_t>(at),
@@ -303,7 +290,7 @@ class Search {
         low_pass.only_low_pass = true;
         for (const Ranked& one : best(gains, f.white, *filters_, 1, 1, low_pass))
             bases.push_back(with(f.white, one));
-        const Sentence bare = removed(f.plain, {kRelaxation, kWalk});
+        const Sentence bare = removed(f.plain, parts_with(kSlow, kOrdered));
         if (!bare.same_words(f.white)) bases.push_back(bare);
         f.pure = best_order(bases);
         if (!f.pure.known()) return;

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "pack_log.hpp"
@@ -49,6 +50,47 @@ const Part kAll[] = {kRelaxation, kWalk,     kOrder,  kResonance, kQuantised,   
                      kLowPass,    kSharp,    kNotch,  kMean,      kAlternating, kFloor,
                      kOrderByF,   kOrderByf, kArfima, kHighPass};
 
+// Coordinates of a part well inside their bounds, from three numbers between 0.3 and 0.9.
+std::vector<double> inside(Part part, double a, double b, double c) {
+    switch (part) {
+        case kWhite:
+        case kQuantised:
+        case kSharp:
+        case kFloor:
+            return {a};
+        case kRelaxation:
+            return {a, -4 * b};
+        case kWalk:
+            return {a - 4};
+        case kOrder:
+            return {a, -4 * b, c};
+        case kResonance:
+            return {a, -4 * b, -1 - c};
+        case kRise:
+            return {a, b};
+        case kLowPass:
+            return {-3 * a, -b};
+        case kNotch:
+            return {-b, -c};
+        case kMean:
+            return {};
+        case kAlternating:
+            return {a, -b};
+        case kArfima:
+        case kArfimaByStep:
+            return {a, -b, c};
+        case kHighPass:
+            return {-2 - 8 * a, -3 - 2 * b};
+        case kOrderByF:
+            return {a - 0.5, b - 0.5, c};
+        case kOrderByf:
+            return {a, 2 * b, c};
+        case kOrderByQ:
+            return {a, -4 * b, c};
+    }
+    return {};
+}
+
 // White noise, a relaxation, and one more part, at a place well inside.
 struct Example {
     Words words;
@@ -58,26 +100,7 @@ struct Example {
         : words{{kWhite, 0}, {kRelaxation, 0}, {part, 3}}, eta{0, 0, -3} {
         std::uniform_real_distribution<double> some(0.3, 0.9);
         const double a = some(random), b = some(random), c = some(random);
-        const double places[kParts][3] = {
-            {a, 0, 0},
-            {a, -4 * b, 0},
-            {a - 4, 0, 0},
-            {a, -4 * b, c},
-            {a, -4 * b, -1 - c},
-            {a, 0, 0},
-            {a, b, 0},
-            {-3 * a, -b, 0},
-            {a, 0, 0},
-            {-b, -c, 0},
-            {0, 0, 0},
-            {a, -b, 0},
-            {a, 0, 0},
-            {a, -b, c},
-            {-2 - 8 * a, -3 - 2 * b, 0},
-            {a - 0.5, b - 0.5, c},
-            {a, 2 * b, c},
-        };
-        eta.insert(eta.end(), places[part], places[part] + kFree[part]);
+        for (const double one : inside(part, a, b, c)) eta.push_back(one);
     }
 };
 
@@ -124,6 +147,37 @@ TEST_CASE("sentence: slopes of all parts are the differences of the spectrum and
     }
 }
 
+TEST_CASE("sentence: of the columns that only some parts read, each part reads those that its row names") {
+    const Bins bins = bins_of(43);
+    const Numbers none(bins.branch.size(), std::nan(""));
+    for (const Row& row : kTable) {
+        CAPTURE(std::string(row.name));
+        Columns columns = bins.columns();
+        if (!(row.columns & kSquare)) columns.square = none.data();
+        if (!(row.columns & kTurn)) columns.cos1 = columns.sin1 = none.data();
+        if (!(row.columns & kLogSize)) columns.ln_size = none.data();
+        if (!(row.columns & kBranch)) columns.branch = none.data();
+        Numbers part(bins.size()), spare(3 * bins.size());
+        double* slope[3] = {spare.data(), spare.data() + bins.size(), spare.data() + 2 * bins.size()};
+        const std::vector<double> eta = inside(row.part, 0.5, 0.6, 0.7);
+        REQUIRE(eta.size() == static_cast<std::size_t>(row.coordinates.count));
+        REQUIRE(bins.kernel->word(columns, Word{row.part, 3}, eta.data(), part.data(), slope));
+        for (const double one : part) REQUIRE(std::isfinite(one));
+        for (const double one : spare) REQUIRE(std::isfinite(one));
+    }
+}
+
+TEST_CASE("sentence: every part can be found: white noise is there, and all others are tried by a search") {
+    const Bins bins = bins_of(43);
+    std::vector<bool> tried(kParts, false);
+    for (const Candidates& list : {parts_to_add(bins), filters_to_add(bins), orders_to_add(bins)})
+        for (const Candidate& one : list) tried[one.word.part] = true;
+    for (const Row& row : kTable) {
+        CAPTURE(std::string(row.name));
+        CHECK(tried[row.part] == (row.part != kWhite && !row.is(kOther)));
+    }
+}
+
 TEST_CASE("sentence: a matrix is solved by its factor, and one that is not positive has none") {
     double a[kMostFree][kMostFree] = {{4, 2, 0}, {2, 5, 1}, {0, 1, 3}}, b[] = {1, -2, 3};
     double x[] = {1, -2, 3};
@@ -163,7 +217,7 @@ TEST_CASE("sentence: fits end inside their bounds from anywhere, for any number 
                 int next = 0;
                 for (const Word& word : one.words) {
                     bounds_of(word, bins, 1, low + next, high + next);
-                    next += kFree[word.part];
+                    next += free_of(word.part);
                 }
                 for (int i = 0; i < next; ++i) {
                     CHECK(one.eta[static_cast<std::size_t>(i)] >= low[i]);

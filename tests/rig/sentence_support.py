@@ -40,6 +40,24 @@ PARTS: dict[str, st.SearchStrategy[p.Part]] = {
     "mean": st.builds(p.Mean, st.integers(2, 10)),
 }
 """Any of each kind, at 100 Hz."""
+EXAMPLES: dict[str, p.Part] = {
+    "white": p.White(1.0),
+    "relaxation": p.Relaxation(1.0, 0.3),
+    "walk": p.Walk(0.3),
+    "order": p.Order(0.5, -0.434, 81.8),
+    "resonance": p.Resonance(8.0, 12.0, 2.0),
+    "quantisation": p.Quantisation(0.01),
+    "rise": p.Rise(8.0, 0.6),
+    "low-pass": p.LowPass(15.0, 4.0),
+    "high-pass": p.HighPass(0.3, 1.0),
+    "sharpening": p.Sharpening(0.2),
+    "notch": p.Notch(25.0, 5.0),
+    "mean": p.Mean(4),
+    "alternating": p.Alternating(1.0, 0.04),
+    "floor": p.Floor(0.1),
+    "arfima": p.Arfima(0.4, 0.9, 0.1),
+}
+"""One of each kind that stands out in white noise of variance 1, at 100 Hz."""
 
 
 def samples(parts: Sequence[p.Part], n: int, h: float, seed: int) -> Array:

@@ -236,7 +236,7 @@ def test_what_cannot_be_fitted_is_refused(change: Callable[[Binned], Binned], wo
         CandidateModels(change(bins([p.White(1.0)], 5000, H, 1)), H, 0)
 
 
-@pytest.mark.parametrize("codes", [[], [1], [0, 10], [0, 99], [0, 200], [0] + [3] * 9])
+@pytest.mark.parametrize("codes", [[], [1], [0, p.CODES.index(p.Mean)], [0, 99], [0, 200], [0] + [3] * 9])
 def test_what_is_no_sentence_is_refused(codes: list[int]) -> None:
     fits = native(bins([p.White(1.0)], 5000, H, 1), H, 0)
     with pytest.raises(ValueError, match=r"sentence|part|eta"):
@@ -250,3 +250,14 @@ def test_what_is_left_at_the_zero_of_a_mean_is_no_rise() -> None:
     found = read(f, 0.01)
     assert found.low_pass is not None
     assert not found.rises
+
+
+@pytest.mark.parametrize("kind", [p.Order, p.Arfima])
+def test_an_order_behind_a_mean_of_samples_has_intervals(kind: type[p.Part]) -> None:
+    """A mean has no coordinates, so that the order's begin at the place where the mean's would."""
+    ordered = order(0.5, 0.3, 60.0) if kind is p.Order else p.Arfima(0.4, 0.8, 0.5)
+    parts = (p.White(1.0), p.Mean(4), ordered)
+    f, sentence = fitted(parts, bins(parts, 20_000, H, 1), 0)
+    found = order_fit(f, sentence)
+    assert found.alpha.value is not None
+    assert found.s2.low < found.s2.value < found.s2.high

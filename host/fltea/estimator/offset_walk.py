@@ -17,7 +17,7 @@ import numpy as np
 from fltea import _native
 from fltea.estimator.tracker import Remembered
 from fltea.noise.heading import rested
-from fltea.noise.parts import Arfima, Order, Part, Relaxation, Walk
+from fltea.noise.parts import Part, Relaxation, Walk
 from fltea.noise.system import Coordinate, System, offset_of, ramp_of, relaxation_of, system
 from fltea.records.arrays import Array, Mask
 from fltea.records.fit import Interval
@@ -237,7 +237,7 @@ def _as_walk(parts: Sequence[Part], h: float, samples: int) -> list[Part] | None
 
 
 def _has_order(parts: Sequence[Part]) -> bool:
-    return any(isinstance(part, Order | Arfima) for part in parts)
+    return any(part.has("ordered") for part in parts)
 
 
 def without_walk(parts: Sequence[Part], h: float, samples: int) -> tuple[System, float]:

@@ -10,6 +10,7 @@ from fltea.identification.axis import AxisResult
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.model_file import by_sensor, write_json
 from fltea.identification.navigation_filter import NavigationFilter
+from fltea.noise.part import ROWS
 from fltea.records.errors import FlteaError
 from fltea.records.fit import Interval
 from fltea.records.version import __version__
@@ -19,7 +20,7 @@ from fltea.spectrum.noise_figures import SentenceSummary
 FORMAT = "fltea-navigation-model"
 VERSION = 4
 """Version 3 had no filter: what was not found had to be guessed."""
-STATES = ("white", "relaxation", "walk", "quantisation")
+STATES = {row.name for row in ROWS if "entry" in row.traits}
 """Parts that have a place of their own in an entry."""
 
 

@@ -23,7 +23,7 @@ from fltea.identification.left_out import NOTHING, LeftOut
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.motion import IN_A_ROW, is_smooth
 from fltea.identification.telegraph import without_levels
-from fltea.noise.parts import Arfima, Order, Part, Relaxation, Walk, White
+from fltea.noise.parts import Part, Relaxation, White
 from fltea.noise.system import System, system
 from fltea.records.arrays import Array
 from fltea.settings.live import LiveConfig
@@ -142,7 +142,7 @@ def _staying(tracked: Mapping[str, Learned | None], h: float) -> dict[str, Syste
 
 
 def _is_slow(part: Part) -> bool:
-    return isinstance(part, Walk | Order | Arfima) or (isinstance(part, Relaxation) and part.tau_s > FAST_S)
+    return part.tau_s > FAST_S if isinstance(part, Relaxation) else part.has("slow")
 
 
 class _Moved(NamedTuple):

@@ -4,86 +4,120 @@
     has R
 
 L is a chain of filters that the sensor has behind its noise. A part has its parameters in physical units
-here, and in the coordinates of the native fits (host/native/sentence_kernel.hpp), where powers and rates are
+here, and in the coordinates of the native fits (host/native/sentence_parts.hpp), where powers and rates are
 logarithms, as `eta`. The fields of a part are in the order of its coordinates, and each goes up or down with
-the one coordinate of its place.
+the one coordinate of its place. What a part is called and what poles it has is said here, too.
 
 Variances are in the square of the unit of y, deg/s for a gyroscope; h is the sampling period in s.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple, Self
+from collections.abc import Iterable, Sequence
+from typing import Self, get_args
 
-import msgspec
 import numpy as np
 
 from fltea import _native
+from fltea.noise import coordinates as co
+from fltea.noise import pole_sets
+from fltea.noise.coordinates import g_of_eta
+from fltea.noise.part import ROWS
+from fltea.noise.part import Part as Part
 from fltea.noise.spectra import f_of, g_of, noise_variance, stationary, step_variance
-from fltea.records.arrays import Array
+from fltea.records.arrays import Array, Complex
 
-SMALLEST = 1e-300
-"""Stands for a variance of 0, which has no logarithm."""
-MOST_POLES = 24.0
-LOGIT_END = 16.0
-MEAN_FROM = 100
+MEAN_FROM = _native.MEAN_FROM
 """Code of the mean of so many samples, less their number."""
+ONE_POLE = 1.5
+"""Poles of a filter that looks like a relaxation."""
 
 
-class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="part"):
-    """The base of all parts."""
-
-    def __post_init__(self) -> None:
-        for name in self.__struct_fields__:
-            value = getattr(self, name)
-            if not math.isfinite(value):
-                raise ValueError(f"{name} must be a finite number, got {value}")
-            if value < 0 and name not in SIGNED:
-                raise ValueError(f"{name} must be 0 or more, got {value}")
-
-    @property
-    def code(self) -> int:
-        """The number of the part in the native module."""
-        return CODES.index(type(self))
-
-    def eta(self, h: float) -> list[float]:
-        """Return the coordinates of the native fits.
-
-        Raises:
-            ValueError: an order that is not stationary.
-        """
-        return COORDINATES[type(self)].eta(self, h)
-
-    @classmethod
-    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
-        """Return the part that has these coordinates."""
-        return cls(*COORDINATES[cls].fields(eta, h))
+def in_hz(value: float) -> str:
+    """Return a frequency with three digits at most."""
+    return f"{value:.3g} Hz"
 
 
-class White(Part, frozen=True, tag="white"):
-    """White noise of variance R: the angle walks at random, by N = √(R h) a root second."""
+class _Level(Part, frozen=True):
+    """White noise of variance R."""
 
     R: float
 
+    def eta(self, h: float) -> list[float]:
+        return [co.log(self.R)]
 
-class Relaxation(Part, frozen=True, tag="relaxation"):
+    @classmethod
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
+        return cls(math.exp(eta[0]))
+
+    def words(self, rate_hz: float) -> str:
+        return ""
+
+    def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
+        return []
+
+
+class White(_Level, frozen=True, tag="white"):
+    """White noise of variance R: the angle walks at random, by N = √(R h) a root second."""
+
+
+class _Decaying(Part, frozen=True):
+    """AR(1) of standard deviation σ, which forgets itself within the correlation time τ."""
+
+    sigma: float
+    tau_s: float
+
+    def eta(self, h: float) -> list[float]:
+        return [co.log(self.sigma**2), co.log(h / self.tau_s)]
+
+    @classmethod
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
+        return cls(math.exp(eta[0] / 2), h * math.exp(-eta[1]))
+
+
+class Relaxation(_Decaying, frozen=True, tag="relaxation"):
     """A Gauss–Markov process of standard deviation σ, which forgets itself within the correlation time τ."""
 
-    sigma: float
-    tau_s: float
+    def words(self, rate_hz: float) -> str:
+        return ""
+
+    def response(self, lam: Array, h: float) -> Complex:
+        a = math.exp(-h / self.tau_s)
+        return np.asarray(self.sigma * math.sqrt(1 - a * a) / (1 - a * np.exp(-1j * lam)))
+
+    def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
+        return [math.exp(-h / self.tau_s)]
 
 
-class Alternating(Part, frozen=True, tag="alternating"):
+class Alternating(_Decaying, frozen=True, tag="alternating"):
     """The same of which every second sample has its sign changed: AR(1) of a negative coefficient."""
 
-    sigma: float
-    tau_s: float
+    def words(self, rate_hz: float) -> str:
+        return "noise that alternates in sign"
+
+    def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
+        return [-math.exp(-h / self.tau_s)]
 
 
 class Walk(Part, frozen=True, tag="walk"):
     """A random walk of the rate: K² h is the variance of a step."""
 
     K: float
+
+    def eta(self, h: float) -> list[float]:
+        return [co.log(self.K**2 * h)]
+
+    @classmethod
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
+        return cls(math.sqrt(math.exp(eta[0]) / h))
+
+    def words(self, rate_hz: float) -> str:
+        return "a random walk"
+
+    def response(self, lam: Array, h: float) -> Complex:
+        return np.asarray(self.K * math.sqrt(h) / (1 - np.exp(-1j * lam)))
+
+    def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
+        return []
 
 
 class Order(Part, frozen=True, tag="order"):
@@ -93,6 +127,30 @@ class Order(Part, frozen=True, tag="order"):
     f: float
     Q: float
 
+    def eta(self, h: float) -> list[float]:
+        g = g_of(self.alpha, self.f, h)
+        if not stationary(self.alpha, g):
+            raise ValueError(f"α = {self.alpha:g}, f = {self.f:g} is not stationary at h = {h:g} s")
+        return [self.alpha, co.logit(-g / 2**self.alpha), co.log(step_variance(self.alpha, self.Q, h))]
+
+    @classmethod
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
+        alpha, s2 = eta[0], math.exp(eta[2])
+        return cls(alpha, f_of(alpha, g_of_eta(eta), h), noise_variance(alpha, s2, h))
+
+    def words(self, rate_hz: float) -> str:
+        return ""  # said with its interval
+
+    def response(self, lam: Array, h: float) -> Complex:
+        turn = np.exp(-1j * lam)
+        s = math.sqrt(step_variance(self.alpha, self.Q, h))
+        return np.asarray(s / ((1 - turn) ** self.alpha - g_of(self.alpha, self.f, h) * turn))
+
+    def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
+        slowest = float(lam[0]) / 2
+        found = [*pole_sets.of_order(self.alpha, g_of(self.alpha, self.f, h), slowest), 0.0]
+        return [*found, *pole_sets.spread(slowest, room - pole_sets.size(found))]
+
 
 class Arfima(Part, frozen=True, tag="arfima"):
     """An order without f: ARFIMA(1, d, 0) with innovations of variance s2."""
@@ -100,6 +158,26 @@ class Arfima(Part, frozen=True, tag="arfima"):
     d: float
     phi: float
     s2: float
+
+    def eta(self, h: float) -> list[float]:
+        # d, log -log φ, and log of the level s2 / (1 - φ)²
+        rate = math.log(-math.log(max(self.phi, 1e-6)))
+        return [self.d, rate, co.log(self.s2) - 2 * math.log1p(-self.phi)]
+
+    @classmethod
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
+        phi = math.exp(-math.exp(eta[1]))
+        return cls(eta[0], phi, math.exp(eta[2]) * (1 - phi) ** 2)
+
+    def words(self, rate_hz: float) -> str:
+        return ""  # said with its interval
+
+    def response(self, lam: Array, h: float) -> Complex:
+        turn = np.exp(-1j * lam)
+        return np.asarray(math.sqrt(self.s2) * (1 - turn) ** -self.d / (1 - self.phi * turn))
+
+    def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
+        return [self.phi, 0.0, *pole_sets.spread(float(lam[0]) / 2, room - 2)]
 
 
 class Resonance(Part, frozen=True, tag="resonance"):
@@ -109,11 +187,42 @@ class Resonance(Part, frozen=True, tag="resonance"):
     frequency_hz: float
     width_hz: float
 
+    def eta(self, h: float) -> list[float]:
+        half = co.log(self.width_hz / 2 / self.frequency_hz)
+        return [co.log(self.height), co.log_lam(self.frequency_hz, h), half]
+
+    @classmethod
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
+        return cls(math.exp(eta[0]), co.hz(eta[1], h), 2 * co.hz(eta[1], h) * math.exp(eta[2]))
+
+    def words(self, rate_hz: float) -> str:
+        return f"a resonance at {in_hz(self.frequency_hz)}"
+
+    def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
+        return [self.pole(h)]
+
+    def pole(self, h: float) -> complex:
+        """Return the upper pole."""
+        return complex(np.exp(complex(-self.width_hz, 2 * self.frequency_hz) * math.pi * h))
+
 
 class Quantisation(Part, frozen=True, tag="quantisation"):
     """Differences of an angle that is rounded: white noise of deviation Q of the angle."""
 
     Q: float
+
+    def eta(self, h: float) -> list[float]:
+        return [co.log((self.Q / h) ** 2)]
+
+    @classmethod
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
+        return cls(h * math.exp(eta[0] / 2))
+
+    def words(self, rate_hz: float) -> str:
+        return "quantisation noise of an angle"
+
+    def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
+        return pole_sets.short(2)
 
 
 class Rise(Part, frozen=True, tag="rise"):
@@ -122,11 +231,22 @@ class Rise(Part, frozen=True, tag="rise"):
     power: float
     delta: float
 
+    def eta(self, h: float) -> list[float]:
+        return [co.log(self.power), self.delta]
 
-class Floor(Part, frozen=True, tag="floor"):
+    @classmethod
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
+        return cls(math.exp(eta[0]), eta[1])
+
+    def words(self, rate_hz: float) -> str:
+        return f"noise whose power rises as frequency^{2 * self.delta:.2g}"
+
+    def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
+        return [-0.4, -0.8, *pole_sets.spread(1e-2, room - 2)]
+
+
+class Floor(_Level, frozen=True, tag="floor"):
     """White noise of variance R that no filter has changed, as that of rounding."""
-
-    R: float
 
 
 class LowPass(Part, frozen=True, tag="low-pass"):
@@ -134,6 +254,23 @@ class LowPass(Part, frozen=True, tag="low-pass"):
 
     corner_hz: float
     poles: float
+
+    def eta(self, h: float) -> list[float]:
+        # log λ² of the corner, logit of the poles
+        return [2 * co.log_lam(self.corner_hz, h), co.logit_of_poles(self.poles)]
+
+    @classmethod
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
+        return cls(co.hz(eta[0] / 2, h), co.poles_of_logit(eta[1]))
+
+    def words(self, rate_hz: float) -> str:
+        where = f"at {in_hz(self.corner_hz)}"
+        if self.corner_hz >= rate_hz / 2:
+            where = f"near or beyond {in_hz(rate_hz / 2)}, half the sample rate"
+        return f"a low-pass with its corner {where} ({_steepness(self.poles)})"
+
+    def filter_poles(self, h: float) -> tuple[list[complex], int]:
+        return pole_sets.of_low_pass(2 * math.pi * self.corner_hz * h, self.poles)
 
 
 class HighPass(Part, frozen=True, tag="high-pass"):
@@ -146,11 +283,44 @@ class HighPass(Part, frozen=True, tag="high-pass"):
     corner_hz: float
     poles: float
 
+    def eta(self, h: float) -> list[float]:
+        # log |1 - e^{-iλ}|² at the corner, logit of the poles
+        size = 2 * math.sin(min(math.pi * self.corner_hz * h, math.pi / 2))
+        return [2 * co.log(size), co.logit_of_poles(self.poles)]
+
+    @classmethod
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
+        sine = min(math.exp(eta[0] / 2) / 2, 1.0)
+        return cls(math.asin(sine) / (math.pi * h), co.poles_of_logit(eta[1]))
+
+    def words(self, rate_hz: float) -> str:
+        return f"a high-pass with its corner at {in_hz(self.corner_hz)} ({_steepness(self.poles)})"
+
+    def filter_poles(self, h: float) -> tuple[list[complex], int]:
+        return [z for z in self.all_poles(h).tolist() if z.imag > -1e-12], 0
+
+    def all_poles(self, h: float) -> Complex:
+        """Return all poles, also the lower ones of pairs."""
+        return pole_sets.of_high_pass(2 * math.pi * self.corner_hz * h, self.poles)
+
 
 class Sharpening(Part, frozen=True, tag="sharpening"):
     """The filter -s, 1 + 2 s, -s, which sharpens, or smooths where s < 0."""
 
     s: float
+
+    def eta(self, h: float) -> list[float]:
+        return [self.s]
+
+    @classmethod
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
+        return cls(eta[0])
+
+    def words(self, rate_hz: float) -> str:
+        return f"a short filter that {'sharpens' if self.s > 0 else 'smooths'}"
+
+    def filter_poles(self, h: float) -> tuple[list[complex], int]:
+        return [], 3
 
 
 class Notch(Part, frozen=True, tag="notch"):
@@ -158,6 +328,23 @@ class Notch(Part, frozen=True, tag="notch"):
 
     frequency_hz: float
     width_hz: float
+
+    def eta(self, h: float) -> list[float]:
+        # logarithms of λ and of the width over the frequency
+        return [co.log_lam(self.frequency_hz, h), co.log(self.width_hz / self.frequency_hz)]
+
+    @classmethod
+    def of_eta(cls, eta: Sequence[float], h: float) -> Self:
+        return cls(co.hz(eta[0], h), co.hz(eta[0], h) * math.exp(eta[1]))
+
+    def words(self, rate_hz: float) -> str:
+        return f"a notch at {in_hz(self.frequency_hz)}"
+
+    def filter_poles(self, h: float) -> tuple[list[complex], int]:
+        # The analog one's, by the bilinear transform.
+        centre = math.tan(math.pi * self.frequency_hz * h)
+        s = np.roots([1.0, centre * self.width_hz / self.frequency_hz, centre**2])
+        return list((1 + s) / (1 - s)), 0
 
 
 class Mean(Part, frozen=True, tag="mean"):
@@ -170,148 +357,60 @@ class Mean(Part, frozen=True, tag="mean"):
         """The number of the part in the native module."""
         return MEAN_FROM + self.samples
 
+    def eta(self, h: float) -> list[float]:
+        return []
+
+    def words(self, rate_hz: float) -> str:
+        return f"the mean of {self.samples} samples"
+
+    def filter_poles(self, h: float) -> tuple[list[complex], int]:
+        return [], self.samples
+
+
+def _steepness(poles: float) -> str:
+    return "one pole" if poles < ONE_POLE else "steep" if poles > 8 else f"about {poles:.0f} poles"
+
 
 AnyPart = (
     White
     | Relaxation
-    | Alternating
     | Walk
     | Order
-    | Arfima
     | Resonance
     | Quantisation
     | Rise
-    | Floor
     | LowPass
     | HighPass
     | Sharpening
     | Notch
     | Mean
+    | Alternating
+    | Floor
+    | Arfima
 )
-CODES: tuple[type[Part], ...] = (
-    White,
-    Relaxation,
-    Walk,
-    Order,
-    Resonance,
-    Quantisation,
-    Rise,
-    LowPass,
-    Sharpening,
-    Notch,
-    Mean,
-    Alternating,
-    Floor,
-    Arfima,
-    HighPass,
-)
+
+
+def _by_number() -> tuple[type[Part], ...]:
+    """Return the parts by their numbers in the native table.
+
+    Raises:
+        LookupError: one is in the table or here, and not in the other place.
+    """
+    here: dict[str, type[Part]] = {kind.tag(): kind for kind in get_args(AnyPart)}
+    native = [row.name for row in ROWS if "other" not in row.traits]
+    if apart := here.keys() ^ set(native):
+        raise LookupError(
+            f"{', '.join(sorted(apart))}: a part has a row in kTable of host/native/sentence_parts.hpp, and "
+            "a class in AnyPart of host/fltea/noise/parts.py with the row's name for its tag"
+        )
+    return tuple(here[name] for name in native)
+
+
+CODES = _by_number()
 """The parts by their numbers in the native module."""
-FREE = (1, 2, 1, 3, 3, 1, 2, 2, 1, 2, 0, 2, 1, 3, 2)
-"""The number of coordinates of each."""
-FILTERS = (LowPass, HighPass, Sharpening, Notch, Mean)
-SIGNED = ("f", "s", "d")
-"""Parameters that may be below 0."""
-
-
-class Coordinates(NamedTuple):
-    """How the fields of a part and its coordinates in the native fits follow from each other; h in s."""
-
-    eta: Callable[[Any, float], list[float]]
-    fields: Callable[[Sequence[float], float], tuple[float, ...]]
-
-
-def _eta_of_order(part: Order, h: float) -> list[float]:
-    g = g_of(part.alpha, part.f, h)
-    if not stationary(part.alpha, g):
-        raise ValueError(f"α = {part.alpha:g}, f = {part.f:g} is not stationary at h = {h:g} s")
-    share = -g / 2**part.alpha
-    logit = math.log(share / (1 - share)) if share > 0 else -LOGIT_END
-    return [part.alpha, max(logit, -LOGIT_END), _log(step_variance(part.alpha, part.Q, h))]
-
-
-def _order_of_eta(eta: Sequence[float], h: float) -> tuple[float, ...]:
-    alpha, s2 = eta[0], math.exp(eta[2])
-    return alpha, f_of(alpha, g_of_eta(eta), h), noise_variance(alpha, s2, h)
-
-
-def _arfima_of_eta(eta: Sequence[float], h: float) -> tuple[float, ...]:
-    phi = math.exp(-math.exp(eta[1]))
-    return eta[0], phi, math.exp(eta[2]) * (1 - phi) ** 2
-
-
-def _logit_of_poles(poles: float) -> float:
-    share = min(max((poles - 1) / (MOST_POLES - 1), 1e-7), 1 - 1e-7)
-    return math.log(share / (1 - share))
-
-
-def _poles_of_logit(logit: float) -> float:
-    return 1 + (MOST_POLES - 1) / (1 + math.exp(-logit))
-
-
-def _high_pass_of_eta(eta: Sequence[float], h: float) -> tuple[float, ...]:
-    sine = min(math.exp(eta[0] / 2) / 2, 1.0)
-    return math.asin(sine) / (math.pi * h), _poles_of_logit(eta[1])
-
-
-def _hz(log_lam: float, h: float) -> float:
-    return math.exp(log_lam) / (2 * math.pi * h)
-
-
-def _log(value: float) -> float:
-    return math.log(max(value, SMALLEST))
-
-
-_LEVEL = Coordinates(lambda p, h: [_log(p.R)], lambda eta, h: (math.exp(eta[0]),))
-_DECAYING = Coordinates(
-    lambda p, h: [_log(p.sigma**2), _log(h / p.tau_s)],
-    lambda eta, h: (math.exp(eta[0] / 2), h * math.exp(-eta[1])),
-)
-COORDINATES: dict[type[Part], Coordinates] = {
-    White: _LEVEL,
-    Floor: _LEVEL,
-    Relaxation: _DECAYING,
-    Alternating: _DECAYING,
-    Walk: Coordinates(lambda p, h: [_log(p.K**2 * h)], lambda eta, h: (math.sqrt(math.exp(eta[0]) / h),)),
-    Order: Coordinates(_eta_of_order, _order_of_eta),  # α, logit(-g / 2^α), log s2
-    # d, log -log φ, and log of the level s2 / (1 - φ)²
-    Arfima: Coordinates(
-        lambda p, h: [p.d, math.log(-math.log(max(p.phi, 1e-6))), _log(p.s2) - 2 * math.log1p(-p.phi)],
-        _arfima_of_eta,
-    ),
-    # logarithms of height, of λ, and of half the width over the frequency
-    Resonance: Coordinates(
-        lambda p, h: [
-            _log(p.height),
-            _log(2 * math.pi * p.frequency_hz * h),
-            _log(p.width_hz / 2 / p.frequency_hz),
-        ],
-        lambda eta, h: (math.exp(eta[0]), _hz(eta[1], h), 2 * _hz(eta[1], h) * math.exp(eta[2])),
-    ),
-    Quantisation: Coordinates(
-        lambda p, h: [_log((p.Q / h) ** 2)], lambda eta, h: (h * math.exp(eta[0] / 2),)
-    ),
-    Rise: Coordinates(lambda p, h: [_log(p.power), p.delta], lambda eta, h: (math.exp(eta[0]), eta[1])),
-    # log λ² of the corner, logit of the poles
-    LowPass: Coordinates(
-        lambda p, h: [2 * _log(2 * math.pi * p.corner_hz * h), _logit_of_poles(p.poles)],
-        lambda eta, h: (_hz(eta[0] / 2, h), _poles_of_logit(eta[1])),
-    ),
-    # log |1 - e^{-iλ}|² at the corner, logit of the poles
-    HighPass: Coordinates(
-        lambda p, h: [
-            2 * _log(2 * math.sin(min(math.pi * p.corner_hz * h, math.pi / 2))),
-            _logit_of_poles(p.poles),
-        ],
-        _high_pass_of_eta,
-    ),
-    Sharpening: Coordinates(lambda p, h: [p.s], lambda eta, h: (eta[0],)),
-    # logarithms of λ and of the width over the frequency
-    Notch: Coordinates(
-        lambda p, h: [_log(2 * math.pi * p.frequency_hz * h), _log(p.width_hz / p.frequency_hz)],
-        lambda eta, h: (_hz(eta[0], h), _hz(eta[0], h) * math.exp(eta[1])),
-    ),
-    Mean: Coordinates(lambda p, h: [], lambda eta, h: ()),
-}
+FILTERS = tuple(kind for kind in CODES if kind.has("filter"))
+SLOW = tuple(kind for kind in CODES if kind.has("slow"))
+"""Parts that have a memory: they belong to the state of a tracker."""
 
 
 def kind_of(code: int) -> type[Part]:
@@ -321,12 +420,7 @@ def kind_of(code: int) -> type[Part]:
 
 def free_of(code: int) -> int:
     """Return the number of coordinates of a part."""
-    return 0 if code >= MEAN_FROM else FREE[code]
-
-
-def g_of_eta(eta: Sequence[float]) -> float:
-    """Return g of the coordinates of an order."""
-    return -(2 ** eta[0]) / (1 + math.exp(-eta[1]))
+    return 0 if code >= MEAN_FROM else len(ROWS[code].coordinates)
 
 
 def high_pass_of(parts: Iterable[Part]) -> HighPass | None:

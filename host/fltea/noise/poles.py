@@ -11,36 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.noise.parts import (
-    Alternating,
-    Arfima,
-    HighPass,
-    LowPass,
-    Mean,
-    Notch,
-    Order,
-    Part,
-    Quantisation,
-    Relaxation,
-    Resonance,
-    Rise,
-    Walk,
-)
-from fltea.noise.spectra import g_of, step_variance
+from fltea.noise.part import Part
+from fltea.noise.parts import HighPass
+from fltea.noise.pole_sets import is_real, short, size
 from fltea.records.arrays import Array, Complex
 
 LINES = math.pi * np.arange(1, 4097) / 4096
 """λ of a spectrum from which a response is found."""
-A_DECADE = 2
-"""Poles that stand for an order."""
-FASTEST = 3.0
-"""Rate of a pole, in 1 a sample."""
-MOST_POLES = 6
-"""Of a low-pass; more of them look the same below its corner."""
-MOST_TAPS = 10
-"""Of a short filter."""
-SMALL = 0.005
-"""What is wrong with a short filter, which needs no poles, because it has some: their size is its root."""
 FAST = 0.3
 """Weight of frequencies above 1 rad a sample, where less depends on the fit."""
 DISTINCT = 0.05
@@ -63,21 +40,6 @@ class Block(NamedTuple):
     signal: bool
 
 
-def response_of(part: Part, lam: Array, h: float) -> Complex:
-    """Return the response of a part of the state to the white noise of variance 1 that drives it."""
-    turn = np.exp(-1j * lam)
-    if isinstance(part, Order):
-        s = math.sqrt(step_variance(part.alpha, part.Q, h))
-        return np.asarray(s / ((1 - turn) ** part.alpha - g_of(part.alpha, part.f, h) * turn))
-    if isinstance(part, Arfima):
-        return np.asarray(math.sqrt(part.s2) * (1 - turn) ** -part.d / (1 - part.phi * turn))
-    if isinstance(part, Walk):
-        return np.asarray(part.K * math.sqrt(h) / (1 - turn))
-    assert isinstance(part, Relaxation)
-    a = math.exp(-h / part.tau_s)
-    return np.asarray(part.sigma * math.sqrt(1 - a * a) / (1 - a * turn))
-
-
 def least_phase(power: Array) -> Callable[[Array], Complex]:
     """Return the causal response, with a causal inverse, of this spectrum at equidistant λ up to π.
 
@@ -93,25 +55,13 @@ def least_phase(power: Array) -> Callable[[Array], Complex]:
     return lambda lam: np.exp(np.interp(lam, at, found.real) + 1j * np.interp(lam, at, found.imag))
 
 
-def high_pass_poles(part: HighPass, h: float) -> Complex:
-    """Return all poles of a high-pass, which has a whole number of them here; its zeros are as many at 1.
-
-    Where |1 - 1/z|² = -(1 - z)²/z is one of the roots s² of 1 + (c/s²)^n, |z| < 1.
-    """
-    n = min(max(round(part.poles), 1), MOST_POLES)
-    c = (2 * math.sin(min(math.pi * part.corner_hz * h, math.pi / 2))) ** 2
-    half = 1 - c * np.exp(1j * math.pi * (2 * np.arange(n) + 1) / n) / 2
-    z = half + np.sqrt(half**2 - 1 + 0j)
-    return np.asarray(np.where(np.abs(z) < 1, z, 1 / z))
-
-
 def high_pass_response(filters: Sequence[Part], lam: Array, h: float) -> Complex:
     """Return the response of the high-passes among filters at λ."""
     turn = np.exp(-1j * lam)
     found = np.ones(len(lam), dtype=np.complex128)
     for part in filters:
         if isinstance(part, HighPass):
-            z = high_pass_poles(part, h)
+            z = part.all_poles(h)
             found *= math.sqrt(float(np.abs(z).prod())) * (
                 (1 - turn[:, None]) / (1 - z * turn[:, None])
             ).prod(axis=1)
@@ -123,88 +73,10 @@ def filter_poles(filters: Sequence[Part], h: float) -> list[complex]:
     found: list[complex] = []
     taps = 1 if filters else 0
     for part in filters:
-        if isinstance(part, LowPass):
-            n = math.ceil(min(max(part.poles, 1.0), MOST_POLES))
-            angles = np.pi * (n + 1 + 2 * np.arange((n + 1) // 2)) / (2 * n)
-            found += list(np.exp(2 * math.pi * part.corner_hz * h * np.exp(1j * angles)))
-            if part.poles != n:
-                taps += 2
-        elif isinstance(part, HighPass):
-            found += [z for z in high_pass_poles(part, h).tolist() if z.imag > -1e-12]
-        elif isinstance(part, Notch):
-            # The analog one's, by the bilinear transform.
-            centre = math.tan(math.pi * part.frequency_hz * h)
-            s = np.roots([1.0, centre * part.width_hz / part.frequency_hz, centre**2])
-            found += list((1 + s) / (1 - s))
-        else:
-            taps += part.samples if isinstance(part, Mean) else 3
-    return found + _short(taps)
-
-
-def _short(taps: int) -> list[complex]:
-    """Return poles that can be any filter of so many taps, or nearly."""
-    if taps < 2:
-        return [0.0] * taps
-    n = (taps + 2) // 2 * 2
-    return [
-        SMALL ** (1 / n) * complex(np.exp(2j * math.pi * k / n)) for k in range(min(n, MOST_TAPS) // 2 + 1)
-    ]
-
-
-def own_poles(part: Part, lam: Array, h: float, room: int) -> list[complex]:
-    """Return the poles that a part has, or the real ones that stand for it."""
-    if isinstance(part, Relaxation):
-        return [math.exp(-h / part.tau_s)]
-    if isinstance(part, Alternating):
-        return [-math.exp(-h / part.tau_s)]
-    if isinstance(part, Resonance):
-        return [pole_of(part, h)]
-    if isinstance(part, Quantisation):
-        return _short(2)
-    if isinstance(part, Rise):
-        return [-0.4, -0.8, *_spread(1e-2, room - 2)]
-    if isinstance(part, Arfima):
-        return [part.phi, 0.0, *_spread(float(lam[0]) / 2, room - 2)]
-    if isinstance(part, Order):
-        slowest = float(lam[0]) / 2
-        found = [*_poles_of_order(part.alpha, g_of(part.alpha, part.f, h), slowest), 0.0]
-        return [*found, *_spread(slowest, room - size(found))]
-    return []
-
-
-def _poles_of_order(alpha: float, g: float, slowest: float) -> list[complex]:
-    """Return the poles z of (1 - 1/z)^α = g / z, or one that is nearly one; none slower than this."""
-    rate = (-g) ** (1 / alpha) if g < 0 < alpha else 0.0
-    if alpha > 1:
-        w = 1 - rate * complex(np.exp(1j * math.pi / alpha))
-        for _ in range(20 if rate > slowest else 0):
-            w -= ((1 - w) ** alpha - g * w) / (-alpha * (1 - w) ** (alpha - 1) - g)
-        return [1 / w] if abs(w) > 1 + slowest else []
-    v = 1.0
-    for _ in range(40 if g < 0 else 0):
-        v = min((1 + v) ** alpha / -g, 1e6)
-    found: list[complex] = [math.exp(-rate)] if rate > slowest else []
-    return [*found, -1 / v] if v > 1 else found
-
-
-def pole_of(part: Resonance, h: float) -> complex:
-    """Return the upper pole of a resonance."""
-    return complex(np.exp(complex(-part.width_hz, 2 * part.frequency_hz) * math.pi * h))
-
-
-def _spread(low: float, room: int) -> list[complex]:
-    """Return poles of rates from `low` on, in 1 a sample, evenly by their logarithms."""
-    count = 1 + math.ceil(A_DECADE * math.log10(FASTEST / low))
-    return list(np.exp(-np.geomspace(low, FASTEST, max(min(count, room), 1))))
-
-
-def size(poles: Sequence[complex]) -> int:
-    """Return the number of coordinates."""
-    return sum(1 if _is_real(one) else 2 for one in poles)
-
-
-def _is_real(pole: complex) -> bool:
-    return abs(complex(pole).imag) < 1e-9
+        poles, more = part.filter_poles(h)
+        found += poles
+        taps += more
+    return found + short(taps)
 
 
 def fitted(
@@ -213,7 +85,7 @@ def fitted(
     """Return poles with a response that is fitted to this one, as well as it matters in the whole noise."""
     chosen: list[complex] = []
     for one in poles:
-        upper = complex(one.real, abs(one.imag)) if not _is_real(one) else complex(one.real)
+        upper = complex(one.real, abs(one.imag)) if not is_real(one) else complex(one.real)
         apart = all(abs(upper - known) > DISTINCT * (1 - abs(known)) for known in chosen)
         if apart and size(chosen) + size([upper]) <= room:
             chosen.append(upper)

@@ -21,33 +21,30 @@ from typing import NamedTuple, TypeGuard
 import numpy as np
 
 from fltea.noise.left_open import mean_order
+from fltea.noise.part import Part
 from fltea.noise.parts import (
     FILTERS,
+    SLOW,
     Alternating,
     Arfima,
     Floor,
     HighPass,
     Order,
-    Part,
     Relaxation,
     Resonance,
     Walk,
     White,
     spectrum,
 )
+from fltea.noise.pole_sets import MOST_TAPS, size
 from fltea.noise.poles import (
     LINES,
-    MOST_TAPS,
     Block,
     driven,
     filter_poles,
     fitted,
     high_pass_response,
     least_phase,
-    own_poles,
-    pole_of,
-    response_of,
-    size,
 )
 from fltea.records.arrays import Array, Complex, merged
 
@@ -237,7 +234,7 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
         elif isinstance(part, Relaxation) and (stopped * spectrum([part], lam, h) < NO_MATTER).all():
             # It is too slow for the filters.
             exact.append(_relaxing(math.exp(-h / part.tau_s), part.sigma**2, signal=True))
-        elif isinstance(part, Relaxation | Order | Arfima | Walk):
+        elif isinstance(part, SLOW):
             by_fit.append(part)
         elif not isinstance(part, FILTERS):
             noise.append(part)
@@ -246,9 +243,9 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
     room = MOST - len(exact) - sum(len(one.a) for one in blocks)
     for k, part in enumerate(by_fit):
         share = room // (len(by_fit) - k)
-        poles = [*own_poles(part, lam, h, share - min(size(behind), share // 2)), *behind]
+        poles = [*part.own_poles(lam, h, share - min(size(behind), share // 2)), *behind]
         signal = part is not of_sensor
-        blocks.append(fitted(response_of(part, lam, h) * through, total, poles, lam, share, signal=signal))
+        blocks.append(fitted(part.response(lam, h) * through, total, poles, lam, share, signal=signal))
         room -= len(blocks[-1].a)
     return _joined([*blocks, *exact], R, samples)
 
@@ -326,7 +323,7 @@ def _of_noise(
             blocks.append(_relaxing(sign * math.exp(-h / part.tau_s), part.sigma**2, signal=False))
         else:
             coloured.append(part)
-            poles += own_poles(part, lam, h, MOST_TAPS)
+            poles += part.own_poles(lam, h, MOST_TAPS)
     exact = _joined(blocks, R, 1)
     level = R + float(exact.c @ exact.P0 @ exact.c)
     others = _without_high_passes(filters)
@@ -372,7 +369,7 @@ def _relaxing(a: float, variance: float, *, signal: bool) -> Block:
 
 def _resonating(part: Resonance, h: float) -> Block:
     """Return the two coordinates of a resonance."""
-    z, turn = pole_of(part, h), np.exp(-2j * math.pi * part.frequency_hz * h)
+    z, turn = part.pole(h), np.exp(-2j * math.pi * part.frequency_hz * h)
     # Its spectrum is s2 over |1 - z e^-iλ|² |1 - z* e^-iλ|², of this height at its frequency.
     s = math.sqrt(part.height) * abs(1 - z * turn) * abs(1 - z.conjugate() * turn)
     return driven(np.array([z]), np.array([s * z / (z - z.conjugate())]), signal=False)

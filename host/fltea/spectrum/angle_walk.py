@@ -16,18 +16,13 @@ import numpy as np
 from fltea.noise.parts import (
     CODES,
     FILTERS,
-    Alternating,
-    Arfima,
-    Floor,
+    SLOW,
     LowPass,
     Mean,
-    Order,
     Part,
-    Quantisation,
     Relaxation,
     Resonance,
     Rise,
-    Walk,
     White,
     free_of,
     kind_of,
@@ -42,8 +37,7 @@ from fltea.spectrum.reading import NO_WHITE
 
 HARDLY_KNOWN = 2.0
 """Half the width of the interval of a density's logarithm, from which on it is not known."""
-SLOW_PARTS = (Relaxation, Walk, Order, Arfima)
-SHAPES = (*FILTERS, Floor, Alternating, Quantisation, Rise, Resonance)
+SHAPES = tuple(kind for kind in CODES if kind is not White and not kind.has("slow"))
 """Parts that shape the high frequencies, where a relaxation or a rise may stand in their place."""
 SEEN = 2.706
 """2 log L by which a model with one more relaxation has to be better, to count: 95 % of the law of a variance
@@ -77,7 +71,8 @@ def _of_one(f: CandidateModels, sentence: Sentence) -> Interval:
     words = list(sentence.words())
     # Beside a filter a hump is of the filter's shape, and its foot is of the pass band.
     filtered = any(_is(code, LowPass, Mean) for code, _ in words)
-    others = (*SLOW_PARTS, *FILTERS, Quantisation, Rise) + (() if filtered else (Resonance,))
+    fast_only = tuple(kind for kind in CODES if kind.has("fast only"))
+    others = (*SLOW, *FILTERS, *fast_only) + (() if filtered else (Resonance,))
     fast = [(code, at) for code, at in words if not _is(code, *others)]
     relaxing = [(code, at) for code, at in words if _is(code, White, Relaxation)]
     places = [at + k for code, at in fast for k in range(free_of(code))]

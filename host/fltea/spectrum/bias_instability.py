@@ -11,14 +11,14 @@ import math
 
 from msgspec.structs import replace
 
-from fltea.noise.parts import Arfima, Order, Relaxation, Walk, White, free_of, kind_of
+from fltea.noise.parts import SLOW, White, free_of, kind_of
 from fltea.spectrum.allan_coefficients import Coefficient, not_known
 from fltea.spectrum.candidate_models import CandidateModels, Sentence
 from fltea.spectrum.evidence import APART
 from fltea.spectrum.flicker import Flicker, flicker
 from fltea.spectrum.intervals import CRITICAL
 
-SLOW_KINDS = (White, Relaxation, Walk, Order, Arfima)
+SLOW_KINDS = (White, *SLOW)
 """Parts that describe the frequencies to which the three terms are fitted."""
 
 

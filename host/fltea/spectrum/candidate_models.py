@@ -19,8 +19,6 @@ from fltea import _native
 from fltea.noise.parts import (
     CODES,
     Arfima,
-    Mean,
-    Notch,
     Order,
     Part,
     White,
@@ -63,8 +61,7 @@ class Sentence(NamedTuple):
     @property
     def parameters(self) -> int:
         """The number of parameters, as BIC counts them: m of a mean, and a notch's place, were sought too."""
-        sought = sum(kind in (Mean, Notch) for kind in self.kinds)
-        return sum(map(free_of, self.codes)) + sought
+        return sum(map(free_of, self.codes)) + sum(kind.row().sought for kind in self.kinds)
 
     @property
     def kinds(self) -> tuple[type[Part], ...]:

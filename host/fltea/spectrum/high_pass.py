@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fltea.noise.parts import Floor, HighPass, Part, Relaxation, Resonance, Walk, White, high_pass_of
+from fltea.noise.parts import Floor, HighPass, Part, Relaxation, Resonance, White, high_pass_of
 from fltea.spectrum.candidate_models import CandidateModels, Sentence
 from fltea.spectrum.octaves import WHOLE
 
@@ -90,8 +90,10 @@ def _crest(f: CandidateModels, sentence: Sentence, high_pass: HighPass, from_hz:
 def _is_left(part: Part, high_pass: HighPass, crest: float, leak: float) -> bool:
     most = RINGS if isinstance(part, Resonance) else SWINGS
     near = NEAR * high_pass.corner_hz if crest < most else 0.0
+    if part.has("endless"):
+        return False
     match part:
-        case HighPass() | Walk():
+        case HighPass():
             return False
         case Floor():
             return leak < part.R

@@ -19,13 +19,13 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from fltea.noise.coordinates import g_of_eta
+from fltea.noise.part import BY_NAME, ROWS
 from fltea.noise.parts import (
-    CODES,
     Arfima,
     Order,
     Walk,
     free_of,
-    g_of_eta,
     kind_of,
     part_of,
 )
@@ -54,7 +54,9 @@ WIDEST_ORDER = 0.9
 """Width of the interval from which on an order is undefined."""
 NOTHING = 1e-4
 """Information about a coordinate that is as good as none."""
-BY_F, BY_PARAMETER, BY_NOISE, BY_STEP = range(len(CODES), len(CODES) + 4)
+BY_F, BY_PARAMETER, BY_NOISE, BY_STEP = (
+    BY_NAME[name].code for name in ("order by F", "order by f", "order by Q", "arfima by s2")
+)
 """Numbers of parts by other coordinates, to hold what those of `fltea.noise.parts` do not hold. Of the order:
 F and log -g, or α and log -f, in place of α and logit(-g / 2^α); log Q in place of log s2. Of ARFIMA: log s2
 in place of log s2 / (1 - φ)²."""
@@ -319,18 +321,17 @@ def _elsewhere(f: CandidateModels, sentence: Sentence, at: int) -> list[list[flo
 
 def _limits(f: CandidateModels, code: int, k: int, here: float, side: int) -> tuple[float, float]:
     """Return where the search for an end stops, and its first step."""
-    name = kind_of(code).__struct_fields__[k]
-    if name == "tau_s":
-        lowest = float(f.data.lam[0])
-        return (math.log(lowest / SLOWEST) if side < 0 else math.log(math.pi)), 0.2
-    if name in ("s", "delta", "d", "alpha"):
-        ends = {"s": (-0.2495, 2.0), "delta": (0.1, 2.0), "d": (0.0, 1.0), "alpha": (0.0, HIGHEST_ORDER)}[
-            name
-        ]
-        return ends[side > 0], 0.03
-    if name == "R":
-        return around(f, here)[side > 0], 0.1
-    return here + side * LEAST, 0.1
+    one = ROWS[code].coordinates[k]
+    match one.kind:
+        case "rate":
+            lowest = float(f.data.lam[0])
+            return (math.log(lowest / SLOWEST) if side < 0 else math.log(math.pi)), 0.2
+        case "number" | "alpha":
+            return (one.high if side > 0 else one.low), 0.03
+        case "level":
+            return around(f, here)[side > 0], 0.1
+        case _:
+            return here + side * LEAST, 0.1
 
 
 def interval_end(
@@ -384,8 +385,11 @@ def _wider(f: CandidateModels, sentence: Sentence, at: int, value: float, end: f
 
 
 def _other(sentence: Sentence, at: int, code: int, first: list[float]) -> Sentence:
-    """Return the same spectrum with the first coordinates of the part at place `at` given by others."""
-    codes = [code if place == at else one for one, place in sentence.words()]
+    """Return the same spectrum with the first coordinates of the part at place `at` given by others.
+
+    A part without coordinates, as the mean of some samples, may stand at the same place, and stays.
+    """
+    codes = [code if place == at and free_of(one) else one for one, place in sentence.words()]
     eta = [*sentence.eta[:at], *first, *sentence.eta[at + len(first) :]]
     return sentence._replace(codes=tuple(codes), eta=tuple(eta))
 

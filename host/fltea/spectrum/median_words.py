@@ -1,5 +1,6 @@
 """What is said of noise that has been through a median filter (pure)."""
 
+from fltea.noise.parts import in_hz
 from fltea.spectrum import wording
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.median_filter import MedianFilter
@@ -28,6 +29,6 @@ def verdict(e: Evidence, median: MedianFilter) -> tuple[str, str, str]:
     return (
         f"White noise through {median.words}.{wording.also_found(e, with_median=False)}",
         f"{median.share:.0%} of the values are the same as the one before, as no linear filter makes them: "
-        f"what is faster than {wording.hz(shaped_hz)} is of its shape, and {wording.UNDEFINED}.",
+        f"what is faster than {in_hz(shaped_hz)} is of its shape, and {wording.UNDEFINED}.",
         NEXT,
     )

@@ -13,16 +13,13 @@ import numpy as np
 
 from fltea.noise.parts import (
     CODES,
-    Alternating,
     HighPass,
     LowPass,
     Mean,
     Notch,
     Part,
-    Quantisation,
     Relaxation,
     Resonance,
-    Rise,
     Sharpening,
     Walk,
     free_of,
@@ -47,8 +44,6 @@ NEAR_THE_FILTER = 0.1
 """The corner of a relaxation over that of a filter, from which on it may be but the filter's shape."""
 AS_FILTERS_DIFFER = 1.6
 """The ratio of densities in the pass band up to which it is."""
-ONE_POLE = 1.5
-"""Poles of a filter that looks like a relaxation."""
 RIPPLES = 0.4
 """The frequency over the corner of a filter from which on a hump is of the filter."""
 STANDS_OUT, ASIDE = 1.2, 3.0
@@ -117,10 +112,9 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
         if corner_hz(part) > SLOW * from_hz
         or (corner_hz(part) > from_hz and _behind_with_walk(f, part) > apart)
     ]
-    drifts = len(inside) < len(relaxations) or any(isinstance(part, Walk) for part in parts)
+    drifts = len(inside) < len(relaxations) or any(part.row().says == "drift" for part in parts)
     notch = next((p for p in parts if isinstance(p, Notch)), None) if low_pass is None else None
-    kinds = (LowPass, Mean, Sharpening, Alternating, Quantisation, Rise)
-    coloured = low_pass is not None or any(isinstance(part, kinds) for part in parts)
+    coloured = low_pass is not None or any(part.row().says == "colour" for part in parts)
     resonances = [part for part in parts if isinstance(part, Resonance)]
     if inside or drifts or coloured or notch is not None or behind is not None:
         # Beside others a resonance may be but a correction of their shape; alone it is what there is.
@@ -220,10 +214,10 @@ def _is_skirt(part: Part, peaks: Sequence[Peak]) -> bool:
             hz = part.frequency_hz
         case HighPass():
             hz = part.corner_hz
-        case Sharpening() | LowPass() | Alternating() | Rise() | Quantisation():
-            return any(peak.kind == "resonance" for peak in strong)
         case _:
-            return False
+            # What has no coordinates cannot be bent to what is left of a peak.
+            shaped = part.row().says == "colour" and part.row().coordinates
+            return bool(shaped) and any(peak.kind == "resonance" for peak in strong)
     return any(
         1 / reach < hz / peak.frequency_hz < reach
         for peak in strong

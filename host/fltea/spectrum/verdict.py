@@ -9,7 +9,7 @@ answered it, so that a reader can follow.
 
 import msgspec
 
-from fltea.noise.parts import Alternating, Quantisation, Rise, Sharpening
+from fltea.noise.parts import CODES, ONE_POLE, in_hz
 from fltea.records.fit import VerdictKind
 from fltea.records.odds import odds
 from fltea.spectrum import comb_words, median_words, wording
@@ -17,7 +17,7 @@ from fltea.spectrum.candidate_models import BY_CHANCE, Sentence, order_of
 from fltea.spectrum.evidence import APART, Evidence
 from fltea.spectrum.high_pass import stands_for_shape
 from fltea.spectrum.intervals import OrderFit, order_fit
-from fltea.spectrum.reading import ONE_POLE, SLOW, Reading
+from fltea.spectrum.reading import SLOW, Reading
 from fltea.spectrum.residuals import kolmogorov
 
 CLAIMED, LEAST_OVER_RICH = 12.0, 4.0
@@ -35,7 +35,7 @@ PEAKS: dict[str, VerdictKind] = {
     "comb": "comb",
 }
 """What a peak is called; live, narrow ones cannot be distinguished."""
-RISING = (Sharpening, Alternating, Quantisation, Rise)
+RISING = tuple(kind for kind in CODES if kind.has("rising"))
 """An order beside one of these is not in its place."""
 NEXT_EITHER = "Record longer, or use the model without an order."
 NEXT_LIKELY = "Record longer to be sure; a navigation filter takes the model without an order."
@@ -130,7 +130,7 @@ def decide(e: Evidence) -> Verdict:
         )
     q.ask("Are there lines or resonances?", bool(e.peaks), wording.peaks(e.peaks) if e.peaks else "none")
     q.ask(
-        f"Is there drift below {wording.hz(e.slow.below_hz)}?",
+        f"Is there drift below {in_hz(e.slow.below_hz)}?",
         e.drifts,
         f"{e.slow.ratio:.3g} times the model's power, p = {e.slow.p:.2g}; offset {e.slow.offset:.3g} times",
     )
@@ -233,7 +233,7 @@ def _without_order(e: Evidence, q: _Questions) -> Verdict:
     if found.relaxations:
         return _both(e, q, "fractional or relaxations", said) if q.has_order else _relaxations(e, q, said)
     drifts = found.drifts and found.high_pass is None
-    if q.ask(f"Is there a walk, or a corner below {wording.hz(SLOW * e.from_hz)}?", drifts, said):
+    if q.ask(f"Is there a walk, or a corner below {in_hz(SLOW * e.from_hz)}?", drifts, said):
         if any(
             peak.kind not in ("resonance", "comb") and peak.frequency_hz < SLOW * e.from_hz
             for peak in e.peaks
@@ -299,7 +299,7 @@ def _drift(e: Evidence, q: _Questions, said: str) -> Verdict:
         "drift",
         f"White noise and drift that is too slow for this record to tell from a random walk ({said})."
         f"{wording.also_found(e, with_drift=False)}",
-        f"Its corner is below {wording.hz(SLOW * e.from_hz)}, where the record has too few periods.",
+        f"Its corner is below {in_hz(SLOW * e.from_hz)}, where the record has too few periods.",
         "Record longer to see where it ends; until then take it for a random walk.",
     )
 
@@ -309,7 +309,7 @@ def _resonance(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict
     return q.say(
         "resonance",
         f"{wording.capital(said)}.{wording.also_found(e)}",
-        f"It is {wording.hz(found.resonance.width_hz)} wide: no memory, {wording.UNDEFINED}.",
+        f"It is {in_hz(found.resonance.width_hz)} wide: no memory, {wording.UNDEFINED}.",
         NEXT_PEAK,
     )
 
@@ -350,7 +350,7 @@ def _rising(e: Evidence, q: _Questions, said: str) -> Verdict:
 def _low_pass(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict:
     one = found.low_pass is not None and found.low_pass.poles < ONE_POLE
     if found.low_pass is not None:
-        said = f"{wording.capital(f'white noise through {wording.low_pass(found.low_pass, e)}')} ({said})"
+        said = f"{wording.capital(f'white noise through {found.low_pass.words(e.rate_hz)}')} ({said})"
     gain = e.candidates.gain(e.candidates.plain)
     return q.say(
         "low-pass",

@@ -4,28 +4,13 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from fltea.noise.parts import (
-    Alternating,
-    Arfima,
-    Floor,
-    HighPass,
-    LowPass,
-    Mean,
-    Notch,
-    Order,
-    Part,
-    Quantisation,
-    Relaxation,
-    Resonance,
-    Rise,
-    Sharpening,
-    Walk,
-)
+from fltea.noise.part import Part
+from fltea.noise.parts import Arfima, Floor, HighPass, Relaxation, in_hz
 from fltea.records.odds import odds
 from fltea.spectrum import comb_words
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.intervals import OrderFit
-from fltea.spectrum.reading import ONE_POLE, corner_hz
+from fltea.spectrum.reading import corner_hz
 from fltea.spectrum.spectral_lines import Peak
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
@@ -38,11 +23,6 @@ TAKEN_OUT = (
     "AC coupling or an auto-zero: slow noise and the bias have been taken out, so nothing can be said of "
     "drift (bias figures are the filter's)."
 )
-
-
-def hz(value: float) -> str:
-    """Return a number with three digits at most."""
-    return f"{value:.3g} Hz"
 
 
 def duration(seconds: float) -> str:
@@ -78,7 +58,7 @@ def _peak(peak: Peak) -> str:
     if peak.notch_hz[0] == 0.0 and peak.kind == "resonance":
         name = (
             "a line whose frequency wanders about a multiple of the sample rate, and is seen below "
-            f"{hz(peak.notch_hz[1])}"
+            f"{in_hz(peak.notch_hz[1])}"
         )
     return f"{name} ({peak.power_share:.1%} of the power)"
 
@@ -92,11 +72,15 @@ def peak_hz(frequency_hz: float) -> str:
 
 def sentence(parts: Sequence[Part], e: Evidence, order: OrderFit | None = None) -> str:
     """Return the parts of a noise and its filters, as a part of a sentence; order: with its interval."""
-    sources = [text for part in parts if (text := _source(part, order))]
+    told = [
+        (part, _order(order or OrderFit()) if part.has("ordered") else part.words(e.rate_hz))
+        for part in parts
+    ]
+    sources = [text for part, text in told if text and not part.has("filter")]
     relaxing = [part for part in parts if isinstance(part, Relaxation)]
     if relaxing:
         sources.insert(0, f"{relaxations(relaxing)} with {corners(relaxing, e)}")
-    behind = [text for part in parts if (text := _filter(part, e))]
+    behind = [text for part, text in told if part.has("filter")]
     found = f"{listed(sources)} in white noise" if sources else "white noise"
     if behind:
         found += f", {'all of it ' if sources else ''}through {listed(behind)}"
@@ -107,46 +91,12 @@ def sentence(parts: Sequence[Part], e: Evidence, order: OrderFit | None = None) 
     return found
 
 
-def _source(part: Part, order: OrderFit | None) -> str:
-    match part:
-        case Order() | Arfima():
-            return _order(order or OrderFit())
-        case Walk():
-            return "a random walk"
-        case Resonance():
-            return f"a resonance at {hz(part.frequency_hz)}"
-        case Quantisation():
-            return "quantisation noise of an angle"
-        case Rise():
-            return f"noise whose power rises as frequency^{2 * part.delta:.2g}"
-        case Alternating():
-            return "noise that alternates in sign"
-        case _:
-            return ""
-
-
 def _order(found: OrderFit) -> str:
     alpha = found.alpha
     if alpha.value is None:
         return "an order that the data do not define"
     kind = " (ARFIMA)" if found.arfima else ""
     return f"an order of {alpha.value:.2f} ({alpha.low:.2f} … {alpha.high:.2f}){kind}"
-
-
-def _filter(part: Part, e: Evidence) -> str:
-    match part:
-        case LowPass():
-            return low_pass(part, e)
-        case HighPass():
-            return f"a high-pass with its corner at {hz(part.corner_hz)} ({_steepness(part.poles)})"
-        case Sharpening():
-            return f"a short filter that {'sharpens' if part.s > 0 else 'smooths'}"
-        case Notch():
-            return f"a notch at {hz(part.frequency_hz)}"
-        case Mean():
-            return f"the mean of {part.samples} samples"
-        case _:
-            return ""
 
 
 def relaxations(found: Sequence[Relaxation]) -> str:
@@ -160,25 +110,12 @@ def corners(found: Sequence[Relaxation], e: Evidence) -> str:
     inside = [f"{value:.3g}" for value in values if e.from_hz <= value <= e.to_hz]
     parts = []
     if any(value < e.from_hz for value in values):
-        parts.append(f"below {hz(e.from_hz)}")
+        parts.append(f"below {in_hz(e.from_hz)}")
     if inside:
         parts.append(f"at {listed(inside)} Hz")
     if any(value > e.to_hz for value in values):
-        parts.append(f"above {hz(e.to_hz)}")
+        parts.append(f"above {in_hz(e.to_hz)}")
     return f"{'its corner' if len(found) == 1 else 'corners'} {listed(parts)}"
-
-
-def low_pass(found: LowPass, e: Evidence) -> str:
-    """Return the words for the filter."""
-    if found.corner_hz >= e.rate_hz / 2:
-        where = f"near or beyond {hz(e.rate_hz / 2)}, half the sample rate"
-    else:
-        where = f"at {hz(found.corner_hz)}"
-    return f"a low-pass with its corner {where} ({_steepness(found.poles)})"
-
-
-def _steepness(poles: float) -> str:
-    return "one pole" if poles < ONE_POLE else "steep" if poles > 8 else f"about {poles:.0f} poles"
 
 
 def drift(e: Evidence) -> str:
@@ -186,8 +123,8 @@ def drift(e: Evidence) -> str:
     ratio = max(e.slow.offset, e.slow.ratio)
     times = f"{ratio:.2g}" if ratio < 1000 else f"{ratio:.0e}"
     return (
-        f"drift below {hz(e.slow.below_hz)} with {times} times the model's power there (too few periods to "
-        "say what it is)"
+        f"drift below {in_hz(e.slow.below_hz)} with {times} times the model's power there (too few periods "
+        "to say what it is)"
     )
 
 
@@ -228,7 +165,7 @@ def change(e: Evidence) -> str:
 def band(e: Evidence) -> str:
     """Return the band of the data in words."""
     decades = math.log10(e.to_hz / e.from_hz)
-    return f"{hz(e.from_hz)} to {hz(e.to_hz)}, {decades:.1f} decades"
+    return f"{in_hz(e.from_hz)} to {in_hz(e.to_hz)}, {decades:.1f} decades"
 
 
 def either(ordered: str, said: str, value: float | None) -> str:

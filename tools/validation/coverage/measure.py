@@ -21,7 +21,7 @@ from tools.validation.coverage.populations import H, Parts
 from tools.validation.coverage.published import ALLAN, FIGURES, of_part
 from tools.validation.same_parts import found_in_order, in_order, tag
 
-STEADY = p.Relaxation, p.Walk, p.Order, p.Arfima, p.Resonance, p.Quantisation, p.Rise
+STEADY = tuple(kind for kind in p.CODES if kind.has("slow") or kind.has("fast only") or kind is p.Resonance)
 """Parts that N has nothing of."""
 FREQUENCIES = 40_000
 """At so many frequencies the Allan deviation of a spectrum is added up."""

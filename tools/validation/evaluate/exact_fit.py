@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from fltea.noise import spectra
-from fltea.noise.parts import g_of_eta
+from fltea.noise.coordinates import g_of_eta
 from fltea.records.arrays import Array
 from fltea.spectrum.candidate_models import native, order_in_white
 from fltea.spectrum.intervals import CRITICAL

@@ -1,0 +1,87 @@
+"""Poles of a linear system that stand for the parts of a noise, by numbers alone (pure)."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from fltea.records.arrays import Complex
+
+A_DECADE = 2
+"""Poles that stand for an order."""
+FASTEST = 3.0
+"""Rate of a pole, in 1 a sample."""
+MOST_POLES = 6
+"""Of a low-pass; more of them look the same below its corner."""
+MOST_TAPS = 10
+"""Of a short filter."""
+SMALL = 0.005
+"""What is wrong with a short filter, which needs no poles, because it has some: their size is its root."""
+
+
+def size(poles: Sequence[complex]) -> int:
+    """Return the number of coordinates."""
+    return sum(1 if is_real(one) else 2 for one in poles)
+
+
+def is_real(pole: complex) -> bool:
+    """Return whether a pole takes one coordinate, and not two."""
+    return abs(complex(pole).imag) < 1e-9
+
+
+def short(taps: int) -> list[complex]:
+    """Return poles that can be any filter of so many taps, or nearly."""
+    if taps < 2:
+        return [0.0] * taps
+    n = (taps + 2) // 2 * 2
+    return [
+        SMALL ** (1 / n) * complex(np.exp(2j * math.pi * k / n)) for k in range(min(n, MOST_TAPS) // 2 + 1)
+    ]
+
+
+def spread(low: float, room: int) -> list[complex]:
+    """Return poles of rates from `low` on, in 1 a sample, evenly by their logarithms."""
+    count = 1 + math.ceil(A_DECADE * math.log10(FASTEST / low))
+    return list(np.exp(-np.geomspace(low, FASTEST, max(min(count, room), 1))))
+
+
+def of_order(alpha: float, g: float, slowest: float) -> list[complex]:
+    """Return the poles z of (1 - 1/z)^α = g / z, or one that is nearly one; none slower than this."""
+    rate = (-g) ** (1 / alpha) if g < 0 < alpha else 0.0
+    if alpha > 1:
+        w = 1 - rate * complex(np.exp(1j * math.pi / alpha))
+        for _ in range(20 if rate > slowest else 0):
+            w -= ((1 - w) ** alpha - g * w) / (-alpha * (1 - w) ** (alpha - 1) - g)
+        return [1 / w] if abs(w) > 1 + slowest else []
+    v = 1.0
+    for _ in range(40 if g < 0 else 0):
+        v = min((1 + v) ** alpha / -g, 1e6)
+    found: list[complex] = [math.exp(-rate)] if rate > slowest else []
+    return [*found, -1 / v] if v > 1 else found
+
+
+def of_low_pass(lam: float, poles: float) -> tuple[list[complex], int]:
+    """Return the upper poles of a low-pass with its corner at λ, and the taps of what its poles are not."""
+    n = math.ceil(min(max(poles, 1.0), MOST_POLES))
+    angles = np.pi * (n + 1 + 2 * np.arange((n + 1) // 2)) / (2 * n)
+    return list(np.exp(lam * np.exp(1j * angles))), 2 if poles != n else 0
+
+
+def of_high_pass(lam: float, poles: float) -> Complex:
+    """Return all poles of a high-pass with its corner at λ, of which there are a whole number here.
+
+    Its zeros are as many at 1. The poles are where |1 - 1/z|² = -(1 - z)²/z is one of the roots s² of
+    1 + (c/s²)^n, with |z| < 1.
+    """
+    n = min(max(round(poles), 1), MOST_POLES)
+    c = (2 * math.sin(min(lam / 2, math.pi / 2))) ** 2
+    half = 1 - c * np.exp(1j * math.pi * (2 * np.arange(n) + 1) / n) / 2
+    z = half + np.sqrt(half**2 - 1 + 0j)
+    return np.asarray(np.where(np.abs(z) < 1, z, 1 / z))
+
+
+def of_notch(lam: float, width: float) -> list[complex]:
+    """Return the poles of a notch at λ, those of the analog one by the bilinear transform; width: over λ."""
+    centre = math.tan(lam / 2)
+    s = np.roots([1.0, centre * width, centre**2])
+    return list((1 + s) / (1 - s))

@@ -1,0 +1,130 @@
+"""The table of parts is whole: what a new part needs, and where it is missing, is told by name.
+
+These walk the table (`kTable` in host/native/sentence_parts.hpp), so that a new part is tested without a line
+here, but for an example in tests/rig/sentence_support.py.
+"""
+
+import re
+
+import numpy as np
+import pytest
+from fltea.noise import parts as p
+from fltea.noise.part import BY_NAME, ROWS, Part
+from fltea.noise.system import system
+from fltea.spectrum import wording
+from fltea.spectrum.candidate_models import CandidateModels
+from fltea.spectrum.reading import read
+from host_support import ROOT
+from hypothesis import given
+from hypothesis import strategies as st
+from identify_support import H
+from sentence_support import EXAMPLES, PARTS, bins
+
+LAM = np.geomspace(1e-4, np.pi, 300)
+SAMPLES = 200_000
+EXACT_SHARE = 0.06
+"""What a system may be wrong by at low frequencies."""
+
+kinds = pytest.mark.parametrize("kind", p.CODES, ids=lambda kind: kind.tag())
+
+
+def defines(kind: type[Part], method: str) -> bool:
+    """Whether a part says this itself, and not as the base of all parts, which only refuses."""
+    return getattr(kind, method).__qualname__ != getattr(Part, method).__qualname__
+
+
+@kinds
+def test_a_part_has_an_example_and_any_values_in_the_rig(kind: type[Part]) -> None:
+    assert kind.tag() in EXAMPLES, f"{kind.tag()} has no row in EXAMPLES of tests/rig/sentence_support.py"
+    assert kind is p.White or kind.tag() in PARTS, f"{kind.tag()} is not in PARTS of sentence_support.py"
+
+
+@kinds
+def test_a_part_has_all_that_a_model_asks_of_it(kind: type[Part]) -> None:
+    needed = ["eta", "words", "filter_poles" if kind.has("filter") else "own_poles"]
+    if kind.has("slow"):
+        needed.append("response")
+    if kind is not p.Mean:
+        needed.append("of_eta")
+    missing = [name for name in needed if not defines(kind, name)]
+    assert not missing, f"{kind.__name__} of host/fltea/noise/parts.py lacks {', '.join(missing)}"
+    row = kind.row()
+    assert len(row.coordinates) == len(kind.__struct_fields__) - (kind is p.Mean), row
+    assert row.says != "nothing" or kind in (p.White, p.Floor), f"the row of {row.name} says nothing"
+
+
+@kinds
+def test_the_traits_of_a_row_are_those_of_the_spectrum(kind: type[Part]) -> None:
+    is_filter, is_behind = kind.has("filter"), kind.has("behind")
+    example = EXAMPLES[kind.tag()]
+    some: list[Part] = [p.White(1.0), example] if is_filter else [example]
+    low, lower, quarter, half = np.searchsorted(LAM, [1e-3, 1e-2, np.pi / 4, np.pi])
+    S = p.spectrum(some, LAM, H)
+    doubled = [p.spectrum([p.White(R), example], LAM, H) for R in (2.0, 1.0)]
+    wanted = {
+        "slow": not is_filter and S[low] > 2 * S[half] and S.argmax() < lower,
+        "rising": S[half] > 1.2 * S[quarter],
+        "fast only": not is_filter and S[0] < 1e-4 * S[half],
+        "endless": not is_filter and not kind.has("ordered") and S[0] > 2 * S[low],
+        "filter": np.allclose(doubled[0], 2 * doubled[1]),
+    }
+    for trait, is_so in wanted.items():
+        assert kind.has(trait) == is_so, f"the row of {kind.tag()} in kTable: {trait}"
+    stopped = p.spectrum([p.White(0.0), example, p.LowPass(0.01, 4.0)], LAM, H)
+    if not is_filter and kind is not p.White:
+        assert (stopped[half] > 0.5 * S[half]) == is_behind, f"the row of {kind.tag()} in kTable: behind"
+
+
+@pytest.mark.parametrize("kind", p.SLOW, ids=lambda kind: kind.tag())
+@given(st.data())
+def test_the_response_of_a_slow_part_has_its_spectrum(kind: type[Part], data: st.DataObject) -> None:
+    part = data.draw(PARTS[kind.tag()])
+    found, wanted = np.abs(part.response(LAM, H)) ** 2, p.spectrum([part], LAM, H)
+    np.testing.assert_allclose(found, wanted, rtol=2e-4, atol=1e-9 * wanted.max())
+
+
+@kinds
+def test_a_part_is_a_system(kind: type[Part]) -> None:
+    parts = [p.White(1.0)] if kind is p.White else [p.White(1.0), EXAMPLES[kind.tag()]]
+    s, wanted = system(parts, H, SAMPLES), p.spectrum(parts, LAM, H)
+    off = np.abs(s.spectrum(LAM) - wanted) / np.maximum(wanted, 0.05)
+    assert off[LAM < 1].max() < EXACT_SHARE, f"poles or response of {kind.tag()}"
+    slow = kind.has("slow")
+    assert bool((s.signal == 1).any()) == slow, f"the state of a tracker has {kind.tag()}, or it has not"
+
+
+@kinds
+def test_a_part_is_found_and_said(kind: type[Part]) -> None:
+    """Of an exact spectrum: the search finds it, it has intervals, and the verdict says it by its words."""
+    if kind in (p.White, p.Floor):
+        return  # which stand beside all others
+    example = EXAMPLES[kind.tag()]
+    f = CandidateModels(bins([p.White(1.0), example], SAMPLES, H, None), H, 0)
+    best = f.ordered if kind.has("ordered") else f.plain
+    assert best is not None
+    assert kind in best.kinds, f"the search finds {wording.names(best.kinds)} in place of {kind.tag()}"
+    if kind.has("ordered"):
+        return
+    seen = read(f, float(f.data.lam[0]) / (2 * np.pi * H), apart=6.0)
+    said = {
+        "relaxations": bool(seen.relaxations),
+        "drift": seen.drifts,
+        "resonance": seen.resonance is not None,
+        "colour": seen.coloured,
+        "notch": seen.notch is not None,
+        "high-pass": seen.high_pass is not None,
+    }
+    assert said[kind.row().says], f"{kind.tag()} is found, and nothing is said of it"
+
+
+@kinds
+def test_a_part_is_in_the_documentation(kind: type[Part]) -> None:
+    text = (ROOT / "host/docs/theory/grammar.md").read_text(encoding="utf-8")
+    assert re.search(rf"^\| {kind.tag()}\b", text, re.MULTILINE), f"no row for {kind.tag()} in grammar.md"
+
+
+def test_other_coordinates_are_of_a_part_and_of_no_file() -> None:
+    others = {row.name for row in ROWS if "other" in row.traits}
+    assert others == {"order by F", "order by f", "order by Q", "arfima by s2"}
+    assert not others & {kind.tag() for kind in p.CODES}
+    assert [row.code for row in ROWS] == list(range(len(BY_NAME)))
