@@ -1,7 +1,7 @@
 """The table of all chips that are read on an I²C bus, from which driver, doctor, texts and pages are made.
 
 A new chip is a row in `wire.sensors.SENSORS`, a module here with its registers and its `FAMILY`, and the name
-of that module below. `tests/sources/test_chips.py` names what is missing.
+of that module below. `tests/sources/test_chip_table.py` names what is missing.
 """
 
 from collections.abc import Callable, Iterable
